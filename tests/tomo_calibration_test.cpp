@@ -101,14 +101,17 @@ TEST(TomoPlaces, FramesAreTurnedAndMovedWithTheAxis) {
     for (int z = 0; z < 5; ++z) {
       for (const int i : {0, 20, b.grid.pixels - 1}) {
         // Where the image shows the place in the frame of the axis.
-        const double x = (b.first_column + i - 31.5 - 1.5) * 0.25, height = (z - 2) * 0.5;
+        const double x = (b.window.first_column + i - 31.5 - 1.5) * 0.25, height = (z - 2) * 0.5;
         const ImagePlace at = image_place(p, {x, height});
-        const double column = at.column + p.rotation->wobble[m].right_px - b.first_column;
+        const double column = at.column + p.rotation->wobble[m].right_px - b.window.first_column;
         EXPECT_NEAR(b.places.column_of(m, i, z), column, 1e-9);
         EXPECT_NEAR(b.places.pixel_of(m, column, z), i, 1e-9);
         // Rows go by whole rows: 2 of 2.4.
         const int row = static_cast<int>(std::lround(at.row - 2));
-        EXPECT_EQ(b.places.slice_of(m, static_cast<int>(std::lround(column)), row), z);
+        EXPECT_EQ(
+            b.places.lit_by(m, b.window.first_column + static_cast<int>(std::lround(column)), row)
+                .row,
+            z);
       }
     }
   }
@@ -157,8 +160,8 @@ TEST(TomoWobble, OfWholePixelsMovesFrames) {
       const int right = a.frame_of_angle(m) % 5 - 2;
       for (int i = 0; i < a.grid.pixels; ++i) {
         for (int z = 0; z < 5; ++z) {
-          moved.levels[b.grid.pixel(m, a.first_column + i + right - b.first_column, z)] =
-              steady.levels[a.grid.pixel(m, i, z)];
+          moved.levels[b.grid.pixel(m, a.window.first_column + i + right - b.window.first_column,
+                                    z)] = steady.levels[a.grid.pixel(m, i, z)];
         }
       }
     }
@@ -198,7 +201,7 @@ TEST(TomoWobble, FramesGoWithTheAxisByPartsOfAColumn) {
         const auto right =
             whole ? static_cast<int>(std::lround(bench.places.column_of(m, 0, 0))) : 0;
         for (int i = 0; i < from.grid.pixels; ++i) {
-          const int to = from.first_column + i + right - bench.first_column;
+          const int to = from.window.first_column + i + right - bench.window.first_column;
           if (to < 0 || to >= bench.grid.pixels) continue;
           other.levels[bench.grid.pixel(m, to, 0)] = still.job.levels[from.grid.pixel(m, i, 0)];
         }

@@ -81,7 +81,7 @@ class Solver {
       : projector_(projector),
         block_(block),
         context_(context),
-        loops_(projector.grid().lanes(), context),
+        loops_(projector.grid().problem_lanes(), context),
         voxels_(projector.grid().voxels_of_block()),
         pixels_(projector.grid().light_of_block()),
         cap_(static_cast<float>(penalty.cap)),
@@ -98,7 +98,7 @@ class Solver {
   BlockRun run(int steps, bool may_leave, float* light, float* dose) {
     const int lanes = loops_.lanes();
     BlockRun run;
-    run.slices.resize(static_cast<std::size_t>(projector_.grid().lanes_used(block_)));
+    run.slices.resize(static_cast<std::size_t>(projector_.grid().problems_of(block_)));
     for (std::size_t i = 0; i < pixels_; ++i) light_[i] = std::clamp(light[i], 0.0f, cap_);
     live_.fill(0);
     const std::size_t used = lanes == 1 ? kColumns : run.slices.size();
@@ -318,11 +318,11 @@ class Solver {
 std::vector<double> best_scales(const TomoGrid& grid, const Kind* kinds, const float* dose,
                                 const Penalty& penalty, const ExecutionContext& context) {
   const std::size_t count = grid.voxels_of_block();
-  const ColumnLoops loops(grid.lanes(), context);
+  const ColumnLoops loops(grid.problem_lanes(), context);
   const Limits limits(kinds, count, loops.padded(count), penalty);
   Array<float> zero(loops.padded(count)), change(loops.padded(count));
   std::copy_n(dose, count, change.data());
-  const auto lanes = static_cast<std::size_t>(grid.lanes());
+  const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
   Doubles most{};
   for (std::size_t i = 0; i < count; ++i) {
     if (kinds[i] == Kind::kGel) most[i % lanes] = std::max<double>(most[i % lanes], dose[i]);

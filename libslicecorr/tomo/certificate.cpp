@@ -23,7 +23,7 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
                                     const Kind* kinds, const float* dose, double rung,
                                     const ExecutionContext& context) {
   const TomoGrid& grid = projector.grid();
-  const auto lanes = static_cast<std::size_t>(grid.lanes());
+  const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
   const std::size_t voxels = grid.voxels_of_block(), pixels = grid.light_of_block();
   Array<float> low(voxels), high(voxels), empty(voxels), seen(voxels), raise(voxels);
   Array<float> a_low(pixels), a_high(pixels), a_empty(pixels), ray(pixels);
@@ -84,7 +84,7 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
       if (empty[i] > 0 && seen[i] > 0) high[i] += kRaise * raise[i] / seen[i];
     }
   }
-  bounds.resize(static_cast<std::size_t>(grid.lanes_used(block)));
+  bounds.resize(static_cast<std::size_t>(grid.problems_of(block)));
   return bounds;
 }
 
@@ -92,6 +92,11 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
 
 Certificate contrast_bound(const ExecutionContext& context, const Projector& projector,
                            const Target& target, const Field& dose, double rung) {
+  if (target.grid.coupled()) {
+    const std::vector<double> bounds = detail::bounds_of_block(projector, 0, target.kinds.data(),
+                                                               dose.values.data(), rung, context);
+    return {bounds.front(), detail::hardest_slice(target, dose)};
+  }
   const std::vector<int> slices = detail::slices_with_gel(target);
   const detail::PackedSlices packed(projector, slices);
   const std::size_t blocks = packed.grid().blocks();

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -13,10 +14,13 @@
 #include "slicecorr/tomo/shown.hpp"
 #include "slicecorr/vial.hpp"
 #include "tomo/changing_resin.hpp"
+#include "tomo/ray_sources.hpp"
 
 namespace slicecorr::tomo {
 
 namespace {
+
+using detail::RaySource;
 
 /// The projector's pixel whose light comes to a line in the resin, and the turn of the vial at which
 /// it does, in telecentric light: t = n_outside q / n and th' = th + delta(q).
@@ -103,6 +107,48 @@ class Insert {
   int x0_ = std::numeric_limits<int>::max(), x1_ = -1, y0_ = x0_, y1_ = -1;
 };
 
+/// What an insert hides from rays that rise: followed from the voxel against the light, by quarters
+/// of a voxel.
+class RisingShade {
+ public:
+  explicit RisingShade(const Box<std::uint8_t>& insert) : insert_(insert) {
+    for (int y = 0; y < insert.ny; ++y) {
+      for (int x = 0; x < insert.nx; ++x) {
+        for (int z = 0; z < insert.nz; ++z) {
+          if (insert.values[insert.at(z, y, x)] == 0) continue;
+          const double middle_x = 0.5 * (insert.nx - 1), middle_y = 0.5 * (insert.ny - 1);
+          radius_ = std::max(radius_, std::hypot(x - middle_x, y - middle_y) + 1);
+        }
+      }
+    }
+  }
+
+  bool hides(int x, int y, int z, double th, double slope) const {
+    if (radius_ == 0) return false;
+    const double dx = std::sin(th), dy = -std::cos(th);
+    const double px = x - 0.5 * (insert_.nx - 1), py = y - 0.5 * (insert_.ny - 1);
+    // From where the ray comes into the insert's circle to where it leaves it.
+    const double nearest = -(px * dx + py * dy), beside = px * dy - py * dx;
+    if (std::abs(beside) > radius_) return false;
+    const double half = std::sqrt(radius_ * radius_ - beside * beside);
+    for (double way = std::max(0.0, nearest - half); way <= nearest + half; way += 0.25) {
+      const auto at_x = static_cast<int>(std::lround(x + way * dx)),
+                 at_y = static_cast<int>(std::lround(y + way * dy)),
+                 at_z = static_cast<int>(std::lround(z - way * slope));
+      if (at_x < 0 || at_x >= insert_.nx || at_y < 0 || at_y >= insert_.ny || at_z < 0 ||
+          at_z >= insert_.nz) {
+        continue;
+      }
+      if (insert_.values[insert_.at(at_z, at_y, at_x)] != 0) return true;
+    }
+    return false;
+  }
+
+ private:
+  const Box<std::uint8_t>& insert_;
+  double radius_ = 0;  ///< voxels; 0: no insert
+};
+
 /// When which frame is lit: for each of a turn's cells of angle the frames, by their angle (or
 /// `kBlackFrame`), and for how long, s.
 class Schedule {
@@ -176,30 +222,39 @@ Schedule scheduled(std::span<const Showing> shown, const Bench& bench) {
 
 class DirectSum {
  public:
-  DirectSum(const TomoJob& job, const Bench& bench, Schedule schedule)
+  DirectSum(const TomoJob& job, const Bench& bench, Schedule schedule,
+            const ExecutionContext& context)
       : printer_(job.printer),
         bench_(bench),
         schedule_(std::move(schedule)),
         n_(index_of(job.resin)),
         alpha_(absorption_per_mm(job.resin)),
-        insert_(job.insert, bench.grid.slices) {
+        insert_(job.insert, bench.grid.slices),
+        opaque_(job.insert) {
     // z innermost, as light of one pixel goes to all slices alike.
     const TomoGrid& g = bench.grid;
-    const auto slices = static_cast<std::size_t>(g.slices);
-    light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * slices);
+    const auto rows = static_cast<std::size_t>(g.light_rows());
+    light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * rows);
     for (int m = 0; m < g.angles; ++m) {
       for (int i = 0; i < g.pixels; ++i) {
-        for (int z = 0; z < g.slices; ++z) {
+        for (int z = 0; z < g.light_rows(); ++z) {
           light_[row(m, i) + static_cast<std::size_t>(z)] =
               bench.mw_cm2[job.levels[g.pixel(m, i, z)]] * bench.places.share(m, i, z);
         }
       }
     }
+    if (!g.coupled()) return;
+    sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
+                     g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
   }
 
   /// Adds the dose of the print over alpha_a to every slice of a column of voxels: all of it, or with
   /// `sum` of as many as frames and slices what comes while each frame of a turn is shown.
   void add(int column, int row_of_voxels, std::vector<double>& sum) const {
+    if (sources_) {
+      add_rays(column, row_of_voxels, sum);
+      return;
+    }
     const bool by_frame = sum.size() > static_cast<std::size_t>(bench_.grid.slices);
     const TomoGrid& g = bench_.grid;
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
@@ -216,17 +271,15 @@ class DirectSum {
       const auto m0 = static_cast<long>(std::floor(m));
       if (schedule_.at(m0).empty() && schedule_.at(m0 + 1).empty()) continue;
       const bool shaded = insert_.hides(column, row_of_voxels, std::sin(th), -std::cos(th), hidden);
-      const double i = from.column - bench_.first_column;
+      const double i = from.column - bench_.window.first_column;
       const double wm = m - static_cast<double>(m0);
       for (const int b : {0, 1}) {
         const double of_angle = share * (b ? wm : 1 - wm);
         if (of_angle == 0) continue;
         for (const Schedule::Part& part : schedule_.at(m0 + b)) {
           const int stage = angle_near(m0 + b);
-          const std::size_t frame =
-              by_frame ? static_cast<std::size_t>(bench_.frame_of_angle(stage)) : 0;
           add(part.angle, stage, i, of_angle * part.exposed_s, shaded ? &hidden : nullptr,
-              sum.data() + frame * static_cast<std::size_t>(bench_.grid.slices));
+              sum.data() + (by_frame ? frame_at(stage) * static_cast<std::size_t>(g.slices) : 0));
         }
       }
     }
@@ -239,6 +292,11 @@ class DirectSum {
     const auto m = std::lround(static_cast<double>(cell) * static_cast<double>(angles) /
                                static_cast<double>(cells));
     return static_cast<int>((m % angles + angles) % angles);
+  }
+
+  /// Where in a turn the frame of that angle is shown.
+  std::size_t frame_at(int stage) const {
+    return static_cast<std::size_t>(bench_.frame_of_angle(stage));
   }
 
   /// Adds what the frame of one angle, or black, leaves while the stage stands at `stage`: light of
@@ -277,11 +335,68 @@ class DirectSum {
     }
   }
 
+  /// The same where slices share light.
+  void add_rays(int column, int row_of_voxels, std::vector<double>& sum) const {
+    const TomoGrid& g = bench_.grid;
+    const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
+    const auto slices = static_cast<std::size_t>(g.slices);
+    const bool by_frame = sum.size() > slices;
+    std::vector<RaySource> sources(slices);
+    const int cells = schedule_.cells();
+    for (int k = 0; k < cells; ++k) {
+      const double th = 2 * std::numbers::pi * k / cells;
+      const double t = x * std::cos(th) + y * std::sin(th),
+                   u = -x * std::sin(th) + y * std::cos(th);
+      for (int ray = 0; ray < sources_->rays(); ++ray) {
+        sources_->along_z(ray, t, u, g.lowest_mm, g.slice_height_mm(), sources);
+        for (std::size_t z = 0; z < slices; ++z) {
+          const RaySource& from = sources[z];
+          if (!(from.share > 0)) continue;
+          const double m = k - from.turn_rad / (2 * std::numbers::pi) * cells;
+          const auto m0 = static_cast<long>(std::floor(m));
+          const double wm = m - static_cast<double>(m0);
+          if (schedule_.at(m0).empty() && schedule_.at(m0 + 1).empty()) continue;
+          if (opaque_.hides(column, row_of_voxels, static_cast<int>(z), th, from.slope)) continue;
+          for (const int b : {0, 1}) {
+            const double of_angle = from.share * (b ? wm : 1 - wm);
+            const int stage = angle_near(m0 + b);
+            double& to = sum[z + (by_frame ? frame_at(stage) * slices : 0)];
+            for (const Schedule::Part& part : schedule_.at(m0 + b)) {
+              to += of_angle * part.exposed_s * light_at(part.angle, stage, from);
+            }
+          }
+        }
+      }
+    }
+  }
+
+  /// Light between the middles of groups of pixels, mW/cm²; linear.
+  double light_at(int frame, int stage, const RaySource& from) const {
+    const TomoGrid& g = bench_.grid;
+    const int m = frame == kBlackFrame ? stage : frame;
+    const FramePlaces::Place at = bench_.places.place_of(m, stage, from.column, from.row);
+    const auto i0 = static_cast<int>(std::floor(at.pixel)),
+               r0 = static_cast<int>(std::floor(at.row));
+    const double wi = at.pixel - i0, wr = at.row - r0;
+    double light = 0;
+    for (const int a : {0, 1}) {
+      for (const int b : {0, 1}) {
+        const int i = i0 + a, r = r0 + b;
+        if (i < 0 || i >= g.pixels || r < 0 || r >= g.rows) continue;
+        const double value = frame == kBlackFrame
+                                 ? bench_.mw_cm2.front() * bench_.places.share(m, i, r)
+                                 : light_[row(m, i) + static_cast<std::size_t>(r)];
+        light += (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * value;
+      }
+    }
+    return light;
+  }
+
   std::size_t row(int m, int i) const {
     const TomoGrid& g = bench_.grid;
     return (static_cast<std::size_t>(m) * static_cast<std::size_t>(g.pixels) +
             static_cast<std::size_t>(i)) *
-           static_cast<std::size_t>(g.slices);
+           static_cast<std::size_t>(g.light_rows());
   }
   Source source_of(double t) const {
     const Vial& vial = *printer_.vial;
@@ -298,14 +413,16 @@ class DirectSum {
   const Schedule schedule_;
   double n_, alpha_;
   Insert insert_;
-  std::vector<double> light_;  ///< [angle][pixel][slice]
+  RisingShade opaque_;
+  std::optional<detail::RaySources> sources_;  ///< where slices share light
+  std::vector<double> light_;                  ///< [angle][pixel][row]
 };
 
 /// In resin that stays as it is, all the light of the print; else that of its turns one by one.
 Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
                    const ExecutionContext& context) {
   const TomoGrid& grid = bench.grid;
-  const DirectSum direct(job, bench, std::move(schedule));
+  const DirectSum direct(job, bench, std::move(schedule), context);
   const double per_unit = bench.exposure.alpha_a_per_cm;
   Box<float> dose{grid.slices, grid.voxels, grid.voxels, {}};
   dose.values.assign(static_cast<std::size_t>(grid.slices) * static_cast<std::size_t>(grid.voxels) *

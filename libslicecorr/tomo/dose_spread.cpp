@@ -16,6 +16,7 @@ constexpr double kDeviations = 4;
 /// Terms of a series that are smaller in all than this are left out.
 constexpr double kNegligible = 1e-8;
 constexpr std::size_t kColumnsAChunk = 64;
+constexpr std::size_t kNumbersAThread = 200000;
 
 /// out = add u + factor (share (L b - b / share)) - out for one column; `beside` are its neighbours'
 /// numbers. All arrays have `count` numbers.
@@ -170,9 +171,13 @@ void DoseSpread::apply(const SpreadSeries& f, Array<float>& numbers,
   // X = 2 L / most - 1.
   Array<float> later(size(), 0.0F), latest(size(), 0.0F);
   const std::size_t chunks = (columns_.size() + kColumnsAChunk - 1) / kColumnsAChunk;
+  // To start and end a thread takes as long as some ten thousand numbers.
+  ExecutionContext worth = slicecorr::detail::silent(context);
+  worth.threads = static_cast<int>(std::clamp<std::size_t>(
+      size() / kNumbersAThread, 1, static_cast<std::size_t>(thread_count(context))));
   for (std::size_t k = f.size(); k-- > 0;) {
     context.check_cancelled();
-    parallel_for(slicecorr::detail::silent(context), "", chunks, [&](std::size_t chunk) {
+    parallel_for(worth, "", chunks, [&](std::size_t chunk) {
       const std::size_t end = std::min(columns_.size(), (chunk + 1) * kColumnsAChunk);
       for (std::size_t c = chunk * kColumnsAChunk; c < end; ++c) {
         step(c, static_cast<float>(f[k]), k == 0 ? 1.0F : 2.0F, numbers.data(), later.data(),

@@ -62,7 +62,7 @@ void ramp_filter(const ExecutionContext& context, Light& light, Window window, d
     const double mean = (high * high - low * low) / (k == 0 ? 2 * half : 4 * half);
     ramp[k] = static_cast<float>((cut > 0 ? mean : share) * window_at(window, share));
   }
-  const int lanes = grid.lanes(), angles = grid.angles;
+  const int lanes = grid.light_lanes(), angles = grid.angles;
   // Two rows at once, one as the real and one as the imaginary part: the filter is real and even.
   const std::size_t rows = static_cast<std::size_t>(angles) * lanes;
   parallel_for(context, "filtering", light.grid.blocks(), [&](std::size_t b) {
@@ -90,46 +90,93 @@ void ramp_filter(const ExecutionContext& context, Light& light, Window window, d
   });
 }
 
+namespace {
+
+/// Where a row of light is among the slices: below this one and the next, by shares; -1: in none.
+struct BetweenSlices {
+  int below = -1;
+  float share = 0;
+};
+std::vector<BetweenSlices> slices_of_rows(const TomoGrid& grid, const RayTables& optics) {
+  std::vector<BetweenSlices> rows(static_cast<std::size_t>(grid.rows));
+  if (optics.row_mm.size() != rows.size()) {
+    throw InputError("optics", "row_mm",
+                     fmt::format("has {} heights; expected {}, one for each row",
+                                 optics.row_mm.size(), rows.size()));
+  }
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    const double z = (optics.row_mm[r] - grid.lowest_mm) / grid.slice_height_mm();
+    // Half a slice beyond the part's ends, too.
+    if (!(z > -0.5 && z < grid.slices - 0.5)) continue;
+    const double within = std::clamp(z, 0.0, grid.slices - 1.0);
+    rows[r].below = std::min(static_cast<int>(within), grid.slices - 2);
+    rows[r].share = static_cast<float>(within - rows[r].below);
+  }
+  return rows;
+}
+
+}  // namespace
+
 Light filtered_start(const ExecutionContext& context, const Target& target, const RayTables& optics,
                      Window window) {
   const TomoGrid& grid = target.grid;
-  const auto axis = detail::make_axis_projector(grid, -optics.alpha_per_mm);
-  Field gel(grid);
-  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    gel.values[i] = target.kinds[i] == Kind::kGel ? 1.0f : 0.0f;
+  // Level lines, slice by slice.
+  TomoGrid level = grid;
+  level.rows = 0;
+  const auto axis = detail::make_axis_projector(level, -optics.alpha_per_mm);
+  Field gel(level);
+  for (int z = 0; z < grid.slices; ++z) {
+    for (int y = 0; y < grid.voxels; ++y) {
+      for (int x = 0; x < grid.voxels; ++x) {
+        const bool is_gel = target.kinds[grid.voxel(x, y, z)] == Kind::kGel;
+        gel.values[level.voxel(x, y, z)] = is_gel ? 1.0f : 0.0f;
+      }
+    }
   }
   Light lines = forward(*axis, context, gel);
   ramp_filter(context, lines, window, optics.alpha_per_mm);
   Light light(grid);
-  const int lanes = grid.lanes(), pixels = grid.pixels, angles = grid.angles;
-  for (std::size_t b = 0; b < grid.blocks(); ++b) {
-    const float* from = lines.block(b);
-    float* to = light.block(b);
-    for (int i = 0; i < pixels; ++i) {
-      const double t = optics.line_mm.empty() ? grid.pixel_at_mm(i) : optics.line_mm[i];
-      const double weight = optics.weight.empty() ? 1 : optics.weight[i];
-      if (weight <= 0) continue;
-      const double f = t / grid.pixel_mm + 0.5 * (pixels - 1);
-      if (f < 0 || f > pixels - 1) continue;
-      const int column = std::min(static_cast<int>(f), pixels - 2);
-      const auto beside = static_cast<float>(f - column);
-      const double ahead = optics.turn_rad.empty() ? 0 : optics.turn_rad[i] * angles / (2 * kPi);
-      const double whole = std::floor(ahead);
-      const auto later = static_cast<float>(ahead - whole);
-      int shift = static_cast<int>(std::fmod(whole, angles));
-      if (shift < 0) shift += angles;
-      const double chord = std::sqrt(std::max(0.0, grid.radius_mm * grid.radius_mm - t * t));
-      const auto gain = static_cast<float>(std::exp(optics.alpha_per_mm * chord) / weight);
-      for (int m = 0; m < angles; ++m) {
-        const std::size_t m0 = (m + shift) % angles, m1 = (m + shift + 1) % angles;
-        const float* p0 = from + (m0 * pixels + column) * lanes;
-        const float* p1 = from + (m1 * pixels + column) * lanes;
-        float* out = to + (static_cast<std::size_t>(m) * pixels + i) * lanes;
-        for (int l = 0; l < lanes; ++l) {
+  std::vector<BetweenSlices> between;
+  if (grid.coupled()) between = slices_of_rows(grid, optics);
+  const int pixels = grid.pixels, angles = grid.angles;
+  const auto lanes = static_cast<std::size_t>(level.lanes());
+  Array<float> line(level.blocks() * lanes);  // of all slices
+  for (int i = 0; i < pixels; ++i) {
+    const double t = optics.line_mm.empty() ? grid.pixel_at_mm(i) : optics.line_mm[i];
+    const double weight = optics.weight.empty() ? 1 : optics.weight[i];
+    if (weight <= 0) continue;
+    const double f = t / grid.pixel_mm + 0.5 * (pixels - 1);
+    if (f < 0 || f > pixels - 1) continue;
+    const int column = std::min(static_cast<int>(f), pixels - 2);
+    const auto beside = static_cast<float>(f - column);
+    const double ahead = optics.turn_rad.empty() ? 0 : optics.turn_rad[i] * angles / (2 * kPi);
+    const double whole = std::floor(ahead);
+    const auto later = static_cast<float>(ahead - whole);
+    int shift = static_cast<int>(std::fmod(whole, angles));
+    if (shift < 0) shift += angles;
+    const double chord = std::sqrt(std::max(0.0, grid.radius_mm * grid.radius_mm - t * t));
+    const auto gain = static_cast<float>(std::exp(optics.alpha_per_mm * chord) / weight);
+    for (int m = 0; m < angles; ++m) {
+      const std::size_t m0 = (m + shift) % angles, m1 = (m + shift + 1) % angles;
+      for (std::size_t b = 0; b < level.blocks(); ++b) {
+        const float* const p0 = lines.block(b) + (m0 * pixels + column) * lanes;
+        const float* const p1 = lines.block(b) + (m1 * pixels + column) * lanes;
+        float* const out = line.data() + b * lanes;
+        for (std::size_t l = 0; l < lanes; ++l) {
           const float now = (1 - beside) * p0[l] + beside * p0[l + lanes];
           const float next = (1 - beside) * p1[l] + beside * p1[l + lanes];
           out[l] = std::max(0.0f, gain * ((1 - later) * now + later * next));
         }
+        if (!grid.coupled()) {
+          std::copy_n(out, lanes,
+                      light.block(b) + (static_cast<std::size_t>(m) * pixels + i) * lanes);
+        }
+      }
+      for (std::size_t r = 0; r < between.size(); ++r) {
+        const BetweenSlices& at = between[r];
+        if (at.below < 0) continue;
+        light.values[grid.pixel(m, i, static_cast<int>(r))] =
+            (1 - at.share) * line[at.below] + at.share * line[at.below + 1];
       }
     }
   }

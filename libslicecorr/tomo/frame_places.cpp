@@ -2,6 +2,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <utility>
 
 #include "slicecorr/light_map.hpp"
 #include "slicecorr/tomo/bench.hpp"
@@ -9,31 +10,34 @@
 
 namespace slicecorr::tomo {
 
-FramePlaces::FramePlaces(const Printer& printer, const Sampling& sampling, int first_column,
-                         int columns, bool clockwise)
-    : column_mm_(printer.pixel_x_um * 1e-3),
+FramePlaces::FramePlaces(const Printer& printer, const TomoGrid& grid, const PixelWindow& window,
+                         bool clockwise)
+    : grouped_(grid.coupled()),
+      window_(window),
+      column_mm_(printer.pixel_x_um * 1e-3),
       row_um_(printer.pixel_y_um),
-      lowest_mm_(-0.5 * sampling.voxel_mm * (sampling.slices - 1)),
-      voxel_mm_(sampling.voxel_mm),
-      slices_(sampling.slices) {
+      lowest_mm_(grid.coupled() ? grid.lowest_mm
+                                : -0.5 * grid.slice_height_mm() * (grid.slices - 1)),
+      slice_mm_(grid.slice_height_mm()),
+      rows_(grid.light_rows()) {
   const Optics& optics = *printer.optics;
   if (optics.tilt_deg != 0) {
     sine_ = std::sin(optics.tilt_deg * std::numbers::pi / 180);
     cosine_ = std::cos(optics.tilt_deg * std::numbers::pi / 180);
   }
-  axis_column_ = (printer.width_px - 1) / 2.0 + optics.axis_right_px - first_column;
+  axis_column_ = (printer.width_px - 1) / 2.0 + optics.axis_right_px - window.first_column;
   middle_row_ = (printer.height_px - 1) / 2.0;
   axis_up_px_ = optics.axis_up_px;
   if (!printer.rotation->wobble.empty()) {
-    for (int m = 0; m < sampling.angles; ++m) {
+    for (int m = 0; m < grid.angles; ++m) {
       // The stage turns forwards from frame to frame, whichever way that is.
-      const int frame = clockwise || m == 0 ? m : sampling.angles - m;
-      const AxisWobble at = wobble_at(*printer.rotation, 360.0 * frame / sampling.angles);
+      const int frame = clockwise || m == 0 ? m : grid.angles - m;
+      const AxisWobble at = wobble_at(*printer.rotation, 360.0 * frame / grid.angles);
       right_px_.push_back(at.right_px);
-      up_rows_.push_back(static_cast<int>(std::lround(at.up_px)));
+      up_px_.push_back(at.up_px);
     }
   }
-  if (printer.flat_field) take_light(printer, first_column, columns, sampling.angles);
+  if (printer.flat_field) take_light(printer, grid.angles);
 }
 
 double FramePlaces::column_of(int m, double pixel, int slice) const {
@@ -48,15 +52,42 @@ double FramePlaces::pixel_of(int m, double column, int slice) const {
          (column - right_px(m) - axis_column_ - z_mm(slice) / column_mm_ * sine_) / cosine_;
 }
 
-int FramePlaces::slice_of(int m, int column, int row) const {
-  const int up = up_rows_.empty() ? 0 : up_rows_[static_cast<std::size_t>(m)];
+int FramePlaces::slice_of(int m, int pixel, int row) const {
+  const double up = std::round(up_px(m));
   double z = (middle_row_ - (row + up) - axis_up_px_) * row_um_ * 1e-3;
-  if (sine_ != 0) z = z * cosine_ + (column - axis_column_ - right_px(m)) * column_mm_ * sine_;
-  const double slice = std::floor((z - lowest_mm_) / voxel_mm_ + 0.5);
-  return slice >= 0 && slice < slices_ ? static_cast<int>(slice) : -1;
+  if (sine_ != 0) z = z * cosine_ + (pixel - axis_column_ - right_px(m)) * column_mm_ * sine_;
+  const double slice = std::floor((z - lowest_mm_) / slice_mm_ + 0.5);
+  return slice >= 0 && slice < rows_ ? static_cast<int>(slice) : -1;
 }
 
-void FramePlaces::take_light(const Printer& printer, int first_column, int columns, int angles) {
+FramePlaces::Lit FramePlaces::lit_by(int m, int column, int row) const {
+  Lit lit;
+  if (!grouped_) {
+    const int pixel = column - window_.first_column;
+    if (pixel < 0 || pixel >= window_.columns) return lit;
+    lit.pixel = pixel;
+    lit.row = slice_of(m, pixel, row);
+    return lit;
+  }
+  const int right = column - static_cast<int>(std::lround(right_px(m))) - window_.first_column;
+  const int down = row + static_cast<int>(std::lround(up_px(m))) - window_.first_row;
+  if (right < 0 || right >= window_.columns * window_.group) return lit;
+  lit.pixel = right / window_.group;
+  if (down < 0 || down >= window_.rows * window_.group) return lit;
+  lit.row = window_.rows - 1 - down / window_.group;
+  return lit;
+}
+
+FramePlaces::Place FramePlaces::place_of(int frame, int stage, double column, double row) const {
+  // The axis has moved as the stage says, the image as the frame does.
+  const double right = column + right_px(stage) - std::round(right_px(frame));
+  const double down = row - up_px(stage) + std::round(up_px(frame));
+  const double middle = 0.5 * (window_.group - 1);
+  return {(right - window_.first_column - middle) / window_.group,
+          window_.rows - 1 - (down - window_.first_row - middle) / window_.group};
+}
+
+void FramePlaces::take_light(const Printer& printer, int angles) {
   Grid images;
   images.width_px = printer.width_px;
   images.height_px = printer.height_px;
@@ -66,23 +97,29 @@ void FramePlaces::take_light(const Printer& printer, int first_column, int colum
   const LightMap map(printer, images, shown);
   if (map.even()) return;
   // Sideways, wobble moves the rows of a leaning axis by much less than one.
-  std::map<int, std::size_t> known;
+  std::map<std::pair<long, long>, std::size_t> known;
+  const std::size_t of_shift =
+      static_cast<std::size_t>(window_.columns) * static_cast<std::size_t>(rows_);
   for (int m = 0; m < angles; ++m) {
-    const int up = up_rows_.empty() ? 0 : up_rows_[static_cast<std::size_t>(m)];
-    const auto [at, is_new] = known.try_emplace(up, share_.size());
+    const std::pair<long, long> shift{grouped_ ? std::lround(right_px(m)) : 0,
+                                      std::lround(up_px(m))};
+    const auto [at, is_new] = known.try_emplace(shift, share_.size());
     share_of_angle_.push_back(at->second);
     if (!is_new) continue;
-    for (int c = 0; c < columns; ++c) {
-      std::vector<double> sum(static_cast<std::size_t>(slices_)), rows(sum.size());
+    std::vector<double> sum(of_shift), pixels(of_shift);
+    for (int column = 0; column < printer.width_px; ++column) {
       for (int row = 0; row < printer.height_px; ++row) {
-        const int s = slice_of(m, c, row);
-        if (s < 0) continue;
-        sum[static_cast<std::size_t>(s)] += map.factor(map.value(first_column + c, row));
-        ++rows[static_cast<std::size_t>(s)];
+        const Lit lit = lit_by(m, column, row);
+        if (!lit.any()) continue;
+        const std::size_t i =
+            static_cast<std::size_t>(lit.pixel) * static_cast<std::size_t>(rows_) +
+            static_cast<std::size_t>(lit.row);
+        sum[i] += map.factor(map.value(column, row));
+        ++pixels[i];
       }
-      for (std::size_t s = 0; s < sum.size(); ++s) {
-        share_.push_back(static_cast<float>(rows[s] > 0 ? sum[s] / rows[s] : 0));
-      }
+    }
+    for (std::size_t i = 0; i < of_shift; ++i) {
+      share_.push_back(static_cast<float>(pixels[i] > 0 ? sum[i] / pixels[i] : 0));
     }
   }
 }

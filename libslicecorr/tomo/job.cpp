@@ -156,13 +156,12 @@ GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame) {
       static_cast<std::size_t>(image.width_px) * static_cast<std::size_t>(image.height_px), 0);
   for (int row = 0; row < image.height_px; ++row) {
     std::uint8_t* const out =
-        &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px) +
-                      static_cast<std::size_t>(bench.first_column)];
-    for (int i = 0; i < grid.pixels; ++i) {
-      const int slice = bench.places.slice_of(m, i, row);
-      if (slice < 0) continue;
-      out[i] =
-          static_cast<std::uint8_t>(pixel_of_level(job.levels[grid.pixel(m, i, slice)], levels));
+        &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px)];
+    for (int column = 0; column < image.width_px; ++column) {
+      const FramePlaces::Lit lit = bench.places.lit_by(m, column, row);
+      if (!lit.any()) continue;
+      out[column] = static_cast<std::uint8_t>(
+          pixel_of_level(job.levels[grid.pixel(m, lit.pixel, lit.row)], levels));
     }
   }
   return image;
@@ -247,13 +246,12 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
     const int m = bench.frame_of_angle(frame);
     for (int row = 0; row < image.height_px; ++row) {
       const std::uint8_t* const from =
-          &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px) +
-                        static_cast<std::size_t>(bench.first_column)];
-      for (int i = 0; i < grid.pixels; ++i) {
-        const int slice = bench.places.slice_of(m, i, row);
-        if (slice < 0) continue;
-        job.levels[grid.pixel(m, i, slice)] =
-            static_cast<std::uint16_t>(level_of_pixel(from[i], levels));
+          &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px)];
+      for (int column = 0; column < image.width_px; ++column) {
+        const FramePlaces::Lit lit = bench.places.lit_by(m, column, row);
+        if (!lit.any()) continue;
+        job.levels[grid.pixel(m, lit.pixel, lit.row)] =
+            static_cast<std::uint16_t>(level_of_pixel(from[column], levels));
       }
     }
   }

@@ -53,11 +53,11 @@ class Ladder {
         target_(target),
         options_(options),
         solution_(solution),
-        gel_(slices_with_gel(target)),
+        gel_(problems_with_gel(target)),
         light_(options.start != nullptr ? *options.start
                                         : filtered_start(context, target, optics, options.window)),
         dose_(target.grid),
-        now_(static_cast<std::size_t>(target.grid.slices)),
+        now_(static_cast<std::size_t>(target.grid.problems())),
         kept_(now_.size(), -1.0) {}
 
   void run() {
@@ -138,7 +138,7 @@ class Ladder {
     const Penalty penalty = penalty_of(options_.rungs.front());
     const ExecutionContext inside = inside_block(context_, grid.blocks());
     parallel_for(context_, "start", grid.blocks(), [&](std::size_t b) {
-      const auto lanes = static_cast<std::size_t>(grid.lanes());
+      const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
       const auto factors = best_scales(grid, kinds(b), dose_.block(b), penalty, inside);
       const auto scale = [&](float* numbers, std::size_t count) {
         for (std::size_t i = 0; i < count; ++i)
@@ -152,7 +152,7 @@ class Ladder {
   /// Extremes of the dose of each slice.
   void look() {
     const TomoGrid& grid = target_.grid;
-    const auto lanes = static_cast<std::size_t>(grid.lanes());
+    const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
     std::fill(now_.begin(), now_.end(), SliceStep{});
     for (std::size_t i = 0; i < target_.kinds.size(); ++i) {
       const double d = dose_.values[i];
@@ -196,10 +196,26 @@ class Ladder {
   }
   void copy_slice(const Array<float>& from, int slice, Array<float>& to) const {
     const TomoGrid& grid = target_.grid;
-    const auto lanes = static_cast<std::size_t>(grid.lanes()), z = static_cast<std::size_t>(slice);
+    const auto lanes = static_cast<std::size_t>(grid.problem_lanes()),
+               z = static_cast<std::size_t>(slice);
     const std::size_t per_block = from.size() / grid.blocks();
     const std::size_t end = (z / lanes + 1) * per_block;
     for (std::size_t i = z / lanes * per_block + z % lanes; i < end; i += lanes) to[i] = from[i];
+  }
+
+  static std::vector<int> problems_with_gel(const Target& target) {
+    return target.grid.coupled() ? std::vector<int>{0} : slices_with_gel(target);
+  }
+
+  /// What a run made of a slice.
+  void add_run(Climb& c, int slice, const BlockRun& run, const std::vector<SliceStep>& steps) {
+    c.stuck = static_cast<int>(steps.size()) <= run.steps || run.steps == 0;
+    c.steps += run.steps;
+    c.history.insert(c.history.end(), steps.begin() + (c.history.empty() ? 0 : 1), steps.end());
+    // Doses computed afresh may lack nothing where sums over steps did.
+    c.history.back() = steps.back();
+    c.loss = steps.back().loss;
+    now_[slice] = steps.back();
   }
 
   /// Runs slices, in blocks of their own, up to as many steps in all as `most` on this rung.
@@ -212,6 +228,13 @@ class Ladder {
         if (!c.reached() && !c.stuck && c.steps < most) active.push_back(z);
       }
       if (active.empty()) return;
+      if (target_.grid.coupled()) {
+        const BlockRun run = solve_block(projector_, 0, target_.kinds.data(), penalty,
+                                         most - climbs[0].steps, options_.memory, false, context_,
+                                         light_.values.data(), dose_.values.data());
+        add_run(climbs[0], 0, run, run.slices[0]);
+        continue;
+      }
       const PackedSlices packed(projector_, active);
       const ExecutionContext inside = inside_block(context_, packed.grid().blocks());
       parallel_for(silent(context_), stage, packed.grid().blocks(), [&](std::size_t b) {
@@ -226,16 +249,7 @@ class Ladder {
         packed.put_back(b, light, light_.values);
         packed.put_back(b, dose, dose_.values);
         for (std::size_t l = 0; l < lanes.size(); ++l) {
-          Climb& c = climbs[lanes[l]];
-          const auto& steps = run.slices[l];
-          c.stuck = static_cast<int>(steps.size()) <= run.steps || run.steps == 0;
-          c.steps += run.steps;
-          c.history.insert(c.history.end(), steps.begin() + (c.history.empty() ? 0 : 1),
-                           steps.end());
-          // Doses computed afresh may lack nothing where sums over steps did.
-          c.history.back() = steps.back();
-          c.loss = steps.back().loss;
-          now_[lanes[l]] = steps.back();
+          add_run(climbs[lanes[l]], lanes[l], run, run.slices[l]);
         }
       });
     }
@@ -291,6 +305,14 @@ class Ladder {
 
   /// Bounds of these slices; sorts them, the least first.
   void bound(double rung, std::vector<int>& slices) {
+    if (target_.grid.coupled()) {
+      const Certificate found = contrast_bound(silent(context_), projector_, target_, dose_, rung);
+      if (found.bound < solution_.contrast_bound) {
+        solution_.contrast_bound = found.bound;
+        solution_.bound_slice = found.slice;
+      }
+      return;
+    }
     std::vector<double> bounds(now_.size(), kNone);
     const PackedSlices packed(projector_, slices);
     const ExecutionContext inside = inside_block(context_, packed.grid().blocks());
@@ -337,12 +359,12 @@ class Ladder {
   /// Each slice's weakest gel voxel gets 1. Doses are computed once more, of the whole part.
   void finish() {
     const TomoGrid& grid = target_.grid;
-    const auto lanes = static_cast<std::size_t>(grid.lanes());
+    const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
     dose_ = adjoint(projector_, silent(context_), solution_.light);
     look();
     for (std::size_t b = 0; b < grid.blocks(); ++b) {
       std::vector<float> factors(lanes, 1);
-      for (int l = 0; l < grid.lanes_used(b); ++l) {
+      for (int l = 0; l < grid.problems_of(b); ++l) {
         const double least = now_[b * lanes + static_cast<std::size_t>(l)].min_gel;
         if (least > 0 && least < kNone) factors[l] = static_cast<float>(1 / least);
       }

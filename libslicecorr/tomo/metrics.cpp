@@ -32,7 +32,7 @@ void check_dose(const Target& target, const Field& dose) {
 bool in_slice(const TomoGrid& grid, std::size_t i) {
   const std::size_t block = i / grid.light_of_block();
   const int lane = static_cast<int>(i % grid.light_lanes());
-  return lane < (grid.rows > 0 ? grid.rows : grid.lanes_used(block));
+  return lane < (grid.coupled() ? grid.rows : grid.lanes_used(block));
 }
 
 void check_curve(const std::vector<double>& mw_cm2) {

@@ -110,7 +110,7 @@ std::optional<Nodes> nodes_of(const Printer& printer, const Resin& resin, const 
     nodes.rays.turn_rad.push_back(ray.turn_rad);
   }
   for (int i = 0; i < fine.pixels; ++i) {
-    const double t = pixel_x_mm(printer, bench.first_column + i) / magnified;
+    const double t = pixel_x_mm(printer, bench.window.first_column + i) / magnified;
     const double at = std::clamp(t / nodes.grid.pixel_mm + 0.5 * (nodes.grid.pixels - 1), 0.0,
                                  nodes.grid.pixels - 1.0);
     const int node = std::min(static_cast<int>(at), nodes.grid.pixels - 2);

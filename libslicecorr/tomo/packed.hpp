@@ -1,6 +1,9 @@
 /// Some slices of a part, put together into blocks of their own, so that no lane is spent on others.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <vector>
 
 #include "slicecorr/tomo/projector.hpp"
@@ -64,6 +67,31 @@ class PackedSlices {
   std::vector<int> slices_;
   std::unique_ptr<Projector> projector_;
 };
+
+/// The slice whose own contrast is least.
+inline int hardest_slice(const Target& target, const Field& dose) {
+  const TomoGrid& grid = target.grid;
+  const auto lanes = static_cast<std::size_t>(grid.lanes());
+  const auto slices = static_cast<std::size_t>(grid.slices);
+  std::vector<float> least(slices, std::numeric_limits<float>::infinity()), most(slices, 0.0F);
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    if (target.kinds[i] == Kind::kNeither) continue;
+    const std::size_t z = i / grid.voxels_of_block() * lanes + i % lanes;
+    if (target.kinds[i] == Kind::kGel) {
+      least[z] = std::min(least[z], dose.values[i]);
+    } else {
+      most[z] = std::max(most[z], dose.values[i]);
+    }
+  }
+  int hardest = -1;
+  for (std::size_t z = 0; z < slices; ++z) {
+    if (!std::isfinite(least[z])) continue;
+    const auto at = static_cast<std::size_t>(std::max(hardest, 0));
+    // least / most, without a division by 0.
+    if (hardest < 0 || least[z] * most[at] < least[at] * most[z]) hardest = static_cast<int>(z);
+  }
+  return hardest;
+}
 
 /// The slices that hold gel.
 inline std::vector<int> slices_with_gel(const Target& target) {

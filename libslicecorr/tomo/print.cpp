@@ -54,10 +54,9 @@ Target target_of(const Bench& bench, const Box<std::uint8_t>& part,
 }
 Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
   Target target = target_of(bench, part, insert);
-  if (insert.values.empty()) return {std::move(target), make_projector(bench.grid, bench.rays)};
+  if (insert.values.empty()) return {std::move(target), make_projector(bench)};
   const Volume opaque = volume_of(bench.grid, insert);
-  return {std::move(target),
-          make_projector(bench.grid, bench.rays, std::make_shared<Shadow>(cast_shadow(opaque)))};
+  return {std::move(target), make_projector(bench, &opaque)};
 }
 
 /// Throws for an insert of another grid, or one that reaches over the resin.
@@ -86,7 +85,7 @@ double least_share(const Bench& bench) {
   double least = std::numeric_limits<double>::infinity();
   for (int m = 0; m < bench.grid.angles; ++m) {
     for (int c = 0; c < bench.grid.pixels; ++c) {
-      for (int z = 0; z < bench.grid.slices; ++z) {
+      for (int z = 0; z < bench.grid.light_rows(); ++z) {
         const double share = bench.places.share(m, c, z);
         if (share > 0) least = std::min(least, share);
       }
@@ -340,7 +339,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const Target& target = scene.target;
   std::shared_ptr<const detail::Nodes> nodes;
   Asked flat{target, scene.projector, bench.rays};
-  if (auto found = detail::nodes_of(printer, resin, bench)) {
+  if (auto found = bench.lab ? std::nullopt : detail::nodes_of(printer, resin, bench)) {
     nodes = std::make_shared<const detail::Nodes>(*std::move(found));
     flat.target.grid = nodes->grid;
     flat.projector = detail::make_node_projector(nodes, scene.projector);

@@ -19,15 +19,15 @@ void normalise(Light& light) {
 /// levels, the brightest 1.
 void clip(Light& light, double sigmas) {
   const TomoGrid& grid = light.grid;
-  const auto lanes = static_cast<std::size_t>(grid.lanes());
+  const auto lanes = static_cast<std::size_t>(grid.light_lanes());
   double sum = 0, squares = 0;
   // Lanes without a slice are 0 and add nothing.
   for (const float v : light.values) {
     sum += v;
     squares += static_cast<double>(v) * v;
   }
-  const double count =
-      static_cast<double>(light.values.size() / (grid.blocks() * lanes)) * grid.slices;
+  const double count = static_cast<double>(light.values.size() / (grid.blocks() * lanes)) *
+                       (grid.coupled() ? grid.rows : grid.slices);
   const double mean = sum / count;
   const double most = mean + sigmas * std::sqrt(std::max(0.0, squares / count - mean * mean));
   for (float& v : light.values) v = std::min(v, static_cast<float>(most));

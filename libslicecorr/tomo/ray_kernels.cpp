@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 
 #include "tomo/ray_kernels.hpp"
 
@@ -240,6 +241,36 @@ void AdjointRay(const RayWalk& walk, const Line& line, int low, int high, float 
   }
 }
 
+void ToShadow(const RayWalk& walk, int angle, const std::uint8_t* opaque, std::uint16_t* ends) {
+  const TomoGrid& grid = walk.grid;
+  const auto high = static_cast<float>(grid.slices - 1);
+  for (std::size_t i = 0; i < walk.rays.size(); ++i) {
+    ends[i] = std::numeric_limits<std::uint16_t>::max();
+    if (!(walk.rays[i].half > 0)) continue;
+    const Line line = LineOf(walk, walk.rays[i], walk.cosine[angle], walk.sine[angle], 0, high);
+    for (int j = line.first; j < line.end; ++j) {
+      const auto step = static_cast<float>(j);
+      const float beside = std::round(line.a + line.b * step),
+                  slice = std::round(line.az + line.bz * step);
+      if (!(beside >= 0 && beside < grid.voxels && slice >= 0 && slice < grid.slices)) continue;
+      if (opaque[line.origin + j * line.major + static_cast<std::ptrdiff_t>(beside) * line.minor +
+                 static_cast<std::ptrdiff_t>(slice)] == 0) {
+        continue;
+      }
+      ends[i] = static_cast<std::uint16_t>(j);
+      break;
+    }
+  }
+}
+
+/// The ray up to the insert.
+void EndAtShadow(const RayWalk& walk, int angle, const WalkRay* ray, Line& line) {
+  if (walk.ends.empty()) return;
+  const std::size_t at = static_cast<std::size_t>(angle) * walk.rays.size() +
+                         static_cast<std::size_t>(ray - walk.rays.data());
+  line.end = std::min<int>(line.end, walk.ends[at]);
+}
+
 void Forward(const RayWalk& walk, int angle, const float* field, float* light) {
   const TomoGrid& grid = walk.grid;
   const auto high = static_cast<float>(grid.slices - 1);
@@ -250,7 +281,8 @@ void Forward(const RayWalk& walk, int angle, const float* field, float* light) {
       float sum = 0;
       for (int k = 0; k < walk.per_pixel; ++k, ++ray) {
         if (!(ray->half > 0)) continue;
-        const Line line = LineOf(walk, *ray, walk.cosine[angle], walk.sine[angle], 0, high);
+        Line line = LineOf(walk, *ray, walk.cosine[angle], walk.sine[angle], 0, high);
+        EndAtShadow(walk, angle, ray, line);
         sum += ForwardRay(walk, line, field);
       }
       out[r] = sum;
@@ -276,7 +308,8 @@ void Adjoint(const RayWalk& walk, int first, int end, const std::vector<RowRange
         }
         for (int k = 0; k < walk.per_pixel; ++k, ++ray) {
           if (!(ray->half > 0)) continue;
-          const Line line = LineOf(walk, *ray, walk.cosine[m], walk.sine[m], low, high);
+          Line line = LineOf(walk, *ray, walk.cosine[m], walk.sine[m], low, high);
+          EndAtShadow(walk, m, ray, line);
           AdjointRay(walk, line, first, end, in[r], field);
         }
       }
@@ -295,7 +328,12 @@ namespace slicecorr::tomo::detail {
 
 HWY_EXPORT(Forward);
 HWY_EXPORT(Adjoint);
+HWY_EXPORT(ToShadow);
 
+void walk_to_shadow(const RayWalk& walk, int angle, const std::uint8_t* opaque,
+                    std::uint16_t* ends) {
+  HWY_DYNAMIC_DISPATCH(ToShadow)(walk, angle, opaque, ends);
+}
 void walk_forward(const RayWalk& walk, int angle, const float* field, float* light) {
   HWY_DYNAMIC_DISPATCH(Forward)(walk, angle, field, light);
 }

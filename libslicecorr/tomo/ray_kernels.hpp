@@ -6,6 +6,7 @@
 /// operations in single precision, so they are transposes to the rounding of sums.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "slicecorr/tomo/volume.hpp"
@@ -27,6 +28,8 @@ struct RayWalk {
   float alpha = 0;                   ///< per side of a voxel
   std::vector<WalkRay> rays;         ///< [column][row][ray]
   std::vector<double> cosine, sine;  ///< of the angles
+  /// [angle][ray]: crossings before the insert; empty: there is none.
+  std::vector<std::uint16_t> ends;
 };
 
 /// Half-open ranges of rows whose rays come near a slab of slices, per column.
@@ -34,6 +37,9 @@ struct RowRange {
   int first = 0, end = 0;
 };
 
+/// How many crossings each ray of a frame has before the first that is nearest to an opaque voxel.
+void walk_to_shadow(const RayWalk& walk, int angle, const std::uint8_t* opaque,
+                    std::uint16_t* ends);
 /// light[m][column][row] = A field, of one angle.
 void walk_forward(const RayWalk& walk, int angle, const float* field, float* light);
 /// Adds A^T light of all angles to slices [first, end) of the field, `end` > `first` + 1.

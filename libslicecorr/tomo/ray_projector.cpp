@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/rays.hpp"
 #include "tomo/ray_kernels.hpp"
@@ -14,6 +15,7 @@ namespace {
 using detail::RayWalk;
 using detail::RowRange;
 using detail::WalkRay;
+using slicecorr::detail::silent;
 
 /// Slices of a slab, whose dose one thread adds up: a cache line, less where there are few. What
 /// crosses between two slabs is looked at twice.
@@ -21,8 +23,7 @@ int slab_slices(int slices) { return slices >= 128 ? 16 : 8; }
 
 class RayProjector final : public Projector {
  public:
-  RayProjector(const TomoGrid& grid, const LabRays& rays, const ExecutionContext& context)
-      : context_(context) {
+  RayProjector(const TomoGrid& grid, const LabRays& rays, const Volume* insert) {
     grid.check();
     if (grid.rows != rays.rows || grid.pixels != rays.columns) {
       throw InputError("rays", "",
@@ -61,12 +62,13 @@ class RayProjector final : public Projector {
       walk_.rays.push_back(w);
     }
     make_slabs();
+    if (insert != nullptr) cast_shadows(*insert);
   }
 
   const TomoGrid& grid() const override { return walk_.grid; }
 
   void forward(std::size_t /*block*/, const float* field, float* light,
-               const ExecutionContext& /*context*/) const override {
+               const ExecutionContext& context) const override {
     Array<float> resin;
     if (beyond_resin(field)) {
       resin.assign(field, field + walk_.grid.voxels_of_block());
@@ -77,14 +79,14 @@ class RayProjector final : public Projector {
       field = resin.data();
     }
     parallel_for(
-        context_, "projecting", static_cast<std::size_t>(walk_.grid.angles),
+        silent(context), "", static_cast<std::size_t>(walk_.grid.angles),
         [&](std::size_t m) { detail::walk_forward(walk_, static_cast<int>(m), field, light); });
   }
 
   void adjoint(std::size_t /*block*/, const float* light, float* field,
-               const ExecutionContext& /*context*/) const override {
+               const ExecutionContext& context) const override {
     const TomoGrid& g = walk_.grid;
-    parallel_for(context_, "adding up light", slabs_.size(), [&](std::size_t s) {
+    parallel_for(silent(context), "", slabs_.size(), [&](std::size_t s) {
       const Slab& slab = slabs_[s];
       const bool last = slab.end == g.slices;
       const std::size_t lanes = g.lanes();
@@ -131,6 +133,18 @@ class RayProjector final : public Projector {
     });
   }
 
+  void cast_shadows(const Volume& insert) {
+    if (!(insert.grid == walk_.grid)) {
+      throw InputError("insert", "", "must have the grid of the part");
+    }
+    const std::size_t rays = walk_.rays.size();
+    walk_.ends.resize(rays * static_cast<std::size_t>(walk_.grid.angles));
+    parallel_for({}, "", static_cast<std::size_t>(walk_.grid.angles), [&](std::size_t m) {
+      detail::walk_to_shadow(walk_, static_cast<int>(m), insert.coverage.data(),
+                             walk_.ends.data() + m * rays);
+    });
+  }
+
   void make_slabs() {
     const TomoGrid& g = walk_.grid;
     const int thick = slab_slices(g.slices), count = std::max(1, g.slices / thick);
@@ -167,7 +181,6 @@ class RayProjector final : public Projector {
     return false;
   }
 
-  ExecutionContext context_;
   RayWalk walk_;
   std::vector<Slab> slabs_;
 };
@@ -175,8 +188,8 @@ class RayProjector final : public Projector {
 }  // namespace
 
 std::unique_ptr<Projector> make_ray_projector(const TomoGrid& grid, const LabRays& rays,
-                                              const ExecutionContext& context) {
-  return std::make_unique<RayProjector>(grid, rays, context);
+                                              const Volume* insert) {
+  return std::make_unique<RayProjector>(grid, rays, insert);
 }
 
 }  // namespace slicecorr::tomo

@@ -13,9 +13,14 @@ Light asked_light(const Bench& bench, const Light& wanted) {
   Light asked(grid);
   for (int m = 0; m < grid.angles; ++m) {
     for (int c = 0; c < grid.pixels; ++c) {
-      for (int z = 0; z < grid.slices; ++z) {
+      for (int z = 0; z < grid.light_rows(); ++z) {
         const double share = places.share(m, c, z);
         if (!(share > 0)) continue;
+        if (!places.moved()) {
+          const std::size_t i = grid.pixel(m, c, z);
+          asked.values[i] = static_cast<float>(wanted.values[i] / share);
+          continue;
+        }
         const double pixel = places.pixel_of(m, c, z);
         const int first = static_cast<int>(std::floor(pixel));
         const double second = pixel - first;
@@ -38,7 +43,7 @@ Light shown_light(const Bench& bench, const std::vector<std::uint16_t>& levels) 
   const TomoGrid& grid = bench.grid;
   for (int m = 0; m < grid.angles; ++m) {
     for (int c = 0; c < grid.pixels; ++c) {
-      for (int z = 0; z < grid.slices; ++z) {
+      for (int z = 0; z < grid.light_rows(); ++z) {
         light.values[grid.pixel(m, c, z)] *= static_cast<float>(bench.places.share(m, c, z));
       }
     }

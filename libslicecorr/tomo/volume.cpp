@@ -29,10 +29,11 @@ void TomoGrid::check() const {
   check_range("rows", rows, 0, 65536);
   check_range("slice_mm", slice_mm, 0, 1e6);
   check_range("lowest_mm", lowest_mm, -1e6, 1e6);
-  if (rows > 0) check_range("slices", slices, 2, 65536);
+  if (coupled()) check_range("slices", slices, 2, 65536);
 }
 
 int TomoGrid::lanes() const {
+  if (coupled()) return all_lanes(slices);
   // A few slices are worked on one by one where a voxel is as wide as one to two pixels: then a
   // register holds the pixels that 16 voxels see.
   const double step = voxel_mm() / pixel_mm;

@@ -10,6 +10,7 @@ namespace {
 
 /// A pinhole before a dry vial, n x n pixels and n^3 voxels, 16 angles.
 struct Problem {
+  ExecutionContext one;
   TomoGrid grid;
   std::unique_ptr<Projector> projector;
   double samples = 0;
@@ -27,9 +28,8 @@ struct Problem {
     grid.pixel_mm = 23.6 / n;
     grid.radius_mm = 11.7;
     grid.lowest_mm = -11.7;
-    ExecutionContext one;
     one.threads = 1;
-    projector = make_ray_projector(grid, rays, one);
+    projector = make_ray_projector(grid, rays);
     for (const LabRay& ray : rays.rays) {
       samples += grid.angles * std::ceil(2 * ray.half_mm / grid.voxel_mm());
     }
@@ -41,7 +41,9 @@ void Adjoint(benchmark::State& state) {
   Light light(p.grid);
   std::fill(light.values.begin(), light.values.end(), 1.0f);
   Field field(p.grid);
-  for (auto _ : state) p.projector->adjoint(0, light.values.data(), field.values.data());
+  for (auto _ : state) {
+    p.projector->adjoint(0, light.values.data(), field.values.data(), p.one);
+  }
   state.SetItemsProcessed(
       static_cast<std::int64_t>(static_cast<double>(state.iterations()) * p.samples));
 }
@@ -51,7 +53,9 @@ void Forward(benchmark::State& state) {
   const Problem p(static_cast<int>(state.range(0)));
   Light light(p.grid);
   Field field(p.grid);
-  for (auto _ : state) p.projector->forward(0, field.values.data(), light.values.data());
+  for (auto _ : state) {
+    p.projector->forward(0, field.values.data(), light.values.data(), p.one);
+  }
   state.SetItemsProcessed(
       static_cast<std::int64_t>(static_cast<double>(state.iterations()) * p.samples));
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
@@ -183,38 +184,36 @@ TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, con
   job.levels.assign(grid.blocks() * grid.light_of_block(), 0);
   const int levels = printer.levels();
   std::size_t beside = 0;
+  // The pixel of a frame that shows each light first: others must show the same.
+  const std::pair nowhere{-1, -1};
+  const auto rows = static_cast<std::size_t>(grid.light_rows());
+  std::vector<std::pair<int, int>> first(static_cast<std::size_t>(grid.pixels) * rows);
   each("reading images", [&](int frame, const GreyImage& image) {
     const int m = bench.frame_of_angle(frame);
+    std::fill(first.begin(), first.end(), nowhere);
     for (int column = 0; column < image.width_px; ++column) {
-      const int i = column - bench.first_column;
-      const bool meets = i >= 0 && i < grid.pixels;
-      int row_before = -1, slice_before = -1;
       for (int row = 0; row < image.height_px; ++row) {
-        const auto pixel_of = [&](int r) {
-          return image
-              .pixels[static_cast<std::size_t>(r) * width + static_cast<std::size_t>(column)];
+        const auto pixel_of = [&](int c, int r) {
+          return image.pixels[static_cast<std::size_t>(r) * width + static_cast<std::size_t>(c)];
         };
-        const std::uint8_t pixel = pixel_of(row);
-        if (!meets) {
+        const std::uint8_t pixel = pixel_of(column, row);
+        const FramePlaces::Lit lit = bench.places.lit_by(m, column, row);
+        if (!lit.any()) {
           beside += pixel > 0;
           continue;
         }
-        const int slice = bench.places.slice_of(m, i, row);
-        if (slice < 0) {
-          beside += pixel > 0;
-          continue;
-        }
-        if (slice == slice_before && pixel != pixel_of(row_before)) {
+        auto& before =
+            first[static_cast<std::size_t>(lit.pixel) * rows + static_cast<std::size_t>(lit.row)];
+        if (before == nowhere) before = {column, row};
+        if (pixel != pixel_of(before.first, before.second)) {
           throw InputError(
               sequence.path, images[static_cast<std::size_t>(frame)]->name,
               fmt::format(
                   "rows {} and {} light one slice of {:g} mm and differ; expected voxels of "
                   "the rows' height, {:g} mm",
-                  row_before, row, job.sampling.voxel_mm, printer.pixel_y_um * 1e-3));
+                  before.second, row, job.sampling.voxel_mm, printer.pixel_y_um * 1e-3));
         }
-        row_before = row;
-        slice_before = slice;
-        job.levels[grid.pixel(m, i, slice)] =
+        job.levels[grid.pixel(m, lit.pixel, lit.row)] =
             static_cast<std::uint16_t>(level_of_pixel(pixel, levels));
       }
     }

@@ -278,17 +278,17 @@ struct Shine {
   const std::vector<std::uint16_t>& levels;
   double most = 0;         ///< of all frames
   int first = 0, end = 0;  ///< pixels that are ever brighter than black
-  int low = 0, high = 0;   ///< slices: [low, high)
+  int low = 0, high = 0;   ///< rows of light: [low, high)
 
   explicit Shine(const TomoJob& job)
       : bench(make_bench(job.printer, job.resin, job.sampling)), levels(job.levels) {
     const TomoGrid& g = bench.grid;
     first = g.pixels;
-    low = g.slices;
+    low = g.light_rows();
     std::uint16_t brightest = 0;
     for (int m = 0; m < g.angles; ++m) {
       for (int i = 0; i < g.pixels; ++i) {
-        for (int z = 0; z < g.slices; ++z) {
+        for (int z = 0; z < g.light_rows(); ++z) {
           const std::uint16_t level = levels[g.pixel(m, i, z)];
           if (level == 0) continue;
           brightest = std::max(brightest, level);
@@ -303,7 +303,7 @@ struct Shine {
     if (end == 0) {
       first = low = 0;
       end = g.pixels;
-      high = g.slices;
+      high = g.light_rows();
     }
   }
   /// Paler than in proportion, so that weak light is seen.
@@ -355,6 +355,7 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
       slice = z;
     }
   }
+  const int row = row_of_slice(shine.bench, slice);
   const auto light = [&](int m, int i, int z) {
     return shine.bench.mw_cm2[p.job.levels[g.pixel(m, i, z)]];
   };
@@ -364,7 +365,8 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
       figure(shine.most));
   std::string html = fmt::format(
       R"(<h2>Light</h2><p class="dim">Columns {} to {} of the image, where there is light, are shown. {}</p>)",
-      shine.bench.first_column + shine.first, shine.bench.first_column + shine.end - 1, scale);
+      shine.bench.window.first_column + shine.bench.window.group * shine.first,
+      shine.bench.window.first_column + shine.bench.window.group * shine.end - 1, scale);
   context.check_cancelled();
   const std::string words = fmt::format(
       "Sinogram of the slice at z = {:.3f} mm, where contrast is least: angles 0 to 360° downwards, "
@@ -372,14 +374,16 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
       slices[static_cast<std::size_t>(slice)].z_mm);
   const ColourImage sinogram =
       grey_image(shine, columns, g.angles, whole_times(columns, 640), whole_times(g.angles, 480),
-                 [&](int c, int r) { return light(r, shine.first + c, slice); });
+                 [&](int c, int r) { return light(r, shine.first + c, row); });
   html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
                       slicecorr::detail::image_element(sinogram, words), words);
   html += R"(<h3>Frames</h3><div class="strip">)";
   constexpr int kFrames = 8;
   // True to scale.
-  const double width_mm = columns * p.job.printer.pixel_x_um * 1e-3,
-               height_mm = rows * p.job.sampling.voxel_mm;
+  const double width_mm = columns * shine.bench.window.group * p.job.printer.pixel_x_um * 1e-3,
+               height_mm = g.coupled()
+                               ? rows * shine.bench.window.group * p.job.printer.pixel_y_um * 1e-3
+                               : rows * p.job.sampling.voxel_mm;
   const double per_mm = std::min(480 / width_mm, 240 / height_mm);
   const int width = std::max(1, static_cast<int>(std::lround(width_mm * per_mm))),
             height = std::max(1, static_cast<int>(std::lround(height_mm * per_mm)));

@@ -6,11 +6,13 @@
 /// values; functions are thread-safe.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "slicecorr/process.hpp"
 #include "slicecorr/tomo/metrics.hpp"
 #include "slicecorr/tomo/projector.hpp"
+#include "slicecorr/tomo/rays.hpp"
 
 namespace slicecorr::tomo {
 
@@ -21,59 +23,84 @@ struct Sampling {
   int angles = 0;       ///< frames of a turn
 };
 
-/// Where frames show the pixels of the grid, and with how much light. The axis of rotation leans in
-/// the image (`Optics::tilt_deg`) and goes astray from angle to angle (`Rotation::wobble`), and the
-/// projector shines unevenly (`Printer::flat_field`). Columns count from `Bench::first_column`, rows
-/// downwards from the image's first.
+/// Where frames show the light of the grid, and with how much of it.
+///
+/// Where slices have light of their own, a column of frames shows a pixel of the grid and a row the
+/// slice that it lights. The axis of rotation leans in the image (`Optics::tilt_deg`) and goes astray
+/// from angle to angle (`Rotation::wobble`), which moves light sideways by parts of a column. Where
+/// slices share light, a pixel and a row of the grid's light are shown by a group of pixels, whose rays
+/// know of the leaning, and wobble moves the whole image by whole pixels.
+///
+/// The projector shines unevenly (`Printer::flat_field`). Columns and rows of frames count from the
+/// image's first, rows downwards.
 class FramePlaces {
  public:
   FramePlaces() = default;
-  /// Of `sampling` in frames from `first_column` on, `columns` wide. Throws `InputError` as
+  /// Of the light of `grid` in frames. `window`: which pixels of frames show it; where slices have
+  /// light of their own its columns count, all rows, and groups of one. Throws `InputError` as
   /// `LightMap` does.
-  FramePlaces(const Printer& printer, const Sampling& sampling, int first_column, int columns,
+  FramePlaces(const Printer& printer, const TomoGrid& grid, const PixelWindow& window,
               bool clockwise);
 
-  /// Whether frames lie elsewhere than a straight and steady axis would have them.
-  bool moved() const { return sine_ != 0 || !right_px_.empty(); }
-  bool tilted() const { return sine_ != 0; }
+  /// A pixel and a row of the grid's light; -1: of none.
+  struct Lit {
+    int pixel = -1, row = -1;
+    bool any() const { return row >= 0; }
+  };
+  /// What a pixel of the frame at angle m shows.
+  Lit lit_by(int m, int column, int row) const;
+
+  /// Whether light of a pixel of the grid lies elsewhere than in its own column.
+  bool moved() const { return !grouped_ && (sine_ != 0 || !right_px_.empty()); }
   bool uneven() const { return !share_.empty(); }
-  /// Column in which the light of this pixel of the grid, and of this slice, lies at angle m.
+  /// Without groups: the pixel, counted as those of the grid, in which the light of this pixel of the
+  /// grid, and of this slice, lies at angle m.
   double column_of(int m, double pixel, int slice) const;
-  /// The pixel of the grid whose light lies in this column.
+  /// The pixel of the grid whose light lies in that one.
   double pixel_of(int m, double column, int slice) const;
-  /// The slice that a pixel of frames lights; -1: none.
-  int slice_of(int m, int column, int row) const;
-  /// Share of the calibration's light that the rows of a slice get, in the mean.
-  double share(int m, int column, int slice) const {
+  /// With groups: the place in the grid's light, whole in the middle of a group, of a place in the
+  /// steady image, while the frame of angle `frame` is shown to a stage at angle `stage`.
+  struct Place {
+    double pixel = 0, row = 0;
+  };
+  Place place_of(int frame, int stage, double column, double row) const;
+
+  /// Share of the calibration's light that the pixels which show this light get, in the mean.
+  double share(int m, int pixel, int row) const {
     if (share_.empty()) return 1;
     return share_[share_of_angle_[static_cast<std::size_t>(m)] +
-                  static_cast<std::size_t>(column) * static_cast<std::size_t>(slices_) +
-                  static_cast<std::size_t>(slice)];
+                  static_cast<std::size_t>(pixel) * static_cast<std::size_t>(rows_) +
+                  static_cast<std::size_t>(row)];
   }
 
  private:
   double right_px(int m) const {
     return right_px_.empty() ? 0 : right_px_[static_cast<std::size_t>(m)];
   }
-  double z_mm(int slice) const { return lowest_mm_ + voxel_mm_ * slice; }
-  void take_light(const Printer& printer, int first_column, int columns, int angles);
+  double up_px(int m) const { return up_px_.empty() ? 0 : up_px_[static_cast<std::size_t>(m)]; }
+  int slice_of(int m, int pixel, int row) const;
+  double z_mm(int slice) const { return lowest_mm_ + slice_mm_ * slice; }
+  void take_light(const Printer& printer, int angles);
 
-  double sine_ = 0, cosine_ = 1;  ///< of the tilt
-  std::vector<double> right_px_;  ///< per angle; empty: 0
-  std::vector<int> up_rows_;      ///< per angle; empty: 0
-  double axis_column_ = 0;        ///< of a steady axis
-  double middle_row_ = 0;         ///< of the image; the optical axis lies so far above it:
+  bool grouped_ = false;
+  PixelWindow window_;
+  double sine_ = 0, cosine_ = 1;          ///< of the tilt
+  std::vector<double> right_px_, up_px_;  ///< per angle; empty: 0
+  double axis_column_ = 0;                ///< of a steady axis, counted as pixels of the grid
+  double middle_row_ = 0;                 ///< of the image; the optical axis lies so far above it:
   double axis_up_px_ = 0;
   double column_mm_ = 1, row_um_ = 1;  ///< pixels' pitch
-  double lowest_mm_ = 0, voxel_mm_ = 1;
-  int slices_ = 0;
-  std::vector<float> share_;                 ///< [distinct shift of rows][column][slice]
+  double lowest_mm_ = 0, slice_mm_ = 1;
+  int rows_ = 0;                             ///< of light
+  std::vector<float> share_;                 ///< [distinct shift][pixel][row]
   std::vector<std::size_t> share_of_angle_;  ///< where an angle's begins
 };
 
 struct Bench {
-  TomoGrid grid;                 ///< all of the resin: voxels from axis to wall
-  RayTables rays;                ///< of the grid's pixels
+  TomoGrid grid;   ///< all of the resin: voxels from axis to wall
+  RayTables rays;  ///< of the grid's pixels; where slices share light the nearest to them
+  /// All rays of a frame where slices share light; null where they do not.
+  std::shared_ptr<const LabRays> lab;
   Exposure exposure;             ///< of one turn
   double resupply_mj_cm3_s = 0;  ///< of inhibitor
   std::vector<double> mw_cm2;    ///< of each grey level
@@ -81,7 +108,7 @@ struct Bench {
   double reach_mm = 0;           ///< up to which light comes from all directions
   double alpha_r = 0;            ///< absorption times the resin's radius
   int frame_width = 0, frame_height = 0;
-  int first_column = 0;  ///< of frames, that shows the grid's pixel 0
+  PixelWindow window;  ///< of frames, that shows the grid's light
   FramePlaces places;
   bool clockwise = true;
   /// Frames are shown in order while the vial turns; this one is shown at angle m.
@@ -92,10 +119,19 @@ struct Bench {
 /// axis. Throws `InputError` when the printer has no vial, and for voxels too large or too small.
 int voxels_across(const Printer& printer, double voxel_mm);
 
-/// Throws `InputError` naming what is missing or does not fit: light that is not telecentric, a
-/// printer whose rows are higher than a voxel, slices above or below the image, fewer than 3 angles,
-/// more frames than the projector shows in a turn.
+/// Telecentric light without an aperture stays in its slice. Other light is that of `lab_rays`, with
+/// pixels in groups that are about as large as voxels. Throws `InputError` naming what is missing or
+/// does not fit: a printer whose rows are higher than a voxel, slices above or below the image, fewer
+/// than 3 angles, more frames than the projector shows in a turn.
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling);
+
+/// z on the axis of a row of the grid's light, mm.
+double z_of_row(const Bench& bench, int row);
+/// The row whose light comes nearest to the middle of a slice on the axis.
+int row_of_slice(const Bench& bench, int slice);
+
+/// The operators of a bench, around an insert (of its grid) or none.
+std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert = nullptr);
 
 /// Angles of a turn at which voxels at this distance from the axis are resolved: pi r / p for half a
 /// turn (Kelly's thesis, 5.5.2).

@@ -39,6 +39,9 @@ struct RayTables {
   /// telecentric light does (t' = n1 q / n3). Others are interpolated linearly to the grid's pixels,
   /// which are then pixels of a detector in the resin; those beyond the first or last are dark.
   std::vector<double> line_mm = {};
+  /// Per row, mm, rising: z of its light on the axis. Where slices share light only, of which these
+  /// tables say what is nearest to level rays: `filtered_start` begins there.
+  std::vector<double> row_mm = {};
 };
 
 /// Where an insert ends the light: per angle and pixel the u, mm, at which it is hit; +infinity

@@ -66,9 +66,10 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
                  const PixelWindow& window);
 
 /// The pair of operators of these rays on `grid`, whose `rows` and `pixels` are the window's rows
-/// and columns. Loops run as `context` says, with the same bytes for any number of threads. Throws `InputError` for a grid that does not
-/// fit.
+/// and columns; the same bytes for any number of threads. A ray ends before the first crossing that
+/// is nearest to an opaque voxel (coverage > 0) of `insert`, which has this grid. Throws `InputError`
+/// for a grid that does not fit.
 std::unique_ptr<Projector> make_ray_projector(const TomoGrid& grid, const LabRays& rays,
-                                              const ExecutionContext& context = {});
+                                              const Volume* insert = nullptr);
 
 }  // namespace slicecorr::tomo

@@ -61,6 +61,16 @@ struct TomoGrid {
   double angle_rad(int m) const;
   double slice_height_mm() const { return slice_mm > 0 ? slice_mm : voxel_mm(); }
 
+  /// Whether slices share light.
+  bool coupled() const { return rows > 0; }
+  /// Rows of light: the slices', or the detector's.
+  int light_rows() const { return coupled() ? rows : slices; }
+  /// How many parts of the light nothing else depends on: slices, or all of them as one.
+  int problems() const { return coupled() ? 1 : slices; }
+  /// The same of a block: its lanes are problems of their own, or all one.
+  int problem_lanes() const { return coupled() ? 1 : lanes(); }
+  int problems_of(std::size_t block) const { return coupled() ? 1 : lanes_used(block); }
+
   /// Slices per block, and so the number of lanes; the last block may hold fewer slices, its other
   /// lanes are 0 and stay 0. It depends on the number of slices, and of a few on the widths of
   /// voxels and pixels.

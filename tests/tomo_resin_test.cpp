@@ -194,6 +194,9 @@ TEST(TomoInhibition, PrintsTakeTheTurnsThatTheClosedFormSays) {
   EXPECT_TRUE(print.figures.feasible());
   EXPECT_GE(print.figures.metrics.min_gel, 30);
   EXPECT_LT(print.figures.metrics.min_gel, 30.5);
+  EXPECT_LE(print.figures.metrics.contrast, print.figures.contrast_bound);
+  // Inhibitors take their share of what void has, too.
+  EXPECT_GT(print.figures.metrics.contrast, still.figures.metrics.contrast);
   // (20 + 10) / (d - d / 2), rounded up, where the dose of a turn at full light is d or a bit more.
   EXPECT_LE(print.figures.turns, 3 * still.figures.turns);
   EXPECT_GE(print.figures.turns, 3 * (still.figures.turns - 1));
@@ -231,8 +234,7 @@ class SmallSteps {
       for (int y = 0; y < n_; ++y) {
         for (int x = 0; x < n_; ++x) {
           const int slice = std::clamp(z - dark_, 0, grid.slices - 1);
-          const bool opaque =
-              !insert.values.empty() && insert.values[insert.at(slice, y, x)] > 0;
+          const bool opaque = !insert.values.empty() && insert.values[insert.at(slice, y, x)] > 0;
           open_[at(x, y, z)] = std::hypot(x - middle, y - middle) <= middle + 1e-9 && !opaque;
         }
       }
@@ -484,8 +486,8 @@ TEST(TomoSpread, OperatorsAreTransposes) {
       const int turns = 6;
       auto by = std::make_shared<DoseSpread>(grid, insert,
                                              std::sqrt(2 * kappa * turns) * grid.voxel_mm());
-      auto series = by->series(
-          [&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
+      auto series =
+          by->series([&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
       const auto projector = detail::make_spread_projector(
           make_projector(grid, {.alpha_per_mm = 0.2}, shadow), by, series);
       EXPECT_EQ(projector->grid().coupled(), slices > 1);
@@ -549,8 +551,7 @@ TEST(TomoSpread, DosesOfJobsAreThoseOfSmallSteps) {
       TomoJob job = uneven_job(TurnDirection::counterclockwise, 12);
       job.resin = spreading(job.printer, 0.6);
       if (with_insert) {
-        job.insert =
-            rod(make_bench(job.printer, job.resin, job.sampling).grid, 14, 18, 15, 20);
+        job.insert = rod(make_bench(job.printer, job.resin, job.sampling).grid, 14, 18, 15, 20);
       }
       const double kappa = 0.5 * 0.6 * 0.6;
       TomoJob still = job;

@@ -37,8 +37,8 @@ void whole_column(std::size_t count, int neighbours, const float* const* beside,
   if (neighbours == 4) {
     const float *b0 = beside[0], *b1 = beside[1], *b2 = beside[2], *b3 = beside[3];
     for (std::size_t z = 1; z + 1 < count; ++z) {
-      const float flow = 4 * b[z] - (b0[z] + b1[z]) - (b2[z] + b3[z]) +
-                         along_z * (2 * b[z] - b[z - 1] - b[z + 1]);
+      const float flow =
+          4 * b[z] - (b0[z] + b1[z]) - (b2[z] + b3[z]) + along_z * (2 * b[z] - b[z - 1] - b[z + 1]);
       out[z] = add * u[z] + factor * (share * flow - b[z]) - out[z];
     }
   } else {
@@ -105,9 +105,9 @@ DoseSpread::DoseSpread(const TomoGrid& grid, const Box<std::uint8_t>& insert, do
 }
 
 std::size_t DoseSpread::at(int x, int y) const {
-  const int column = column_of_[static_cast<std::size_t>(y) *
-                                    static_cast<std::size_t>(grid_.voxels) +
-                                static_cast<std::size_t>(x)];
+  const int column =
+      column_of_[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.voxels) +
+                 static_cast<std::size_t>(x)];
   if (column < 0) return kNone;
   return static_cast<std::size_t>(column) * stride_ + static_cast<std::size_t>(pad_);
 }
@@ -118,8 +118,8 @@ SpreadSeries DoseSpread::series(const std::function<double(double)>& f) const {
     std::vector<double> at(nodes);
     double largest = 0;
     for (std::size_t j = 0; j < nodes; ++j) {
-      const double angle = std::numbers::pi * (static_cast<double>(j) + 0.5) /
-                           static_cast<double>(nodes);
+      const double angle =
+          std::numbers::pi * (static_cast<double>(j) + 0.5) / static_cast<double>(nodes);
       at[j] = f(0.5 * most_ * (1 + std::cos(angle)));
       largest = std::max(largest, std::abs(at[j]));
     }

@@ -54,10 +54,10 @@ class DoseSpread {
 
   TomoGrid grid_;
   int pad_ = 0;
-  std::size_t count_ = 0;    ///< of numbers in a column
-  std::size_t stride_ = 0;   ///< of columns
-  float along_z_ = 1;        ///< weight of neighbours along z
-  double most_ = 0;          ///< no eigenvalue of L is larger
+  std::size_t count_ = 0;   ///< of numbers in a column
+  std::size_t stride_ = 0;  ///< of columns
+  float along_z_ = 1;       ///< weight of neighbours along z
+  double most_ = 0;         ///< no eigenvalue of L is larger
   std::vector<Column> columns_;
   std::vector<int> column_of_;  ///< [y][x]; -1: none
   Array<float> open_;           ///< 1 resin, 0 insert; empty: all resin

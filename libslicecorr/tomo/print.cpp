@@ -136,8 +136,8 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
   f.efficiency = efficiency(shown_light(bench, job.levels));
   f.alpha_r = bench.alpha_r;
-  f.floor_mj_cm3 = std::max(
-      0.0, floor_of_turn_mj_cm3 * job.turns - bench.resupply_mj_cm3_s * f.print_time_s);
+  f.floor_mj_cm3 =
+      std::max(0.0, floor_of_turn_mj_cm3 * job.turns - bench.resupply_mj_cm3_s * f.print_time_s);
   return f;
 }
 
@@ -241,6 +241,17 @@ struct Asked {
 constexpr double kSameTurns = 0.1;
 constexpr int kMostPasses = 3;
 
+/// The bound of effective doses, of one of light: void gets at least 1 / `of_light` of what the part
+/// does, of which inhibitors take as much as there. What a voxel has while a turn lasts may be more
+/// than averages say, by what comes back in that turn.
+double bound_of_print(double of_light, const Bench& bench, const PrintFigures& figures) {
+  const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+  const double in_turn = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  const double part = figures.metrics.min_gel;
+  const double empty = (part - in_turn + back) / of_light - back;
+  return empty > 0 ? part / empty : std::numeric_limits<double>::infinity();
+}
+
 /// About how many turns light for a part takes: that of filtered back projection, for the mean dose
 /// of the part.
 int likely_turns(const Asked& asked, const Bench& bench, Window window, int most_turns,
@@ -269,11 +280,11 @@ Asked spread_for_turns(const Asked& asked, const Bench& bench, const Resin& resi
         turns, bench.exposure.turn_s, detail::spread_mm(bench, resin, turns), bench.radius_mm));
   }
   const TomoGrid& grid = asked.target.grid;
-  auto spread = std::make_shared<detail::DoseSpread>(grid, insert,
-                                                     detail::spread_mm(bench, resin, turns));
+  auto spread =
+      std::make_shared<detail::DoseSpread>(grid, insert, detail::spread_mm(bench, resin, turns));
   const double kappa = detail::kappa_of_turn(bench, resin);
-  detail::SpreadSeries series = spread->series(
-      [&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
+  detail::SpreadSeries series =
+      spread->series([&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
   Asked with{detail::spread_target(asked.target),
              detail::make_spread_projector(asked.projector, std::move(spread), std::move(series)),
              asked.rays};
@@ -422,8 +433,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
         context.report(stage, (done_before + done) / kMostPasses);
       };
     }
-    const detail::ToldProjector projector(
-        *asked.projector, told, detail::expected_calls(how, asked.target.grid.blocks()));
+    const detail::ToldProjector projector(*asked.projector, told,
+                                          detail::expected_calls(how, asked.target.grid.blocks()));
     found = solve(quiet, projector, asked.target, asked.rays, how);
     if (found->contrast_bound < 1) {
       if (options.evidence) {
@@ -434,22 +445,20 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
           "optical axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; "
           "expected less absorption (alpha R is {:.3g}), or a part with more room",
           spreads ? fmt::format(", of which the dose spreads by {:.3g} um in {} turns",
-                                1e3 * detail::spread_mm(bench, resin, passes.back()),
-                                passes.back())
+                                1e3 * detail::spread_mm(bench, resin, passes.back()), passes.back())
                   : std::string(),
           found->bound_slice, (found->bound_slice - 0.5 * (part.nz - 1)) * voxel_mm,
           found->contrast_bound, bench.alpha_r));
     }
     light = light_of(*found);
-    brightest =
-        bench.mw_cm2.back() / *std::max_element(light.values.begin(), light.values.end());
+    brightest = bench.mw_cm2.back() / *std::max_element(light.values.begin(), light.values.end());
     turns = turns_of(*found, asked, brightest);
     if (!spreads) break;
     const int counted = passes.back();
     if (std::abs(turns.count - counted) <= kSameTurns * counted) break;
     if (passes.size() == kMostPasses) {
-      context.tell(fmt::format("the light needs {} turns, and was found for {}", turns.count,
-                               counted));
+      context.tell(
+          fmt::format("the light needs {} turns, and was found for {}", turns.count, counted));
       break;
     }
     passes.push_back(most_turns > 0 ? std::min(turns.count, most_turns) : turns.count);
@@ -499,8 +508,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     show(carry);
     // What comes back takes its share of the light first.
     const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
-    const double short_by =
-        (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
+    const double short_by = (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
     // More than enough, where the operators see less than the sum, costs turns: taken back once.
     if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
     scale *= short_by + 1e-4;
@@ -515,11 +523,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   context.report("judging", 1);
 
   job.history = std::move(solution.history);
-  job.contrast_bound = solution.contrast_bound;
+  job.contrast_bound = bound_of_print(solution.contrast_bound, bench, figures);
   Print print;
   print.job = std::move(job);
   print.figures = figures;
-  print.figures.contrast_bound = solution.contrast_bound;
+  print.figures.contrast_bound = print.job.contrast_bound;
   return print;
 }
 

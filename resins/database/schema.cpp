@@ -125,7 +125,8 @@ constexpr std::array kResinRules = std::to_array<KeyRule>({
      .high = 1e-6,
      .low_counts = true,
      .also_at_top = true,
-     .what = "how fast dose spreads in the resin, in tomographic printing; 0 without it: not at all"},
+     .what =
+         "how fast dose spreads in the resin, in tomographic printing; 0 without it: not at all"},
     {.table = "inhibition",
      .key = "beta",
      .type = number,

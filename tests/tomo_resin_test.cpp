@@ -176,6 +176,14 @@ TEST(TomoInhibition, DosesOfJobsAreThoseOfFramesOneAfterAnother) {
     for (std::size_t v = 0; v < dose.values.size(); ++v) {
       ASSERT_NEAR(of_shown.values[v], dose.values[v], 3e-6 * most);
     }
+    // A print that stopped after two of three turns is one of two.
+    shown.resize(24);
+    TomoJob two = job;
+    two.turns = 2;
+    const Box<float> of_stopped = dose_of(job, shown), of_two = dose_of(two);
+    for (std::size_t v = 0; v < dose.values.size(); ++v) {
+      ASSERT_NEAR(of_stopped.values[v], of_two.values[v], 3e-6 * most);
+    }
   }
 }
 
@@ -496,6 +504,23 @@ TEST(TomoSpread, OperatorsAreTransposes) {
   }
 }
 
+Printer pinhole_printer() {
+  Printer printer = bench_printer();
+  printer.optics->kind = OpticsKind::pinhole;
+  printer.optics->distance_mm = 60;
+  return printer;
+}
+
+TEST(TomoSpread, OperatorsOfRaysAreTransposes) {
+  const Bench bench = make_bench(pinhole_printer(), bench_resin(), {0.25, 6, 24});
+  ASSERT_TRUE(bench.grid.coupled());
+  auto by = std::make_shared<DoseSpread>(bench.grid, Box<std::uint8_t>{}, 0.3);
+  auto series = by->series([](double lambda) { return detail::spread_of_turns(6, 0.1, lambda); });
+  const auto projector = detail::make_spread_projector(make_projector(bench), by, series);
+  EXPECT_EQ(projector->grid(), bench.grid);
+  expect_transposes(*projector);
+}
+
 /// Doses of a job whose dose spreads, turn by turn and frame by frame.
 Box<float> marched(const TomoJob& job, double kappa) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
@@ -630,6 +655,8 @@ TEST(TomoSpread, SolversMakeUpForIt) {
   Resin resin = bench_resin();
   PrintOptions options;
   options.angles = 60;
+  options.solve.rungs = {0.98, 0.9, 0.8};
+  options.solve.most_steps = 240;
   const Box<std::uint8_t> part = blocks_with_a_gap();
   const Print still = solve_print(part, 0.25, printer, resin, options);
   resin = spreading(printer, 0.9 / std::sqrt(still.figures.turns));
@@ -704,6 +731,32 @@ TEST(TomoSpread, ASliceAloneIsSolvedToo) {
   options.solve.rungs = {0.98, 0.9};
   const Print print = solve_print(square_part(), 0.25, printer, spreading(printer, 0.2), options);
   EXPECT_TRUE(print.figures.feasible());
+}
+
+TEST(TomoSpread, LightOfAPinholeAndInsertsAreSolvedToo) {
+  PrintOptions options;
+  options.angles = 60;
+  options.solve.rungs = {0.98};
+  for (const bool of_rays : {false, true}) {
+    const Printer printer = of_rays ? pinhole_printer() : bench_printer();
+    const Resin resin = spreading(printer, 0.2);
+    const Box<std::uint8_t> part = blocks_with_a_gap();
+    options.insert = part;
+    std::fill(options.insert.values.begin(), options.insert.values.end(), std::uint8_t{0});
+    for (int z = 0; z < part.nz; ++z) {
+      for (int y = 24; y < 26; ++y) {
+        for (int x = 15; x < 18; ++x) options.insert.values[part.at(z, y, x)] = 255;
+      }
+    }
+    const Print print = solve_print(part, 0.25, printer, resin, options);
+    EXPECT_TRUE(print.figures.feasible()) << of_rays;
+    const Box<float> dose = dose_of(print.job);
+    for (std::size_t v = 0; v < dose.values.size(); ++v) {
+      if (options.insert.values[v] > 0) {
+        EXPECT_EQ(dose.values[v], 0);
+      }
+    }
+  }
 }
 
 TEST(TomoSpread, JobsKeepIt) {

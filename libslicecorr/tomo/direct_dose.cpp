@@ -418,8 +418,9 @@ class DirectSum {
   std::vector<double> light_;                  ///< [angle][pixel][row]
 };
 
-/// In resin that stays as it is, all the light of the print; else that of its turns one by one.
-Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
+/// In resin that stays as it is, all the light of the print; else that of `turns` one by one, which
+/// bring the same light each.
+Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule, int turns,
                    const ExecutionContext& context) {
   const TomoGrid& grid = bench.grid;
   const DirectSum direct(job, bench, std::move(schedule), context);
@@ -431,11 +432,11 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
   const auto slices = static_cast<std::size_t>(grid.slices);
   const bool comes_back = bench.resupply_mj_cm3_s > 0;
   if (comes_back || job.resin.dose_diffusion_m2_s > 0) {
-    detail::check_spread(bench, job.resin, job.turns);
+    detail::check_spread(bench, job.resin, turns);
     detail::TurnDose turn{std::move(dose), {}, {}, {}};
     if (comes_back) turn.lowest = turn.highest = turn.rise = turn.gain;
     const auto frames = comes_back ? static_cast<std::size_t>(grid.angles) : std::size_t{1};
-    const double share = per_unit / job.turns;
+    const double share = per_unit / turns;
     const double back =
         bench.resupply_mj_cm3_s * bench.exposure.turn_s / static_cast<double>(frames);
     parallel_for(context, "judge", static_cast<std::size_t>(grid.voxels), [&](std::size_t row) {
@@ -458,7 +459,7 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
         }
       }
     });
-    return detail::effective_dose(bench, job.resin, job.insert, job.turns, turn,
+    return detail::effective_dose(bench, job.resin, job.insert, turns, turn,
                                   slicecorr::detail::silent(context));
   }
   parallel_for(context, "judge", static_cast<std::size_t>(grid.voxels), [&](std::size_t row) {
@@ -481,13 +482,16 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
 
 Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  return dose_of(job, bench, planned(job, bench), context);
+  return dose_of(job, bench, planned(job, bench), job.turns, context);
 }
 
 Box<float> dose_of(const TomoJob& job, std::span<const Showing> shown,
                    const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  return dose_of(job, bench, scheduled(shown, bench), context);
+  double lit_s = 0;
+  for (const Showing& s : shown) lit_s += s.frame == kBlackFrame ? 0 : s.exposed_s;
+  const double turns = std::clamp(std::round(lit_s / bench.exposure.turn_s), 1.0, 1e9);
+  return dose_of(job, bench, scheduled(shown, bench), static_cast<int>(turns), context);
 }
 
 }  // namespace slicecorr::tomo

@@ -51,6 +51,7 @@ TEST(SetupJson, TomographyComesBack) {
   setup.resin.n = 1.49969;
   setup.resin.inhibition_dose_mj_cm3 = 3;
   setup.resin.inhibition_resupply_mj_cm3_s = 0.02;
+  setup.resin.dose_diffusion_m2_s = 5e-12;
   expect_same_again(setup);
   // More than absorbs in all, and light from inside the vial.
   slicecorr::Setup wrong = setup;

@@ -358,9 +358,6 @@ TEST(TomoPrint, ASquareIsPrintedAsDesigned) {
   options.most_time_s = 1;
   EXPECT_THROW(solve_print(part, 0.25, printer, bench_resin(), options), InfeasibleError);
   options.most_time_s = 0;
-  Resin back = bench_resin();
-  back.inhibition_resupply_mj_cm3_s = 10;
-  EXPECT_THROW(solve_print(part, 0.25, printer, back, options), InfeasibleError);
 }
 
 /// Contrast costs light: with a time that is fixed, the ladder finds light that needs less.
@@ -516,10 +513,6 @@ TEST(TomoPrint, WhatCanNotBePrintedIsToldByName) {
   bright.calibration = {{0, 0.5}, {255, 2.0}};
   EXPECT_THAT(told(square_part(), bright, resin, "infeasible"),
               testing::AllOf(HasSubstr("black light alone gels void"), HasSubstr("of 20")));
-  Resin back = resin;
-  back.inhibition_resupply_mj_cm3_s = 10;
-  EXPECT_THAT(told(square_part(), printer, back, "infeasible"),
-              HasSubstr("inhibitor comes back as fast as light takes it: 144 mJ/cm³ in a turn"));
   Printer flat = printer;
   flat.calibration = {{0, 1.0}, {255, 1.0}};
   EXPECT_THAT(told(square_part(), flat, resin, "input"),

@@ -51,14 +51,6 @@ TEST(TomoReport, VoxelsGelWhenTheirShareOfTheDoseIsIn) {
                         kind(Kept::part), kind(Kept::empty), kind(Kept::empty), kind(Kept::part)}));
 }
 
-TEST(TomoReport, WhatInhibitorsGetAgainCounts) {
-  // rho 0.05 mJ/cm³ a second for 72 s is 3.6: with Dc 16.4 what has 20 gels at the end, and what has
-  // 36.4 when D t/T = Dc + rho t, after half of the time.
-  Printed p = row({20, 36.4F, 3.5F}, {255, 255, 0});
-  p.job.resin.inhibition_resupply_mj_cm3_s = 0.05;
-  EXPECT_EQ(gel_times(p, 1).time, (std::vector<std::uint8_t>{100, 50}));
-}
-
 TEST(TomoReport, CoarseCellsShowAWrongVoxelWhereThereIsOne) {
   Printed p = row({80, 80, 80, 80, 10, 80, 25, 0, 0}, {255, 255, 255, 255, 255, 255, 0, 0, 255});
   for (const int y : {17, 18}) {

@@ -204,7 +204,8 @@ TEST(TomographicResinFile, HeightAloneGivesTheAbsorption) {
 TEST(TomographicResinFile, KeysStandInCureOrAtTheTop) {
   const std::string keys =
       "absorption_per_cm = 0.8\nactive_absorption_per_cm = 0.4\nn = 1.49969\n"
-      "inhibition_dose_mj_cm3 = 3.5\ninhibition_resupply_mj_cm3_s = 0.02\n";
+      "inhibition_dose_mj_cm3 = 3.5\ninhibition_resupply_mj_cm3_s = 0.02\n"
+      "dose_diffusion_m2_s = 5e-12\n";
   const std::string dose = "gel_dose_mj_cm3 = 20\n";
   const Resin cure = parse_resin(resin_text(keys + dose), "r.toml");
   const Resin top = parse_resin(resin_text(dose, keys), "r.toml");
@@ -214,6 +215,9 @@ TEST(TomographicResinFile, KeysStandInCureOrAtTheTop) {
   EXPECT_EQ(index_of(cure), 1.49969);
   EXPECT_EQ(cure.inhibition_dose_mj_cm3, 3.5);
   EXPECT_EQ(cure.inhibition_resupply_mj_cm3_s, .02);
+  EXPECT_EQ(cure.dose_diffusion_m2_s, 5e-12);
+  // sqrt(2 D t): sqrt(2 * 5e-6 mm²/s * 1000 s).
+  EXPECT_DOUBLE_EQ(dose_spread_mm(cure, 1000), .1);
   EXPECT_DOUBLE_EQ(dose_to_gel_mj_cm3(cure), 23.5);
   EXPECT_THAT(refusal([&] { parse_resin(resin_text(dose + keys, "n = 1.5\n"), "r.toml"); }),
               HasSubstr("cure.n: is given here and at the top of the file; expected one of them"));
@@ -285,6 +289,12 @@ TEST(TomographicResinFile, Refused) {
               HasSubstr("cure.inhibition_dose_mj_cm3: is -1; expected a number of at least 0"));
   EXPECT_THAT(says(kHeight + "inhibition_resupply_mj_cm3_s = inf\n"),
               HasSubstr("cure.inhibition_resupply_mj_cm3_s: is inf"));
+  for (const char* wrong : {"-1e-12", "nan", "inf", "2e-6"}) {
+    EXPECT_THAT(says(kHeight + "dose_diffusion_m2_s = " + wrong + "\n"),
+                HasSubstr("expected a number of at least 0 and at most 1e-06"));
+  }
+  EXPECT_THAT(says(kHeight + "dose_diffusion_m2_s = \"slow\"\n"),
+              HasSubstr("cure.dose_diffusion_m2_s: expected a number"));
   // A resin of which nobody says it.
   EXPECT_THAT(refusal([] {
                 index_of(parse_resin(resin_text(kHeight + "gel_dose_mj_cm3 = 20\n"), "r.toml"));

@@ -392,6 +392,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.n = light.n;
   resin.inhibition_dose_mj_cm3 = light.inhibition_dose_mj_cm3;
   resin.inhibition_resupply_mj_cm3_s = light.inhibition_resupply_mj_cm3_s;
+  resin.dose_diffusion_m2_s = light.dose_diffusion_m2_s;
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   resolve_dose(cure, overrides.dc_mj_cm3, resin);

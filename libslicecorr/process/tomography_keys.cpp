@@ -194,6 +194,9 @@ LightKeys light_keys(const TomlTable& root, const TomlTable& cure) {
   keys.inhibition_resupply_mj_cm3_s = home("inhibition_resupply_mj_cm3_s")
                                           .number("inhibition_resupply_mj_cm3_s", 0, 1e9, true)
                                           .value_or(0);
+  keys.dose_diffusion_m2_s = home("dose_diffusion_m2_s")
+                                 .number("dose_diffusion_m2_s", 0, kMostDiffusion, true)
+                                 .value_or(0);
   return keys;
 }
 

@@ -264,4 +264,8 @@ double dose_to_gel_mj_cm3(const Resin& resin) {
   return resin.inhibition_dose_mj_cm3 + gel;
 }
 
+double dose_spread_mm(const Resin& resin, double seconds) {
+  return std::sqrt(2 * resin.dose_diffusion_m2_s * 1e6 * seconds);
+}
+
 }  // namespace slicecorr

@@ -17,7 +17,7 @@ namespace slicecorr::tomo::detail {
 
 namespace {
 
-constexpr std::array<char, 24> kMagic{"slicecorr tomo solve 1\n"};
+constexpr std::array<char, 24> kMagic{"slicecorr tomo solve 2\n"};
 
 struct CloseFile {
   void operator()(std::FILE* file) const { std::fclose(file); }
@@ -147,7 +147,7 @@ CheckpointFile::CheckpointFile(std::string path, double every_s, const Fingerpri
       every_(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(every_s))),
       not_before_(Clock::now() + every_) {}
 
-std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) const {
+std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) {
   if (path_.empty() || !std::filesystem::exists(path_)) return std::nullopt;
   const File file(std::fopen(path_.c_str(), "rb"));
   if (!file) throw InputError(path_, "", std::string("can't be read: ") + std::strerror(errno));
@@ -169,6 +169,8 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) const {
                                  "a solve that does not go on from it starts anew",
                                  other));
   }
+  std::vector<int> passes;
+  in.some(passes);
   SolverState state{{}, {}, {}, {}, 0, 0, Solution(grid)};
   scalars(state, in);
   in.some(state.of_slices);
@@ -190,6 +192,7 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) const {
   std::uint64_t written = 0;
   in.field(written);
   if (written != hash || !in.at_end()) in.damaged();
+  passes_ = std::move(passes);
   return state;
 }
 
@@ -205,6 +208,7 @@ void CheckpointFile::keep(const SolverPlace& place) {
   Writer out(file.get(), path_);
   out.field(kMagic);
   out.field(fingerprint_);
+  out.some(passes_);
   scalars(place, out);
   out.some(place.of_slices);
   out.some(place.missed);

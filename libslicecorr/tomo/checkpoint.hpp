@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/tomo/solve.hpp"
@@ -31,7 +32,11 @@ class CheckpointFile {
 
   /// Nothing when there is no file. Throws `InputError` for one that is damaged, or of another part,
   /// insert, printer, resin or options, naming which.
-  std::optional<SolverState> read(const TomoGrid& grid) const;
+  std::optional<SolverState> read(const TomoGrid& grid);
+  /// For how many turns dose spread, solve by solve up to the one that is kept; none where it does
+  /// not. What was read, or given.
+  const std::vector<int>& passes() const { return passes_; }
+  void of_passes(std::vector<int> turns) { passes_ = std::move(turns); }
   /// Writes the place under a temporary name and renames it, unless the last one is younger than
   /// `every_s`, or than 20 times what writing it took. Throws `DeviceError`.
   void keep(const SolverPlace& place);
@@ -40,6 +45,7 @@ class CheckpointFile {
   using Clock = std::chrono::steady_clock;
   std::string path_;
   Fingerprint fingerprint_;
+  std::vector<int> passes_;
   Clock::duration every_;
   Clock::time_point not_before_;
 };

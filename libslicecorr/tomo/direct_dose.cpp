@@ -9,9 +9,11 @@
 #include <utility>
 #include <vector>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/changing_resin.hpp"
 #include "tomo/ray_sources.hpp"
 
 namespace slicecorr::tomo {
@@ -250,12 +252,14 @@ class DirectSum {
     }
   }
 
-  /// Adds the dose of the print over alpha_a to every slice of a column of voxels.
+  /// Adds the dose of the print over alpha_a to every slice of a column of voxels: all of it, or with
+  /// `sum` of as many as frames and slices what comes while each frame of a turn is shown.
   void add(int column, int row_of_voxels, std::vector<double>& sum) const {
     if (sources_) {
       add_rays(column, row_of_voxels, sum);
       return;
     }
+    const bool by_frame = sum.size() > static_cast<std::size_t>(bench_.grid.slices);
     const TomoGrid& g = bench_.grid;
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
     std::vector<std::uint64_t> hidden(insert_.words());
@@ -277,8 +281,9 @@ class DirectSum {
         const double of_angle = share * (b ? wm : 1 - wm);
         if (of_angle == 0) continue;
         for (const Schedule::Part& part : schedule_.at(m0 + b)) {
-          add(part.angle, angle_near(m0 + b), i, of_angle * part.exposed_s,
-              shaded ? &hidden : nullptr, sum);
+          const int stage = angle_near(m0 + b);
+          add(part.angle, stage, i, of_angle * part.exposed_s, shaded ? &hidden : nullptr,
+              sum.data() + (by_frame ? frame_at(stage) * static_cast<std::size_t>(g.slices) : 0));
         }
       }
     }
@@ -305,17 +310,23 @@ class DirectSum {
     return mw_cm2 * bench_.places.share(stage, column, z);
   }
 
+  /// Where in a turn the frame of that angle is shown.
+  std::size_t frame_at(int stage) const {
+    return static_cast<std::size_t>(bench_.frame_of_angle(stage));
+  }
+
   /// Adds what the frame of one angle, or black, leaves while the stage stands at `stage`: light of
   /// a pixel that may lie between two columns, and in others from slice to slice.
   void add(int frame, int stage, double pixel, double weight,
-           const std::vector<std::uint64_t>* hidden, std::vector<double>& sum) const {
+           const std::vector<std::uint64_t>* hidden, double* sum) const {
     const TomoGrid& g = bench_.grid;
+    const auto slices = static_cast<std::size_t>(g.slices);
     const FramePlaces& places = bench_.places;
     const auto in_resin = [&](std::size_t z) {
       return !hidden || !((*hidden)[z / 64] >> (z % 64) & 1);
     };
     if (places.moved() || places.uneven()) {
-      for (std::size_t z = 0; z < sum.size(); ++z) {
+      for (std::size_t z = 0; z < slices; ++z) {
         if (!in_resin(z)) continue;
         const int slice = static_cast<int>(z);
         const double column = places.column_of(stage, pixel, slice);
@@ -334,7 +345,7 @@ class DirectSum {
       if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
       const double* const lit =
           frame == kBlackFrame ? black_.data() : &light_[row(frame, first + a)];
-      for (std::size_t z = 0; z < sum.size(); ++z) {
+      for (std::size_t z = 0; z < slices; ++z) {
         if (in_resin(z)) sum[z] += of_column * lit[z];
       }
     }
@@ -344,7 +355,9 @@ class DirectSum {
   void add_rays(int column, int row_of_voxels, std::vector<double>& sum) const {
     const TomoGrid& g = bench_.grid;
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
-    std::vector<RaySource> sources(sum.size());
+    const auto slices = static_cast<std::size_t>(g.slices);
+    const bool by_frame = sum.size() > slices;
+    std::vector<RaySource> sources(slices);
     const int cells = schedule_.cells();
     for (int k = 0; k < cells; ++k) {
       const double th = 2 * std::numbers::pi * k / cells;
@@ -352,7 +365,7 @@ class DirectSum {
                    u = -x * std::sin(th) + y * std::cos(th);
       for (int ray = 0; ray < sources_->rays(); ++ray) {
         sources_->along_z(ray, t, u, g.lowest_mm, g.slice_height_mm(), sources);
-        for (std::size_t z = 0; z < sum.size(); ++z) {
+        for (std::size_t z = 0; z < slices; ++z) {
           const RaySource& from = sources[z];
           if (!(from.share > 0)) continue;
           const double m = k - from.turn_rad / (2 * std::numbers::pi) * cells;
@@ -362,8 +375,10 @@ class DirectSum {
           if (opaque_.hides(column, row_of_voxels, static_cast<int>(z), th, from.slope)) continue;
           for (const int b : {0, 1}) {
             const double of_angle = from.share * (b ? wm : 1 - wm);
+            const int stage = angle_near(m0 + b);
+            double& to = sum[z + (by_frame ? frame_at(stage) * slices : 0)];
             for (const Schedule::Part& part : schedule_.at(m0 + b)) {
-              sum[z] += of_angle * part.exposed_s * light_at(part.angle, angle_near(m0 + b), from);
+              to += of_angle * part.exposed_s * light_at(part.angle, stage, from);
             }
           }
         }
@@ -422,7 +437,9 @@ class DirectSum {
   std::vector<double> light_, black_;
 };
 
-Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
+/// In resin that stays as it is, all the light of the print; else that of `turns` one by one, which
+/// bring the same light each.
+Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule, int turns,
                    const ExecutionContext& context) {
   const TomoGrid& grid = bench.grid;
   const DirectSum direct(job, bench, std::move(schedule), context);
@@ -431,9 +448,42 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
   dose.values.assign(static_cast<std::size_t>(grid.slices) * static_cast<std::size_t>(grid.voxels) *
                          static_cast<std::size_t>(grid.voxels),
                      0.0F);
+  const auto slices = static_cast<std::size_t>(grid.slices);
+  const bool comes_back = bench.resupply_mj_cm3_s > 0;
+  if (comes_back || job.resin.dose_diffusion_m2_s > 0) {
+    detail::check_spread(bench, job.resin, turns);
+    detail::TurnDose turn{std::move(dose), {}, {}, {}};
+    if (comes_back) turn.lowest = turn.highest = turn.rise = turn.gain;
+    const auto frames = comes_back ? static_cast<std::size_t>(grid.angles) : std::size_t{1};
+    const double share = per_unit / turns;
+    const double back =
+        bench.resupply_mj_cm3_s * bench.exposure.turn_s / static_cast<double>(frames);
+    parallel_for(context, "judge", static_cast<std::size_t>(grid.voxels), [&](std::size_t row) {
+      const int y = static_cast<int>(row);
+      std::vector<double> sum(frames * slices);
+      std::vector<detail::TurnOfVoxel> voxels(slices);
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        std::fill(sum.begin(), sum.end(), 0.0);
+        direct.add(x, y, sum);
+        std::fill(voxels.begin(), voxels.end(), detail::TurnOfVoxel{});
+        for (std::size_t k = 0; k < sum.size(); ++k) voxels[k % slices].add(share * sum[k], back);
+        for (std::size_t z = 0; z < slices; ++z) {
+          const detail::TurnOfVoxel& voxel = voxels[z];
+          const std::size_t v = turn.gain.at(static_cast<int>(z), y, x);
+          turn.gain.values[v] = static_cast<float>(voxel.gain);
+          if (!comes_back) continue;
+          turn.lowest.values[v] = static_cast<float>(voxel.lowest);
+          turn.highest.values[v] = static_cast<float>(voxel.highest);
+          turn.rise.values[v] = static_cast<float>(voxel.rise);
+        }
+      }
+    });
+    return detail::effective_dose(bench, job.resin, job.insert, turns, turn,
+                                  slicecorr::detail::silent(context));
+  }
   parallel_for(context, "judge", static_cast<std::size_t>(grid.voxels), [&](std::size_t row) {
     const int y = static_cast<int>(row);
-    std::vector<double> sum(static_cast<std::size_t>(grid.slices));
+    std::vector<double> sum(slices);
     const TomoGrid::Range range = grid.inside(y);
     for (int x = range.first; x < range.end; ++x) {
       std::fill(sum.begin(), sum.end(), 0.0);
@@ -451,13 +501,16 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
 
 Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  return dose_of(job, bench, planned(job, bench), context);
+  return dose_of(job, bench, planned(job, bench), job.turns, context);
 }
 
 Box<float> dose_of(const TomoJob& job, std::span<const Showing> shown,
                    const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  return dose_of(job, bench, scheduled(shown, bench), context);
+  double lit_s = 0;
+  for (const Showing& s : shown) lit_s += s.frame == kBlackFrame ? 0 : s.exposed_s;
+  const double turns = std::clamp(std::round(lit_s / bench.exposure.turn_s), 1.0, 1e9);
+  return dose_of(job, bench, scheduled(shown, bench), static_cast<int>(turns), context);
 }
 
 }  // namespace slicecorr::tomo

@@ -17,8 +17,10 @@
 #include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
 #include "stack/formats/definition_json.hpp"
+#include "tomo/changing_resin.hpp"
 #include "tomo/checkpoint.hpp"
 #include "tomo/nodes.hpp"
+#include "tomo/spread_projector.hpp"
 #include "tomo/told_projector.hpp"
 #include "tomo/voxels.hpp"
 
@@ -129,12 +131,13 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   PrintFigures f;
   f.turns = job.turns;
   f.print_time_s = job.turns * bench.exposure.turn_s;
-  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * f.print_time_s;
+  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3;
   f.metrics = measure(target, field);
   f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
   f.efficiency = efficiency(shown_light(bench, job.levels));
   f.alpha_r = bench.alpha_r;
-  f.floor_mj_cm3 = floor_of_turn_mj_cm3 * job.turns;
+  f.floor_mj_cm3 =
+      std::max(0.0, floor_of_turn_mj_cm3 * job.turns - bench.resupply_mj_cm3_s * f.print_time_s);
   return f;
 }
 
@@ -191,19 +194,107 @@ struct Turns {
   int count = 0;
   double dose_mj_cm3 = 0;
 };
-Turns turns_for(const Bench& bench, double turn_mj_cm3) {
-  const double back = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+/// `weakest` gets `turn_mj_cm3` in a turn.
+Turns turns_for(const Bench& bench, double turn_mj_cm3, const std::string& weakest) {
+  const double turn_s = bench.exposure.turn_s;
+  const double back = bench.resupply_mj_cm3_s * turn_s;
   if (!(turn_mj_cm3 > back)) {
     throw InfeasibleError(fmt::format(
-        "inhibitor comes back as fast as light takes it: {:.4g} mJ/cm³ in a turn, of which the "
-        "weakest voxel of the part gets {:.4g}; expected more light, or a slower turn",
-        back, turn_mj_cm3));
+        "inhibitor comes back as fast as light takes it: {:.4g} mJ/cm³ a second, and {} gets {:.4g} "
+        "of the brightest light; expected more light",
+        bench.resupply_mj_cm3_s, weakest, turn_mj_cm3 / turn_s));
   }
   const double turns =
       std::ceil(bench.exposure.critical_mj_cm3 / (turn_mj_cm3 - back) * (1 - 1e-9));
   if (!(turns < 1e9)) throw InfeasibleError("the part gets too little light to gel in any time");
   const int count = std::max(1, static_cast<int>(turns));
   return {count, bench.exposure.critical_mj_cm3 + back * count};
+}
+
+/// The part's voxel with the least dose, for people.
+std::string weakest_voxel(const Target& target, const Field& dose) {
+  const TomoGrid& grid = target.grid;
+  float least = std::numeric_limits<float>::infinity();
+  std::array<int, 3> at{};
+  for (int z = 0; z < grid.slices; ++z) {
+    for (int y = 0; y < grid.voxels; ++y) {
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        const std::size_t v = grid.voxel(x, y, z);
+        if (target.kinds[v] != Kind::kGel || dose.values[v] >= least) continue;
+        least = dose.values[v];
+        at = {x, y, z};
+      }
+    }
+  }
+  return fmt::format("the part's voxel {}, {} in slice {}", at[0], at[1], at[2]);
+}
+
+/// What the solver sees: the part, and how light gives it dose.
+struct Asked {
+  Target target;
+  std::shared_ptr<const Projector> projector;
+  RayTables rays;
+};
+
+/// Solves are repeated until the dose has spread for as many turns as the light needs, to this share
+/// of them; so often at most.
+constexpr double kSameTurns = 0.1;
+constexpr int kMostPasses = 3;
+
+/// The bound of effective doses, of one of light: void gets at least 1 / `of_light` of what the part
+/// does, of which inhibitors take as much as there. What a voxel has while a turn lasts may be more
+/// than averages say, by what comes back in that turn.
+double bound_of_print(double of_light, const Bench& bench, const PrintFigures& figures) {
+  const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+  const double in_turn = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  const double part = figures.metrics.min_gel;
+  const double empty = (part - in_turn + back) / of_light - back;
+  return empty > 0 ? part / empty : std::numeric_limits<double>::infinity();
+}
+
+/// About how many turns light for a part takes: that of filtered back projection, for the mean dose
+/// of the part.
+int likely_turns(const Asked& asked, const Bench& bench, Window window, int most_turns,
+                 const ExecutionContext& context) {
+  const Light light = filtered_start(context, asked.target, asked.rays, window);
+  const Field dose = adjoint(*asked.projector, context, light);
+  double sum = 0;
+  for (std::size_t i = 0; i < asked.target.kinds.size(); ++i) {
+    if (asked.target.kinds[i] == Kind::kGel) sum += dose.values[i];
+  }
+  const double turn = sum / static_cast<double>(asked.target.gel) * bench.mw_cm2.back() *
+                          dose_of_turn(bench.grid, bench.exposure) -
+                      bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  const double most = most_turns > 0 ? most_turns : 1e6;
+  const double turns = turn > 0 ? std::ceil(bench.exposure.critical_mj_cm3 / turn) : most;
+  return static_cast<int>(std::clamp(turns, 1.0, most));
+}
+
+/// The same where dose spreads for so many turns.
+Asked spread_for_turns(const Asked& asked, const Bench& bench, const Resin& resin,
+                       const Box<std::uint8_t>& insert, int turns) {
+  if (detail::spread_mm(bench, resin, turns) > bench.radius_mm) {
+    throw InfeasibleError(fmt::format(
+        "the part needs {} turns of {:g} s, in which its dose spreads by {:.3g} mm, and the resin "
+        "has a radius of {:g} mm; expected more light",
+        turns, bench.exposure.turn_s, detail::spread_mm(bench, resin, turns), bench.radius_mm));
+  }
+  const TomoGrid& grid = asked.target.grid;
+  auto spread =
+      std::make_shared<detail::DoseSpread>(grid, insert, detail::spread_mm(bench, resin, turns));
+  const double kappa = detail::kappa_of_turn(bench, resin);
+  detail::SpreadSeries series =
+      spread->series([&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
+  Asked with{detail::spread_target(asked.target),
+             detail::make_spread_projector(asked.projector, std::move(spread), std::move(series)),
+             asked.rays};
+  if (with.target.grid.coupled() && !grid.coupled()) {
+    for (int z = 0; z < grid.slices; ++z) {
+      with.rays.row_mm.push_back(with.target.grid.lowest_mm +
+                                 z * with.target.grid.slice_height_mm());
+    }
+  }
+  return with;
 }
 
 Evidence evidence_of(const Solution& solution, const Target& target, const Box<std::uint8_t>& part,
@@ -257,17 +348,14 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   const Scene scene = scene_of(bench, part, options.insert);
   const Target& target = scene.target;
-  // What the solver sees.
   std::shared_ptr<const detail::Nodes> nodes;
-  Target asked = target;
-  std::shared_ptr<const Projector> asking = scene.projector;
+  Asked flat{target, scene.projector, bench.rays};
   if (auto found = detail::nodes_of(printer, resin, bench)) {
     nodes = std::make_shared<const detail::Nodes>(*std::move(found));
-    asked.grid = nodes->grid;
-    asking = detail::make_node_projector(nodes, scene.projector);
+    flat.target.grid = nodes->grid;
+    flat.projector = detail::make_node_projector(nodes, scene.projector);
+    flat.rays = nodes->rays;
   }
-  const detail::ToldProjector projector(*asking, context,
-                                        detail::expected_calls(options.solve, bench.grid.blocks()));
   // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
   const int wanted = resolving_angles(place.part_radius_mm, voxel_mm);
@@ -295,8 +383,21 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   }
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
                               fingerprint_of(part, options.insert, job, how));
-  const std::optional<SolverState> state =
-      options.resume ? file.read(asked.grid) : std::optional<SolverState>{};
+  const double per_unit = dose_of_turn(bench.grid, bench.exposure);
+  const auto light_of = [&](const Solution& found) {
+    const Light light = detail::light_of_slices(found.light, flat.target.grid);
+    return asked_light(bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, light) : light);
+  };
+  // The light as bright as the projector can show it gives the number of turns; then as bright as
+  // they need.
+  const auto turns_of = [&](const Solution& found, const Asked& asked, double brightest) {
+    return turns_for(bench, per_unit * brightest, weakest_voxel(asked.target, found.dose));
+  };
+  const bool spreads = resin.dose_diffusion_m2_s > 0;
+  std::optional<SolverState> state;
+  if (options.resume) {
+    state = file.read(spreads ? detail::spread_grid(flat.target.grid) : flat.target.grid);
+  }
   if (state) {
     context.tell(
         fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
@@ -309,35 +410,71 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
       context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
     }
   };
-  Solution solution = solve(quiet, projector, asked, nodes ? nodes->rays : bench.rays, how);
-  context.report("solving", 1);
-  if (solution.contrast_bound < 1) {
-    if (options.evidence) options.evidence(evidence_of(solution, asked, part, options, voxel_mm));
-    throw InfeasibleError(fmt::format(
-        "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
-        "axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; expected "
-        "less absorption (alpha R is {:.3g}), or a part with more room",
-        solution.bound_slice, (solution.bound_slice - 0.5 * (part.nz - 1)) * voxel_mm,
-        solution.contrast_bound, bench.alpha_r));
+  // How far dose spreads depends on the number of turns, and that on the light.
+  std::vector<int> passes = file.passes();
+  if (spreads && passes.empty()) {
+    passes.push_back(likely_turns(flat, bench, how.window, most_turns, quiet));
   }
-
-  // The light as bright as the projector can show it gives the number of turns; then as bright as
-  // they need.
-  const Light light =
-      asked_light(bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, solution.light)
-                               : std::move(solution.light));
-  const auto& values = light.values;
-  const double largest = *std::max_element(values.begin(), values.end());
-  const double per_unit = dose_of_turn(bench.grid, bench.exposure);
-  const double brightest = bench.mw_cm2.back() / largest;
-  const Turns turns = turns_for(bench, per_unit * brightest);
+  Asked asked = flat;
+  std::optional<Solution> found;
+  Light start(flat.target.grid), light(bench.grid);
+  double brightest = 0;
+  Turns turns;
+  for (;;) {
+    ExecutionContext told = context;
+    if (spreads) {
+      const double done_before = static_cast<double>(passes.size() - 1);
+      asked = spread_for_turns(flat, bench, resin, options.insert, passes.back());
+      file.of_passes(passes);
+      context.tell(fmt::format("light for dose that spreads by {:.3g} um in {} turns",
+                               1e3 * detail::spread_mm(bench, resin, passes.back()),
+                               passes.back()));
+      told.progress = [&context, done_before](std::string_view stage, double done) {
+        context.report(stage, (done_before + done) / kMostPasses);
+      };
+    }
+    const detail::ToldProjector projector(*asked.projector, told,
+                                          detail::expected_calls(how, asked.target.grid.blocks()));
+    found = solve(quiet, projector, asked.target, asked.rays, how);
+    if (found->contrast_bound < 1) {
+      if (options.evidence) {
+        options.evidence(evidence_of(*found, asked.target, part, options, voxel_mm));
+      }
+      throw InfeasibleError(fmt::format(
+          "no light prints this part{}: where it is hardest, in slice {} ({:.3f} mm above the "
+          "optical axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; "
+          "expected less absorption (alpha R is {:.3g}), or a part with more room",
+          spreads ? fmt::format(", of which the dose spreads by {:.3g} um in {} turns",
+                                1e3 * detail::spread_mm(bench, resin, passes.back()), passes.back())
+                  : std::string(),
+          found->bound_slice, (found->bound_slice - 0.5 * (part.nz - 1)) * voxel_mm,
+          found->contrast_bound, bench.alpha_r));
+    }
+    light = light_of(*found);
+    brightest = bench.mw_cm2.back() / *std::max_element(light.values.begin(), light.values.end());
+    turns = turns_of(*found, asked, brightest);
+    if (!spreads) break;
+    const int counted = passes.back();
+    if (std::abs(turns.count - counted) <= kSameTurns * counted) break;
+    if (passes.size() == kMostPasses) {
+      context.tell(
+          fmt::format("the light needs {} turns, and was found for {}", turns.count, counted));
+      break;
+    }
+    passes.push_back(most_turns > 0 ? std::min(turns.count, most_turns) : turns.count);
+    start = std::move(found->light);
+    how.start = &start;
+    how.resume = nullptr;
+  }
+  context.report("solving", 1);
+  Solution& solution = *found;
   job.turns = turns.count;
   Exposure exposure = bench.exposure;
   exposure.critical_mj_cm3 = turns.dose_mj_cm3;
   exposure.most_time_s = options.most_time_s;
   Field full = std::move(solution.dose);
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, *asking, asked, full, exposure);
+  const PrintTime time = plan_time(quiet, *asked.projector, asked.target, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
   // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
@@ -369,7 +506,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   }
   for (int round = 0; round < rounds; ++round) {
     show(carry);
-    const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
+    // What comes back takes its share of the light first.
+    const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+    const double short_by = (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
     // More than enough, where the operators see less than the sum, costs turns: taken back once.
     if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
     scale *= short_by + 1e-4;
@@ -384,11 +523,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   context.report("judging", 1);
 
   job.history = std::move(solution.history);
-  job.contrast_bound = solution.contrast_bound;
+  job.contrast_bound = bound_of_print(solution.contrast_bound, bench, figures);
   Print print;
   print.job = std::move(job);
   print.figures = figures;
-  print.figures.contrast_bound = solution.contrast_bound;
+  print.figures.contrast_bound = print.job.contrast_bound;
   return print;
 }
 

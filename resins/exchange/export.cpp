@@ -41,6 +41,7 @@ std::string to_json(const ResinRecord& r) {
   if (r.resin.inhibition_resupply_mj_cm3_s > 0) {
     j["inhibition_resupply_mj_cm3_s"] = r.resin.inhibition_resupply_mj_cm3_s;
   }
+  if (r.resin.dose_diffusion_m2_s > 0) j["dose_diffusion_m2_s"] = r.resin.dose_diffusion_m2_s;
   const auto dose = [&](double areal, double volumetric, double prime, double prime_volumetric) {
     ordered_json d;
     if (areal > 0) d["mj_cm2"] = areal;
@@ -105,6 +106,7 @@ std::string to_csv(const ResinRecord& r) {
   number("n", r.resin.n);
   number("inhibition_dose_mj_cm3", r.resin.inhibition_dose_mj_cm3);
   number("inhibition_resupply_mj_cm3_s", r.resin.inhibition_resupply_mj_cm3_s);
+  number("dose_diffusion_m2_s", r.resin.dose_diffusion_m2_s);
   number("beta", f.beta);
   number("huv_um", f.huv_e_um);
   const auto& inhibition = r.resin.inhibition;

@@ -209,6 +209,11 @@ std::string describe_resin(const ResinRecord& r) {
     out += line("inhibition resupply",
                 fmt::format("{:.4g} mJ/cm³ a second", r.resin.inhibition_resupply_mj_cm3_s));
   }
+  if (r.resin.dose_diffusion_m2_s > 0) {
+    out += line("diffusion of dose",
+                fmt::format("{:.4g} m²/s: {:.3g} um along each axis in a minute (tomographic)",
+                            r.resin.dose_diffusion_m2_s, 1e3 * dose_spread_mm(r.resin, 60)));
+  }
   if (gel_is_known(r)) out += dose_line("gel dose", f, m, false);
   out += dose_line("dose aimed at", f, m, true);
   if (gel_is_known(r)) out += line("dose factor", fmt::format("{:.4g}", f.dose_factor));

@@ -175,8 +175,14 @@ struct Resin {
   /// It counts in tomographic printing, as does what is resupplied of it, mJ/cm³/s.
   double inhibition_dose_mj_cm3 = 0;
   double inhibition_resupply_mj_cm3_s = 0;
+  /// Diffusion of the dose that resin has taken, m²/s; 0: it stays where it is. It counts in
+  /// tomographic printing.
+  double dose_diffusion_m2_s = 0;
   bool operator==(const Resin&) const = default;
 };
+
+/// Most that `dose_diffusion_m2_s` may be: a thousand times what small molecules do in water.
+inline constexpr double kMostDiffusion = 1e-6;
 
 /// Absorption of the curing light, base e, 1/cm: that of its absorbance height.
 double absorption_per_cm(const Resin& resin);

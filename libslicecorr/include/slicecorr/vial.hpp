@@ -121,4 +121,7 @@ double curing_absorption_per_mm(const Resin& resin);
 /// Throws `InputError` for m other than 1, where doses in mJ/cm³ say nothing.
 double dose_to_gel_mj_cm3(const Resin& resin);
 
+/// Standard deviation along each axis, mm, of dose that was in one place so many seconds ago.
+double dose_spread_mm(const Resin& resin, double seconds);
+
 }  // namespace slicecorr

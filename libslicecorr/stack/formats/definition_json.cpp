@@ -156,6 +156,7 @@ Json resin_json(const Resin& r) {
   given("n", r.n);
   given("inhibition_dose_mj_cm3", r.inhibition_dose_mj_cm3);
   given("inhibition_resupply_mj_cm3_s", r.inhibition_resupply_mj_cm3_s);
+  given("dose_diffusion_m2_s", r.dose_diffusion_m2_s);
   if (r.inhibition) {
     json["inhibition"] = {{"beta", r.inhibition->beta},
                           {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
@@ -225,6 +226,7 @@ Resin read_resin(const Node& node) {
   r.n = given("n", 1, 3);
   r.inhibition_dose_mj_cm3 = given("inhibition_dose_mj_cm3", 0, kLargest);
   r.inhibition_resupply_mj_cm3_s = given("inhibition_resupply_mj_cm3_s", 0, kLargest);
+  r.dose_diffusion_m2_s = given("dose_diffusion_m2_s", 0, kMostDiffusion);
   if (node.has("inhibition")) {
     const Node i = node["inhibition"];
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),

@@ -472,9 +472,6 @@ std::vector<SliceContrast> contrast_of_slices(const Printed& p) {
 GelTimes gel_times(const Printed& p, int every) {
   const Box<std::uint8_t>& part = p.job.part;
   const double gel = p.figures.gel_dose_mj_cm3;
-  // Dc + rho t = D t / T: what comes back in the whole print is in the gel dose already.
-  const double back = make_bench(p.job.printer, p.job.resin, p.job.sampling).resupply_mj_cm3_s *
-                      p.figures.print_time_s;
   const auto kept = [&](std::size_t k, int x, int y) {
     if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) return Kept::insert;
     if (!in_resin(part, x, y)) return Kept::neither;
@@ -482,8 +479,8 @@ GelTimes gel_times(const Printed& p, int every) {
   };
   const auto time_of = [&](std::size_t k) {
     const double d = p.dose.values[k];
-    if (!(d > back)) return 0;
-    const double hundredths = std::ceil(100 * (gel - back) / (d - back));
+    if (!(d > 0)) return 0;
+    const double hundredths = std::ceil(100 * gel / d);
     // What gels within the print says so, whatever was rounded.
     if (d >= gel) return static_cast<int>(std::clamp(hundredths, 1.0, 100.0));
     return hundredths > kLatest ? 0 : static_cast<int>(std::max(101.0, hundredths));

@@ -43,7 +43,7 @@ Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer
 /// Greatest distance of a covered voxel from the axis, mm.
 double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm);
 
-/// What a job prints; doses are those of the whole print.
+/// What a job prints; doses are effective ones of the whole print (`dose_of`).
 struct PrintFigures {
   Metrics metrics;
   double jaccard_at_dose = 0;  ///< of what reaches the gel dose
@@ -51,9 +51,9 @@ struct PrintFigures {
   int turns = 0;
   double print_time_s = 0;
   double alpha_r = 0;
-  double gel_dose_mj_cm3 = 0;  ///< that gels, with what inhibitors take and get again in that time
+  double gel_dose_mj_cm3 = 0;  ///< that gels, with what inhibitors take before
   double floor_mj_cm3 = 0;     ///< most that black light alone leaves anywhere
-  /// No light whatever has a higher contrast; infinite when nothing was proven.
+  /// No light whatever has a higher contrast in that time; infinite when nothing was proven.
   double contrast_bound = std::numeric_limits<double>::infinity();
   /// All of the part gels before any void does.
   bool feasible() const { return metrics.contrast >= 1 && metrics.min_gel >= gel_dose_mj_cm3; }
@@ -106,8 +106,10 @@ Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 
 /// Throws as `check_print`, `InputError` for a checkpoint that is damaged or of another solve;
 /// `InfeasibleError` when the bound of contrast is below 1, when a voxel of the part is lit from no
-/// angle, when black light gels resin, when inhibitor comes back faster than light takes it, and
-/// when it takes longer than allowed. Progress is of two stages, "solving" and "judging".
+/// angle, when black light gels resin, when inhibitor comes back faster than light takes it, when
+/// dose spreads farther than the resin is wide, and when it takes longer than allowed. Where dose
+/// spreads in the resin, light is found up to three times, each for as many turns as the one before
+/// needs. Progress is of two stages, "solving" and "judging".
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options = {},
                   const ExecutionContext& context = {});
@@ -116,6 +118,10 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 /// double precision that shares nothing with the solver's operators: [z][y][x], 0 outside of the
 /// resin and in inserts. Behind an insert a voxel is dark when the line from its middle against the
 /// light meets an opaque voxel's square.
+/// In resin that changes they are effective doses: where inhibitor comes back, what light has brought
+/// less what came back, never below 0, at most while the last turn lasted; and after they have spread
+/// in the resin (`Resin::dose_diffusion_m2_s`). Throws `InputError` where they spread farther than
+/// the resin is wide.
 Box<float> dose_of(const TomoJob& job, const ExecutionContext& context = {});
 /// Figures of these doses, against the job's part or another on its grid.
 PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,

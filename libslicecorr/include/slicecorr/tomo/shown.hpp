@@ -44,7 +44,9 @@ Shown read_shown(const std::string& path, int angles);
 
 /// The doses that were really left, mJ/cm³: as `dose_of` a job, with each frame at the angles and
 /// for the time that it was shown. Angles count in fifths of the job's own steps, so that a frame
-/// that was shown at its own angle, for its share of each turn, gives the dose of the job.
+/// that was shown at its own angle, for its share of each turn, gives the dose of the job. In resin
+/// that changes it counts as so many turns of the job's as frames were lit for, with the mean of their
+/// light each.
 Box<float> dose_of(const TomoJob& job, std::span<const Showing> shown,
                    const ExecutionContext& context = {});
 

@@ -160,7 +160,7 @@ TEST(CAbiTomo, WrongArraysAreRefusedByName) {
        "volume has the shape (19, 31, 31); expected (20, 31, 31): slices, voxels along y, voxels "
        "along x");
   told(volume, with(light, [](auto& a) { a.shape[2] = 30; }), SLICECORR_BAD_INPUT,
-       "light has the shape (20, 36, 30); expected (20, 36, 31): slices, angles, pixels");
+       "light has the shape (20, 36, 30); expected (20, 36, 31): rows, angles, pixels");
   told(with(volume, [](auto& a) { a.shape[1] = 0; }), light, SLICECORR_BAD_INPUT,
        "volume has 20 x 0 x 31 numbers");
   // The first in the corner, where no light comes.

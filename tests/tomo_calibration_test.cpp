@@ -94,11 +94,10 @@ TEST(TomoPlaces, FramesAreTurnedAndMovedWithTheAxis) {
         EXPECT_NEAR(b.places.column_of(m, i, z), column, 1e-9);
         EXPECT_NEAR(b.places.pixel_of(m, column, z), i, 1e-9);
         // Rows go by whole rows: 2 of 2.4.
-        const int row = static_cast<int>(std::lround(at.row - 2));
-        EXPECT_EQ(
-            b.places.lit_by(m, b.window.first_column + static_cast<int>(std::lround(column)), row)
-                .row,
-            z);
+        const int row = static_cast<int>(std::lround(at.row - 2)),
+                  near = static_cast<int>(std::lround(column));
+        if (near < 0 || near >= b.grid.pixels) continue;
+        EXPECT_EQ(b.places.lit_by(m, b.window.first_column + near, row).row, z);
       }
     }
   }

@@ -244,10 +244,6 @@ TEST(TomoBench, WhatCanNotBeIsRefused) {
   Printer p = bench_printer();
   p.vial.reset();
   EXPECT_THAT(refused(p, bench_resin(), good), HasSubstr("vial"));
-  p = bench_printer();
-  p.optics->kind = OpticsKind::pinhole;
-  p.optics->distance_mm = 100;
-  EXPECT_THAT(refused(p, bench_resin(), good), HasSubstr("expected telecentric"));
   Resin r = bench_resin();
   r.n = 0;
   EXPECT_THAT(refused(bench_printer(), r, good), HasSubstr("n"));

@@ -28,6 +28,8 @@ const BenchProperty kBenchProperties[] = {
     {"voxels", "voxels along x and along y",
      [](const BenchFacts& b) { return double(b.grid.voxels); }},
     {"slices", "slices along z", [](const BenchFacts& b) { return double(b.grid.slices); }},
+    {"rows", "rows of light: the slices, or where these share light those of the image",
+     [](const BenchFacts& b) { return double(b.grid.light_rows()); }},
     {"angles", "frames of a turn", [](const BenchFacts& b) { return double(b.grid.angles); }},
     {"pixels", "pixels along t", [](const BenchFacts& b) { return double(b.grid.pixels); }},
     {"radius_mm", "distance of the outermost voxels from the axis",
@@ -61,12 +63,15 @@ const BenchProperty kBenchProperties[] = {
 
 /// The projector, whose light the insert ends.
 void complete(slicecorr_tomo_bench& bench, const slicecorr_array* insert) {
-  std::shared_ptr<const tomo::Shadow> shadow;
-  if (insert) {
-    const ArrayView view(insert, "insert", Elements::bytes, false);
-    shadow = std::make_shared<tomo::Shadow>(tomo::cast_shadow(volume_of(bench.grid, view)));
+  std::optional<tomo::Volume> opaque;
+  if (insert) opaque = volume_of(bench.grid, ArrayView(insert, "insert", Elements::bytes, false));
+  if (bench.printed) {
+    bench.projector = tomo::make_projector(*bench.printed, opaque ? &*opaque : nullptr);
+    return;
   }
-  bench.projector = tomo::make_projector(bench.grid, bench.rays, shadow);
+  bench.projector = tomo::make_projector(
+      bench.grid, bench.rays,
+      opaque ? std::make_shared<tomo::Shadow>(tomo::cast_shadow(*opaque)) : nullptr);
 }
 
 std::unique_ptr<slicecorr_tomo_bench> bench_of_numbers(const slicecorr_tomo_grid& given) {
@@ -114,6 +119,11 @@ struct Block {
   const ExecutionContext& context;
 };
 
+/// Rows of its light.
+int rows_of(const TomoGrid& grid, const Block& block) {
+  return grid.coupled() ? grid.rows : block.slices;
+}
+
 /// Runs an operator on each block.
 template <class Operator>
 void run_blocks(const slicecorr_tomo_bench& bench, slicecorr_job* job, const char* stage,
@@ -160,8 +170,16 @@ ArrayView::Shape volume_shape(const TomoGrid& grid) {
 }
 
 ArrayView::Shape light_shape(const TomoGrid& grid) {
-  return {static_cast<std::size_t>(grid.slices), static_cast<std::size_t>(grid.angles),
+  return {static_cast<std::size_t>(grid.light_rows()), static_cast<std::size_t>(grid.angles),
           static_cast<std::size_t>(grid.pixels)};
+}
+
+void write_light(const tomo::Light& light, const ArrayView& to) {
+  const TomoGrid& grid = light.grid;
+  for (std::size_t b = 0; b < grid.blocks(); ++b) {
+    to.write(b * static_cast<std::size_t>(grid.lanes()),
+             grid.coupled() ? grid.rows : grid.lanes_used(b), grid.light_lanes(), light.block(b));
+  }
 }
 
 std::optional<double> bench_number(const BenchFacts& facts, std::string_view name) {
@@ -249,7 +267,7 @@ slicecorr_status slicecorr_tomo_forward(const slicecorr_tomo_bench* bench,
       float *const field = block.memory.field(), *const lines = block.memory.light();
       from.read(block.first_slice, block.slices, b.grid.lanes(), field);
       b.projector->forward(block.number, field, lines, block.context);
-      to.write(block.first_slice, block.slices, b.grid.lanes(), lines);
+      to.write(block.first_slice, rows_of(b.grid, block), b.grid.light_lanes(), lines);
     });
   });
 }
@@ -265,7 +283,7 @@ slicecorr_status slicecorr_tomo_adjoint(const slicecorr_tomo_bench* bench,
     to.need_shape(volume_shape(b.grid), kVolumeAxes);
     run_blocks(b, job, "add up", [&](const auto& block) {
       float *const field = block.memory.field(), *const lines = block.memory.light();
-      from.read(block.first_slice, block.slices, b.grid.lanes(), lines);
+      from.read(block.first_slice, rows_of(b.grid, block), b.grid.light_lanes(), lines);
       b.projector->adjoint(block.number, lines, field, block.context);
       to.write(block.first_slice, block.slices, b.grid.lanes(), field);
     });
@@ -286,10 +304,7 @@ slicecorr_status slicecorr_tomo_filtered_start(const slicecorr_tomo_bench* bench
     const slicecorr::tomo::Target target(volume_of(b.grid, from));
     const slicecorr::tomo::Light start =
         slicecorr::tomo::filtered_start(context, target, b.rays, filter);
-    for (std::size_t n = 0; n < b.grid.blocks(); ++n) {
-      to.write(n * static_cast<std::size_t>(b.grid.lanes()), b.grid.lanes_used(n), b.grid.lanes(),
-               start.block(n));
-    }
+    write_light(start, to);
     context.check_cancelled();
   });
 }

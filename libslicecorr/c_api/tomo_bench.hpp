@@ -48,7 +48,7 @@ struct slicecorr_tomo_bench {
   slicecorr::tomo::TomoGrid grid;
   slicecorr::tomo::RayTables rays;
   std::optional<slicecorr::tomo::Bench> printed;  ///< nothing: made of plain numbers
-  std::unique_ptr<slicecorr::tomo::Projector> projector;
+  std::shared_ptr<const slicecorr::tomo::Projector> projector;
   mutable slicecorr::c_api::BlockMemory memory;
 };
 
@@ -62,9 +62,11 @@ namespace slicecorr::c_api {
 using tomo::TomoGrid;
 
 inline constexpr const char* kVolumeAxes = "slices, voxels along y, voxels along x";
-inline constexpr const char* kLightAxes = "slices, angles, pixels";
+inline constexpr const char* kLightAxes = "rows, angles, pixels";
 ArrayView::Shape volume_shape(const TomoGrid& grid);
 ArrayView::Shape light_shape(const TomoGrid& grid);
+/// Writes numbers of a bench's light, block by block.
+void write_light(const tomo::Light& light, const ArrayView& to);
 
 /// What properties of benches, and of jobs on them, are made of.
 struct BenchFacts {

@@ -75,15 +75,6 @@ tomo::PrintOptions options_of(const Choices& choices) {
   return options;
 }
 
-/// Writes numbers of the bench's light, block by block.
-void write_light(const tomo::Light& light, const ArrayView& to) {
-  const TomoGrid& grid = light.grid;
-  for (std::size_t b = 0; b < grid.blocks(); ++b) {
-    to.write(b * static_cast<std::size_t>(grid.lanes()), grid.lanes_used(b), grid.lanes(),
-             light.block(b));
-  }
-}
-
 }  // namespace
 
 Names tomo_property_names() {

@@ -100,12 +100,16 @@ GreyImage read_image(const Container& archive, const Container::Entry& entry,
 
 /// Slices that cover all rows that are lit: as many as the part's and pairs of others, so that it
 /// stays middled.
-int slices_for(const std::vector<bool>& lit, const Printer& printer, double voxel_mm,
-               int part_slices) {
+int slices_for(const std::vector<bool>& lit, const Printer& printer, const Resin& resin,
+               double voxel_mm, int part_slices) {
+  // Rays that spread light more than their own height.
+  const bool shared = slices_share_light(printer);
+  if (shared && part_slices > 0) return part_slices;
   double reach = 0;
   for (std::size_t row = 0; row < lit.size(); ++row) {
     if (lit[row]) reach = std::max(reach, std::abs(pixel_z_mm(printer, static_cast<int>(row))));
   }
+  if (shared) reach *= height_on_axis(printer, index_of(resin));
   const double most = 2 * static_cast<double>(lit.size()) + part_slices;
   int slices = part_slices;
   if (slices == 0) {
@@ -163,7 +167,7 @@ TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, con
   job.sampling.voxel_mm = voxel_mm > 0 ? voxel_mm : printer.pixel_y_um * 1e-3;
   job.sampling.angles = angles;
   job.sampling.every_pixel = slices_share_light(job.printer);
-  job.sampling.slices = slices_for(lit, printer, job.sampling.voxel_mm, part.nz);
+  job.sampling.slices = slices_for(lit, printer, resin, job.sampling.voxel_mm, part.nz);
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const TomoGrid& grid = bench.grid;
   const auto slice_size =

@@ -114,6 +114,11 @@ class _Properties:
         return int(self._number("slices"))
 
     @functools.cached_property
+    def rows(self) -> int:
+        """Rows of light: the slices; where slices share light, those of the image."""
+        return int(self._number("rows"))
+
+    @functools.cached_property
     def angles(self) -> int:
         """Frames of a turn."""
         return int(self._number("angles"))
@@ -140,8 +145,8 @@ class _Properties:
 
     @property
     def light_shape(self) -> Tuple[int, int, int]:
-        """(slices, angles, pixels): z, angle, t."""
-        return (self.slices, self.angles, self.pixels)
+        """(rows, angles, pixels): z, angle, t. Rows are the slices; where these share light, those of the image."""
+        return (self.rows, self.angles, self.pixels)
 
 
 class Projector(_Properties):
@@ -252,7 +257,7 @@ class Projector(_Properties):
         return squares[:, np.newaxis] + squares <= (self.voxels - 1) ** 2
 
     def forward(self, volume: ArrayLike, out: Optional[NDArray[Any]] = None) -> NDArray[Any]:
-        """Light = A volume: (slices, angles, pixels), float64 where `volume` is, else float32; or written to `out`."""
+        """Light = A volume: (rows, angles, pixels), float64 where `volume` is, else float32; or written to `out`."""
         return self._apply("tomo_forward", volume, "volume", self.volume_shape, out, "light", self.light_shape)
 
     def adjoint(self, light: ArrayLike, out: Optional[NDArray[Any]] = None) -> NDArray[Any]:
@@ -359,7 +364,7 @@ class TomoJob(_Properties):
         return frames[0]
 
     def light(self) -> NDArray[np.float32]:
-        """What the frames show, mW/cm²: (slices, angles, pixels), as `Projector.for_printer` takes it."""
+        """What the frames show, mW/cm²: (rows, angles, pixels), as `Projector.for_printer` takes it."""
         light = np.empty(self.light_shape, np.float32)
         Run(self._threads).call("tomo_job_light", self._handle, _array(light), ..., short=True)
         return light
@@ -427,7 +432,7 @@ def load(path: Path, *, threads: int = 0) -> TomoJob:
 def job_of_light(light: ArrayLike, part: ArrayLike, voxel_mm: float, printer: Definition, resin: Definition, *,
                  turns: int, insert: Optional[ArrayLike] = None, threads: int = 0, **settings: Any) -> TomoJob:
     """A job of light that you found yourself, mW/cm², on the bench that `Projector.for_printer` makes of the same
-    printer, resin and voxels: (slices, angles, pixels). Each number is shown as the nearest grey level, for `turns`
+    printer, resin and voxels: (rows, angles, pixels). Each number is shown as the nearest grey level, for `turns`
     whole turns. Its `figures` judge it like any other job."""
     numbers = _three_axes(_numbers(light, "light"), "light")
     design = _three_axes(_bytes(part, "part", 255), "part")

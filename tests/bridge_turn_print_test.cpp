@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "bridge_fixture.hpp"
+#include "browser.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/print.hpp"
@@ -237,6 +238,31 @@ TEST_F(BridgeTurnPrint, FaultsEndWithLightOffFirst) {
     EXPECT_EQ(reset.exit_code, 0) << reset.err;
     next.child->end(SIGTERM);
   }
+}
+
+TEST_F(BridgeTurnPrint, TheLivePageIsInDegrees) {
+  if (chromium().empty()) GTEST_SKIP() << "chromium is not installed";
+  const std::string printer = make_turning("bench"), job = make_job(printer);
+  const std::string turns = std::to_string(tomo::read_job(job).turns);
+  Sim sim = start_turning(printer, {"--fault", "stuck-stage@frame:70"});
+  EXPECT_EQ(run_program(print_command(job, printer, sim, true)).exit_code, 4);
+  Child served({program("printbridge"), "serve", "--printer", printer, "--dir", folder / "state",
+                "--listen", "127.0.0.1:0"});
+  const BrowserFolder profile;
+  const RunResult r =
+      browse(profile, {"--dump-dom", "--enable-logging=stderr"}, served.line() + "/");
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  for (const std::string& what :
+       {std::string("stage_error: the stage has stalled at"), "turn 2 of " + turns,
+        std::string("°/s, planned 100.00"), std::string(" um at the wall, 3.00° borne"),
+        std::string("° at most, 1.00° borne"), std::string("degrees of the turn")}) {
+    EXPECT_NE(r.out.find(what), std::string::npos) << what;
+  }
+  for (const char* never : {"mm/h", "z, mm", "NaN", "undefined"}) {
+    EXPECT_EQ(r.out.find(never), std::string::npos) << never;
+  }
+  EXPECT_EQ(r.err.find("Content Security Policy"), r.err.npos) << r.err;
+  EXPECT_EQ(bridge({"reset"}, printer, {"--modbus", address_of(sim.modbus)}).exit_code, 0);
 }
 
 TEST_F(BridgeTurnPrint, TheWatchdogDarkensWhatAKilledBridgeLeft) {

@@ -267,6 +267,10 @@ TEST(BridgeTurn, AStallAndASlipAreCalledSo) {
   // The row of what was on has no end, which nobody knows.
   ASSERT_FALSE(slips.records.empty());
   EXPECT_FALSE(slips.records.back().to_deg.has_value());
+  // It is said of where that was found, not of where the vial came to rest.
+  const double found_um = slips.controller.fault_stage_um();
+  EXPECT_LT(found_um, slips.model.status().stage_um - 5 * m.stage.um_per_deg);
+  EXPECT_NEAR(found_um, plan.frame_um(20) - 8 * m.stage.um_per_deg, 3 * m.stage.um_per_deg);
   // What is said to be left is said of a vial that has come to rest.
   for (const bool encoder : {true, false}) {
     const Machine braking = turning_machine(encoder ? Changes{} : without_encoder());

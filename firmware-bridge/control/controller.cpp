@@ -44,6 +44,7 @@ void Controller::Impl::fail(Fault what, const std::string& detail) {
   if (fault != Fault::none || step.finished || phase == Phase::failed) return;
   fault = what;
   fault_detail = detail;
+  fault_um = stage.measured_um();
   if (phase == Phase::raising) fault_detail += " (all slices are printed)";
   event("fault " + std::string(name_of(what)), detail);
 }
@@ -155,6 +156,7 @@ Fault Controller::fault() const { return impl_->fault; }
 const std::string& Controller::fault_detail() const { return impl_->fault_detail; }
 int Controller::frame() const { return impl_->frame; }
 double Controller::stage_um() const { return impl_->stage.measured_um(); }
+double Controller::fault_stage_um() const { return impl_->fault_um; }
 double Controller::speed_um_s() const { return impl_->stage.speed_um_s(impl_->now_s); }
 double Controller::stage_error_um() const { return impl_->stage.error_um(); }
 const Status& Controller::status() const { return impl_->status; }

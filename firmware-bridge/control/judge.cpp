@@ -390,9 +390,11 @@ void Controller::Impl::judge_time() {
     const double borne = plan.max_late_um(limits) * (limits.max_late_frames > 0 ? 10 : 1);
     if (passed > borne) {
       worst_late_um = std::max(worst_late_um, passed);
+      const double unit_um = plan.turns() ? plan.um_per_deg : 1;
+      const auto [is, may] = told_apart(passed / unit_um, borne / unit_um);
       fail(Fault::late_frame,
-           fmt::format("frame {} has not appeared {} after its place, {} are borne",
-                       pending->number, plan.place(passed), plan.place(borne)));
+           fmt::format("frame {0} has not appeared {1}{3} after its place, {2}{3} borne",
+                       pending->number, is, may, plan.turns() ? "°" : " um"));
     }
   } else if (now_s - pending->at_s > limits.heartbeat_timeout_s) {
     fail(Fault::late_frame, fmt::format("frame {} has not appeared for {:.0f} ms", pending->number,

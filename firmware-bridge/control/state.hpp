@@ -50,6 +50,7 @@ struct Controller::Impl {
   bool started = false;
   Fault fault = Fault::none;
   std::string fault_detail;
+  double fault_um = 0;  ///< where the stage was when it was found
   bool pause_wanted = false, resume_wanted = false;
   bool begun = false;  ///< something was moved or lit
 

@@ -279,7 +279,8 @@ class Run {
     e.worst_late_um = controller_->worst_late_um();
     e.worst_stage_error_um = controller_->worst_stage_error_um();
     e.seconds = clock_.now_s();
-    e.stage_um = controller_->stage_um();
+    e.stage_um = controller_->fault() == Fault::none ? controller_->stage_um()
+                                                     : controller_->fault_stage_um();
     e.missed_cycles = missed_;
     e.lateness = controller_->lateness();
     try {

@@ -65,7 +65,8 @@ void FrameServer::serve(const WireSocket& socket) {
     const WireMessage reply = answer(std::move(message), greeted);
     bool gone = false;
     model_.with([&](PrinterModel& model) { gone = model.display().gone; });
-    if (gone) return;
+    // Before the bridge sees it: time goes on by its exchanges.
+    if (gone) return model_.no_more_ticks();
     send_message(socket, reply, kWholeS);
   }
 }

@@ -58,6 +58,15 @@ void TimedModel::tick(double at_s) {
 void TimedModel::begin(double cycle_s) {
   const std::lock_guard lock(mutex_);
   pace_.cycle_s = cycle_s;
+  count_exchanges();
+}
+
+void TimedModel::no_more_ticks() {
+  const std::lock_guard lock(mutex_);
+  count_exchanges();
+}
+
+void TimedModel::count_exchanges() {
   cycles_from_s_ = model_.now_s();
   exchanges_ = 0;
   ticked_ = false;

@@ -30,6 +30,8 @@ class TimedModel {
   void with_at(double at_s, const std::function<void(PrinterModel&)>& use);
   /// In lockstep; from now on exchanges take no time themselves.
   void tick(double at_s);
+  /// The display is gone that gave them: exchanges take a cycle each again.
+  void no_more_ticks();
   /// A print begins; its exchanges are counted anew from the present.
   void begin(double cycle_s);
   bool lockstep() const { return pace_.lockstep; }
@@ -43,6 +45,7 @@ class TimedModel {
   void on_event(std::function<void(const SimEvent&)> tell);
 
  private:
+  void count_exchanges();
   void to_present();
   void tell_new();
 

@@ -222,6 +222,7 @@ class Controller {
   const std::string& fault_detail() const;
   int frame() const;  ///< shown last, or `kBlackFrame`
   double stage_um() const;
+  double fault_stage_um() const;  ///< where the stage was when the fault was found
   double speed_um_s() const;
   double stage_error_um() const;  ///< measured less commanded
   /// The machine's last status, and the set-points that went out last.

@@ -39,7 +39,7 @@ struct Ending {
   int frame = kBlackFrame;  ///< on the display when a fault was found, else at the end
   double worst_late_um = 0, worst_stage_error_um = 0;  ///< greatest, >= 0
   double seconds = 0;                                  ///< how long it took, on the print's clock
-  double stage_um = 0;                                 ///< measured last, above the window
+  double stage_um = 0;    ///< measured last, or when the fault was found
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
   Lateness lateness;
   bool latched = false;  ///< a latch was written

@@ -411,7 +411,7 @@ TEST(TomoPrint, BetweenTheMiddlesOfVoxelsItPrintsToo) {
     thirds.levels.assign(to.blocks() * to.light_of_block(), 0);
     for (int m = 0; m < to.angles; ++m) {
       for (int i = 0; i < to.pixels; ++i) {
-        const int column = finer.first_column + i - bench.first_column;
+        const int column = finer.window.first_column + i - bench.window.first_column;
         if (column < 0 || column >= from.pixels) continue;
         thirds.levels[to.pixel(m, i, 0)] = print.job.levels[from.pixel(m, column, 0)];
       }

@@ -81,7 +81,7 @@ TomoGrid grid_of(const LabRays& rays, int voxels, int slices, int angles, double
 TEST(TomoRays, FastPairIsTheReferenceWhichIsATransposedPair) {
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.name);
-    const LabRays rays = lab_rays(c.printer, kResin, c.alpha_per_mm, {0, 0, 20, 14, 1});
+    const LabRays rays = lab_rays(c.printer, kResin, c.alpha_per_mm, {0, 0, 20, 14, 1, 1});
     for (const auto& [slices, slice_mm] : {std::pair{19, 0.7}, {5, 1.0}, {40, 0.45}}) {
       TomoGrid g = grid_of(rays, 23, slices, 12, slice_mm);
       if (c.printer.optics->axis_up_px != 0) g.lowest_mm = 15 - 3;
@@ -152,7 +152,7 @@ TEST(TomoRays, FastPairIsTheReferenceWhichIsATransposedPair) {
 
 TEST(TomoRays, SameBytesForAnyNumberOfThreads) {
   const Case c = cases()[2];
-  const LabRays rays = lab_rays(c.printer, kResin, c.alpha_per_mm, {0, 0, 20, 14, 1});
+  const LabRays rays = lab_rays(c.printer, kResin, c.alpha_per_mm, {0, 0, 20, 14, 1, 1});
   const TomoGrid g = grid_of(rays, 23, 40, 12, 0.4);
   Light light(g);
   const auto numbers = random_numbers(light.values.size(), 3);
@@ -170,7 +170,7 @@ TEST(TomoRays, SameBytesForAnyNumberOfThreads) {
 double uniform_dose(const Printer& printer, double alpha_per_mm, int rows, double r) {
   const double pitch = printer.pixel_x_um * 1e-3;
   const LabRays rays =
-      lab_rays(printer, kResin, alpha_per_mm, {0, 0, printer.width_px, printer.height_px, 1});
+      lab_rays(printer, kResin, alpha_per_mm, {0, 0, printer.width_px, printer.height_px, 1, 1});
   TomoGrid g = grid_of(rays, 231, rows, 60, 0.1);
   g.pixel_mm = pitch;
   Light light(g);
@@ -224,7 +224,7 @@ TEST(TomoRays, AgreesWithRaysMarchedAtRandom) {
     p.optics->rays_per_pixel = 13;
     p.optics->axis_up_px = -12;  // rays that rise by up to 8 mm in 99.5
     const double alpha = 0.06, pitch = 0.4;
-    const LabRays rays = lab_rays(p, kResin, alpha, {0, 0, 62, 40, 1});
+    const LabRays rays = lab_rays(p, kResin, alpha, {0, 0, 62, 40, 1, 1});
     TomoGrid g = grid_of(rays, 59, 60, 24, 0.4);
     g.pixel_mm = pitch;
     g.radius_mm = 0.4 * 29;
@@ -309,7 +309,7 @@ struct Fins {
   Fins() {
     printer.pixel_y_um = 250;
     printer.optics->axis_up_px = -38;  // the image reaches from -2 to 21 mm
-    rays = lab_rays(printer, kResin, 0.04, {0, 0, 48, 92, 1});
+    rays = lab_rays(printer, kResin, 0.04, {0, 0, 48, 92, 1, 1});
     grid = grid_of(rays, 47, 76, 120, 0.25);
     grid.pixel_mm = 0.5 / kResin;
     grid.radius_mm = 11.5;

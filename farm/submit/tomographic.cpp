@@ -148,11 +148,15 @@ TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::strin
   needs.voxel_angle_steps = voxel_angle_steps(bench.grid, wanted.options.solve);
   // A third of a byte for each pixel that is lit: seen were 0.09 to 0.32.
   std::int64_t rows = 0;
-  for (int row = 0; row < bench.frame_height; ++row) {
-    rows += bench.places.lit_by(0, bench.window.first_column, row).any();
+  if (bench.grid.coupled()) {
+    rows = std::int64_t{bench.window.rows} * bench.window.high;
+  } else {
+    for (int row = 0; row < bench.frame_height; ++row) {
+      rows += bench.places.lit_by(0, bench.window.first_column, row).any();
+    }
   }
   needs.bytes =
-      std::int64_t{bench.grid.angles} * (bench.grid.pixels * bench.window.group * rows / 3 + 1024) +
+      std::int64_t{bench.grid.angles} * (bench.grid.pixels * bench.window.wide * rows / 3 + 1024) +
       kPageBytes;
   needs.memory = tomo_memory_needs(bench, wanted.options.solve.method);
   return needs;

@@ -16,6 +16,9 @@ namespace slicecorr::tomo {
 namespace {
 
 constexpr double kSame = 1e-9;
+/// Rays of neighbouring groups of pixels are at least so many voxels apart: light that is finer than
+/// voxels can meet their middles and be anything in between.
+constexpr double kLeastApart = 0.95;
 
 [[noreturn]] void wrong(const Printer& printer, const std::string& what) {
   throw InputError("printer '" + printer.name + "': " + what);
@@ -106,7 +109,7 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
       {b.reach_mm, -line_mm(astray_px - kSame), line_mm(printer.width_px - 1 - astray_px + kSame)});
   b.reach_mm = std::max(0.0, b.reach_mm);
   grid.pixels = past - first;
-  b.window = {first, 0, grid.pixels, printer.height_px, 1};
+  b.window = {first, 0, grid.pixels, printer.height_px, 1, 1};
   if (grid.pixels < 2) wrong(printer, "none of its pixels meets the resin");
   grid.check();
 
@@ -188,19 +191,27 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   // How far apart neighbouring pixels are in the resin, near the axis.
   const double at_mm = printer.pixel_x_um * 1e-3 * vial.n_outside / n,
                row_mm = printer.pixel_y_um * 1e-3 * height_on_axis(printer, n);
-  const int group = std::max(
-      1, static_cast<int>(std::floor(sampling.voxel_mm / std::max(at_mm, row_mm) + kSame)));
-  const PixelWindow all{printer.width_px % group / 2, printer.height_px % group / 2,
-                        printer.width_px / group, printer.height_px / group, group};
+  const auto in_voxel = [&](double pixel_mm) {
+    if (sampling.every_pixel) return 1;
+    return std::max(
+        1, static_cast<int>(std::ceil(kLeastApart * sampling.voxel_mm / pixel_mm - kSame)));
+  };
+  const int wide = in_voxel(at_mm), high = in_voxel(row_mm);
+  const PixelWindow all{printer.width_px % wide / 2,
+                        printer.height_px % high / 2,
+                        printer.width_px / wide,
+                        printer.height_px / high,
+                        wide,
+                        high};
   if (all.columns < 2 || all.rows < 1) {
-    wrong(printer, fmt::format("its image has fewer than 2 columns of {:g} mm", group * at_mm));
+    wrong(printer, fmt::format("its image has fewer than 2 columns of {:g} mm", wide * at_mm));
   }
   // A row near the optical axis tells the columns that meet the resin.
   PixelWindow some = all;
   const auto middle_row = static_cast<int>(
       std::clamp(std::lround(image_place(printer, {0, 0}).row), 0L, printer.height_px - 1L));
   some.first_row =
-      all.first_row + std::clamp((middle_row - all.first_row) / group, 0, all.rows - 1) * group;
+      all.first_row + std::clamp((middle_row - all.first_row) / high, 0, all.rows - 1) * high;
   some.rows = 1;
   const LabRays across = lab_rays(printer, n, b.rays.alpha_per_mm, some);
   const auto per_pixel = static_cast<std::size_t>(across.per_pixel);
@@ -215,7 +226,7 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   std::vector<bool> row_meets(static_cast<std::size_t>(all.rows), false);
   for (const int c : {columns.first, (columns.first + columns.end) / 2, columns.end - 1}) {
     some = all;
-    some.first_column = all.first_column + c * group;
+    some.first_column = all.first_column + c * wide;
     some.columns = 1;
     const LabRays up = lab_rays(printer, n, b.rays.alpha_per_mm, some);
     for (std::size_t k = 0; k < up.rays.size(); ++k) {
@@ -226,11 +237,15 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   const Stretch rows =
       range_of(all.rows, [&](int r) { return row_meets[static_cast<std::size_t>(r)]; });
   if (rows.count() < 1) wrong(printer, "none of its rows lights the part");
-  b.window = {all.first_column + columns.first * group,
-              all.first_row + (all.rows - rows.end) * group, columns.count(), rows.count(), group};
+  b.window = {all.first_column + columns.first * wide,
+              all.first_row + (all.rows - rows.end) * high,
+              columns.count(),
+              rows.count(),
+              wide,
+              high};
   grid.pixels = columns.count();
   grid.rows = rows.count();
-  grid.pixel_mm = group * at_mm;
+  grid.pixel_mm = wide * at_mm;
   grid.check();
   b.lab = std::make_shared<const LabRays>(lab_rays(printer, n, b.rays.alpha_per_mm, b.window));
 
@@ -242,9 +257,9 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
                        per_pixel];
   };
   const int near_row =
-      grid.rows - 1 - std::clamp((middle_row - b.window.first_row) / group, 0, grid.rows - 1);
+      grid.rows - 1 - std::clamp((middle_row - b.window.first_row) / high, 0, grid.rows - 1);
   const double axis_pixel =
-      -pixel_x_mm(printer, b.window.first_column) / (printer.pixel_x_um * 1e-3 * group);
+      -pixel_x_mm(printer, b.window.column_of(0)) / (printer.pixel_x_um * 1e-3 * wide);
   for (int c = 0; c < grid.pixels; ++c) {
     const LabRay& ray = middle_of(c, near_row);
     rays.line_mm.push_back(ray.half_mm > 0 ? ray.t_mm : (c - axis_pixel) * grid.pixel_mm);
@@ -253,7 +268,7 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   }
   for (int r = 0; r < grid.rows; ++r)
     rays.row_mm.push_back(z_on_axis(middle_of(grid.pixels / 2, r)));
-  const double half_row = 0.5 * group * row_mm;
+  const double half_row = 0.5 * high * row_mm;
   if (rays.row_mm.front() - half_row > grid.lowest_mm * (1 - kSame) + kSame ||
       rays.row_mm.back() + half_row < -grid.lowest_mm * (1 - kSame) - kSame) {
     wrong(
@@ -269,10 +284,14 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
 
 }  // namespace
 
+bool slices_share_light(const Printer& printer) {
+  require_tomographic(printer);
+  return printer.optics->kind != OpticsKind::telecentric || printer.optics->half_angle_deg > 0;
+}
+
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling) {
   require_tomographic(printer);
   const Vial& vial = *printer.vial;
-  const Optics& optics = *printer.optics;
   Bench b;
   const double n = index_of(resin);
   const double row_mm = printer.pixel_y_um * 1e-3;
@@ -305,10 +324,10 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   grid.angles = sampling.angles;
   b.rays.alpha_per_mm = absorption_per_mm(resin);
   b.alpha_r = b.rays.alpha_per_mm * b.radius_mm;
-  if (optics.kind == OpticsKind::telecentric && optics.half_angle_deg == 0) {
-    make_level(printer, n, sampling, b);
-  } else {
+  if (slices_share_light(printer)) {
     make_coupled(printer, n, sampling, b);
+  } else {
+    make_level(printer, n, sampling, b);
   }
   b.mw_cm2 = level_intensities(printer);
   if (!(b.mw_cm2.back() > b.mw_cm2.front())) {
@@ -320,7 +339,7 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   if (b.places.uneven()) {
     for (int i = 0; i < grid.pixels; ++i) {
       for (int z = 0; z < grid.light_rows(); ++z) {
-        const int column = b.window.first_column + i * b.window.group;
+        const int column = b.window.column_of(i);
         if (misses(vial, n, pixel_x_mm(printer, column), 0)) continue;
         if (b.places.share(0, i, z) > 0) continue;
         wrong(printer,

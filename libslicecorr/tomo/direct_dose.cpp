@@ -370,11 +370,13 @@ class DirectSum {
     }
   }
 
-  /// Light between the middles of groups of pixels, mW/cm²; linear.
+  /// Light of a place in the image of a steady axis, mW/cm².
   double light_at(int frame, int stage, const RaySource& from) const {
     const TomoGrid& g = bench_.grid;
+    const FramePlaces& places = bench_.places;
     const int m = frame == kBlackFrame ? stage : frame;
-    const FramePlaces::Place at = bench_.places.place_of(m, stage, from.column, from.row);
+    const FramePlaces::Place at =
+        places.place_of(m, from.column + places.right_px(stage), from.row - places.up_px(stage));
     const auto i0 = static_cast<int>(std::floor(at.pixel)),
                r0 = static_cast<int>(std::floor(at.row));
     const double wi = at.pixel - i0, wr = at.row - r0;
@@ -383,9 +385,8 @@ class DirectSum {
       for (const int b : {0, 1}) {
         const int i = i0 + a, r = r0 + b;
         if (i < 0 || i >= g.pixels || r < 0 || r >= g.rows) continue;
-        const double value = frame == kBlackFrame
-                                 ? bench_.mw_cm2.front() * bench_.places.share(m, i, r)
-                                 : light_[row(m, i) + static_cast<std::size_t>(r)];
+        const double value = frame == kBlackFrame ? bench_.mw_cm2.front() * places.share(m, i, r)
+                                                  : light_[row(m, i) + static_cast<std::size_t>(r)];
         light += (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * value;
       }
     }

@@ -69,22 +69,27 @@ FramePlaces::Lit FramePlaces::lit_by(int m, int column, int row) const {
     lit.row = slice_of(m, pixel, row);
     return lit;
   }
-  const int right = column - static_cast<int>(std::lround(right_px(m))) - window_.first_column;
-  const int down = row + static_cast<int>(std::lround(up_px(m))) - window_.first_row;
-  if (right < 0 || right >= window_.columns * window_.group) return lit;
-  lit.pixel = right / window_.group;
-  if (down < 0 || down >= window_.rows * window_.group) return lit;
-  lit.row = window_.rows - 1 - down / window_.group;
+  const int right = column - static_cast<int>(std::lround(right_px(m))) - window_.column_of(0);
+  const int down = row + static_cast<int>(std::lround(up_px(m))) - window_.row_of(0);
+  if (right < 0 || down < 0 || right % window_.wide != 0 || down % window_.high != 0) return lit;
+  if (right / window_.wide >= window_.columns || down / window_.high >= window_.rows) return lit;
+  lit.pixel = right / window_.wide;
+  lit.row = window_.rows - 1 - down / window_.high;
   return lit;
 }
 
-FramePlaces::Place FramePlaces::place_of(int frame, int stage, double column, double row) const {
-  // The axis has moved as the stage says, the image as the frame does.
-  const double right = column + right_px(stage) - std::round(right_px(frame));
-  const double down = row - up_px(stage) + std::round(up_px(frame));
-  const double middle = 0.5 * (window_.group - 1);
-  return {(right - window_.first_column - middle) / window_.group,
-          window_.rows - 1 - (down - window_.first_row - middle) / window_.group};
+FramePlaces::Place FramePlaces::place_of(int m, double column, double row) const {
+  const double right = column - std::round(right_px(m)) - window_.column_of(0);
+  const double down = row + std::round(up_px(m)) - window_.row_of(0);
+  return {right / window_.wide, window_.rows - 1 - down / window_.high};
+}
+
+FramePlaces::Lit FramePlaces::near(int m, int column, int row) const {
+  if (!grouped_) return lit_by(m, column, row);
+  const Place place = place_of(m, column, row);
+  const auto pixel = std::lround(place.pixel), up = std::lround(place.row);
+  if (pixel < 0 || pixel >= window_.columns || up < 0 || up >= window_.rows) return {};
+  return {static_cast<int>(pixel), static_cast<int>(up)};
 }
 
 void FramePlaces::take_light(const Printer& printer, int angles) {
@@ -109,7 +114,7 @@ void FramePlaces::take_light(const Printer& printer, int angles) {
     std::vector<double> sum(of_shift), pixels(of_shift);
     for (int column = 0; column < printer.width_px; ++column) {
       for (int row = 0; row < printer.height_px; ++row) {
-        const Lit lit = lit_by(m, column, row);
+        const Lit lit = near(m, column, row);
         if (!lit.any()) continue;
         const std::size_t i =
             static_cast<std::size_t>(lit.pixel) * static_cast<std::size_t>(rows_) +

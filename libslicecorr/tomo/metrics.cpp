@@ -50,7 +50,8 @@ void check_curve(const std::vector<double>& mw_cm2) {
   }
 }
 
-/// The level nearest in intensity, the lower of two.
+}  // namespace
+
 std::uint16_t nearest_level(double wanted, const std::vector<double>& mw_cm2) {
   const auto above = std::lower_bound(mw_cm2.begin(), mw_cm2.end(), wanted);
   auto level = static_cast<std::size_t>(above - mw_cm2.begin());
@@ -61,8 +62,6 @@ std::uint16_t nearest_level(double wanted, const std::vector<double>& mw_cm2) {
   }
   return static_cast<std::uint16_t>(level);
 }
-
-}  // namespace
 
 Metrics measure(const Target& target, const Field& dose) {
   check_dose(target, dose);

@@ -89,6 +89,8 @@ std::optional<Nodes> nodes_of(const Printer& printer, const Resin& resin, const 
   const TomoGrid& fine = bench.grid;
   const double voxel_mm = fine.voxel_mm();
   if (fine.pixel_mm >= kLargePixel * voxel_mm) return std::nullopt;
+  // Rays of groups of pixels are about a voxel apart.
+  if (fine.coupled()) return std::nullopt;
   Nodes nodes{fine, {}, {}};
   // Fields must be laid out alike on both grids, however few slices there are.
   const auto lanes = [](TomoGrid grid, double pixel_mm) {

@@ -350,7 +350,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const Target& target = scene.target;
   std::shared_ptr<const detail::Nodes> nodes;
   Asked flat{target, scene.projector, bench.rays};
-  if (auto found = bench.lab ? std::nullopt : detail::nodes_of(printer, resin, bench)) {
+  if (auto found = detail::nodes_of(printer, resin, bench)) {
     nodes = std::make_shared<const detail::Nodes>(*std::move(found));
     flat.target.grid = nodes->grid;
     flat.projector = detail::make_node_projector(nodes, scene.projector);

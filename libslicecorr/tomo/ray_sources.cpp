@@ -139,8 +139,10 @@ RaySource RaySources::solve(int ray, double t_mm, double u_mm, double z_mm,
   source.turn_rad = now->ray.turn_rad;
   source.slope = now->slope;
   const double stretch = std::sqrt(1 + now->slope * now->slope);
-  source.share = now->ray.transmittance * std::exp(-alpha_ * (now->half + u_mm) * stretch) *
-                 stretch / (std::abs(det) * static_cast<double>(points_.size()));
+  source.way_mm = (now->half + u_mm) * stretch;
+  source.spread =
+      now->ray.transmittance * stretch / (std::abs(det) * static_cast<double>(points_.size()));
+  source.share = source.spread * std::exp(-alpha_ * source.way_mm);
   return source;
 }
 
@@ -177,10 +179,11 @@ void RaySources::along_z(int ray, double t_mm, double u_mm, double first_mm, dou
       add(&RaySource::row);
       add(&RaySource::turn_rad);
       add(&RaySource::slope);
-      add(&RaySource::share);
+      add(&RaySource::way_mm);
+      add(&RaySource::spread);
     }
     out = sum;
-    return sum.share > 0;
+    return sum.spread > 0;
   };
   thread_local std::vector<RaySource> nodes;
   nodes.assign(static_cast<std::size_t>(heights_), {});
@@ -202,9 +205,14 @@ void RaySources::along_z(int ray, double t_mm, double u_mm, double first_mm, dou
     const RaySource &a = nodes[static_cast<std::size_t>(z0)],
                     &b = nodes[static_cast<std::size_t>(z0) + 1];
     const auto between = [&](double RaySource::*part) { return (1 - wz) * a.*part + wz * b.*part; };
-    places[k] = {between(&RaySource::column), between(&RaySource::row),
-                 between(&RaySource::turn_rad), between(&RaySource::slope),
-                 between(&RaySource::share)};
+    places[k] = {between(&RaySource::column),
+                 between(&RaySource::row),
+                 between(&RaySource::turn_rad),
+                 between(&RaySource::slope),
+                 between(&RaySource::way_mm),
+                 between(&RaySource::spread),
+                 0};
+    places[k].share = places[k].spread * std::exp(-alpha_ * places[k].way_mm);
   }
 }
 

@@ -20,8 +20,10 @@ namespace slicecorr::tomo::detail {
 struct RaySource {
   double column = 0, row = 0;
   double turn_rad = 0;
-  double slope = 0;  ///< dz/du
-  double share = 0;  ///< 0: no light of this ray comes there
+  double slope = 0;   ///< dz/du
+  double way_mm = 0;  ///< l
+  double spread = 0;  ///< the share without absorption
+  double share = 0;   ///< 0: no light of this ray comes there
 };
 
 class RaySources {

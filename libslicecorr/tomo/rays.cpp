@@ -54,16 +54,16 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
   require_tomographic(printer);
   const Vial& vial = *printer.vial;
   const Optics& optics = *printer.optics;
-  if (window.group < 1 || window.columns < 1 || window.rows < 1 || window.first_column < 0 ||
-      window.first_row < 0 ||
-      window.first_column + window.columns * window.group > printer.width_px ||
-      window.first_row + window.rows * window.group > printer.height_px) {
+  if (window.wide < 1 || window.high < 1 || window.columns < 1 || window.rows < 1 ||
+      window.first_column < 0 || window.first_row < 0 ||
+      window.first_column + window.columns * window.wide > printer.width_px ||
+      window.first_row + window.rows * window.high > printer.height_px) {
     throw InputError("printer '" + printer.name + "': the window of pixels reaches over its image");
   }
   LabRays all;
   all.columns = window.columns;
   all.rows = window.rows;
-  all.pixel_area_mm2 = printer.pixel_x_um * printer.pixel_y_um * 1e-6 * window.group * window.group;
+  all.pixel_area_mm2 = printer.pixel_x_um * printer.pixel_y_um * 1e-6 * window.wide * window.high;
   all.alpha_per_mm = alpha_per_mm;
   all.vial_mm = vial.inner_mm;
   const bool spread = optics.half_angle_deg > 0;
@@ -71,14 +71,12 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
   all.per_pixel = static_cast<int>(points.size());
   const double reach = std::tan(optics.half_angle_deg * kPi / 180);
   const double share = 1.0 / static_cast<double>(points.size());
-  const double middle = 0.5 * (window.group - 1);
   all.rays.reserve(static_cast<std::size_t>(all.columns) * static_cast<std::size_t>(all.rows) *
                    points.size());
   for (int c = 0; c < window.columns; ++c) {
     for (int r = 0; r < window.rows; ++r) {
       const int row = window.rows - 1 - r;
-      const LightLine chief = chief_ray(printer, window.first_column + c * window.group + middle,
-                                        window.first_row + row * window.group + middle);
+      const LightLine chief = chief_ray(printer, window.column_of(c), window.row_of(row));
       for (const AperturePoint& p : points) {
         // In focus on the plane Y = 0: all rays of a pixel meet there.
         LightLine line = chief;

@@ -22,7 +22,7 @@ struct Problem {
     p.vial = Vial{12.5, 11.8, 1, 1.48};
     p.optics = Optics{OpticsKind::pinhole, 99.5};
     p.rotation = Rotation{25};
-    const LabRays rays = lab_rays(p, 1.49969, 0.04, {0, 0, n, n, 1});
+    const LabRays rays = lab_rays(p, 1.49969, 0.04, {0, 0, n, n, 1, 1});
     grid.voxels = grid.slices = grid.pixels = grid.rows = n;
     grid.angles = 16;
     grid.pixel_mm = 23.6 / n;

@@ -365,8 +365,8 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
       figure(shine.most));
   std::string html = fmt::format(
       R"(<h2>Light</h2><p class="dim">Columns {} to {} of the image, where there is light, are shown. {}</p>)",
-      shine.bench.window.first_column + shine.bench.window.group * shine.first,
-      shine.bench.window.first_column + shine.bench.window.group * shine.end - 1, scale);
+      shine.bench.window.first_column + shine.bench.window.wide * shine.first,
+      shine.bench.window.first_column + shine.bench.window.wide * shine.end - 1, scale);
   context.check_cancelled();
   const std::string words = fmt::format(
       "Sinogram of the slice at z = {:.3f} mm, where contrast is least: angles 0 to 360° downwards, "
@@ -380,9 +380,9 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
   html += R"(<h3>Frames</h3><div class="strip">)";
   constexpr int kFrames = 8;
   // True to scale.
-  const double width_mm = columns * shine.bench.window.group * p.job.printer.pixel_x_um * 1e-3,
+  const double width_mm = columns * shine.bench.window.wide * p.job.printer.pixel_x_um * 1e-3,
                height_mm = g.coupled()
-                               ? rows * shine.bench.window.group * p.job.printer.pixel_y_um * 1e-3
+                               ? rows * shine.bench.window.high * p.job.printer.pixel_y_um * 1e-3
                                : rows * p.job.sampling.voxel_mm;
   const double per_mm = std::min(480 / width_mm, 240 / height_mm);
   const int width = std::max(1, static_cast<int>(std::lround(width_mm * per_mm))),

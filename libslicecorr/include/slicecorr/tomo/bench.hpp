@@ -21,6 +21,9 @@ struct Sampling {
   double voxel_mm = 0;  ///< side of a voxel, at least the pixel's pitch
   int slices = 0;       ///< along z, middled on the optical axis
   int angles = 0;       ///< frames of a turn
+  /// Where slices share light: every pixel has a value of its own, however fine, as in the frames of
+  /// others. Else those about a voxel apart have, and light is linear between them.
+  bool every_pixel = false;
 };
 
 /// Where frames show the light of the grid, and with how much of it.
@@ -47,8 +50,15 @@ class FramePlaces {
     int pixel = -1, row = -1;
     bool any() const { return row >= 0; }
   };
-  /// What a pixel of the frame at angle m shows.
+  /// Whose light a pixel of the frame at angle m shows; between those that have one: none.
   Lit lit_by(int m, int column, int row) const;
+  /// Whether light of the grid lies at some pixels of frames alone, and is linear between them.
+  bool between() const { return grouped_; }
+  /// Then: among the grid's pixels and rows, the place of one in the frame of angle m.
+  struct Place {
+    double pixel = 0, row = 0;
+  };
+  Place place_of(int m, double column, double row) const;
 
   /// Whether light of a pixel of the grid lies elsewhere than in its own column.
   bool moved() const { return !grouped_ && (sine_ != 0 || !right_px_.empty()); }
@@ -58,12 +68,11 @@ class FramePlaces {
   double column_of(int m, double pixel, int slice) const;
   /// The pixel of the grid whose light lies in that one.
   double pixel_of(int m, double column, int slice) const;
-  /// With groups: the place in the grid's light, whole in the middle of a group, of a place in the
-  /// steady image, while the frame of angle `frame` is shown to a stage at angle `stage`.
-  struct Place {
-    double pixel = 0, row = 0;
-  };
-  Place place_of(int frame, int stage, double column, double row) const;
+  /// Where the image shows the axis at angle m, from where it does a steady one, pixels.
+  double right_px(int m) const {
+    return right_px_.empty() ? 0 : right_px_[static_cast<std::size_t>(m)];
+  }
+  double up_px(int m) const { return up_px_.empty() ? 0 : up_px_[static_cast<std::size_t>(m)]; }
 
   /// Share of the calibration's light that the pixels which show this light get, in the mean.
   double share(int m, int pixel, int row) const {
@@ -74,11 +83,9 @@ class FramePlaces {
   }
 
  private:
-  double right_px(int m) const {
-    return right_px_.empty() ? 0 : right_px_[static_cast<std::size_t>(m)];
-  }
-  double up_px(int m) const { return up_px_.empty() ? 0 : up_px_[static_cast<std::size_t>(m)]; }
   int slice_of(int m, int pixel, int row) const;
+  /// The light that is nearest to a pixel of frames.
+  Lit near(int m, int column, int row) const;
   double z_mm(int slice) const { return lowest_mm_ + slice_mm_ * slice; }
   void take_light(const Printer& printer, int angles);
 
@@ -118,6 +125,9 @@ struct Bench {
 /// Voxels along x and along y of the grid that the resin holds: an odd number, so that one is on the
 /// axis. Throws `InputError` when the printer has no vial, and for voxels too large or too small.
 int voxels_across(const Printer& printer, double voxel_mm);
+
+/// Whether light rises, falls or spreads on its way: a pinhole's, and that of an aperture.
+bool slices_share_light(const Printer& printer);
 
 /// Telecentric light without an aperture stays in its slice. Other light is that of `lab_rays`, with
 /// pixels in groups that are about as large as voxels. Throws `InputError` naming what is missing or

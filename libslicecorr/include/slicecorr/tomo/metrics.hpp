@@ -66,6 +66,8 @@ PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
                     const Target& target, const Field& dose, const Exposure& exposure);
 
 /// Grey levels of a projector: `mw_cm2[level]`, which must not fall and must rise in all.
+/// The level nearest to a light in mW/cm2, the lower of two.
+std::uint16_t nearest_level(double wanted, const std::vector<double>& mw_cm2);
 /// Levels nearest to light * mw_cm2_per_unit, in mW/cm2; laid out as the light.
 std::vector<std::uint16_t> nearest_levels(const Light& light, double mw_cm2_per_unit,
                                           const std::vector<double>& mw_cm2);

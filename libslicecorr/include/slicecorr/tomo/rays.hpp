@@ -24,11 +24,15 @@
 
 namespace slicecorr::tomo {
 
-/// A part of the projector's image, in which `group` x `group` pixels show one value.
+/// A part of the projector's image, of whose pixels one in `wide` x `high` has a value of its own; light
+/// is linear between them. It is that in the middle of its group of pixels, or left of and above it.
 struct PixelWindow {
   int first_column = 0, first_row = 0;  ///< of the projector, rows downwards from 0
   int columns = 0, rows = 0;            ///< of groups
-  int group = 1;
+  int wide = 1, high = 1;
+  /// The pixel with the value of this group, of the projector.
+  int column_of(int group) const { return first_column + group * wide + (wide - 1) / 2; }
+  int row_of(int group) const { return first_row + group * high + (high - 1) / 2; }
 };
 
 /// One ray in the resin, as seen where it is parallel to u: through t_mm from u = -half_mm to

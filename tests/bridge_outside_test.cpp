@@ -21,13 +21,14 @@ const std::string kPython = "/usr/bin/python3";
 const std::string kTests = SLICECORR_SOURCE_DIR "/tests/";
 
 /// Lamps off first, in all; docs_machine_faults.py says what that means.
-void expect_all_hold(const std::string& part) {
+void expect_all_hold(const std::vector<std::string>& options, int least = 20) {
   RunOptions long_one;
   long_one.timeout = std::chrono::minutes(8);
-  const RunResult r =
-      run_program({kPython, kTests + "docs_machine_faults.py", "--bin", SLICECORR_BIN_DIR,
-                   "--printers", SLICECORR_PRINTERS_DIR, "--part", part},
-                  long_one);
+  std::vector<std::string> command{kPython,      kTests + "docs_machine_faults.py",
+                                   "--bin",      SLICECORR_BIN_DIR,
+                                   "--printers", SLICECORR_PRINTERS_DIR};
+  command.insert(command.end(), options.begin(), options.end());
+  const RunResult r = run_program(command, long_one);
   std::istringstream lines(r.out);
   int prints = 0;
   json last;
@@ -39,20 +40,31 @@ void expect_all_hold(const std::string& part) {
     EXPECT_TRUE(last["wrong"].empty()) << last.dump(1);
   }
   EXPECT_EQ(r.exit_code, 0) << r.err;
-  EXPECT_GE(prints, 20);
-  EXPECT_GE(last.value("faults_begun", 0), 20);
+  EXPECT_GE(prints, least);
+  EXPECT_GE(last.value("faults_begun", 0), least);
 }
 
 bool has_python() { return std::filesystem::exists(kPython); }
 
 TEST(BridgeOutside, LampsGoOffFirstInEveryFault) {
   if (!has_python()) GTEST_SKIP() << "python3 is not installed";
-  expect_all_hold("0/2");
+  expect_all_hold({"--part", "0/2"});
 }
 
 TEST(BridgeOutside, LampsGoOffFirstInEveryOtherFault) {
   if (!has_python()) GTEST_SKIP() << "python3 is not installed";
-  expect_all_hold("1/2");
+  expect_all_hold({"--part", "1/2"});
+}
+
+TEST(BridgeOutside, AJobIsShownAtItsAnglesAndEveryFaultDarkensIt) {
+  if (!has_python()) GTEST_SKIP() << "python3 is not installed";
+  expect_all_hold({"--turn", "--count", "45"});
+}
+
+TEST(BridgeOutside, AVialThatBrakesACycleLateHasNotSlipped) {
+  if (!has_python()) GTEST_SKIP() << "python3 is not installed";
+  // One answer is lost, and the machine is a cycle behind from then on.
+  expect_all_hold({"--turn", "--only", "late-once"}, 2);
 }
 
 class BridgeBench : public BridgePrograms {
@@ -68,6 +80,15 @@ class BridgeBench : public BridgePrograms {
             {"travel_mm = 6", "travel_mm = 2"},
             {"lift_mm = 3", "lift_mm = 1"}};
   }
+  /// A printer with a stage that turns, as often as the machine's own.
+  static std::string turning_text() {
+    std::string text =
+        text_of(std::string(SLICECORR_PRINTERS_DIR) + "/model-tomography-bench.toml");
+    for (const auto& [what, by] : limits()) {
+      if (text.find(what) != text.npos) text = replaced(text, what, by);
+    }
+    return replaced(text, "travel_turns = 1000", "travel_turns = 2");
+  }
   RunResult check(const std::string& printer, std::vector<std::string> more = {}) {
     std::vector<std::string> command{program("printer-sim"), "--printer", printer,
                                      "--check-machine"};
@@ -77,7 +98,8 @@ class BridgeBench : public BridgePrograms {
   /// The machine from the docs on a bench.
   RunResult check_outside(const std::string& map, const std::string& fault = "") {
     const std::string name = map + fault;
-    std::string text = text_of(make_printer(name, limits()));
+    std::string text =
+        map == "turn" || map == "blind" ? turning_text() : text_of(make_printer(name, limits()));
     text = text.substr(0, text.find("# Holding registers"));
     std::vector<std::string> command{kPython, kTests + "docs_machine.py", map};
     if (!fault.empty()) command.insert(command.end(), {"--fault", fault});
@@ -114,7 +136,7 @@ TEST_F(BridgeBench, TheMachineFromTheDocumentsDoesAllOfIt) {
   if (!has_python()) GTEST_SKIP() << "python3 is not installed";
   // Most of it is waiting.
   std::vector<std::thread> threads;
-  for (const char* map : {"block", "gaps", "inputs", "line"}) {
+  for (const char* map : {"block", "gaps", "inputs", "line", "turn", "blind"}) {
     threads.emplace_back([this, map] {
       const RunResult r = check_outside(map);
       EXPECT_EQ(r.exit_code, 0) << map << "\n" << r.out << r.err;

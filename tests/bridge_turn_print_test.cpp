@@ -1,4 +1,5 @@
 // A tomographic job on a machine that turns a vial, with the programs over real sockets.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -6,6 +7,7 @@
 #include <functional>
 
 #include "bridge_fixture.hpp"
+#include "slicecorr/stack.hpp"
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
@@ -67,6 +69,14 @@ class BridgeTurnPrint : public BridgePrograms {
     EXPECT_TRUE(r.exit_code == 0 || r.exit_code == 5) << r.err;
     return nlohmann::json::parse(r.out, nullptr, false);
   }
+  /// Each frame over its whole step, at its place.
+  static std::vector<tomo::Showing> ideal(const tomo::TomoJob& job) {
+    std::vector<tomo::Showing> shown;
+    for (int n = 0; n < 60 * job.turns; ++n) {
+      shown.push_back({n % 60, 6.0 * n - 3, 6.0 * n + 3, 0.06, 1});
+    }
+    return shown;
+  }
   std::string frames_csv() const { return folder / "state/model-tomography-bench/frames.csv"; }
 };
 
@@ -97,11 +107,7 @@ TEST_F(BridgeTurnPrint, PrintsAJobAndSaysWhatWasShown) {
   // The machine's own record and the bridge's agree, and both give the dose of frames that were
   // spread over their whole steps, each at its place.
   const tomo::TomoJob made = tomo::read_job(job);
-  std::vector<tomo::Showing> ideal;
-  for (int n = 0; n < 60 * turns; ++n) {
-    ideal.push_back({n % 60, 6.0 * n - 3, 6.0 * n + 3, 0.06, 1});
-  }
-  const Box<float> expected = tomo::dose_of(made, ideal);
+  const Box<float> expected = tomo::dose_of(made, ideal(made));
   for (const std::string& record : {sim.shown, frames_csv()}) {
     SCOPED_TRACE(record);
     const auto figures = verify(job, record, folder / "d.npy");
@@ -109,12 +115,74 @@ TEST_F(BridgeTurnPrint, PrintsAJobAndSaysWhatWasShown) {
     // Thousandths of a degree of a step of six, and what black light adds.
     EXPECT_LT(largest_difference(tomo::read_dose_npy(folder / "d.npy"), expected), 2e-3);
   }
+  // Logs have degrees, too: frame 0 begins half a step before a whole turn.
+  for (const auto& line : lines_of(sim.events)) {
+    if (line["event"] != "frame 0") continue;
+    EXPECT_NEAR(std::remainder(line["stage_deg"].get<double>(), 360), -3, 0.02);
+    break;
+  }
+  const auto journal = lines_of(folder / "state/model-tomography-bench/journal.jsonl");
+  EXPECT_NEAR(std::remainder(journal.back()["stage_deg"].get<double>(), 360), 0, 0.02);
   // Order: no light before the vial turns, none when it stands.
   const auto events = events_of(sim.events);
   EXPECT_LT(place(events, "stage moves"), place(events, "blue on"));
   EXPECT_LT(place(events, "blue on"), place(events, "frame 0"));
   EXPECT_LT(place(events, "blue off"), last_place(events, "stage stops"));
   EXPECT_LT(last_place(events, "black"), last_place(events, "blue off"));
+}
+
+TEST_F(BridgeTurnPrint, AnAxisThatLeansAndWobblesUnderUnevenLight) {
+  GreyImage light{8, 4, {}};
+  for (int i = 0; i < 32; ++i)
+    light.pixels.push_back(static_cast<std::uint8_t>(255 - 12 * (i % 8)));
+  write_file(folder / "light.png", encode_png(light));
+  std::string wobble = "angle_deg,right_px,up_px\n";
+  for (int k = 0; k < 12; ++k) {
+    wobble += fmt::format("{},{:.3f},{:.3f}\n", 30 * k, std::sin(k), std::cos(k));
+  }
+  write_file(folder / "wobble.csv", to_bytes(wobble));
+  const Changes uneven{{"bit_depth = 8", "bit_depth = 8\nflat_field = \"light.png\""},
+                       {"kind = \"telecentric\"", "kind = \"telecentric\"\ntilt_deg = 2"},
+                       {"max_fps = 60", "max_fps = 60\nwobble = \"wobble.csv\""}};
+  const std::string printer = make_turning("bench", uneven), job = make_job(printer);
+  Sim sim = start_turning(printer);
+  const RunResult r = run_program(print_command(job, printer, sim, true));
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  // What was shown is what a machine without any jitter shows.
+  const tomo::TomoJob made = tomo::read_job(job);
+  ASSERT_FALSE(made.printer.rotation->wobble.empty());
+  const Box<float> expected = tomo::dose_of(made, ideal(made));
+  for (const std::string& record : {sim.shown, frames_csv()}) {
+    verify(job, record, folder / "d.npy");
+    EXPECT_LT(largest_difference(tomo::read_dose_npy(folder / "d.npy"), expected), 2e-3) << record;
+  }
+  // The same printer as it is without all that takes no such job.
+  const RunResult other = run_program(print_command(job, make_turning("plain"), sim, true));
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_NE(other.err.find("leaning by 2°, expected"), std::string::npos) << other.err;
+}
+
+TEST_F(BridgeTurnPrint, ADryRunAndHalfAPrintAreSaidToBeThat) {
+  const std::string printer = make_turning("bench"), job = make_job(printer);
+  Sim sim = start_turning(printer);
+  EXPECT_EQ(run_program(print_command(job, printer, sim, true, {"--dry-run"})).exit_code, 0);
+  EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  const auto judge = [&](const std::string& record) {
+    return run_program({program("slicecorr"), "tomo", "verify", job, "--shown", record});
+  };
+  for (const std::string& record : {sim.shown, frames_csv()}) {
+    const RunResult r = judge(record);
+    EXPECT_EQ(r.exit_code, 2);
+    EXPECT_NE(r.err.find("no light in it, as of a dry run"), std::string::npos) << r.err;
+  }
+  Sim fails = start_turning(printer, {"--fault", "door@frame:31"});
+  EXPECT_EQ(run_program(print_command(job, printer, fails, true)).exit_code, 4);
+  const RunResult r = judge(frames_csv());
+  EXPECT_EQ(r.exit_code, 5);
+  // 31 frames of 60 ms, of 3.6 s a turn.
+  EXPECT_NE(r.err.find("a row without an end is left out"), std::string::npos) << r.err;
+  EXPECT_NE(r.err.find("1.86 s of light, planned "), std::string::npos) << r.err;
 }
 
 TEST_F(BridgeTurnPrint, WobbleIsInTheRecordAndInTheVerdict) {
@@ -198,6 +266,7 @@ TEST_F(BridgeTurnPrint, WrongJobsNeverMoveTheStage) {
   refused(job, other, "counterclockwise as printer");
   refused(job, make_printer("slices"), "has no [rotation]");
   refused(folder / "part.npy", printer, "part.npy");
+  refused(make_stack(make_printer("slices")), printer, "expected a job that tomo solve wrote");
   // Half a job.
   const auto bytes = read_file(job);
   write_file(folder / "half.frames", {bytes.begin(), bytes.begin() + bytes.size() / 2});

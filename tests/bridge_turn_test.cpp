@@ -5,6 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <functional>
+#include <memory>
 #include <random>
 #include <string>
 #include <utility>
@@ -264,7 +267,22 @@ TEST(BridgeTurn, AStallAndASlipAreCalledSo) {
   // The row of what was on has no end, which nobody knows.
   ASSERT_FALSE(slips.records.empty());
   EXPECT_FALSE(slips.records.back().to_deg.has_value());
-  EXPECT_TRUE(slips.controller.left().stage_deg.has_value());
+  // What is said to be left is said of a vial that has come to rest.
+  for (const bool encoder : {true, false}) {
+    const Machine braking = turning_machine(encoder ? Changes{} : without_encoder());
+    Bench fails(braking, turning_plan(braking), {parse_sim_fault("lamp-fails@frame:20")});
+    fails.run();
+    ASSERT_EQ(fails.controller.phase(), Phase::failed);
+    const Left left = fails.controller.left();
+    EXPECT_TRUE(left.confirmed());
+    EXPECT_LE(std::abs(fails.model.status().stage_speed_um_s.value_or(1e9)), 1e-6);
+    ASSERT_EQ(left.stage_deg.has_value(), encoder);
+    if (encoder) {
+      EXPECT_NEAR(*left.stage_deg, fails.model.status().stage_um / braking.stage.um_per_deg, 0.01);
+    } else {
+      EXPECT_EQ(in_words(left).find("stage at"), std::string::npos) << in_words(left);
+    }
+  }
 }
 
 TEST(BridgeTurn, LateFramesAreRecordedAndSomeAreBorne) {
@@ -328,7 +346,16 @@ TEST(BridgeTurn, JobsOfOtherMachinesAreRefused) {
          [](Printer& p) { p.rotation->direction = TurnDirection::counterclockwise; });
   expect("25 °/s", [](Printer& p) { p.rotation->deg_s = 25; });
   expect("its vial has", [](Printer& p) { p.vial->inner_mm = 11; });
-  expect("its optics", [](Printer& p) { p.optics->axis_right_px = 1; });
+  expect("its axis 1 pixels right, 0 up and leaning by 0°, expected telecentric, its axis 0",
+         [](Printer& p) { p.optics->axis_right_px = 1; });
+  expect("leaning by 2°", [](Printer& p) { p.optics->tilt_deg = 2; });
+  expect("its light is uneven in another way, expected even", [](Printer& p) {
+    p.flat_field = FlatField{1, 1, std::make_shared<const std::vector<std::uint8_t>>(1, 200)};
+  });
+  expect("its axis wobbles by up to 1.5 pixels (2 angles), expected that it keeps to its place",
+         [](Printer& p) {
+           p.rotation->wobble = {{0, 1.5, 0}, {180, -1, 0}};
+         });
   expect("its display has", [](Printer& p) { p.width_px = 500; });
   expect("its calibration", [](Printer& p) { p.calibration.back().intensity_mw_cm2 = 3; });
   // A printer of slices, and too many frames or turns for this one.
@@ -339,6 +366,20 @@ TEST(BridgeTurn, JobsOfOtherMachinesAreRefused) {
   EXPECT_THROW(plan_turns(turning_job(m.printer, 3, 130), "part.frames", m), InfeasibleError);
   EXPECT_THROW(plan_turns(turning_job(m.printer, 997, 60), "part.frames", m), InfeasibleError);
   EXPECT_NO_THROW(plan_turns(turning_job(m.printer, 990, 120), "part.frames", m));
+}
+
+TEST(BridgeTurn, WobblesOfTheAxisNeedAnEncoder) {
+  // Frames are shifted for where the axis is at the stage's own angles.
+  const auto astray = [](Machine m) {
+    m.printer.rotation->wobble = {{0, 1.5, 0}, {180, -1, 0}};
+    m.printer.flat_field =
+        FlatField{1, 1, std::make_shared<const std::vector<std::uint8_t>>(1, 200)};
+    return m;
+  };
+  EXPECT_NO_THROW(turning_plan(astray(turning_machine())));
+  const Machine blind = astray(turning_machine(without_encoder()));
+  const std::string text = slicecorr::test::refusal([&] { turning_plan(blind); });
+  EXPECT_NE(text.find("has no encoder (stage_deg)"), std::string::npos) << text;
 }
 
 TEST(BridgeTurn, PrinterFilesSayDegrees) {

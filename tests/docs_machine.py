@@ -1,5 +1,6 @@
 """A machine, written from docs/bridge.md alone: Modbus over raw sockets and a serial line, with
-register maps of its own, faults by name, and a log of what it was told and did.
+register maps of its own, faults by name, and a log of what it was told and did. Its stage goes along
+a line, counted in um, or turns, counted in degrees.
 
 It shares no code with the bridge or its simulator. Its clock is that of a print in lockstep: time
 passes by one control cycle with each sequence number that it is given. Lamp set-points that fall
@@ -65,17 +66,54 @@ GAPS = {
     "frame": (63, "i16", 1, 0),
     "sequence": (80, "u16", 1, 0),
 }
+
+# A stage that turns, without UV light.
+INPUTS_TURN = {
+    "state": (0, "u16", 1, 0),
+    "sequence_echo": (1, "u16", 1, 0),
+    "stage_deg": (2, "i32", 0.001, 0),
+    "stage_speed_deg_s": (4, "i32", 0.002, 0),
+    "blue_measured": (6, "u16", 0.0005, 0),
+    "temperature_c": (8, "i16", 0.1, 0),
+}
+BLOCK_TURN = {
+    "command": (0, "u16", 1, 0),
+    "blue_share": (1, "u16", 0.0005, 0),
+    "target_deg": (2, "i32", 0.001, 0),
+    "speed_deg_s": (4, "u32", 0.001, 0),
+    "acceleration_deg_s2": (6, "u32", 0.1, 0),
+    "watchdog_s": (8, "u16", 0.001, 0),
+    "heartbeat": (9, "u16", 1, 0),
+    "frame": (10, "i16", 1, 0),
+    "sequence": (11, "u16", 1, 0),
+}
+GAPS_TURN = {
+    "blue_share": (3, "u16", 0.0005, 0),
+    "target_deg": (20, "i32", -0.002, 500),
+    "speed_deg_s": (22, "u32", 0.001, 0),
+    "acceleration_deg_s2": (24, "u32", 0.1, 0),
+    "frame": (26, "i16", 1, 0),
+    "watchdog_s": (27, "u16", 0.001, 0),
+    "command": (40, "u16", 1, 0),
+    "heartbeat": (41, "u16", 1, 0),
+    "sequence": (42, "u16", 1, 0),
+}
 STANDARD = {"off": 0, "run": 1, "stop": 2, "reset": 3}
 STATES = {"idle": 0, "running": 1, "stopped": 2, "fault": 3}
 
 
 class Map:
     def __init__(self, name, exchange, write, read_at, order="big", unit=1, serial=False,
-                 commands=None, states=None, job=False):
+                 commands=None, states=None, job=False, read=None):
         self.name, self.exchange, self.order, self.unit = name, exchange, order, unit
         self.serial = serial
         self.write = dict(write)
-        self.read = moved(INPUTS, read_at)
+        self.read = moved(read or INPUTS, read_at)
+        self.turns = "target_deg" in self.write
+        # What the stage's signals are called.
+        self.target, self.speed, self.acceleration = (
+            ("target_deg", "speed_deg_s", "acceleration_deg_s2") if self.turns else
+            ("target_um", "speed_um_s", "acceleration_um_s2"))
         self.bits = {bit: (read_at + 9, n) for n, bit in enumerate(BITS)}
         if job:
             last = max(a for a, *_ in self.write.values()) + 1
@@ -108,6 +146,11 @@ MAPS = {
                 commands={"off": 10, "run": 20, "stop": 30, "reset": 40},
                 states={"idle": 7, "running": 8, "stopped": 9, "fault": 11}),
     "inputs": Map("inputs", "fc16+fc4", BLOCK, 0, unit=255, job=True),
+    "turn": Map("turn", "fc23", moved(BLOCK_TURN, 40), 90, unit=3, job=True, read=INPUTS_TURN),
+    # No encoder: of its stage it tells the speed alone.
+    "blind": Map("blind", "fc16+fc4", GAPS_TURN, 700, order="little", unit=9,
+                 commands={"off": 3, "run": 5, "stop": 9, "reset": 17},
+                 read={k: v for k, v in INPUTS_TURN.items() if k != "stage_deg"}),
     "line": Map("line", "fc16+fc3", moved(BLOCK, 4096), 8192, unit=17, serial=True),
 }
 
@@ -167,8 +210,8 @@ FAULTS = {
     "stopped": "it is stopped",
     "idle": "it is idle",
     "stuck-stage": "the stage stands",
-    "stage-jumps": "the stage jumps by 100 um",
-    "stage-falls": "the stage jumps back by 100 um",
+    "stage-jumps": "the stage jumps by 100 um, or 20 degrees",
+    "stage-falls": "the stage jumps back by as much",
     "lamp-sticks": "blue no longer follows, only the relay puts it off",
     "uv-sticks": "UV no longer follows, only the relay puts it off",
     "lamp-drifts": "blue is 30 % brighter than asked",
@@ -177,7 +220,7 @@ FAULTS = {
     "unknown-state": "its state is none of the map's",
     "echo-frozen": "the sequence number that it gives back stays",
     "echo-random": "the sequence number that it gives back is a random one",
-    "impossible-stage": "its stage is said to be 61.5 mm high",
+    "impossible-stage": "its stage is said to be 61.5 mm high, or at 1,000,000 degrees",
     "impossible-temperature": "it is said to be -3276.8 degrees warm",
     "impossible-light": "its blue lamp is said to give 3000 %",
     # of the bench: a machine that was built wrongly
@@ -197,15 +240,22 @@ TCP_ONLY = {"wrong-length", "wrong-transaction", "wrong-protocol", "close-each",
 SERIAL_ONLY = {"wrong-checksum"}
 FC23_ONLY = {"refuse-function-23"}
 
-REFUSED = {"refuse-target": ("target_um", 4), "refuse-speed": ("speed_um_s", 3),
+# Signal, of the stage by what it is on every map, and exception.
+REFUSED = {"refuse-target": ("target", 4), "refuse-speed": ("speed", 3),
            "refuse-sequence": ("sequence", 4), "refuse-heartbeat": ("heartbeat", 6),
            "refuse-command": ("command", 2), "refuse-frame": ("frame", 3),
            "refuse-blue": ("blue_share", 4), "refuse-uv": ("uv_mw_cm2", 4),
-           "close-each-refusing": ("target_um", 4)}
+           "close-each-refusing": ("target", 4)}
+UV_ONLY = {"refuse-uv", "uv-sticks", "uv-fails"}
+ENCODER_ONLY = {"stage-jumps", "stage-falls", "impossible-stage"}
 
 
 def suits(fault, map_):
     if fault in TCP_ONLY and map_.serial or fault in SERIAL_ONLY and not map_.serial:
+        return False
+    if fault in UV_ONLY and "uv_mw_cm2" not in map_.write:
+        return False
+    if fault in ENCODER_ONLY and map_.turns and "stage_deg" not in map_.read:
         return False
     return fault not in FC23_ONLY or map_.exchange == "fc23"
 
@@ -219,10 +269,11 @@ class Exception_(Exception):
 class Machine:
     """Registers, stage, lamps and watchdog."""
 
-    def __init__(self, map_, travel_um, home_um=0, fault=None, at_frame=None, at_cycle=None,
-                 seed=1, lockstep=True):
+    def __init__(self, map_, travel, home=0, fault=None, at_frame=None, at_cycle=None, seed=1,
+                 lockstep=True):
+        """`travel`, `home`: in um, or of a stage that turns in degrees."""
         self.map = map_
-        self.travel_um = travel_um
+        self.travel = travel
         self.fault, self.at_frame, self.at_cycle = fault, at_frame, at_cycle
         self.random = random.Random(seed)
         self.lock = threading.RLock()
@@ -239,7 +290,7 @@ class Machine:
         self.echo = 0
         self.state = "idle"
         self.wait_for_off = False
-        self.stage_um, self.speed_um_s = float(home_um), 0.0
+        self.stage, self.speed = float(home), 0.0
         self.blue, self.uv = 0.0, 0.0
         self.stuck, self.rest_s = False, 0.0
         self.flags = {bit: False for bit in BITS}
@@ -268,7 +319,8 @@ class Machine:
     def status_words(self):
         values = {
             "sequence_echo": self.echo, "state": self.map.states[self.state],
-            "stage_um": self.stage_um, "stage_speed_um_s": self.speed_um_s,
+            "stage_um": self.stage, "stage_speed_um_s": self.speed,
+            "stage_deg": self.stage, "stage_speed_deg_s": self.speed,
             "blue_measured": self.blue, "uv_measured": self.uv, "temperature_c": 24.0,
             "job_kept": self.taken.get("job", 0),
         }
@@ -277,7 +329,7 @@ class Machine:
         if self.on("echo-random"):
             values["sequence_echo"] = self.random.randrange(1, 65536)
         if self.on("impossible-stage"):
-            values["stage_um"] = 61500
+            values["stage_um"], values["stage_deg"] = 61500, 1e6
         if self.on("impossible-temperature"):
             values["temperature_c"] = -3276.8
         if self.on("impossible-light"):
@@ -337,14 +389,14 @@ class Machine:
             self.wait_for_off = True
         elif self.fault == "restart":
             self.dark("restart")
-            self.state, self.echo, self.speed_um_s = "idle", 0, 0.0
+            self.state, self.echo, self.speed = "idle", 0, 0.0
             self.wait_for_off = True
         elif self.fault == "stuck-stage":
             self.stuck = True
         elif self.fault == "stage-jumps":
-            self.stage_um += 100
+            self.stage += 20 if self.map.turns else 100
         elif self.fault == "stage-falls":
-            self.stage_um -= 100
+            self.stage -= 20 if self.map.turns else 100
 
     def wire(self, *names):
         """Whether one of these faults of the wire shall happen to this request."""
@@ -375,6 +427,9 @@ class Machine:
             self.tell("lamps", blue=round(blue, 4), uv=round(uv, 2), by=by)
         self.blue, self.uv = blue, uv
 
+    def uv_asked(self):
+        return self.taken.get("uv_mw_cm2", 0)
+
     def dark(self, by):
         self.shine(0.0, 0.0, by)
 
@@ -400,9 +455,10 @@ class Machine:
         if "command" in covered and command == "stop" and self.taken["command"] != self.get("command"):
             self.tell("stop is written")
         if not covered.isdisjoint(("blue_share", "uv_mw_cm2")):
-            blue, uv = self.get("blue_share"), self.get("uv_mw_cm2")
+            blue = self.get("blue_share")
+            uv = self.get("uv_mw_cm2") if "uv_mw_cm2" in self.map.write else 0
             self.taken["blue_share"] = min(self.taken["blue_share"], blue)
-            self.taken["uv_mw_cm2"] = min(self.taken["uv_mw_cm2"], uv)
+            self.taken["uv_mw_cm2"] = min(self.uv_asked(), uv)
             if blue == 0 and uv == 0 and addresses.isdisjoint({self.map.write["sequence"][0]}):
                 self.tell("lamps alone, 0")
             self.act("written")
@@ -411,7 +467,7 @@ class Machine:
             self.taken["command"] = self.get("command")
             self.act("written")
         if "sequence" in covered and self.get("sequence") != self.taken["sequence"]:
-            before = self.taken["command"]
+            before, frame = self.taken["command"], self.taken["frame"]
             self.pass_cycle()
             self.taken = {name: self.get(name) for name in self.map.write}
             if not self.on("echo-frozen"):
@@ -420,7 +476,10 @@ class Machine:
                 self.heartbeat, self.fed_s = self.taken["heartbeat"], self.now_s
             if self.taken["command"] != before:
                 self.tell("command", command=command, blue=self.taken["blue_share"],
-                          uv=self.taken["uv_mw_cm2"])
+                          uv=self.uv_asked())
+            if self.taken["frame"] != frame:
+                self.tell("frame", frame=self.taken["frame"], stage=round(self.stage, 4),
+                          blue=self.blue)
             self.act("written")
             self.begin_fault_if_due()
 
@@ -441,7 +500,7 @@ class Machine:
         if command == "run" and not self.wait_for_off:
             if self.state != "running":
                 self.state, self.fed_s = "running", self.now_s
-            self.shine(self.taken["blue_share"], self.taken["uv_mw_cm2"], by)
+            self.shine(self.taken["blue_share"], self.uv_asked(), by)
             return
         self.dark(by)
         if command == "stop":
@@ -469,35 +528,38 @@ class Machine:
     def move(self, seconds):
         """Along a trapezoid: no faster than from where it can still stop."""
         if self.stuck:
-            self.speed_um_s = 0.0
+            self.speed = 0.0
             return
         running = self.state == "running"
-        target = min(max(self.taken["target_um"], 0.0), self.travel_um)
-        accelerate = max(self.taken["acceleration_um_s2"], 1.0)
+        target = min(max(self.taken[self.map.target], 0.0), self.travel)
+        accelerate = max(self.taken[self.map.acceleration], 1.0)
         step = 0.0005
         self.rest_s += seconds
         while self.rest_s >= step:
             self.rest_s -= step
-            way = target - self.stage_um
+            way = target - self.stage
             wanted = 0.0
             if running:
-                wanted = min(self.taken["speed_um_s"], (2 * accelerate * abs(way)) ** 0.5)
+                left = max(0.0, abs(way) - abs(self.speed) * step)  # when this step is over
+                wanted = min(self.taken[self.map.speed], (2 * accelerate * left) ** 0.5)
                 wanted = wanted if way > 0 else -wanted
             most = accelerate * step
-            change = max(-most, min(most, wanted - self.speed_um_s))
-            if running and abs(way) < 0.02 and abs(self.speed_um_s) < 4 * most:
-                self.stage_um, self.speed_um_s, self.rest_s = target, 0.0, 0.0
+            change = max(-most, min(most, wanted - self.speed))
+            near = 8 * accelerate * step * step  # the way of braking from four steps' change
+            if running and abs(way) < near and abs(self.speed) < 4 * most:
+                self.stage, self.speed, self.rest_s = target, 0.0, 0.0
                 break
             # The mean of both speeds: exact for a constant acceleration.
-            self.stage_um += (self.speed_um_s + change / 2) * step
-            self.speed_um_s += change
+            self.stage += (self.speed + change / 2) * step
+            self.speed += change
 
     def run_out(self):
         """The bridge has gone: time passes, and nobody feeds the watchdog."""
         with self.lock:
             for _ in range(round(2 * WATCHDOG_S / CYCLE_S) + 2):
                 self.pass_time(CYCLE_S)
-            self.tell("end", blue=self.blue, uv=self.uv, state=self.state)
+            self.tell("end", blue=self.blue, uv=self.uv, state=self.state,
+                      stage=round(self.stage, 4), speed=round(self.speed, 4))
 
     # Modbus, without the header
 
@@ -550,9 +612,11 @@ class Machine:
             raise Exception_(2)
         if self.wire("refuse-writes"):
             raise Exception_(4)
-        if self.fault in REFUSED and self.map.write[REFUSED[self.fault][0]][0] in addresses and \
-                self.wire(self.fault):
-            raise Exception_(REFUSED[self.fault][1])
+        if self.fault in REFUSED:
+            signal, code = REFUSED[self.fault]
+            name = {"target": self.map.target, "speed": self.map.speed}.get(signal, signal)
+            if self.map.write[name][0] in addresses and self.wire(self.fault):
+                raise Exception_(code)
         before = dict(self.raw)
         for i in range(count):
             self.raw[first + i] = struct.unpack(">H", data[2 * i:2 * i + 2])[0]
@@ -756,9 +820,10 @@ def main():
     options = argparse.ArgumentParser()
     options.add_argument("map", choices=list(MAPS))
     options.add_argument("--fault", choices=list(FAULTS))
-    options.add_argument("--travel-mm", type=float, default=2)
+    options.add_argument("--travel", type=float, default=2, help="mm, or turns")
     o = options.parse_args()
-    machine = Machine(MAPS[o.map], 1000 * o.travel_mm, fault=o.fault, at_cycle=0, lockstep=False)
+    travel = o.travel * (360 if MAPS[o.map].turns else 1000)
+    machine = Machine(MAPS[o.map], travel, fault=o.fault, at_cycle=0, lockstep=False)
     machine.begin_fault_if_due()
     server = Server(machine)
     print(json.dumps({"toml": machine.map.toml(server.where)}), flush=True)

@@ -3,10 +3,12 @@
 
     docs_machine_faults.py --bin build/bin --count 40            # every fault, frames by seed
     docs_machine_faults.py --bin build/bin --count 1000 --moments --seed 7
+    docs_machine_faults.py --bin build/bin --turn                # a job on a machine that turns a vial
 
 Lamps must be off before the stage is told to stop, stay off, and be off at the end; put off by what
 the bridge writes wherever the machine takes it, and else by the machine's own watchdog. The bridge
-must not say that lamps are off when they are not. Prints one line of JSON per print and a summary;
+must not say that lamps are off when they are not. A job without a fault shows each frame of each
+turn once, at its angle, and in the light. Prints one line of JSON per print and a summary;
 exit code 0: all held.
 """
 
@@ -14,6 +16,7 @@ import argparse
 import json
 import os
 import random
+import struct
 import subprocess
 import sys
 import tempfile
@@ -23,6 +26,8 @@ import docs_machine
 from docs_machine import BENCH, BORNE, CYCLE_S, FAULTS, MAPS, OWN_ACT, OWN_WATCHDOG, WATCHDOG_S
 
 TRAVEL_MM = 2
+# Of jobs. A frame is shown for 15 degrees, 0.25 s or eight cycles.
+TURN_DEG_S, ANGLES, TRAVEL_TURNS = 60, 24, 20
 
 
 def box_stl(path, x_mm, y_mm, z_mm):
@@ -39,6 +44,17 @@ def box_stl(path, x_mm, y_mm, z_mm):
         out.write("endsolid box\n")
 
 
+def block_npy(path, slices, size, inside):
+    """A volume of NumPy: 255 where inside(z, y, x)."""
+    head = "{'descr': '|u1', 'fortran_order': False, 'shape': (%d, %d, %d), }" % (
+        slices, size, size)
+    head += " " * (-(len(head) + 11) % 64) + "\n"
+    with open(path, "wb") as out:
+        out.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head.encode())
+        out.write(bytes(255 if inside(z, y, x) else 0 for z in range(slices) for y in range(size)
+                        for x in range(size)))
+
+
 def replaced(text, what, by):
     if what not in text:
         raise SystemExit(f"the printer file has no '{what}'")
@@ -46,6 +62,10 @@ def replaced(text, what, by):
 
 
 class Bench:
+    """What is printed, and the printer's file but its registers."""
+    maps = [m for m in MAPS.values() if not m.turns]
+    travel = 1000 * TRAVEL_MM
+
     def __init__(self, bin_folder, printers, folder):
         self.bin, self.folder = bin_folder, folder
         with open(os.path.join(printers, "dual-wavelength-dlp.toml")) as f:
@@ -56,10 +76,7 @@ class Bench:
                 ("travel_mm = 100", f"travel_mm = {TRAVEL_MM}"),
                 ("lift_mm = 3", "lift_mm = 1"), ("\nwarm_up_s = 2\n", "\nwarm_up_s = 0.1\n"),
                 ("acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 10"),
-                ("cycle_s = 0.01", f"cycle_s = {CYCLE_S}"),
-                ("response_timeout_s = 0.04", f"response_timeout_s = {docs_machine.RESPONSE_S}"),
-                ("heartbeat_timeout_s = 0.3", "heartbeat_timeout_s = 0.6"),
-                ("watchdog_s = 0.3", f"watchdog_s = {WATCHDOG_S}")):
+                *self.limits):
             text = replaced(text, what, by)
         self.printer_text = text
         mesh, target = os.path.join(folder, "box.stl"), os.path.join(folder, "target.uvj")
@@ -72,13 +89,21 @@ class Bench:
                  "--antialias", "off"],
                 ["correct", target, "-o", self.stack, "--printer", printer, "--resin",
                  "custom-resin-1", "--speed-mm-h", "300", "--uv-mw-cm2", "200"]):
-            done = subprocess.run([os.path.join(self.bin, "slicecorr"), *command, "--quiet"],
-                                  capture_output=True, text=True)
-            if done.returncode != 0:
-                raise SystemExit(done.stderr)
+            self.run(command)
+
+    limits = (("cycle_s = 0.01", f"cycle_s = {CYCLE_S}"),
+              ("response_timeout_s = 0.04", f"response_timeout_s = {docs_machine.RESPONSE_S}"),
+              ("heartbeat_timeout_s = 0.3", "heartbeat_timeout_s = 0.6"),
+              ("watchdog_s = 0.3", f"watchdog_s = {WATCHDOG_S}"))
+
+    def run(self, command):
+        done = subprocess.run([os.path.join(self.bin, "slicecorr"), *command, "--quiet"],
+                              capture_output=True, text=True)
+        if done.returncode != 0:
+            raise SystemExit(done.stderr)
 
     def print_on(self, map_, fault, number, at_frame=None, at_cycle=None, seed=1):
-        machine = docs_machine.Machine(map_, 1000 * TRAVEL_MM, fault=fault, at_frame=at_frame,
+        machine = docs_machine.Machine(map_, self.travel, fault=fault, at_frame=at_frame,
                                        at_cycle=at_cycle, seed=seed)
         server = docs_machine.Server(machine)
         printer = os.path.join(self.folder, f"{number}.toml")
@@ -101,6 +126,64 @@ class Bench:
                 "code": code, "said": said.strip(), "seconds": round(time.monotonic() - started, 2),
                 "connections": server.opened, "cycles": machine.cycles, "lit_when_it_left": lit_at_end,
                 "log": machine.log}
+
+
+class TurnBench(Bench):
+    maps = [m for m in MAPS.values() if m.turns]
+    travel = 360 * TRAVEL_TURNS
+
+    def __init__(self, bin_folder, printers, folder):
+        self.bin, self.folder = bin_folder, folder
+        with open(os.path.join(printers, "model-tomography-bench.toml")) as f:
+            text = f.read()
+        text = text[:text.index("# Holding registers")]
+        for what, by in (
+                ("width_px = 512", "width_px = 64"), ("height_px = 512", "height_px = 16"),
+                ("pixel_um = 50.0", "pixel_um = 200"), ("[255, 2.0]", "[255, 20.0]"),
+                ("outer_mm = 13.5", "outer_mm = 6"), ("inner_mm = 12.5", "inner_mm = 5"),
+                ("deg_s = 25", f"deg_s = {TURN_DEG_S}"),
+                ("travel_turns = 1000", f"travel_turns = {TRAVEL_TURNS}"),
+                ("acceleration_deg_s2 = 50", "acceleration_deg_s2 = 100"),
+                # The machine's clock stands while it refuses requests, for three cycles of 1.8.
+                ("tolerance_deg = 1", "tolerance_deg = 6"), *self.limits):
+            text = replaced(text, what, by)
+        self.printer_text = text
+        volume, printer = os.path.join(folder, "block.npy"), os.path.join(folder, "plain.toml")
+        self.stack = os.path.join(folder, "block.frames")
+        block_npy(volume, 2, 30, lambda z, y, x: 11 <= y < 20 and 9 <= x < 18)
+        with open(printer, "w") as f:
+            f.write(self.printer_text)
+        figures = os.path.join(folder, "block.json")
+        self.run(["tomo", "solve", "--volume", volume, "--voxel-mm", "0.2", "--printer", printer,
+                  "--resin", "model-tomography-resin", "--angles", str(ANGLES), "--iterations",
+                  "10", "-o", self.stack, "--json", figures])
+        with open(figures) as f:
+            self.turns = json.load(f)["turns"]
+
+
+def judge_turns(result, turns, encoder):
+    """What is wrong with a print of a job without a fault, by the machine's log."""
+    if result["code"] != 0:
+        return [f"exit code {result['code']}"]
+    wrong = []
+    shown = [e for e in result["log"] if e["what"] == "frame" and e["frame"] >= 0]
+    if [e["frame"] for e in shown] != [n % ANGLES for n in range(turns * ANGLES)]:
+        wrong.append(f"{len(shown)} frames, or not in their order")
+    if not all(e["blue"] > 0.9 for e in shown):
+        wrong.append("a frame without light")
+    step, cycle = 360 / ANGLES, TURN_DEG_S * CYCLE_S
+    for n, e in enumerate(shown):
+        # It is told in the exchange after the frame was handed to the display, ahead of its angle;
+        # without an encoder it is not known to a cycle where the vial is.
+        begin = (n % ANGLES - 0.5) * step
+        off = (e["stage"] - begin + 180) % 360 - 180
+        if not -2 * cycle <= off <= (2 if encoder else 3) * cycle:
+            wrong.append(f"frame {n} at {e['stage']}, {off} from its place")
+            break
+    end = result["log"][-1]
+    if abs((end["stage"] + 180) % 360 - 180) > 0.01 or end["speed"] != 0:
+        wrong.append(f"the vial ends at {end['stage']}, {end['speed']} degrees a second")
+    return wrong
 
 
 def judge(result):
@@ -157,15 +240,16 @@ def judge(result):
     return wrong
 
 
-def cases(count, seed, moments):
+def cases(bench, count, seed, moments):
     """Each fault on a map that suits it, over and over, with maps and moments by the seed."""
     chosen = random.Random(seed)
-    names = [name for name in FAULTS if name not in BENCH]
+    names = [name for name in FAULTS if name not in BENCH and
+             any(docs_machine.suits(name, m) for m in bench.maps)]
     number = 0
     while number < count:
         chosen.shuffle(names)
         for fault in names:
-            maps = [m for m in MAPS.values() if docs_machine.suits(fault, m)]
+            maps = [m for m in bench.maps if docs_machine.suits(fault, m)]
             map_ = chosen.choice(maps)
             when = ({"at_cycle": chosen.randrange(5, 330)} if moments else
                     {"at_frame": chosen.randrange(0, 10)})
@@ -180,9 +264,10 @@ def main():
     options.add_argument("--bin", required=True)
     here = os.path.dirname(os.path.abspath(__file__))
     options.add_argument("--printers", default=os.path.join(here, "..", "resins", "printers"))
-    options.add_argument("--count", type=int, default=len(FAULTS) - len(BENCH))
+    options.add_argument("--count", type=int, help="of prints with faults [each fault once]")
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--moments", action="store_true", help="at random cycles, not at frames")
+    options.add_argument("--turn", action="store_true", help="a job, on machines that turn a vial")
     options.add_argument("--only", help="one fault, on every map that suits it")
     options.add_argument("--part", default="0/1", help="i/n: every n-th of them")
     options.add_argument("--logs", help="a folder for the logs of those that did not hold")
@@ -190,17 +275,22 @@ def main():
     part, parts = (int(x) for x in o.part.split("/"))
     bad, ran, codes, began = 0, 0, {}, 0
     with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(o.bin, o.printers, folder)
+        bench = (TurnBench if o.turn else Bench)(o.bin, o.printers, folder)
+        count = len(FAULTS) - len(BENCH) if o.count is None else o.count
         if o.only:
-            todo = [(m, o.only, {"at_frame": 3}) for m in MAPS.values()
+            todo = [(m, o.only, {"at_frame": 3}) for m in bench.maps
                     if docs_machine.suits(o.only, m)]
         else:
-            todo = cases(o.count, o.seed, o.moments)
+            todo = list(cases(bench, count, o.seed, o.moments))
+            if o.turn:
+                todo = [(m, None, {}) for m in bench.maps] + todo
         for number, (map_, fault, when) in enumerate(todo):
             if number % parts != part:
                 continue
             result = bench.print_on(map_, fault, number, seed=o.seed + number, **when)
             wrong = judge(result)
+            if fault is None:
+                wrong += judge_turns(result, bench.turns, "stage_deg" in map_.read)
             ran += 1
             bad += 1 if wrong else 0
             began += any(e["what"] == "fault begins" for e in result["log"])

@@ -38,19 +38,6 @@ void wobble(Printer& p, double amplitude_px) {
   }
 }
 
-FlatField field_of(int width, int height, const std::function<int(int, int)>& value) {
-  FlatField f;
-  f.width_px = width;
-  f.height_px = height;
-  auto values = std::make_shared<std::vector<std::uint8_t>>();
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) values->push_back(static_cast<std::uint8_t>(value(x, y)));
-  }
-  f.values = values;
-  f.reference = 200;
-  return f;
-}
-
 /// Part of several slices: a bar off the axis, and a void beside it.
 Box<std::uint8_t> bars(int slices) {
   Box<std::uint8_t> part{slices, 33, 33,

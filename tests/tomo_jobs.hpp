@@ -4,7 +4,10 @@
 
 #include <cmath>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <random>
+#include <vector>
 
 #include "slicecorr/tomo/print.hpp"
 
@@ -43,6 +46,20 @@ inline Resin bench_resin(double alpha_per_cm = 2.5) {
   r.absorbance_height10_um = 1e4 * std::log(10.0) / alpha_per_cm;
   r.critical_dose_mj_cm3 = 20;
   return r;
+}
+
+/// A picture of uneven light of which 200 is what the calibration says.
+inline FlatField field_of(int width, int height, const std::function<int(int, int)>& value) {
+  FlatField f;
+  f.width_px = width;
+  f.height_px = height;
+  auto values = std::make_shared<std::vector<std::uint8_t>>();
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) values->push_back(static_cast<std::uint8_t>(value(x, y)));
+  }
+  f.values = values;
+  f.reference = 200;
+  return f;
 }
 
 /// A job of random levels.

@@ -115,6 +115,82 @@ TEST(TomoShown, ASmearedFrameIsTheMeanOfItsPlaces) {
   EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 18)), mean), 1e-6);
 }
 
+/// An axis that leans and goes astray, by whole rows too, and light that is dim at the sides.
+Printer uneven_printer(TurnDirection way) {
+  Printer p = bench_printer();
+  p.width_px = p.height_px = 64;
+  p.rotation->direction = way;
+  p.optics->tilt_deg = 3;
+  for (int k = 0; k < 20; ++k) {
+    const double a = k * std::numbers::pi / 10;
+    p.rotation->wobble.push_back(
+        {18.0 * k, 0.9 * std::sin(a) + 0.4 * std::cos(3 * a), 2.2 * std::sin(a)});
+  }
+  p.flat_field = field_of(64, 64, [](int x, int y) {
+    return static_cast<int>(std::lround(220 - 2.0 * std::abs(x - 30) - 1.5 * std::abs(y - 36)));
+  });
+  return p;
+}
+
+TEST(TomoShown, FramesAtTheirOwnAnglesGiveTheDoseOfAnyMachine) {
+  for (const TurnDirection way : {TurnDirection::clockwise, TurnDirection::counterclockwise}) {
+    const TomoJob all = random_job(uneven_printer(way), 6, 20);
+    TomoJob steady = all, even = all;
+    steady.printer.optics->tilt_deg = 0;
+    steady.printer.rotation->wobble.clear();
+    even.printer.flat_field.reset();
+    for (const TomoJob& job : {all, steady, even}) {
+      EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 0)), dose_of(job)), 1e-6);
+    }
+    // Each of them counts: without it the dose is another.
+    EXPECT_GT(difference(dose_of(steady), dose_of(all)), 0.02);
+    EXPECT_GT(difference(dose_of(even), dose_of(all)), 0.02);
+  }
+}
+
+TEST(TomoShown, BlackIsAsUnevenAsAllLight) {
+  // A job of black frames, and black that is no frame.
+  TomoJob job = random_job(uneven_printer(TurnDirection::counterclockwise), 6, 20);
+  std::fill(job.levels.begin(), job.levels.end(), std::uint16_t{0});
+  std::vector<Showing> black = shown_of(job, 0, 0);
+  for (Showing& s : black) s.frame = kBlackFrame;
+  const Box<float> dose = dose_of(job);
+  ASSERT_GT(largest(dose), 0);
+  EXPECT_LT(difference(dose_of(job, black), dose), 1e-6);
+  TomoJob even = job;
+  even.printer.flat_field.reset();
+  EXPECT_GT(difference(dose_of(even, black), dose), 0.05);
+}
+
+TEST(TomoShown, AFrameShownElsewhereLightsWhatIsThere) {
+  // Over half of the turn the axis lies two rows higher, and rows are as high as voxels: a frame of
+  // the other half falls two slices lower into the part, and black comes in from above.
+  Printer p = bench_printer();
+  p.height_px = 64;
+  for (int k = 0; k < 20; ++k) p.rotation->wobble.push_back({18.0 * k, 0, k < 10 ? 0.0 : 2.0});
+  TomoJob job = random_job(p, 8, 20);
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  const auto level_of = [](int z) {
+    return static_cast<std::uint16_t>(z < 0 || z > 7 ? 0 : 25 * (z + 2));
+  };
+  const auto fill = [&](int shift) {
+    TomoJob made = job;
+    for (int m = 0; m < 20; ++m) {
+      for (int i = 0; i < bench.grid.pixels; ++i) {
+        for (int z = 0; z < 8; ++z) made.levels[bench.grid.pixel(m, i, z)] = level_of(z + shift);
+      }
+    }
+    return made;
+  };
+  const std::vector<Showing> low{{0, 0, 0, 1, 1}}, high{{0, 180, 180, 1, 1}},
+      of_high{{10, 180, 180, 1, 1}}, of_high_low{{10, 0, 0, 1, 1}};
+  EXPECT_LT(difference(dose_of(fill(0), high), dose_of(fill(2), of_high)), 1e-6);
+  EXPECT_LT(difference(dose_of(fill(0), of_high_low), dose_of(fill(-2), low)), 1e-6);
+  // The pixel's own light, wherever it falls: of a flat-field of rows too.
+  job.printer.flat_field = field_of(48, 64, [](int, int y) { return 100 + 2 * y; });
+  EXPECT_LT(difference(dose_of(fill(0), high), dose_of(fill(2), of_high)), 1e-6);
+}
+
 TEST(TomoShown, TablesAreReadAndRefused) {
   const test::TemporaryFolder folder;
   const std::string path = folder / "shown.csv";
@@ -127,13 +203,15 @@ TEST(TomoShown, TablesAreReadAndRefused) {
   EXPECT_EQ(shown.without_end, 1);
   ASSERT_EQ(shown.showings.size(), 2U);
   EXPECT_EQ(shown.showings[1], (Showing{1, 369, 387, 0.72, 0.98}));
+  EXPECT_DOUBLE_EQ(shown.light_s(), 0.72 * 0.98);
   const auto refused = [&](const std::string& text, const std::string& what) {
     SCOPED_TRACE(text);
     EXPECT_NE(test::refusal([&] { read(text); }).find(what), std::string::npos);
   };
   refused("", "is empty");
   refused("frame,z_um\n0,1\n", "job_frame");
-  refused(head, "has no row");
+  refused(head, "has no light in it");
+  refused(head + "0,0,-9,9,0.72,0\n1,1,9,27,0,1\n", "as of a dry run");
   refused(head + "0,20,0,1,1,1\n", "job_frame");
   refused(head + "0,0.5,0,1,1,1\n", "whole number");
   refused(head + "0,0,0,1,-1,1\n", "exposed_s");

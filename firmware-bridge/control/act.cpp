@@ -550,6 +550,10 @@ void Controller::Impl::go_fault() {
       since_s < 1 + machine.blue.settle_s + machine.uv.settle_s) {
     return;
   }
+  // A vial that was at speed takes a while to come to rest.
+  const bool moves = begun && heard_since() && !measured_still();
+  const double braking_s = machine.stage.max_speed_um_s / machine.stage.acceleration_um_s2;
+  if (moves && since_s < 1 + braking_s) return;
   if (bright && heard_since()) event("light", "A LAMP STILL SHINES");
   step.finished = true;
 }

@@ -174,13 +174,16 @@ Left Controller::left() const {
   left.lamps_taken = s.failing() && s.lamps_taken;
   left.heard = s.failing() && s.heard_since();
   left.dark = s.measured_dark();
-  left.stands = s.status.state != MachineState::running;
+  left.stands = s.measured_still();
   left.measured = s.status_at_s.has_value();
   if (left.measured) left.measured_s_ago = std::max(0.0, s.now_s - *s.status_at_s);
   left.blue_measured = s.status.blue_measured;
   left.uv_measured = s.status.uv_measured;
-  left.stage_um = s.status.stage_um;
-  if (s.machine.stage.turns()) left.stage_deg = s.status.stage_um / s.machine.stage.um_per_deg;
+  left.stage_um.reset();
+  if (s.machine.has_encoder()) {
+    left.stage_um = s.status.stage_um;
+    if (s.machine.stage.turns()) left.stage_deg = s.status.stage_um / s.machine.stage.um_per_deg;
+  }
   return left;
 }
 

@@ -160,8 +160,10 @@ void Controller::Impl::check_stage() {
   const double error = std::abs(off_um);
   worst_stage_error_um = std::max(worst_stage_error_um, error);
   // Allows the way of two cycles, since it is not known better when a command was taken over.
-  const double allowed = machine.stage.tolerance_um + (2 * limits.cycle_s + move_within_s) *
-                                                          std::abs(stage.commanded().speed_um_s());
+  const double speed_um_s =
+      machine.has_encoder() ? std::abs(stage.commanded().speed_um_s()) : slip_speed_um_s;
+  const double allowed =
+      machine.stage.tolerance_um + (2 * limits.cycle_s + move_within_s) * speed_um_s;
   if (error > allowed) {
     const double told_um_s = stage.commanded().speed_um_s();
     const bool stalled = plan.turns() && told_um_s != 0 && status.stage_speed_um_s &&
@@ -191,6 +193,10 @@ void Controller::Impl::check_slip() {
   slipped_at_s = *status_at_s;
   slipped_um += (status.stage_speed_um_s.value_or(0) - commanded.speed_um_s()) * dt;
   slipped_um -= slipped_um * std::min(1.0, dt / forgetting_s);
+  // A stage that brakes some cycles later than commanded seems to slip by their way, until that is
+  // forgotten.
+  slip_speed_um_s -= slip_speed_um_s * std::min(1.0, dt / forgetting_s);
+  slip_speed_um_s = std::max(slip_speed_um_s, std::abs(commanded.speed_um_s()));
 }
 
 void Controller::Impl::check_lamps() {
@@ -339,6 +345,7 @@ void Controller::Impl::record_frame(const FrameReport& report, const Pending& as
     lateness.add_um(at_um - asked.planned_um);
     lateness.add_ms((shown_at_s - asked.at_s) * 1e3);
     if (plan.turns()) {
+      lateness.add_deg((at_um - asked.planned_um) / plan.um_per_deg);
       exposing = record;  // until the next one comes
       exposing->job_frame = plan.shown_frame(frame);
       exposing->from_deg = at_um / plan.um_per_deg;

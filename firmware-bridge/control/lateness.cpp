@@ -17,6 +17,7 @@ void count(const Bounds& bounds, Counts& counts, double late, double& sum, doubl
 }  // namespace
 
 void Lateness::add_um(double late_um) { count(kBoundsUm, um, late_um, sum_um, worst_um); }
+void Lateness::add_deg(double late_deg) { count(kBoundsDeg, deg, late_deg, sum_deg, worst_deg); }
 void Lateness::add_ms(double late_ms) { count(kBoundsMs, ms, late_ms, sum_ms, worst_ms); }
 
 }  // namespace slicecorr::bridge

@@ -168,7 +168,8 @@ std::string in_words(const Left& left) {
   text += fmt::format(": blue light {:.1f} %", left.blue_measured * 100);
   if (left.uv_measured) text += fmt::format(", UV light {:.1f} mW/cm²", *left.uv_measured);
   if (left.stage_deg) return text + fmt::format(", stage at {:.2f}°", *left.stage_deg);
-  return text + fmt::format(", stage at {:.3f} mm", left.stage_um * 1e-3);
+  if (left.stage_um) return text + fmt::format(", stage at {:.3f} mm", *left.stage_um * 1e-3);
+  return text;
 }
 
 }  // namespace slicecorr::bridge

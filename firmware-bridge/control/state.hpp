@@ -2,6 +2,7 @@
 /// `act_layerwise.cpp` say what comes next, `controller.cpp` holds them together.
 #pragma once
 
+#include <cmath>
 #include <deque>
 #include <optional>
 #include <string>
@@ -87,6 +88,7 @@ struct Controller::Impl {
   /// commanded motion, forgotten as fast as a difference of measured positions is.
   double slipped_um = 0;
   double slipped_at_s = 0;
+  double slip_speed_um_s = 0;           ///< greatest speed commanded lately, forgotten as slips are
   std::optional<double> unsteady_at_s;  ///< when the speed was last not what it should be
   double worst_stage_error_um = 0;
 
@@ -136,6 +138,12 @@ struct Controller::Impl {
   bool measured_dark() const {
     return status.blue_measured <= machine.blue.tolerance &&
            uv_share(status.uv_measured.value_or(0)) <= machine.uv.tolerance;
+  }
+  /// Whether the stage is not driven any more, and where its speed is measured has come to rest: it
+  /// does not go by its tolerance in a second.
+  bool measured_still() const {
+    return status.state != MachineState::running &&
+           std::abs(status.stage_speed_um_s.value_or(0)) <= machine.stage.tolerance_um;
   }
 
   // judge.cpp

@@ -7,6 +7,7 @@
 #include "plan/checks.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/vial.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -19,6 +20,17 @@ constexpr double kSettlings = 5, kSpareS = 0.2;
 std::string in_words(const Rotation& r) {
   return fmt::format("{:g} °/s {}", r.deg_s,
                      r.direction == TurnDirection::clockwise ? "clockwise" : "counterclockwise");
+}
+
+std::string in_words(const Optics& o) {
+  std::string text = o.kind == OpticsKind::telecentric
+                         ? "telecentric"
+                         : fmt::format("from a pinhole at {:g} mm", o.distance_mm);
+  if (o.half_angle_deg > 0) {
+    text += fmt::format(" in cones of {:g}° ({} rays)", o.half_angle_deg, o.rays_per_pixel);
+  }
+  return text + fmt::format(", its axis {:g} pixels right, {:g} up and leaning by {:g}°",
+                            o.axis_right_px, o.axis_up_px, o.tilt_deg);
 }
 
 void check_job(const tomo::TomoJob& job, const std::string& path, const Machine& machine) {
@@ -63,8 +75,28 @@ void check_job(const tomo::TomoJob& job, const std::string& path, const Machine&
     };
     differs("its vial has", vial(made), vial(here));
   }
-  if (made.optics != here.optics) differs("its optics are", "others", "those");
-  if (here.flat_field) differs("its light is", "even", "uneven light");
+  if (made.optics != here.optics) {
+    differs("its light is", in_words(*made.optics), in_words(*here.optics));
+  }
+  if (made.flat_field != here.flat_field) {
+    differs("its light is", made.flat_field ? "uneven in another way" : "even",
+            here.flat_field ? "uneven" : "even");
+  }
+  if (made.rotation->wobble != here.rotation->wobble) {
+    const auto axis = [](const Rotation& r) {
+      return r.wobble.empty() ? std::string("keeps to its place")
+                              : fmt::format("wobbles by up to {:g} pixels ({} angles)",
+                                            most_wobble_px(r), r.wobble.size());
+    };
+    differs("its axis", axis(*made.rotation), "that it " + axis(*here.rotation));
+  }
+  if (!made.rotation->wobble.empty() && !machine.has_encoder()) {
+    throw InputError(path, "",
+                     fmt::format("follows the wobble of the axis, and printer '{}' has no encoder "
+                                 "(stage_deg): its angles count from where the vial happens to "
+                                 "stand; expected one, or a job without wobble",
+                                 here.name));
+  }
   if (made.orientation.value_or(Orientation{}) != here.orientation.value_or(Orientation{})) {
     differs("its display lies", in_words(made.orientation.value_or(Orientation{})),
             in_words(here.orientation.value_or(Orientation{})));

@@ -207,14 +207,13 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   }
   if (!end.trouble.empty()) console.say("not all was recorded: " + end.trouble);
   if (end.fault == Fault::none) {
-    const double unit_um = plan.turns() ? plan.um_per_deg : 1;
-    const char* const unit = plan.turns() ? "°" : " um";
     console.say(fmt::format(
-        "printed {} frames in {}{}; at most {:.2f}{} late, the stage at most {:.2f}{} off, {} "
-        "cycles missed; page: {}",
+        "printed {} frames in {}{}; at most {} late, the stage at most {} off, {} cycles missed; "
+        "page: {}",
         end.frames_shown, minutes(end.seconds), o.dry_run ? " without light" : "",
-        std::max(0.0, end.worst_late_um) / unit_um, unit, end.worst_stage_error_um / unit_um, unit,
-        end.missed_cycles, folder.file("report.html")));
+        way_in_words(std::max(0.0, end.worst_late_um), plan.um_per_deg),
+        way_in_words(end.worst_stage_error_um, plan.um_per_deg), end.missed_cycles,
+        folder.file("report.html")));
     return cli::kDone;
   }
   return tell_fault(o, end, plan, machine, folder);

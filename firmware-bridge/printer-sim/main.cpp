@@ -42,13 +42,14 @@ std::string default_listen(const RegisterMap& map) {
 /// Events as JSON, one per line, each written before the machine goes on.
 class EventLog {
  public:
-  EventLog(const std::string& path, TimedModel& model) : path_(path) {
+  /// `um_per_deg`: as in `Stage`.
+  EventLog(const std::string& path, TimedModel& model, double um_per_deg) : path_(path) {
     if (path.empty()) return;
     out_.open(path, std::ios::trunc);
     if (!out_) throw DeviceError(path + ": can't be written");
-    model.on_event([this](const SimEvent& e) {
-      const nlohmann::ordered_json line{
-          {"at_s", e.at_s}, {"event", e.what}, {"stage_um", e.stage_um}};
+    model.on_event([this, um_per_deg](const SimEvent& e) {
+      nlohmann::ordered_json line{{"at_s", e.at_s}, {"event", e.what}, {"stage_um", e.stage_um}};
+      if (um_per_deg > 0) line["stage_deg"] = e.stage_um / um_per_deg;
       out_ << line.dump() << '\n' << std::flush;
     });
   }
@@ -132,7 +133,7 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
 
   PrinterModel printer(machine, std::move(faults));
   TimedModel model(printer, {o.lockstep, o.time_rate, machine.limits.cycle_s});
-  EventLog events(o.events, model);
+  EventLog events(o.events, model, machine.stage.um_per_deg);
   std::unique_ptr<PrintRecorder> recorder;
   if (turns) {
     recorder = std::make_unique<TurnRecorder>(o.output, machine, model);
@@ -209,7 +210,7 @@ int main(int argc, char** argv) {
       ->check(cli::number_in(0.001, 1000));
   app->add_flag("--check-machine", o.check_machine,
                 "Drives a real machine through every command without light, and reports: its stage "
-                "moves by a millimetre");
+                "moves by a millimetre, or turns by a quarter");
   app->add_option("--modbus", o.modbus,
                   "Where that machine is [as the printer file says]: tcp:HOST:PORT or rtu:DEVICE");
   return program.run(argc, argv);

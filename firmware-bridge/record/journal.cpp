@@ -127,7 +127,8 @@ struct Journal::Impl {
   LineWriter writer;
   double at_s =
       0;  ///< of the last event: time does not go back for what is told of a cycle's begin
-  explicit Impl(const std::string& path) : writer(path, "") {}
+  double um_per_deg;
+  Impl(const std::string& path, double per_deg) : writer(path, ""), um_per_deg(per_deg) {}
 };
 
 std::string utc_now() {
@@ -138,7 +139,8 @@ std::string utc_now() {
                      fmt::gmtime(static_cast<std::time_t>(ms / 1000)), ms % 1000);
 }
 
-Journal::Journal(const std::string& path) : impl_(std::make_unique<Impl>(path)) {}
+Journal::Journal(const std::string& path, double um_per_deg)
+    : impl_(std::make_unique<Impl>(path, um_per_deg)) {}
 Journal::~Journal() = default;
 
 void Journal::add(const PrintEvent& event, bool important) {
@@ -149,6 +151,7 @@ void Journal::add(const PrintEvent& event, bool important) {
   if (!event.detail.empty()) line["detail"] = event.detail;
   line["frame"] = event.frame;
   line["stage_um"] = event.stage_um;
+  if (impl_->um_per_deg > 0) line["stage_deg"] = event.stage_um / impl_->um_per_deg;
   using nlohmann::ordered_json;
   if (!event.facts.empty()) line["facts"] = ordered_json::parse(event.facts, nullptr, false);
   impl_->writer.add(line.dump(-1, ' ', false, ordered_json::error_handler_t::replace), important);

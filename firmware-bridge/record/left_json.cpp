@@ -37,7 +37,7 @@ Json left_json(const Left& left) {
   json["measured_s_ago"] = or_null(left.measured_s_ago);
   json["blue_measured"] = left.measured ? Json(left.blue_measured) : Json(nullptr);
   json["uv_measured"] = left.measured ? or_null(left.uv_measured) : Json(nullptr);
-  json["stage_um"] = left.measured ? Json(left.stage_um) : Json(nullptr);
+  json["stage_um"] = left.measured && left.stage_um ? Json(*left.stage_um) : Json(nullptr);
   if (left.stage_deg) json["stage_deg"] = left.measured ? Json(*left.stage_deg) : Json(nullptr);
   return json;
 }
@@ -55,7 +55,7 @@ std::optional<Left> left_in(const Json& json) {
   left.measured_s_ago = number(json, "measured_s_ago");
   left.blue_measured = number(json, "blue_measured").value_or(0);
   left.uv_measured = number(json, "uv_measured");
-  left.stage_um = number(json, "stage_um").value_or(0);
+  left.stage_um = number(json, "stage_um");
   left.stage_deg = number(json, "stage_deg");
   const auto time = json.find("time");
   if (time != json.end() && time->is_string()) left.time = time->get<std::string>();

@@ -53,6 +53,8 @@ struct JournalEnd {
   std::string stack, last;
   int frame = kBlackFrame;
   double stage_um = 0;
+  std::optional<double> start_um;  ///< of the first frame
+  double um_per_deg = 0;           ///< of a stage that turns
 };
 JournalEnd journal_of(const StateFolder& folder) {
   JournalEnd end;
@@ -65,6 +67,17 @@ JournalEnd journal_of(const StateFolder& folder) {
     if (what == kJournalBegin) {
       end.open = true;
       end.stack = json.value("detail", "");
+      end.start_um.reset();
+      end.um_per_deg = 0;
+      if (const auto facts = json.find("facts"); facts != json.end() && facts->is_object()) {
+        const auto number = [&](const char* key) -> std::optional<double> {
+          const auto found = facts->find(key);
+          if (found == facts->end() || !found->is_number()) return std::nullopt;
+          return found->get<double>();
+        };
+        end.start_um = number("start_um");
+        end.um_per_deg = number("um_per_deg").value_or(0);
+      }
     } else if (what == kJournalEnd) {
       end.open = false;
     }
@@ -173,10 +186,12 @@ std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
   if (const auto row = last_row(folder); row.size() > 2 && row[0] >= latch.frame) {
     latch.frame = static_cast<int>(row[0]);
     latch.z_um = row[2];
+    if (end.start_um) latch.stage_um = *end.start_um + latch.z_um;
     if (row.size() > 9) {
       latch.left->measured = true;
       latch.left->blue_measured = row[9];
       latch.left->stage_um = latch.stage_um;
+      if (end.um_per_deg > 0) latch.left->stage_deg = latch.stage_um / end.um_per_deg;
       if (row.size() > 10) latch.left->uv_measured = row[10];
     }
   }

@@ -14,6 +14,10 @@ namespace {
 /// Longer than it takes any controller to do what it is told, besides moving.
 constexpr double kSoonS = 1, kHoldS = 0.3;
 constexpr double kMostWayUm = 1000, kCalmSpeedUmS = 500;
+/// Of a stage that turns.
+constexpr double kMostWayDeg = 90, kCalmSpeedDegS = 30;
+/// A stage without an encoder stands still below this share of the speed that it was told.
+constexpr double kStill = 0.02;
 
 using Found = MachineCheck::Found;
 
@@ -33,6 +37,7 @@ class Bench {
     const bool taken = take_off();
     lamps_alone();
     if (!taken) return false;
+    if (!machine_.has_encoder()) to_index();
     run_and_hold();
     moves();
     stops_alone();
@@ -55,7 +60,13 @@ class Bench {
   }
   double speed() const {
     const double fastest = machine_.stage.max_speed_um_s;
-    return fastest > 0 ? std::min(kCalmSpeedUmS, fastest) : kCalmSpeedUmS;
+    const double calm =
+        machine_.stage.turns() ? kCalmSpeedDegS * machine_.stage.um_per_deg : kCalmSpeedUmS;
+    return fastest > 0 ? std::min(calm, fastest) : calm;
+  }
+  std::string place(double um) const {
+    return machine_.stage.turns() ? fmt::format("{:.2f}°", um / machine_.stage.um_per_deg)
+                                  : fmt::format("{:.3f} mm", um * 1e-3);
   }
   double watchdog_within_s() const { return 2 * machine_.limits.watchdog_s + kSoonS; }
 
@@ -70,9 +81,20 @@ class Bench {
   std::string in_words() const {
     constexpr const char* states[] = {"idle", "running", "stopped", "fault"};
     if (!status_) return "the machine " + (link_ ? link_->last_error() : "was not asked");
-    return fmt::format("it is {}, its stage at {:.3f} mm, sequence number {} given back, {} sent",
-                       states[static_cast<int>(status_->state)], status_->stage_um * 1e-3,
+    return fmt::format("it is {}, its stage at {}, sequence number {} given back, {} sent",
+                       states[static_cast<int>(status_->state)], place(status_->stage_um),
                        status_->sequence_echo, out_.sequence);
+  }
+
+  /// What the machine says; without an encoder the stage's place is what its speed adds up to.
+  void take(const Status& status) {
+    const double now_s = clock_.now_s();
+    const double speed_um_s = status.stage_speed_um_s.value_or(0);
+    added_um_ += (speed_um_s + last_speed_um_s_) / 2 * (now_s - taken_s_);
+    last_speed_um_s_ = speed_um_s;
+    taken_s_ = now_s;
+    status_ = status;
+    if (!machine_.has_encoder()) status_->stage_um = added_um_;
   }
 
   bool exchange(bool beats = true) {
@@ -81,7 +103,7 @@ class Bench {
     if (beats) ++out_.heartbeat;
     const auto answer = link_->exchange(out_);
     if (answer) {
-      status_ = answer;
+      take(*answer);
       const std::string shines = lit(machine_, *answer);
       if (!shines.empty()) shone_ = shines;
     } else {
@@ -113,7 +135,7 @@ class Bench {
 
   bool begins() {
     try {
-      status_ = check_alone(*link_, clock_, machine_);
+      take(check_alone(*link_, clock_, machine_));
     } catch (const Error& e) {
       trouble_ = e.what();
       say("answers", false, "its status can be read, and nobody else drives it");
@@ -152,6 +174,21 @@ class Bench {
     say("lamps alone", written, "registers of the lamps can be written by themselves");
   }
 
+  /// Where angles count from: 0 of whatever the machine counts.
+  void to_index() {
+    out_.target_um = 0;
+    out_.speed_um_s = machine_.stage.max_speed_um_s;
+    const double start_s = clock_.now_s();
+    exchange_until(Command::run, machine_.stage.travel_um / out_.speed_um_s + kSoonS,
+                   [&](const Status& s) {
+                     return clock_.now_s() > start_s + kSoonS &&
+                            std::abs(s.stage_speed_um_s.value_or(0)) < kStill * out_.speed_um_s;
+                   });
+    out_.speed_um_s = speed();
+    added_um_ = 0;
+    take(*status_);
+  }
+
   void run_and_hold() {
     out_.target_um = status_->stage_um;
     say("run", exchange_until(Command::run, kSoonS, is(MachineState::running)), "run makes it run");
@@ -177,11 +214,13 @@ class Bench {
 
   void moves() {
     const double from_um = status_->stage_um;
-    const double way_um = std::min(kMostWayUm, machine_.stage.travel_um / 4);
+    const double most_um =
+        machine_.stage.turns() ? kMostWayDeg * machine_.stage.um_per_deg : kMostWayUm;
+    const double way_um = std::min(most_um, machine_.stage.travel_um / 4);
     const double to_um =
         from_um + way_um <= machine_.stage.travel_um ? from_um + way_um : from_um - way_um;
     const bool went = go_to(to_um);
-    say("moves", went, fmt::format("its stage goes to {:.3f} mm", to_um * 1e-3));
+    say("moves", went, "its stage goes to " + place(to_um));
     if (!went) return;
     // Back, and stopped on half the way.
     out_.target_um = from_um;
@@ -217,7 +256,7 @@ class Bench {
     const double until_s = clock_.now_s() + machine_.limits.watchdog_s / 2;
     while (written && !stopped && clock_.now_s() < until_s) {
       clock_.sleep_until(clock_.now_s() + machine_.limits.cycle_s);
-      if (const auto seen = link_->look()) status_ = seen;
+      if (const auto seen = link_->look()) take(*seen);
       stopped = status_->state == MachineState::stopped;
     }
     say("stop alone", stopped,
@@ -242,7 +281,7 @@ class Bench {
     trouble_.clear();
     for (int i = 0; i < 100; ++i) {
       if (const auto seen = link_->look()) {
-        status_ = seen;
+        take(*seen);
         break;
       }
       clock_.sleep_until(clock_.now_s() + machine_.limits.cycle_s);
@@ -277,9 +316,10 @@ class Bench {
           "it keeps the job that is written");
       exchange_until(Command::off, kSoonS, is(MachineState::idle));
     } else {
-      leave("job",
-            "the map has no job and no job_kept: the height of the stage must tell whether a part "
-            "is on the machine");
+      leave(
+          "job",
+          "the map has no job and no job_kept: the place of the stage must tell whether a part is "
+          "on the machine");
     }
     trouble_ = shone_;
     say("no light", shone_.empty(), "no lamp was measured lit in all of it");
@@ -296,6 +336,7 @@ class Bench {
   SetPoints out_;
   std::optional<Status> status_;
   std::string trouble_, shone_;
+  double added_um_ = 0, last_speed_um_s_ = 0, taken_s_ = 0;
 };
 
 }  // namespace

@@ -75,7 +75,7 @@ class Run {
         cycle_s_(machine.limits.cycle_s),
         ring_(source, machine.limits.ring_frames, options.threads) {
     ring_.wait_ready(0, machine.limits.ring_frames);
-    journal_.emplace(folder.file("journal.jsonl"));
+    journal_.emplace(folder.file("journal.jsonl"), plan.um_per_deg);
     frame_log_.emplace(folder.file("frames.csv"), plan.start_um, plan.turns());
     controller_.emplace(plan, machine, options.dry_run);
     facts_ = facts_of(plan, machine);

@@ -30,7 +30,23 @@ std::vector<Point> series(const PrintRecord& r, const Of& x, const Of& y) {
 }
 
 double number(const FrameRow& f) { return f.frame; }
-double height_mm(const FrameRow& f) { return f.z_um * 1e-3; }
+
+/// The stage's way as people count it: heights in mm, or turns; errors in um, or degrees.
+struct Way {
+  explicit Way(const PrintFacts& f)
+      : turns(f.turns()),
+        per_um(turns ? 1 / (360 * f.um_per_deg) : 1e-3),
+        short_per_um(turns ? 1 / f.um_per_deg : 1),
+        title(turns ? "turns" : "z, mm"),
+        over(turns ? "over the turns" : "over z"),
+        unit(turns ? "°" : "um") {}
+  bool turns;
+  double per_um, short_per_um;
+  const char *title, *over, *unit;
+  Of place() const {
+    return [k = per_um](const FrameRow& f) { return f.z_um * k; };
+  }
+};
 
 bool any(const std::vector<Point>& points) {
   return std::any_of(points.begin(), points.end(),
@@ -53,7 +69,9 @@ Axis axis_of(std::string title, const std::vector<const std::vector<Point>*>& li
 }
 
 /// Where the print failed.
-double fault_mm(const PrintRecord& r) { return r.fault == Fault::none ? NAN : r.fault_z_um * 1e-3; }
+double fault_place(const PrintRecord& r) {
+  return r.fault == Fault::none ? NAN : r.fault_z_um * Way(r.facts).per_um;
+}
 double fault_frame(const PrintRecord& r) {
   return r.fault == Fault::none || r.fault_frame < 0 ? NAN : r.fault_frame;
 }
@@ -68,9 +86,10 @@ Axis with_room(Axis axis, double fault) {
   return axis;
 }
 
-/// The axis of heights, from the first slice to where the print came.
-Axis z_axis(const PrintRecord& r, const std::vector<Point>& points) {
-  return with_room(axis_of("z, mm", {&points}, true, {fault_mm(r)}), fault_mm(r));
+/// The axis of the stage's way, from the first frame to where the print came.
+Axis way_axis(const PrintRecord& r, const std::vector<Point>& points) {
+  const double fault = fault_place(r);
+  return with_room(axis_of(Way(r.facts).title, {&points}, true, {fault}), fault);
 }
 
 /// Counts on a logarithmic axis, a bar for each bound.
@@ -105,10 +124,12 @@ void add_histograms(const PrintRecord& r, std::vector<Chart>& charts) {
     for (const std::uint64_t n : counts) sum += n;
     return sum;
   };
-  const bool um = total(r.lateness.um) > 0, ms = total(r.lateness.ms) > 0;
-  if (!um && !ms) return;
+  const bool deg = r.facts.turns() && total(r.lateness.deg) > 0;
+  const bool um = !deg && total(r.lateness.um) > 0, ms = total(r.lateness.ms) > 0;
+  if (!deg && !um && !ms) return;
   Picture picture("How late frames were",
                   "Numbers of frames by how late they were, on a logarithmic axis");
+  if (deg) picture.add(histogram(Lateness::kBoundsDeg, r.lateness.deg, "degrees of the turn", 0));
   if (um) picture.add(histogram(Lateness::kBoundsUm, r.lateness.um, "um of the stage's way", 0));
   if (ms) {
     picture.add(histogram(Lateness::kBoundsMs, r.lateness.ms,
@@ -120,8 +141,9 @@ void add_histograms(const PrintRecord& r, std::vector<Chart>& charts) {
 
 void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
   const bool layers = r.facts.layerwise;
-  const Of late = [layers](const FrameRow& f) {
-    return layers ? (f.exposed_s - f.exposure_s) * 1e3 : f.late_um;
+  const Way way(r.facts);
+  const Of late = [layers, k = way.short_per_um](const FrameRow& f) {
+    return layers ? (f.exposed_s - f.exposure_s) * 1e3 : f.late_um * k;
   };
   const auto all = series(r, number, late);
   if (!any(all)) return;
@@ -129,13 +151,17 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
   for (const FrameRow& f : r.frames) {
     if (f.late) late_ones.push_back({number(f), late(f)});
   }
-  const char* const unit = layers ? "ms" : "um";
+  const char* const unit = layers ? "ms" : way.unit;
+  const int digits = way.turns ? 3 : 2;
   Picture picture(
       layers ? "Exposures, longer than asked" : "Lateness of each frame",
       fmt::format("Lateness in {} over the number of the frame; {} of {} frames are late", unit,
                   late_ones.size(), r.frames.size()));
-  std::vector<double> more{0, layers ? Lateness::kBoundsMs[0] : Lateness::kBoundsUm[0]};
-  const bool limited = !layers && r.facts.max_late_um > 0;
+  std::vector<double> more{0, layers      ? Lateness::kBoundsMs[0]
+                              : way.turns ? Lateness::kBoundsDeg[0]
+                                          : Lateness::kBoundsUm[0]};
+  const double most_late = r.facts.max_late_um * way.short_per_um;
+  const bool limited = !layers && most_late > 0;
   double worst = 0, earliest = 0;
   for (const Point& p : all) {
     if (!std::isfinite(p.y)) continue;
@@ -143,20 +169,20 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
     earliest = std::min(earliest, p.y);
   }
   // Where frames are far from what is borne, its line would flatten them.
-  if (limited && worst > r.facts.max_late_um / 20) more.push_back(r.facts.max_late_um);
+  if (limited && worst > most_late / 20) more.push_back(most_late);
   Panel panel(with_room(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
                         fault_frame(r)),
               axis_of(fmt::format("late, {}", unit), {&all}, false, more), kPanelHeight);
-  if (limited) panel.horizontal(r.facts.max_late_um, "more counts as late");
-  if (limited && earliest < -r.facts.max_late_um / 2) {
-    panel.horizontal(-r.facts.max_late_um, "so does what is earlier", true);
+  if (limited) panel.horizontal(most_late, "more counts as late");
+  if (limited && earliest < -most_late / 2) {
+    panel.horizontal(-most_late, "so does what is earlier", true);
   }
   panel.line(envelope(all), Style::series, 0);
   for (const Peak& p : peaks(late_ones)) {
     panel.point(p.at, 1,
-                p.count == 1 ? fmt::format("frame {:.0f}: {:.2f} {}", p.at.x, p.at.y, unit)
-                             : fmt::format("{} late frames here; the worst, {:.0f}: {:.2f} {}",
-                                           p.count, p.at.x, p.at.y, unit));
+                p.count == 1 ? fmt::format("frame {:.0f}: {:.{}f} {}", p.at.x, p.at.y, digits, unit)
+                             : fmt::format("{} late frames here; the worst, {:.0f}: {:.{}f} {}",
+                                           p.count, p.at.x, p.at.y, digits, unit));
   }
   mark_fault(panel, r, fault_frame(r), 2);
   picture.legend_line(Style::series, layers ? "exposure less what was asked" : "lateness", 0);
@@ -166,25 +192,30 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
 }
 
 void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
-  const auto error = series(r, height_mm, [](const FrameRow& f) { return f.stage_error_um; });
+  const Way way(r.facts);
+  const auto error = series(
+      r, way.place(), [k = way.short_per_um](const FrameRow& f) { return f.stage_error_um * k; });
   if (!any(error)) return;
   double worst = 0;
   for (const Point& p : error) {
     if (std::isfinite(p.y)) worst = std::max(worst, std::abs(p.y));
   }
   // Less than that is rounding.
-  std::vector<double> more{-0.05, 0.05};
-  const double tolerance = r.facts.tolerance_um;
+  const double least = way.turns ? Lateness::kBoundsDeg[0] : Lateness::kBoundsUm[0];
+  std::vector<double> more{-least, least};
+  const double tolerance = r.facts.tolerance_um * way.short_per_um;
   if (worst > tolerance / 20) more.insert(more.end(), {-tolerance, tolerance});
   Picture picture("Where the stage was, measured less commanded",
-                  fmt::format("The stage's error over z, at most {:.2f} um", worst));
-  Panel panel(z_axis(r, error), axis_of("error, um", {&error}, false, more), kHalfHeight);
+                  fmt::format("The stage's error {}, at most {:.{}f} {}", way.over, worst,
+                              way.turns ? 3 : 2, way.unit));
+  Panel panel(way_axis(r, error),
+              axis_of(fmt::format("error, {}", way.unit), {&error}, false, more), kHalfHeight);
   if (tolerance > 0) {
     panel.horizontal(tolerance, "tolerance", true);
     panel.horizontal(-tolerance, "");
   }
   panel.line(envelope(error), Style::series, 0);
-  mark_fault(panel, r, fault_mm(r), 0);
+  mark_fault(panel, r, fault_place(r), 0);
   picture.add(panel);
   charts.push_back({"Stage", picture.svg()});
 }
@@ -192,26 +223,28 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
 /// Asked and measured of one lamp.
 void lamp_panel(Picture& picture, const PrintRecord& r, const std::vector<Point>& asked,
                 const std::vector<Point>& measured, const char* title, bool x_labels) {
-  Panel panel(z_axis(r, asked), axis_of(title, {&asked, &measured}, false, {0}, true), kHalfHeight,
-              x_labels);
+  Panel panel(way_axis(r, asked), axis_of(title, {&asked, &measured}, false, {0}, true),
+              kHalfHeight, x_labels);
   panel.line(envelope(measured), Style::series, 0);
   panel.line(envelope(asked), Style::reference);
-  mark_fault(panel, r, fault_mm(r), 3);
+  mark_fault(panel, r, fault_place(r), 3);
   picture.add(panel);
 }
 
 void add_lamps(const PrintRecord& r, std::vector<Chart>& charts) {
-  const auto blue_asked =
-      series(r, height_mm, [](const FrameRow& f) { return f.blue_share * 100; });
-  const auto blue = series(r, height_mm, [](const FrameRow& f) { return f.blue_measured * 100; });
-  const auto uv_asked = series(r, height_mm, [](const FrameRow& f) { return f.uv_mw_cm2; });
-  const auto uv = series(r, height_mm, [](const FrameRow& f) { return f.uv_measured; });
+  const Way way(r.facts);
+  const Of at = way.place();
+  const auto blue_asked = series(r, at, [](const FrameRow& f) { return f.blue_share * 100; });
+  const auto blue = series(r, at, [](const FrameRow& f) { return f.blue_measured * 100; });
+  const auto uv_asked = series(r, at, [](const FrameRow& f) { return f.uv_mw_cm2; });
+  const auto uv = series(r, at, [](const FrameRow& f) { return f.uv_measured; });
   if (!any(blue_asked) && !any(blue)) return;
   const auto shines = [](const std::vector<Point>& points) {
     return std::any_of(points.begin(), points.end(), [](const Point& p) { return p.y > 0; });
   };
   const bool with_uv = r.facts.uv || shines(uv) || shines(uv_asked);
-  Picture picture("Lamps, asked and measured", "Light asked and measured over z");
+  Picture picture("Lamps, asked and measured",
+                  fmt::format("Light asked and measured {}", way.over));
   picture.legend_line(Style::series, "measured", 0);
   picture.legend_line(Style::reference, "asked");
   lamp_panel(picture, r, blue_asked, blue, "blue, %", !with_uv);
@@ -237,14 +270,21 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
     charts.push_back({"Exposures", picture.svg()});
     return;
   }
-  const auto speed = series(r, height_mm, [](const FrameRow& f) { return f.speed_um_s * 3.6; });
+  const Way way(r.facts);
+  const double per_um_s = way.turns ? way.short_per_um : 3.6;
+  const auto speed =
+      series(r, way.place(), [per_um_s](const FrameRow& f) { return f.speed_um_s * per_um_s; });
   if (!any(speed)) return;
-  Picture picture("Speed", "Measured speed of the stage over z");
-  Panel panel(z_axis(r, speed), axis_of("mm/h", {&speed}, false, {r.facts.speed_um_s * 3.6}, true),
+  const double planned = r.facts.speed_um_s * per_um_s;
+  Picture picture("Speed", fmt::format("Measured speed of the stage {}", way.over));
+  // From 0 a wobble of a vial, some per cent, would be flat.
+  Panel panel(way_axis(r, speed),
+              way.turns ? axis_of("°/s", {&speed}, false, {0.99 * planned, 1.01 * planned})
+                        : axis_of("mm/h", {&speed}, false, {planned}, true),
               kHalfHeight);
-  if (r.facts.speed_um_s > 0) panel.horizontal(r.facts.speed_um_s * 3.6, "planned", true);
+  if (planned > 0) panel.horizontal(planned, "planned", true);
   panel.line(envelope(speed), Style::series, 0);
-  mark_fault(panel, r, fault_mm(r), 3);
+  mark_fault(panel, r, fault_place(r), way.turns ? 0 : 3);
   picture.add(panel);
   charts.push_back({"Speed", picture.svg()});
 }
@@ -273,10 +313,12 @@ void add_display(const PrintRecord& r, std::vector<Chart>& charts) {
 }
 
 void add_temperature(const PrintRecord& r, std::vector<Chart>& charts) {
-  const auto t = series(r, height_mm, [](const FrameRow& f) { return f.temperature_c; });
+  const Way way(r.facts);
+  const auto t = series(r, way.place(), [](const FrameRow& f) { return f.temperature_c; });
   if (!any(t)) return;
-  Picture picture("Temperature", "Temperature that the machine measured, over z");
-  Panel panel(z_axis(r, t), axis_of("°C", {&t}, false), kHalfHeight);
+  Picture picture("Temperature",
+                  fmt::format("Temperature that the machine measured, {}", way.over));
+  Panel panel(way_axis(r, t), axis_of("°C", {&t}, false), kHalfHeight);
   panel.line(envelope(t), Style::series, 1);
   picture.add(panel);
   charts.push_back({"Temperature", picture.svg()});

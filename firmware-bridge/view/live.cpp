@@ -210,10 +210,9 @@ void LiveFrame::put_motion() {
   const PrintState& s = seen_.state;
   fact("frame", fmt::format("{} of {}{}", text::count(s.frames_shown), text::count(f.frames),
                             s.frame < 0 && seen_.running ? ", black is shown" : ""));
-  if (f.angles > 0) {
+  if (f.turns()) {
     const double deg = 1 / f.um_per_deg;
-    fact("angle", fmt::format("{:.2f}°, turn {} of {}", s.stage_um * deg,
-                              std::max(0, s.frame) / f.angles + 1, f.frames / f.angles));
+    fact("angle", fmt::format("{:.2f}°, {}", angle_in_turn_deg(f, s), turn_in_words(f, s)));
     fact("speed",
          fmt::format("{:.2f} °/s, planned {:.2f}", s.speed_um_s * deg, f.speed_um_s * deg));
     fact("stage",
@@ -260,9 +259,11 @@ void LiveFrame::put_timing() {
   fact("late", fmt::format("{} frames", text::count(s.late_frames)),
        s.late_frames > 0 ? Ink::bad : Ink::plain);
   const Lateness& l = s.lateness;
-  fact("worst", f.layerwise ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
-                            : fmt::format("{:.2f} um late, {:.2f} ms",
-                                          std::max(l.worst_um, s.worst_late_um), l.worst_ms));
+  fact("worst", f.layerwise
+                    ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
+                    : fmt::format("{} late, {:.2f} ms",
+                                  way_in_words(std::max(l.worst_um, s.worst_late_um), f.um_per_deg),
+                                  l.worst_ms));
 }
 
 void LiveFrame::put_lateness() {
@@ -273,6 +274,8 @@ void LiveFrame::put_lateness() {
     lines_.emplace_back();
     if (f.layerwise) {
       put_histogram(lines_, columns_, colour_, room, Lateness::kBoundsMs, l.ms, "ms");
+    } else if (f.turns()) {
+      put_histogram(lines_, columns_, colour_, room, Lateness::kBoundsDeg, l.deg, "°");
     } else {
       put_histogram(lines_, columns_, colour_, room, Lateness::kBoundsUm, l.um, "um");
     }
@@ -308,22 +311,23 @@ std::string live_line(const Seen& seen) {
     return text;
   }
   if (!seen.known) return "a print begins";
-  const bool turns = seen.facts.angles > 0;
-  const double deg = turns ? 1 / seen.facts.um_per_deg : 0;
+  const PrintFacts& f = seen.facts;
+  const bool turns = f.turns();
   std::string text =
       fmt::format("{}, frame {} of {}, ", name_of(s.phase), s.frames_shown, seen.facts.frames);
-  text += turns ? fmt::format("at {:.2f}°", s.stage_um * deg)
+  text += turns ? fmt::format("{}, {:.2f}°", turn_in_words(f, s), angle_in_turn_deg(f, s))
                 : fmt::format("z {:.3f} mm", z_um(seen) * 1e-3);
   if (failed(seen)) {
     return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), text::printable(s.detail),
                               what_to_do(s.fault));
   }
-  text += seen.facts.layerwise
-              ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
-          : turns ? fmt::format(", {:.2f} °/s, worst {:.3f}° late", s.speed_um_s * deg,
-                                std::max(s.worst_late_um, s.lateness.worst_um) * deg)
-                  : fmt::format(", {:.1f} mm/h, worst {:.2f} um late", s.speed_um_s * 3.6,
-                                std::max(s.worst_late_um, s.lateness.worst_um));
+  text +=
+      seen.facts.layerwise
+          ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
+          : fmt::format(", {}, worst {} late",
+                        turns ? fmt::format("{:.2f} °/s", s.speed_um_s / f.um_per_deg)
+                              : fmt::format("{:.1f} mm/h", s.speed_um_s * 3.6),
+                        way_in_words(std::max(s.worst_late_um, s.lateness.worst_um), f.um_per_deg));
   text += fmt::format(", {} late", s.late_frames);
   if (seen.left_s) text += ", " + text::duration(*seen.left_s) + " left";
   return text;

@@ -32,10 +32,18 @@ std::string metrics_text(const Seen& seen, const FaultCounts& faults) {
         s.frames_shown);
   t.one("frames_late_total", "counter", "Frames that count as late, of this print.", s.late_frames);
   const Lateness& l = s.lateness;
+  if (f.turns()) {
+    t.histogram("frame_lateness_degrees", "How late frames began, along the stage's turn.",
+                Lateness::kBoundsDeg, l.deg, l.sum_deg);
+    t.one("frame_lateness_worst_degrees", "gauge", "Latest frame, along the stage's turn.",
+          std::fmax(l.worst_um, s.worst_late_um) / f.um_per_deg);
+  }
   if (!f.layerwise) {
-    t.histogram("frame_lateness_um", "How late frames began, along the stage's way.",
+    t.histogram("frame_lateness_um",
+                "How late frames began, along the stage's way; where it turns, at the vial's wall.",
                 Lateness::kBoundsUm, l.um, l.sum_um);
-    t.one("frame_lateness_worst_um", "gauge", "Latest frame, along the stage's way.",
+    t.one("frame_lateness_worst_um", "gauge",
+          "Latest frame, along the stage's way; where it turns, at the vial's wall.",
           std::fmax(l.worst_um, s.worst_late_um));
   }
   std::array<double, Lateness::kBoundsMs.size()> seconds{};
@@ -46,12 +54,26 @@ std::string metrics_text(const Seen& seen, const FaultCounts& faults) {
               "How late frames began; layer by layer how much too long exposures were.", seconds,
               l.ms, l.sum_ms * 1e-3);
   t.one("frame_lateness_worst_seconds", "gauge", "The greatest of these.", l.worst_ms * 1e-3);
-  t.one("z_um", "gauge", "Height of the stage above the first slice's begin.",
-        s.stage_um - f.start_um);
-  t.one("speed_um_per_second", "gauge", "Speed of the stage, measured.", s.speed_um_s);
-  t.one("stage_error_um", "gauge", "Measured less commanded position of the stage.",
-        s.stage_error_um);
-  t.one("stage_error_worst_um", "gauge", "Its largest size in this print.", s.worst_stage_error_um);
+  if (f.turns()) {
+    t.one("turn", "gauge", "Turn that is shown, from 1; 0 before the first frame.", turn_of(f, s));
+    t.one("turns", "gauge", "Turns of the print.", f.frames / f.angles);
+    t.one("angle_degrees", "gauge", "Angle of the stage within its turn, from the index on.",
+          angle_in_turn_deg(f, s));
+    t.one("speed_degrees_per_second", "gauge", "Speed of the stage, measured.",
+          s.speed_um_s / f.um_per_deg);
+    t.one("stage_error_degrees", "gauge", "Measured less commanded angle of the stage.",
+          s.stage_error_um / f.um_per_deg);
+    t.one("stage_error_worst_degrees", "gauge", "Its largest size in this print.",
+          s.worst_stage_error_um / f.um_per_deg);
+  } else {
+    t.one("z_um", "gauge", "Height of the stage above the first slice's begin.",
+          s.stage_um - f.start_um);
+    t.one("speed_um_per_second", "gauge", "Speed of the stage, measured.", s.speed_um_s);
+    t.one("stage_error_um", "gauge", "Measured less commanded position of the stage.",
+          s.stage_error_um);
+    t.one("stage_error_worst_um", "gauge", "Its largest size in this print.",
+          s.worst_stage_error_um);
+  }
   t.begin("blue_share", "gauge", "Blue lamp, 1: as calibrated.");
   t.value(s.blue_share, {{"of", "asked"}});
   t.value(s.blue_measured, {{"of", "measured"}});

@@ -86,6 +86,24 @@ int late_frames(const PrintRecord& r) {
       std::count_if(r.frames.begin(), r.frames.end(), [](const FrameRow& f) { return f.late; }));
 }
 
+/// A length of the stage's way, and what is to be said of it besides.
+struct Length {
+  std::string value, more;
+};
+Length length(const PrintFacts& f, double um) {
+  if (!f.turns()) return {fmt::format("{:.2f} um", um), ""};
+  return {fmt::format("{:.3f}°", um / f.um_per_deg), fmt::format(", {:.2f} um at the wall", um)};
+}
+std::string borne(const PrintFacts& f, double um) {
+  return f.turns() ? fmt::format("{:.3g}°", um / f.um_per_deg) : fmt::format("{:g} um", um);
+}
+
+/// A place on the stage's way, from the first frame on; the title of its column.
+std::string place(const PrintFacts& f, double um) {
+  return f.turns() ? figure(um / f.um_per_deg, "", 2) : figure(um * 1e-3, "", 3);
+}
+const char* place_title(const PrintFacts& f) { return f.turns() ? "° on from the first" : "z, mm"; }
+
 std::string tiles(const PrintRecord& r) {
   std::string html = "<div class=\"tiles\">";
   const auto tile = [&](const std::string& value, const std::string& what, const char* kind = "") {
@@ -112,8 +130,9 @@ std::string tiles(const PrintRecord& r) {
     if (r.facts.layerwise) {
       tile(fmt::format("{:.2f} ms", l.worst_ms), "longest exposure too long by");
     } else {
-      tile(fmt::format("{:.2f} um", l.worst_um),
-           fmt::format("the latest frame; in time {:.2f} ms", l.worst_ms));
+      const Length late_by = length(r.facts, l.worst_um);
+      tile(late_by.value,
+           fmt::format("the latest frame{}; in time {:.2f} ms", late_by.more, l.worst_ms));
     }
   }
   double stage = r.last ? r.last->worst_stage_error_um : NAN;
@@ -123,16 +142,18 @@ std::string tiles(const PrintRecord& r) {
     }
   }
   if (std::isfinite(stage)) {
-    tile(fmt::format("{:.2f} um", stage),
-         r.facts.tolerance_um > 0
-             ? fmt::format("largest error of the stage, {:g} um are borne", r.facts.tolerance_um)
-             : "largest error of the stage");
+    const Length off = length(r.facts, stage);
+    tile(off.value, r.facts.tolerance_um > 0
+                        ? fmt::format("largest error of the stage{}; {} borne", off.more,
+                                      borne(r.facts, r.facts.tolerance_um))
+                        : "largest error of the stage" + off.more);
   }
   const double took = printed_s(r);
+  const char* const printed = r.facts.turns() ? "turns with spin-up" : "slices";
   if (std::isfinite(took)) {
-    tile(seconds(took), r.facts.expected_s > 0
-                            ? fmt::format("for the slices, planned {}", seconds(r.facts.expected_s))
-                            : "for the slices");
+    tile(seconds(took), r.facts.expected_s > 0 ? fmt::format("for the {}, planned {}", printed,
+                                                             seconds(r.facts.expected_s))
+                                               : fmt::format("for the {}", printed));
   }
   return html + "</div>";
 }
@@ -178,12 +199,12 @@ std::string facts_table(const PrintRecord& r) {
   };
   const PrintFacts& f = r.facts;
   if (!r.events.empty()) row("Begun", shown(r.events.front().time));
-  row("Stack", shown(f.stack));
+  row(f.turns() ? "Frames" : "Stack", shown(f.stack));
   row("Printer", shown(f.printer));
   row("Display", shown(f.display));
-  if (r.facts_known && f.angles > 0) {
-    row("How", fmt::format("{} turns of {} frames at {:g} °/s{}; um are arcs at the vial's inner "
-                           "wall, {:.1f} um to a degree",
+  if (r.facts_known && f.turns()) {
+    row("How", fmt::format("{} turns of {} frames at {:g} °/s{}; a degree is {:.1f} um at the "
+                           "vial's inner wall",
                            f.frames / f.angles, f.angles, f.speed_um_s / f.um_per_deg,
                            f.dry_run ? ", without light" : "", f.um_per_deg));
   } else if (r.facts_known) {
@@ -195,8 +216,8 @@ std::string facts_table(const PrintRecord& r) {
   }
   if (r.facts_known) {
     row("What is borne",
-        fmt::format("frames {:g} um late, and {} of them later; the stage {:g} um off",
-                    f.max_late_um, f.max_late_frames, f.tolerance_um));
+        fmt::format("frames {} late, and {} of them later; the stage {} off",
+                    borne(f, f.max_late_um), f.max_late_frames, borne(f, f.tolerance_um)));
   }
   if (r.seconds) row("Whole print", seconds(*r.seconds));
   row("Control thread", shown(r.threads));
@@ -225,6 +246,7 @@ std::string late_table(const PrintRecord& r) {
     if (f.late) late.push_back(&f);
   }
   if (late.empty()) return {};
+  const bool turns = r.facts.turns();
   const auto how_late = [&](const FrameRow& f) {
     return r.facts.layerwise ? (f.exposed_s - f.exposure_s) * 1e3 : f.late_um;
   };
@@ -234,14 +256,23 @@ std::string late_table(const PrintRecord& r) {
   });
   // Too early counts as late, too, and is negative.
   std::string html = fmt::format(
-      R"(<h2>Late frames, the worst first</h2><div class="scroll tall" tabindex="0" role="region" aria-label="Late frames"><table><thead><tr><th scope="col">frame</th><th scope="col">z, mm</th><th scope="col">late, {}</th><th scope="col">late, ms</th><th scope="col">shown at, s</th></tr></thead><tbody>)",
-      r.facts.layerwise ? "ms of exposure" : "um");
+      R"(<h2>Late frames, the worst first</h2><div class="scroll tall" tabindex="0" role="region" aria-label="Late frames"><table><thead><tr><th scope="col">frame</th>{}<th scope="col">{}</th><th scope="col">late, {}</th>{}<th scope="col">late, ms</th><th scope="col">shown at, s</th></tr></thead><tbody>)",
+      turns ? R"(<th scope="col">turn</th>)" : "", place_title(r.facts),
+      r.facts.layerwise ? "ms of exposure"
+      : turns           ? "°"
+                        : "um",
+      turns ? R"(<th scope="col">um at the wall</th>)" : "");
   for (std::size_t i = 0; i < std::min(late.size(), kMostLate); ++i) {
     const FrameRow& f = *late[i];
-    html += fmt::format(
-        "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>", f.frame,
-        figure(f.z_um * 1e-3, "", 3), figure(how_late(f), "", 2),
-        figure((f.shown_s - f.planned_s) * 1e3, "", 2), figure(f.shown_s, "", 3));
+    const auto cell = [&](const std::string& text) { html += "<td>" + text + "</td>"; };
+    html += fmt::format("<tr><th scope=\"row\">{}</th>", f.frame);
+    if (turns) cell(std::to_string(f.frame / r.facts.angles + 1));
+    cell(place(r.facts, f.z_um));
+    if (turns) cell(figure(f.late_um / r.facts.um_per_deg, "", 3));
+    cell(figure(how_late(f), "", 2));
+    cell(figure((f.shown_s - f.planned_s) * 1e3, "", 2));
+    cell(figure(f.shown_s, "", 3));
+    html += "</tr>";
   }
   html += "</tbody></table></div>";
   if (late.size() > kMostLate) {
@@ -265,11 +296,11 @@ std::string event_table(const PrintRecord& r) {
   const double fault_s = fault_at_s(r);
   const bool fault = std::isfinite(fault_s);
   std::string html = fmt::format(
-      R"(<h2>What happened</h2>{}<div class="scroll{}" tabindex="0" role="region" aria-label="Events"><table class="events"><thead><tr><th scope="col">at, s</th>{}<th scope="col" class="words">what</th><th scope="col" class="words">detail</th><th scope="col">frame</th><th scope="col">z, mm</th></tr></thead><tbody>)",
+      R"(<h2>What happened</h2>{}<div class="scroll{}" tabindex="0" role="region" aria-label="Events"><table class="events"><thead><tr><th scope="col">at, s</th>{}<th scope="col" class="words">what</th><th scope="col" class="words">detail</th><th scope="col">frame</th><th scope="col">{}</th></tr></thead><tbody>)",
       fault ? "<p class=\"dim\">Marked: the fault and its order: lamps off, stage stop, black.</p>"
             : "",
       r.events.size() > kLongestUntouched ? " tall" : "",
-      fault ? "<th scope=\"col\">since the fault, ms</th>" : "");
+      fault ? "<th scope=\"col\">since the fault, ms</th>" : "", place_title(r.facts));
   for (std::size_t i = 0; i < r.events.size(); ++i) {
     // Of many, how it began and how it ended.
     if (r.events.size() > kMostEvents && i == kFirstEvents) {
@@ -290,7 +321,7 @@ std::string event_table(const PrintRecord& r) {
     html += fmt::format(
         R"(<td class="words">{}</td><td class="words">{}</td><td>{}</td><td>{}</td></tr>)",
         shown(e.what), shown(e.detail), e.frame < 0 ? std::string() : std::to_string(e.frame),
-        figure((e.stage_um - r.facts.start_um) * 1e-3, "", 3));
+        place(r.facts, e.stage_um - r.facts.start_um));
   }
   return html + "</tbody></table></div>";
 }
@@ -319,7 +350,9 @@ std::string report_body(const PrintRecord& r) {
     html += "</div>";
     html += fmt::format(
         R"(<details><summary>Numbers of the histogram</summary><div class="scroll"><table><tbody>{}{}</tbody></table></div></details>)",
-        r.facts.layerwise ? "" : counts_row("um", Lateness::kBoundsUm, r.lateness.um),
+        r.facts.turns()     ? counts_row("°", Lateness::kBoundsDeg, r.lateness.deg)
+        : r.facts.layerwise ? ""
+                            : counts_row("um", Lateness::kBoundsUm, r.lateness.um),
         counts_row("ms", Lateness::kBoundsMs, r.lateness.ms));
   }
   return html + late_table(r) + event_table(r);

@@ -245,7 +245,10 @@ PrintRecord read_record(const StateFolder& folder, bool running, bool previous) 
       if (std::isfinite(f.exposed_s)) record.lateness.add_ms((f.exposed_s - f.exposure_s) * 1e3);
       continue;
     }
-    if (std::isfinite(f.late_um)) record.lateness.add_um(f.late_um);
+    if (std::isfinite(f.late_um)) {
+      record.lateness.add_um(f.late_um);
+      if (record.facts.turns()) record.lateness.add_deg(f.late_um / record.facts.um_per_deg);
+    }
     if (std::isfinite(f.shown_s - f.planned_s)) {
       record.lateness.add_ms((f.shown_s - f.planned_s) * 1e3);
     }

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 
 #include "record/left_json.hpp"
 
@@ -60,10 +62,13 @@ void put_facts(Json& json, const PrintFacts& f) {
   json["tolerance_um"] = f.tolerance_um;
   json["cycle_s"] = f.cycle_s;
   json["ring_frames"] = f.ring_frames;
-  if (f.angles > 0) {
+  if (f.turns()) {
     json["angles"] = f.angles;
     json["turns"] = f.frames / f.angles;
     json["um_per_deg"] = f.um_per_deg;
+    json["planned_speed_deg_s"] = f.speed_um_s / f.um_per_deg;
+    json["max_late_deg"] = f.max_late_um / f.um_per_deg;
+    json["tolerance_deg"] = f.tolerance_um / f.um_per_deg;
   }
 }
 
@@ -130,6 +135,26 @@ std::string place_in_words(double z_um, double um_per_deg) {
                         : fmt::format("z = {:.3f} mm", z_um * 1e-3);
 }
 
+std::string way_in_words(double um, double um_per_deg) {
+  return um_per_deg > 0 ? fmt::format("{:.3f}° ({:.2f} um at the wall)", um / um_per_deg, um)
+                        : fmt::format("{:.2f} um", um);
+}
+
+double angle_in_turn_deg(const PrintFacts& f, const PrintState& s) {
+  const double hundredths = std::round(100 * s.stage_um / f.um_per_deg);
+  return (hundredths - 36000 * std::floor(hundredths / 36000)) / 100;
+}
+
+int turn_of(const PrintFacts& f, const PrintState& s) {
+  return static_cast<int>((static_cast<std::int64_t>(s.frames_shown) + f.angles - 1) / f.angles);
+}
+
+std::string turn_in_words(const PrintFacts& f, const PrintState& s) {
+  const int turns = f.frames / f.angles, turn = turn_of(f, s);
+  if (turn > 0) return fmt::format("turn {} of {}", turn, turns);
+  return turns == 1 ? "before its turn" : fmt::format("before the first of {} turns", turns);
+}
+
 std::string facts_json(const PrintFacts& facts) {
   Json json;
   json["printer"] = facts.printer;
@@ -149,11 +174,18 @@ std::string state_json(const PrintFacts& facts, const PrintState& s, const Print
   json["frames"] = facts.frames;
   json["stage_um"] = s.stage_um;
   json["z_um"] = s.stage_um - facts.start_um;
-  if (facts.angles > 0) {
+  if (facts.turns()) {
     json["angle_deg"] = s.stage_um / facts.um_per_deg;
+    json["angle_in_turn_deg"] = angle_in_turn_deg(facts, s);
     json["speed_deg_s"] = s.speed_um_s / facts.um_per_deg;
-    json["turn"] = s.frame < 0 ? 0 : s.frame / facts.angles + 1;
+    json["stage_error_deg"] = s.stage_error_um / facts.um_per_deg;
+    json["worst_stage_error_deg"] = s.worst_stage_error_um / facts.um_per_deg;
+    json["worst_late_deg"] = s.worst_late_um / facts.um_per_deg;
+    json["turn"] = turn_of(facts, s);
+    json["turn_in_words"] = turn_in_words(facts, s);
     json["job_frame"] = s.frame < 0 ? kBlackFrame : s.frame % facts.angles;
+    json["lateness_deg"] =
+        counts_json(Lateness::kBoundsDeg, s.lateness.deg, s.lateness.sum_deg, s.lateness.worst_deg);
   }
   json["fault"] = name_of(s.fault);
   json["detail"] = s.detail;
@@ -263,6 +295,7 @@ PrintState state_in(const Json& json) {
   s.temperature_c = number_in(json, "temperature_c");
   Lateness& l = s.lateness;
   read_counts(json, "lateness_um", l.um, l.sum_um, l.worst_um);
+  read_counts(json, "lateness_deg", l.deg, l.sum_deg, l.worst_deg);
   read_counts(json, "lateness_ms", l.ms, l.sum_ms, l.worst_ms);
   if (const auto left = json.find("after_fault"); left != json.end()) s.left = left_in(*left);
   s.told = static_cast<std::uint64_t>(std::max(0.0, number_in(json, "told", 0)));

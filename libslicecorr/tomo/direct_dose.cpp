@@ -224,7 +224,8 @@ class DirectSum {
  public:
   DirectSum(const TomoJob& job, const Bench& bench, Schedule schedule,
             const ExecutionContext& context)
-      : printer_(job.printer),
+      : job_(job),
+        printer_(job.printer),
         bench_(bench),
         schedule_(std::move(schedule)),
         n_(index_of(job.resin)),
@@ -233,19 +234,22 @@ class DirectSum {
         opaque_(job.insert) {
     // z innermost, as light of one pixel goes to all slices alike.
     const TomoGrid& g = bench.grid;
-    const auto rows = static_cast<std::size_t>(g.light_rows());
-    light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * rows);
+    if (g.coupled()) {
+      sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
+                       g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
+      return;
+    }
+    const auto slices = static_cast<std::size_t>(g.slices);
+    black_.assign(slices, bench.mw_cm2.front());
+    light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * slices);
     for (int m = 0; m < g.angles; ++m) {
       for (int i = 0; i < g.pixels; ++i) {
-        for (int z = 0; z < g.light_rows(); ++z) {
+        for (int z = 0; z < g.slices; ++z) {
           light_[row(m, i) + static_cast<std::size_t>(z)] =
-              bench.mw_cm2[job.levels[g.pixel(m, i, z)]] * bench.places.share(m, i, z);
+              bench.mw_cm2[job.levels[g.pixel(m, i, z)]];
         }
       }
     }
-    if (!g.coupled()) return;
-    sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
-                     g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
   }
 
   /// Adds the dose of the print over alpha_a to every slice of a column of voxels: all of it, or with
@@ -294,6 +298,18 @@ class DirectSum {
     return static_cast<int>((m % angles + angles) % angles);
   }
 
+  /// Light of a column of the frame of one angle, or of black, on a slice while the stage stands at
+  /// `stage`: where the projector shines unevenly the pixel's own, and of an axis that has moved up
+  /// or down since the frame's angle, of another slice of the frame.
+  double light(int frame, int stage, int column, int z) const {
+    double mw_cm2 = bench_.mw_cm2.front();
+    if (frame != kBlackFrame) {
+      const int own = bench_.places.slice_shown(frame, stage, z);
+      if (own >= 0) mw_cm2 = light_[row(frame, column) + static_cast<std::size_t>(own)];
+    }
+    return mw_cm2 * bench_.places.share(stage, column, z);
+  }
+
   /// Where in a turn the frame of that angle is shown.
   std::size_t frame_at(int stage) const {
     return static_cast<std::size_t>(bench_.frame_of_angle(stage));
@@ -305,22 +321,20 @@ class DirectSum {
            const std::vector<std::uint64_t>* hidden, double* sum) const {
     const TomoGrid& g = bench_.grid;
     const auto slices = static_cast<std::size_t>(g.slices);
-    const auto light = [&](int column, std::size_t z) {
-      return frame == kBlackFrame
-                 ? bench_.mw_cm2.front() * bench_.places.share(stage, column, static_cast<int>(z))
-                 : light_[row(frame, column) + z];
-    };
+    const FramePlaces& places = bench_.places;
     const auto in_resin = [&](std::size_t z) {
       return !hidden || !((*hidden)[z / 64] >> (z % 64) & 1);
     };
-    if (bench_.places.moved()) {
+    if (places.moved() || places.uneven()) {
       for (std::size_t z = 0; z < slices; ++z) {
         if (!in_resin(z)) continue;
-        const double column = bench_.places.column_of(stage, pixel, static_cast<int>(z));
+        const int slice = static_cast<int>(z);
+        const double column = places.column_of(stage, pixel, slice);
         const auto first = static_cast<int>(std::floor(column));
         for (const int a : {0, 1}) {
-          if (first + a < 0 || first + a >= g.pixels) continue;
-          sum[z] += weight * (a ? column - first : 1 - (column - first)) * light(first + a, z);
+          const double of_column = a ? column - first : 1 - (column - first);
+          if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
+          sum[z] += weight * of_column * light(frame, stage, first + a, slice);
         }
       }
       return;
@@ -329,8 +343,10 @@ class DirectSum {
     for (const int a : {0, 1}) {
       const double of_column = weight * (a ? pixel - first : 1 - (pixel - first));
       if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
+      const double* const lit =
+          frame == kBlackFrame ? black_.data() : &light_[row(frame, first + a)];
       for (std::size_t z = 0; z < slices; ++z) {
-        if (in_resin(z)) sum[z] += of_column * light(first + a, z);
+        if (in_resin(z)) sum[z] += of_column * lit[z];
       }
     }
   }
@@ -385,9 +401,9 @@ class DirectSum {
       for (const int b : {0, 1}) {
         const int i = i0 + a, r = r0 + b;
         if (i < 0 || i >= g.pixels || r < 0 || r >= g.rows) continue;
-        const double value = frame == kBlackFrame ? bench_.mw_cm2.front() * places.share(m, i, r)
-                                                  : light_[row(m, i) + static_cast<std::size_t>(r)];
-        light += (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * value;
+        const std::size_t level = frame == kBlackFrame ? 0 : job_.levels[g.pixel(m, i, r)];
+        light +=
+            (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * bench_.mw_cm2[level] * places.share(m, i, r);
       }
     }
     return light;
@@ -397,7 +413,7 @@ class DirectSum {
     const TomoGrid& g = bench_.grid;
     return (static_cast<std::size_t>(m) * static_cast<std::size_t>(g.pixels) +
             static_cast<std::size_t>(i)) *
-           static_cast<std::size_t>(g.light_rows());
+           static_cast<std::size_t>(g.slices);
   }
   Source source_of(double t) const {
     const Vial& vial = *printer_.vial;
@@ -409,6 +425,7 @@ class DirectSum {
             transmittance(vial, n_, q, 0) * n_ / vial.n_outside};
   }
 
+  const TomoJob& job_;
   const Printer& printer_;
   const Bench& bench_;
   const Schedule schedule_;
@@ -416,7 +433,8 @@ class DirectSum {
   Insert insert_;
   RisingShade opaque_;
   std::optional<detail::RaySources> sources_;  ///< where slices share light
-  std::vector<double> light_;                  ///< [angle][pixel][row]
+  /// Else: [angle][pixel][slice] of the calibration, and of black [slice].
+  std::vector<double> light_, black_;
 };
 
 /// In resin that stays as it is, all the light of the print; else that of `turns` one by one, which

@@ -60,6 +60,14 @@ int FramePlaces::slice_of(int m, int pixel, int row) const {
   return slice >= 0 && slice < rows_ ? static_cast<int>(slice) : -1;
 }
 
+int FramePlaces::slice_shown(int m, int at, int slice) const {
+  const double rows = std::round(up_px(at)) - std::round(up_px(m));
+  if (rows == 0) return slice;
+  const auto shown =
+      static_cast<int>(std::lround(slice + rows * row_um_ * 1e-3 * cosine_ / slice_mm_));
+  return shown >= 0 && shown < rows_ ? shown : -1;
+}
+
 FramePlaces::Lit FramePlaces::lit_by(int m, int column, int row) const {
   Lit lit;
   if (!grouped_) {

@@ -232,6 +232,10 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
     throw InputError(path, kConfig, std::string("not valid JSON: ") + e.what());
   }
   const detail::JsonNode<nlohmann::json> config(json, "", source);
+  if (!config.has("format") && !config.has("angles")) {
+    throw InputError(path, kConfig,
+                     "is not that of a tomographic job; expected a job that tomo solve wrote");
+  }
   const int format = config["format"].integer(1, 1000000);
   if (format > kJobFormat) {
     throw InputError(path, kConfig,

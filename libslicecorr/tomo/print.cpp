@@ -472,7 +472,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   Exposure exposure = bench.exposure;
   exposure.critical_mj_cm3 = turns.dose_mj_cm3;
   exposure.most_time_s = options.most_time_s;
-  Field full = solution.dose;
+  Field full = std::move(solution.dose);
   for (float& d : full.values) d = static_cast<float>(d * brightest);
   const PrintTime time = plan_time(quiet, *asked.projector, asked.target, full, exposure);
 

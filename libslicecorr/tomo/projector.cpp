@@ -409,21 +409,31 @@ ExecutionContext inside_block(const ExecutionContext& context, std::size_t block
   return inside;
 }
 
-Light forward(const Projector& projector, const ExecutionContext& context, const Field& field) {
-  Light light(projector.grid());
+void forward(const Projector& projector, const ExecutionContext& context, const Field& field,
+             Light& light) {
   const ExecutionContext inside = inside_block(context, light.grid.blocks());
   parallel_for(context, "projecting", light.grid.blocks(), [&](std::size_t b) {
     projector.forward(b, field.block(b), light.block(b), inside);
   });
+}
+
+void adjoint(const Projector& projector, const ExecutionContext& context, const Light& light,
+             Field& field) {
+  const ExecutionContext inside = inside_block(context, field.grid.blocks());
+  parallel_for(context, "adding up light", field.grid.blocks(), [&](std::size_t b) {
+    projector.adjoint(b, light.block(b), field.block(b), inside);
+  });
+}
+
+Light forward(const Projector& projector, const ExecutionContext& context, const Field& field) {
+  Light light(projector.grid());
+  forward(projector, context, field, light);
   return light;
 }
 
 Field adjoint(const Projector& projector, const ExecutionContext& context, const Light& light) {
   Field field(projector.grid());
-  const ExecutionContext inside = inside_block(context, field.grid.blocks());
-  parallel_for(context, "adding up light", field.grid.blocks(), [&](std::size_t b) {
-    projector.adjoint(b, light.block(b), field.block(b), inside);
-  });
+  adjoint(projector, context, light, field);
   return field;
 }
 

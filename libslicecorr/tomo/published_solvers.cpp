@@ -52,9 +52,9 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   Light light(target.grid);
   Field dose(target.grid);
   const auto project = [&] {
-    light = forward(projector, context, model);
+    forward(projector, context, model, light);
     normalise(light);
-    dose = adjoint(projector, context, light);
+    adjoint(projector, context, light, dose);
     const float most = largest(dose.values);
     if (most > 0) scale(dose.values, 1.0 / most);
   };

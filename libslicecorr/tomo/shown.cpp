@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -66,10 +67,21 @@ Shown read_shown(const std::string& path, int angles) {
                               number(kTo, -kMostDeg, kMostDeg), number(kExposed, 0, kMostS),
                               number(kShare, 0, kMostShare)});
   }
-  if (shown.showings.empty()) {
-    throw InputError(path, "", "has no row; expected a row for each frame that was shown");
+  const auto lit = [](const Showing& s) { return s.exposed_s * s.share > 0; };
+  if (std::none_of(shown.showings.begin(), shown.showings.end(), lit)) {
+    throw InputError(path, "",
+                     "has no light in it, as of a dry run; expected a row for each frame that was "
+                     "shown, with its light");
   }
   return shown;
+}
+
+double Shown::light_s() const {
+  double sum_s = 0;
+  for (const Showing& s : showings) {
+    if (s.frame != kBlackFrame) sum_s += s.exposed_s * s.share;
+  }
+  return sum_s;
 }
 
 }  // namespace slicecorr::tomo

@@ -6,7 +6,7 @@
 
 namespace slicecorr::tomo {
 
-Light asked_light(const Bench& bench, const Light& wanted) {
+Light asked_light(const Bench& bench, Light wanted) {
   const TomoGrid& grid = bench.grid;
   const FramePlaces& places = bench.places;
   if (!places.moved() && !places.uneven()) return wanted;

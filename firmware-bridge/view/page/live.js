@@ -36,7 +36,7 @@
   }
 
   function show(s) {
-    const failed = s.fault && s.fault !== 'none', layers = s.mode === 'layerwise';
+    const failed = s.fault && s.fault !== 'none', layers = s.mode === 'layerwise', turns = s.angles > 0;
     const name = String(s.stack || '').split('/').pop();
     by('title').textContent = `${s.printer}: ${s.running ? s.phase || 'a print begins' : 'no print runs'}`;
     document.title = by('title').textContent;
@@ -53,14 +53,22 @@
     whole.setAttribute('aria-valuenow', Math.floor(100 * share));
     const tiles = [];
     if (s.phase) {
-      tiles.push(tile(number(s.z_um / 1000, 3) + ' mm', 'z'));
-      if (!layers) tiles.push(tile(number(s.speed_um_s * 3.6, 1), `mm/h, planned ${number(s.planned_speed_um_s * 3.6, 1)}`));
-      tiles.push(tile(number(s.stage_error_um, 2) + ' um', `stage error, ${number(s.worst_stage_error_um, 2)} um at most`));
+      if (turns) {
+        tiles.push(tile(number(s.angle_in_turn_deg, 1) + '°', s.turn_in_words));
+        tiles.push(tile(number(s.speed_deg_s, 2), `°/s, planned ${number(s.planned_speed_deg_s, 2)}`));
+        tiles.push(tile(number(s.stage_error_deg, 3) + '°', `stage error, ${number(s.worst_stage_error_deg, 3)}° at most, ${number(s.tolerance_deg, 2)}° borne`));
+      } else {
+        tiles.push(tile(number(s.z_um / 1000, 3) + ' mm', 'z'));
+        if (!layers) tiles.push(tile(number(s.speed_um_s * 3.6, 1), `mm/h, planned ${number(s.planned_speed_um_s * 3.6, 1)}`));
+        tiles.push(tile(number(s.stage_error_um, 2) + ' um', `stage error, ${number(s.worst_stage_error_um, 2)} um at most`));
+      }
       const stale = s.after_fault && !s.after_fault.heard;
       tiles.push(tile(stale ? 'not measured' : number(s.blue_measured * 100, 1) + ' %', `blue light, ${number(s.blue_share * 100, 1)} % asked`));
       if (s.uv) tiles.push(tile(stale ? 'not measured' : number(s.uv_measured, 2), `mW/cm² UV light, ${number(s.uv_mw_cm2, 2)} asked`));
-      const l = layers ? s.lateness_ms : s.lateness_um;
-      tiles.push(tile(number(l && l.worst, 2) + (layers ? ' ms' : ' um'), layers ? 'longest exposure too long by' : 'latest frame'));
+      const worst = of => of ? of.worst : undefined;
+      if (turns) tiles.push(tile(number(worst(s.lateness_deg), 3) + '°', `latest frame, ${number(worst(s.lateness_um), 1)} um at the wall, ${number(s.max_late_deg, 2)}° borne`));
+      else if (layers) tiles.push(tile(number(worst(s.lateness_ms), 2) + ' ms', 'longest exposure too long by'));
+      else tiles.push(tile(number(worst(s.lateness_um), 2) + ' um', 'latest frame'));
       tiles.push(tile(String(s.late_frames), 'late', s.late_frames > 0 ? 'bad' : ''));
       if (s.temperature_c !== null) tiles.push(tile(number(s.temperature_c, 1) + ' °C', 'temperature'));
       if (s.running) tiles.push(tile(String(s.ready_frames), `frames ready, of ${s.ring_frames}`));

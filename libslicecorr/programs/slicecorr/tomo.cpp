@@ -124,8 +124,13 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
     const tomo::Shown shown = tomo::read_shown(o.shown, job.sampling.angles);
     if (shown.without_end > 0) {
       console.say(
-          fmt::format("{}: {} rows have no end and are left out", o.shown, shown.without_end));
+          fmt::format("{}: {} without an end {} left out", o.shown,
+                      shown.without_end == 1 ? "a row" : fmt::format("{} rows", shown.without_end),
+                      shown.without_end == 1 ? "is" : "are"));
     }
+    const double planned_s = job.turns * job.printer.rotation->turn_s(), light_s = shown.light_s();
+    console.say(fmt::format("{}: {:.4g} s of light, planned {:.4g} s ({} turns)", o.shown, light_s,
+                            planned_s, job.turns));
     return tomo::dose_of(job, shown.showings, context);
   }();
   if (!o.dose.empty()) tomo::write_npy(o.dose, dose);

@@ -105,19 +105,23 @@ struct FrameRecord {
 };
 
 /// How late frames were, counted while they are printed. Continuous: when a frame's light began,
-/// along the stage's way and in time. Layer by layer: how much longer than asked an exposure was,
-/// in time alone. What is early counts as in time.
+/// along the stage's way (of a stage that turns also in degrees) and in time. Layer by layer: how
+/// much longer than asked an exposure was, in time alone. What is early counts as in time.
 struct Lateness {
   static constexpr std::array<double, 12> kBoundsUm{0.05, 0.1, 0.2, 0.5, 1,   2,
                                                     5,    10,  20,  50,  100, 200};
+  static constexpr std::array<double, 12> kBoundsDeg{0.005, 0.01, 0.02, 0.05, 0.1, 0.2,
+                                                     0.5,   1,    2,    5,    10,  20};
   static constexpr std::array<double, 13> kBoundsMs{0.1, 0.2, 0.5, 1,   2,   5,   10,
                                                     20,  50,  100, 200, 500, 1000};
   /// Number of frames with values up to each bound and above the one before; the last: above all.
   std::array<std::uint64_t, kBoundsUm.size() + 1> um{};
+  std::array<std::uint64_t, kBoundsDeg.size() + 1> deg{};
   std::array<std::uint64_t, kBoundsMs.size() + 1> ms{};
-  double sum_um = 0, sum_ms = 0;      ///< of all values
-  double worst_um = 0, worst_ms = 0;  ///< the greatest
+  double sum_um = 0, sum_deg = 0, sum_ms = 0;        ///< of all values
+  double worst_um = 0, worst_deg = 0, worst_ms = 0;  ///< the greatest
   void add_um(double late_um);
+  void add_deg(double late_deg);
   void add_ms(double late_ms);
 };
 
@@ -167,14 +171,15 @@ struct Left {
   bool lamps_taken = false;  ///< the machine has answered that it put lamps off
   bool heard = false;        ///< it has told what it measures since the fault; then hold:
   bool dark = false;         ///< lamps are measured dark
-  bool stands = false;       ///< the stage stands still
+  bool stands = false;       ///< the stage stands still, as far as its speed is measured
   bool bridge_gone = false;  ///< the program that printed was killed, or the power failed
   /// Whether anything was ever measured, and how long before `time`, s, where that is known; the
   /// fields below are of that measurement.
   bool measured = false;
   std::optional<double> measured_s_ago;
-  double blue_measured = 0;           ///< share, 1: as calibrated
-  double stage_um = 0;                ///< above the window
+  double blue_measured = 0;  ///< share, 1: as calibrated
+  /// Above the window; nothing of a stage whose machine has no encoder.
+  std::optional<double> stage_um = 0;
   std::optional<double> stage_deg;    ///< the same of a stage that turns
   std::optional<double> uv_measured;  ///< mW/cm²; nothing where the machine does not tell
   std::string time = {};              ///< UTC, of the end of the print; empty: now

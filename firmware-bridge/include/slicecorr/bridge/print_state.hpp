@@ -28,6 +28,8 @@ struct PrintFacts {
   int max_late_frames = 0, ring_frames = 0;         ///< as in `Limits`
   int angles = 0;                                   ///< of a job: frames of a turn; else 0
   double um_per_deg = 0;                            ///< of a job: as in `Stage`
+  /// Whether the stage turns: then um are those of the arc at the vial's inner wall.
+  bool turns() const { return angles > 0 && um_per_deg > 0; }
 };
 PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
 
@@ -74,6 +76,17 @@ std::string facts_json(const PrintFacts& facts);
 /// A place counted from the first slice's begin: "z = 1.234 mm", or of a stage that turns (`Stage`)
 /// "123.4° on from the first"; `um_per_deg` 0: it moves along a line.
 std::string place_in_words(double z_um, double um_per_deg);
+
+/// A length of the stage's way: "1.23 um", or of a stage that turns (`um_per_deg` > 0) "0.006°
+/// (1.23 um at the wall)".
+std::string way_in_words(double um, double um_per_deg);
+
+/// The angle of a stage that turns within its turn, from the index on, 0 up to 360, to hundredths.
+double angle_in_turn_deg(const PrintFacts& facts, const PrintState& state);
+/// The turn of a job that is shown, or was shown last, from 1; 0 before the first frame.
+int turn_of(const PrintFacts& facts, const PrintState& state);
+/// "turn 3 of 10", "before the first of 10 turns".
+std::string turn_in_words(const PrintFacts& facts, const PrintState& state);
 
 /// What somebody should do about a fault.
 std::string_view what_to_do(Fault fault);

@@ -13,14 +13,15 @@
 
 namespace slicecorr::bridge {
 
-/// Events as JSON, one per line: time (UTC), at_s, what, detail, frame, stage_um, facts. A thread
-/// of its own writes: `add` never waits for the disk. What is `important` is on the disk
+/// Events as JSON, one per line: time (UTC), at_s, what, detail, frame, stage_um, of a stage that
+/// turns stage_deg, facts. A thread of its own writes: `add` never waits for the disk. What is `important` is on the disk
 /// (fdatasync) as soon as the disk can, the rest within a second. A line that a power cut halved is
 /// ignored by readers. Throws `DeviceError` when it can't be begun.
 class Journal {
  public:
   /// An earlier journal is kept beside it as journal.previous.jsonl.
-  explicit Journal(const std::string& path);
+  /// `um_per_deg`: as in `Stage`.
+  explicit Journal(const std::string& path, double um_per_deg = 0);
   ~Journal();
   /// Never waits, and never throws for the disk.
   void add(const PrintEvent& event, bool important);
@@ -36,9 +37,9 @@ class Journal {
 
 /// frame, planned_z_um, z_um, planned_s, shown_s, late_um, speed_um_s, blue_share, uv_mw_cm2,
 /// blue_measured, uv_measured, late (0 or 1), stage_error_um, temperature_c, exposure_s, exposed_s,
-/// vblank, missed_vblanks, upload_s, present_s, of a job (`turns`) also job_frame, from_deg, to_deg; what is not known is empty. z is counted from the
-/// first slice's begin. Never blocks the print: a thread of its own writes. An earlier one is kept
-/// beside it as frames.previous.csv.
+/// vblank, missed_vblanks, upload_s, present_s, of a job (`turns`) also job_frame, from_deg, to_deg;
+/// what is not known is empty. z is counted from the first slice's begin. Never blocks the print: a
+/// thread of its own writes. An earlier one is kept beside it as frames.previous.csv.
 class FrameLog {
  public:
   /// `start_um`: stage position of the first slice's begin. Throws `DeviceError`.

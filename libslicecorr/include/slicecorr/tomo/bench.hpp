@@ -59,6 +59,10 @@ class FramePlaces {
     double pixel = 0, row = 0;
   };
   Place place_of(int m, double column, double row) const;
+  /// Without groups: the slice whose light of the frame of angle m falls on `slice` while the stage
+  /// stands at another of the angles, `at`, where the axis lies higher or lower: the nearest; -1: none
+  /// has.
+  int slice_shown(int m, int at, int slice) const;
 
   /// Whether light of a pixel of the grid lies elsewhere than in its own column.
   bool moved() const { return !grouped_ && (sine_ != 0 || !right_px_.empty()); }

@@ -82,5 +82,10 @@ ExecutionContext inside_block(const ExecutionContext& context, std::size_t block
 /// All blocks; the same bytes for any number of threads.
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field);
 Field adjoint(const Projector& projector, const ExecutionContext& context, const Light& light);
+/// The same in place of what `light` and `field` hold, which have the projector's grid.
+void forward(const Projector& projector, const ExecutionContext& context, const Field& field,
+             Light& light);
+void adjoint(const Projector& projector, const ExecutionContext& context, const Light& light,
+             Field& field);
 
 }  // namespace slicecorr::tomo

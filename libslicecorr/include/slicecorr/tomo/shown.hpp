@@ -34,9 +34,12 @@ struct Shown {
   std::vector<Showing> showings;
   /// Rows without an end: what was on when a print failed. They are left out.
   int without_end = 0;
+  /// How long frames were shown, black not among them, each by its share of the light.
+  double light_s() const;
 };
-/// Throws `InputError` naming line and column for tables that lack a column, have no row, name
-/// frames that the job of so many angles has not, or have numbers that can't be.
+/// Throws `InputError` naming line and column for tables that lack a column, name frames that the
+/// job of so many angles has not, or have numbers that can't be, and for those without any light, as
+/// of a dry run.
 Shown read_shown(const std::string& path, int angles);
 
 /// The doses that were really left, mJ/cm³: as `dose_of` a job, with each frame at the angles and

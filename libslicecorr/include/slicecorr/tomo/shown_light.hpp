@@ -19,7 +19,7 @@ namespace slicecorr::tomo {
 /// Light by column and slice, in units of the calibration, that shows `wanted`, light by the grid's
 /// pixel: moved to where the axis is, and brighter where the projector is dim. The same light where
 /// the axis is straight and steady and the projector shines evenly.
-Light asked_light(const Bench& bench, const Light& wanted);
+Light asked_light(const Bench& bench, Light wanted);
 
 /// What levels by column and slice show there, mW/cm2.
 Light shown_light(const Bench& bench, const std::vector<std::uint16_t>& levels);

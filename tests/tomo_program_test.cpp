@@ -431,6 +431,12 @@ TEST_F(TomoProgram, RefusalsHaveTheirExitCodes) {
   EXPECT_THAT(with("resin.toml", "gel_dose_mj_cm3 = 20.0",
                    "gel_dose_mj_cm3 = 20.0\ninhibition_resupply_mj_cm3_s = 10.0", {}, 3),
               HasSubstr("inhibitor comes back"));
+  EXPECT_THAT(with("resin.toml", "gel_dose_mj_cm3 = 20.0",
+                   "gel_dose_mj_cm3 = 20.0\ndose_diffusion_m2_s = 1e-6", {}, 3),
+              HasSubstr("in which its dose spreads by"));
+  EXPECT_THAT(with("resin.toml", "gel_dose_mj_cm3 = 20.0",
+                   "gel_dose_mj_cm3 = 20.0\ndose_diffusion_m2_s = -1e-12", {}, 2),
+              HasSubstr("cure.dose_diffusion_m2_s: is -1e-12"));
   EXPECT_THAT(with("resin.toml", "gel_dose_mj_cm3 = 20.0", "gel_dose_mj_cm3 = 2000.0",
                    {"--max-time-s", "15"}, 3),
               testing::AllOf(HasSubstr("printing takes"), HasSubstr("turns")));

@@ -687,7 +687,13 @@ TEST(TomoSpread, SolversThatWereStoppedGoOn) {
   options.solve.rungs = {0.98, 0.95, 0.9};
   int places = 0;
   options.solve.checkpoint = [&](const SolverPlace&) { ++places; };
-  const Print whole = solve_print(part, 0.25, printer, resin, options);
+  int solves = 0;
+  ExecutionContext listening;
+  listening.notice = [&](const std::string& text) {
+    solves += text.find("light for dose that spreads") != std::string::npos;
+  };
+  const Print whole = solve_print(part, 0.25, printer, resin, options, listening);
+  ASSERT_GT(solves, 1);
   options.checkpoint = folder / "a.resume";
   options.checkpoint_s = 0;
   options.resume = true;

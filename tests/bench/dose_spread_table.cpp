@@ -1,11 +1,14 @@
 // What dose that spreads costs: contrast without it, with it but not counted by the solver, and made
-// up for. dose_spread_table [wheel|gyroid]
+// up for, also in a time that is fixed. dose_spread_table [wheel|gyroid [VOXELS...]]
 #include <fmt/format.h>
 #include <sys/resource.h>
 
 #include <cmath>
+#include <cstdio>
 #include <numbers>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/print.hpp"
@@ -65,7 +68,10 @@ int main(int argc, char** argv) {
   double from = used_s();
   const Print still = solve_print(part, voxel_mm, printer, resin, options);
   tell("without", still.figures, used_s() - from);
-  for (const double voxels : {0.5, 1.0, 2.0}) {
+  std::vector<double> spreads{0.5, 1.0, 2.0};
+  if (argc > 2) spreads.clear();
+  for (int i = 2; i < argc; ++i) spreads.push_back(std::stod(argv[i]));
+  for (const double voxels : spreads) {
     const double deviation = voxels * voxel_mm * 1e-3;
     resin.dose_diffusion_m2_s = deviation * deviation / 2 / still.figures.print_time_s;
     TomoJob uncounted = still.job;

@@ -75,7 +75,8 @@ int status(const StatusOptions& o) {
         "frame     {} of {}, {}\n", seen.state.frame, seen.facts.frames,
         seen.facts.turns()
             ? fmt::format("{}, {:.2f}°, {:.2f} °/s", turn_in_words(seen.facts, seen.state),
-                          angle_in_turn_deg(seen.facts, seen.state), seen.state.speed_um_s / um_per_deg)
+                          angle_in_turn_deg(seen.facts, seen.state),
+                          seen.state.speed_um_s / um_per_deg)
             : place_in_words(seen.state.stage_um - seen.facts.start_um, 0));
     out += fmt::format("late      {} frames, at most {}\n", seen.state.late_frames,
                        way_in_words(seen.state.lateness.worst_um, um_per_deg));

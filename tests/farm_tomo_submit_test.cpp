@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <fstream>
+#include <iterator>
+
 #include "farm_tomo.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/submit.hpp"
@@ -279,6 +282,30 @@ TEST_F(PrepareTomography, EstimatesAreThoseOfTheGrid) {
   const Estimate again = prepared({longer}).estimates.at(0);
   EXPECT_TRUE(again.measured);
   EXPECT_NEAR(again.seconds, kFixedJobS + 3.0 * 14 / 7, 1e-9);
+}
+
+TEST_F(PrepareTomography, RaysAndDoseThatSpreadsTakeLonger) {
+  const std::int64_t level =
+      prepared({request(make_volume("v.npy", 10))}).jobs.at(0).work.voxel_angle_steps;
+  std::string resin = kVialResinToml;
+  const std::string absorbs = "absorption_per_cm = 2.0";
+  ASSERT_NE(resin.find(absorbs), std::string::npos);
+  resin.insert(resin.find(absorbs), "dose_diffusion_m2_s = 1e-13\n");
+  write_file(dir / "spreads.toml", resin);
+  JobRequest spreads = request(make_volume("v.npy", 10));
+  spreads.setup.resin = dir / "spreads.toml";
+  EXPECT_EQ(prepared({spreads}).jobs.at(0).work.voxel_angle_steps, 5 * level);
+
+  std::ifstream file(dir / "vial.toml");
+  std::string printer{std::istreambuf_iterator<char>(file), {}};
+  const std::size_t optics = printer.find("[optics]");
+  ASSERT_NE(optics, std::string::npos);
+  printer.insert(printer.find('\n', optics) + 1, "half_angle_deg = 1\nrays_per_pixel = 4\n");
+  write_file(dir / "spread-light.toml", printer);
+  JobRequest rays = request(make_volume("v.npy", 10));
+  rays.setup.printer = dir / "spread-light.toml";
+  // Sixteen lanes of voxels for ten slices, as without rays.
+  EXPECT_EQ(prepared({rays}).jobs.at(0).work.voxel_angle_steps, 3 * 4 * level);
 }
 
 TEST_F(PrepareTomography, MemoryGrowsWithLightAndDose) {

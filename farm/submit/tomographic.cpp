@@ -126,6 +126,11 @@ std::int64_t voxel_angle_steps(const tomo::TomoGrid& grid, const tomo::SolveOpti
                                    (steps * rungs + kStepsOfJudging));
 }
 
+// Rays are followed one by one, and judged one by one: so many times what level light takes, for each ray of a pixel.
+constexpr std::int64_t kTimesOfRays = 3;
+// Light for dose that spreads is found up to three times, for all slices together; seen were 3 to 8 times.
+constexpr std::int64_t kTimesOfSpread = 5;
+
 // A few slices are solved one by one, or leave vector lanes idle; more of them lie side by side.
 constexpr int kFewSlices = 7;
 
@@ -146,6 +151,9 @@ TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::strin
   needs.angles = bench.grid.angles;
   needs.voxels = static_cast<std::int64_t>(wanted.part.values.size());
   needs.voxel_angle_steps = voxel_angle_steps(bench.grid, wanted.options.solve);
+  if (bench.lab) needs.voxel_angle_steps *= kTimesOfRays * bench.lab->per_pixel;
+  const bool spreads = resin.dose_diffusion_m2_s > 0;
+  if (spreads) needs.voxel_angle_steps *= kTimesOfSpread;
   // A third of a byte for each pixel that is lit: seen were 0.09 to 0.32.
   std::int64_t rows = 0;
   if (bench.grid.coupled()) {
@@ -159,6 +167,12 @@ TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::strin
       std::int64_t{bench.grid.angles} * (bench.grid.pixels * bench.window.wide * rows / 3 + 1024) +
       kPageBytes;
   needs.memory = tomo_memory_needs(bench, wanted.options.solve.method);
+  if (spreads) {
+    // Dose before and after it has spread, and on its way.
+    const double fields = 3 * 4.0 * static_cast<double>(bench.grid.voxels_of_block()) *
+                          static_cast<double>(bench.grid.blocks()) / kMb;
+    needs.memory.base_mb += static_cast<std::int64_t>(1.5 * fields) + 1;
+  }
   return needs;
 }
 

@@ -87,7 +87,7 @@ std::string figures_table(const Printed& p) {
       "of the whole print");
   row("Dose in void", fmt::format("up to {} mJ/cm³", figure(m.max_void)), "of the whole print");
   row("Gel dose", fmt::format("{} mJ/cm³", figure(f.gel_dose_mj_cm3)),
-      "with what inhibitors take, and get again in the time of the print");
+      "with what inhibitors take; what comes back of them is taken off doses");
   row("Black light", fmt::format("up to {} mJ/cm³", figure(f.floor_mj_cm3)),
       "what black frames alone would leave in that time");
   row("Time", fmt::format("{} turns, {}", f.turns, text::duration(f.print_time_s)),
@@ -267,8 +267,11 @@ std::string height_svg(const Printed& p) {
   picture.add(above);
   picture.add(below);
   picture.note(
-      "Slices light each other not at all; one exposure serves all. The contrast of the print is the "
-      "least dose of the part anywhere over the most of void anywhere.");
+      std::string(slices_share_light(p.job.printer) ? "Light of a slice reaches others, too."
+                                                    : "Slices light each other not at all; one "
+                                                      "exposure serves all.") +
+      " The contrast of the print is the least dose of the part anywhere over the most of void "
+      "anywhere.");
   return picture.svg();
 }
 

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "process/flat_field_keys.hpp"
+#include "process/spread_keys.hpp"
 #include "process/tomography_keys.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
@@ -349,6 +350,7 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   const TomlTable blue = root.required_table("blue");
   printer.wavelength_nm = blue.number("wavelength_nm", 0, 1e5).value_or(0);
   printer.calibration = calibration(blue, printer.bit_depth, true);
+  printer.spread.gaussians = detail::spread_keys(blue, printer).gaussians;
   if (const auto uv = root.table("uv")) {
     UvLamp lamp;
     lamp.wavelength_nm = uv->number("wavelength_nm", 0, 1e5).value_or(0);
@@ -359,6 +361,11 @@ Printer parse_printer(std::string_view text, const std::string& source) {
     lamp.patterned = kind == "patterned";
     // A lamp's control values are its own; an image's are grey levels.
     lamp.calibration = calibration(*uv, printer.bit_depth, lamp.patterned);
+    lamp.spread.gaussians = detail::spread_keys(*uv, printer).gaussians;
+    if (uv->has("spread") && !lamp.patterned) {
+      uv->fail("spread", "is given for a flood, which is even; expected it with kind = "
+                         "\"patterned\"");
+    }
     printer.uv = std::move(lamp);
   }
   if (const auto stage = root.table("stage")) {
@@ -393,6 +400,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.inhibition_dose_mj_cm3 = light.inhibition_dose_mj_cm3;
   resin.inhibition_resupply_mj_cm3_s = light.inhibition_resupply_mj_cm3_s;
   resin.dose_diffusion_m2_s = light.dose_diffusion_m2_s;
+  resin.scatter_um2_per_um = light.scatter_um2_per_um;
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   resolve_dose(cure, overrides.dc_mj_cm3, resin);

@@ -197,6 +197,8 @@ LightKeys light_keys(const TomlTable& root, const TomlTable& cure) {
   keys.dose_diffusion_m2_s = home("dose_diffusion_m2_s")
                                  .number("dose_diffusion_m2_s", 0, kMostDiffusion, true)
                                  .value_or(0);
+  keys.scatter_um2_per_um =
+      home("scatter_um2_per_um").number("scatter_um2_per_um", 0, kMostScatter, true).value_or(0);
   return keys;
 }
 

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "process/flat_field_keys.hpp"
+#include "process/spread_keys.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/stack.hpp"
@@ -25,10 +26,9 @@ std::uint32_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at)
          (std::uint32_t{bytes[at + 2]} << 8) | bytes[at + 3];
 }
 
-}  // namespace
-
-GreyImage read_flat_field_png(const std::string& path,
-                              const std::function<void(int width_px, int height_px)>& check) {
+/// `what` names the image in complaints.
+GreyImage read_grey_png(const std::string& path, const char* what,
+                        const std::function<void(int width_px, int height_px)>& check) {
   const std::string text = read_text_file(path);
   const std::vector<std::uint8_t> bytes(text.begin(), text.end());
   constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
@@ -43,7 +43,51 @@ GreyImage read_flat_field_png(const std::string& path,
                                  width, height, kMostPixelsAcross, kMostPixels));
   }
   if (check) check(static_cast<int>(width), static_cast<int>(height));
-  return decode_png(bytes, static_cast<int>(width), static_cast<int>(height), path, "flat-field");
+  return decode_png(bytes, static_cast<int>(width), static_cast<int>(height), path, what);
+}
+
+/// A file that a table names, beside `source` where its name is relative.
+std::string file_beside(const TomlTable& table, const char* key, const std::string& name) {
+  fs::path file = name;
+  if (file.is_relative()) file = fs::path(table.source()).parent_path() / file;
+  std::error_code ec;
+  if (!fs::is_regular_file(file, ec)) {
+    table.fail(key, fmt::format("{} is not a file that can be read", file.string()));
+  }
+  return file.string();
+}
+
+/// The picture that [blue] or [uv] names as spread.
+std::optional<SpreadPicture> spread_picture(const TomlTable& light, const Printer& printer) {
+  const detail::SpreadKeys keys = detail::spread_keys(light, printer);
+  if (keys.file.empty()) return std::nullopt;
+  const std::string path = file_beside(light, "spread", keys.file);
+  try {
+    SpreadPicture picture;
+    picture.pitch_um = keys.pitch_um;
+    GreyImage image = read_grey_png(path, "spread", [&](int width_px, int height_px) {
+      if (std::max(width_px, height_px) > kMostSpreadPixels) {
+        throw InputError(path, "",
+                         fmt::format("is {} x {} pixels; expected at most {} along each side",
+                                     width_px, height_px, kMostSpreadPixels));
+      }
+      picture.width_px = width_px;
+      picture.height_px = height_px;
+      check_spread_picture(picture, printer, path);
+    });
+    picture.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
+    check_spread_picture(picture, printer, path);
+    return picture;
+  } catch (const InputError& e) {
+    light.fail("spread", e.what());
+  }
+}
+
+}  // namespace
+
+GreyImage read_flat_field_png(const std::string& path,
+                              const std::function<void(int width_px, int height_px)>& check) {
+  return read_grey_png(path, "flat-field", check);
 }
 
 void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path) {
@@ -104,17 +148,14 @@ Printer complete_printer(std::string_view text, const std::string& source) {
   Printer printer = parse_printer(text, source);
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
+  printer.spread.picture = spread_picture(root.required_table("blue"), printer);
+  if (const auto uv = root.table("uv")) printer.uv->spread.picture = spread_picture(*uv, printer);
   const TomlTable display = root.required_table("display");
   const auto keys = detail::flat_field_keys(display);
   if (!keys) return printer;
-  fs::path file = keys->file;
-  if (file.is_relative()) file = fs::path(source).parent_path() / file;
-  std::error_code ec;
-  if (!fs::is_regular_file(file, ec)) {
-    display.fail("flat_field", fmt::format("{} is not a file that can be read", file.string()));
-  }
+  const std::string file = file_beside(display, "flat_field", keys->file);
   try {
-    printer.flat_field = load_flat_field(file.string(), printer, keys->of_plate, keys->reference);
+    printer.flat_field = load_flat_field(file, printer, keys->of_plate, keys->reference);
   } catch (const InputError& e) {
     display.fail("flat_field", e.what());
   }

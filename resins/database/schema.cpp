@@ -127,6 +127,13 @@ constexpr std::array kResinRules = std::to_array<KeyRule>({
      .also_at_top = true,
      .what =
          "how fast dose spreads in the resin, in tomographic printing; 0 without it: not at all"},
+    {.table = "cure",
+     .key = "scatter_um2_per_um",
+     .type = number,
+     .high = 1e3,
+     .low_counts = true,
+     .also_at_top = true,
+     .what = "by how much the variance of light along each axis grows with depth; 0 without it"},
     {.table = "inhibition",
      .key = "beta",
      .type = number,
@@ -257,6 +264,15 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
      .type = calibration,
      .required = true,
      .what = "grey level and mW/cm² at the window, all levels, never falling"},
+    {.table = "blue",
+     .key = "spread",
+     .type = spread,
+     .what = "how its light spreads at the window; not at all without it"},
+    {.table = "blue",
+     .key = "spread_pitch_um",
+     .type = number,
+     .high = 1e4,
+     .what = "side of the pixels of a picture that is given as spread"},
     {.table = "uv",
      .key = "wavelength_nm",
      .type = number,
@@ -273,6 +289,15 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
      .type = calibration,
      .required = true,
      .what = "control value (or grey level) and mW/cm²"},
+    {.table = "uv",
+     .key = "spread",
+     .type = spread,
+     .what = "the same of patterned UV light"},
+    {.table = "uv",
+     .key = "spread_pitch_um",
+     .type = number,
+     .high = 1e4,
+     .what = "side of the pixels of a picture that is given as spread"},
     {.table = "stage",
      .key = "max_speed_mm_h",
      .type = number,
@@ -588,6 +613,8 @@ std::string expected_of(const KeyRule& r) {
       return "number or [x, y], " + range();
     case calibration:
       return "[[level, mW/cm²], ...] or a .csv";
+    case spread:
+      return "[[sigma um, weight], ...] or a .png";
     case mirror:
       return "true, false or one of " + listed();
     case file:

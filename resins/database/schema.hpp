@@ -19,6 +19,7 @@ enum class KeyType {
   base,         ///< 10 or "e"
   pixel,        ///< a number or [x, y]
   calibration,  ///< [[level, mW/cm²], ...] or the name of a .csv file
+  spread,       ///< [[sigma um, weight], ...] or the name of a picture
   mirror,       ///< true, false or one of `choices`
   file,         ///< name of a file beside this one
   notes,        ///< any keys: texts, numbers, dates, lists of texts

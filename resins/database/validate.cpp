@@ -335,6 +335,11 @@ class Checker : private CheckedFile {
       case KeyType::calibration:
         check_calibration(key, node);
         break;
+      case KeyType::spread:
+        if (!node.is_array() && !node.is_string()) {
+          add(line, key, "expected [[sigma_um, weight], ...] or the name of a PNG file");
+        }
+        break;
       case KeyType::mirror:
         if (!node.is_boolean()) check_choice(*r, key, node);
         break;

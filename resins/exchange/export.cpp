@@ -42,6 +42,7 @@ std::string to_json(const ResinRecord& r) {
     j["inhibition_resupply_mj_cm3_s"] = r.resin.inhibition_resupply_mj_cm3_s;
   }
   if (r.resin.dose_diffusion_m2_s > 0) j["dose_diffusion_m2_s"] = r.resin.dose_diffusion_m2_s;
+  if (r.resin.scatter_um2_per_um > 0) j["scatter_um2_per_um"] = r.resin.scatter_um2_per_um;
   const auto dose = [&](double areal, double volumetric, double prime, double prime_volumetric) {
     ordered_json d;
     if (areal > 0) d["mj_cm2"] = areal;
@@ -107,6 +108,7 @@ std::string to_csv(const ResinRecord& r) {
   number("inhibition_dose_mj_cm3", r.resin.inhibition_dose_mj_cm3);
   number("inhibition_resupply_mj_cm3_s", r.resin.inhibition_resupply_mj_cm3_s);
   number("dose_diffusion_m2_s", r.resin.dose_diffusion_m2_s);
+  number("scatter_um2_per_um", r.resin.scatter_um2_per_um);
   number("beta", f.beta);
   number("huv_um", f.huv_e_um);
   const auto& inhibition = r.resin.inhibition;

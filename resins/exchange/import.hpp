@@ -45,7 +45,7 @@ struct ResinDraft {
   double dose_factor = 0;
   double active_absorption_per_cm = 0, n = 0;
   double inhibition_dose_mj_cm3 = 0, inhibition_resupply_mj_cm3_s = 0;
-  double dose_diffusion_m2_s = 0;
+  double dose_diffusion_m2_s = 0, scatter_um2_per_um = 0;
   double beta = 0, huv_um = 0, inhibited_m = 0, inhibited_prime = 0;
   std::vector<std::pair<std::string, std::string>> provenance;
   std::vector<std::string> assumptions;

@@ -64,6 +64,7 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
     d.inhibition_dose_mj_cm3 = number("inhibition_dose_mj_cm3").value_or(0);
     d.inhibition_resupply_mj_cm3_s = number("inhibition_resupply_mj_cm3_s").value_or(0);
     d.dose_diffusion_m2_s = number("dose_diffusion_m2_s").value_or(0);
+    d.scatter_um2_per_um = number("scatter_um2_per_um").value_or(0);
     d.beta = number("beta").value_or(0);
     d.huv_um = number("huv_um").value_or(0);
     d.inhibited_m = number("m_uv").value_or(0);

@@ -98,7 +98,9 @@ Imported with_its_files(const std::string& path, const std::string& kind) {
   }
   for (const auto& [table, key] : {std::pair{"display", "flat_field"},
                                    {"blue", "calibration"},
+                                   {"blue", "spread"},
                                    {"uv", "calibration"},
+                                   {"uv", "spread"},
                                    {"rotation", "wobble"}}) {
     if (const auto file = root[table][key].value<std::string>(); file && kind == "printer") {
       attach(table, key, *file);

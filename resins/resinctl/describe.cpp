@@ -214,6 +214,12 @@ std::string describe_resin(const ResinRecord& r) {
                 fmt::format("{:.4g} m²/s: {:.3g} um along each axis in a minute (tomographic)",
                             r.resin.dose_diffusion_m2_s, 1e3 * dose_spread_mm(r.resin, 60)));
   }
+  if (r.resin.scatter_um2_per_um > 0) {
+    out += line("scatter of light",
+                fmt::format("{:g} um² per um: sigma {:.3g} um at the absorbance height (base 10)",
+                            r.resin.scatter_um2_per_um,
+                            std::sqrt(r.resin.scatter_um2_per_um * f.height10_um)));
+  }
   if (gel_is_known(r)) out += dose_line("gel dose", f, m, false);
   out += dose_line("dose aimed at", f, m, true);
   if (gel_is_known(r)) out += line("dose factor", fmt::format("{:.4g}", f.dose_factor));
@@ -261,6 +267,7 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
   out += line("intensity", fmt::format("{:g} to {:g} mW/cm² at the {}, {} calibration points", low,
                                        high, p.vial ? "axis" : "window", p.calibration.size()));
   if (low > 0) out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
+  if (!p.spread.none()) out += line("spread", spread_in_words(p.spread));
   if (p.uv) {
     out += "\nUV light\n";
     if (p.uv->wavelength_nm > 0)
@@ -269,6 +276,7 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
         line("kind", p.uv->patterned ? "patterned: an image per slice" : "flood: the whole window");
     out += line("intensity",
                 fmt::format("{:g} to {:g} mW/cm²", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()));
+    if (!p.uv->spread.none()) out += line("spread", spread_in_words(p.uv->spread));
   }
   if (p.max_speed_mm_h > 0 || p.travel_mm > 0) {
     out += "\nStage\n";
@@ -300,10 +308,19 @@ std::string printer_json(const Printer& p, const std::string& path) {
     return list;
   };
   j["calibration"] = curve(p.calibration);
+  const auto spread_in = [](nlohmann::ordered_json& at, const LightSpread& spread) {
+    for (const SpreadGaussian& g : spread.gaussians) at["spread"].push_back({g.sigma_um, g.weight});
+    if (!spread.picture) return;
+    at["spread"] = {{"width_px", spread.picture->width_px},
+                    {"height_px", spread.picture->height_px},
+                    {"pitch_um", spread.picture->pitch_um}};
+  };
+  spread_in(j, p.spread);
   if (p.uv) {
     j["uv"]["kind"] = p.uv->patterned ? "patterned" : "flood";
     if (p.uv->wavelength_nm > 0) j["uv"]["wavelength_nm"] = p.uv->wavelength_nm;
     j["uv"]["calibration"] = curve(p.uv->calibration);
+    spread_in(j["uv"], p.uv->spread);
   }
   if (p.max_speed_mm_h > 0) j["max_speed_mm_h"] = p.max_speed_mm_h;
   if (p.travel_mm > 0) j["travel_mm"] = p.travel_mm;

@@ -25,12 +25,48 @@ struct CalibrationPoint {
   bool operator==(const CalibrationPoint&) const = default;
 };
 
+/// A round spot of light: a normal distribution over the window.
+struct SpreadGaussian {
+  double sigma_um = 0;  ///< along each axis, >= 0; 0: light stays where it is
+  double weight = 1;    ///< share of the light, 0..1
+  bool operator==(const SpreadGaussian&) const = default;
+};
+
+/// The light around a point of an image, as it was measured. The picture lies like the images that
+/// the display shows, with the point in the middle of its middle pixel.
+struct SpreadPicture {
+  int width_px = 0, height_px = 0;  ///< odd
+  double pitch_um = 0;              ///< side of its pixels at the window, > 0
+  /// Relative intensity row by row, not all 0; shared, never changed.
+  std::shared_ptr<const std::vector<std::uint8_t>> values;
+  bool operator==(const SpreadPicture& o) const;
+};
+
+/// How the light of a point of an image spreads over the window: a sum of Gaussians or a picture;
+/// neither: not at all.
+struct LightSpread {
+  std::vector<SpreadGaussian> gaussians;  ///< weights add up to 1 within `kSpreadWeights`
+  std::optional<SpreadPicture> picture;
+  /// Whether all light stays where it is.
+  bool none() const;
+  bool operator==(const LightSpread&) const = default;
+};
+/// By how much weights may miss 1; they are scaled to it.
+inline constexpr double kSpreadWeights = 1e-3;
+/// Most Gaussians that a spread may have.
+inline constexpr int kMostSpreadGaussians = 16;
+/// Most pixels along a side of a measured spread.
+inline constexpr int kMostSpreadPixels = 511;
+/// Light beyond so many sigma on either side of a Gaussian is left out: less than 1e-6 of it.
+inline constexpr double kSpreadReachSigmas = 4.8917;
+
 /// The lamp that inhibits curing near the window.
 struct UvLamp {
   double wavelength_nm = 0;  ///< 0 when not given
   bool patterned = false;    ///< an image of its own per slice; else it floods the window
   /// Control value (flood) or grey level (patterned) and intensity; both never fall.
   std::vector<CalibrationPoint> calibration;
+  LightSpread spread = {};  ///< of patterned light; that of a flood stays even
   double max_mw_cm2() const { return calibration.back().intensity_mw_cm2; }
   double min_mw_cm2() const { return calibration.front().intensity_mw_cm2; }
   bool operator==(const UvLamp&) const = default;
@@ -118,6 +154,7 @@ struct Printer {
   /// How the plate lies in the images that the display shows; nothing when the file does not say.
   std::optional<Orientation> orientation{};
   std::optional<FlatField> flat_field{};  ///< of the curing light; nothing: even
+  LightSpread spread{};                   ///< of the curing light, at the window
   /// What tomographic printing needs, all three (`require_tomographic` in vial.hpp).
   std::optional<Vial> vial{};
   std::optional<Optics> optics{};
@@ -178,11 +215,17 @@ struct Resin {
   /// Diffusion of the dose that resin has taken, m²/s; 0: it stays where it is. It counts in
   /// tomographic printing.
   double dose_diffusion_m2_s = 0;
+  /// Scatter of the curing light: at a depth of d um its variance along each axis has grown by so
+  /// many um² times d, 0..`kMostScatter`; 0: it goes straight on.
+  double scatter_um2_per_um = 0;
   bool operator==(const Resin&) const = default;
 };
 
 /// Most that `dose_diffusion_m2_s` may be: a thousand times what small molecules do in water.
 inline constexpr double kMostDiffusion = 1e-6;
+
+/// Most that `scatter_um2_per_um` may be: light a millimetre deep is spread over as much again.
+inline constexpr double kMostScatter = 1e3;
 
 /// Absorption of the curing light, base e, 1/cm: that of its absorbance height.
 double absorption_per_cm(const Resin& resin);
@@ -322,6 +365,14 @@ std::string light_in_words(const Printer& printer);
 /// is off by more than 2 %, or when it has more pixels than the display and than a camera (1e8).
 /// Looks at sizes alone.
 void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path);
+
+/// A spread in words: "Gaussian, sigma 40 um"; empty for none.
+std::string spread_in_words(const LightSpread& spread);
+/// A measured spread must have odd sides, some light, its centre within a pixel of its middle, and
+/// reach no further than the display is wide and high. Throws `InputError`, naming `path`.
+void check_spread_picture(const SpreadPicture& picture, const Printer& printer,
+                          const std::string& path);
+
 /// Changes to a resin from the command line.
 struct ResinOverrides {
   std::optional<double> dc_mj_cm3;    ///< dose to aim at; only for m = 1

@@ -1,8 +1,13 @@
 #include "stack/formats/definition_json.hpp"
 
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/vial.hpp"
 #include "stack/flat_field_entry.hpp"
+#include "support/text/base64.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -48,6 +53,61 @@ std::vector<AxisWobble> read_wobble(const Node& node) {
   }
   return wobble;
 }
+
+Json spread_json(const LightSpread& spread) {
+  if (spread.picture) {
+    return {{"width_px", spread.picture->width_px},
+            {"height_px", spread.picture->height_px},
+            {"pitch_um", spread.picture->pitch_um},
+            {"values", base64(*spread.picture->values)}};
+  }
+  Json list = Json::array();
+  for (const SpreadGaussian& g : spread.gaussians) {
+    list.push_back(Json::array({g.sigma_um, g.weight}));
+  }
+  return {{"gaussians", list}};
+}
+
+/// Of a table `node` that may have a "spread"; `printer` has its display.
+LightSpread read_spread(const Node& node, const Printer& printer) {
+  LightSpread spread;
+  if (!node.has("spread")) return spread;
+  const Node s = node["spread"];
+  if (s.has("values")) {
+    SpreadPicture picture;
+    picture.width_px = s["width_px"].integer(1, kMostSpreadPixels);
+    picture.height_px = s["height_px"].integer(1, kMostSpreadPixels);
+    picture.pitch_um = s["pitch_um"].positive();
+    auto values = from_base64(s["values"].string());
+    if (!values ||
+        values->size() != static_cast<std::size_t>(picture.width_px) * picture.height_px) {
+      s["values"].fail("a byte for each pixel, in base 64");
+    }
+    picture.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(*values));
+    try {
+      check_spread_picture(picture, printer, "spread");
+    } catch (const InputError& e) {
+      s["values"].fail(std::string("a picture that fits; it ") + e.what());
+    }
+    spread.picture = std::move(picture);
+    return spread;
+  }
+  double sum = 0;
+  for (const Node& pair : s["gaussians"].list(1, kMostSpreadGaussians)) {
+    const auto numbers = pair.list(2, 2);
+    spread.gaussians.push_back({numbers[0].number(0, kLargest), numbers[1].number(0, 2)});
+    sum += spread.gaussians.back().weight;
+    const double most_um =
+        std::min(printer.width_px * printer.pixel_x_um, printer.height_px * printer.pixel_y_um);
+    if (kSpreadReachSigmas * spread.gaussians.back().sigma_um > most_um) {
+      pair.fail("a sigma whose light stays within the display's shorter side");
+    }
+  }
+  if (!(std::abs(sum - 1) <= kSpreadWeights)) s["gaussians"].fail("weights that add up to 1");
+  return spread;
+}
+
+bool is_given(const LightSpread& spread) { return !spread.gaussians.empty() || spread.picture; }
 
 /// What tomographic printers have besides.
 void read_tomography(const Node& node, Printer& p) {
@@ -106,7 +166,9 @@ Json printer_json(const Printer& p) {
     json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
                   {"kind", p.uv->patterned ? "patterned" : "flood"},
                   {"calibration", calibration_json(p.uv->calibration)}};
+    if (is_given(p.uv->spread)) json["uv"]["spread"] = spread_json(p.uv->spread);
   }
+  if (is_given(p.spread)) json["spread"] = spread_json(p.spread);
   if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
   if (p.flat_field) {
     const FlatField& f = *p.flat_field;
@@ -157,6 +219,7 @@ Json resin_json(const Resin& r) {
   given("inhibition_dose_mj_cm3", r.inhibition_dose_mj_cm3);
   given("inhibition_resupply_mj_cm3_s", r.inhibition_resupply_mj_cm3_s);
   given("dose_diffusion_m2_s", r.dose_diffusion_m2_s);
+  given("scatter_um2_per_um", r.scatter_um2_per_um);
   if (r.inhibition) {
     json["inhibition"] = {{"beta", r.inhibition->beta},
                           {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
@@ -179,11 +242,13 @@ Printer read_printer(const Node& node) {
   if (p.calibration.front().level != 0 || p.calibration.back().level != p.levels() - 1) {
     node["calibration"].fail("points from level 0 to level " + std::to_string(p.levels() - 1));
   }
+  p.spread = read_spread(node, p);
   if (node.has("uv")) {
     const Node uv = node["uv"];
     p.uv =
         UvLamp{uv["wavelength_nm"].number(0, kLargest),
-               uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"])};
+               uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"]),
+               read_spread(uv, p)};
   }
   if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
   if (node.has("flat_field")) {
@@ -227,6 +292,7 @@ Resin read_resin(const Node& node) {
   r.inhibition_dose_mj_cm3 = given("inhibition_dose_mj_cm3", 0, kLargest);
   r.inhibition_resupply_mj_cm3_s = given("inhibition_resupply_mj_cm3_s", 0, kLargest);
   r.dose_diffusion_m2_s = given("dose_diffusion_m2_s", 0, kMostDiffusion);
+  r.scatter_um2_per_um = given("scatter_um2_per_um", 0, kMostScatter);
   if (node.has("inhibition")) {
     const Node i = node["inhibition"];
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),

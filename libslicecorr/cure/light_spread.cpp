@@ -1,0 +1,335 @@
+#include "cure/light_spread.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/kernels.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// What of a spread may be left out.
+constexpr double kCut = 1e-6;
+
+/// Sums that are added up together, in registers.
+constexpr std::size_t kLanes = 16;
+
+/// out = or += taps[0] c + the sum over k of taps[k] (c[-k step] + c[k step]), in that order.
+SLICECORR_CLONES
+void symmetric_sum(const double* centre, std::ptrdiff_t step, const double* taps, int reach,
+                   double* out, std::size_t count, bool add) {
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    const double* c = centre + i;
+    double sum[kLanes];
+    for (std::size_t j = 0; j < kLanes; ++j) sum[j] = taps[0] * c[j];
+    for (int k = 1; k <= reach; ++k) {
+      const double *low = c - k * step, *high = c + k * step;
+      const double tap = taps[k];
+      for (std::size_t j = 0; j < kLanes; ++j) sum[j] += tap * (low[j] + high[j]);
+    }
+    if (add) {
+      for (std::size_t j = 0; j < kLanes; ++j) out[i + j] += sum[j];
+    } else {
+      for (std::size_t j = 0; j < kLanes; ++j) out[i + j] = sum[j];
+    }
+  }
+  for (; i < count; ++i) {
+    const double* c = centre + i;
+    double sum = taps[0] * c[0];
+    for (int k = 1; k <= reach; ++k) sum += taps[k] * (c[-k * step] + c[k * step]);
+    out[i] = add ? out[i] + sum : sum;
+  }
+}
+
+/// out = the sum over rows and columns of taps times pixels, `stride` between rows of `first`.
+SLICECORR_CLONES
+void full_sum(const double* first, std::ptrdiff_t stride, const double* taps, int rows, int columns,
+              double* out, std::size_t count) {
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    double sum[kLanes] = {};
+    const double* tap = taps;
+    for (int y = 0; y < rows; ++y) {
+      const double* row = first + y * stride + i;
+      for (int x = 0; x < columns; ++x, ++tap) {
+        for (std::size_t j = 0; j < kLanes; ++j) sum[j] += *tap * row[static_cast<std::size_t>(x) + j];
+      }
+    }
+    for (std::size_t j = 0; j < kLanes; ++j) out[i + j] = sum[j];
+  }
+  for (; i < count; ++i) {
+    double sum = 0;
+    const double* tap = taps;
+    for (int y = 0; y < rows; ++y) {
+      const double* row = first + y * stride + i;
+      for (int x = 0; x < columns; ++x, ++tap) sum += *tap * row[x];
+    }
+    out[i] = sum;
+  }
+}
+
+std::size_t size_of(const PixelBox& box) {
+  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
+}
+
+/// Copies row `y`, columns from `x0` on, of a field over `from` to `row`; 0 outside of it. False
+/// where all of it is outside.
+bool take_row(const double* in, const PixelBox& from, int y, int x0, double* row, int count) {
+  if (y < from.y0 || y >= from.y1) return false;
+  const int left = std::clamp(from.x0 - x0, 0, count),
+            right = std::clamp(from.x1 - x0, left, count);
+  const std::ptrdiff_t at =
+      static_cast<std::ptrdiff_t>(y - from.y0) * from.width() + (x0 + left - from.x0);
+  std::fill(row, row + left, 0.0);
+  if (right > left) std::copy(in + at, in + at + (right - left), row + left);
+  std::fill(row + right, row + count, 0.0);
+  return true;
+}
+
+/// The sum of products of the rows of a measured spread with what of them falls into each pixel:
+/// along one axis the share of each of `count` picture pixels in pixels -reach..reach.
+std::vector<double> overlaps(int count, double pitch_um, double pixel_um, int reach) {
+  std::vector<double> share(static_cast<std::size_t>(count) * (2 * static_cast<std::size_t>(reach) + 1));
+  std::size_t at = 0;
+  for (int i = 0; i < count; ++i) {
+    const double low = (i - count / 2 - 0.5) * pitch_um, high = low + pitch_um;
+    for (int k = -reach; k <= reach; ++k) {
+      const double from = std::max(low, (k - 0.5) * pixel_um),
+                   to = std::min(high, (k + 0.5) * pixel_um);
+      share[at++] = std::max(0.0, to - from) / pitch_um;
+    }
+  }
+  return share;
+}
+
+/// Pixels that half of `count` picture pixels reach to either side.
+int reach_of(int count, double pitch_um, double pixel_um) {
+  return std::max(0, static_cast<int>(std::ceil(count / 2.0 * pitch_um / pixel_um - 0.5)));
+}
+
+}  // namespace
+
+std::vector<double> gaussian_taps(double sigma_um, double pixel_um) {
+  if (!(sigma_um > 0)) return {1.0};
+  const double per_pixel = pixel_um / (sigma_um * std::sqrt(2.0));
+  std::vector<double> taps{std::erf(0.5 * per_pixel)};
+  for (int k = 1; std::erfc((k - 0.5) * per_pixel) >= kCut; ++k) {
+    taps.push_back((std::erfc((k - 0.5) * per_pixel) - std::erfc((k + 0.5) * per_pixel)) / 2);
+  }
+  // From the outermost, which are the least, inwards.
+  double sum = 0;
+  for (std::size_t k = taps.size(); k-- > 1;) sum += 2 * taps[k];
+  sum += taps[0];
+  for (double& tap : taps) tap /= sum;
+  return taps;
+}
+
+LightBlur::LightBlur(const LightSpread& spread, double pixel_x_um, double pixel_y_um,
+                     const Turn& to_display) {
+  if (spread.none()) return;
+  if (!spread.picture) {
+    double weights = 0;
+    for (const SpreadGaussian& g : spread.gaussians) weights += g.weight;
+    for (const SpreadGaussian& g : spread.gaussians) {
+      if (g.weight == 0) continue;
+      Part part{gaussian_taps(g.sigma_um, pixel_x_um), gaussian_taps(g.sigma_um, pixel_y_um)};
+      for (double& tap : part.y) tap *= g.weight / weights;
+      reach_x_ = std::max(reach_x_, static_cast<int>(part.x.size()) - 1);
+      reach_y_ = std::max(reach_y_, static_cast<int>(part.y.size()) - 1);
+      parts_.push_back(std::move(part));
+    }
+    return;
+  }
+  const SpreadPicture& picture = *spread.picture;
+  // As the blurred images lie.
+  const Turn back = to_display.inverse();
+  const int width = back.swap_axes ? picture.height_px : picture.width_px,
+            height = back.swap_axes ? picture.width_px : picture.height_px;
+  std::vector<double> light(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  std::size_t at = 0;
+  for (int y = 0; y < picture.height_px; ++y) {
+    for (int x = 0; x < picture.width_px; ++x) {
+      const Pixel p = turned(Pixel{x, y}, back, picture.width_px, picture.height_px);
+      light[static_cast<std::size_t>(p.y) * static_cast<std::size_t>(width) +
+            static_cast<std::size_t>(p.x)] = (*picture.values)[at++];
+    }
+  }
+  reach_x_ = reach_of(width, picture.pitch_um, pixel_x_um);
+  reach_y_ = reach_of(height, picture.pitch_um, pixel_y_um);
+  const auto columns = 2 * static_cast<std::size_t>(reach_x_) + 1,
+             rows = 2 * static_cast<std::size_t>(reach_y_) + 1;
+  const std::vector<double> share_x = overlaps(width, picture.pitch_um, pixel_x_um, reach_x_),
+                            share_y = overlaps(height, picture.pitch_um, pixel_y_um, reach_y_);
+  std::vector<double> weights(rows * columns);
+  double sum = 0;
+  for (std::size_t y = 0; y < static_cast<std::size_t>(height); ++y) {
+    std::vector<double> row(columns);
+    for (std::size_t x = 0; x < static_cast<std::size_t>(width); ++x) {
+      const double v = light[y * static_cast<std::size_t>(width) + x];
+      sum += v;
+      for (std::size_t i = 0; i < columns; ++i) row[i] += v * share_x[x * columns + i];
+    }
+    for (std::size_t j = 0; j < rows; ++j) {
+      for (std::size_t i = 0; i < columns; ++i) {
+        weights[j * columns + i] += share_y[y * rows + j] * row[i];
+      }
+    }
+  }
+  for (double& w : weights) w /= sum;
+  // A pixel takes from the one at +i what that one sends to -i.
+  measured_transposed_ = weights;
+  measured_.assign(weights.rbegin(), weights.rend());
+}
+
+void LightBlur::apply(const double* in, const PixelBox& from, double* out,
+                      const PixelBox& to) const {
+  if (to.empty()) return;
+  if (!measured_.empty()) return apply_measured(measured_, in, from, out, to);
+  const auto width = static_cast<std::size_t>(to.width());
+  if (parts_.empty()) {
+    for (int y = to.y0; y < to.y1; ++y, out += width) {
+      if (!take_row(in, from, y, to.x0, out, to.width())) std::fill(out, out + width, 0.0);
+    }
+    return;
+  }
+  std::vector<double> padded(width + 2 * static_cast<std::size_t>(reach_x_));
+  std::vector<double> rows(width * (static_cast<std::size_t>(to.height()) +
+                                    2 * static_cast<std::size_t>(reach_y_)));
+  bool add = false;
+  for (const Part& part : parts_) {
+    const int reach_x = static_cast<int>(part.x.size()) - 1,
+              reach_y = static_cast<int>(part.y.size()) - 1;
+    double* row = rows.data();
+    for (int y = to.y0 - reach_y; y < to.y1 + reach_y; ++y, row += width) {
+      if (take_row(in, from, y, to.x0 - reach_x, padded.data(), to.width() + 2 * reach_x)) {
+        symmetric_sum(padded.data() + reach_x, 1, part.x.data(), reach_x, row, width, false);
+      } else {
+        std::fill(row, row + width, 0.0);
+      }
+    }
+    for (int y = 0; y < to.height(); ++y) {
+      symmetric_sum(rows.data() + static_cast<std::size_t>(y + reach_y) * width,
+                    static_cast<std::ptrdiff_t>(width), part.y.data(), reach_y,
+                    out + static_cast<std::size_t>(y) * width, width, add);
+    }
+    add = true;
+  }
+}
+
+void LightBlur::apply_transposed(const double* in, const PixelBox& from, double* out,
+                                 const PixelBox& to) const {
+  // Gaussians are symmetric, and whatever the boxes, surroundings are 0.
+  if (measured_.empty()) return apply(in, from, out, to);
+  if (!to.empty()) apply_measured(measured_transposed_, in, from, out, to);
+}
+
+void LightBlur::apply_measured(const std::vector<double>& taps, const double* in,
+                               const PixelBox& from, double* out, const PixelBox& to) const {
+  const auto width = static_cast<std::size_t>(to.width());
+  const std::size_t stride = width + 2 * static_cast<std::size_t>(reach_x_);
+  std::vector<double> padded(
+      stride * (static_cast<std::size_t>(to.height()) + 2 * static_cast<std::size_t>(reach_y_)));
+  double* row = padded.data();
+  for (int y = to.y0 - reach_y_; y < to.y1 + reach_y_; ++y, row += stride) {
+    take_row(in, from, y, to.x0 - reach_x_, row, static_cast<int>(stride));
+  }
+  for (int y = 0; y < to.height(); ++y) {
+    full_sum(padded.data() + static_cast<std::size_t>(y) * stride,
+             static_cast<std::ptrdiff_t>(stride), taps.data(), 2 * reach_y_ + 1, 2 * reach_x_ + 1,
+             out + static_cast<std::size_t>(y) * width, width);
+  }
+}
+
+SliceScatter::SliceScatter(double scatter_um2_per_um, double slice_um, double pixel_x_um,
+                           double pixel_y_um) {
+  if (!(scatter_um2_per_um > 0)) return;
+  const double variance_um2 = scatter_um2_per_um * slice_um;
+  w_x_ = variance_um2 / (2 * pixel_x_um * pixel_x_um);
+  w_y_ = variance_um2 / (2 * pixel_y_um * pixel_y_um);
+  steps_ = std::max(1, static_cast<int>(std::ceil(4 * std::max(w_x_, w_y_))));
+  w_x_ /= steps_;
+  w_y_ /= steps_;
+}
+
+void SliceScatter::apply(double* field, const PixelBox& box) const {
+  if (none() || box.empty()) return;
+  const double taps_x[] = {1 - 2 * w_x_, w_x_}, taps_y[] = {1 - 2 * w_y_, w_y_};
+  const auto width = static_cast<std::size_t>(box.width());
+  const auto height = static_cast<std::size_t>(box.height());
+  std::vector<double> padded(width + 2), rows(3 * width);
+  for (int step = 0; step < steps_; ++step) {
+    // Three rows in a ring, spread along x: the one above, this and the one below.
+    const auto spread_row = [&](std::size_t y, double* row) {
+      if (y >= height) {
+        std::fill(row, row + width, 0.0);
+        return;
+      }
+      std::copy(field + y * width, field + (y + 1) * width, padded.begin() + 1);
+      symmetric_sum(padded.data() + 1, 1, taps_x, 1, row, width, false);
+    };
+    double *above = rows.data(), *here = above + width, *below = here + width;
+    std::fill(above, above + width, 0.0);
+    spread_row(0, here);
+    for (std::size_t y = 0; y < height; ++y) {
+      spread_row(y + 1, below);
+      double* out = field + y * width;
+      for (std::size_t x = 0; x < width; ++x) {
+        out[x] = taps_y[0] * here[x] + taps_y[1] * (above[x] + below[x]);
+      }
+      std::swap(above, here);
+      std::swap(here, below);
+    }
+  }
+}
+
+int SliceScatter::halo(double w, double kept, double share) const {
+  if (none()) return 0;
+  const double rise = std::expm1(-std::log(kept) / steps_) / (2 * w);
+  return static_cast<int>(std::ceil(-std::log(share) / std::acosh(1 + rise)));
+}
+
+SpreadDose::SpreadDose(const LightBlur& blur, const SliceScatter& scatter, double kept,
+                       const PixelBox& shown, const PixelBox& window)
+    : blur_(blur),
+      scatter_(scatter),
+      kept_(kept),
+      shown_(shown),
+      window_(window),
+      dose_(size_of(window)),
+      spread_(size_of(window)) {}
+
+const std::vector<double>& SpreadDose::add(const double* light) {
+  scatter_.apply(dose_.data(), window_);
+  if (light) {
+    blur_.apply(light, shown_, spread_.data(), window_);
+    for (std::size_t i = 0; i < dose_.size(); ++i) {
+      dose_[i] = (1 - kept_) * spread_[i] + kept_ * dose_[i];
+    }
+  } else {
+    for (double& dose : dose_) dose *= kept_;
+  }
+  return dose_;
+}
+
+SpreadDoseTransposed::SpreadDoseTransposed(const LightBlur& blur, const SliceScatter& scatter,
+                                           double kept, const PixelBox& shown,
+                                           const PixelBox& window)
+    : blur_(blur),
+      scatter_(scatter),
+      kept_(kept),
+      shown_(shown),
+      window_(window),
+      sum_(size_of(window)),
+      gradient_(size_of(shown)) {}
+
+const std::vector<double>& SpreadDoseTransposed::add(const double* weights) {
+  scatter_.apply(sum_.data(), window_);
+  for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] = weights[i] + kept_ * sum_[i];
+  blur_.apply_transposed(sum_.data(), window_, gradient_.data(), shown_);
+  for (double& g : gradient_) g *= 1 - kept_;
+  return gradient_;
+}
+
+}  // namespace slicecorr::detail

@@ -54,7 +54,8 @@ void full_sum(const double* first, std::ptrdiff_t stride, const double* taps, in
     for (int y = 0; y < rows; ++y) {
       const double* row = first + y * stride + i;
       for (int x = 0; x < columns; ++x, ++tap) {
-        for (std::size_t j = 0; j < kLanes; ++j) sum[j] += *tap * row[static_cast<std::size_t>(x) + j];
+        for (std::size_t j = 0; j < kLanes; ++j)
+          sum[j] += *tap * row[static_cast<std::size_t>(x) + j];
       }
     }
     for (std::size_t j = 0; j < kLanes; ++j) out[i + j] = sum[j];
@@ -91,7 +92,8 @@ bool take_row(const double* in, const PixelBox& from, int y, int x0, double* row
 /// The sum of products of the rows of a measured spread with what of them falls into each pixel:
 /// along one axis the share of each of `count` picture pixels in pixels -reach..reach.
 std::vector<double> overlaps(int count, double pitch_um, double pixel_um, int reach) {
-  std::vector<double> share(static_cast<std::size_t>(count) * (2 * static_cast<std::size_t>(reach) + 1));
+  std::vector<double> share(static_cast<std::size_t>(count) *
+                            (2 * static_cast<std::size_t>(reach) + 1));
   std::size_t at = 0;
   for (int i = 0; i < count; ++i) {
     const double low = (i - count / 2 - 0.5) * pitch_um, high = low + pitch_um;
@@ -195,8 +197,8 @@ void LightBlur::apply(const double* in, const PixelBox& from, double* out,
     return;
   }
   std::vector<double> padded(width + 2 * static_cast<std::size_t>(reach_x_));
-  std::vector<double> rows(width * (static_cast<std::size_t>(to.height()) +
-                                    2 * static_cast<std::size_t>(reach_y_)));
+  std::vector<double> rows(
+      width * (static_cast<std::size_t>(to.height()) + 2 * static_cast<std::size_t>(reach_y_)));
   bool add = false;
   for (const Part& part : parts_) {
     const int reach_x = static_cast<int>(part.x.size()) - 1,

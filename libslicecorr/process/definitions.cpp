@@ -363,8 +363,9 @@ Printer parse_printer(std::string_view text, const std::string& source) {
     lamp.calibration = calibration(*uv, printer.bit_depth, lamp.patterned);
     lamp.spread.gaussians = detail::spread_keys(*uv, printer).gaussians;
     if (uv->has("spread") && !lamp.patterned) {
-      uv->fail("spread", "is given for a flood, which is even; expected it with kind = "
-                         "\"patterned\"");
+      uv->fail("spread",
+               "is given for a flood, which is even; expected it with kind = "
+               "\"patterned\"");
     }
     printer.uv = std::move(lamp);
   }

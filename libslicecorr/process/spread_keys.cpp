@@ -49,10 +49,11 @@ void check_spread_picture(const SpreadPicture& picture, const Printer& printer,
                           const std::string& path) {
   const int w = picture.width_px, h = picture.height_px;
   if (w % 2 == 0 || h % 2 == 0) {
-    throw InputError(path, "",
-                     fmt::format("is {} x {} pixels; expected odd sides, with the point that is lit "
-                                 "in the middle pixel",
-                                 w, h));
+    throw InputError(
+        path, "",
+        fmt::format("is {} x {} pixels; expected odd sides, with the point that is lit "
+                    "in the middle pixel",
+                    w, h));
   }
   const double reach_um = picture.pitch_um * std::max(w, h) / 2;
   if (reach_um > most_reach_um(printer)) {
@@ -119,10 +120,11 @@ SpreadKeys spread_keys(const TomlTable& light, const Printer& printer) {
       light.fail(key, fmt::format("{}: the weight is {:g}; expected 0 to 1", place, g.weight));
     }
     if (kSpreadReachSigmas * g.sigma_um > most_reach_um(printer)) {
-      light.fail(key, fmt::format("{}: with a sigma of {:g} um light reaches {:.4g} um, further than "
-                                  "the display's shorter side, {:g} um; expected micrometres",
-                                  place, g.sigma_um, kSpreadReachSigmas * g.sigma_um,
-                                  most_reach_um(printer)));
+      light.fail(
+          key,
+          fmt::format("{}: with a sigma of {:g} um light reaches {:.4g} um, further than "
+                      "the display's shorter side, {:g} um; expected micrometres",
+                      place, g.sigma_um, kSpreadReachSigmas * g.sigma_um, most_reach_um(printer)));
     }
     sum += g.weight;
     keys.gaussians.push_back(g);

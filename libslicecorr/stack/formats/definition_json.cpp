@@ -65,7 +65,9 @@ Json spread_json(const LightSpread& spread) {
   for (const SpreadGaussian& g : spread.gaussians) {
     list.push_back(Json::array({g.sigma_um, g.weight}));
   }
-  return {{"gaussians", list}};
+  Json json;
+  json["gaussians"] = std::move(list);
+  return json;
 }
 
 /// Of a table `node` that may have a "spread"; `printer` has its display.
@@ -245,10 +247,9 @@ Printer read_printer(const Node& node) {
   p.spread = read_spread(node, p);
   if (node.has("uv")) {
     const Node uv = node["uv"];
-    p.uv =
-        UvLamp{uv["wavelength_nm"].number(0, kLargest),
-               uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"]),
-               read_spread(uv, p)};
+    p.uv = UvLamp{uv["wavelength_nm"].number(0, kLargest),
+                  uv["kind"].choice({"flood", "patterned"}) == 1,
+                  read_calibration(uv["calibration"]), read_spread(uv, p)};
   }
   if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
   if (node.has("flat_field")) {

@@ -469,8 +469,8 @@ TEST(LightSpread, DoseHasATranspose) {
 TEST(LightSpread, HaloBoundsWhatIsLeftOut) {
   const double kept = std::pow(10.0, -50.0 / 2000);
   for (const double kappa : {1.0, 20.0, 200.0}) {
-    const LightBlur blur(gaussian(30), 50, 50);
-    const SliceScatter scatter(kappa, 50, 50, 50);
+    const LightBlur blur(gaussian(30), kRowUm, 50);
+    const SliceScatter scatter(kappa, 50, kRowUm, 50);
     const int halo = scatter.halo_y(kept, 1e-4);
     const int rows = 2 * halo + 21;
     const PixelBox all{0, 0, 3, rows}, part{0, halo, 3, rows};
@@ -486,7 +486,7 @@ TEST(LightSpread, HaloBoundsWhatIsLeftOut) {
       }
     }
     EXPECT_LE(worst, 1e-4 * most) << kappa;
-    EXPECT_GT(worst, 0) << kappa;
+    EXPECT_GT(worst, 0.3e-4 * most) << kappa;  // and it is no larger than needed
   }
 }
 
@@ -587,7 +587,7 @@ TEST_F(SpreadPictures, AreReadAndKept) {
   c.printer = std::string(SLICECORR_PRINTERS_DIR) + "/dual-wavelength-dlp.toml";
   c.resin = std::string(SLICECORR_DB_DIR) + "/da-2-ppo.toml";
   c.speed_mm_h = 700;
-  Setup setup = resolve_setup(c, nullptr, nullptr, ChoiceNames::fields);
+  slicecorr::Setup setup = resolve_setup(c, nullptr, nullptr, ChoiceNames::fields);
   const std::string without = setup_json(setup);
   EXPECT_EQ(without.find("spread"), std::string::npos);
   EXPECT_EQ(without.find("scatter"), std::string::npos);
@@ -595,7 +595,7 @@ TEST_F(SpreadPictures, AreReadAndKept) {
     setup.printer.spread = spread;
     setup.printer.uv->spread = spread;
     setup.resin.scatter_um2_per_um = 0.3;
-    const Setup again = parse_setup_json(setup_json(setup), "text");
+    const slicecorr::Setup again = parse_setup_json(setup_json(setup), "text");
     EXPECT_EQ(again.printer, setup.printer);
     EXPECT_EQ(again.resin, setup.resin);
   }

@@ -12,8 +12,8 @@ namespace {
 /// What of a spread may be left out.
 constexpr double kCut = 1e-6;
 
-/// Sums that are added up together, in registers.
-constexpr std::size_t kLanes = 16;
+/// Sums that are added up together: as many as fill eight registers of AVX2.
+constexpr std::size_t kLanes = 32;
 
 /// out = or += taps[0] c + the sum over k of taps[k] (c[-k step] + c[k step]), in that order.
 SLICECORR_CLONES

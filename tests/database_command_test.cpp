@@ -109,6 +109,23 @@ TEST_F(Resinctl, ShowConvertsAndSaysWhatIsAimedAt) {
   EXPECT_THAT(read("goo.html"), HasSubstr("<html"));
 }
 
+TEST_F(Resinctl, ShowTellsOfLightThatSpreads) {
+  write("wide.toml",
+        "name = \"wide\"\n[display]\nwidth_px = 640\nheight_px = 480\npixel_um = 50\n[blue]\n"
+        "calibration = [[0, 1], [255, 100]]\nspread = [[15, 0.9], [120, 0.1]]\n[uv]\n"
+        "kind = \"patterned\"\ncalibration = [[0, 0], [255, 100]]\nspread = [[40, 1]]\n");
+  EXPECT_THAT(ok({"show", "wide.toml"}),
+              AllOf(HasSubstr("Gaussians: 90 % with sigma 15 um, 10 % with sigma 120 um"),
+                    HasSubstr("Gaussian, sigma 40 um")));
+  const json j = json::parse(ok({"show", "wide.toml", "--json", "-"}));
+  EXPECT_EQ(j["spread"], json::parse("[[15, 0.9], [120, 0.1]]"));
+  EXPECT_EQ(j["uv"]["spread"], json::parse("[[40, 1]]"));
+  write("milky.toml", goo("5.0") + "scatter_um2_per_um = 4\n");
+  // sqrt(4 * 391.44)
+  EXPECT_THAT(ok({"show", "milky.toml"}), HasSubstr("4 um² per um: sigma 39.6 um"));
+  EXPECT_EQ(json::parse(ok({"show", "milky.toml", "--json", "-"}))["scatter_um2_per_um"], 4);
+}
+
 TEST_F(Resinctl, ShowTellsOfTomography) {
   const std::string dry = ok({"show", "webber-vial"});
   EXPECT_THAT(dry, AllOf(HasSubstr("25 mm outside, 23.6 mm inside (radii 12.5 and 11.8)"),

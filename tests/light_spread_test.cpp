@@ -409,8 +409,13 @@ TEST(LightSpread, DoseIsTheDirectSum) {
   for (unsigned n = 0; n < slices; ++n) light.push_back(random_field(23 * 17, 10 + n));
   SpreadDose dose(blur, scatter, kept, shown, window);
   const Field* last = nullptr;
+  Field below(static_cast<std::size_t>(window.width() * window.height()), 0.0);
   for (int n = slices; n-- > 0;) {
     last = &dose.add(n % 7 ? light[static_cast<std::size_t>(n)].data() : nullptr);
+    for (std::size_t i = 0; i < below.size(); ++i) {
+      EXPECT_NEAR((1 - kept) * dose.column_light()[i] + kept * below[i], (*last)[i], 1e-15);
+    }
+    below = *last;
   }
   Field direct(last->size(), 0.0);
   for (int n = 0; n < slices; ++n) {

@@ -300,17 +300,27 @@ SpreadDose::SpreadDose(const LightBlur& blur, const SliceScatter& scatter, doubl
       shown_(shown),
       window_(window),
       dose_(size_of(window)),
-      spread_(size_of(window)) {}
+      column_light_(size_of(window)) {}
 
 const std::vector<double>& SpreadDose::add(const double* light) {
-  scatter_.apply(dose_.data(), window_);
   if (light) {
-    blur_.apply(light, shown_, spread_.data(), window_);
-    for (std::size_t i = 0; i < dose_.size(); ++i) {
-      dose_[i] = (1 - kept_) * spread_[i] + kept_ * dose_[i];
-    }
+    blur_.apply(light, shown_, column_light_.data(), window_);
   } else {
-    for (double& dose : dose_) dose *= kept_;
+    std::fill(column_light_.begin(), column_light_.end(), 0.0);
+  }
+  if (scatter_.none()) {
+    for (std::size_t i = 0; i < dose_.size(); ++i) {
+      dose_[i] = (1 - kept_) * column_light_[i] + kept_ * dose_[i];
+    }
+    return dose_;
+  }
+  below_ = dose_;
+  scatter_.apply(dose_.data(), window_);
+  const double gained = kept_ / (1 - kept_);
+  for (std::size_t i = 0; i < dose_.size(); ++i) {
+    const double scattered = dose_[i];
+    dose_[i] = (1 - kept_) * column_light_[i] + kept_ * scattered;
+    column_light_[i] += gained * (scattered - below_[i]);
   }
   return dose_;
 }

@@ -101,13 +101,17 @@ class SpreadDose {
   /// The slice before the last one that was added shows `light`, relative so that 1 everywhere
   /// gives a dose of 1 in the end; null: dark. Dose at its node, over `window`.
   const std::vector<double>& add(const double* light);
+  /// The light of the slice that was added last with which each column alone has the same dose at
+  /// its node, (1 - a) light + a Omega(k + 1): what models of columns need to know of the others.
+  /// With scatter it may be below 0, beside light that is lost.
+  const std::vector<double>& column_light() const { return column_light_; }
 
  private:
   const LightBlur& blur_;
   const SliceScatter& scatter_;
   double kept_;
   PixelBox shown_, window_;
-  std::vector<double> dose_, spread_;
+  std::vector<double> dose_, column_light_, below_;
 };
 
 /// The transpose of `SpreadDose`: slices from the first to the last, weights over `window` in, the

@@ -146,7 +146,7 @@ TEST(ResinDepth, PrinterFile) {
   const Resin resin = test::resin(576, kHeightUm);
   EXPECT_EQ(parse_definitions_json(definitions_json(printer, resin), "text").first, printer);
   const std::string without = definitions_json(printer_with_depth(0), resin);
-  EXPECT_EQ(without.find("depth"), std::string::npos);
+  EXPECT_EQ(without.find("resin_depth"), std::string::npos);
 }
 
 /// Height errors, um, of the edges of a column whose slices show `levels`: by bisection in the dose

@@ -197,6 +197,29 @@ TEST(ResinDepth, CorrectedColumnsPrint) {
   }
 }
 
+TEST(ResinDepth, NoVoxelOfRandomColumnsIsWrong) {
+  // Down to one absorbance height of resin, with runs of two slices and more.
+  for (const double depth_um : {8000.0, 4000.0, 2000.0}) {
+    const CureModel model = model_with_depth(depth_um);
+    std::mt19937 random(3);
+    for (int k = 0; k < 300; ++k) {
+      std::vector<std::uint8_t> coverage;
+      bool full = random() % 2 != 0;
+      while (coverage.size() < 200) {
+        coverage.insert(coverage.end(), 2 + random() % 30, full ? 255 : 0);
+        full = !full;
+      }
+      coverage.resize(200);
+      const auto levels = solve_column(test::plan_for(model, test::process(1000), 200), coverage);
+      const ColumnDose dose = column_dose(model, levels);
+      for (std::size_t n = 0; n < coverage.size(); ++n) {
+        ASSERT_EQ(dose.middle[n] >= 1.0, coverage[n] == 255)
+            << depth_um << " column " << k << " layer " << n;
+      }
+    }
+  }
+}
+
 TEST(ResinDepth, CorrectedWithoutItTooLittleIsPrinted) {
   // What a correction for deep resin plans falls short where the resin ends.
   const auto coverage = column(120, {{0, 99}});

@@ -219,6 +219,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, kMost, true)},
       {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},
       {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, kMost, true)},
+      {"resin_depth_um", number(SLICEFARM_FIELD(setup.resin_depth_um), 0, kMostDepthUm, true)},
       {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},
       {"format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending")},
       {"out", text(SLICEFARM_FIELD(out), "a folder")},

@@ -50,6 +50,8 @@ const std::vector<Setting>& settings() {
       {"dc_mj_cm3", &C::dc_mj_cm3, "dose to aim at, instead of the resin's"},
       {"dose_factor", &C::dose_factor, "dose to aim at over the gel dose, instead of the resin's"},
       {"ha_um", &C::ha_um, "absorbance height, base 10, instead of the resin's"},
+      {"resin_depth_um", &C::resin_depth_um,
+       "depth of the resin above the window, instead of the printer's"},
       {"omega_max", &C::omega_max,
        "cap of the dose inside features, in critical doses: inf, or 1 and more"},
       {"one_slice_gaps",

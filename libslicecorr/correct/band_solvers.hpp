@@ -28,6 +28,9 @@ class BandSolver {
 /// The solver of plain models.
 std::unique_ptr<BandSolver> make_continuous_solver(const CorrectionPlan& plan, std::size_t columns);
 
+/// The solver of continuous exposure in a bath that ends.
+std::unique_ptr<BandSolver> make_bath_solver(const CorrectionPlan& plan, std::size_t columns);
+
 std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
 /// The solver of models with an inhibited kernel, in both modes.
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns);

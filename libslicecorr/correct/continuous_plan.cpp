@@ -102,6 +102,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
       per_b(1.0 / model.one_minus_a),
       phi_min(model.phi_min()),
       phi_max(model.phi_max()),
+      climb_max(model.steady(model.phi_max())),
       layer_um(model.layer_um),
       exact(is_exact),
       merge(process.one_slice_gaps == OneSliceGaps::merge),

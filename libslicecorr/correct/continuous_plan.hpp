@@ -74,6 +74,9 @@ struct ContinuousPlan {
 
   double a, b, root_a, per_a, per_b;
   double phi_min, phi_max;
+  /// What full light counts for at least: less than phi_max where the bath ends. Doses that full
+  /// light must still reach are planned by it.
+  double climb_max;
   double layer_um;
   bool exact;
   bool merge;         ///< gaps of one slice count as full

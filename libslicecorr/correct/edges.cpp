@@ -48,7 +48,7 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
   if (rule.opposites > 0) return back_both_ways(rule, above, below);
   const ContinuousPlan& p = plan_;
   if (rule.coverage == kFull) {
-    double x = p.phi_max;
+    double x = p.climb_max;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       x = std::min(x, (above.hi * p.per_a - p.prints * c.grown) / (p.per_a - c.grown));
@@ -61,13 +61,13 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
     }
     below.hi = (above.hi - p.phi_min * p.b) * p.per_a;
   } else if (rule.coverage == 0) {
-    double most = p.phi_max, least = p.phi_min;
+    double most = p.climb_max, least = p.phi_min;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       most = std::min(most, p.open * c.grown * c.per_excess);
       least = std::max(least, (above.lo * p.per_a - p.open * c.grown) / (p.per_a - c.grown));
     }
-    if (least > p.phi_max) return false;
+    if (least > p.climb_max) return false;
     below.lo = std::max(0.0, (above.lo - most * p.b) * p.per_a);
     below.hi = (above.hi - least * p.b) * p.per_a;
     for (int k = 0; k < rule.corners; ++k) {
@@ -76,7 +76,7 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
     }
   } else {
     // Doses of grey layers stay below what gaps above them could not take.
-    below.lo = std::max(0.0, (above.lo - p.phi_max * p.b) * p.per_a);
+    below.lo = std::max(0.0, (above.lo - p.climb_max * p.b) * p.per_a);
     below.hi = p.most;
   }
   if (below.hi < 0 || below.lo > below.hi + p.slack) return false;
@@ -94,7 +94,7 @@ bool Edges::back_both_ways(const LayerRule& rule, DoseRange above, DoseRange& be
   std::array<Line, 7> least, most;
   std::size_t leasts = 0, mosts = 0;
   least[leasts++] = {p.phi_min, 0.0};
-  most[mosts++] = {p.phi_max, 0.0};
+  most[mosts++] = {p.climb_max, 0.0};
   least[leasts++] = {above.lo * p.per_b, p.a * p.per_b};
   most[mosts++] = {above.hi * p.per_b, p.a * p.per_b};
   const auto add = [&](const Corner& c, bool prints) {
@@ -148,15 +148,15 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
   const DoseRange base = edge.inside[r];
   const double g = p.grown[static_cast<std::size_t>(j - 1)];
   if (is_grey(edge.below)) {
-    return {std::max(aim_of(edge.below), p.phi_max - (p.phi_max - base.lo) * g), p.most};
+    return {std::max(aim_of(edge.below), p.climb_max - (p.climb_max - base.lo) * g), p.most};
   }
-  DoseRange d{p.phi_max - (p.phi_max - base.lo) * g, p.phi_min + (base.hi - p.phi_min) * g};
+  DoseRange d{p.climb_max - (p.climb_max - base.lo) * g, p.phi_min + (base.hi - p.phi_min) * g};
   if (rung == 0 && edge.has_reserve && j >= p.together) {
     const double since = p.grown[static_cast<std::size_t>(j - p.together)];
     if (edge.below == kFull) {
       d.hi = p.phi_min + (edge.reserved - p.phi_min) * since;
     } else {
-      d.lo = p.phi_max - (p.phi_max - edge.reserved) * since;
+      d.lo = p.climb_max - (p.climb_max - edge.reserved) * since;
     }
   }
   const DoseRange bounds = inside_of(edge, rung);
@@ -213,7 +213,7 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
     // What a grey layer asks for itself is most often more than what those above it do.
     const bool under_full = slices == 1 && cover_above(id) == kFull && !above.platform;
     const double asked = grey_least_at(id, slices - 1);
-    if ((asked - plan_.phi_max * plan_.b) * plan_.per_a <= grey_least(cover, under_full, below)) {
+    if ((asked - plan_.climb_max * plan_.b) * plan_.per_a <= grey_least(cover, under_full, below)) {
       if (is_grey(below)) {
         endless(below, Hidden::nothing);
         return kGreyPair | static_cast<std::int32_t>(cover) << 8 | below;
@@ -526,7 +526,7 @@ DoseRange Edges::levels_inside(const Edge& edge, int j) const {
   const double g =
       p.grown[static_cast<std::size_t>(j - static_cast<int>(edge.levels_below.size()))];
   const DoseRange d = edge.levels_inside;
-  return common({p.phi_max - (p.phi_max - d.lo) * g, p.phi_min + (d.hi - p.phi_min) * g},
+  return common({p.climb_max - (p.climb_max - d.lo) * g, p.phi_min + (d.hi - p.phi_min) * g},
                 inside_of(edge, kRungs - 1));
 }
 

@@ -163,6 +163,9 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
   std::vector<double> far_edge(columns, 0.0);
   std::vector<std::uint8_t> out(columns), below(columns), here(columns), above(columns);
   std::vector<std::uint8_t> over(columns), heights(columns);
+  // Levels of the slices that are still in the bath, by slice modulo its depth.
+  const auto bath = static_cast<std::size_t>(plan_.model.bath_slices);
+  std::vector<std::uint8_t> held(bath * columns, 0);
   coded_.read(plan_.all_layers - 1, here.data());
   for (int n = plan_.all_layers; n-- > 0;) {
     coded_.read(n - 1, above.data());
@@ -172,6 +175,14 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
     const double dark = plan_.levels.phi(0) * ratio;
     const double dark_above = dark_window(plan_, n - 1);
     bool all_dark = true;
+    std::uint8_t* const leaves =
+        bath > 0 ? held.data() + static_cast<std::size_t>(n) % bath * columns : nullptr;
+    if (leaves && n + plan_.model.bath_slices < plan_.all_layers) {
+      const double far_ratio = plan_.model.ratio(n + plan_.model.bath_slices);
+      for (std::size_t i = 0; i < columns; ++i) {
+        far_edge[i] -= plan_.model.beyond * (plan_.levels.phi(leaves[i]) * far_ratio);
+      }
+    }
     for (std::size_t b = 0; b < columns; b += kBlock) {
       const std::size_t end = std::min(b + kBlock, columns);
       const bool gap = all_zero(here.data() + b, end - b);
@@ -192,6 +203,7 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
         far_edge[i] = (plan_.levels.phi(level) * ratio + far_edge[i]) * plan_.model.a;
       }
     }
+    if (leaves) std::copy(out.begin(), out.end(), leaves);
     sink(n, out.data(), here.data(), all_dark);
     below.swap(here);
     here.swap(above);
@@ -208,8 +220,14 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
     return inside ? coverage[static_cast<std::size_t>(layer)] : std::uint8_t{0};
   };
   double far_edge = 0;
+  const int bath = plan.model.bath_slices;
+  std::vector<double> shown(bath > 0 ? static_cast<std::size_t>(plan.all_layers) : 0);
   for (int n = plan.all_layers; n-- > 0;) {
     const double ratio = plan.model.ratio(n);
+    if (bath > 0 && n + bath < plan.all_layers) {
+      far_edge -= plan.model.beyond *
+                  (shown[static_cast<std::size_t>(n + bath)] * plan.model.ratio(n + bath));
+    }
     const std::uint8_t c = solved_for(plan, at(n - 1), at(n), at(n + 1));
     const auto k = static_cast<std::size_t>(n);
     const bool gap_above = solved_for(plan, at(n - 2), at(n - 1), at(n)) == 0;
@@ -217,6 +235,7 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
     const double phi =
         choose(k, c, LayerLight{plan, ratio, far_edge, dark_window(plan, n - 1), height});
     far_edge = (phi * ratio + far_edge) * plan.model.a;
+    if (bath > 0) shown[k] = phi;
   }
 }
 

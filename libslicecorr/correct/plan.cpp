@@ -20,7 +20,7 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& correction_p
     inhibited = std::make_shared<const detail::InhibitedPlan>(model, merge_one_slice_gaps, layers,
                                                               all_layers);
   }
-  if (model.is_plain()) {
+  if (model.is_continuous()) {
     continuous = std::make_shared<const detail::ContinuousPlan>(model, process, all_layers, false);
   }
 }

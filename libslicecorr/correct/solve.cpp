@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "correct/band_solvers.hpp"
+#include "correct/in_bath.hpp"
 #include "correct/level_search.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
@@ -63,6 +64,7 @@ std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std:
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::make_layerwise_solver(plan, columns);
   }
+  if (plan.model.bath_slices > 0) return detail::make_bath_solver(plan, columns);
   return detail::make_continuous_solver(plan, columns);
 }
 
@@ -89,23 +91,33 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& coverage,
                                        const std::vector<std::uint8_t>& heights) {
   if (plan.model.inhibited) return detail::solve_inhibited_column(plan, coverage, heights);
-  if (!plan.model.is_plain()) return detail::solve_layerwise_column(plan, coverage, heights);
+  if (plan.model.mode == ExposureMode::layerwise) {
+    return detail::solve_layerwise_column(plan, coverage, heights);
+  }
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
   const detail::ContinuousPlan& p = *plan.continuous;
   detail::Edges edges(p);
   detail::LevelSearch search(edges);
   std::uint8_t chosen[detail::LevelSearch::kMost];
   int first = 0;
+  const auto far = [&](int n) {
+    const int k = n + plan.model.bath_slices;
+    return k < plan.all_layers ? plan.levels.phi(levels[static_cast<std::size_t>(k)]) : 0.0;
+  };
+  const bool ends = plan.model.bath_slices > 0;
   walk_column(
       plan, edges, coverage, heights,
       [&](const detail::RunAt& run, int n, double below) {
         first = n;
-        return search.choose(run, n, below, chosen);
+        if (!ends) return search.choose(run, n, below, chosen);
+        const detail::InBath bath(plan, run, n, below, far);
+        return std::min(bath.slices, search.choose(run, n, bath.below, chosen));
       },
       [&](int n, double below) {
         const std::uint8_t index = chosen[first - n];
         levels[static_cast<std::size_t>(n)] = p.level_of[index];
-        return plan.model.step(p.levels.phi(index), below);
+        const double phi = p.levels.phi(index);
+        return plan.model.step(ends ? plan.model.in_bath(phi, far(n)) : phi, below);
       });
   return levels;
 }
@@ -114,20 +126,27 @@ std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage,
                                          const std::vector<std::uint8_t>& heights) {
   if (plan.model.inhibited) return detail::solve_inhibited_column_exactly(plan, coverage, heights);
-  if (!plan.model.is_plain())
+  if (plan.model.mode == ExposureMode::layerwise)
     return detail::solve_layerwise_column_exactly(plan, coverage, heights);
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
   const detail::ContinuousPlan p(plan.model, plan.process, plan.all_layers, true);
   detail::Edges edges(p);
   const detail::LevelSearch search(edges);
+  const auto far = [&](int n) {
+    const int k = n + plan.model.bath_slices;
+    return k < plan.all_layers ? phi[static_cast<std::size_t>(k)] : 0.0;
+  };
+  const bool ends = plan.model.bath_slices > 0;
   walk_column(
       plan, edges, coverage, heights,
       [&](const detail::RunAt& run, int n, double below) {
+        if (ends) below -= plan.model.beyond * far(n) * p.b * p.per_a;
         phi[static_cast<std::size_t>(n)] = search.exact(run, n, below);
         return 1;
       },
       [&](int n, double below) {
-        return plan.model.step(phi[static_cast<std::size_t>(n)], below);
+        const double light = phi[static_cast<std::size_t>(n)];
+        return plan.model.step(ends ? plan.model.in_bath(light, far(n)) : light, below);
       });
   return phi;
 }

@@ -33,21 +33,62 @@ void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, 
 
 namespace {
 
+/// The slices that are still in the bath, and the one that has just left it.
+class Bath {
+ public:
+  explicit Bath(const CureModel& model)
+      : held_(static_cast<std::size_t>(model.bath_slices)), beyond_(model.beyond) {}
+  /// Whether the bath ends at all.
+  bool ends() const { return !held_.empty(); }
+  /// Takes from `from` what slice `slice` + bath_slices shows at each column, times `beyond` and its
+  /// exposure, and puts `showings` in its place. Before the doses of `slice`.
+  void pass(int slice, std::span<const ImageShowing> showings, const PixelCurve& curve,
+            double far_ratio, std::vector<double>& from) {
+    Held& held = held_[static_cast<std::size_t>(slice) % held_.size()];
+    double phi[kBlock];
+    for (std::size_t b = 0; !held.showings.empty() && b < from.size(); b += kBlock) {
+      const std::size_t n = std::min(kBlock, from.size() - b);
+      detail::block_phi(curve, held.showings, b, n, phi);
+      for (std::size_t i = 0; i < n; ++i) from[b + i] -= beyond_ * (phi[i] * far_ratio);
+    }
+    held.showings.assign(showings.begin(), showings.end());
+    held.pixels.resize(showings.size() * from.size());
+    for (std::size_t s = 0; s < showings.size(); ++s) {
+      std::uint8_t* const pixels = held.pixels.data() + s * from.size();
+      std::copy_n(showings[s].pixels, from.size(), pixels);
+      held.showings[s].pixels = pixels;
+    }
+  }
+
+ private:
+  struct Held {
+    std::vector<std::uint8_t> pixels;
+    std::vector<ImageShowing> showings;
+  };
+  std::vector<Held> held_;  ///< by slice, modulo their number
+  double beyond_;
+};
+
 /// Continuous exposure without UV light, by (A.32) and (A.35).
 class ContinuousWalker final : public detail::DoseWalker {
  public:
   ContinuousWalker(const CureModel& model, std::size_t columns)
-      : model_(model), curve_(pixel_curve(model)), phi_(columns) {
+      : model_(model), curve_(pixel_curve(model)), bath_(model), phi_(columns) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
   }
-  void add_slice(int, std::span<const ImageShowing> showings) override {
+  void add_slice(int slice, std::span<const ImageShowing> showings) override {
     lower.swap(upper);
     cut(showings);
+    if (bath_.ends()) {
+      far_.assign(phi_.size(), 0.0);
+      bath_.pass(slice, showings, curve_, 1.0, far_);
+    }
     turning.assign(thin_slices_.empty() ? 0 : phi_.size(), 1);
     if (!thin_slices_.empty()) return add_pieces();
     for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
       detail::block_phi(curve_, showings, b, std::min(kBlock, phi_.size() - b), &phi_[b]);
     }
+    for (std::size_t i = 0; i < far_.size(); ++i) phi_[i] += far_[i];
     for (std::size_t i = 0; i < phi_.size(); ++i) {
       middle[i] = model_.middle(phi_[i], lower[i]);
       upper[i] = model_.step(phi_[i], lower[i]);
@@ -66,6 +107,7 @@ class ContinuousWalker final : public detail::DoseWalker {
     for (auto thin = thin_slices_.rbegin(); thin != thin_slices_.rend(); ++thin) {
       double phi = 0;
       detail::block_phi(curve_, thin->lit, i, 1, &phi);
+      if (bath_.ends()) phi += far_[i];
       const double above = phi * thin->one_minus_a + thin->a * below;
       out.least = std::min(out.least, above);
       if ((above >= 1.0) != (below >= 1.0)) {
@@ -111,6 +153,7 @@ class ContinuousWalker final : public detail::DoseWalker {
       for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
         const std::size_t n = std::min(kBlock, phi_.size() - b);
         detail::block_phi(curve_, thin->lit, b, n, phi);
+        for (std::size_t i = 0; bath_.ends() && i < n; ++i) phi[i] += far_[b + i];
         for (std::size_t i = 0; i < n; ++i) {
           upper[b + i] = phi[i] * thin->one_minus_a + thin->a * upper[b + i];
         }
@@ -121,7 +164,9 @@ class ContinuousWalker final : public detail::DoseWalker {
 
   const CureModel& model_;
   PixelCurve curve_;
+  Bath bath_;
   std::vector<double> phi_;
+  std::vector<double> far_;  ///< what leaves the bath takes from phi; empty where it has no end
   std::vector<ThinSlice> thin_slices_;  ///< of the slice at hand, from the platform's side
 };
 
@@ -144,11 +189,14 @@ void add(double* __restrict near, const double* __restrict far, const double* __
 class LayerwiseWalker final : public detail::DoseWalker {
  public:
   LayerwiseWalker(const CureModel& model, std::size_t columns)
-      : model_(model), curve_(pixel_curve(model)) {
+      : model_(model), curve_(pixel_curve(model)), bath_(model) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
   }
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
     const double ratio = model_.ratio(slice);
+    if (bath_.ends()) {
+      bath_.pass(slice, showings, curve_, model_.ratio(slice + model_.bath_slices), upper);
+    }
     double phi[kBlock];
     for (std::size_t b = 0; b < lower.size(); b += kBlock) {
       const std::size_t n = std::min(kBlock, lower.size() - b);
@@ -169,6 +217,7 @@ class LayerwiseWalker final : public detail::DoseWalker {
  private:
   const CureModel& model_;
   PixelCurve curve_;
+  Bath bath_;
 };
 
 std::unique_ptr<detail::DoseWalker> make_walker(const CureModel& model, std::size_t columns) {

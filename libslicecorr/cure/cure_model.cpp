@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -95,6 +97,30 @@ std::vector<double> uv_level_intensities(const Printer& printer) {
   return intensities_of(printer.uv->calibration, printer.levels());
 }
 
+namespace {
+
+/// Less than this of a slice's light is nothing: rounding has a margin of 1e-9 of a dose.
+constexpr double kNoLight = 1e-12;
+
+/// Lets the bath of a printer end where it does.
+void end_bath(const Printer& printer, CureModel& model) {
+  const double depth_um = printer.resin_depth_um;
+  if (!(depth_um > 0)) return;
+  if (depth_um < model.layer_um) {
+    throw InputError(fmt::format(
+        "the resin is {:g} um deep, less than a slice of {:g} um; expected a depth of one or more",
+        depth_um, model.layer_um));
+  }
+  // A depth of so many slices must not become one less by rounding.
+  const double slices = std::floor(depth_um / model.layer_um * (1 + 1e-12));
+  const double left = std::exp(-slices * model.eta * units::kLn10);
+  if (left < kNoLight) return;
+  model.bath_slices = static_cast<int>(slices);
+  model.beyond = left;
+}
+
+}  // namespace
+
 std::vector<double> detail::exposure_ratios(const Process& process, double normal_s) {
   const std::size_t special =
       process.layer_exposure_s.empty()
@@ -149,7 +175,14 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s / cures;
   }
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
-  if (process.uv.kind != UvKind::off) {
+  if (process.uv.kind == UvKind::off) {
+    end_bath(printer, model);
+  } else {
+    if (printer.resin_depth_um > 0) {
+      throw InputError(
+          printer.name, "vat.depth_um",
+          "is not counted under UV light; expected a printer without it, or no UV light");
+    }
     model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um, intensities,
                                                     light.brightest);
     // Under UV light phi is the dose after a long run of slices, and the exponent may be another.
@@ -169,7 +202,11 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
 
 std::vector<double> node_doses(const CureModel& model, const std::vector<double>& phi) {
   std::vector<double> omega(phi.size() + 1, 0.0);
-  for (std::size_t k = phi.size(); k-- > 0;) omega[k] = model.step(phi[k], omega[k + 1]);
+  const auto bath = static_cast<std::size_t>(model.bath_slices);
+  for (std::size_t k = phi.size(); k-- > 0;) {
+    const double far = bath > 0 && k + bath < phi.size() ? phi[k + bath] : 0.0;
+    omega[k] = model.step(bath > 0 ? model.in_bath(phi[k], far) : phi[k], omega[k + 1]);
+  }
   return omega;
 }
 

@@ -10,6 +10,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/limit.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
@@ -72,7 +73,7 @@ Doses doses_of(const CureModel& model) {
     return {model.phi_max() * model.ratio(weakest_layer(model)) * model.a,
             most_black(model, model.exposure_ratio).dose};
   }
-  return {model.phi_max(), model.phi_min()};
+  return {model.steady(model.phi_max()), model.steady(model.phi_min())};
 }
 
 bool is_plain_layerwise(const CureModel& model) {
@@ -154,10 +155,24 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
   return v;
 }
 
+/// The least depth of resin, in whole slices, with which full light gels it; phi_max > 1.
+double least_depth_um(const CureModel& model) {
+  double slices = std::max(1, model.slices_to_gel() - 1);
+  while (-model.phi_max() * std::expm1(-slices * model.eta * units::kLn10) <= 1.0) ++slices;
+  return slices * model.layer_um;
+}
+
 detail::Verdict continuous_verdict(const CureModel& model, const Printer& printer,
                                    const Process& process, const Doses& doses) {
   detail::Verdict v;
-  if (!gels(model, doses.lit)) {
+  if (!gels(model, doses.lit) && model.phi_max() > 1.0) {
+    v.weak = fmt::format(
+        "the resin is not deep enough: at {:g} mm/h {:g} um of it let full light ({:g} mW/cm², phi "
+        "{:.4g}) reach {:.4g} of the dose aimed at; it takes at least {:g} um",
+        process.speed_mm_h, model.bath_slices * model.layer_um,
+        printer.calibration.back().intensity_mw_cm2, model.phi_max(), doses.lit,
+        least_depth_um(model));
+  } else if (!gels(model, doses.lit)) {
     v.weak = fmt::format(
         "the resin never gels: at {:g} mm/h even full light ({:g} mW/cm², phi {:.4g}) stays below "
         "the critical intensity",

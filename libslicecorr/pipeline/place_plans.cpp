@@ -77,7 +77,7 @@ double dose_for_end(const CureModel& model, int slices) {
   if (model.mode == ExposureMode::layerwise && !model.inhibited) return 1.0;
   if (slices < 1) return std::numeric_limits<double>::infinity();
   if (model.inhibited) return inhibited_dose_for_end(model, slices);
-  return -1.0 / std::expm1(-slices * model.eta * units::kLn10);
+  return std::max(1.0, model.steady(-1.0 / std::expm1(-slices * model.eta * units::kLn10)));
 }
 
 /// Per value of light: which columns the part lights, and up to which layer.
@@ -186,7 +186,7 @@ class PlaceCheck {
     }
     if (travel_ && all > *travel_) refuse_travel(all);
     // The part's end may lie half a slice below its last node.
-    const bool more = models_.brightest().is_plain() && !(travel_ && all + 1 > *travel_) &&
+    const bool more = models_.brightest().is_continuous() && !(travel_ && all + 1 > *travel_) &&
                       target_.ends_below_last_node();
     if (more) ++all;
     if (all - layers > kLongest) {

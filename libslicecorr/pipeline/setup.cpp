@@ -314,6 +314,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   need(resin_given, "resin");
   if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed-mm-h");
   setup.printer = printer_given ? printer() : *info->printer;
+  if (c_.resin_depth_um > 0) setup.printer.resin_depth_um = c_.resin_depth_um;
   setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
   if (recorded) setup.process = *info->process;
   resolve_exposure(setup.process, times);
@@ -367,6 +368,13 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
         "is not considered",
         setup.printer.name, named(names, "uv-mw-cm2"), named(names, "dead-zone-um"),
         setup.resin.name));
+  }
+  const double depth_um = setup.printer.resin_depth_um;
+  if (depth_um > 0 && depth_um < 2 * setup.resin.absorbance_height10_um) {
+    notices.push_back(fmt::format(
+        "the resin is {:g} um deep, less than two absorbance heights ({:g} um): light goes out at "
+        "its far side",
+        depth_um, 2 * setup.resin.absorbance_height10_um));
   }
   if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
     notices.push_back(std::move(text));

@@ -373,6 +373,9 @@ Printer parse_printer(std::string_view text, const std::string& source) {
     printer.max_speed_mm_h = stage->number("max_speed_mm_h", 0, 1e9).value_or(0);
     printer.travel_mm = stage->number("travel_mm", 0, 1e6).value_or(0);
   }
+  if (const auto vat = root.table("vat")) {
+    printer.resin_depth_um = vat->number("depth_um", 0, kMostDepthUm).value_or(0);
+  }
   detail::tomography_keys(root, printer);
   return printer;
 }

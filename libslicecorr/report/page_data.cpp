@@ -177,6 +177,8 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   j["start"] = start;
   j["a"] = model.a;
   j["phi"] = model.level_phi;
+  // Absent where the bath has no end.
+  if (model.bath_slices > 0) j["bath"] = {model.bath_slices, model.beyond};
   // Absent where exposure is continuous and without UV light.
   if (model.mode == ExposureMode::layerwise) j["layerwise"] = true;
   if (!model.exposure_ratio.empty()) j["ratio"] = model.exposure_ratio;

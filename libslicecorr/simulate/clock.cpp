@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/simulate.hpp"
@@ -55,11 +56,14 @@ double added_dose(const CureModel& model, const PrintClock::Moment& moment, int 
   }
   const double phi = model.level_phi[static_cast<std::size_t>(level)];
   const double fall = model.eta * units::kLn10;
+  const double depth =
+      model.bath_slices > 0 ? model.bath_slices : std::numeric_limits<double>::infinity();
   if (model.mode == ExposureMode::layerwise) {
+    if (x > depth) return 0;
     return f * phi * model.ratio(moment.slice) * std::exp(-x * fall);
   }
   // The window went from `from` to x - 1 + f slices above the point.
-  const double from = std::max(0.0, x - 1.0), to = x - 1.0 + f;
+  const double from = std::max(0.0, x - 1.0), to = std::min(x - 1.0 + f, depth);
   return to > from ? phi * std::exp(-from * fall) * -std::expm1((from - to) * fall) : 0.0;
 }
 

@@ -81,7 +81,7 @@ class ClosedColumn final : public Column {
         const double upper = top_of(n, now, below);
         // The dose is monotone in a layer: it crosses 1 where the ends lie on different sides.
         if ((upper >= 1.0) != (below >= 1.0)) {
-          const double d = model_.crossing(phi(n), below);
+          const double d = model_.crossing(phi(n, now), below);
           stretches.turn(std::max<double>(n, lower - d), upper >= 1.0);
         }
         below = upper;
@@ -115,10 +115,10 @@ class ClosedColumn final : public Column {
           add(p, n + 1.0 - d, near * fade_[s]);
         } else if (!partial) {
           add(p, n + 1.0 - d,
-              s == kSamplesPerLayer ? model_.step(phi(n), below)
-                                    : phi(n) + (below - phi(n)) * fade_[s]);
+              s == kSamplesPerLayer ? model_.step(phi(n, now), below)
+                                    : phi(n, now) + (below - phi(n, now)) * fade_[s]);
         } else if (1.0 - d < now.share) {
-          add(p, n + 1.0 - d, phi(n) * -std::expm1((1.0 - d - now.share) * fall()));
+          add(p, n + 1.0 - d, phi(n, now) * -std::expm1((1.0 - d - now.share) * fall()));
         }
       }
       below = moving() ? top_of(n, now, below) : near * model_.a;
@@ -132,12 +132,25 @@ class ClosedColumn final : public Column {
   bool moving() const { return model_.mode == ExposureMode::continuous; }
   double fall() const { return model_.eta * units::kLn10; }
   double phi(int n) const { return phi_[static_cast<std::size_t>(n)]; }
-  double shown(int n, const Moment& now) const {
+  /// What slice n counts for, continuous. The slice that leaves the bath is taken when it is whole.
+  double phi(int n, const Moment& now) const {
+    const int far = n + model_.bath_slices;
+    const bool leaves = far < now.slice || (far == now.slice && now.share >= 1.0);
+    return model_.bath_slices > 0 && leaves ? model_.in_bath(phi(n), phi(far)) : phi(n);
+  }
+  double shown_alone(int n, const Moment& now) const {
     return n < now.slice || now.share >= 1.0 ? phi(n) : phi(n) * now.share;
+  }
+  /// Layer by layer.
+  double shown(int n, const Moment& now) const {
+    const int far = n + model_.bath_slices;
+    const bool leaves = model_.bath_slices > 0 && far <= now.slice;
+    return leaves ? model_.in_bath(shown_alone(n, now), shown_alone(far, now))
+                  : shown_alone(n, now);
   }
   /// Dose at node n, continuous.
   double top_of(int n, const Moment& now, double below) const {
-    if (n < now.slice || now.share >= 1.0) return model_.step(phi(n), below);
+    if (n < now.slice || now.share >= 1.0) return model_.step(phi(n, now), below);
     return phi(n) * -std::expm1(-now.share * fall());
   }
   void add(DoseProfile& p, double zeta, double dose) const {

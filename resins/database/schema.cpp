@@ -7,6 +7,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
+#include "slicecorr/process.hpp"
 
 namespace slicecorr::resins {
 
@@ -355,6 +356,11 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
      .low = 2,
      .high = 1000000,
      .what = "whole turns up to which its angle is counted; 1000 without it"},
+    {.table = "vat",
+     .key = "depth_um",
+     .type = number,
+     .high = kMostDepthUm,
+     .what = "resin above the window; so deep that it does not matter without it"},
     {.table = "vial",
      .key = "outer_mm",
      .type = number,

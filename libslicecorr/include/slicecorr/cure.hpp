@@ -20,7 +20,16 @@
 ///     W(n) = (phi'_n + W(n + 1)) a,   W(M) = 0
 ///     Omega(zeta) = (phi'_n + W(n + 1)) 10^-((n + 1 - zeta) eta)   in layer n
 ///
-/// so the dose jumps at every node: the sawtooth. Under inhibiting UV light neither recursion holds
+/// so the dose jumps at every node: the sawtooth.
+///
+/// A bath of resin of a depth of B slices above the window ends there: what is further away has run
+/// off, and takes no more light. Doses are the sums over the next B slices alone, which is the same
+/// as to take a^B of what slice n + B shows from what slice n does (`in_bath`):
+///
+///     phi_n - a^B phi_(n + B)   in place of phi_n, in all of the above
+///
+/// inside layers, too: the part of slice n + B that still reaches a point shrinks as that of slice n
+/// grows. Under inhibiting UV light neither recursion holds
 /// near the window: see inhibited.hpp.
 ///
 /// Models and tables are immutable once made and may be shared between threads; functions are pure
@@ -55,8 +64,19 @@ struct CureModel {
   std::vector<double> exposure_ratio;
   /// The dose under UV light; null without it.
   std::shared_ptr<const InhibitedKernel> inhibited;
-  /// Whether the recursion (A.32) describes the dose.
-  bool is_plain() const { return mode == ExposureMode::continuous && !inhibited; }
+  /// Continuous without UV light: (A.32) describes the dose, where the bath ends with what slices
+  /// count for in it.
+  bool is_continuous() const { return mode == ExposureMode::continuous && !inhibited; }
+  /// Whether the recursion (A.32) describes the dose as it stands.
+  bool is_plain() const { return is_continuous() && bath_slices == 0; }
+  /// Depth of the resin above the window, in whole slices; 0: what is beyond it doesn't matter.
+  int bath_slices = 0;
+  /// a^bath_slices: what would be left of a slice's light at the end of the bath; 0 without one.
+  double beyond = 0;
+  /// What a slice of intensity `phi` counts for, the one `bath_slices` after it having `far`.
+  double in_bath(double phi, double far) const { return phi - beyond * far; }
+  /// Continuous: the dose after a long run of slices of intensity `phi`.
+  double steady(double phi) const { return phi * (1.0 - beyond); }
   /// Layer by layer: exposure of a slice over the normal one; 1 in other modes.
   double ratio(int slice) const {
     if (exposure_ratio.empty()) return 1.0;
@@ -112,8 +132,9 @@ Printer dimmed(const Printer& printer, double factor);
 
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
 /// feasible, nor for the printer's flat-field: `light` says what the place gets (place_models.hpp).
-/// Throws `InputError` as `make_kinetics` and where an exposure or a UV lamp is missing, and
-/// `InfeasibleError` as `InhibitedKernel`.
+/// Throws `InputError` as `make_kinetics`, where an exposure or a UV lamp is missing, where the
+/// resin is less deep than a slice, and where it has a depth under UV light; `InfeasibleError` as
+/// `InhibitedKernel`.
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light = {});
 
@@ -131,7 +152,8 @@ std::vector<double> level_intensities(const Printer& printer);
 /// The same of a patterned UV lamp; throws `InputError` when the printer has none.
 std::vector<double> uv_level_intensities(const Printer& printer);
 
-/// Doses Omega(0..M) at the nodes for the intensities phi(0..M-1) of a column, by the recursion.
+/// Doses Omega(0..M) at the nodes for the intensities phi(0..M-1) of a column, by the recursion;
+/// continuous, without UV light.
 std::vector<double> node_doses(const CureModel& model, const std::vector<double>& phi);
 
 /// phi of every pixel value 0..255 of a stack; layer by layer phi' at the normal exposure.

@@ -137,6 +137,9 @@ struct Rotation {
   bool operator==(const Rotation&) const = default;
 };
 
+/// Most that `Printer::resin_depth_um` may be, um.
+inline constexpr double kMostDepthUm = 1e7;
+
 /// A printer file (contract: "Printer file").
 struct Printer {
   std::string name;
@@ -159,6 +162,9 @@ struct Printer {
   std::optional<Vial> vial{};
   std::optional<Optics> optics{};
   std::optional<Rotation> rotation{};
+  /// Resin above the window, um, out of which the part is pulled: resin further away has run off
+  /// and takes no more light. 0: so deep that it doesn't matter.
+  double resin_depth_um = 0;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };

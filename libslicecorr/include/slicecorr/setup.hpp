@@ -37,6 +37,7 @@ struct SetupChoices {
   std::string platform_features = "capped";  ///< capped, uncapped
   std::string surface = "mesh";              ///< slices, mesh: `Process::surface`
   double dc_mj_cm3 = 0, ha_um = 0;           ///< in place of the resin's; height in base 10
+  double resin_depth_um = 0;                 ///< in place of the printer's (`[vat] depth_um`)
   double dose_factor = 0;                    ///< in place of the resin's (`Resin::dose_factor`)
 };
 

@@ -40,6 +40,9 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
       ->check(number_above_zero());
   app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
       ->check(number_above_zero());
+  app.add_option("--resin-depth-um", resin_depth_um,
+                 "Depth of the resin above the window, instead of the printer file's")
+      ->check(number_above_zero() & CLI::Range(0.0, kMostDepthUm));
   if (correcting) {
     add_surface_to(app);
     app.add_option("--omega-max", omega_max,

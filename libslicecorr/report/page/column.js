@@ -1,6 +1,7 @@
 // The dose along a column with what each slice adds to it: phi_n (a^(n-k) - a^(n+1-k)) at node k <= n; layer by layer
 // phi'_n a^(n+1-k). What slices before m add up to at zeta < m is Omega(zeta) - Omega(m) a^(m - zeta), in both modes:
-// no sums needed. Under UV light there is no such form, and their doses are summed once for each m.
+// no sums needed. Under UV light and in a bath that ends there is no such form, and their doses are summed once for
+// each m.
 function curveOf(levels, gain) {
   const doses = dosesOf(levels, levels.length, gain), { phi, omega } = doses, a = data.a;
   const between = (p, q, t) => (p > 0 && q > 0 ? p * (q / p) ** t : p + t * (q - p));
@@ -8,20 +9,20 @@ function curveOf(levels, gain) {
     const up = n + 1 - zeta;
     if (data.kernel) return up < 0.5 ? between(d.lower[n], d.middle[n], 2 * up) : between(d.middle[n], d.omega[n], 2 * up - 1);
     if (data.layerwise) return d.lower[n] * a ** up;
-    return d.phi[n] + (d.omega[n + 1] - d.phi[n]) * a ** up;
+    return d.counted[n] + (d.omega[n + 1] - d.counted[n]) * a ** up;
   };
   const outside = (zeta) => zeta < 0 || zeta >= phi.length;
   const at = (zeta) => (outside(zeta) ? 0 : inLayer(doses, Math.floor(zeta), zeta));
   const partial = new Map();
   const before = (m, zeta) => {
     if (zeta >= m || outside(zeta)) return 0;
-    if (!data.kernel) return Math.max(0, at(zeta) - omega[m] * a ** (m - zeta));
+    if (!data.kernel && !data.bath) return Math.max(0, at(zeta) - omega[m] * a ** (m - zeta));
     if (!partial.has(m)) partial.set(m, dosesOf(levels, m));
     return inLayer(partial.get(m), Math.floor(zeta), zeta);
   };
   // What slice n adds at the upper end of layer k.
   const add = (n, k) => {
-    if (data.kernel) return before(n + 1, k) - before(n, k);
+    if (data.kernel || data.bath) return before(n + 1, k) - before(n, k);
     return data.layerwise ? phi[n] * a ** (n + 1 - k) : phi[n] * (a ** (n - k) - a ** (n + 1 - k));
   };
   const top = (from, to) => Math.max(0, ...doses.lower.slice(from, to), ...omega.slice(from, to + 1));

@@ -75,6 +75,7 @@ function dosesOf(levels, end = levels.length, gain = 1) {
   const shown = Math.min(end, levels.length), a = data.a;
   const ratio = (n) => (data.ratio ? data.ratio[Math.min(n, data.ratio.length - 1)] : 1);
   const phi = levels.map((level, n) => (n < shown ? data.phi[level] * ratio(n) * gain : 0));
+  let counted = phi;
   const [lower, middle, omega] = [0, 1, 2].map(() => new Array(levels.length + 1).fill(0));
   if (data.kernel) {
     // K_j of the slice j further from the platform; beyond the tables a times the one before.
@@ -89,14 +90,16 @@ function dosesOf(levels, end = levels.length, gain = 1) {
       }
     });
   } else {
-    const root = Math.sqrt(a);
+    const root = Math.sqrt(a), [deep, beyond] = data.bath ?? [0, 0];
+    // Of a bath that ends: what a slice counts for, less what leaves the bath by then.
+    if (deep) counted = phi.map((light, n) => light - beyond * (phi[n + deep] ?? 0));
     for (let n = levels.length; n-- > 0;) {
-      lower[n] = data.layerwise ? phi[n] + omega[n + 1] : omega[n + 1];
-      middle[n] = data.layerwise ? lower[n] * root : phi[n] * (1 - root) + root * omega[n + 1];
-      omega[n] = data.layerwise ? lower[n] * a : phi[n] * (1 - a) + a * omega[n + 1];
+      lower[n] = data.layerwise ? counted[n] + omega[n + 1] : omega[n + 1];
+      middle[n] = data.layerwise ? lower[n] * root : counted[n] * (1 - root) + root * omega[n + 1];
+      omega[n] = data.layerwise ? lower[n] * a : counted[n] * (1 - a) + a * omega[n + 1];
     }
   }
-  return { phi, lower, middle, omega };
+  return { phi, counted, lower, middle, omega };
 }
 
 let kernelValues = null;

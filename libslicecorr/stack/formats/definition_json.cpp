@@ -178,6 +178,7 @@ Json printer_json(const Printer& p) {
                           {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
                           {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
   }
+  if (p.resin_depth_um > 0) json["resin_depth_um"] = p.resin_depth_um;
   if (p.vial) {
     json["vial"] = {{"outer_mm", p.vial->outer_mm},
                     {"inner_mm", p.vial->inner_mm},
@@ -267,6 +268,9 @@ Printer read_printer(const Node& node) {
   read_tomography(node, p);
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, kLargest);
   p.travel_mm = node["travel_mm"].number(0, kLargest);
+  if (node.has("resin_depth_um")) {
+    p.resin_depth_um = node["resin_depth_um"].number(0, kMostDepthUm);
+  }
   return p;
 }
 

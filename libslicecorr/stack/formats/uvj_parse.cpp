@@ -188,7 +188,7 @@ void read_block(const Node& block, ArchiveContents& config) {
   }
   std::vector<std::string> kinds{"target", "corrected", "foreign"};
   if (format >= 4) kinds.emplace_back("recorded");
-  if (format >= 5) kinds.resize(1);
+  if (format == 5) kinds.resize(1);
   constexpr StackKind kind_of[]{StackKind::target, StackKind::corrected, StackKind::foreign,
                                 StackKind::recorded};
   info.kind = kind_of[block["kind"].choice(kinds)];
@@ -244,7 +244,7 @@ void read_block(const Node& block, ArchiveContents& config) {
     config.uv_images_crc32 =
         static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
   }
-  if (format >= 5) {
+  if (format == 5) {
     config.edge_images_crc32 =
         static_cast<std::uint32_t>(block["edge_images_crc32"].whole(0, 0xffffffff));
     info.has_edge_heights = true;

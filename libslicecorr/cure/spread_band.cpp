@@ -219,7 +219,14 @@ void SpreadBand::scatter(int slice) {
 
 std::span<const ImageShowing> SpreadBand::of(int slice) {
   showings_.clear();
-  const std::span<const ImageShowing> images = images_.of(slice);
+  std::span<const ImageShowing> images = images_.of(slice);
+  ImageShowing whole;
+  if (!slices_.recorded() && slice < slices_.slices()) {
+    pixels_.resize(columns_of(shown_));
+    coded_.read(slice, pixels_.data());
+    whole.pixels = pixels_.data();
+    images = {&whole, 1};
+  }
   if (kept_.size() < images.size()) kept_.resize(images.size());
   for (std::size_t k = 0; k < images.size(); ++k) {
     show(images[k].pixels, kept_[k]);

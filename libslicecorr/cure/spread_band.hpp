@@ -90,6 +90,7 @@ class SpreadBand {
   /// Relative intensity of each pixel value to the power 1 / m, by value of the display's light.
   std::array<std::vector<double>, 256> intensities_;
   std::vector<double> dark_;  ///< the light of a black image, over `field_`
+  std::vector<std::uint8_t> pixels_;  ///< of a slice that shows one image
   std::vector<double> in_, out_;
   std::vector<Shown> kept_;                                           ///< by showing of the slice
   std::vector<double> dose_, scattered_, gained_, gained_in_window_;  ///< where light scatters

@@ -88,13 +88,20 @@ class Verification {
   }
 
  private:
+  /// So many pixels beside a feature its outline is looked for.
+  static constexpr int kLeastBeside = 8;
+  int beside_y() const { return std::max(kLeastBeside, spread_.reach_y()); }
   /// Of all columns that the stack or the target light. Where light spreads each band is as high as
   /// what it needs around it.
   std::vector<PixelBox> bands_of_all() const {
     const PixelBox box = stack_.bounds().united(target_.bounds());
     if (spread_.none()) return bands_of(stack_.grid(), box);
-    const PixelBox all = spread_.around(box);
-    const int rows = std::max(32, 4 * spread_.reach_y());
+    const Grid& grid = stack_.grid();
+    const int beside_x = std::max(kLeastBeside, spread_.reach_x());
+    const PixelBox all{std::max(0, box.x0 - beside_x), std::max(0, box.y0 - beside_y()),
+                       std::min(grid.width_px, box.x1 + beside_x),
+                       std::min(grid.height_px, box.y1 + beside_y())};
+    const int rows = std::max(32, 4 * beside_y());
     std::vector<PixelBox> bands;
     for (int y = all.y0; y < all.y1; y += rows) {
       bands.push_back({all.x0, y, all.x1, std::min(y + rows, all.y1)});
@@ -167,10 +174,8 @@ void Verification::predict_showings(BandPredictor& predictor, const CodedBand& s
 
 void Verification::predict_spread(const PixelBox& band) {
   // Outlines are followed into the rows beside the band.
-  constexpr int kLeastRows = 8;
-  const int beside = std::max(kLeastRows, spread_.reach_y());
-  const PixelBox field{band.x0, std::max(0, band.y0 - beside), band.x1,
-                       std::min(stack_.grid().height_px, band.y1 + beside)};
+  const PixelBox field{band.x0, std::max(0, band.y0 - beside_y()), band.x1,
+                       std::min(stack_.grid().height_px, band.y1 + beside_y())};
   const std::size_t columns = columns_of(band), in_field = columns_of(field);
   const auto first =
       static_cast<std::size_t>(band.y0 - field.y0) * static_cast<std::size_t>(field.width());

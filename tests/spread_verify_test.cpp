@@ -14,6 +14,8 @@
 #include "models.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/place_models.hpp"
+#include "slicecorr/solid.hpp"
 
 namespace slicecorr {
 namespace {
@@ -167,6 +169,115 @@ TEST(SpreadVerify, VoxelsAreThoseOfADirectConvolution) {
       }
     }
   }
+}
+
+TEST(SpreadVerify, SolidHasItsOutlineBetweenPixels) {
+  constexpr double kSigmaUm = 40, kFull = 6.25, kBlack = 0.0625;
+  slicecorr::Setup s = setup(kFull, kBlack, 40, 40);
+  s.printer.spread.gaussians = {{kSigmaUm, 1}};
+  const MemorySlices slices = block(40, 40, kSlices, {10, 10, 30, 30});
+  const PlaceModels models(s.printer, s.resin, s.process, slices.grid(), {});
+  const TriangleMesh mesh = solid_mesh(slices, models, {}, ExecutionContext{});
+  double low = 1e9, high = -1e9;
+  for (const auto& v : mesh.vertices) {
+    low = std::min(low, static_cast<double>(v[0]));
+    high = std::max(high, static_cast<double>(v[0]));
+  }
+  // Dose in the middles of the first two pixels beside a long wall, and on a straight line between.
+  const auto dose = [&](double x_um) {
+    return kBlack + (kFull - kBlack) * normal(-x_um / kSigmaUm);
+  };
+  const double beside_um = 25 + 50 * (dose(25) - 1) / (dose(25) - dose(75));
+  EXPECT_NEAR(beside_um, 49, 1);
+  // Corners in mm, as floats.
+  EXPECT_NEAR(low * 1e3, 500 - beside_um, 0.01);
+  EXPECT_NEAR(high * 1e3, 1500 + beside_um, 0.01);
+}
+
+TEST(SpreadVerify, ClosedGapsAndLostLinesAreListed) {
+  // A gap of a pixel at full light closes, a line of a pixel that full light is too weak for is
+  // lost: in its middle there is 0.468 of it.
+  slicecorr::Setup s = setup(2, 0.02, 40, 40);
+  s.printer.spread.gaussians = {{40, 1}};
+  MemorySlices design = block(40, 40, kSlices, {4, 10, 20, 30});
+  for (int n = 0; n < kSlices; ++n) {
+    for (int y = 10; y < 30; ++y) {
+      design.at(n, 12, y) = 0;
+      design.at(n, 28, y) = 255;
+    }
+  }
+  const Prediction p = verify_stack(design, design, s, ExecutionContext{});
+  EXPECT_GT(p.plane_closed, 0U);
+  EXPECT_GT(p.plane_lost, 0U);
+  bool closed = false, lost = false;
+  for (const FeatureExample& e : p.plane_closed_examples.sorted()) {
+    closed = closed || ((e.x == 11 || e.x == 13) && e.y == 20 && e.first == 0);
+  }
+  for (const FeatureExample& e : p.plane_lost_examples.sorted()) {
+    lost = lost || (e.x == 28 && e.y == 20 && e.first == 0 && e.last == kSlices - 1);
+  }
+  EXPECT_TRUE(closed);
+  EXPECT_TRUE(lost);
+  ASSERT_TRUE(p.finest.has_value());
+  // 1.33313 sigma (page 5).
+  EXPECT_NEAR(p.finest->line_um, 1.33313 * 40, 1e-3);
+}
+
+TEST(SpreadVerify, NoSpreadLeavesFiguresAndGivesNone) {
+  slicecorr::Setup s = setup(3, 0.02, 24, 24);
+  const MemorySlices design = block(24, 24, 20, {5, 5, 15, 15});
+  const Prediction without = verify_stack(design, design, s, ExecutionContext{});
+  s.printer.spread.gaussians = {{0, 1}};
+  const Prediction none = verify_stack(design, design, s, ExecutionContext{});
+  EXPECT_EQ(without.to_json(), none.to_json());
+  EXPECT_EQ(without.plane_error_um.count(), 0U);
+  // So narrow that nothing leaves its pixel: the same figures by the way of light that spreads.
+  s.printer.spread.gaussians = {{1, 1}};
+  const Prediction narrow = verify_stack(design, design, s, ExecutionContext{});
+  EXPECT_EQ(narrow.cure_through_voxels, without.cure_through_voxels);
+  EXPECT_EQ(narrow.undercure_voxels, without.undercure_voxels);
+  EXPECT_EQ(narrow.runs, without.runs);
+  EXPECT_NEAR(narrow.height_error_um.mean(), without.height_error_um.mean(), 1e-3);
+}
+
+TEST(SpreadVerify, AnyNumberOfThreadsAndAnyPlaceOnTheDisplay) {
+  slicecorr::Setup s = setup(3, 0.02, 70, 300);
+  s.printer.spread.gaussians = {{60, 0.7}, {20, 0.3}};
+  s.resin.scatter_um2_per_um = 0.4;
+  std::mt19937 random(5);
+  MemorySlices design({70, 300, 24, 50, 50, 50}), shown({70, 300, 24, 50, 50, 50});
+  for (int n = 0; n < 24; ++n) {
+    for (int y = 20; y < 280; ++y) {
+      for (int x = 10; x < 60; ++x) {
+        design.at(n, x, y) = (x / 6 + y / 7 + n / 5) % 3 ? 255 : 0;
+        shown.at(n, x, y) = static_cast<std::uint8_t>(random() % 256);
+      }
+    }
+  }
+  ExecutionContext one, three;
+  one.threads = 1;
+  three.threads = 3;
+  EXPECT_EQ(verify_stack(shown, design, s, one).to_json(),
+            verify_stack(shown, design, s, three).to_json());
+}
+
+TEST(SpreadVerify, Refusals) {
+  const MemorySlices design = block(24, 24, 4, {5, 5, 15, 15});
+  const auto why = [&](const slicecorr::Setup& s) -> std::string {
+    try {
+      verify_stack(design, design, s, ExecutionContext{});
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  slicecorr::Setup s = setup(3, 0.02, 24, 24);
+  s.printer.spread.gaussians = {{1000, 1}};
+  EXPECT_NE(why(s).find("are sigmas in um?"), std::string::npos) << why(s);
+  s = setup(3, 0.02, 24, 24);
+  s.resin.scatter_um2_per_um = 0.1;
+  s.printer.resin_depth_um = 3000;
+  EXPECT_NE(why(s).find("ends"), std::string::npos) << why(s);
 }
 
 }  // namespace

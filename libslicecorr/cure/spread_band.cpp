@@ -42,9 +42,10 @@ void refuse(const std::string& why) { throw InputError(why); }
 
 }  // namespace
 
-SpreadLight::SpreadLight(const Printer& printer, const Resin& resin, const PlaceModels& models,
-                         const Grid& grid, const ImageFrame& frame)
-    : models_(models), display_{0, 0, grid.width_px, grid.height_px}, spread_(printer.spread) {
+SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame)
+    : models_(models), display_{0, 0, grid.width_px, grid.height_px} {
+  const Printer& printer = models.printer();
+  const Resin& resin = models.resin();
   if (printer.spread.none() && resin.scatter_um2_per_um == 0) return;
   const CureModel& model = models.brightest();
   if (model.inhibited) {
@@ -89,13 +90,14 @@ PixelBox SpreadLight::grown(const PixelBox& box, int x, int y) const {
 
 std::optional<FinestWidths> SpreadLight::finest() const {
   const CureModel& m = model();
+  const LightSpread& spread = models_.printer().spread;
   const bool layerwise = m.mode == ExposureMode::layerwise;
   // Layer by layer each layer gels in its own exposure, and black adds up.
   const double full = layerwise ? m.phi_max() * m.a : m.steady(m.phi_max());
   const double black = layerwise ? m.phi_min() * m.a / m.one_minus_a : m.steady(m.phi_min());
-  if (spread_.none() || !(full > 1.0) || !(black < 0.9)) return std::nullopt;
-  const FinestWidths across = finest_widths(spread_, false, full, black),
-                     down = finest_widths(spread_, true, full, black);
+  if (spread.none() || !(full > 1.0) || !(black < 0.9)) return std::nullopt;
+  const FinestWidths across = finest_widths(spread, false, full, black),
+                     down = finest_widths(spread, true, full, black);
   return FinestWidths{std::min(across.line_um, down.line_um), std::min(across.gap_um, down.gap_um)};
 }
 

@@ -21,11 +21,11 @@ namespace slicecorr::detail {
 /// threads.
 class SpreadLight {
  public:
-  /// For images of `grid` that lie like `frame`. `models` must outlive this. Throws `InputError`
+  /// Of the models' printer and resin, for images of `grid` that lie like `frame`. `models` must
+  /// outlive this. Throws `InputError`
   /// where what spreads can't be counted: under UV light; scatter in a resin whose exponent m is
   /// not 1 or that ends; a spread that reaches further than the images are wide or high.
-  SpreadLight(const Printer& printer, const Resin& resin, const PlaceModels& models,
-              const Grid& grid, const ImageFrame& frame);
+  SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
   /// Light stays where it is.
   bool none() const { return blur_.none() && scatter_.none(); }
@@ -47,7 +47,6 @@ class SpreadLight {
 
   const PlaceModels& models_;
   PixelBox display_;
-  LightSpread spread_;
   LightBlur blur_;
   SliceScatter scatter_;
   int halo_x_ = 0, halo_y_ = 0;  ///< so far around a window doses matter, because they scatter
@@ -89,7 +88,7 @@ class SpreadBand {
   ShownBand images_;
   /// Relative intensity of each pixel value to the power 1 / m, by value of the display's light.
   std::array<std::vector<double>, 256> intensities_;
-  std::vector<double> dark_;  ///< the light of a black image, over `field_`
+  std::vector<double> dark_;          ///< the light of a black image, over `field_`
   std::vector<std::uint8_t> pixels_;  ///< of a slice that shows one image
   std::vector<double> in_, out_;
   std::vector<Shown> kept_;                                           ///< by showing of the slice

@@ -64,7 +64,7 @@ class Verification {
         models_(slices.printer(), resin, slices.process(), stack.grid(), stack.frame()),
         layers_(slices.slices()),
         all_layers_(std::max(layers_, target.grid().layers + (target.edge_heights() ? 1 : 0))),
-        spread_(slices.printer(), resin, models_, stack.grid(), stack.frame()),
+        spread_(models_, stack.grid(), stack.frame()),
         bands_(bands_of_all()),
         surface_maps_(target.bounds()) {
     if (models_.brightest().inhibited) window_.emplace(models_, layers_);
@@ -188,7 +188,7 @@ void Verification::predict_spread(const PixelBox& band) {
   predictor.keep_sides();
   detail::SpreadBand light(spread_, stack_, slices_, field);
   BandDose dose(model, in_field);
-  detail::PlaneEdges plane(stack_.grid(), field, band);
+  detail::PlaneEdges plane(stack_.grid(), field, band, beside_y());
   std::vector<std::uint8_t> coverage(in_field), room(in_field);
   std::vector<ImageShowing> in_band;
   for (int n = all_layers_; n-- > 0;) {
@@ -307,7 +307,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
       level_intensities(models.printer_at(models.map().value(x, y)));
   const CodedBand coded = detail::coded_band_of(stack, pixel);
   detail::ShownBand shown(slices, coded);
-  const detail::SpreadLight spread(slices.printer(), setup.resin, models, grid, stack.frame());
+  const detail::SpreadLight spread(models, grid, stack.frame());
   std::optional<detail::SpreadBand> light;
   if (!spread.none()) light.emplace(spread, stack, slices, pixel);
   std::vector<ProbeRow> rows(static_cast<std::size_t>(slices.slices()));
@@ -358,7 +358,7 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   check_inside(grid, 0, y);
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
   const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
-  const detail::SpreadLight spread(slices.printer(), setup.resin, models, grid, stack.frame());
+  const detail::SpreadLight spread(models, grid, stack.frame());
   PixelBox box = stack.bounds().united(target.bounds());
   if (!spread.none()) box = spread.around(box);
   Section s;

@@ -26,9 +26,10 @@ double passing(double inner, double outer, double high, double low) {
 
 }  // namespace
 
-PlaneEdges::PlaneEdges(const Grid& grid, const PixelBox& field, const PixelBox& window)
+PlaneEdges::PlaneEdges(const Grid& grid, const PixelBox& field, const PixelBox& window, int reach)
     : field_(field),
       window_(window),
+      reach_(reach),
       pitch_x_um_(grid.pixel_x_um),
       pitch_y_um_(grid.pixel_y_um),
       at_edge_(static_cast<std::size_t>(field.width())) {}
@@ -53,19 +54,18 @@ void PlaneEdges::add(int slice, const double* dose, const std::uint8_t* coverage
     for (std::size_t x = 0; x < width; ++x) {
       if (!at_edge_[x]) continue;
       const int left = static_cast<int>(x), right = static_cast<int>(width - 1 - x);
-      const Pixel pixel{field_.x0 + left, y};
       const std::size_t at = first + x;
-      measure(slice, at, pixel, {-1, right, left, pitch_x_um_}, dose, coverage);
-      measure(slice, at, pixel, {1, left, right, pitch_x_um_}, dose, coverage);
-      measure(slice, at, pixel, {-stride, rows_below, rows_above, pitch_y_um_}, dose, coverage);
-      measure(slice, at, pixel, {stride, rows_above, rows_below, pitch_y_um_}, dose, coverage);
+      measure(slice, at, {-1, right, left, pitch_x_um_}, dose, coverage);
+      measure(slice, at, {1, left, right, pitch_x_um_}, dose, coverage);
+      measure(slice, at, {-stride, rows_below, rows_above, pitch_y_um_}, dose, coverage);
+      measure(slice, at, {stride, rows_above, rows_below, pitch_y_um_}, dose, coverage);
     }
   }
 }
 
 /// Pixels are counted from the one at hand, 0, outwards; a pixel's middle lies at its number.
-void PlaneEdges::measure(int slice, std::size_t at, const Pixel& pixel, const Axis& axis,
-                         const double* dose, const std::uint8_t* coverage) {
+void PlaneEdges::measure(int slice, std::size_t at, const Axis& axis, const double* dose,
+                         const std::uint8_t* coverage) {
   const auto index = [&](int k) {
     return static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + k * axis.step);
   };
@@ -90,49 +90,76 @@ void PlaneEdges::measure(int slice, std::size_t at, const Pixel& pixel, const Ax
   // The pair of pixels between whose middles the edge lies; what prints there ends beside it.
   int k = static_cast<int>(std::floor(edge));
   double print = 0;
-  bool closed = false, lost = false;
+  bool closed = false, lost = false, seen = true;
   const bool between = dosed(k) >= 1.0 && dosed(k + 1) < 1.0;
   if (between) {
     print = passing_after(k);
   } else if (dosed(k + 1) >= 1.0) {
     // Outwards, as far as to the next feature.
+    const int furthest = std::min(axis.after, outside + reach_);
     int next = outside;
-    while (next < axis.after && covered(next + 1) == 0 && dosed(next) >= 1.0) ++next;
+    while (next < furthest && covered(next + 1) == 0 && dosed(next) >= 1.0) ++next;
     ++k;
     while (k < next && dosed(k) >= 1.0) ++k;
     if (dosed(k) < 1.0) {
       print = passing_after(k - 1);
     } else {
-      closed = next < axis.after;
+      closed = true;
+      seen = next < furthest;
       print = next + 0.5;
     }
   } else {
     // Inwards, as far as to the feature's other side.
-    while (k > -axis.before && (k > 0 || covered(k - 1) == 255) && dosed(k) < 1.0) --k;
+    const int furthest = -std::min(axis.before, reach_);
+    while (k > furthest && (k > 0 || covered(k - 1) == 255) && dosed(k) < 1.0) --k;
     if (dosed(k) >= 1.0) {
       print = passing_after(k);
     } else {
       lost = true;
+      seen = k > furthest;
       print = k - 0.5;
     }
   }
   const double um = (print - edge) * axis.pitch_um;
   Prediction& p = figures_;
-  p.plane_error_um.add(std::abs(um));
-  if (um > 0) {
-    p.plane_overreach_um = std::max(p.plane_overreach_um, um);
-  } else {
-    p.plane_shortfall_um = std::max(p.plane_shortfall_um, -um);
-  }
-  const FeatureExample here{pixel.x, pixel.y, slice, slice};
+  if (seen) p.plane_error_um.add(std::abs(um));
+  if (seen && um > 0) p.plane_overreach_um = std::max(p.plane_overreach_um, um);
+  if (seen && um < 0) p.plane_shortfall_um = std::max(p.plane_shortfall_um, -um);
   if (closed) {
     ++p.plane_closed;
-    p.plane_closed_examples.add(here);
+    closed_.add(at, slice);
   }
   if (lost) {
     ++p.plane_lost;
-    p.plane_lost_examples.add(here);
+    lost_.add(at, slice);
   }
+}
+
+void PlaneEdges::Places::add(std::size_t at, int slice) {
+  const auto [entry, is_new] = open_.try_emplace(at, Slices{slice, slice});
+  Slices& slices = entry->second;
+  if (is_new || slices.first == slice) return;
+  if (slices.first != slice + 1) {
+    ended_.push_back({at, slices});
+    slices.last = slice;
+  }
+  slices.first = slice;
+}
+
+void PlaneEdges::Places::add_to(FeatureExamples& examples, const PixelBox& field) const {
+  const auto put = [&](std::size_t at, const Slices& slices) {
+    const auto width = static_cast<std::size_t>(field.width());
+    examples.add({field.x0 + static_cast<int>(at % width), field.y0 + static_cast<int>(at / width),
+                  slices.first, slices.last});
+  };
+  for (const auto& [at, slices] : ended_) put(at, slices);
+  for (const auto& [at, slices] : open_) put(at, slices);
+}
+
+void PlaneEdges::add_to(Prediction& figures) const {
+  figures.merge(figures_);
+  closed_.add_to(figures.plane_closed_examples, field_);
+  lost_.add_to(figures.plane_lost_examples, field_);
 }
 
 }  // namespace slicecorr::detail

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/grid.hpp"
@@ -17,12 +19,13 @@ namespace slicecorr::detail {
 class PlaneEdges {
  public:
   /// Doses and coverages are given over `field`; features of pixels in `window`, a part of it, are
-  /// measured.
-  PlaneEdges(const Grid& grid, const PixelBox& field, const PixelBox& window);
+  /// measured. An outline further than `reach` pixels away is none of the edge's: it is counted as
+  /// closed or lost, without a distance.
+  PlaneEdges(const Grid& grid, const PixelBox& field, const PixelBox& window, int reach);
   /// The dose in the middle of each layer; `coverage` null: nothing is designed.
   void add(int slice, const double* dose, const std::uint8_t* coverage);
   /// Puts what was measured into `figures`.
-  void add_to(Prediction& figures) const { figures.merge(figures_); }
+  void add_to(Prediction& figures) const;
 
  private:
   struct Axis {
@@ -30,11 +33,26 @@ class PlaneEdges {
     int before, after;    ///< pixels of the field that lie on either side
     double pitch_um;
   };
-  void measure(int slice, std::size_t at, const Pixel& pixel, const Axis& axis, const double* dose,
+  void measure(int slice, std::size_t at, const Axis& axis, const double* dose,
                const std::uint8_t* coverage);
 
   const PixelBox field_, window_;
+  const int reach_;
   const double pitch_x_um_, pitch_y_um_;
+  /// Pixels of the field through consecutive slices, which come from the last to the first.
+  class Places {
+   public:
+    void add(std::size_t at, int slice);
+    void add_to(FeatureExamples& examples, const PixelBox& field) const;
+
+   private:
+    struct Slices {
+      int first, last;
+    };
+    std::map<std::size_t, Slices> open_;
+    std::vector<std::pair<std::size_t, Slices>> ended_;
+  };
+  Places closed_, lost_;
   Prediction figures_;
   std::vector<std::uint8_t> at_edge_;
 };

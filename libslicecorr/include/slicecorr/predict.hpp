@@ -153,9 +153,9 @@ struct Prediction {
   /// column to column; empty where it does not, and outlines are those of pixels.
   Histogram plane_error_um;
   double plane_overreach_um = 0, plane_shortfall_um = 0;  ///< see the two below
-  std::uint64_t plane_closed = 0;  ///< such edges whose print reaches the next feature
-  std::uint64_t plane_lost = 0;    ///< of lines where nothing prints from edge to edge
-  FeatureExamples plane_closed_examples, plane_lost_examples;  ///< in a single slice each
+  std::uint64_t plane_closed = 0;  ///< such edges whose print reaches the next feature, or far
+  std::uint64_t plane_lost = 0;    ///< of lines where nothing prints from edge to edge, or far
+  FeatureExamples plane_closed_examples, plane_lost_examples;
   std::optional<FinestPrint> finest;  ///< where light spreads; not merged, set for whole stacks
   double greatest_overreach_um = 0;   ///< furthest that the print reaches into a gap
   double greatest_shortfall_um = 0;   ///< furthest that an edge stays behind in its run

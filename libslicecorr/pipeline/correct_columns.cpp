@@ -11,10 +11,10 @@ namespace {
 
 /// The edge heights of the node after the last slice, where no slice is shown that has it as its
 /// upper node. `heights`: null without.
-void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
+void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan, bool in_tiles,
                       const std::uint8_t* heights, std::size_t columns) {
   const std::uint8_t* const dark = nullptr;
-  if (!plan.model.is_plain()) {
+  if (!in_tiles) {
     predictor.add_slice(plan.all_layers, dark, nullptr, heights);
     return;
   }
@@ -31,14 +31,17 @@ void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
 }  // namespace
 
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const ColumnSinks& out, const ExecutionContext& context) {
-  BandCorrector corrector(plan, columns);
+                     const BandDoses* doses, const ColumnSinks& out,
+                     const ExecutionContext& context) {
+  BandCorrector corrector =
+      doses ? BandCorrector(plan, columns, *doses) : BandCorrector(plan, columns);
+  const bool in_tiles = plan.model.is_plain() && !doses;
   CodedBand heights(columns);
   read([&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
     if ((n & 63) == 0) context.check_cancelled();
     corrector.add_layer(rows, its_heights);
-    if (n == plan.all_layers) add_last_heights(out.after, plan, its_heights, columns);
-    if (!plan.model.is_plain()) heights.append(its_heights);
+    if (n == plan.all_layers) add_last_heights(out.after, plan, in_tiles, its_heights, columns);
+    if (!in_tiles) heights.append(its_heights);
   });
   std::uint8_t pixel_of[256] = {};
   for (int level = 0; level < plan.levels.size(); ++level) {
@@ -51,7 +54,7 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Desi
     for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
     return static_cast<const std::uint8_t*>(pixels.data());
   };
-  if (plan.model.is_plain()) {
+  if (in_tiles) {
     using Tile = BandCorrector::Tile;
     static_assert(Tile::kStride == BandPredictor::kTileColumns);
     std::vector<std::uint8_t> tile_pixels;

@@ -22,8 +22,9 @@ struct ColumnSinks {
   WindowWatch* watch;     ///< the same
 };
 
-/// Corrects columns and predicts them. Throws `Cancelled`.
+/// Corrects columns and predicts them; `doses`: null where none are wanted. Throws `Cancelled`.
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const ColumnSinks& out, const ExecutionContext& context);
+                     const BandDoses* doses, const ColumnSinks& out,
+                     const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

@@ -10,6 +10,7 @@
 #include "cure/spread_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/design_band.hpp"
+#include "pipeline/dose_meter.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/surface_collector.hpp"
 #include "pipeline/vanished.hpp"
@@ -285,6 +286,12 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   Verification verification(stack, target, slices, setup.resin, setup.process.surface, context);
   verification.predict_bands();
   Prediction p = verification.result();
+  if (target.doses()) {
+    const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),
+                             stack.frame());
+    detail::check_doses(*target.doses(), target, models, setup);
+    p.regions = detail::measure_doses(stack, target, models, context);
+  }
   detail::tell_nothing_prints(p, context);
   if (p.dead_zones && p.dead_zones->cured_pixels > 0) {
     context.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
@@ -380,6 +387,14 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
     };
   };
   target.read_band(row, into(s.coverage));
+  if (const DoseTarget* const doses = target.doses()) {
+    std::vector<std::uint8_t> bytes(size);
+    doses->images->read_band(row, into(bytes));
+    s.wanted.resize(size);
+    for (std::size_t k = 0; k < size; ++k) {
+      s.wanted[k] = static_cast<float>(doses->scale.dose[bytes[k]]);
+    }
+  }
   const CodedBand coded = detail::coded_band_of(stack, row);
   detail::ShownBand shown(slices, coded);
   std::optional<detail::SpreadBand> light;

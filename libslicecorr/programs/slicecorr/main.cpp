@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "options.hpp"
+#include "programs/common/dose_options.hpp"
 #include "programs/common/make_part.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
@@ -26,6 +27,7 @@ namespace {
 struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
+  DoseOptions doses;
   SimulateOptions simulate;
   std::string input, output, format, target, json;
   double layer_um = 0;
@@ -71,6 +73,7 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
 int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
   check_output(a.output, {a.input});
+  check_output(a.output, a.doses.inputs());
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
   Setup setup = a.setup.resolve(nullptr, &times);
@@ -79,8 +82,10 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
+  const WantedDoses wanted(a.doses, *fitted, setup.printer, a.mesh, nullptr, a.missing(),
+                           folder_of(a.output), context);
   const Correction result =
-      correct_stack(*fitted, setup, file, {.before = !console.quiet()}, context);
+      correct_stack(*wanted, setup, file, {.before = !console.quiet()}, context);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -259,15 +264,20 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
 
 int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
-  check_output(a.output, a.mesh.parts);
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
-  for (const char* kind : {".html", ".json"}) check_output(base + kind, a.mesh.parts);
+  for (const char* kind : {"", ".html", ".json"}) {
+    const std::string path = *kind ? base + kind : a.output;
+    check_output(path, a.mesh.parts);
+    check_output(path, a.doses.inputs());
+  }
   const Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
   const MeshSlices slices = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
-  const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), context);
+  const WantedDoses wanted(a.doses, *fitted, setup.printer, a.mesh, &slices, a.missing(),
+                           folder_of(a.output), context);
+  const Correction result = make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
   return kDone;
@@ -418,6 +428,13 @@ int run_program(int argc, char** argv) {
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
   stack_input(sub, "IN", "Stack of coverage images");
   a.setup.add_to(*sub, true, true);
+  a.doses.add_to(*sub);
+  sub->add_option("--design", a.doses.designs,
+                  "Meshes that were sliced: each --region lies beside them as in the files [where "
+                  "its file has it on the plate]")
+      ->take_all()
+      ->expected(1, std::numeric_limits<int>::max());
+  a.mesh.add_placement_to(*sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("verify", "Predict what a stack prints, and measure it against its target", verify);
@@ -484,6 +501,7 @@ int run_program(int argc, char** argv) {
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
   a.mesh.add_to(*sub);
   a.setup.add_to(*sub, true, true);
+  a.doses.add_to(*sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("compare",

@@ -1,0 +1,248 @@
+// Doses that are wanted of features: closed forms first, then what columns print.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "models.hpp"
+#include "slicecorr/dose.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+namespace {
+
+using test::column;
+
+constexpr double kHeightUm = 2000;
+
+TEST(GradedDose, LightThatHoldsASlope) {
+  // From 2 down to 1 over a millimetre: where the dose is 1.5.
+  EXPECT_NEAR(graded_phi(kHeightUm, 1.5, -1e-3), 2.36859, 5e-6);
+  EXPECT_NEAR(graded_phi(kHeightUm, 1.5, 1e-3), 0.63141, 5e-6);
+  EXPECT_EQ(graded_phi(kHeightUm, 1.5, 0), 1.5);
+}
+
+TEST(GradedDose, LeastHeightsOfSteps) {
+  EXPECT_NEAR(fall_height_um(kHeightUm, 2, 1, 6.25), 183.54, 5e-3);
+  EXPECT_NEAR(rise_height_um(kHeightUm, 1, 2, 0.0625), 630.54, 5e-3);
+  EXPECT_EQ(fall_height_um(kHeightUm, 1, 1, 6.25), 0);
+  EXPECT_EQ(rise_height_um(kHeightUm, 2, 1, 0.0625), 0);
+  EXPECT_TRUE(std::isinf(fall_height_um(kHeightUm, 7, 1, 6.25)));
+  EXPECT_TRUE(std::isinf(rise_height_um(kHeightUm, 1, 2, 1.5)));
+}
+
+/// A column of which doses are wanted, and what it prints.
+struct Printed {
+  std::vector<std::uint8_t> levels;
+  ColumnDose dose;
+  Printed(const CureModel& model, const DoseScale& scale, const std::vector<std::uint8_t>& coverage,
+          const std::vector<std::uint8_t>& bytes) {
+    const CorrectionPlan plan =
+        test::plan_for(model, test::process(1000), static_cast<int>(coverage.size()));
+    levels = solve_graded_column(plan, scale, coverage, bytes);
+    std::vector<std::uint8_t> pixels;
+    for (const std::uint8_t l : levels) {
+      pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(l, plan.levels.size())));
+    }
+    dose = column_dose(model, pixels);
+  }
+};
+
+CureModel model_of(double layer_um, int bit_depth = 8) {
+  return make_cure_model(test::linear_printer(1, 100, bit_depth), test::resin(576, kHeightUm),
+                         test::process(1000), layer_um);
+}
+
+/// Greatest effect of one level on the dose of a node.
+double level_dose(const CureModel& model) {
+  double most = 0;
+  for (std::size_t l = 1; l < model.level_phi.size(); ++l) {
+    most = std::max(most, (model.level_phi[l] - model.level_phi[l - 1]) * model.one_minus_a);
+  }
+  return most;
+}
+
+DoseScale scale_to(double most, DoseSide side = DoseSide::nearest) {
+  DoseScale scale = DoseScale::even(most);
+  scale.side = side;
+  return scale;
+}
+
+TEST(GradedDose, AnEvenDoseIsHeldToHalfALevel) {
+  const CureModel model = model_of(50);
+  const auto coverage = column(200, {{0, 179}});
+  const Printed p(model, scale_to(2), coverage, std::vector<std::uint8_t>(200, 255));
+  // All but the climb at the end, and rounding does not pile up.
+  for (std::size_t n = 0; n < 170; ++n) {
+    EXPECT_NEAR(p.dose.upper[n], 2.0, 0.51 * level_dose(model)) << n;
+  }
+}
+
+TEST(GradedDose, ASlopeIsHeldAndItsLightIsThatOfTheClosedForm) {
+  const CureModel model = model_of(10);
+  constexpr int layers = 400;
+  const auto coverage = column(layers, {{0, 379}});
+  // From 2 at 1 mm to 1 at 2 mm.
+  std::vector<std::uint8_t> bytes(layers, 0);
+  const DoseScale scale = scale_to(2);
+  for (int n = 0; n < layers; ++n) {
+    const double t = std::clamp(2.0 - ((n + 0.5) * 10 - 1000) / 1000, 1.0, 2.0);
+    bytes[static_cast<std::size_t>(n)] = static_cast<std::uint8_t>(std::lround((t - 1) * 255));
+  }
+  const Printed p(model, scale, coverage, bytes);
+  for (std::size_t n = 0; n < 370; ++n) {
+    const double wanted = scale.dose[bytes[n]];
+    // A byte of the scale is 1 / 255.
+    EXPECT_NEAR(p.dose.middle[n], wanted, level_dose(model) + 1.0 / 255) << n;
+  }
+  double phi = 0;
+  for (std::size_t n = 125; n < 175; ++n) phi += model.level_phi[p.levels[n]] / 50;
+  // What is left of rounding at both ends of 50 slices: half a level's dose each, a 50th of it.
+  EXPECT_NEAR(phi, 2.36859, 2 * (level_dose(model) + 1.0 / 255) / model.one_minus_a / 50);
+}
+
+/// T is `first` up to layer 100, then `second`.
+std::vector<std::uint8_t> step_at_100(int layers, std::uint8_t first, std::uint8_t second) {
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(layers), second);
+  std::fill_n(bytes.begin(), 100, first);
+  return bytes;
+}
+
+TEST(GradedDose, StepsAreMetFromTheSideThatIsNamed) {
+  const CureModel model = model_of(20);
+  constexpr int layers = 300;
+  const auto coverage = column(layers, {{0, 279}});
+  const double one = level_dose(model) + 1e-9;
+  const double fall = fall_height_um(kHeightUm, 2, 1, model.phi_max()) / 20;
+  const double rise = rise_height_um(kHeightUm, 1, 2, model.phi_min()) / 20;
+  for (const bool falls : {true, false}) {
+    const auto bytes = falls ? step_at_100(layers, 255, 0) : step_at_100(layers, 0, 255);
+    double worst[3] = {};
+    for (const DoseSide side : {DoseSide::nearest, DoseSide::at_least, DoseSide::at_most}) {
+      const DoseScale scale = scale_to(2, side);
+      const Printed p(model, scale, coverage, bytes);
+      int off = 0;
+      for (std::size_t n = 0; n < 265; ++n) {
+        const double wanted = scale.dose[bytes[n]], dose = p.dose.middle[n];
+        if (side == DoseSide::at_least) EXPECT_GE(dose, wanted - 1e-9) << n;
+        // Features print: where 1 is wanted, rounding goes up.
+        if (side == DoseSide::at_most) EXPECT_LE(dose, wanted + (wanted > 1 ? 1e-9 : one)) << n;
+        EXPECT_GE(dose, 1.0) << n;
+        worst[static_cast<int>(side)] =
+            std::max(worst[static_cast<int>(side)], std::abs(dose - wanted));
+        off += std::abs(dose - wanted) > 2 * one ? 1 : 0;
+      }
+      // The dose is off no longer than the step must take, and a slice at either end.
+      EXPECT_LE(off, (falls ? fall : rise) + 2) << falls << static_cast<int>(side);
+    }
+    EXPECT_LE(worst[0], std::max(worst[1], worst[2]) / 2 + 2 * one);
+  }
+}
+
+TEST(GradedDose, GapsStayOpenAndFeaturesPrint) {
+  const CureModel model = model_of(50);
+  const auto coverage = column(200, {{0, 79}, {90, 150}});
+  const Printed p(model, scale_to(3), coverage, std::vector<std::uint8_t>(200, 255));
+  const CorrectionPlan plan = test::plan_for(model, test::process(1000), 200);
+  for (std::size_t n = 0; n < 200; ++n) {
+    EXPECT_EQ(p.dose.middle[n] >= 1.0, coverage[n] == 255) << n;
+  }
+  // Edges lie where the ordinary correction has them.
+  EXPECT_NEAR(p.dose.upper[80], 1.0, 0.01);
+  EXPECT_NEAR(p.dose.upper[90], 1.0, 0.01);
+}
+
+std::vector<std::uint8_t> random_coverage(std::mt19937& random, std::size_t layers, int shortest) {
+  std::vector<std::uint8_t> coverage;
+  bool full = random() % 2 != 0;
+  while (coverage.size() < layers) {
+    coverage.insert(coverage.end(), static_cast<std::size_t>(shortest) + random() % 30,
+                    full ? 255 : 0);
+    full = !full;
+  }
+  coverage.resize(layers);
+  return coverage;
+}
+
+TEST(GradedDose, NoVoxelOfRandomColumnsIsWrongThatNeedNotBe) {
+  std::mt19937 random(11);
+  for (const int bits : {8, 4}) {
+    for (const DoseSide side : {DoseSide::nearest, DoseSide::at_least, DoseSide::at_most}) {
+      const CureModel model = model_of(50, bits);
+      const CorrectionPlan plan = test::plan_for(model, test::process(1000), 200);
+      for (int k = 0; k < 100; ++k) {
+        const auto coverage = random_coverage(random, 200, 1 + k % 3);
+        std::vector<std::uint8_t> bytes;
+        while (bytes.size() < 200) {
+          bytes.insert(bytes.end(), 1 + random() % 40, static_cast<std::uint8_t>(random() % 256));
+        }
+        const auto ordinary = solve_column(plan, coverage);
+        std::vector<std::uint8_t> pixels;
+        for (const std::uint8_t l : ordinary) {
+          pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(l, plan.levels.size())));
+        }
+        const ColumnDose before = column_dose(model, pixels);
+        const Printed p(model, scale_to(1 + k % 5, side), coverage, bytes);
+        for (std::size_t n = 0; n < coverage.size(); ++n) {
+          if ((before.middle[n] >= 1.0) != (coverage[n] == 255)) continue;
+          ASSERT_EQ(p.dose.middle[n] >= 1.0, coverage[n] == 255)
+              << bits << " bits, column " << k << " layer " << n;
+        }
+      }
+    }
+  }
+}
+
+TEST(GradedDose, BandsGiveTheSameAsColumns) {
+  std::mt19937 random(5);
+  const CureModel model = model_of(50);
+  constexpr std::size_t columns = 150, layers = 130;
+  const CorrectionPlan plan = test::plan_for(model, test::process(1000), layers);
+  const DoseScale scale = scale_to(2.5);
+  std::vector<std::vector<std::uint8_t>> coverage, doses;
+  for (std::size_t i = 0; i < columns; ++i) {
+    coverage.push_back(random_coverage(random, layers, 2));
+    std::vector<std::uint8_t> bytes(layers);
+    for (std::size_t n = 0; n < layers; ++n) bytes[n] = static_cast<std::uint8_t>(n * 2);
+    doses.push_back(bytes);
+  }
+  BandCorrector corrector(plan, columns, {&scale, [&](int n, std::uint8_t* out) {
+                                            for (std::size_t i = 0; i < columns; ++i) {
+                                              out[i] = doses[i][static_cast<std::size_t>(n)];
+                                            }
+                                          }});
+  std::vector<std::uint8_t> row(columns);
+  for (std::size_t n = 0; n < layers; ++n) {
+    for (std::size_t i = 0; i < columns; ++i) row[i] = coverage[i][n];
+    corrector.add_layer(row.data());
+  }
+  std::vector<std::vector<std::uint8_t>> levels(columns);
+  corrector.solve([&](int n, const std::uint8_t* shown, const std::uint8_t* design, bool) {
+    for (std::size_t i = 0; i < columns; ++i) {
+      if (levels[i].empty()) levels[i].resize(static_cast<std::size_t>(plan.all_layers));
+      levels[i][static_cast<std::size_t>(n)] = shown[i];
+      const bool inside = static_cast<std::size_t>(n) < layers;
+      EXPECT_EQ(design[i], inside ? coverage[i][static_cast<std::size_t>(n)] : 0);
+    }
+  });
+  for (std::size_t i = 0; i < columns; ++i) {
+    EXPECT_EQ(levels[i], solve_graded_column(plan, scale, coverage[i], doses[i])) << i;
+  }
+}
+
+TEST(GradedDose, ScalesAndSidesThatAreNone) {
+  EXPECT_EQ(DoseScale::even(1).greatest(), 1.0);
+  EXPECT_EQ(DoseScale::even(3).dose[255], 3.0);
+  EXPECT_EQ(DoseScale::even(3).dose[0], 1.0);
+  for (const double bad : {0.99, -1.0, std::numeric_limits<double>::infinity(),
+                           std::numeric_limits<double>::quiet_NaN()}) {
+    EXPECT_THROW(DoseScale::even(bad), InputError) << bad;
+  }
+  EXPECT_EQ(dose_side_named("at-least"), DoseSide::at_least);
+  EXPECT_THROW(dose_side_named("above"), InputError);
+}
+
+}  // namespace
+}  // namespace slicecorr

@@ -81,16 +81,7 @@ RegionImages::RegionImages(const Grid& grid, std::vector<Region> regions)
   if (regions_.size() > 255) {
     throw InputError(fmt::format("{} regions; expected at most 255", regions_.size()));
   }
-  for (const Region& r : regions_) {
-    const PixelBox box = r.slices->bounds();
-    if (box.empty()) continue;
-    if (bounds_.empty()) {
-      bounds_ = box;
-    } else {
-      bounds_ = {std::min(bounds_.x0, box.x0), std::min(bounds_.y0, box.y0),
-                 std::max(bounds_.x1, box.x1), std::max(bounds_.y1, box.y1)};
-    }
-  }
+  for (const Region& r : regions_) bounds_ = bounds_.united(r.slices->bounds());
 }
 
 void RegionImages::read_band(const PixelBox& band, const Sink& sink) const {

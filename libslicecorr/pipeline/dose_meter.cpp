@@ -29,7 +29,7 @@ void check_doses(const DoseTarget& doses, const SliceSource& target, const Place
     refuse("where light spreads from pixel to pixel; expected a printer and a resin without");
   }
   if (setup.process.omega_max < 1e300) {
-    refuse("and capped at once: wanted doses say the most, too; expected no --omega-max");
+    refuse("and capped at once: wanted doses say the most, too; expected no cap of the dose");
   }
   const LightCounts part = models.map().counts(target.bounds());
   const double most = doses.scale.greatest();

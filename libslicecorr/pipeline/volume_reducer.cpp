@@ -248,7 +248,7 @@ std::vector<VolumeReducer::Band::Chosen> VolumeReducer::Band::choose() const {
 
 /// Fills in the slices and doses of the chosen pixels.
 void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& shown,
-                                 const Reader& design) const {
+                                 const Reader& design, const Lights& lights) const {
   const ReducedVolume& v = volume_.volume_;
   const LightMap& map = volume_.models_.map();
   std::vector<Pixel> places;
@@ -266,7 +266,12 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     itself[p] = static_cast<std::uint8_t>(p);
     level_of[p] = static_cast<std::uint8_t>(level_of_pixel(static_cast<int>(p), volume_.levels_));
   }
-  PlaceDose dose_before(volume_.models_, places), dose_after(volume_.models_, places);
+  // Where light spreads, all columns have one model.
+  std::pair<Light, Light> light;
+  if (lights) light = lights(places);
+  const PlaceModels one(volume_.models_.brightest());
+  const PlaceModels& models = lights ? one : volume_.models_;
+  PlaceDose dose_before(models, places), dose_after(models, places);
   std::vector<std::uint8_t> rows(cells_.size());
   const std::size_t size = chosen.size();
   std::vector<std::uint8_t> pixels(size), cover(size), pixels_below(size), cover_below(size);
@@ -298,8 +303,13 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     pixels.swap(pixels_below);
     read(design, z, cover);
     read(shown, z, pixels);
-    dose_before.add_slice(z, lit_before ? cover.data() : nullptr);
-    dose_after.add_slice(z, lit_after ? pixels.data() : nullptr);
+    if (lights) {
+      dose_before.add_slice(z, light.first(z));
+      dose_after.add_slice(z, light.second(z));
+    } else {
+      dose_before.add_slice(z, lit_before ? cover.data() : nullptr);
+      dose_after.add_slice(z, lit_after ? pixels.data() : nullptr);
+    }
     if (lit_before) {
       note(z, z + 1 == volume_.target_layers_, &ReducedVolume::Column::coverage, itself, cover,
            cover_below);
@@ -376,7 +386,7 @@ void VolumeReducer::Band::join(std::vector<Chosen>& chosen) {
   }
 }
 
-void VolumeReducer::Band::finish(const Reader& shown, const Reader& design) {
+void VolumeReducer::Band::finish(const Reader& shown, const Reader& design, const Lights& lights) {
   const ReducedVolume& v = volume_.volume_;
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     count(before_, i, 0);
@@ -389,7 +399,7 @@ void VolumeReducer::Band::finish(const Reader& shown, const Reader& design) {
     }
   }
   std::vector<Chosen> chosen = choose();
-  follow(chosen, shown, design);
+  follow(chosen, shown, design, lights);
   join(chosen);
 }
 

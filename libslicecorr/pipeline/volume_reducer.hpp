@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <mutex>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -74,8 +75,13 @@ class VolumeReducer::Band {
 
   /// Writes the band's pixels of a slice; black beyond its last.
   using Reader = std::function<void(int slice, std::uint8_t* pixels)>;
-  /// Joins the band into the volume; to be called once, after all predictors.
-  void finish(const Reader& shown, const Reader& design);
+  /// The light of each slice over the chosen columns, where light spreads; see SpreadBand.
+  using Light = std::function<std::span<const ImageShowing>(int slice)>;
+  /// Makes these of the target shown as it is and of the stack.
+  using Lights = std::function<std::pair<Light, Light>(const std::vector<Pixel>& places)>;
+  /// Joins the band into the volume; to be called once, after all predictors. `lights`: null where
+  /// light stays in its column.
+  void finish(const Reader& shown, const Reader& design, const Lights& lights = {});
 
  private:
   /// Voxels of the band's cells. Columns have runs of many slices: the cells that a run fills are
@@ -107,7 +113,8 @@ class VolumeReducer::Band {
   void count(Print& print, std::size_t column, int low);
   void mark_error(Print& print, std::size_t column, int node, bool upper, double um) const;
   std::vector<Chosen> choose() const;
-  void follow(std::vector<Chosen>& chosen, const Reader& shown, const Reader& design) const;
+  void follow(std::vector<Chosen>& chosen, const Reader& shown, const Reader& design,
+              const Lights& lights) const;
   void join(std::vector<Chosen>& chosen);
 
   VolumeReducer& volume_;

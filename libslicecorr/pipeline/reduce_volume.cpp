@@ -135,6 +135,7 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
                                 most_cells);
   const auto bands = detail::bands_of(stack.grid(), box);
   const detail::ShownSlices of_target(target), of_stack(stack);
+  if (!spread.none()) reducer.keep_light();
   parallel_for(context, "look", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     if (!spread.none())
@@ -166,6 +167,8 @@ ReducedVolume coarser(const ReducedVolume& fine) {
   ReducedVolume v;
   v.box = fine.box;
   v.layers = fine.layers;
+  v.least_light = fine.least_light;
+  v.greatest_light = fine.greatest_light;
   v.step_x = fine.step_x * 2;
   v.step_y = fine.step_y * 2;
   v.step_z = fine.step_z * 2;

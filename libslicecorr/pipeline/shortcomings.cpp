@@ -9,7 +9,12 @@ namespace slicecorr::detail {
 void tell_shortcomings(const Prediction& p, const CureModel& model, const Process& process,
                        int levels, const ExecutionContext& context) {
   tell_nothing_prints(p, context);
-  if (p.cure_through_voxels + p.undercure_voxels > 0) {
+  if (p.cure_through_voxels + p.undercure_voxels > 0 && p.finest) {
+    context.tell(fmt::format(
+        "{} voxels will still cure through and {} stay undercured where light from beside reaches "
+        "them; this light prints no line below {:.3g} um and no gap below {:.3g} um",
+        p.cure_through_voxels, p.undercure_voxels, p.finest->line_um, p.finest->gap_um));
+  } else if (p.cure_through_voxels + p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
         "was found that avoids it; one level moves an edge by up to {:.3g} um",

@@ -29,6 +29,13 @@ class VolumeReducer {
 
   /// Gathers one band; for one thread.
   class Band;
+  /// Light of columns that get it from others is kept, too. Before the first band.
+  void keep_light() {
+    const CureModel& model = models_.brightest();
+    // Beyond the display's edge light fades, and what scatters adds to it.
+    volume_.least_light = model.phi_min() / 16;
+    volume_.greatest_light = 2 * model.phi_max();
+  }
 
   /// The volume; to be called after all bands, which must cover the box.
   ReducedVolume take() { return std::move(volume_); }
@@ -49,6 +56,7 @@ class VolumeReducer {
     /// Voxels by column and height of cells. One cell has fewer than 2^32 of them.
     std::vector<std::uint32_t> designed, printed_before, printed_after;
   };
+  std::uint32_t light_code(double phi) const;
   /// Makes flags of the counts of row `j`.
   void settle(int j);
 

@@ -26,6 +26,11 @@ bool same(const PixelBox& a, const PixelBox& b) {
   return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
 }
 
+std::size_t index(const PixelBox& box, const Pixel& pixel) {
+  return static_cast<std::size_t>(pixel.y - box.y0) * static_cast<std::size_t>(box.width()) +
+         static_cast<std::size_t>(pixel.x - box.x0);
+}
+
 /// Copies what `from` and `to` have in common.
 void copy_common(const std::vector<double>& in, const PixelBox& from, std::vector<double>& out,
                  const PixelBox& to) {
@@ -103,13 +108,23 @@ std::optional<FinestWidths> SpreadLight::finest() const {
 
 SpreadBand::SpreadBand(const SpreadLight& light, const SliceSource& stack,
                        const ShownSlices& slices, const PixelBox& window)
+    : SpreadBand(light, stack, slices, window, {}) {
+  if (same(field_, window)) return;
+  for (int y = window.y0; y < window.y1; ++y) {
+    for (int x = window.x0; x < window.x1; ++x) columns_.push_back(index(field_, {x, y}));
+  }
+}
+
+SpreadBand::SpreadBand(const SpreadLight& light, const SliceSource& stack,
+                       const ShownSlices& slices, const PixelBox& window,
+                       const std::vector<Pixel>& places)
     : light_(light),
       slices_(slices),
-      window_(window),
       field_(light.grown(window, light.halo_x_, light.halo_y_)),
       shown_(common(light.around(window), stack.bounds())),
       coded_(coded_band_of(stack, shown_)),
       images_(slices, coded_) {
+  for (const Pixel& place : places) columns_.push_back(index(field_, place));
   if (!light.scatter_.none()) dose_.assign(columns_of(field_), 0.0);
   dark_.resize(columns_of(field_));
   blur(nullptr, field_, dark_);
@@ -189,11 +204,11 @@ void SpreadBand::show(const std::uint8_t* pixels, Shown& out) {
   if (!lit.empty() && !to.empty()) blur(pixels, to, out.field);
 }
 
-const double* SpreadBand::over_window(const std::vector<double>& field,
-                                      std::vector<double>& room) const {
-  if (same(field_, window_)) return field.data();
-  room.resize(columns_of(window_));
-  copy_common(field, field_, room, window_);
+const double* SpreadBand::of_columns(const std::vector<double>& field,
+                                     std::vector<double>& room) const {
+  if (columns_.empty()) return field.data();
+  room.resize(columns_.size());
+  for (std::size_t i = 0; i < columns_.size(); ++i) room[i] = field[columns_[i]];
   return room.data();
 }
 
@@ -215,7 +230,7 @@ void SpreadBand::scatter(int slice) {
     for (std::size_t i = 0; i < dose_.size(); ++i) dose_[i] += weight * field[i];
   }
   ImageShowing gained;
-  gained.phi = over_window(gained_, gained_in_window_);
+  gained.phi = of_columns(gained_, gained_of_columns_);
   showings_.push_back(gained);
 }
 
@@ -234,7 +249,7 @@ std::span<const ImageShowing> SpreadBand::of(int slice) {
     show(images[k].pixels, kept_[k]);
     ImageShowing& showing = showings_.emplace_back(images[k]);
     showing.pixels = nullptr;
-    showing.phi = over_window(kept_[k].field, kept_[k].phi);
+    showing.phi = of_columns(kept_[k].field, kept_[k].phi);
   }
   if (!light_.scatter_.none()) scatter(slice);
   return showings_;

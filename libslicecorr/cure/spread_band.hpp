@@ -59,6 +59,9 @@ class SpreadBand {
   /// this.
   SpreadBand(const SpreadLight& light, const SliceSource& stack, const ShownSlices& slices,
              const PixelBox& window);
+  /// The same for single pixels of the window, a column for each in this order.
+  SpreadBand(const SpreadLight& light, const SliceSource& stack, const ShownSlices& slices,
+             const PixelBox& window, const std::vector<Pixel>& places);
   /// What slice `slice` shows, each image with the light that it gives the columns of the window, and
   /// without pixels. Where light scatters one more says what the slices after this one have brought
   /// from column to column. Slices follow each other downwards in number, beginning with the last.
@@ -70,7 +73,7 @@ class SpreadBand {
   struct Shown {
     std::vector<std::uint8_t> pixels;  ///< over `shown_`; empty: none so far
     std::vector<double> field;         ///< the light that it gives, over `field_`
-    std::vector<double> phi;           ///< the same over the window; empty where that is the field
+    std::vector<double> phi;           ///< the same of the columns; empty where these are the field
   };
   void show(const std::uint8_t* pixels, Shown& out);
   /// The pixels above black; empty: none.
@@ -79,11 +82,12 @@ class SpreadBand {
   void blur(const std::uint8_t* pixels, const PixelBox& to, std::vector<double>& field);
   const std::vector<double>& intensities(std::uint8_t place);
   void scatter(int slice);
-  const double* over_window(const std::vector<double>& field, std::vector<double>& room) const;
+  const double* of_columns(const std::vector<double>& field, std::vector<double>& room) const;
 
   const SpreadLight& light_;
   const ShownSlices& slices_;
-  const PixelBox window_, field_, shown_;
+  const PixelBox field_, shown_;
+  std::vector<std::size_t> columns_;  ///< in `field_`; empty: all of it
   CodedBand coded_;
   ShownBand images_;
   /// Relative intensity of each pixel value to the power 1 / m, by value of the display's light.
@@ -91,8 +95,8 @@ class SpreadBand {
   std::vector<double> dark_;          ///< the light of a black image, over `field_`
   std::vector<std::uint8_t> pixels_;  ///< of a slice that shows one image
   std::vector<double> in_, out_;
-  std::vector<Shown> kept_;                                           ///< by showing of the slice
-  std::vector<double> dose_, scattered_, gained_, gained_in_window_;  ///< where light scatters
+  std::vector<Shown> kept_;                                            ///< by showing of the slice
+  std::vector<double> dose_, scattered_, gained_, gained_of_columns_;  ///< where light scatters
   std::vector<ImageShowing> showings_;
 };
 

@@ -244,36 +244,31 @@ class BandSurface {
                    const std::vector<Pixel>& places, const ExecutionContext& context) const {
     const std::size_t samples = in_image.size();
     PixelBox window;
+    std::vector<Pixel> inside = places;
     for (std::size_t i = 0; i < samples; ++i) {
       const Pixel& p = places[i];
       if (in_image[i]) window = window.united({p.x, p.y, p.x + 1, p.y + 1});
     }
-    detail::SpreadBand light(spread_, stack_, slices_, window);
+    for (std::size_t i = 0; i < samples; ++i) {
+      if (!in_image[i]) inside[i] = {window.x0, window.y0};
+    }
+    detail::SpreadBand light(spread_, stack_, slices_, window, inside);
     BandDose dose(model_, samples);
-    std::vector<std::vector<double>> sampled;
-    std::vector<ImageShowing> showings;
     std::vector<double> node(samples, 0.0), lower(samples), upper(samples), phi(samples);
     for (int n = slices_.slices(); n-- > 0;) {
       if ((n & 63) == 0) context.check_cancelled();
-      const std::span<const ImageShowing> shown = light.of(n);
-      showings.assign(shown.begin(), shown.end());
-      if (sampled.size() < shown.size()) sampled.resize(shown.size(), std::vector<double>(samples));
-      for (std::size_t k = 0; k < shown.size(); ++k) {
-        for (std::size_t i = 0; i < samples; ++i) {
-          const auto at = static_cast<std::size_t>(places[i].y - window.y0) *
-                              static_cast<std::size_t>(window.width()) +
-                          static_cast<std::size_t>(places[i].x - window.x0);
-          sampled[k][i] = in_image[i] ? shown[k].phi[at] : 0.0;
-        }
-        showings[k].phi = sampled[k].data();
-      }
+      const std::span<const ImageShowing> showings = light.of(n);
       dose.add_slice(n, showings);
-      std::copy_n(dose.lower(), samples, lower.begin());
-      std::copy_n(dose.upper(), samples, upper.begin());
+      for (std::size_t i = 0; i < samples; ++i) {
+        lower[i] = in_image[i] ? dose.lower()[i] : 0.0;
+        upper[i] = in_image[i] ? dose.upper()[i] : 0.0;
+      }
       if (model_.is_plain()) {
         std::fill(phi.begin(), phi.end(), 0.0);
         for (const ImageShowing& showing : showings) {
-          for (std::size_t i = 0; i < samples; ++i) phi[i] += showing.light * showing.phi[i];
+          for (std::size_t i = 0; i < samples; ++i) {
+            if (in_image[i]) phi[i] += showing.light * showing.phi[i];
+          }
         }
         surface.layer(n, phi.data(), lower.data(), upper.data());
         node = upper;

@@ -11,25 +11,35 @@
 
 namespace slicecorr::detail {
 
-void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
-                 const Setup& setup) {
-  const auto refuse = [](const char* why) {
-    throw InputError(fmt::format("doses can't be graded {}", why));
-  };
-  const CureModel& model = models.brightest();
-  if (model.mode == ExposureMode::layerwise) {
+namespace {
+
+[[noreturn]] void refuse(const char* why) {
+  throw InputError(fmt::format("doses can't be graded {}", why));
+}
+
+}  // namespace
+
+void check_graded(const Setup& setup) {
+  if (setup.process.mode == ExposureMode::layerwise) {
     refuse(
         "layer by layer, where the dose falls through every layer; expected continuous exposure");
   }
-  if (model.inhibited) refuse("under UV light; expected continuous exposure without it");
-  if (model.bath_slices > 0) {
-    refuse("in resin that ends above the window; expected no depth, or one beyond the part's end");
+  if (setup.process.uv.kind != UvKind::off) {
+    refuse("under UV light; expected continuous exposure without it");
   }
   if (!setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0) {
     refuse("where light spreads from pixel to pixel; expected a printer and a resin without");
   }
   if (setup.process.omega_max < 1e300) {
     refuse("and capped at once: wanted doses say the most, too; expected no cap of the dose");
+  }
+}
+
+void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
+                 const Setup& setup) {
+  check_graded(setup);
+  if (models.brightest().bath_slices > 0) {
+    refuse("in resin that ends above the window; expected no depth, or one beyond the part's end");
   }
   const LightCounts part = models.map().counts(target.bounds());
   const double most = doses.scale.greatest();

@@ -13,8 +13,10 @@
 
 namespace slicecorr::detail {
 
-/// Whether wanted doses can be printed: continuous exposure without UV light and without light that
-/// spreads, in resin that has no end, and no cap of the dose. Throws `InputError` where not, and
+/// Whether wanted doses go with a setup: continuous exposure without UV light and without light that
+/// spreads, and no cap of the dose. Throws `InputError` where not.
+void check_graded(const Setup& setup);
+/// The same, and whether the doses can be reached. Throws `InputError` in resin that ends, and
 /// `InfeasibleError` where one is wanted that full light never reaches.
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
                  const Setup& setup);

@@ -128,6 +128,14 @@ TEST_F(GradedDoseProgram, AStackSaysTheSame) {
   write_stl(folder_ / "placed.stl", placed);
   correct("placed.uvj", {"--region", "placed.stl=2"});
   EXPECT_EQ(bytes("region.uvj"), bytes("placed.uvj"));
+  // verify tells of the doses what correct did, where it is told them.
+  const Command verify{"verify", "region.uvj", "--target", "target.uvj", "--json", "-", "--quiet"};
+  const json told = json::parse(call(0, joined(verify, {"--region", "placed.stl=2"})).out);
+  run("run.uvj", {"--region", "left.stl=2"});
+  json made = figures("run.json")["regions"];
+  made[1]["name"] = "placed.stl";
+  EXPECT_EQ(told["regions"], made);
+  EXPECT_FALSE(json::parse(call(0, verify).out).contains("regions"));
   // And so it is by any number of threads.
   correct("one.uvj", {"--region", "placed.stl=2", "--threads", "1"});
   EXPECT_EQ(bytes("region.uvj"), bytes("one.uvj"));

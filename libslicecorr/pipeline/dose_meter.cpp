@@ -39,7 +39,7 @@ void check_doses(const DoseTarget& doses, const SliceSource& target, const Place
                  const Setup& setup) {
   check_graded(setup);
   if (models.brightest().bath_slices > 0) {
-    refuse("in resin that ends above the window; expected no depth, or one beyond the part's end");
+    refuse("in resin that ends above the window; expected deeper resin, or no depth at all");
   }
   const LightCounts part = models.map().counts(target.bounds());
   const double most = doses.scale.greatest();

@@ -115,7 +115,9 @@ int verify(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input, a.target});
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
-  const Prediction p = verify_stack(given.stack, *given.target, given.setup, context);
+  const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
+                           a.missing(), folder_of(a.target), context);
+  const Prediction p = verify_stack(given.stack, *wanted, given.setup, context);
   if (!a.output.empty()) {
     const double scale_um = 0.5 * given.stack.grid().layer_um;
     const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
@@ -174,9 +176,11 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
   const StackReader& stack = given.stack;
-  const SliceSource& target = *given.target;
+  const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
+                           a.missing(), folder_of(a.output), context);
+  const SliceSource& target = *wanted;
   const Prediction after = verify_stack(stack, target, given.setup, context);
-  const Prediction before = verify_stack(target, target, given.setup, context);
+  const Prediction before = verify_stack(*given.target, *given.target, given.setup, context);
   const StackInfo& info = stack.info();
   write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
                                                       before, title_of(a.input), context),
@@ -410,6 +414,17 @@ int run_program(int argc, char** argv) {
     sub->add_option("--layer-um", a.layer_um, "Height of the layers, where the archive says none")
         ->check(number_in(1, 1000));
   };
+  // The part is a stack: what its meshes were, and how they lay, must be told.
+  const auto doses_of_stack = [&](CLI::App* sub) {
+    a.doses.add_to(*sub);
+    sub->add_option(
+           "--design", a.doses.designs,
+           "Meshes that were sliced: each --region lies beside them as in the files [where "
+           "its file has it on the plate]")
+        ->take_all()
+        ->expected(1, std::numeric_limits<int>::max());
+    a.mesh.add_placement_to(*sub);
+  };
   std::string formats;
   for (const FormatInfo& f : archive_formats()) formats += (formats.empty() ? "" : ", ") + f.name;
   const auto stack_output = [&](CLI::App* sub, const char* text) {
@@ -428,19 +443,14 @@ int run_program(int argc, char** argv) {
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
   stack_input(sub, "IN", "Stack of coverage images");
   a.setup.add_to(*sub, true, true);
-  a.doses.add_to(*sub);
-  sub->add_option("--design", a.doses.designs,
-                  "Meshes that were sliced: each --region lies beside them as in the files [where "
-                  "its file has it on the plate]")
-      ->take_all()
-      ->expected(1, std::numeric_limits<int>::max());
-  a.mesh.add_placement_to(*sub);
+  doses_of_stack(sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("verify", "Predict what a stack prints, and measure it against its target", verify);
   stack_input(sub, "STACK", "Stack to verify");
   sub->add_option("--target", a.target, "Stack of the design")->required();
   a.setup.add_to(*sub, false, true);
+  doses_of_stack(sub);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--map", a.output,
                   "Write a map of the surface to FILE (.png): from below and from above, red where "
@@ -472,6 +482,7 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to report on");
   sub->add_option("--target", a.target, "Stack of the design")->required();
   a.setup.add_to(*sub, false, true);
+  doses_of_stack(sub);
   sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
 
   sub = add("section", "Draw what prints along an image row, before and after, as PNG", section);

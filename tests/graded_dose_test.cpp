@@ -4,11 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
 
+#include "memory_slices.hpp"
 #include "models.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "stack_fixture.hpp"
 
 namespace slicecorr {
 namespace {
@@ -236,6 +240,91 @@ TEST(GradedDose, BandsGiveTheSameAsColumns) {
   for (std::size_t i = 0; i < columns; ++i) {
     EXPECT_EQ(levels[i], solve_graded_column(plan, scale, coverage[i], doses[i])) << i;
   }
+}
+
+/// A target of two blocks and its doses, on a display whose right half is dimmer, or is not.
+struct Plate {
+  Setup setup;
+  test::MemorySlices target, bytes;
+  DoseTarget doses;
+  static Grid grid(int layers) { return {16, 16, layers, 50, 50, 50}; }
+  explicit Plate(bool uneven)
+      : setup{test::linear_printer(1, 100), test::resin(576, kHeightUm), test::process(1000)},
+        target(grid(120)),
+        bytes(grid(120)) {
+    if (uneven) {
+      FlatField field;
+      field.width_px = 2;
+      field.height_px = 1;
+      field.values =
+          std::make_shared<const std::vector<std::uint8_t>>(std::vector<std::uint8_t>{255, 180});
+      setup.printer.flat_field = field;
+    }
+    for (int n = 0; n < 120; ++n) {
+      for (int y = 2; y < 14; ++y) {
+        for (int x = 2; x < 14; ++x) {
+          target.at(n, x, y) = n < 60 || n >= 75 ? 255 : 0;
+          bytes.at(n, x, y) = static_cast<std::uint8_t>(x * 8 + n);
+        }
+      }
+    }
+    doses.images = &bytes;
+    doses.scale = DoseScale::even(2);
+    name_ranges(doses);
+  }
+};
+
+TEST(GradedDose, StacksAreMeasuredAsTheyAreVerified) {
+  const test::TemporaryFolder folder;
+  for (const bool uneven : {false, true}) {
+    SCOPED_TRACE(uneven);
+    const Plate plate(uneven);
+    const GradedTarget graded(plate.target, plate.doses);
+    const std::string path = folder / "out.uvj";
+    const Correction made = correct_stack(graded, plate.setup, StackFile(path), {.before = true});
+    EXPECT_EQ(made.after.undercure_voxels + made.after.cure_through_voxels, 0U);
+    ASSERT_EQ(made.after.regions.size(), 8U);
+    const StackReader stack(path, folder.path());
+    const Prediction told = verify_stack(stack, graded, plate.setup);
+    EXPECT_EQ(told.to_json(), made.after.to_json());
+    std::uint64_t voxels = 0;
+    for (const RegionDose& r : told.regions) {
+      voxels += r.voxels;
+      EXPECT_GE(r.least, 1.0);
+      EXPECT_LE(r.mean_off(), std::max(r.most_above, r.most_below));
+    }
+    EXPECT_EQ(voxels, told.target_voxels);
+    // What is read without a file is what the file has.
+    const CorrectedSlices slices(graded, plate.setup);
+    EXPECT_TRUE(test::MemorySlices(slices) == test::MemorySlices(stack));
+    // The first block lies on the platform: there its doses are free.
+    const ProbeRow first = probe_stack(stack, nullptr, plate.setup, 12, 8)[0];
+    EXPECT_NEAR(first.dose_middle, plate.doses.scale.dose[12 * 8], 0.01);
+  }
+}
+
+TEST(GradedDose, TargetsThatDoNotFitAreRefused) {
+  const Plate plate(false);
+  for (const Grid& other : {Grid{15, 16, 120, 50, 50, 50}, Grid{16, 17, 120, 50, 50, 50},
+                            Grid{16, 16, 119, 50, 50, 50}, Grid{16, 16, 120, 51, 50, 50},
+                            Grid{16, 16, 120, 50, 49, 50}, Grid{16, 16, 120, 50, 50, 100}}) {
+    DoseTarget doses = plate.doses;
+    const test::MemorySlices images(other);
+    doses.images = &images;
+    EXPECT_THROW(GradedTarget(plate.target, doses), InputError);
+  }
+  DoseTarget liquid = plate.doses;
+  liquid.scale.dose[7] = 0.5;
+  EXPECT_THROW(GradedTarget(plate.target, liquid), InputError);
+  // Images without light, and a scale of ones, want nothing.
+  const test::MemorySlices black(plate.target.grid());
+  DoseTarget none = plate.doses;
+  none.images = &black;
+  EXPECT_EQ(GradedTarget(plate.target, none).doses(), nullptr);
+  none = plate.doses;
+  none.scale = DoseScale::even(1);
+  EXPECT_EQ(GradedTarget(plate.target, none).doses(), nullptr);
+  EXPECT_NE(GradedTarget(plate.target, plate.doses).doses(), nullptr);
 }
 
 TEST(GradedDose, ScalesAndSidesThatAreNone) {

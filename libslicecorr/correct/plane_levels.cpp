@@ -56,10 +56,10 @@ class Spot {
         y += w * dy * dy;
       }
     }
-    double least = 0;
-    const std::vector<double> half = gaussian_taps(0.5, 1.0);
-    for (std::size_t k = 1; k < half.size(); ++k) {
-      least += 2 * half[k] * static_cast<double>(k * k);
+    double least = 0, k = 0;
+    for (const double tap : gaussian_taps(0.5, 1.0)) {
+      least += 2 * tap * k * k;
+      k += 1;
     }
     least *= 1 - 1e-9;
     return x >= least * sum && y >= least * sum;
@@ -101,23 +101,18 @@ std::vector<std::uint32_t> features_of(const PlaneOfLight& p) {
 class PlaneDecision {
  public:
   PlaneDecision(const LevelTable& levels, const PlaneOfLight& plane, const LightBlur& blur)
-      : table_(levels),
-        plane_(plane),
-        spot_(blur),
-        label_(features_of(plane)),
-        decided_(label_.size(), 0),
-        credit_(label_.size(), 0.0),
-        light_(label_.size()) {
-    const PixelBox all{0, 0, plane.width_px, plane.height_px};
-    if (blur.none()) {
-      std::copy_n(plane.wanted, light_.size(), light_.begin());
-    } else {
-      blur.apply(plane.wanted, all, light_.data(), all);
+      : table_(levels), plane_(plane), spot_(blur), label_(features_of(plane)) {}
+  PlaneOfLevels decide(const LightBlur& blur) {
+    const std::size_t size = label_.size();
+    decided_.assign(size, 0);
+    credit_.assign(size, 0.0);
+    light_.assign(plane_.wanted, plane_.wanted + size);
+    if (!blur.none()) {
+      const PixelBox all{0, 0, plane_.width_px, plane_.height_px};
+      blur.apply(plane_.wanted, all, light_.data(), all);
     }
-    result_.levels.resize(label_.size());
+    result_.levels.assign(size, 0);
     result_.handed_on = spot_.wide();
-  }
-  PlaneOfLevels decide() {
     // Gaps first: what they lack beside what is wanted, features make up for.
     in_order([this](int x, int y, std::size_t at) {
       if (label_[at] == 0) set(x, y, at, table_.at_most(plane_.wanted[at]));
@@ -180,7 +175,7 @@ class PlaneDecision {
   const LevelTable& table_;
   const PlaneOfLight& plane_;
   const Spot spot_;
-  const std::vector<std::uint32_t> label_;
+  const std::vector<std::uint32_t> label_;  ///< the feature of each pixel
   std::vector<std::uint8_t> decided_;
   std::vector<double> credit_;  ///< light that was handed to pixels
   std::vector<double> light_;   ///< after it has spread, of pixels that are not decided as wanted
@@ -191,7 +186,7 @@ class PlaneDecision {
 
 PlaneOfLevels levels_of_plane(const LevelTable& levels, const PlaneOfLight& plane,
                               const LightBlur& blur) {
-  return PlaneDecision(levels, plane, blur).decide();
+  return PlaneDecision(levels, plane, blur).decide(blur);
 }
 
 }  // namespace slicecorr::detail

@@ -164,6 +164,22 @@ TEST(GradedDose, GapsStayOpenAndFeaturesPrint) {
   EXPECT_NEAR(p.dose.upper[90], 1.0, 0.01);
 }
 
+TEST(GradedDose, FeaturesBetweenGapsAreNoBrighterThanWanted) {
+  // Two edges, and the slices before them, are chosen by what edges need: 4 % of the levels of
+  // three slices are room for that.
+  const CureModel model = model_of(50);
+  const auto coverage = column(50, {{11, 20}, {31, 40}});
+  const double room = 1.5 * 11 * level_dose(model);
+  for (const DoseSide side : {DoseSide::nearest, DoseSide::at_least, DoseSide::at_most}) {
+    DoseScale scale = scale_to(2, side);
+    const Printed p(model, scale, coverage, std::vector<std::uint8_t>(50, 0));
+    for (std::size_t n = 0; n < 50; ++n) {
+      if (coverage[n] != 255) continue;
+      EXPECT_NEAR(p.dose.middle[n], 1 + room / 2, room / 2 + 1e-9) << n;
+    }
+  }
+}
+
 std::vector<std::uint8_t> random_coverage(std::mt19937& random, std::size_t layers, int shortest) {
   std::vector<std::uint8_t> coverage;
   bool full = random() % 2 != 0;

@@ -227,8 +227,13 @@ int LevelSearch::gather(const RunAt& start, int n) {
   return count_;
 }
 
+bool LevelSearch::inside_feature(const SearchStep& s) const {
+  // Of endless runs it is not known how far above their end lies.
+  return s.coverage == kFull && (s.j > 0 || edges_[s.edge].endless);
+}
+
 bool LevelSearch::hold_below(SearchStep& s, int k) const {
-  if (s.coverage != kFull || s.j == 0) return true;
+  if (!inside_feature(s)) return true;
   s.target.hi = std::min(s.target.hi, std::max(most_[top_ - k], plan_.prints) + room_);
   return s.target.lo <= s.target.hi;
 }
@@ -502,8 +507,7 @@ int LevelSearch::choose_near(const RunAt& run, int n, double below, const Wanted
   bool held = false;
   for (int k = 0; k < count_ && !held; ++k) {
     const SearchStep& s = steps_[static_cast<std::size_t>(k)];
-    held = s.coverage == kFull && s.j > 0 &&
-           wanted.most[n - k] < edges_.doses(edges_[s.edge], s.j, 0).hi;
+    held = inside_feature(s) && wanted.most[n - k] < edges_.doses(edges_[s.edge], s.j, 0).hi;
   }
   if (held) {
     const int chosen = cut_ ? first_edge_ : count_;

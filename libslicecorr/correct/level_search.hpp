@@ -120,6 +120,8 @@ class LevelSearch {
   /// Sets rules and targets for edges within `tolerance`; false: no light meets them.
   bool aim(double tolerance);
   bool aim(const EdgeCorners& at);
+  /// Whether the upper node of a gathered slice lies inside a feature.
+  bool inside_feature(const SearchStep& step) const;
   /// Keeps the dose of the gathered slice k below `most_`; false: it can't be.
   bool hold_below(SearchStep& step, int k) const;
   /// Finds levels of the gathered slices; false: no sequence of levels is right.

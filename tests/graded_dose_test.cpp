@@ -151,6 +151,45 @@ TEST(GradedDose, StepsAreMetFromTheSideThatIsNamed) {
   }
 }
 
+TEST(GradedDose, RandomDosesAreNowhereTooLowOrNowhereTooHigh) {
+  std::mt19937 random(23);
+  const CureModel model = model_of(20);
+  constexpr int layers = 200;
+  const auto coverage = column(layers, {{0, 179}});
+  const double one = level_dose(model) + 1e-9;
+  // From 1 at its end a feature climbs to 2 in so many slices.
+  const auto climb = static_cast<std::size_t>(
+      std::ceil(fall_height_um(kHeightUm, 2, 1, model.phi_max()) / 20) + 1);
+  for (int k = 0; k < 100; ++k) {
+    std::vector<std::uint8_t> bytes;
+    while (bytes.size() < layers) {
+      bytes.insert(bytes.end(), 1 + random() % 30, static_cast<std::uint8_t>(random() % 256));
+    }
+    bytes.resize(layers);
+    double off[3] = {};
+    for (const DoseSide side : {DoseSide::nearest, DoseSide::at_least, DoseSide::at_most}) {
+      const DoseScale scale = scale_to(2, side);
+      const Printed p(model, scale, coverage, bytes);
+      for (std::size_t n = 0; n + climb < 180; ++n) {
+        const double wanted = scale.dose[bytes[n]], dose = p.dose.middle[n];
+        off[static_cast<int>(side)] =
+            std::max(off[static_cast<int>(side)], std::abs(dose - wanted));
+        if (side == DoseSide::at_least) {
+          ASSERT_GE(dose, wanted - 1e-9) << k << " " << n;
+        }
+        // Features print: near 1 rounding goes up.
+        if (side == DoseSide::at_most) {
+          ASSERT_LE(dose, std::max(wanted + 1e-9, 1 + one)) << k << " " << n;
+        }
+        ASSERT_GE(dose, 1.0);
+      }
+    }
+    // A step that light follows within a slice is met at the node between its layers.
+    const double followed = (model.phi_max() - 1) * model.one_minus_a / 4;
+    EXPECT_LE(off[0], std::max(off[1], off[2]) / 2 + 2 * one + followed) << k;
+  }
+}
+
 TEST(GradedDose, GapsStayOpenAndFeaturesPrint) {
   const CureModel model = model_of(50);
   const auto coverage = column(200, {{0, 79}, {90, 150}});

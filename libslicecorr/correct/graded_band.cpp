@@ -50,8 +50,9 @@ class GradedColumn {
   /// Sets the doses of a feature's nodes, from its upper end to its lower one.
   void bound(Upper upper, int lower, const std::uint8_t* doses);
   double wanted(std::uint8_t dose) const { return scale_.dose[dose]; }
-  /// The dose wanted of the node between two layers of a feature.
-  double between(double above, double below) const;
+  /// The doses wanted of the node between two layers of a feature: the mean, or, where light can't
+  /// follow them, both.
+  DoseRange between(double above, double below) const;
   LevelSearch::Wanted light_at(const RunAt& run, int n, double omega, const std::uint8_t* doses);
 
   const CorrectionPlan& plan_;
@@ -94,11 +95,11 @@ void GradedColumn::find_runs(const std::uint8_t* heights) {
   }
 }
 
-double GradedColumn::between(double above, double below) const {
+DoseRange GradedColumn::between(double above, double below) const {
+  const double middle = (above + below) / 2;
   const bool steep = above > p_.step(p_.phi_max, below) || above < p_.step(p_.phi_min, below);
-  if (steep && scale_.side == DoseSide::at_least) return std::max(above, below);
-  if (steep && scale_.side == DoseSide::at_most) return std::min(above, below);
-  return (above + below) / 2;
+  return steep ? DoseRange{std::min(above, below), std::max(above, below)}
+               : DoseRange{middle, middle};
 }
 
 void GradedColumn::bound(Upper upper, int lower, const std::uint8_t* doses) {
@@ -110,9 +111,10 @@ void GradedColumn::bound(Upper upper, int lower, const std::uint8_t* doses) {
       least_[at] = fits.lo;
       most_[at] = fits.hi;
     } else {
-      const double dose =
-          k == upper.node ? wanted(doses[k]) : between(wanted(doses[k - 1]), wanted(doses[k]));
-      double least = dose, most = dose;
+      const double own = wanted(doses[k]);
+      const DoseRange dose =
+          k == upper.node ? DoseRange{own, own} : between(wanted(doses[k - 1]), own);
+      double least = dose.hi, most = dose.lo;
       if (k > upper.node) {
         least = std::max(least, (least_[at - 1] - p_.climb_max * p_.b) * p_.per_a);
         most = std::min(most, (most_[at - 1] - p_.phi_min * p_.b) * p_.per_a);

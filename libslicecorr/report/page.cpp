@@ -146,6 +146,7 @@ std::string summary(const ReportContent& c) {
     html += " UV light: " + escape_markup(uv) + ".";
   }
   if (layerwise) return html + "</p>";
+  if (c.most_wanted > 1) return html + " Doses inside features wanted place by place.</p>";
   const double cap = c.setup.process.omega_max;
   return html + (cap >= 1e300 ? " Dose inside features not capped.</p>"
                               : fmt::format(" Dose inside features capped at {:g}.</p>", cap));

@@ -122,6 +122,11 @@ TEST_F(GradedDoseProgram, AStackSaysTheSame) {
   correct("region.uvj", {"--region", "left.stl=2", "--design", "ladder.stl"});
   correct("stack.uvj", {"--dose-target", "left.uvj", "--dose-target-max", "2"});
   EXPECT_EQ(bytes("region.uvj"), bytes("stack.uvj"));
+  // A region takes one word: what follows is the stack.
+  call(0, joined({"correct", "--design", "ladder.stl", "--region", "left.stl=2", "target.uvj", "-o",
+                  "before.uvj"},
+                 how()));
+  EXPECT_EQ(bytes("region.uvj"), bytes("before.uvj"));
   // On the plate without the design: the region's own place is taken.
   TriangleMesh placed;
   add_box(placed, {2, 2, 0}, {4, 4, 2.5});

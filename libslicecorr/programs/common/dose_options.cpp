@@ -75,7 +75,8 @@ void DoseOptions::add_to(CLI::App& app) {
       ->check(number_in(1, 1e6));
   app.add_option("--region", regions,
                  "MESH=VALUE: a dose wanted of what lies inside a mesh, in critical doses; may be "
-                 "given several times, later ones win; outside of all it is 1");
+                 "given several times, later ones win; outside of all it is 1")
+      ->allow_extra_args(false);
   app.add_option("--dose-side", side,
                  "How doses are met that change too steeply along z: nearest, nowhere below what "
                  "is wanted, or nowhere above it [nearest]")

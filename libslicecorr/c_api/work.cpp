@@ -44,22 +44,31 @@ class Images {
  public:
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
          const ExecutionContext& context)
-      : slices_(stack.slices) {
-    if (slices_) return;
-    reader_.emplace(stack.path, folder, context, missing_facts(stack, printer));
-    check_unchanged(stack, reader_->info());
+      : slices_(stack.slices), dose_images_(stack.doses) {
+    if (!slices_) {
+      reader_.emplace(stack.path, folder, context, missing_facts(stack, printer));
+      check_unchanged(stack, reader_->info());
+    }
+    if (!dose_images_) return;
+    doses_.images = dose_images_.get();
+    doses_.scale = stack.dose_scale;
+    name_ranges(doses_);
+    graded_.emplace(plain(), doses_);
   }
   std::optional<std::uint64_t> pixel_sum() const {
     if (reader_) return reader_->pixel_sum();
     return std::nullopt;
   }
-  const SliceSource& source() const {
-    return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
-  }
+  const SliceSource& source() const { return graded_ ? *graded_ : plain(); }
 
  private:
-  std::shared_ptr<const SliceStore> slices_;
+  const SliceSource& plain() const {
+    return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
+  }
+  std::shared_ptr<const SliceStore> slices_, dose_images_;
   std::optional<StackReader> reader_;
+  DoseTarget doses_;
+  std::optional<GradedTarget> graded_;
 };
 
 /// A source on the way: sums its coverage, stops when the job is cancelled.
@@ -71,6 +80,7 @@ class Watched final : public SliceSource {
   PixelBox bounds() const override { return source_.bounds(); }
   ImageFrame frame() const override { return source_.frame(); }
   const Recording* recording() const override { return source_.recording(); }
+  const DoseTarget* doses() const override { return source_.doses(); }
   void read_band(const PixelBox& band, const Sink& sink) const override {
     const auto size =
         static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());

@@ -150,7 +150,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   setup.process = schedule_uv(source, setup, context);
   Watched watched(source, context);
   const CorrectedSlices corrected(watched, setup, context);
-  watched.begin();
+  if (!corrected.kept()) watched.begin();
   InMemory result;
   result.stack = std::make_unique<slicecorr_stack>();
   slicecorr_stack& stack = *result.stack;

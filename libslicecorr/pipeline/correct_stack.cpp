@@ -86,11 +86,6 @@ Grid with_layers(Grid grid, int layers) {
   return grid;
 }
 
-/// Whether light goes from column to column.
-bool spreads(const Setup& setup) {
-  return !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
-}
-
 /// The setup with the UV light over z that it asks for.
 Setup with_scheduled_uv(const SliceSource& target, Setup setup, const ExecutionContext& context) {
   refuse_recording(target);
@@ -383,7 +378,8 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
-  if (spreads(setup)) return detail::correct_spread_stack(wanted, setup, file, ask, context);
+  if (detail::spreads(setup))
+    return detail::correct_spread_stack(wanted, setup, file, ask, context);
   StackCorrection correction(wanted, setup, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
@@ -400,11 +396,19 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
+  if (!detail::spreads(setup)) return;
+  if (plans_->even()) {
+    together_ = std::make_unique<const detail::TogetherCorrected>(
+        target_, *plans_, setup.process.spread_rounds, context);
+  } else {
+    context.tell("the display's light is uneven and spreads: each column is corrected alone");
+  }
 }
 
 CorrectedSlices::~CorrectedSlices() = default;
 
 void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
+  if (together_) return together_->read_band(band, sink);
   const std::size_t columns = columns_of(band);
   const int all = plans_->all_layers();
   const BandReader read = detail::reader_of(target_, band);

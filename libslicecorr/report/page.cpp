@@ -142,6 +142,12 @@ std::string summary(const ReportContent& c) {
   if (const std::string light = light_in_words(c.setup.printer); !light.empty()) {
     html += " Light over the display: " + escape_markup(light) + ".";
   }
+  if (const std::string spread = spread_in_words(c.setup.printer.spread); !spread.empty()) {
+    html += " Light spreads: " + escape_markup(spread) + ".";
+  }
+  if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {
+    html += fmt::format(" Light scatters in the resin, {:g} um²/um.", scatter);
+  }
   if (const std::string uv = uv_in_words(c.setup.process.uv); !uv.empty()) {
     html += " UV light: " + escape_markup(uv) + ".";
   }

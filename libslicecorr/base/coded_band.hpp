@@ -30,6 +30,29 @@ class CodedBand {
     if (rows && !all_zero(rows, columns_)) run_length_encode(rows, columns_, code_);
     ends_.push_back(code_.size());
   }
+  /// Adds a slice like the one before it; black where there is none.
+  void append_again() {
+    if (!ends_.empty()) {
+      const std::size_t from = begin(slices() - 1), to = ends_.back();
+      code_.resize(to + (to - from));
+      std::copy_n(code_.data() + from, to - from, code_.data() + to);
+    }
+    ends_.push_back(code_.size());
+  }
+  /// Gives back memory that no slice needs.
+  void trim() {
+    code_.shrink_to_fit();
+    ends_.shrink_to_fit();
+  }
+  std::size_t bytes() const {
+    return code_.capacity() + ends_.capacity() * sizeof(std::size_t);
+  }
+  /// Whether two slices are alike.
+  bool same(int slice, int other) const {
+    const std::uint8_t *a = code_.data() + begin(slice), *b = code_.data() + begin(other);
+    return std::equal(a, code_.data() + ends_[static_cast<std::size_t>(slice)], b,
+                      code_.data() + ends_[static_cast<std::size_t>(other)]);
+  }
   int slices() const { return static_cast<int>(ends_.size()); }
   bool black(int slice) const { return begin(slice) == ends_[static_cast<std::size_t>(slice)]; }
   /// Writes a slice to `out`; black outside the columns that are coded.

@@ -1,11 +1,20 @@
 #include "correct/coupled.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace slicecorr::detail {
 
 namespace {
+
+/// How much more is asked for than would do if every slice gave it: many can't, being dark or bright
+/// already. Patches that gain ask for more each time, up to a limit; others for less, until they are
+/// given up.
+constexpr double kUrgency = 4, kMoreUrgent = 1.4, kLessUrgent = 0.4, kMostUrgent = 32,
+                 kLeastUrgent = 0.3;
+/// By this factor the loss of a patch may rise where fewer voxels are wrong.
+constexpr double kMostLossRise = 2;
 
 /// Rounds without gain after which nothing is expected any more.
 constexpr int kMostWithoutGain = 5;
@@ -36,7 +45,20 @@ struct CoupledCorrection::Tile {
   PixelBox box;
   Band coverage, columns, now, best;
   PatchFigures figures, best_figures;  ///< of `now` and of `best`
+  double urgency = kUrgency;
 };
+
+namespace {
+
+std::uint64_t wrong_in(const PatchFigures& figures) { return figures.through + figures.under; }
+
+/// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to none.
+bool gains(const PatchFigures& now, const PatchFigures& before) {
+  return now.loss < before.loss ||
+         (wrong_in(now) < wrong_in(before) && now.loss <= kMostLossRise * before.loss);
+}
+
+}  // namespace
 
 CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur,
                                      const SliceScatter& scatter, const PixelBox& bounds,
@@ -157,7 +179,7 @@ void CoupledCorrection::judge(const std::vector<std::size_t>& which,
 
 std::optional<PatchTask> CoupledCorrection::task_of(const Tile& tile) const {
   const PixelBox watched = PatchPlace::grown(tile.box, plan_.overlap_x, plan_.overlap_y);
-  if (common(watched, bounds_).empty()) return std::nullopt;
+  if (common(watched, bounds_).empty() || tile.urgency < kLeastUrgent) return std::nullopt;
   PatchTask task;
   task.box = tile.box;
   task.free = bounds_;
@@ -177,8 +199,27 @@ std::optional<PatchTask> CoupledCorrection::task_of(const Tile& tile) const {
     wrong = wrong || !misses.empty();
   }
   if (!wrong) return std::nullopt;
-  if (!task.first) task.requests = requests_of(plan_, misses);
+  if (!task.first) {
+    task.requests = requests_of(plan_, misses, tile.urgency);
+  }
   return task;
+}
+
+std::vector<std::size_t> CoupledCorrection::seen_from(
+    const std::vector<std::size_t>& changed) const {
+  std::vector<std::uint8_t> marks(tiles_.size(), 0);
+  for (const std::size_t i : changed) {
+    for (const std::size_t k :
+         tiles_in(PatchPlace::grown(tiles_[i].box, plan_.reach_x + plan_.halo_x,
+                                    plan_.reach_y + plan_.halo_y))) {
+      marks[k] = 1;
+    }
+  }
+  std::vector<std::size_t> seen;
+  for (std::size_t k = 0; k < marks.size(); ++k) {
+    if (marks[k]) seen.push_back(k);
+  }
+  return seen;
 }
 
 bool CoupledCorrection::improve(const ExecutionContext& context) {
@@ -193,29 +234,37 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
       tasks.push_back(std::move(*task));
     }
   }
+  if (solved.empty()) return false;
   std::vector<Band> next(solved.size());
   parallel_for(context, "round", solved.size(), [&](std::size_t i) {
     const PixelBox watched =
         PatchPlace::grown(tasks[i].box, plan_.overlap_x, plan_.overlap_y);
     next[i] = std::make_shared<const CodedBand>(solve_patch(plan_, tasks[i], sources_of(watched)));
   });
-  std::vector<std::uint8_t> to_judge(tiles_.size(), 0);
+  std::vector<PatchFigures> before(solved.size());
   for (std::size_t i = 0; i < solved.size(); ++i) {
     Tile& tile = tiles_[solved[i]];
-    tile.now = std::move(next[i]);
-    for (const std::size_t k :
-         tiles_in(PatchPlace::grown(tile.box, plan_.reach_x + plan_.halo_x,
-                                    plan_.reach_y + plan_.halo_y))) {
-      to_judge[k] = 1;
+    std::swap(tile.now, next[i]);
+    before[i].through = tile.figures.through;
+    before[i].under = tile.figures.under;
+    before[i].loss = tile.figures.loss;
+  }
+  judge(seen_from(solved), context);
+  // Patches that have become worse go back to what they were.
+  std::vector<std::size_t> back;
+  for (std::size_t i = 0; i < solved.size(); ++i) {
+    Tile& tile = tiles_[solved[i]];
+    if (!gains(tile.figures, before[i])) {
+      tile.now = std::move(next[i]);
+      tile.urgency *= kLessUrgent;
+      back.push_back(solved[i]);
+    } else if (now_.round > 0) {
+      tile.urgency = std::min(kMostUrgent, tile.urgency * kMoreUrgent);
     }
   }
-  std::vector<std::size_t> which;
-  for (std::size_t k = 0; k < to_judge.size(); ++k) {
-    if (to_judge[k]) which.push_back(k);
-  }
+  if (!back.empty()) judge(seen_from(back), context);
   ++now_.round;
   now_.patches = solved.size();
-  judge(which, context);
   if (now_.better_than(best_)) {
     best_ = now_;
     without_gain_ = 0;

@@ -96,6 +96,8 @@ class CoupledCorrection {
   std::vector<std::size_t> tiles_in(const PixelBox& box) const;
   PatchSources sources_of(const PixelBox& watched) const;
   void judge(const std::vector<std::size_t>& which, const ExecutionContext& context);
+  /// Tiles whose doses feel the light of others, these included.
+  std::vector<std::size_t> seen_from(const std::vector<std::size_t>& changed) const;
   std::optional<PatchTask> task_of(const Tile& tile) const;
   void keep_best();
 

@@ -108,9 +108,10 @@ PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box,
   return PatchJudge(plan, box, sources).run();
 }
 
-std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss>& misses) {
-  // Requests of all slices together undo the miss; twice that, since neighbours answer, too.
-  const double share = 2 * (1 - plan.a * plan.fading) / plan.b;
+std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss>& misses,
+                                 double urgency) {
+  // With an urgency of 1 the requests of all slices together undo the miss, if all are granted.
+  const double share = urgency * (1 - plan.a * plan.fading) / plan.b;
   // Less than a part of a level step leads nowhere.
   const double least = plan.shine_step / 3;
   std::vector<Request> requests;

@@ -39,7 +39,9 @@ struct Request {
 };
 /// The requests of misses to the slices from theirs on, each place of a slice once, the last slices
 /// first.
-std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss>& misses);
+/// `urgency`: how much more is asked for than would do if every slice gave it.
+std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss>& misses,
+                                 double urgency);
 
 /// What is chosen for a patch in a round.
 struct PatchTask {

@@ -102,8 +102,8 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
   halo_y = scatter.halo_y(a, kJudgedShare);
   overlap_x = std::max(reach_x + 2 * near_x, scatter.halo_x(a, kChosenShare));
   overlap_y = std::max(reach_y + 2 * near_y, scatter.halo_y(a, kChosenShare));
-  fading = 1 - std::min(0.5, 3.5 * b);
-  depth = std::clamp(static_cast<int>(std::ceil(std::log(0.05) / std::log(fading))), 1, 40);
+  fading = 1 - std::min(0.5, b);
+  depth = std::clamp(static_cast<int>(std::ceil(std::log(0.05) / std::log(fading))), 1, 80);
 }
 
 }  // namespace slicecorr::detail

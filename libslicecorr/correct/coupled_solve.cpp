@@ -111,6 +111,16 @@ class PatchSolver : public PatchField<float> {
     const Pixel p = place().pixel(at);
     return PatchPlace::holds(place().watched, p) && PatchPlace::holds(plan_.display, p);
   }
+  /// The pixels beside one, as far as they are watched.
+  template <class Each>
+  void for_neighbours(std::size_t at, const Each& each) const {
+    const Pixel p = place().pixel(at);
+    const PixelBox& w = place().watched;
+    if (p.x > w.x0) each(at - 1);
+    if (p.x + 1 < w.x1) each(at + 1);
+    if (p.y > w.y0) each(at - place().stride);
+    if (p.y + 1 < w.y1) each(at + place().stride);
+  }
   /// Squares that miss something get aims, as do those around what they miss.
   void find_aims(int n);
   void aim(int k);
@@ -175,8 +185,8 @@ void PatchSolver::show_slice(int n) {
 void PatchSolver::note_coverage(int n) {
   const auto take = [&](std::size_t at) {
     here_[at] = above_[at];
-    const std::size_t around[] = {at, at - 1, at + 1, at - place().stride, at + place().stride};
-    to_classify_.insert(to_classify_.end(), std::begin(around), std::end(around));
+    to_classify_.push_back(at);
+    for_neighbours(at, [&](std::size_t beside) { to_classify_.push_back(beside); });
   };
   const auto note = [&](std::size_t at, std::uint8_t, std::uint8_t) {
     coverage_changes_.push_back(at);
@@ -208,8 +218,8 @@ void PatchSolver::classify(std::size_t at) {
     if (above == 0) most_[at] = 1 + 1.5F * margin;
     if (above != 255) return;
     if (level < plan_.top) over_guide_[at] = 0;
-    const bool rim = here_[at - 1] == 0 || here_[at + 1] == 0 || here_[at - place().stride] == 0 ||
-                     here_[at + place().stride] == 0;
+    bool rim = false;
+    for_neighbours(at, [&](std::size_t beside) { rim = rim || here_[beside] == 0; });
     if (rim) soft_[at] = std::max(kRimDose, 1 + 4 * margin);
   } else if (cover == 0) {
     most_[at] = (1 - margin) * (1 + root_a);

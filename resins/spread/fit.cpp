@@ -101,7 +101,7 @@ std::vector<const KnownSpread*> fitted_of(const SpreadFitOptions& o, bool of_wid
 
 /// The best of several starts.
 double solve(const SpreadProblem& problem, const std::vector<std::vector<double>>& starts,
-             std::vector<double>& best) {
+             std::vector<double>& best, bool fine = true) {
   struct Start {
     double cost = 0;
     const std::vector<double>* values = nullptr;
@@ -114,16 +114,22 @@ double solve(const SpreadProblem& problem, const std::vector<std::vector<double>
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const Start& a, const Start& b) { return a.cost < b.cost; });
   double least = std::numeric_limits<double>::infinity();
-  constexpr std::size_t most = 4;
-  for (std::size_t i = 0; i < std::min(most, sorted.size()); ++i) {
-    std::vector<double> values = *sorted[i].values;
-    const double cost = minimise(problem, values, 1e-5, 60);
+  // Of several minima the best one counts, so those that begin alike are not all taken.
+  const std::size_t most = fine ? 6 : 2, alike = fine ? 2 : 1;
+  std::map<double, std::size_t> taken;
+  std::size_t count = 0;
+  for (const Start& start : sorted) {
+    if (count == most) break;
+    if (taken[start.values->front()]++ >= alike) continue;
+    ++count;
+    std::vector<double> values = *start.values;
+    const double cost = minimise(problem, values, 1e-5, fine ? 60 : 20);
     if (cost < least * (1 - 1e-6)) {
       least = cost;
       best = values;
     }
   }
-  return std::isfinite(least) ? minimise(problem, best, kFine, 200) : least;
+  return fine && std::isfinite(least) ? minimise(problem, best, kFine, 200) : least;
 }
 
 bool fits(const SpreadProblem& problem, std::string_view name) {
@@ -151,12 +157,31 @@ std::vector<SpreadState> combined(const SpreadProblem& problem, const std::vecto
   return all;
 }
 
+/// Where two Gaussians begin when one is found like this.
+std::vector<std::vector<double>> starts_of_two(const SpreadProblem& problem,
+                                               const SpreadState& one) {
+  std::vector<std::vector<double>> starts;
+  const bool wide = fits(problem, "sigma2_um"), share = fits(problem, "weight2");
+  for (const double times : wide ? std::vector{2.0, 4.0, 8.0} : std::vector{0.0}) {
+    for (const double part : share ? std::vector{0.05, 0.2, 0.5} : std::vector{0.0}) {
+      for (const double less : {1.0, 0.8, 0.5}) {
+        SpreadState s = one;
+        s.sigma_um *= fits(problem, "sigma_um") ? less : 1;
+        s.sigma2_um = wide ? times * one.sigma_um : problem.start.sigma2_um;
+        s.weight2 = share ? part : problem.start.weight2;
+        starts.push_back(problem.values_of(s));
+      }
+    }
+  }
+  return starts;
+}
+
 /// With one Gaussian from these states; with two from what one finds.
 template <class Problem>
-double solve_all(Problem& problem, const std::vector<SpreadState>& states,
+double solve_all(const Problem& problem, const std::vector<SpreadState>& states,
                  std::vector<double>& best) {
-  std::vector<std::vector<double>> starts;
   if (problem.start.weight2 == 0) {
+    std::vector<std::vector<double>> starts;
     for (const SpreadState& s : states) starts.push_back(problem.values_of(s));
     return solve(problem, starts, best);
   }
@@ -165,28 +190,17 @@ double solve_all(Problem& problem, const std::vector<SpreadState>& states,
   std::erase_if(one.fitted, [](const KnownSpread* k) {
     return is_one_of(k, {"sigma2_um", "weight2"});
   });
-  SpreadState first = problem.start;
+  SpreadState first = one.start;
   if (!one.fitted.empty()) {
     std::vector<SpreadState> plain = states;
     for (SpreadState& s : plain) s.weight2 = 0;
     std::vector<double> values;
-    if (!std::isfinite(solve_all(one, plain, values)))
+    if (!std::isfinite(solve_all(one, plain, values))) {
       return std::numeric_limits<double>::infinity();
+    }
     first = one.at(values.data());
   }
-  const bool wide = fits(problem, "sigma2_um"), share = fits(problem, "weight2");
-  for (const double times : wide ? std::vector{2.0, 4.0, 8.0} : std::vector{0.0}) {
-    for (const double part : share ? std::vector{0.05, 0.2, 0.5} : std::vector{0.0}) {
-      for (const double less : {1.0, 0.8, 0.5}) {
-        SpreadState s = first;
-        s.sigma_um *= fits(problem, "sigma_um") ? less : 1;
-        s.sigma2_um = wide ? times * first.sigma_um : problem.start.sigma2_um;
-        s.weight2 = share ? part : problem.start.weight2;
-        starts.push_back(problem.values_of(s));
-      }
-    }
-  }
-  return solve(problem, starts, best);
+  return solve(problem, starts_of_two(problem, first), best);
 }
 
 FitShape shape_at(const SpreadProblem& problem, const std::vector<double>& values,
@@ -253,7 +267,9 @@ void tell_parameters(const SpreadProblem& problem, const Settled& s, bool of_wid
                      SpreadFit& fit) {
   fit.measurements = static_cast<int>(problem.count());
   fit.freedom = fit.measurements - static_cast<int>(problem.unknowns());
-  const double variance = s.cost / fit.freedom;
+  // Nobody measures more than six digits, so nothing is known better than by these.
+  const double digits = 1e-6 * (of_widths ? problem.scale_um() : 1);
+  const double variance = std::max(s.cost / fit.freedom, digits * digits);
   const double quantile = student_t_quantile(0.975, fit.freedom);
   const SpreadState found = problem.at(s.values.data());
   for (const KnownSpread& k : known_spread()) {
@@ -319,15 +335,13 @@ void compare_with_two(const Problem& problem, const Settled& s, SpreadFit& fit) 
       static_cast<double>(problem.count()) - static_cast<double>(problem.unknowns()) - 2;
   if (freedom < 1 || !fits(problem, "sigma_um")) return;
   for (const char* name : {"sigma2_um", "weight2"}) two.fitted.push_back(known_spread(name));
-  two.start.weight2 = 0.1;
-  two.start.sigma2_um = 4 * two.start.sigma_um;
-  std::vector<double> values;
-  const double cost = solve_all(two, {problem.at(s.values.data())}, values);
-  if (!std::isfinite(cost)) return;
-  const double n = static_cast<double>(problem.count());
   // What is left of rounding is nothing to improve.
-  const double rounding = 1e-9 * (fit.of_widths ? problem.scale_um() : 1);
+  const double n = static_cast<double>(problem.count());
+  const double rounding = 1e-7 * (fit.of_widths ? problem.scale_um() : 1);
   if (s.cost < n * rounding * rounding) return;
+  std::vector<double> values;
+  const double cost = solve(two, starts_of_two(two, two.start), values, false);
+  if (!std::isfinite(cost)) return;
   const double f = (s.cost - cost) / 2 / std::max(cost / freedom, 1e-300);
   const double p = f_exceedance(f, 2, freedom);
   if (p > 1e-3) return;

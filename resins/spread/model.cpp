@@ -144,7 +144,7 @@ double printed_width_um(const SpreadState& s, const Exposure& e, double designed
   for (const auto& [sigma, weight] : gaussians_at(s, depth)) {
     if (weight > 0) widest = std::max(widest, sigma);
   }
-  double outer = half + 40 * widest;
+  double outer = 2 * half + 40 * widest;
   const double beside = dose_at(s, e, half, outer).value, middle = dose_at(s, e, half, 0).value;
   // A line's light falls from its middle, a gap's rises.
   const double sign = e.gap ? -1 : 1;

@@ -236,10 +236,9 @@ TEST(SpreadFit, FilesTakeWhatWasFound) {
               testing::AllOf(HasSubstr("Printed widths"), HasSubstr("gaps")));
 }
 
-/// How wide the light of a row of pixels prints about a place: each pixel is spread by itself, in
-/// steps of half a um.
+/// How wide the light of a row of pixels prints about a place: each pixel is spread by itself.
 double width_in_row(const std::vector<double>& light, double pitch, double sigma, double dose,
-                    double middle_um) {
+                    double middle_um, bool gap) {
   const auto dose_at = [&](double x) {
     double sum = light.front();
     for (std::size_t i = 0; i < light.size(); ++i) {
@@ -250,10 +249,20 @@ double width_in_row(const std::vector<double>& light, double pitch, double sigma
     return dose * sum;
   };
   const bool gelled = dose_at(middle_um) >= 1;
-  double left = middle_um, right = middle_um;
-  while (dose_at(left) >= 1 == gelled && left > middle_um - 1500) left -= 0.5;
-  while (dose_at(right) >= 1 == gelled && right < middle_um + 1500) right += 0.5;
-  return right - left - 0.5;
+  if (gelled == gap) return 0;
+  const auto alike = [&](double x) { return (dose_at(x) >= 1) == gelled; };
+  double ends[2] = {};
+  for (const int way : {-1, 1}) {
+    double in = middle_um;
+    while (alike(in + 5 * way) && std::abs(in - middle_um) < 1500) in += 5 * way;
+    double out = in + 5 * way;
+    for (int i = 0; i < 30; ++i) {
+      const double middle = 0.5 * (in + out);
+      (alike(middle) ? in : out) = middle;
+    }
+    ends[way > 0] = in;
+  }
+  return ends[1] - ends[0];
 }
 
 // From the part that is printed to the printer's file, through the programs. The print is made up
@@ -320,8 +329,8 @@ TEST(SpreadProgram, ATestPartIsMadeMeasuredAndFitted) {
     const std::string kind = line.substr(0, line.find(','));
     if (upright && runs.contains(kind)) {
       const auto& [a, b] = runs[kind][done[kind]++];
-      const double width = width_in_row(rows[kind], 50, 45, 3.2, 25.0 * (a + b));
-      line = fmt::format("{},{},{},", kind, 50 * (b - a), width > 0.5 ? width : 0);
+      const double width = width_in_row(rows[kind], 50, 45, 3.2, 25.0 * (a + b), kind == "gap");
+      line = fmt::format("{},{},{},", kind, 50 * (b - a), width);
     }
     filled << line << "\n";
   }
@@ -332,15 +341,14 @@ TEST(SpreadProgram, ATestPartIsMadeMeasuredAndFitted) {
       options);
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
   const auto json = nlohmann::json::parse(ran.out);
-  // Half a um of 500.
-  EXPECT_NEAR(json["parameters"]["sigma_um"]["value"].get<double>(), 45, 0.6);
-  EXPECT_NEAR(json["parameters"]["dose"]["value"].get<double>(), 3.2, 0.02);
+  EXPECT_NEAR(json["parameters"]["sigma_um"]["value"].get<double>(), 45, 1e-3);
+  EXPECT_NEAR(json["parameters"]["dose"]["value"].get<double>(), 3.2, 1e-4);
   EXPECT_EQ(json["kind"], "widths");
   EXPECT_EQ(json["measurements"].get<int>() + 1, 24);
   EXPECT_TRUE(fs::exists(folder / "widths.svg"));
   const Printer found = load_printer(printer_file);
   ASSERT_EQ(found.spread.gaussians.size(), 1U);
-  EXPECT_NEAR(found.spread.gaussians[0].sigma_um, 45, 0.6);
+  EXPECT_NEAR(found.spread.gaussians[0].sigma_um, 45, 1e-3);
   EXPECT_TRUE(fs::exists(folder / ".history" / "my-printer"));
   // What can't be is wrong usage.
   for (const std::vector<std::string>& more : {std::vector<std::string>{"part.png"},

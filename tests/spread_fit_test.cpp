@@ -233,6 +233,12 @@ TEST(SpreadFit, AnOutlierIsNamedAndLeftOut) {
   SpreadFitOptions all = with(printer);
   all.keep_outliers = true;
   EXPECT_GT(fit_spread(m, all).rms, 1.5 * fit.rms);
+  // One that was mistyped must not lead the search astray.
+  m = measured(Lab(), 2, 5);
+  m.widths[2].printed_um *= 10;
+  const SpreadFit typed = fit_spread(m, with(printer));
+  EXPECT_THAT(typed.notes, testing::Contains(HasSubstr("Line 4, a line of 150 um, does not")));
+  EXPECT_NEAR(typed.parameter("sigma_um").value, 40, 6);
   // More than a fifth is no measurement.
   m = measured(Lab(), 0.01, 5, 2);
   int spoilt = 0;

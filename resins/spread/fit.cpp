@@ -229,8 +229,41 @@ struct Settled {
   FitShape shape;
 };
 
+[[noreturn]] void fail_too_many(const std::string& source, const std::string& line) {
+  throw InputError(
+      source, line,
+      "more than a fifth of the rows do not belong to the others, this one the least; "
+      "expected one printer, resin and exposure, or --keep-outliers to count them all");
+}
+
+/// Takes away rows that are off by more than light makes of any line, misread or mistyped: they
+/// would lead the search astray. Of all starts the one counts that misses least by sum of absolute
+/// values.
+std::vector<WidthProblem::Row> take_gross(WidthProblem& problem,
+                                          const std::vector<SpreadState>& states) {
+  std::vector<double> best, off(problem.count());
+  double least = std::numeric_limits<double>::infinity();
+  for (const SpreadState& state : states) {
+    const auto values = problem.values_of(state);
+    if (!problem.residuals(values.data(), off.data())) continue;
+    double sum = 0;
+    for (std::size_t i = 0; i < off.size(); ++i) sum += std::abs(off[i]) * problem.rows[i].error_um;
+    if (sum >= least) continue;
+    least = sum;
+    best = off;
+  }
+  std::vector<WidthProblem::Row> gross, rest;
+  for (std::size_t i = 0; i < best.size(); ++i) {
+    const WidthProblem::Row& r = problem.rows[i];
+    const double far = 0.5 * (problem.scale_um() + r.designed_um);
+    (std::abs(best[i]) * r.error_um > far ? gross : rest).push_back(r);
+  }
+  if (!gross.empty()) problem.rows = rest;
+  return gross;
+}
+
 /// Solves, and leaves out what can't belong to the others: `all` are the rows of the problem that
-/// count, `lines` tells the line of one.
+/// count, `lines` tells the line of one. `left_out` holds those that are left out already.
 template <class Problem, class Row, class Lines>
 Settled settle(Problem& problem, std::vector<Row> Problem::*all,
                const std::vector<SpreadState>& states, const std::string& source, bool of_widths,
@@ -243,17 +276,14 @@ Settled settle(Problem& problem, std::vector<Row> Problem::*all,
                      "what --fix holds");
   }
   s.shape = shape_at(problem, s.values, source, of_widths);
-  const std::size_t count = (problem.*all).size();
+  const std::size_t count = (problem.*all).size() + left_out.size();
   const double rounding = of_widths ? 1e-6 * problem.scale_um() : 1e-7;
   while (outliers) {
     const auto worst = outlier_of(s.shape, problem.unknowns(), rounding);
     if (!worst) break;
     left_out.push_back((problem.*all)[*worst]);
     if (5 * left_out.size() > count || count - left_out.size() <= problem.unknowns() + 1) {
-      throw InputError(source, lines(left_out.front()),
-                       "more than a fifth of the rows do not belong to the others, this one the "
-                       "least; expected one printer, resin and exposure, or --keep-outliers to "
-                       "count them all");
+      fail_too_many(source, lines(left_out.front()));
     }
     (problem.*all).erase((problem.*all).begin() + static_cast<std::ptrdiff_t>(*worst));
     s.cost = minimise(problem, s.values, kFine, 200);
@@ -405,12 +435,17 @@ SpreadFit fit_widths(const SpreadMeasurements& measured, const SpreadFitOptions&
   for (double s = narrowest / 8; s < 1.5 * widest; s *= 1.6) sigmas.push_back(s);
   for (const double d : {1.15, 1.5, 2.0, 3.0, 5.0, 9.0, 18.0, 40.0, 100.0, 400.0})
     doses.push_back(d / left);
-  std::vector<WidthProblem::Row> left_out;
   const auto place = [&](const WidthProblem::Row& r) {
     return fmt::format("line {}", measured.widths[r.index].line);
   };
-  const Settled s = settle(problem, &WidthProblem::rows, combined(problem, sigmas, doses),
-                           measured.source, true, !o.keep_outliers, place, left_out);
+  const auto states = combined(problem, sigmas, doses);
+  std::vector<WidthProblem::Row> left_out;
+  if (!o.keep_outliers) left_out = take_gross(problem, states);
+  if (5 * left_out.size() > counted.size() || problem.count() <= problem.fitted.size()) {
+    fail_too_many(measured.source, place(left_out.front()));
+  }
+  const Settled s = settle(problem, &WidthProblem::rows, states, measured.source, true,
+                           !o.keep_outliers, place, left_out);
   tell_parameters(problem, s, true, o.gaussians, fit);
   const SpreadState found = problem.at(s.values.data());
   double squares = 0;

@@ -21,8 +21,12 @@ using chart::Picture;
 using chart::Point;
 using chart::Style;
 
-std::string depth_words(double depth_um) {
-  return std::isfinite(depth_um) ? fmt::format(", {:g} um deep", depth_um) : std::string();
+/// Told where there are several, or where it is not the window.
+std::string depth_words(const SpreadFit& fit, double depth_um) {
+  const bool all_at_window = std::all_of(fit.residuals.begin(), fit.residuals.end(),
+                                         [](const SpreadResidual& r) { return r.depth_um == 0; });
+  if (all_at_window || !std::isfinite(depth_um)) return {};
+  return fmt::format(", {:g} um deep", depth_um);
 }
 
 /// Measured and found by what was designed; what is left below.
@@ -48,7 +52,7 @@ void draw_widths(const SpreadFit& fit, Picture& picture) {
                axis_over("printed width, um", false, printed, true), 320, false);
   widths.line({{0, 0}, {widest, widest}}, Style::reference);
   Panel rest(axis_over("designed width, um", false, designed, true),
-             axis_over("measured less found, um", false, off), 150);
+             axis_over("measured less found, um", false, off), 200);
   rest.horizontal(0, "");
   const double most = off.empty() ? 1 : *std::max_element(off.begin(), off.end());
   for (const SpreadResidual& r : fit.residuals) {
@@ -72,7 +76,7 @@ void draw_widths(const SpreadFit& fit, Picture& picture) {
     widths.line(s.found, Style::series, s.number);
     picture.legend_point(s.number,
                          fmt::format("{}{}", key.second == WidthKind::gap ? "gaps" : "lines",
-                                     depth_words(key.first)));
+                                     depth_words(fit, key.first)));
   }
   picture.legend_line(Style::reference, "printed as designed");
   picture.add(widths);
@@ -103,7 +107,7 @@ void draw_edges(const SpreadFit& fit, Picture& picture) {
   Panel steps(axis_over("from the edge, um", false, at),
               axis_over("light, of the step", false, light), 320, false);
   Panel rest(axis_over("from the edge, um", false, at),
-             axis_over("measured less found, %", false, off), 150);
+             axis_over("measured less found, %", false, off), 200);
   rest.horizontal(0, "");
   for (const auto& [edge, all] : edges) {
     const int number = static_cast<int>(edge % 6);
@@ -126,7 +130,7 @@ void draw_edges(const SpreadFit& fit, Picture& picture) {
     steps.line(found, Style::fit);
     if (edge < 6) {
       picture.legend_point(number,
-                           fmt::format("edge {}{}", edge + 1, depth_words(all[0]->depth_um)));
+                           fmt::format("edge {}{}", edge + 1, depth_words(fit, all[0]->depth_um)));
     }
   }
   picture.legend_line(Style::fit, "found");

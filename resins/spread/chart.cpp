@@ -29,6 +29,18 @@ std::string depth_words(const SpreadFit& fit, double depth_um) {
   return fmt::format(", {:g} um deep", depth_um);
 }
 
+/// An axis about 0 as far as a round value, so that it is labelled.
+chart::Axis axis_about_0(const std::string& title, const std::vector<double>& values) {
+  double most = 0;
+  for (const double v : values) most = std::max(most, std::abs(v));
+  const double ten = most > 0 ? std::pow(10, std::floor(std::log10(most))) : 1;
+  double round = ten;
+  for (const double times : {2.0, 5.0, 10.0}) {
+    if (round < most) round = times * ten;
+  }
+  return axis_over(title, false, {-round, round});
+}
+
 /// Measured and found by what was designed; what is left below.
 void draw_widths(const SpreadFit& fit, Picture& picture) {
   struct Series {
@@ -52,7 +64,7 @@ void draw_widths(const SpreadFit& fit, Picture& picture) {
                axis_over("printed width, um", false, printed, true), 320, false);
   widths.line({{0, 0}, {widest, widest}}, Style::reference);
   Panel rest(axis_over("designed width, um", false, designed, true),
-             axis_over("measured less found, um", false, off), 200);
+             axis_about_0("measured less found, um", off), 200);
   rest.horizontal(0, "");
   const double most = off.empty() ? 1 : *std::max_element(off.begin(), off.end());
   for (const SpreadResidual& r : fit.residuals) {
@@ -106,8 +118,8 @@ void draw_edges(const SpreadFit& fit, Picture& picture) {
   const double most = *std::max_element(off.begin(), off.end());
   Panel steps(axis_over("from the edge, um", false, at),
               axis_over("light, of the step", false, light), 320, false);
-  Panel rest(axis_over("from the edge, um", false, at),
-             axis_over("measured less found, %", false, off), 200);
+  Panel rest(axis_over("from the edge, um", false, at), axis_about_0("measured less found, %", off),
+             200);
   rest.horizontal(0, "");
   for (const auto& [edge, all] : edges) {
     const int number = static_cast<int>(edge % 6);

@@ -17,7 +17,7 @@ namespace slicecorr::resins {
 namespace {
 
 constexpr int kLeastSide = 16;
-constexpr double kMostLean_deg = 20;
+constexpr double kMostLeanDeg = 20;
 /// Of a normal distribution over the median of its absolute values.
 constexpr double kOfMedian = 1.4826;
 
@@ -86,8 +86,9 @@ class LineProblem : public LeastSquares {
     if (!(l.sigma > 0.02)) return false;
     for (const std::size_t i : taken_) {
       const auto width = static_cast<std::size_t>(p_.width);
-      const double t = l.distance(static_cast<double>(i % width),
-                                  static_cast<double>(i / width) - 0.5 * (p_.height - 1));
+      const std::size_t column = i % width, row = i / width;
+      const double t = l.distance(static_cast<double>(column),
+                                  static_cast<double>(row) - 0.5 * (p_.height - 1));
       *out++ = p_.light[i] - l.low - (l.high - l.low) * normal_integral(t / l.sigma);
     }
     return true;
@@ -155,12 +156,12 @@ Found find_line(const Upright& p, const std::string& path) {
                      "expected that alone: cut the picture to it");
   }
   const double angle = std::abs(std::atan(found.line.lean)) * 180 / std::numbers::pi;
-  if (angle > kMostLean_deg) {
+  if (angle > kMostLeanDeg) {
     throw InputError(
         path, "",
         fmt::format("shows an edge that leans by {:.1f} degrees; expected at most {:g} "
                     "from upright or level: turn the camera",
-                    angle, kMostLean_deg));
+                    angle, kMostLeanDeg));
   }
   return found;
 }

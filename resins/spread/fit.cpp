@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
+#include <optional>
 
 #include "fit/figure_text.hpp"
 #include "fit/statistics.hpp"
@@ -182,6 +182,7 @@ double solve_all(const Problem& problem, const std::vector<SpreadState>& states,
                  std::vector<double>& best) {
   if (problem.start.weight2 == 0) {
     std::vector<std::vector<double>> starts;
+    starts.reserve(states.size());
     for (const SpreadState& s : states) starts.push_back(problem.values_of(s));
     return solve(problem, starts, best);
   }
@@ -278,9 +279,10 @@ Settled settle(Problem& problem, std::vector<Row> Problem::*all,
   s.shape = shape_at(problem, s.values, source, of_widths);
   const std::size_t count = (problem.*all).size() + left_out.size();
   const double rounding = of_widths ? 1e-6 * problem.scale_um() : 1e-7;
-  while (outliers) {
-    const auto worst = outlier_of(s.shape, problem.unknowns(), rounding);
-    if (!worst) break;
+  const auto worst_of = [&]() -> std::optional<std::size_t> {
+    return outliers ? outlier_of(s.shape, problem.unknowns(), rounding) : std::nullopt;
+  };
+  for (auto worst = worst_of(); worst; worst = worst_of()) {
     left_out.push_back((problem.*all)[*worst]);
     if (5 * left_out.size() > count || count - left_out.size() <= problem.unknowns() + 1) {
       fail_too_many(source, lines(left_out.front()));
@@ -380,18 +382,6 @@ void compare_with_two(const Problem& problem, const Settled& s, SpreadFit& fit) 
       "Two Gaussians meet them clearly better (p = {:.1g}): {:.3g} um and {:.3g} um with {:.2g} of "
       "the light; try --gaussians 2.",
       p, found.sigma_um, found.sigma2_um, found.weight2));
-}
-
-/// The narrowest line, or gap, of which something is left; infinite: none within reach.
-double narrowest_um(const SpreadState& s, Exposure e, bool gap) {
-  e.gap = gap;
-  double low = 0, high = 40 * std::max({s.sigma_um, s.weight2 > 0 ? s.sigma2_um : 0.0, 1e-3});
-  if (!(printed_width_um(s, e, high) > 0)) return std::numeric_limits<double>::infinity();
-  for (int i = 0; i < 60; ++i) {
-    const double middle = 0.5 * (low + high);
-    (printed_width_um(s, e, middle) > 0 ? high : low) = middle;
-  }
-  return high;
 }
 
 SpreadFit fit_widths(const SpreadMeasurements& measured, const SpreadFitOptions& o) {

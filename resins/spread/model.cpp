@@ -119,18 +119,18 @@ Share line_share(const SpreadState& s, double depth_um, double half_um, double x
 double edge_share(const SpreadState& s, double depth_um, double x_um, double box_um,
                   double other_box_um, double variance_um2) {
   double sum = 0;
-  for (const auto& [sigma, weight] : gaussians_at(s, depth_um)) {
-    if (weight == 0) continue;
-    double wide = std::sqrt(sigma * sigma + variance_um2);
+  for (const Gaussian& g : gaussians_at(s, depth_um)) {
+    if (g.weight == 0) continue;
+    double wide = std::sqrt(g.sigma * g.sigma + variance_um2);
     // A narrow box is as good as a Gaussian of its variance.
     constexpr double narrow = 0.1;
     if (other_box_um <= narrow * wide) {
       wide = std::sqrt(wide * wide + other_box_um * other_box_um / 12);
-      sum += weight * boxed_integral(x_um, wide, box_um);
+      sum += g.weight * boxed_integral(x_um, wide, box_um);
       continue;
     }
     over(-0.5, 0.5, [&](double at, double part) {
-      sum += weight * part * boxed_integral(x_um + at * other_box_um, wide, box_um);
+      sum += g.weight * part * boxed_integral(x_um + at * other_box_um, wide, box_um);
     });
   }
   return sum;
@@ -165,6 +165,17 @@ double printed_width_um(const SpreadState& s, const Exposure& e, double designed
     if (moved <= 1e-14 * std::max(x, widest)) break;
   }
   return 2 * x;
+}
+
+double narrowest_um(const SpreadState& s, Exposure e, bool gap) {
+  e.gap = gap;
+  double low = 0, high = 40 * std::max({s.sigma_um, s.weight2 > 0 ? s.sigma2_um : 0.0, 1e-3});
+  if (!(printed_width_um(s, e, high) > 0)) return std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 60; ++i) {
+    const double middle = 0.5 * (low + high);
+    (printed_width_um(s, e, middle) > 0 ? high : low) = middle;
+  }
+  return high;
 }
 
 }  // namespace slicecorr::resins

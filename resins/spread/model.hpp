@@ -48,4 +48,7 @@ struct Exposure {
 /// nothing prints around it.
 double printed_width_um(const SpreadState& state, const Exposure& exposure, double designed_um);
 
+/// The narrowest line, or gap, of which something is left; infinite: none within reach.
+double narrowest_um(const SpreadState& state, Exposure exposure, bool gap);
+
 }  // namespace slicecorr::resins

@@ -17,6 +17,7 @@
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
+#include "test_part.hpp"
 #include "tomo.hpp"
 
 namespace slicecorr::cli {
@@ -508,6 +509,8 @@ int run_program(int argc, char** argv) {
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
   TomoOptions tomo;
+  TestPartOptions test_part;
+  add_test_part(program, test_part);
   add_tomo(program, tomo);
 
   return program.run(argc, argv);

@@ -220,6 +220,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},
       {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, kMost, true)},
       {"resin_depth_um", number(SLICEFARM_FIELD(setup.resin_depth_um), 0, kMostDepthUm, true)},
+      {"platform_reflectance", number(SLICEFARM_FIELD(setup.platform_reflectance), 0, 1)},
       {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},
       {"format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending")},
       {"out", text(SLICEFARM_FIELD(out), "a folder")},

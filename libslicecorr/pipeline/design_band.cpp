@@ -20,6 +20,14 @@ BandReader reader_of(const CodedBand& coded) {
   };
 }
 
+const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* left_alone,
+                              std::vector<std::uint8_t>& room) {
+  if (!left_alone) return coverage;
+  if (!coverage) return left_alone;
+  for (std::size_t i = 0; i < room.size(); ++i) room[i] = std::max(coverage[i], left_alone[i]);
+  return room.data();
+}
+
 namespace {
 
 void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
@@ -65,18 +73,19 @@ void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
 void predict_shown(BandPredictor& predictor, bool plain, const CodedBand& shown, int layers,
                    const CodedDesign& design, int all_layers, WindowWatch* watch,
                    const ExecutionContext& context) {
-  if (plain) {
+  if (plain && !design.left_alone) {
     predict_tiles(predictor, shown, layers, design, all_layers, context);
     return;
   }
   const std::size_t columns = shown.columns();
   std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
+  LeftAloneRows left_alone(design.left_alone);
   for (int n = all_layers; n-- > 0;) {
     if ((n & 63) == 0) context.check_cancelled();
     shown.read(n, pixels.data());
     design.coverage.read(n, coverage.data());
     predictor.add_slice(n, n < layers ? pixels.data() : nullptr, coverage.data(),
-                        design.heights_at(n, height_rows.data()));
+                        design.heights_at(n, height_rows.data()), left_alone.at(n));
     if (watch && n < layers) watch->add_slice(n, pixels.data());
   }
 }

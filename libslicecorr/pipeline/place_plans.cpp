@@ -351,12 +351,11 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
   return *made;
 }
 
-GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
-                         const std::vector<BandReader>& readers) {
+GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band, const BandReaders& readers) {
   const std::size_t columns = columns_of(band);
   std::vector<std::uint8_t> lit(columns, 0), rows(columns), gathered(columns);
   std::vector<CodedBand> whole;
-  for (const BandReader& read : readers) {
+  for (const BandReader& read : readers.all) {
     CodedBand coded(columns);
     read([&](int, const std::uint8_t* layer) {
       coded.append(layer);
@@ -365,7 +364,7 @@ GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
     whole.push_back(std::move(coded));
   }
   for (LightGroup& g : light_groups(map, band, lit.data())) {
-    groups.push_back({g.value, std::move(g.columns), {}});
+    groups.push_back({g.value, std::move(g.columns), {}, readers.heights, readers.left_alone});
   }
   for (const CodedBand& coded : whole) {
     for (Group& g : groups) g.sources.emplace_back(g.columns.size());

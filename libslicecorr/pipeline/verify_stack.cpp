@@ -136,11 +136,13 @@ void Verification::predict_showings(BandPredictor& predictor, const CodedBand& s
                                     const CodedDesign& design, WindowWatch* watch) const {
   std::vector<std::uint8_t> coverage(shown.columns()), heights(shown.columns());
   detail::ShownBand band_shown(slices_, shown);
+  detail::LeftAloneRows left_alone(design.left_alone);
   for (int n = all_layers_; n-- > 0;) {
     if ((n & 63) == 0) context_.check_cancelled();
     design.coverage.read(n, coverage.data());
     const std::span<const ImageShowing> parts = band_shown.of(n);
-    predictor.add_slice(n, parts, coverage.data(), design.heights_at(n, heights.data()));
+    predictor.add_slice(n, parts, coverage.data(), design.heights_at(n, heights.data()),
+                        left_alone.at(n));
     if (watch && n < layers_) watch->add_slice(n, parts);
   }
 }
@@ -151,16 +153,19 @@ void Verification::predict_band(const PixelBox& band) {
   const detail::BandReader coverage = detail::reader_of(target_, band);
   if (models_.even()) {
     const auto heights = detail::edge_heights_of(target_, band);
-    const CodedDesign design(columns_of(band), coverage, heights ? &*heights : nullptr, surface_);
+    const auto left_alone = detail::left_alone_of(target_, band);
+    const CodedDesign design(columns_of(band), coverage, heights ? &*heights : nullptr, surface_,
+                             left_alone ? &*left_alone : nullptr);
     predict(models_.map().reference(), detail::coded_band_of(stack_, band), design,
             detail::pixels_of_columns(band), figures);
   } else {
     const detail::GroupedBand grouped(
         models_.map(), band,
-        detail::with_heights({detail::reader_of(stack_, band), coverage}, target_, band));
+        detail::with_target({detail::reader_of(stack_, band), coverage}, target_, band));
     for (const auto& g : grouped.groups) {
       counts[g.value] = g.columns.size();
-      const CodedDesign design(g.columns.size(), g.reader(1), g.after(1), surface_);
+      const CodedDesign design(g.columns.size(), g.reader(1), g.heights(), surface_,
+                               g.left_alone());
       predict(g.value, g.sources[0], design, detail::pixels_of_columns(band, g.columns), figures);
     }
   }

@@ -85,6 +85,9 @@ const std::vector<Setting>& settings() {
        "where the stage speeds up and slows down: none, lamp-follows or outside",
        {"none", "lamp-follows", "outside"}},
       {"ramp_mm", &C::ramp_mm, "distance in which the stage reaches its speed"},
+      {"leave_alone", &C::leave_alone,
+       "path of a mesh on the plate, or of a stack like the target, of what is shown as it is "
+       "sliced: supports, rafts"},
       {"voxel_mm", &C::voxel_mm, "side of a voxel (tomographic)"},
       {"angles", &C::angles, "frames of a turn (tomographic)"},
       {"method",

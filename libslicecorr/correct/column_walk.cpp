@@ -105,7 +105,9 @@ std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) const {
     const ColumnRun& next = runs_[++i];
     const int slices = next.node - run.node;
     if (run.left_alone) {
-      id = edges.through(id, slices, run.light * factor, next.cover);
+      // At its upper end doses count for more than where the search looks from.
+      const double there = factor / all.model().returned(run.node);
+      id = edges.through(id, slices, run.light * factor, there, next.cover);
     } else {
       id = edges.next(id, slices, next.left_alone ? run.cover : next.cover, next.height);
     }

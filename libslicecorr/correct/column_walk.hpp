@@ -101,7 +101,6 @@ class ColumnWalk {
       runs_.pop_back();
       passed_ = passed_ < 2 ? passed_ + 1 : 2;
       known_ = -1;
-      left_ = 0;
     }
     return runs_.back();
   }

@@ -238,8 +238,10 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
   return keep({id, slices, below, opposite(cover, below) ? height : kEdgeAtNode});
 }
 
-std::int32_t Edges::through(std::int32_t id, int slices, double light, std::uint8_t below) {
-  const auto [found, is_new] = through_.try_emplace({id, slices, light, below}, Edge::kNone);
+std::int32_t Edges::through(std::int32_t id, int slices, double light, double of_one,
+                            std::uint8_t below) {
+  const auto [found, is_new] =
+      through_.try_emplace({id, slices, light, of_one, below}, Edge::kNone);
   if (!is_new) return found->second;
   const ContinuousPlan& p = plan_;
   Edge edge;
@@ -254,8 +256,8 @@ std::int32_t Edges::through(std::int32_t id, int slices, double light, std::uint
       DoseRange from = doses((*this)[id], 0, r);
       if ((*this)[id].below == kFull) from.lo = std::max(from.lo, std::min(p.prints, from.hi));
       // As near as can be, where no dose would do.
-      at.lo = std::clamp((from.lo - light) / left, 0.0, p.climb_max);
-      at.hi = std::clamp((from.hi - light) / left, at.lo, p.most);
+      at.lo = std::clamp((from.lo * of_one - light) / left, 0.0, p.climb_max);
+      at.hi = std::clamp((from.hi * of_one - light) / left, at.lo, p.most);
     }
     edge.at[static_cast<std::size_t>(r)] = edge.at_slit[static_cast<std::size_t>(r)] = at;
   }

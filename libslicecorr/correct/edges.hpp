@@ -72,8 +72,10 @@ class Edges {
                     std::uint8_t height = kEdgeAtNode);
   /// The lower end, `slices` below edge `id`, of what is left alone: from there on a run of coverage
   /// `below` begins. What is left alone asks nothing, but its `light`, a dose at edge `id`, and what
-  /// the run below leaves must suit the runs above. `id` kNone: it lies on the platform.
-  std::int32_t through(std::int32_t id, int slices, double light, std::uint8_t below);
+  /// the run below leaves must suit the runs above. `id` kNone: it lies on the platform. `of_one`: the
+  /// dose at edge `id` that gels there, where light from the platform makes it differ from 1.
+  std::int32_t through(std::int32_t id, int slices, double light, double of_one,
+                       std::uint8_t below);
   /// An edge between two greys depends on these two alone: its id says which they are, and the edge
   /// stands for the inside of the lower one.
   const Edge& operator[](std::int32_t id) const {
@@ -157,7 +159,7 @@ class Edges {
   const ContinuousPlan& plan_;
   struct Through {
     std::int32_t edge, slices;
-    double light;
+    double light, of_one;
     std::uint8_t below;
     auto operator<=>(const Through&) const = default;
   };

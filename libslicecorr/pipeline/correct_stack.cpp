@@ -151,11 +151,6 @@ Grid with_layers(Grid grid, int layers) {
 /// The setup with the UV light over z that it asks for.
 Setup with_scheduled_uv(const SliceSource& target, Setup setup, const ExecutionContext& context) {
   refuse_recording(target);
-  if (target.left_alone() && setup.process.uv.kind != UvKind::off) {
-    throw InputError(
-        "nothing can be left alone under UV light, where the dose of a slice depends on what is shown "
-        "before and after it; expected no UV light");
-  }
   setup.process = schedule_uv(target, setup, context);
   return setup;
 }
@@ -236,8 +231,11 @@ class StackCorrection::Band {
 
   void read(const SliceSource::Sink& sink) {
     if (!reduced_) return whole_.scan_.read(box_, sink);
+    const auto left_alone = detail::left_alone_of(whole_.target_, box_);
+    detail::LeftAloneRows left_rows(left_alone ? &*left_alone : nullptr);
+    std::vector<std::uint8_t> room(columns_);
     whole_.scan_.read(box_, [&](int n, const std::uint8_t* rows) {
-      design_.append(rows);
+      design_.append(detail::marked(rows, left_rows.at(n), room));
       sink(n, rows);
     });
   }

@@ -4,6 +4,8 @@
 #include <cstring>
 #include <vector>
 
+#include "correct/coverage.hpp"
+
 namespace slicecorr::detail {
 
 BandReader reader_of(const CodedBand& coded) {
@@ -26,6 +28,27 @@ const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* 
   if (!coverage) return left_alone;
   for (std::size_t i = 0; i < room.size(); ++i) room[i] = std::max(coverage[i], left_alone[i]);
   return room.data();
+}
+
+const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* left_alone,
+                           std::vector<std::uint8_t>& room) {
+  if (!left_alone) return coverage;
+  for (std::size_t i = 0; i < room.size(); ++i) {
+    room[i] = left_alone[i] ? kLeftAlone : coverage ? coverage[i] : std::uint8_t{0};
+  }
+  return room.data();
+}
+
+CodedBand marked_band_of(const SliceSource& target, const PixelBox& band) {
+  if (!target.left_alone()) return coded_band_of(target, band);
+  const auto left_alone = left_alone_of(target, band);
+  LeftAloneRows left_rows(&*left_alone);
+  CodedBand coded(columns_of(band));
+  std::vector<std::uint8_t> room(columns_of(band));
+  target.read_band(band, [&](int n, const std::uint8_t* rows) {
+    coded.append(marked(rows, left_rows.at(n), room));
+  });
+  return coded;
 }
 
 namespace {

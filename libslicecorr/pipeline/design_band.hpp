@@ -82,6 +82,12 @@ class LeftAloneRows {
 const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* left_alone,
                               std::vector<std::uint8_t>& room);
 
+/// `coverage` with what is left alone marked (kLeftAlone), as pictures show it. Null: black.
+const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* left_alone,
+                           std::vector<std::uint8_t>& room);
+/// A band of a target so.
+CodedBand marked_band_of(const SliceSource& target, const PixelBox& band);
+
 /// `heights`: null without. `surface`: gentle slopes are made sharp for the mesh only.
 inline void read_design(const BandReader& coverage, const CodedBand* heights, Surface surface,
                         const DesignSink& sink) {

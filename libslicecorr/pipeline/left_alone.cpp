@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "pipeline/bands.hpp"
+#include "pipeline/design_band.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr {
@@ -81,7 +82,7 @@ void LeavingAlone::read_band(const PixelBox& band, const Sink& sink) const {
   });
 }
 
-void LeavingAlone::Shown::read_band(const PixelBox& band, const Sink& sink) const {
+void LeavingAlone::LeftPixels::read_band(const PixelBox& band, const Sink& sink) const {
   std::vector<std::uint8_t> out(detail::columns_of(band));
   whole_.read_both(band, [&](int n, const std::uint8_t* rows, const std::uint8_t* left) {
     if (!rows || !left) return sink(n, left);
@@ -89,6 +90,15 @@ void LeavingAlone::Shown::read_band(const PixelBox& band, const Sink& sink) cons
       out[i] = is_left_alone(left[i], rows[i]) ? std::max(left[i], rows[i]) : std::uint8_t{0};
     }
     sink(n, out.data());
+  });
+}
+
+void AsSliced::read_band(const PixelBox& band, const Sink& sink) const {
+  const auto left_alone = detail::left_alone_of(target_, band);
+  detail::LeftAloneRows rows_left(left_alone ? &*left_alone : nullptr);
+  std::vector<std::uint8_t> room(detail::columns_of(band));
+  target_.read_band(band, [&](int n, const std::uint8_t* rows) {
+    sink(n, detail::as_sliced(rows, rows_left.at(n), room));
   });
 }
 

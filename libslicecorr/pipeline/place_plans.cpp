@@ -18,8 +18,14 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// The printer, if the target's images are of its size.
-const Printer& fitting(const Printer& printer, const SliceSource& target) {
+/// The printer, if the target's images are of its size, and what is left alone can be.
+const Printer& fitting(const Setup& setup, const SliceSource& target) {
+  if (target.left_alone() && setup.process.uv.kind != UvKind::off) {
+    throw InputError(
+        "nothing can be left alone under UV light, where the dose of a slice depends on what is shown "
+        "before and after it; expected no UV light");
+  }
+  const Printer& printer = setup.printer;
   const Grid& grid = target.grid();
   // Archives made for a printer have the images of its display, ours those of its plate.
   const Grid wanted = images_of(printer, target.frame());
@@ -333,7 +339,7 @@ class PlaceCheck {
 PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
                        const ExecutionContext& context)
     : process_(setup.process),
-      models_(fitting(setup.printer, target), setup.resin, setup.process, target.grid(),
+      models_(fitting(setup, target), setup.resin, setup.process, target.grid(),
               target.frame()),
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {

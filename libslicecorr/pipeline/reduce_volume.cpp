@@ -1,6 +1,8 @@
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/design_band.hpp"
 #include "pipeline/volume_reducer.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/volume.hpp"
@@ -83,20 +85,26 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
   detail::VolumeReducer reducer(models, box, layers, shown_layers, setup.printer.levels(),
                                 most_cells);
   const auto bands = detail::bands_of(stack.grid(), box);
+  const AsSliced uncorrected(target);
   parallel_for(context, "look", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
-    const CodedBand design = detail::coded_band_of(target, band);
+    const CodedBand design = detail::marked_band_of(target, band);
+    const bool apart = target.left_alone() != nullptr;
+    const CodedBand sliced = apart ? detail::coded_band_of(uncorrected, band) : CodedBand(0);
     const CodedBand shown = detail::coded_band_of(stack, band);
     PlacePredictor before(models, all, band), after(models, all, band);
     detail::VolumeReducer::Band reduced(reducer, band);
     before.listen([&](auto&&... p) { reduced.listen_before(p...); });
     after.listen([&](auto&&... p) { reduced.listen_after(p...); });
     std::vector<std::uint8_t> pixels(columns_of(band)), cover(columns_of(band));
+    std::vector<std::uint8_t> own(columns_of(band));
     for (int z = all; z-- > 0;) {
       if ((z & 63) == 0) context.check_cancelled();
       shown.read(z, pixels.data());
       design.read(z, cover.data());
-      before.add_slice(z, z < layers ? cover.data() : nullptr, cover.data());
+      if (apart) sliced.read(z, own.data());
+      const std::uint8_t* const as_sliced = apart ? own.data() : cover.data();
+      before.add_slice(z, z < layers ? as_sliced : nullptr, cover.data());
       after.add_slice(z, z < shown_layers ? pixels.data() : nullptr, cover.data());
     }
     before.finish();

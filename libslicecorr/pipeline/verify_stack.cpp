@@ -296,14 +296,10 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   s.pixels.resize(size);
   s.dose.resize(size);
   const PixelBox row{box.x0, y, box.x1, y + 1};
-  const auto into = [&](std::vector<std::uint8_t>& out) {
-    return [&out, width](int n, const std::uint8_t* rows) {
-      if (rows)
-        std::copy(rows, rows + width,
-                  out.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(n) * width));
-    };
-  };
-  target.read_band(row, into(s.coverage));
+  const CodedBand design = detail::marked_band_of(target, row);
+  for (int n = 0; n < design.slices(); ++n) {
+    design.read(n, s.coverage.data() + static_cast<std::size_t>(n) * width);
+  }
   const CodedBand coded = detail::coded_band_of(stack, row);
   detail::ShownBand shown(slices, coded);
   const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());

@@ -6,6 +6,7 @@
 
 #include "base/coded_band.hpp"
 #include "base/tile_kernels.hpp"
+#include "correct/coverage.hpp"
 #include "cure/inhibited_layer.hpp"
 #include "cure/walkers.hpp"
 #include "predict/block_kernels.hpp"
@@ -255,7 +256,7 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
     // A grey that aims at nothing: it is neither a feature nor a gap.
     with_left_alone_.assign(cover, cover + columns_.size());
     for (std::size_t i = 0; i < columns_.size(); ++i) {
-      if (left_alone[i]) with_left_alone_[i] = 128;
+      if (left_alone[i]) with_left_alone_[i] = detail::kLeftAlone;
     }
     cover = with_left_alone_.data();
   }

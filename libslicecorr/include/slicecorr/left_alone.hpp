@@ -12,9 +12,13 @@
 /// Objects are immutable and thread-safe once made. Only making one throws: `InputError`.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "slicecorr/mesh.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr {
@@ -43,9 +47,9 @@ class LeavingAlone final : public SliceSource {
 
  private:
   /// The pixels that are left alone.
-  class Shown final : public SliceSource {
+  class LeftPixels final : public SliceSource {
    public:
-    explicit Shown(const LeavingAlone& whole) : whole_(whole) {}
+    explicit LeftPixels(const LeavingAlone& whole) : whole_(whole) {}
     const Grid& grid() const override { return whole_.grid(); }
     PixelBox bounds() const override { return whole_.bounds(); }
     ImageFrame frame() const override { return whole_.frame(); }
@@ -61,7 +65,51 @@ class LeavingAlone final : public SliceSource {
   const SliceSource& target_;
   std::vector<LeftAlone> left_alone_;
   PixelBox bounds_;
-  Shown shown_{*this};
+  LeftPixels shown_{*this};
+};
+
+/// The slices of a target as they are shown where nothing is corrected: with what is left alone.
+/// `target` must outlive this.
+class AsSliced final : public SliceSource {
+ public:
+  explicit AsSliced(const SliceSource& target) : target_(target) {}
+  const Grid& grid() const override { return target_.grid(); }
+  PixelBox bounds() const override { return target_.bounds(); }
+  ImageFrame frame() const override { return target_.frame(); }
+  void read_band(const PixelBox& band, const Sink& sink) const override;
+
+ private:
+  const SliceSource& target_;
+};
+
+/// How meshes that are left alone lie.
+struct MeshesLeftAlone {
+  Placement placement;
+  bool antialias = true;
+  /// Where the origin of the meshes lies: x and y on the plate, from its corner at the least x and y,
+  /// and z above the platform, mm. A part that was sliced from its own mesh has its origin elsewhere
+  /// than on that corner.
+  Point3 origin_mm{};
+};
+
+/// A target and the files of what is left alone beside it: meshes, which are sliced on its grid, and
+/// stacks, which must have it.
+class LeftAloneFiles {
+ public:
+  /// `target` must outlive this. Throws `InputError`, naming the file: as `read_mesh`, `MeshSlices`,
+  /// `StackReader` and `LeavingAlone`, and for stacks that are corrected or recorded.
+  LeftAloneFiles(const SliceSource& target, const std::vector<std::string>& files,
+                 const MeshesLeftAlone& meshes, const Printer& printer,
+                 const std::string& scratch_folder, const ExecutionContext& context = {});
+  ~LeftAloneFiles();
+  LeftAloneFiles(const LeftAloneFiles&) = delete;
+  LeftAloneFiles& operator=(const LeftAloneFiles&) = delete;
+  /// `target` itself where there are no files.
+  const SliceSource& operator*() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<const Impl> impl_;
 };
 
 }  // namespace slicecorr

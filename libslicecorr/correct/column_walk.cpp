@@ -105,8 +105,10 @@ std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) const {
     const ColumnRun& next = runs_[++i];
     const int slices = next.node - run.node;
     if (run.left_alone) {
-      // At its upper end doses count for more than where the search looks from.
-      const double there = factor / all.model().returned(run.node);
+      // At its upper end doses count for more than where the search looks from, and for more still in
+      // the last layer of a gap there.
+      const bool gap = i > 1 && runs_[i - 2].cover == 0;
+      const double there = factor / all.model().returned(run.node - (gap ? 1 : 0));
       id = edges.through(id, slices, run.light * factor, there, next.cover);
     } else {
       id = edges.next(id, slices, next.left_alone ? run.cover : next.cover, next.height);

@@ -52,6 +52,7 @@ MirroredPlans::MirroredPlans(const CureModel& model, const Process& process, int
     // Between two nodes the dose may be a little less than at both.
     const double fall = model.eta * units::kLn10;
     const double dip = fall * fall * (factors[i] - 1);
+    plan->mirrored = true;
     for (int j = 0; j < kInside; ++j) {
       plan->prints_inside.push_back(plan->prints * (1 + dip) * factors[i] /
                                     model.returned(node + j));

@@ -107,6 +107,7 @@ struct ContinuousPlan {
   /// Where light from the platform multiplies doses: what a node of a feature must have, `j` nodes
   /// from the edge for which the plan is made, by j; empty: `prints`.
   std::vector<double> prints_inside;
+  bool mirrored = false;  ///< whether there is one
   double prints_at(int j) const {
     const auto k = static_cast<std::size_t>(j);
     return k < prints_inside.size() ? prints_inside[k] : prints;

@@ -160,7 +160,7 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
     }
   }
   DoseRange bounds = inside_of(edge, rung);
-  if (edge.below == kFull) bounds.lo = p.prints_at(j);
+  if (p.mirrored && edge.below == kFull) bounds.lo = p.prints_at(j);
   return {std::max(d.lo, bounds.lo), std::min(d.hi, bounds.hi)};
 }
 

@@ -150,7 +150,9 @@ class LayerwiseSolver final : public BandSolver {
     Entry& entry = cache_[((bits >> 20) ^ (bits >> 40) ^ bits ^ coverage) % cache_.size()];
     if (entry.far_edge != light.far_edge || entry.coverage != coverage || entry.slice != slice ||
         entry.height != light.height) {
-      const int level = layer_level(light, coverage);
+      LayerLight here = light;
+      here.slice = slice;
+      const int level = layer_level(here, coverage);
       entry = {light.far_edge, slice, coverage, light.height, static_cast<std::uint8_t>(level)};
     }
     return entry.level;
@@ -205,17 +207,28 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
         continue;
       }
       if (!gap) all_dark = false;
-      for (std::size_t i = b; i < end; ++i) {
-        const std::uint8_t coverage = solved_for(plan_, above[i], here[i], below[i]);
-        const std::uint8_t beyond = solved_for(plan_, over[i], above[i], here[i]);
-        const LayerLight light{
-            plan_, ratio, far_edge[i], dark_above, beyond == 0 ? heights[i] : std::uint8_t{0}, n};
-        const int level = leaves_alone && left[i] ? level_of_pixel(left[i], plan_.levels.size())
-                          : coverage == 0         ? 0
-                                                  : level_of(light, coverage, n);
+      const auto show = [&](std::size_t i, int level) {
         out[i] = static_cast<std::uint8_t>(level);
         if (level) all_dark = false;
         far_edge[i] = (plan_.levels.phi(level) * ratio + far_edge[i]) * plan_.model.a;
+      };
+      const auto solve_voxel = [&](std::size_t i) {
+        const std::uint8_t coverage = solved_for(plan_, above[i], here[i], below[i]);
+        const std::uint8_t beyond = solved_for(plan_, over[i], above[i], here[i]);
+        const LayerLight light{
+            plan_, ratio, far_edge[i], dark_above, beyond == 0 ? heights[i] : std::uint8_t{0}, 0};
+        show(i, coverage == 0 ? 0 : level_of(light, coverage, n));
+      };
+      if (!leaves_alone) {
+        for (std::size_t i = b; i < end; ++i) solve_voxel(i);
+        continue;
+      }
+      for (std::size_t i = b; i < end; ++i) {
+        if (left[i]) {
+          show(i, level_of_pixel(left[i], plan_.levels.size()));
+        } else {
+          solve_voxel(i);
+        }
       }
     }
     if (leaves) std::copy(out.begin(), out.end(), leaves);

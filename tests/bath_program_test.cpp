@@ -200,6 +200,14 @@ TEST_F(Bath, DosesAreThoseOfTheImages) {
     EXPECT_EQ(wrong.undercured, 0);
     EXPECT_LT(f["height_error_um"]["max_abs"], 1.0);
     EXPECT_FALSE(f.contains("left_alone_voxels"));
+    const json said = json::parse(good({"info", "stack.uvj", "--json", "-"}).out);
+    EXPECT_EQ(said.contains("resin_depth_um"), c.depth_slices < 1e9);
+    EXPECT_EQ(said.value("platform_reflectance", 0.0), c.reflectance);
+    // Pictures, surfaces and time count what the stack says, too.
+    good({"section", "stack.uvj", "--target", "target.uvj", "-o", "section.png"});
+    good({"report", "stack.uvj", "--target", "target.uvj", "-o", "report.html"});
+    good({"solid", "stack.uvj", "-o", "solid.stl"});
+    good({"simulate", "stack.uvj", "--x", "80", "--y", "60", "-o", "history.svg"});
   }
 }
 

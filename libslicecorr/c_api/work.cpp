@@ -109,6 +109,23 @@ class Watched final : public SliceSource {
   mutable std::atomic<bool> full_{false};
 };
 
+/// All that a source shows, in pixels times grey values.
+std::uint64_t sum_of(const SliceSource& source, const ExecutionContext& context) {
+  const PixelBox box = source.bounds();
+  const int rows_of_band = band_rows(source.grid());
+  std::uint64_t sum = 0;
+  for (int y = box.y0; y < box.y1; y += rows_of_band) {
+    const PixelBox band{box.x0, y, box.x1, std::min(y + rows_of_band, box.y1)};
+    const auto size =
+        static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
+    source.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) context.check_cancelled();
+      if (rows) sum = std::accumulate(rows, rows + size, sum);
+    });
+  }
+  return sum;
+}
+
 void tell_notices(const Setup& setup, const slicecorr_stack& target,
                   const ExecutionContext& context) {
   for (const std::string& text : setup_notices(setup, &target.info, ChoiceNames::fields)) {
@@ -186,8 +203,9 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   stack.info.orientation_known = frame.orientation.has_value();
   stack.info.orientation = frame.orientation.value_or(Orientation{});
   stack.info.target_layers = g.layers;
-  stack.info.part_volume_mm3 =
-      static_cast<double>(watched.sum()) / 255.0 * g.pixel_x_um * g.pixel_y_um * g.layer_um * 1e-9;
+  const std::uint64_t left = source.left_alone() ? sum_of(*source.left_alone(), context) : 0;
+  stack.info.part_volume_mm3 = static_cast<double>(watched.sum() + left) / 255.0 * g.pixel_x_um *
+                               g.pixel_y_um * g.layer_um * 1e-9;
   stack.info.program = std::string("slicecorr ") + version;
   stack.uv_of_pixel = uv_of_pixel(model);
   stack.info.printer = std::move(setup.printer);

@@ -8,6 +8,12 @@
 
 namespace slicecorr::detail {
 
+namespace {
+
+constexpr std::uint8_t kMostGrey = kFull - 1;
+
+}  // namespace
+
 BandReader reader_of(const CodedBand& coded) {
   return [&coded](const SliceSource::Sink& sink) {
     std::vector<std::uint8_t> rows(coded.columns());
@@ -34,7 +40,10 @@ const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* lef
                            std::vector<std::uint8_t>& room) {
   if (!left_alone) return coverage;
   for (std::size_t i = 0; i < room.size(); ++i) {
-    room[i] = left_alone[i] ? kLeftAlone : coverage ? coverage[i] : std::uint8_t{0};
+    // A grey, whatever it shows: neither a feature nor a gap.
+    room[i] = left_alone[i] ? std::min(left_alone[i], kMostGrey)
+              : coverage    ? coverage[i]
+                            : std::uint8_t{0};
   }
   return room.data();
 }

@@ -82,7 +82,7 @@ class LeftAloneRows {
 const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* left_alone,
                               std::vector<std::uint8_t>& room);
 
-/// `coverage` with what is left alone marked (kLeftAlone), as pictures show it. Null: black.
+/// `coverage` with what is left alone as greys of what it shows, for pictures. Null: black.
 const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* left_alone,
                            std::vector<std::uint8_t>& room);
 /// A band of a target so.

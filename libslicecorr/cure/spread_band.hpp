@@ -24,7 +24,7 @@ class SpreadLight {
   /// Of the models' printer and resin, for images of `grid` that lie like `frame`. `models` must
   /// outlive this. Throws `InputError`
   /// where what spreads can't be counted: under UV light; scatter in a resin whose exponent m is
-  /// not 1 or that ends; a spread that reaches further than the images are wide or high.
+  /// not 1, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
   SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
   /// Light stays where it is.

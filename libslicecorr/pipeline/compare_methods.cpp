@@ -38,9 +38,8 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
   std::mutex adding;
   parallel_for(context, "erase", bands.size(), [&](std::size_t i) {
     // Only columns that are lit somewhere have edges.
-    const GroupedBand grouped(plans.models().map(), bands[i], {[&](const SliceSource::Sink& sink) {
-                                target.read_band(bands[i], sink);
-                              }});
+    const GroupedBand grouped(plans.models().map(), bands[i],
+                              detail::BandReaders({detail::reader_of(target, bands[i])}));
     for (const GroupedBand::Group& group : grouped.groups) {
       const CodedBand& coded = group.sources[0];
       const std::size_t columns = coded.columns();
@@ -120,7 +119,7 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
           sink(n, rows);
         });
       };
-      const detail::CodedDesign design(columns, kept, edge_heights, Surface::mesh);
+      const detail::CodedDesign design(columns, kept, edge_heights, Surface::mesh, nullptr);
       std::vector<std::uint8_t> rows(columns), heights(columns), pixels(columns);
       // Where the target has edge heights, its slices alone are corrected, too.
       CodedBand upwards(columns);
@@ -178,10 +177,10 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
       compare(models.map().reference(), columns_of(band), read, coded ? &*coded : nullptr,
               pixels_of_columns(band));
     } else {
-      const GroupedBand grouped(models.map(), band, detail::with_heights({read}, target, band));
+      const GroupedBand grouped(models.map(), band, detail::with_target({read}, target, band));
       for (const GroupedBand::Group& g : grouped.groups) {
         counts[g.value] = g.columns.size();
-        compare(g.value, g.columns.size(), g.reader(0), g.after(0),
+        compare(g.value, g.columns.size(), g.reader(0), g.heights(),
                 pixels_of_columns(band, g.columns));
       }
     }

@@ -8,6 +8,7 @@
 #include "cure/shown_slices.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/baseline.hpp"
+#include "slicecorr/left_alone.hpp"
 
 namespace slicecorr::detail {
 
@@ -62,7 +63,7 @@ struct Erasing {
 
 void compare_spread_methods(const SliceSource& target, const Setup& setup, Comparison& comparison,
                             const ExecutionContext& context) {
-  const SlicesAlone shown(target);
+  const AsSliced shown(target);
   const auto verified = [&](const SliceSource& slices) {
     return verify_stack(slices, target, setup, context);
   };

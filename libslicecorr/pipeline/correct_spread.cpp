@@ -7,8 +7,10 @@
 #include <vector>
 
 #include "pipeline/bands.hpp"
+#include "pipeline/design_band.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/target_scan.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/volume.hpp"
 
@@ -71,6 +73,7 @@ Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
     scan.read(target_bands[i], [&](int n, const std::uint8_t*) {
       if ((n & 63) == 0) context.check_cancelled();
     });
+    if (const auto left_alone = left_alone_of(target, target_bands[i])) scan.add(*left_alone);
   });
   Correction result;
   scan.fill(result.info);
@@ -99,7 +102,7 @@ Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
   info.original_sha256 = file.original_sha256;
   result.after = verify_stack(*stack, target, setup, context);
   if (ask.before || ask.volume_cells > 0) {
-    const SlicesAlone shown(target);
+    const AsSliced shown(target);
     result.before = verify_stack(shown, target, setup, context);
   }
   if (ask.volume_cells > 0) {

@@ -315,6 +315,11 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed-mm-h");
   setup.printer = printer_given ? printer() : *info->printer;
   if (c_.resin_depth_um > 0) setup.printer.resin_depth_um = c_.resin_depth_um;
+  if (c_.platform_reflectance > 1) {
+    wrong(fmt::format("{} is {:g}; expected 0 to 1", o("platform-reflectance"),
+                      c_.platform_reflectance));
+  }
+  if (c_.platform_reflectance >= 0) setup.printer.platform_reflectance = c_.platform_reflectance;
   setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
   if (recorded) setup.process = *info->process;
   resolve_exposure(setup.process, times);

@@ -165,6 +165,8 @@ struct Printer {
   /// Resin above the window, um, out of which the part is pulled: resin further away has run off
   /// and takes no more light. 0: so deep that it doesn't matter.
   double resin_depth_um = 0;
+  /// Share of the light that the platform sends back, 0..1.
+  double platform_reflectance = 0;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };

@@ -45,6 +45,10 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   app.add_option("--resin-depth-um", resin_depth_um,
                  "Depth of the resin above the window, instead of the printer file's")
       ->check(number_above_zero() & CLI::Range(0.0, kMostDepthUm));
+  app.add_option("--platform-reflectance", platform_reflectance,
+                 "Share of the light that the platform sends back, 0 to 1, instead of the printer "
+                 "file's")
+      ->check(CLI::Range(0.0, 1.0));
   if (correcting) {
     add_surface_to(app);
     app.add_option("--omega-max", omega_max,

@@ -62,7 +62,8 @@ int block_format(const Process& p) {
 
 int block_format(const StackInfo& info) {
   const bool shows_light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
-  const bool bath = info.printer && info.printer->resin_depth_um > 0;
+  const bool bath =
+      info.printer && (info.printer->resin_depth_um > 0 || info.printer->platform_reflectance > 0);
   const bool spreads = (info.printer && !info.printer->spread.none()) ||
                        (info.resin && info.resin->scatter_um2_per_um > 0);
   if (shows_light && (bath || spreads)) return 6;

@@ -17,6 +17,15 @@ void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, 
                std::size_t n, double* phi) {
   bool begun = false;
   for (const ImageShowing& showing : showings) {
+    if (showing.phi) {
+      const double* const spread = showing.phi + first;
+      for (std::size_t i = 0; i < n; ++i) {
+        const double added = showing.light * spread[i];
+        phi[i] = begun ? phi[i] + added : added;
+      }
+      begun = true;
+      continue;
+    }
     const std::uint8_t* const pixels = showing.pixels + first;
     // Most blocks show a single value, which needs one look-up.
     const bool one = n == kBlock && uniform(pixels);
@@ -53,18 +62,31 @@ class Bath {
     }
     held.showings.assign(showings.begin(), showings.end());
     held.pixels.resize(showings.size() * from.size());
+    const bool spread = std::any_of(showings.begin(), showings.end(),
+                                    [](const ImageShowing& showing) { return showing.phi; });
+    held.phi.resize(spread ? showings.size() * from.size() : 0);
     for (std::size_t s = 0; s < showings.size(); ++s) {
-      std::uint8_t* const pixels = held.pixels.data() + s * from.size();
-      std::copy_n(showings[s].pixels, from.size(), pixels);
-      held.showings[s].pixels = pixels;
+      ImageShowing& kept = held.showings[s];
+      kept.pixels = keep(showings[s].pixels, from.size(), s, held.pixels);
+      kept.phi = keep(showings[s].phi, from.size(), s, held.phi);
     }
   }
 
  private:
   struct Held {
     std::vector<std::uint8_t> pixels;
+    std::vector<double> phi;
     std::vector<ImageShowing> showings;
   };
+  /// Copies the values of showing `index`, if it has any, into `room`.
+  template <typename T>
+  static const T* keep(const T* values, std::size_t columns, std::size_t index,
+                       std::vector<T>& room) {
+    if (!values) return nullptr;
+    T* const kept = room.data() + index * columns;
+    std::copy_n(values, columns, kept);
+    return kept;
+  }
   std::vector<Held> held_;  ///< by slice, modulo their number
   double beyond_;
 };

@@ -128,6 +128,59 @@ std::vector<double> gaussian_taps(double sigma_um, double pixel_um) {
   return taps;
 }
 
+double share_beside_line(const LightSpread& spread, bool rows, double x_um) {
+  double share = 0, whole = 0;
+  if (!spread.picture) {
+    for (const SpreadGaussian& g : spread.gaussians) {
+      whole += g.weight;
+      share +=
+          g.weight * (g.sigma_um > 0 ? std::erf(x_um / (g.sigma_um * std::sqrt(2.0))) / 2 : 0.5);
+    }
+    return whole > 0 ? share / whole : 0.5;
+  }
+  const SpreadPicture& picture = *spread.picture;
+  std::size_t at = 0;
+  for (int y = 0; y < picture.height_px; ++y) {
+    for (int x = 0; x < picture.width_px; ++x, ++at) {
+      // Across the line, from the middle: the near and the far side of this pixel.
+      const int k = std::abs(rows ? y - picture.height_px / 2 : x - picture.width_px / 2);
+      const double near = std::max(0.0, (k - 0.5) * picture.pitch_um),
+                   far = (k + 0.5) * picture.pitch_um;
+      const double value = (*picture.values)[at];
+      whole += value;
+      share += value * std::clamp((x_um - near) / (far - near), 0.0, 1.0) / 2;
+    }
+  }
+  return share / whole;
+}
+
+FinestWidths finest_widths(const LightSpread& spread, bool rows, double full, double black) {
+  constexpr double kStaysBelow = 0.1;
+  const auto beside = [&](double x_um) {
+    return x_um < 0 ? -share_beside_line(spread, rows, -x_um)
+                    : share_beside_line(spread, rows, x_um);
+  };
+  // The least x at which what rises with it reaches 0.
+  const auto least = [](const auto& rising) {
+    double low = 0, high = 1;
+    while (rising(high) < 0 && high < 1e9) high *= 2;
+    for (int i = 0; i < 100; ++i) {
+      const double x = (low + high) / 2;
+      (rising(x) < 0 ? low : high) = x;
+    }
+    return high;
+  };
+  FinestWidths finest;
+  finest.line_um =
+      least([&](double w) { return black + (full - black) * 2 * beside(w / 2) - 1.0; });
+  const double dark_um = least(
+      [&](double w) { return 1.0 - kStaysBelow - (full - (full - black) * 2 * beside(w / 2)); });
+  finest.gap_um = least([&](double w) {
+    return full - (full - black) * (beside((dark_um + w) / 2) + beside((dark_um - w) / 2)) - 1.0;
+  });
+  return finest;
+}
+
 LightBlur::LightBlur(const LightSpread& spread, double pixel_x_um, double pixel_y_um,
                      const Turn& to_display) {
   if (spread.none()) return;

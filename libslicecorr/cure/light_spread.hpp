@@ -25,6 +25,18 @@ namespace slicecorr::detail {
 /// add up to 1. {1} for a sigma of 0.
 std::vector<double> gaussian_taps(double sigma_um, double pixel_um);
 
+/// The share of the light of a long thin line, along the rows of the display (`rows`) or its columns,
+/// that falls within `x_um` of its middle to one side, 0..1/2; of a measured spread the mean of both
+/// sides.
+double share_beside_line(const LightSpread& spread, bool rows, double x_um);
+
+/// The finest line and gap in um, see FinestPrint: of light `full` and `black` after many slices,
+/// full > 1 > black.
+struct FinestWidths {
+  double line_um = 0, gap_um = 0;
+};
+FinestWidths finest_widths(const LightSpread& spread, bool rows, double full, double black);
+
 /// The spread of light at the window, in pixels of one grid. Immutable; may be shared between
 /// threads.
 class LightBlur {

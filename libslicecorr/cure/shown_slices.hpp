@@ -16,6 +16,16 @@
 
 namespace slicecorr::detail {
 
+inline std::size_t columns_of(const PixelBox& box) {
+  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
+}
+
+inline CodedBand coded_band_of(const SliceSource& source, const PixelBox& band) {
+  CodedBand coded(columns_of(band));
+  source.read_band(band, [&](int, const std::uint8_t* rows) { coded.append(rows); });
+  return coded;
+}
+
 /// Throws `InputError` when `source` is a recording under UV light: for what does not compute with
 /// measured UV light.
 void refuse_recording_under_uv(const SliceSource& source);

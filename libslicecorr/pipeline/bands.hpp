@@ -24,16 +24,6 @@ inline std::vector<PixelBox> bands_of(const Grid& grid, const PixelBox& box) {
   return bands;
 }
 
-inline std::size_t columns_of(const PixelBox& box) {
-  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
-}
-
-inline CodedBand coded_band_of(const SliceSource& source, const PixelBox& band) {
-  CodedBand coded(columns_of(band));
-  source.read_band(band, [&](int, const std::uint8_t* rows) { coded.append(rows); });
-  return coded;
-}
-
 /// Gives the pixel of each column of a band.
 inline BandPredictor::PixelOfColumn pixels_of_columns(const PixelBox& band) {
   const auto width = static_cast<std::size_t>(band.width());

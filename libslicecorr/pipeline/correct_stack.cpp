@@ -1,25 +1,23 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <cstring>
 #include <mutex>
 
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/correct_columns.hpp"
+#include "pipeline/correct_spread.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/place_plans.hpp"
-#include "pipeline/relief.hpp"
+#include "pipeline/shortcomings.hpp"
 #include "pipeline/surface_collector.hpp"
+#include "pipeline/target_scan.hpp"
 #include "pipeline/uv_images.hpp"
-#include "pipeline/vanished.hpp"
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
-#include "slicecorr/version.hpp"
 
 namespace slicecorr {
 
@@ -31,21 +29,15 @@ using detail::correct_columns;
 using detail::DesignReader;
 using detail::GroupedBand;
 using detail::LightCounts;
-using detail::LitColumns;
 using detail::pixels_of_columns;
 using detail::PlacePlans;
 using detail::PlaceWindows;
-using detail::Relief;
+using detail::SliceRange;
+using detail::TargetScan;
 using detail::VolumeReducer;
 using detail::whole_image;
 
 namespace {
-
-std::string program_name() { return std::string("slicecorr ") + version; }
-
-struct SliceRange {
-  int first, past;
-};
 
 /// The slice ranges of a band that are read in parallel: where there are few bands, the last of
 /// them would keep one thread busy and leave the others idle.
@@ -65,45 +57,6 @@ std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t b
   }
   return ranges;
 }
-
-/// What the first pass over a target collects besides handing its slices on.
-class TargetScan {
- public:
-  explicit TargetScan(const SliceSource& target)
-      : target_(target), relief_(target.bounds(), target.grid().layers) {}
-
-  void read(const PixelBox& band, const SliceSource::Sink& sink) {
-    read(band, {0, target_.grid().layers}, sink);
-  }
-  void read(const PixelBox& band, const SliceRange& range, const SliceSource::Sink& sink) {
-    const std::size_t columns = columns_of(band);
-    LitColumns lit(columns);
-    const auto take = [&](int n, const std::uint8_t* rows) {
-      lit.add(n, rows);
-      if (rows && !full_ && std::memchr(rows, 255, columns)) full_ = true;
-      sink(n, rows);
-    };
-    target_.read_slices(band, range.first, range.past, take);
-    coverage_sum_ += lit.sum();
-    relief_.add(band, lit.finish());
-  }
-  /// To be called after all bands.
-  void fill(StackInfo& info) const {
-    if (!full_) detail::refuse_vanished(target_);
-    const Grid& g = target_.grid();
-    info.part_volume_mm3 = static_cast<double>(coverage_sum_.load()) / 255.0 * g.pixel_x_um *
-                           g.pixel_y_um * g.layer_um * 1e-9;
-    info.target_layers = g.layers;
-    info.program = program_name();
-  }
-  GreyImage picture() const { return relief_.picture(); }
-
- private:
-  const SliceSource& target_;
-  Relief relief_;
-  std::atomic<std::uint64_t> coverage_sum_{0};
-  std::atomic<bool> full_{false};  ///< a voxel of coverage 1 was seen
-};
 
 /// Joins the columns of groups into rows of a band. Coded bands begin with the last slice.
 class Joiner {
@@ -133,6 +86,11 @@ Grid with_layers(Grid grid, int layers) {
   return grid;
 }
 
+/// Whether light goes from column to column.
+bool spreads(const Setup& setup) {
+  return !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+}
+
 /// The setup with the UV light over z that it asks for.
 Setup with_scheduled_uv(const SliceSource& target, Setup setup, const ExecutionContext& context) {
   refuse_recording(target);
@@ -150,8 +108,9 @@ class StackCorrection {
   void correct_bands();
   /// Once, after all bands: the figures, and what the stack says of itself.
   Correction result();
-  /// Tells what the user may want to change, by the figures of the corrected stack.
-  void tell_shortcomings(const Prediction& p) const;
+  void tell_shortcomings(const Prediction& p) const {
+    detail::tell_shortcomings(p, model(), setup_.process, plans_.levels(), context_);
+  }
   void write(const StackInfo& info) { writer_.finish(info, scan_.picture()); }
 
  private:
@@ -384,34 +343,6 @@ Correction StackCorrection::result() {
   return result;
 }
 
-void StackCorrection::tell_shortcomings(const Prediction& p) const {
-  detail::tell_nothing_prints(p, context_);
-  if (p.cure_through_voxels + p.undercure_voxels > 0) {
-    context_.tell(fmt::format(
-        "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
-        "was found that avoids it; one level moves an edge by up to {:.3g} um",
-        p.cure_through_voxels, p.undercure_voxels, plans_.levels(), model().level_step_um()));
-  }
-  // Printers of this kind want some 20 um of liquid under the part.
-  constexpr double thin_um = 10;
-  if (p.dead_zones && setup_.process.uv.dead_zone_um == 0 && p.dead_zones->least() < thin_um) {
-    context_.tell(
-        fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
-                    "place of an intensity, keeps more of it",
-                    p.dead_zones->least()));
-  }
-  if (p.one_slice_gaps > 0) {
-    context_.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
-                              setup_.process.one_slice_gaps == OneSliceGaps::merge ? "merged"
-                              : model().mode == ExposureMode::layerwise            ? "kept open"
-                              : setup_.process.uv.kind != UvKind::off
-                                  ? "kept open, at the cost of the edges beside them"
-                                  : fmt::format("kept open, at the cost of up to {:.3g} um of the "
-                                                "features above them",
-                                                setup_.process.gap_shortfall * model().layer_um)));
-  }
-}
-
 }  // namespace
 
 StackInfo write_target(const SliceSource& target, const StackFile& file,
@@ -452,6 +383,7 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
+  if (spreads(setup)) return detail::correct_spread_stack(wanted, setup, file, ask, context);
   StackCorrection correction(wanted, setup, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();

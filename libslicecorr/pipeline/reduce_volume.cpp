@@ -1,4 +1,8 @@
+#include <memory>
+#include <utility>
+
 #include "base/coded_band.hpp"
+#include "cure/spread_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/place_models.hpp"
@@ -70,6 +74,51 @@ class PlacePredictor {
   std::vector<std::uint8_t> pixels_, cover_;
 };
 
+/// What the bands of a volume share where light spreads.
+struct SpreadLook {
+  const detail::SpreadLight& light;
+  const detail::ShownSlices &of_target, &of_stack;
+};
+
+void look_at_spread(const SpreadLook& look, const SliceSource& target, const SliceSource& stack,
+                    detail::VolumeReducer& reducer, const PixelBox& band, int all,
+                    const ExecutionContext& context) {
+  const CodedBand design = detail::coded_band_of(target, band);
+  const CodedBand shown = detail::coded_band_of(stack, band);
+  const CureModel& model = look.light.model();
+  const PixelCurve curve = pixel_curve(model);
+  BandPredictor before(model, curve, all, columns_of(band), true),
+      after(model, curve, all, columns_of(band), true);
+  detail::VolumeReducer::Band reduced(reducer, band);
+  before.keep_no_histograms();
+  after.keep_no_histograms();
+  reduced.listen_before(before, nullptr);
+  reduced.listen_after(after, nullptr);
+  detail::SpreadBand lit_before(look.light, target, look.of_target, band),
+      lit_after(look.light, stack, look.of_stack, band);
+  std::vector<std::uint8_t> cover(columns_of(band));
+  for (int z = all; z-- > 0;) {
+    if ((z & 63) == 0) context.check_cancelled();
+    design.read(z, cover.data());
+    before.add_slice(z, lit_before.of(z), cover.data());
+    after.add_slice(z, lit_after.of(z), cover.data());
+  }
+  before.finish(0, 0, 1);
+  after.finish(0, 0, 1);
+  reduced.finish(
+      [&](int z, std::uint8_t* out) { shown.read(z, out); },
+      [&](int z, std::uint8_t* out) { design.read(z, out); },
+      [&](const std::vector<Pixel>& places) {
+        using Light = detail::VolumeReducer::Band::Light;
+        const auto of = [&](const SliceSource& source, const detail::ShownSlices& slices) -> Light {
+          auto light =
+              std::make_shared<detail::SpreadBand>(look.light, source, slices, band, places);
+          return [light](int z) { return light->of(z); };
+        };
+        return std::pair{of(target, look.of_target), of(stack, look.of_stack)};
+      });
+}
+
 }  // namespace
 
 ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target, const Setup& setup,
@@ -79,12 +128,19 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
   const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(), stack.frame());
   const int shown_layers = stack.grid().layers, layers = target.grid().layers;
   const int all = std::max(shown_layers, layers);
-  const PixelBox box = stack.bounds().united(target.bounds());
+  const detail::SpreadLight spread(models, stack.grid(), stack.frame());
+  PixelBox box = stack.bounds().united(target.bounds());
+  if (!spread.none()) box = spread.around(box);
   detail::VolumeReducer reducer(models, box, layers, shown_layers, setup.printer.levels(),
                                 most_cells);
   const auto bands = detail::bands_of(stack.grid(), box);
+  const detail::ShownSlices of_target(target), of_stack(stack);
+  if (!spread.none()) reducer.keep_light();
   parallel_for(context, "look", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
+    if (!spread.none())
+      return look_at_spread({spread, of_target, of_stack}, target, stack, reducer, band, all,
+                            context);
     const CodedBand design = detail::coded_band_of(target, band);
     const CodedBand shown = detail::coded_band_of(stack, band);
     PlacePredictor before(models, all, band), after(models, all, band);
@@ -111,6 +167,8 @@ ReducedVolume coarser(const ReducedVolume& fine) {
   ReducedVolume v;
   v.box = fine.box;
   v.layers = fine.layers;
+  v.least_light = fine.least_light;
+  v.greatest_light = fine.greatest_light;
   v.step_x = fine.step_x * 2;
   v.step_y = fine.step_y * 2;
   v.step_z = fine.step_z * 2;

@@ -7,11 +7,13 @@
 
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
+#include "cure/spread_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/surface_collector.hpp"
 #include "pipeline/vanished.hpp"
+#include "predict/plane_edges.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -62,7 +64,8 @@ class Verification {
         models_(slices.printer(), resin, slices.process(), stack.grid(), stack.frame()),
         layers_(slices.slices()),
         all_layers_(std::max(layers_, target.grid().layers + (target.edge_heights() ? 1 : 0))),
-        bands_(bands_of(stack.grid(), stack.bounds().united(target.bounds()))),
+        spread_(models_, stack.grid(), stack.frame()),
+        bands_(bands_of_all()),
         surface_maps_(target.bounds()) {
     if (models_.brightest().inhibited) window_.emplace(models_, layers_);
   }
@@ -75,16 +78,39 @@ class Verification {
   Prediction result() const {
     const Grid& grid = stack_.grid();
     Prediction p =
-        models_.even()
+        models_.even() || !spread_.none()
             ? detail::whole_image(total_, models_.brightest(), grid, layers_, bands_, recorded_)
             : detail::whole_image(total_, models_, grid, layers_, grouped_columns_, recorded_);
     if (window_) p.dead_zones = window_->result();
+    if (const auto finest = spread_.finest()) p.finest = {finest->line_um, finest->gap_um};
     p.maps = std::make_shared<const SurfaceMaps>(surface_maps_.maps());
     return p;
   }
 
  private:
+  /// So many pixels beside a feature its outline is looked for.
+  static constexpr int kLeastBeside = 8;
+  int beside_y() const { return std::max(kLeastBeside, spread_.reach_y()); }
+  /// Of all columns that the stack or the target light. Where light spreads each band is as high as
+  /// what it needs around it.
+  std::vector<PixelBox> bands_of_all() const {
+    const PixelBox box = stack_.bounds().united(target_.bounds());
+    if (spread_.none()) return bands_of(stack_.grid(), box);
+    const Grid& grid = stack_.grid();
+    const int beside_x = std::max(kLeastBeside, spread_.reach_x());
+    const PixelBox all{std::max(0, box.x0 - beside_x), std::max(0, box.y0 - beside_y()),
+                       std::min(grid.width_px, box.x1 + beside_x),
+                       std::min(grid.height_px, box.y1 + beside_y())};
+    const int rows = std::max(32, 4 * beside_y());
+    std::vector<PixelBox> bands;
+    for (int y = all.y0; y < all.y1; y += rows) {
+      bands.push_back({all.x0, y, all.x1, std::min(y + rows, all.y1)});
+    }
+    return bands;
+  }
   void predict_band(const PixelBox& band);
+  /// The same where light spreads.
+  void predict_spread(const PixelBox& band);
   /// Columns of one value of light, whose figures go on from those before them.
   void predict(std::uint8_t value, const CodedBand& shown, const CodedDesign& design,
                const BandPredictor::PixelOfColumn& place, Prediction& figures);
@@ -100,6 +126,7 @@ class Verification {
   const detail::ShownSlices* const recorded_;  ///< null: one image per slice
   const PlaceModels models_;
   const int layers_, all_layers_;
+  const detail::SpreadLight spread_;
   const std::vector<PixelBox> bands_;
   std::optional<detail::PlaceWindows> window_;  ///< where UV light keeps a dead zone
 
@@ -145,7 +172,46 @@ void Verification::predict_showings(BandPredictor& predictor, const CodedBand& s
   }
 }
 
+void Verification::predict_spread(const PixelBox& band) {
+  // Outlines are followed into the rows beside the band.
+  const PixelBox field{band.x0, std::max(0, band.y0 - beside_y()), band.x1,
+                       std::min(stack_.grid().height_px, band.y1 + beside_y())};
+  const std::size_t columns = columns_of(band), in_field = columns_of(field);
+  const auto first =
+      static_cast<std::size_t>(band.y0 - field.y0) * static_cast<std::size_t>(field.width());
+  const auto edge_heights = detail::edge_heights_of(target_, field);
+  const CodedDesign design(in_field, detail::reader_of(target_, field),
+                           edge_heights ? &*edge_heights : nullptr, surface_);
+  const CureModel& model = spread_.model();
+  BandPredictor predictor(model, pixel_curve(model), all_layers_, columns, true);
+  if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
+  predictor.keep_sides();
+  detail::SpreadBand light(spread_, stack_, slices_, field);
+  BandDose dose(model, in_field);
+  detail::PlaneEdges plane(stack_.grid(), field, band, beside_y());
+  std::vector<std::uint8_t> coverage(in_field), room(in_field);
+  std::vector<ImageShowing> in_band;
+  for (int n = all_layers_; n-- > 0;) {
+    if ((n & 63) == 0) context_.check_cancelled();
+    const std::span<const ImageShowing> showings = light.of(n);
+    in_band.assign(showings.begin(), showings.end());
+    for (ImageShowing& showing : in_band) showing.phi += first;
+    design.coverage.read(n, coverage.data());
+    const std::uint8_t* const heights = design.heights_at(n, room.data());
+    predictor.add_slice(n, in_band, coverage.data() + first, heights ? heights + first : nullptr);
+    dose.add_slice(n, showings);
+    plane.add(n, dose.middle(), design.coverage.black(n) ? nullptr : coverage.data());
+  }
+  const auto place = detail::pixels_of_columns(band);
+  Prediction figures = predictor.finish(place);
+  plane.add_to(figures);
+  surface_maps_.add(predictor.sides(), place);
+  const std::lock_guard lock(merging_);
+  total_.merge(figures);
+}
+
 void Verification::predict_band(const PixelBox& band) {
+  if (!spread_.none()) return predict_spread(band);
   Prediction figures;
   detail::LightCounts counts{};
   const detail::BandReader coverage = detail::reader_of(target_, band);
@@ -235,11 +301,15 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
   const PixelBox pixel{x, y, x + 1, y + 1};
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
   const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
-  const CureModel& model = models.model_at(x, y);
+  const bool spreads = !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+  const CureModel& model = spreads ? models.brightest() : models.model_at(x, y);
   const std::vector<double> intensity =
       level_intensities(models.printer_at(models.map().value(x, y)));
   const CodedBand coded = detail::coded_band_of(stack, pixel);
   detail::ShownBand shown(slices, coded);
+  const detail::SpreadLight spread(models, grid, stack.frame());
+  std::optional<detail::SpreadBand> light;
+  if (!spread.none()) light.emplace(spread, stack, slices, pixel);
   std::vector<ProbeRow> rows(static_cast<std::size_t>(slices.slices()));
   BandDose dose(model, 1);
   for (int n = slices.slices(); n-- > 0;) {
@@ -247,14 +317,22 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
     if (slices.recorded()) {
       const std::span<const ImageShowing> parts = shown.of(n);
       row = probe_recorded(model, intensity, parts);
-      dose.add_slice(n, parts);
+      if (!light) dose.add_slice(n, parts);
     } else {
       std::uint8_t value = 0;
       coded.read(n, &value);
       row.grey = level_of_pixel(value, setup.printer.levels());
       row.intensity_mw_cm2 = intensity[static_cast<std::size_t>(row.grey)];
       row.phi = model.level_phi[static_cast<std::size_t>(row.grey)];
-      dose.add_slice(n, &value);
+      if (!light) dose.add_slice(n, &value);
+    }
+    if (light) {
+      row.phi = 0;
+      const std::span<const ImageShowing> parts = light->of(n);
+      for (const ImageShowing& part : parts) row.phi += part.light * *part.phi;
+      row.intensity_mw_cm2 =
+          model.critical_intensity_mw_cm2 * std::pow(std::max(0.0, row.phi), 1.0 / model.m);
+      dose.add_slice(n, parts);
     }
     row.slice = n;
     row.z_um = n * grid.layer_um;
@@ -278,12 +356,15 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   const Grid& grid = stack.grid();
   check_same_voxels(grid, target.grid());
   check_inside(grid, 0, y);
-  const PixelBox box = stack.bounds().united(target.bounds());
+  const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
+  const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
+  const detail::SpreadLight spread(models, grid, stack.frame());
+  PixelBox box = stack.bounds().united(target.bounds());
+  if (!spread.none()) box = spread.around(box);
   Section s;
   s.y = y;
   s.x0 = box.x0;
   s.width = box.width();
-  const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
   s.layers = std::max(slices.slices(), target.grid().layers);
   const auto width = static_cast<std::size_t>(s.width);
   const std::size_t size = width * static_cast<std::size_t>(s.layers);
@@ -301,19 +382,26 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   target.read_band(row, into(s.coverage));
   const CodedBand coded = detail::coded_band_of(stack, row);
   detail::ShownBand shown(slices, coded);
-  const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
+  std::optional<detail::SpreadBand> light;
+  std::optional<BandDose> of_light;
+  if (!spread.none()) {
+    light.emplace(spread, stack, slices, row);
+    of_light.emplace(spread.model(), width);
+  }
   PlaceDose dose(models, row);
   for (int n = s.layers; n-- > 0;) {
     const std::size_t at = static_cast<std::size_t>(n) * width;
     if (slices.recorded()) {
       const std::span<const ImageShowing> parts = shown.of(n);
-      dose.add_slice(n, parts);
+      if (!light) dose.add_slice(n, parts);
       mix(parts, width, s.pixels.data() + at);
     } else {
       if (n < grid.layers) coded.read(n, s.pixels.data() + at);
-      dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);
+      if (!light) dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);
     }
-    for (std::size_t x = 0; x < width; ++x) s.dose[at + x] = static_cast<float>(dose.middle()[x]);
+    if (light) of_light->add_slice(n, light->of(n));
+    const double* const middle = light ? of_light->middle() : dose.middle();
+    for (std::size_t x = 0; x < width; ++x) s.dose[at + x] = static_cast<float>(middle[x]);
   }
   return s;
 }

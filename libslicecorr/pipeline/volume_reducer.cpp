@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 
 #include "pipeline/bands.hpp"
@@ -31,6 +32,16 @@ std::uint8_t flags_of(std::uint8_t state) {
 std::uint8_t worse_error(std::uint8_t a, std::uint8_t b) {
   const auto size = [](std::uint8_t code) { return code ? std::abs(code - 128) : -1; };
   return size(a) != size(b) ? (size(a) > size(b) ? a : b) : std::max(a, b);
+}
+
+/// Adds a slice further towards the platform; turned by `turn_light` in the end.
+void note_light(ReducedVolume::LightRuns& runs, std::uint32_t code) {
+  if (!runs.empty() && runs.back().code == code &&
+      runs.back().slices < ReducedVolume::kMostLightSlices) {
+    ++runs.back().slices;
+    return;
+  }
+  runs.push_back({code & ReducedVolume::kLightCodes, 1U});
 }
 
 /// Turns runs, noted from the last slice down by the slice where each begins, into runs from the
@@ -80,6 +91,14 @@ VolumeReducer::VolumeReducer(const PlaceModels& models, const PixelBox& box, int
   for (std::size_t n = 0; n < cell_layer_.size(); ++n) {
     cell_layer_[n] = static_cast<std::uint32_t>(n / static_cast<std::size_t>(v.step_z));
   }
+}
+
+std::uint32_t VolumeReducer::light_code(double phi) const {
+  if (!(phi > 0)) return 0;
+  const double share =
+      std::log(phi / volume_.least_light) / std::log(volume_.greatest_light / volume_.least_light);
+  const double steps = ReducedVolume::kLightCodes - 1;
+  return 1 + static_cast<std::uint32_t>(std::lround(std::clamp(share, 0.0, 1.0) * steps));
 }
 
 void VolumeReducer::settle(int j) {
@@ -248,7 +267,7 @@ std::vector<VolumeReducer::Band::Chosen> VolumeReducer::Band::choose() const {
 
 /// Fills in the slices and doses of the chosen pixels.
 void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& shown,
-                                 const Reader& design) const {
+                                 const Reader& design, const Lights& lights) const {
   const ReducedVolume& v = volume_.volume_;
   const LightMap& map = volume_.models_.map();
   std::vector<Pixel> places;
@@ -266,7 +285,12 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     itself[p] = static_cast<std::uint8_t>(p);
     level_of[p] = static_cast<std::uint8_t>(level_of_pixel(static_cast<int>(p), volume_.levels_));
   }
-  PlaceDose dose_before(volume_.models_, places), dose_after(volume_.models_, places);
+  // Where light spreads, all columns have one model.
+  std::pair<Light, Light> light;
+  if (lights) light = lights(places);
+  const PlaceModels one(volume_.models_.brightest());
+  const PlaceModels& models = lights ? one : volume_.models_;
+  PlaceDose dose_before(models, places), dose_after(models, places);
   std::vector<std::uint8_t> rows(cells_.size());
   const std::size_t size = chosen.size();
   std::vector<std::uint8_t> pixels(size), cover(size), pixels_below(size), cover_below(size);
@@ -292,14 +316,30 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
       }
     }
   };
+  const auto note_lights = [&](std::span<const ImageShowing> showings,
+                               ReducedVolume::LightRuns ReducedVolume::Column::*runs) {
+    for (std::size_t m = 0; m < size; ++m) {
+      double phi = 0;
+      for (const ImageShowing& showing : showings) phi += showing.light * showing.phi[m];
+      note_light(chosen[m].column.*runs, volume_.light_code(phi));
+    }
+  };
   for (int z = v.layers; z-- > 0;) {
     const bool lit_before = z < volume_.target_layers_, lit_after = z < volume_.stack_layers_;
     cover.swap(cover_below);
     pixels.swap(pixels_below);
     read(design, z, cover);
     read(shown, z, pixels);
-    dose_before.add_slice(z, lit_before ? cover.data() : nullptr);
-    dose_after.add_slice(z, lit_after ? pixels.data() : nullptr);
+    if (lights) {
+      const std::span<const ImageShowing> of_before = light.first(z), of_after = light.second(z);
+      dose_before.add_slice(z, of_before);
+      dose_after.add_slice(z, of_after);
+      if (lit_before) note_lights(of_before, &ReducedVolume::Column::light_before);
+      if (lit_after) note_lights(of_after, &ReducedVolume::Column::light_after);
+    } else {
+      dose_before.add_slice(z, lit_before ? cover.data() : nullptr);
+      dose_after.add_slice(z, lit_after ? pixels.data() : nullptr);
+    }
     if (lit_before) {
       note(z, z + 1 == volume_.target_layers_, &ReducedVolume::Column::coverage, itself, cover,
            cover_below);
@@ -321,6 +361,10 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
   for (Chosen& c : chosen) {
     count_slices(c.column.coverage);
     count_slices(c.column.levels);
+    for (auto* runs : {&c.column.light_before, &c.column.light_after}) {
+      std::reverse(runs->begin(), runs->end());
+      runs->shrink_to_fit();
+    }
   }
 }
 
@@ -376,7 +420,7 @@ void VolumeReducer::Band::join(std::vector<Chosen>& chosen) {
   }
 }
 
-void VolumeReducer::Band::finish(const Reader& shown, const Reader& design) {
+void VolumeReducer::Band::finish(const Reader& shown, const Reader& design, const Lights& lights) {
   const ReducedVolume& v = volume_.volume_;
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     count(before_, i, 0);
@@ -389,7 +433,7 @@ void VolumeReducer::Band::finish(const Reader& shown, const Reader& design) {
     }
   }
   std::vector<Chosen> chosen = choose();
-  follow(chosen, shown, design);
+  follow(chosen, shown, design, lights);
   join(chosen);
 }
 

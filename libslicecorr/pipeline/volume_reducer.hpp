@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <mutex>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -28,6 +29,13 @@ class VolumeReducer {
 
   /// Gathers one band; for one thread.
   class Band;
+  /// Light of columns that get it from others is kept, too. Before the first band.
+  void keep_light() {
+    const CureModel& model = models_.brightest();
+    // Beyond the display's edge light fades, and what scatters adds to it.
+    volume_.least_light = model.phi_min() / 16;
+    volume_.greatest_light = 2 * model.phi_max();
+  }
 
   /// The volume; to be called after all bands, which must cover the box.
   ReducedVolume take() { return std::move(volume_); }
@@ -48,6 +56,7 @@ class VolumeReducer {
     /// Voxels by column and height of cells. One cell has fewer than 2^32 of them.
     std::vector<std::uint32_t> designed, printed_before, printed_after;
   };
+  std::uint32_t light_code(double phi) const;
   /// Makes flags of the counts of row `j`.
   void settle(int j);
 
@@ -74,8 +83,13 @@ class VolumeReducer::Band {
 
   /// Writes the band's pixels of a slice; black beyond its last.
   using Reader = std::function<void(int slice, std::uint8_t* pixels)>;
-  /// Joins the band into the volume; to be called once, after all predictors.
-  void finish(const Reader& shown, const Reader& design);
+  /// The light of each slice over the chosen columns, where light spreads; see SpreadBand.
+  using Light = std::function<std::span<const ImageShowing>(int slice)>;
+  /// Makes these of the target shown as it is and of the stack.
+  using Lights = std::function<std::pair<Light, Light>(const std::vector<Pixel>& places)>;
+  /// Joins the band into the volume; to be called once, after all predictors. `lights`: null where
+  /// light stays in its column.
+  void finish(const Reader& shown, const Reader& design, const Lights& lights = {});
 
  private:
   /// Voxels of the band's cells. Columns have runs of many slices: the cells that a run fills are
@@ -107,7 +121,8 @@ class VolumeReducer::Band {
   void count(Print& print, std::size_t column, int low);
   void mark_error(Print& print, std::size_t column, int node, bool upper, double um) const;
   std::vector<Chosen> choose() const;
-  void follow(std::vector<Chosen>& chosen, const Reader& shown, const Reader& design) const;
+  void follow(std::vector<Chosen>& chosen, const Reader& shown, const Reader& design,
+              const Lights& lights) const;
   void join(std::vector<Chosen>& chosen);
 
   VolumeReducer& volume_;

@@ -70,6 +70,13 @@ void Prediction::merge(const Prediction& o) {
   split_examples.merge(o.split_examples);
   height_error_um.merge(o.height_error_um);
   surface_error_um.merge(o.surface_error_um);
+  plane_error_um.merge(o.plane_error_um);
+  plane_overreach_um = std::max(plane_overreach_um, o.plane_overreach_um);
+  plane_shortfall_um = std::max(plane_shortfall_um, o.plane_shortfall_um);
+  plane_closed += o.plane_closed;
+  plane_lost += o.plane_lost;
+  plane_closed_examples.merge(o.plane_closed_examples);
+  plane_lost_examples.merge(o.plane_lost_examples);
   at_heights = at_heights || o.at_heights;
   greatest_overreach_um = std::max(greatest_overreach_um, o.greatest_overreach_um);
   greatest_shortfall_um = std::max(greatest_shortfall_um, o.greatest_shortfall_um);
@@ -113,6 +120,16 @@ std::string Prediction::to_json() const {
                            {"p95_abs", or_null(surface, surface_error_um.quantile(0.95))},
                            {"max_abs", or_null(surface, surface_error_um.greatest())},
                            {"edges", surface_error_um.count()}};
+  const bool plane = plane_error_um.count() > 0;
+  j["edge_error_in_plane_um"] = {{"mean_abs", or_null(plane, plane_error_um.mean())},
+                                 {"p95_abs", or_null(plane, plane_error_um.quantile(0.95))},
+                                 {"max_abs", or_null(plane, plane_error_um.greatest())},
+                                 {"edges", plane_error_um.count()},
+                                 {"max_overreach", or_null(plane, plane_overreach_um)},
+                                 {"max_shortfall", or_null(plane, plane_shortfall_um)},
+                                 {"closed", plane_closed},
+                                 {"lost", plane_lost}};
+  if (finest) j["finest_um"] = {{"line", finest->line_um}, {"gap", finest->gap_um}};
   j["runs"] = runs;
   j["gaps"] = gaps;
   j["lost_features"] = lost_features;

@@ -55,6 +55,12 @@ std::string figures_table(const ReportContent& c) {
     errors("Mean distance of edges to the mesh", "Largest distance to the mesh",
            &Prediction::surface_error_um);
   }
+  if (c.after.plane_error_um.count() > 0) {
+    errors("Mean error of outlines in the plane", "Largest error in the plane",
+           &Prediction::plane_error_um);
+    row("Edges closed up or lost in the plane",
+        [](const Prediction& p) { return fmt::format("{}, {}", p.plane_closed, p.plane_lost); });
+  }
   row("Gap voxels cured through",
       [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   row("Feature voxels undercured",

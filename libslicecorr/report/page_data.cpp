@@ -71,7 +71,8 @@ void put_number(Bytes& out, std::uint32_t value) {
   out.push_back(static_cast<std::uint8_t>(value));
 }
 
-/// Per column x, y, then for coverage and levels the number of runs, and value and length of each.
+/// Per column x, y, then for coverage and levels the number of runs, and value and length of each;
+/// where light spreads then the same of the light before and after, with numbers for values.
 Bytes column_codes(const ReducedVolume& v, int every) {
   Bytes out;
   for (int j = 0; j < v.ny; j += every) {
@@ -84,6 +85,14 @@ Bytes column_codes(const ReducedVolume& v, int every) {
         put_number(out, static_cast<std::uint32_t>(runs->size()));
         for (const ReducedVolume::Run run : *runs) {
           out.push_back(static_cast<std::uint8_t>(run.value));
+          put_number(out, run.slices);
+        }
+      }
+      if (v.greatest_light == 0) continue;
+      for (const auto* runs : {&column.light_before, &column.light_after}) {
+        put_number(out, static_cast<std::uint32_t>(runs->size()));
+        for (const ReducedVolume::LightRun run : *runs) {
+          put_number(out, run.code);
           put_number(out, run.slices);
         }
       }
@@ -207,7 +216,10 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   j["error"] = {base64(fields[4]), base64(fields[5])};
 
   std::size_t runs = 0;
-  for (const auto& column : v.columns) runs += column.coverage.size() + column.levels.size();
+  for (const auto& column : v.columns) {
+    runs += column.coverage.size() + column.levels.size() + column.light_before.size() +
+            column.light_after.size();
+  }
   Bytes columns;
   for (every = 1;; ++every) {
     // Codes hardly shrink more than twelvefold: don't make what can't fit.
@@ -218,6 +230,9 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   }
   j["columnEvery"] = every;
   j["columns"] = base64(columns);
+  if (v.greatest_light > 0) {
+    j["spread"] = {v.least_light, v.greatest_light, ReducedVolume::kLightCodes - 1};
+  }
   if (uneven) j["light"] = gains_json(v, every, model.m);
   return j.dump();
 }

@@ -144,6 +144,7 @@ std::string histograms(const ReportContent& c) {
   };
   edges("Height error of edges", &Prediction::height_error_um);
   edges("Distance of edges to the mesh", &Prediction::surface_error_um);
+  edges("Error of outlines in the plane", &Prediction::plane_error_um);
   if (c.after.gap_contrast.count() > 0) {
     std::vector<double> contrasts;
     std::vector<std::string> names;
@@ -175,6 +176,14 @@ std::string feature_lists(const ReportContent& c) {
   }
   html += feature_table("Merged, this stack", c.after.merged_examples, c.after.merged_features, g,
                         true);
+  const auto in_plane = [&](const Prediction& figures, const char* which, bool open) {
+    if (figures.plane_error_um.count() == 0) return;
+    html += feature_table(fmt::format("Closed up in the plane, {}", which),
+                          figures.plane_closed_examples, figures.plane_closed, g, open);
+    html += feature_table(fmt::format("Lines lost in the plane, {}", which),
+                          figures.plane_lost_examples, figures.plane_lost, g, open);
+  };
+  in_plane(c.after, "this stack", true);
   if (c.before) {
     html += feature_table("Lost, uncorrected", c.before->lost_examples, c.before->lost_features, g,
                           false);
@@ -184,6 +193,7 @@ std::string feature_lists(const ReportContent& c) {
     }
     html += feature_table("Merged, uncorrected", c.before->merged_examples,
                           c.before->merged_features, g, false);
+    in_plane(*c.before, "uncorrected", false);
   }
   return html;
 }

@@ -9,6 +9,7 @@
 
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
+#include "cure/spread_band.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
@@ -103,14 +104,16 @@ struct PrintedSurface {
 /// One band of samples, from the last slice to the first.
 class BandSurface {
  public:
-  BandSurface(const SliceSource& stack, const PlaceModels& models, const OnPlate& plate,
-              const SolidOptions& options, const Axis& columns, const Axis& rows, BlobStore& store)
+  BandSurface(const SliceSource& stack, const PlaceModels& models,
+              const detail::SpreadLight& spread, const OnPlate& plate, const SolidOptions& options,
+              const Axis& columns, const Axis& rows, BlobStore& store)
       : stack_(stack),
         models_(models),
         model_(models.brightest()),
         plate_(plate),
         options_(options),
         slices_(stack),
+        spread_(spread),
         columns_(columns),
         rows_(rows),
         store_(store) {}
@@ -135,7 +138,7 @@ class BandSurface {
     }
     lower.fill(std::numeric_limits<double>::infinity());
     upper.fill(-std::numeric_limits<double>::infinity());
-    const detail::CodedBand coded = read(row, height);
+    const detail::CodedBand coded = spread_.none() ? read(row, height) : detail::CodedBand(samples);
     // Beside the image there is no light at all, in it at least that of black.
     std::vector<double> dark(samples);
     std::vector<const PixelCurve*> curves(samples);
@@ -167,7 +170,9 @@ class BandSurface {
     }
     detail::LevelSurface surface(
         model_, std::move(x_mm), std::move(y_mm), [&](const Triangle& t) { take(t); }, measure);
-    if (model_.is_plain()) {
+    if (!spread_.none()) {
+      draw_spread(surface, in_image, pixels, context);
+    } else if (model_.is_plain()) {
       draw_plain(surface, coded, dark, curves, context);
     } else {
       draw_general(surface, coded, in_image, pixels, context);
@@ -226,6 +231,48 @@ class BandSurface {
       for (std::size_t i = 0; i < samples; ++i) {
         lower[i] = in_image[i] ? dose.lower()[i] : 0.0;
         upper[i] = in_image[i] ? dose.upper()[i] : 0.0;
+      }
+      surface.jump(n + 1, node.data(), lower.data());
+      surface.layer(n, lower.data(), upper.data());
+      node = upper;
+    }
+    surface.platform(node.data());
+  }
+
+  /// Columns that light reaches from others. As `draw_general`.
+  void draw_spread(detail::LevelSurface& surface, const std::vector<std::uint8_t>& in_image,
+                   const std::vector<Pixel>& places, const ExecutionContext& context) const {
+    const std::size_t samples = in_image.size();
+    PixelBox window;
+    std::vector<Pixel> inside = places;
+    for (std::size_t i = 0; i < samples; ++i) {
+      const Pixel& p = places[i];
+      if (in_image[i]) window = window.united({p.x, p.y, p.x + 1, p.y + 1});
+    }
+    for (std::size_t i = 0; i < samples; ++i) {
+      if (!in_image[i]) inside[i] = {window.x0, window.y0};
+    }
+    detail::SpreadBand light(spread_, stack_, slices_, window, inside);
+    BandDose dose(model_, samples);
+    std::vector<double> node(samples, 0.0), lower(samples), upper(samples), phi(samples);
+    for (int n = slices_.slices(); n-- > 0;) {
+      if ((n & 63) == 0) context.check_cancelled();
+      const std::span<const ImageShowing> showings = light.of(n);
+      dose.add_slice(n, showings);
+      for (std::size_t i = 0; i < samples; ++i) {
+        lower[i] = in_image[i] ? dose.lower()[i] : 0.0;
+        upper[i] = in_image[i] ? dose.upper()[i] : 0.0;
+      }
+      if (model_.is_plain()) {
+        std::fill(phi.begin(), phi.end(), 0.0);
+        for (const ImageShowing& showing : showings) {
+          for (std::size_t i = 0; i < samples; ++i) {
+            if (in_image[i]) phi[i] += showing.light * showing.phi[i];
+          }
+        }
+        surface.layer(n, phi.data(), lower.data(), upper.data());
+        node = upper;
+        continue;
       }
       surface.jump(n + 1, node.data(), lower.data());
       surface.layer(n, lower.data(), upper.data());
@@ -295,6 +342,7 @@ class BandSurface {
   const OnPlate& plate_;
   const SolidOptions& options_;
   const detail::ShownSlices slices_;
+  const detail::SpreadLight& spread_;
   const Axis& columns_;
   const Axis& rows_;
   BlobStore& store_;
@@ -332,6 +380,8 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
   PixelBox lit = stack.bounds();
   // Where even black gels, the whole display prints.
   if (black_gels(models.brightest(), stack)) lit = {0, 0, grid.width_px, grid.height_px};
+  const detail::SpreadLight spread(models, grid, stack.frame());
+  if (!spread.none()) lit = spread.around(lit);
   const OnPlate plate(stack);
   PrintedSurface surface;
   surface.store = std::make_unique<BlobStore>(scratch_folder, kMemoryBudget, context);
@@ -347,7 +397,7 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
     std::vector<SolidReport> reports(bands);
     parallel_for(context, "surface", bands, [&](std::size_t b) {
       const int row = static_cast<int>(b) * height;
-      BandSurface band(stack, models, plate, options, columns, rows, *surface.store);
+      BandSurface band(stack, models, spread, plate, options, columns, rows, *surface.store);
       band.draw(row, std::min(height + 1, rows.count - row), context);
       surface.bands[b] = std::move(band.blobs);
       reports[b] = {band.triangles, band.volume, band.lower, band.upper,

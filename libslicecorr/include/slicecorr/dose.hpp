@@ -38,6 +38,9 @@ struct ImageShowing {
   /// Continuous exposure without UV light takes its light as spread over that stretch, all other
   /// models as spread over the slice, or as given where the window stands.
   double from = 0, to = 1;
+  /// What the image alone gives each column, relative intensity, where light spreads from column to
+  /// column; null: that of its pixel's grey level. Not under UV light.
+  const double* phi = nullptr;
 };
 
 /// A relative dose that differs from 1 by less counts as 1 where a run might be split. Doses under

@@ -118,6 +118,15 @@ struct LayerwiseFigures {
 /// None for other models.
 std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model);
 
+/// The finest that light which spreads can print, by the sharper of the images' two axes.
+struct FinestPrint {
+  /// A line that is lit at full light between black gels in its middle if it is at least so wide.
+  double line_um = 0;
+  /// A gap whose edges print where they are designed, between full light, stays a tenth below the
+  /// dose that gels in its middle if it is at least so wide.
+  double gap_um = 0;
+};
+
 /// The figures of a prediction.
 struct Prediction {
   int layers = 0;                         ///< slices shown
@@ -139,9 +148,18 @@ struct Prediction {
   Histogram height_error_um;  ///< absolute values, one per designed edge
   /// The same from the design's own surface, of edges whose height the target knows (target.hpp).
   Histogram surface_error_um;
-  double greatest_overreach_um = 0;  ///< furthest that the print reaches into a gap
-  double greatest_shortfall_um = 0;  ///< furthest that an edge stays behind in its run
-  Histogram gap_contrast;            ///< 1 less the least dose of each gap, at least 0
+  /// Absolute distances, in the plane of each slice and along its rows and columns, of the print's
+  /// outline from each edge of the design's: a sample per side of a pixel. Where light spreads from
+  /// column to column; empty where it does not, and outlines are those of pixels.
+  Histogram plane_error_um;
+  double plane_overreach_um = 0, plane_shortfall_um = 0;  ///< see the two below
+  std::uint64_t plane_closed = 0;  ///< such edges whose print reaches the next feature, or far
+  std::uint64_t plane_lost = 0;    ///< of lines where nothing prints from edge to edge, or far
+  FeatureExamples plane_closed_examples, plane_lost_examples;
+  std::optional<FinestPrint> finest;  ///< where light spreads; not merged, set for whole stacks
+  double greatest_overreach_um = 0;   ///< furthest that the print reaches into a gap
+  double greatest_shortfall_um = 0;   ///< furthest that an edge stays behind in its run
+  Histogram gap_contrast;             ///< 1 less the least dose of each gap, at least 0
   std::uint64_t gap_teeth = 0;  ///< printed stretches in gaps that touch neither of their edges
   std::optional<LayerwiseFigures> layerwise;
   std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks

@@ -54,12 +54,24 @@ struct ReducedVolume {
   };
   static constexpr int kMostLayers = (1 << 24) - 1;
   using Runs = std::vector<Run>;  ///< from slice 0 on
+  /// The light of a column where it spreads, and for how many slices it holds: relative intensity
+  /// least_light * (greatest_light / least_light)^((code - 1) / (kLightCodes - 1)), code 0: none.
+  struct LightRun {
+    std::uint32_t code : 14;
+    std::uint32_t slices : 18;
+    bool operator==(const LightRun&) const = default;
+  };
+  static constexpr std::uint32_t kLightCodes = (1U << 14) - 1, kMostLightSlices = (1U << 18) - 1;
+  using LightRuns = std::vector<LightRun>;     ///< from slice 0 on
+  double least_light = 0, greatest_light = 0;  ///< 0: light does not spread
   /// The pixel that stands for a column of cells.
   struct Column {
     int x = -1, y = -1;  ///< column and row in the image
     double light = 1;    ///< share of the calibration's light that the pixel gets
     Runs coverage;       ///< of the target
     Runs levels;         ///< grey levels of the stack; ends where the stack ends
+    /// Of the target shown as it is and of the stack, where light spreads; empty where it doesn't.
+    LightRuns light_before, light_after;
     bool operator==(const Column&) const = default;
   };
   std::vector<Column> columns;  ///< j * nx + i
@@ -73,7 +85,9 @@ struct ReducedVolume {
       return std::array{v.box.x0, v.box.y0, v.box.x1, v.box.y1, v.layers, v.step_x,
                         v.step_y, v.step_z, v.nx,     v.ny,     v.nz};
     };
-    return size(*this) == size(o) && before == o.before && after == o.after && columns == o.columns;
+    return size(*this) == size(o) && least_light == o.least_light &&
+           greatest_light == o.greatest_light && before == o.before && after == o.after &&
+           columns == o.columns;
   }
 };
 

@@ -35,6 +35,16 @@ std::string figures_table(const std::vector<Figures>& columns) {
     return f.prediction->surface_error_um.count() > 0;
   });
   if (any_surface) errors("distance to the mesh", &Prediction::surface_error_um);
+  const bool any_plane = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
+    return f.prediction->plane_error_um.count() > 0;
+  });
+  if (any_plane) {
+    errors("error in the plane", &Prediction::plane_error_um);
+    line("edges closed up in the plane",
+         [](const Prediction& p) { return fmt::format("{}", p.plane_closed); });
+    line("edges of lines lost in the plane",
+         [](const Prediction& p) { return fmt::format("{}", p.plane_lost); });
+  }
   line("gap voxels cured through",
        [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   line("feature voxels undercured",

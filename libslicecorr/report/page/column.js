@@ -17,7 +17,7 @@ function curveOf(levels, gain) {
   const before = (m, zeta) => {
     if (zeta >= m || outside(zeta)) return 0;
     if (!data.kernel && !data.bath) return Math.max(0, at(zeta) - omega[m] * a ** (m - zeta));
-    if (!partial.has(m)) partial.set(m, dosesOf(levels, m));
+    if (!partial.has(m)) partial.set(m, dosesOf(levels, m, gain));
     return inLayer(partial.get(m), Math.floor(zeta), zeta);
   };
   // What slice n adds at the upper end of layer k.
@@ -123,8 +123,9 @@ async function drawColumn() {
     to = Math.min(all, from + 40);
   }
   let top = 1.2;
-  for (const levels of [before, after]) top = Math.max(top, curveOf(levels, column.gain).top(from, to) * 1.08);
-  const plots = [columnPlot("Uncorrected", before, coverage, from, to, top, column.gain), columnPlot("This stack", after, coverage, from, to, top, column.gain)];
+  const gains = [column.lightBefore ?? column.gain, column.lightAfter ?? column.gain];
+  [before, after].forEach((levels, k) => { top = Math.max(top, curveOf(levels, gains[k]).top(from, to) * 1.08); });
+  const plots = [columnPlot("Uncorrected", before, coverage, from, to, top, gains[0]), columnPlot("This stack", after, coverage, from, to, top, gains[1])];
   $("column-before").innerHTML = plots[0].svg;
   $("column-after").innerHTML = plots[1].svg;
   const [b, a] = plots.map((p) => p.wrong);

@@ -33,14 +33,30 @@ const load = data && {
       for (let n = number(); n > 0; --n) list.push(bytes[at++], number());
       return list;
     };
+    // Intensities of columns that get light from others, on a logarithmic scale.
+    const lights = () => {
+      const list = [], [least, greatest, steps] = data.spread;
+      for (let n = number(); n > 0; --n) {
+        const code = number();
+        list.push(code ? least * (greatest / least) ** ((code - 1) / steps) : 0, number());
+      }
+      return list;
+    };
+    const skipLights = () => { for (let n = number(); n > 0; --n) { number(); number(); } };
     const skip = () => { for (let n = number(); n > 0; --n) { ++at; while (bytes[at++] > 127); } };
     while (at < bytes.length) {
       starts.push(at);
       number(); number(); skip(); skip();
+      if (data.spread) { skipLights(); skipLights(); }
     }
     return (index) => {
       at = starts[index];
       const column = { x: number(), y: number(), coverage: runs(), levels: runs(), gain: 1, factor: 1 };
+      column.lightBefore = column.lightAfter = null;
+      if (data.spread) {
+        column.lightBefore = unrolled(lights());
+        column.lightAfter = unrolled(lights());
+      }
       if (light) {
         column.gain = data.light.gains[light[index]];
         column.factor = data.light.factors[light[index]];
@@ -70,11 +86,12 @@ const levelOfPixel = (value) => Math.floor((value * (data.phi.length - 1) + 127)
 
 // What slices of these levels add up to, slices up to `end` only: phi of every slice, and the dose at the lower end,
 // the middle and the upper end of every layer. At the upper end it is Omega of the node, seen from inside the layer.
-// `gain`: what uneven light makes of phi at the column's place.
+// `gain`: what uneven light makes of phi at the column's place, or phi itself, slice by slice, where light spreads.
 function dosesOf(levels, end = levels.length, gain = 1) {
   const shown = Math.min(end, levels.length), a = data.a;
   const ratio = (n) => (data.ratio ? data.ratio[Math.min(n, data.ratio.length - 1)] : 1);
-  const phi = levels.map((level, n) => (n < shown ? data.phi[level] * ratio(n) * gain : 0));
+  const light = (level, n) => (Array.isArray(gain) ? gain[n] ?? 0 : data.phi[level] * gain);
+  const phi = levels.map((level, n) => (n < shown ? light(level, n) * ratio(n) : 0));
   let counted = phi;
   const [lower, middle, omega] = [0, 1, 2].map(() => new Array(levels.length + 1).fill(0));
   if (data.kernel) {

@@ -116,7 +116,7 @@ async function selftest(firstPicture) {
     check("click moves the slice", Math.abs(view.slice - data.cells[2] * 0.6) <= 1 + data.cells[2] / box.height);
     const { column, plots } = await drawColumn();
     check("plots have bands", plots.every((p) => p.bands > 1));
-    const levels = unrolled(column.levels), curve = curveOf(levels, column.gain);
+    const levels = unrolled(column.levels), curve = curveOf(levels, column.lightAfter ?? column.gain);
     let worst = 0;
     for (let k = 0; k < levels.length; k += Math.max(1, Math.floor(levels.length / 50))) {
       let sum = 0;

@@ -61,7 +61,10 @@ int block_format(const Process& p) {
 
 int block_format(const StackInfo& info) {
   const bool shows_light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
-  if (shows_light && info.printer && info.printer->resin_depth_um > 0) return 6;
+  const bool bath = info.printer && info.printer->resin_depth_um > 0;
+  const bool spreads = (info.printer && !info.printer->spread.none()) ||
+                       (info.resin && info.resin->scatter_um2_per_um > 0);
+  if (shows_light && (bath || spreads)) return 6;
   if (info.has_edge_heights) return 5;
   if (info.kind == StackKind::recorded) return 4;
   if (info.printer && info.printer->flat_field) return 3;

@@ -1,0 +1,258 @@
+#include "cure/spread_band.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// What of a dose may be left out because it scatters from too far away.
+constexpr double kShareLeftOut = 1e-6;
+
+PixelBox common(const PixelBox& a, const PixelBox& b) {
+  PixelBox box{std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1),
+               std::min(a.y1, b.y1)};
+  if (box.empty()) box = {a.x0, a.y0, a.x0, a.y0};
+  return box;
+}
+
+bool same(const PixelBox& a, const PixelBox& b) {
+  return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
+}
+
+std::size_t index(const PixelBox& box, const Pixel& pixel) {
+  return static_cast<std::size_t>(pixel.y - box.y0) * static_cast<std::size_t>(box.width()) +
+         static_cast<std::size_t>(pixel.x - box.x0);
+}
+
+/// Copies what `from` and `to` have in common.
+void copy_common(const std::vector<double>& in, const PixelBox& from, std::vector<double>& out,
+                 const PixelBox& to) {
+  const PixelBox box = common(from, to);
+  for (int y = box.y0; y < box.y1; ++y) {
+    const auto at = [&](const PixelBox& whole) {
+      return static_cast<std::ptrdiff_t>(y - whole.y0) * whole.width() + (box.x0 - whole.x0);
+    };
+    std::copy_n(in.begin() + at(from), box.width(), out.begin() + at(to));
+  }
+}
+
+void refuse(const std::string& why) { throw InputError(why); }
+
+}  // namespace
+
+SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame)
+    : models_(models), display_{0, 0, grid.width_px, grid.height_px} {
+  const Printer& printer = models.printer();
+  const Resin& resin = models.resin();
+  if (printer.spread.none() && resin.scatter_um2_per_um == 0) return;
+  const CureModel& model = models.brightest();
+  if (model.inhibited) {
+    refuse(fmt::format(
+        "light of printer '{}' spreads or resin '{}' scatters it, and UV light is on; expected one "
+        "of both: doses under UV light are those of columns alone",
+        printer.name, resin.name));
+  }
+  const Grid images = images_of(printer, frame);
+  blur_ = LightBlur(printer.spread, images.pixel_x_um, images.pixel_y_um,
+                    turn_to_display(frame, printer));
+  scatter_ =
+      SliceScatter(resin.scatter_um2_per_um, model.layer_um, images.pixel_x_um, images.pixel_y_um);
+  if (!scatter_.none()) {
+    if (model.m != 1.0) {
+      refuse(
+          fmt::format("resin '{}' has scatter_um2_per_um and an exponent m of {:g}; expected 1: "
+                      "scattered light of other resins does not add up from slice to slice",
+                      resin.name, model.m));
+    }
+    if (model.bath_slices > 0) {
+      refuse(
+          fmt::format("resin '{}' has scatter_um2_per_um, and the resin in the vat ends; "
+                      "expected one of both",
+                      resin.name));
+    }
+    halo_x_ = scatter_.halo_x(model.a, kShareLeftOut);
+    halo_y_ = scatter_.halo_y(model.a, kShareLeftOut);
+  }
+  if (reach_x() >= grid.width_px || reach_y() >= grid.height_px) {
+    refuse(fmt::format(
+        "light spreads over {} x {} pixels to either side, and the images have {} x {}; expected "
+        "less (are sigmas in um?)",
+        reach_x(), reach_y(), grid.width_px, grid.height_px));
+  }
+}
+
+PixelBox SpreadLight::grown(const PixelBox& box, int x, int y) const {
+  if (box.empty()) return box;
+  return common({box.x0 - x, box.y0 - y, box.x1 + x, box.y1 + y}, display_);
+}
+
+std::optional<FinestWidths> SpreadLight::finest() const {
+  const CureModel& m = model();
+  const LightSpread& spread = models_.printer().spread;
+  const bool layerwise = m.mode == ExposureMode::layerwise;
+  // Layer by layer each layer gels in its own exposure, and black adds up.
+  const double full = layerwise ? m.phi_max() * m.a : m.steady(m.phi_max());
+  const double black = layerwise ? m.phi_min() * m.a / m.one_minus_a : m.steady(m.phi_min());
+  if (spread.none() || !(full > 1.0) || !(black < 0.9)) return std::nullopt;
+  const FinestWidths across = finest_widths(spread, false, full, black),
+                     down = finest_widths(spread, true, full, black);
+  return FinestWidths{std::min(across.line_um, down.line_um), std::min(across.gap_um, down.gap_um)};
+}
+
+SpreadBand::SpreadBand(const SpreadLight& light, const SliceSource& stack,
+                       const ShownSlices& slices, const PixelBox& window)
+    : SpreadBand(light, stack, slices, window, {}) {
+  if (same(field_, window)) return;
+  for (int y = window.y0; y < window.y1; ++y) {
+    for (int x = window.x0; x < window.x1; ++x) columns_.push_back(index(field_, {x, y}));
+  }
+}
+
+SpreadBand::SpreadBand(const SpreadLight& light, const SliceSource& stack,
+                       const ShownSlices& slices, const PixelBox& window,
+                       const std::vector<Pixel>& places)
+    : light_(light),
+      slices_(slices),
+      field_(light.grown(window, light.halo_x_, light.halo_y_)),
+      shown_(common(light.around(window), stack.bounds())),
+      coded_(coded_band_of(stack, shown_)),
+      images_(slices, coded_) {
+  for (const Pixel& place : places) columns_.push_back(index(field_, place));
+  if (!light.scatter_.none()) dose_.assign(columns_of(field_), 0.0);
+  dark_.resize(columns_of(field_));
+  blur(nullptr, field_, dark_);
+}
+
+const std::vector<double>& SpreadBand::intensities(std::uint8_t place) {
+  std::vector<double>& values = intensities_[place];
+  if (values.empty()) {
+    const PixelCurve& curve = light_.models_.curve(place);
+    const double m = light_.model().m;
+    values.assign(curve.begin(), curve.end());
+    if (m != 1.0) {
+      for (double& v : values) v = std::pow(v, 1.0 / m);
+    }
+  }
+  return values;
+}
+
+PixelBox SpreadBand::lit_box(const std::uint8_t* pixels) const {
+  PixelBox lit{shown_.x1, shown_.y1, shown_.x0, shown_.y0};
+  const auto width = static_cast<std::size_t>(shown_.width());
+  for (int y = shown_.y0; y < shown_.y1; ++y, pixels += width) {
+    if (all_zero(pixels, width)) continue;
+    lit.y0 = std::min(lit.y0, y);
+    lit.y1 = y + 1;
+    const auto above = [](std::uint8_t v) { return v != 0; };
+    const auto first = std::find_if(pixels, pixels + width, above) - pixels;
+    std::size_t past = width;
+    while (pixels[past - 1] == 0) --past;
+    lit.x0 = std::min(lit.x0, shown_.x0 + static_cast<int>(first));
+    lit.x1 = std::max(lit.x1, shown_.x0 + static_cast<int>(past));
+  }
+  return lit;
+}
+
+void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, std::vector<double>& field) {
+  const LightBlur& spread = light_.blur_;
+  const PixelBox from = light_.grown(to, spread.reach_x(), spread.reach_y());
+  const LightMap& map = light_.models_.map();
+  const auto width = static_cast<std::size_t>(from.width());
+  in_.resize(columns_of(from));
+  std::vector<std::uint8_t> row(width), places(width, map.reference());
+  for (int y = from.y0; y < from.y1; ++y) {
+    std::fill(row.begin(), row.end(), std::uint8_t{0});
+    const PixelBox line = common({from.x0, y, from.x1, y + 1}, shown_);
+    if (pixels && !line.empty()) {
+      std::copy_n(pixels + static_cast<std::ptrdiff_t>(y - shown_.y0) * shown_.width() +
+                      (line.x0 - shown_.x0),
+                  line.width(), row.begin() + (line.x0 - from.x0));
+    }
+    double* const out = in_.data() + static_cast<std::size_t>(y - from.y0) * width;
+    if (map.even()) {
+      const double* const of = intensities(map.reference()).data();
+      for (std::size_t i = 0; i < width; ++i) out[i] = of[row[i]];
+    } else {
+      map.values({from.x0, y, from.x1, y + 1}, places.data());
+      for (std::size_t i = 0; i < width; ++i) out[i] = intensities(places[i])[row[i]];
+    }
+  }
+  out_.resize(columns_of(to));
+  spread.apply(in_.data(), from, out_.data(), to);
+  if (const double m = light_.model().m; m != 1.0) {
+    for (double& v : out_) v = std::pow(v, m);
+  }
+  copy_common(out_, to, field, field_);
+}
+
+void SpreadBand::show(const std::uint8_t* pixels, Shown& out) {
+  const std::size_t size = columns_of(shown_);
+  // Walls go straight down: images are often the same again.
+  if (!out.field.empty() && std::memcmp(out.pixels.data(), pixels, size) == 0) return;
+  out.pixels.assign(pixels, pixels + size);
+  out.field = dark_;
+  const PixelBox lit = lit_box(pixels);
+  const LightBlur& spread = light_.blur_;
+  const PixelBox to = common(light_.grown(lit, spread.reach_x(), spread.reach_y()), field_);
+  if (!lit.empty() && !to.empty()) blur(pixels, to, out.field);
+}
+
+const double* SpreadBand::of_columns(const std::vector<double>& field,
+                                     std::vector<double>& room) const {
+  if (columns_.empty()) return field.data();
+  room.resize(columns_.size());
+  for (std::size_t i = 0; i < columns_.size(); ++i) room[i] = field[columns_[i]];
+  return room.data();
+}
+
+void SpreadBand::scatter(int slice) {
+  const CureModel& model = light_.model();
+  scattered_ = dose_;
+  light_.scatter_.apply(scattered_.data(), field_);
+  const bool layerwise = model.mode == ExposureMode::layerwise;
+  const double gain = layerwise ? 1.0 / model.ratio(slice) : model.a / model.one_minus_a;
+  const double per_phi = layerwise ? model.a * model.ratio(slice) : model.one_minus_a;
+  gained_.resize(dose_.size());
+  for (std::size_t i = 0; i < dose_.size(); ++i) {
+    gained_[i] = gain * (scattered_[i] - dose_[i]);
+    dose_[i] = model.a * scattered_[i];
+  }
+  for (std::size_t k = 0; k < showings_.size(); ++k) {
+    const double weight = per_phi * showings_[k].light;
+    const std::vector<double>& field = kept_[k].field;
+    for (std::size_t i = 0; i < dose_.size(); ++i) dose_[i] += weight * field[i];
+  }
+  ImageShowing gained;
+  gained.phi = of_columns(gained_, gained_of_columns_);
+  showings_.push_back(gained);
+}
+
+std::span<const ImageShowing> SpreadBand::of(int slice) {
+  showings_.clear();
+  std::span<const ImageShowing> images = images_.of(slice);
+  ImageShowing whole;
+  if (!slices_.recorded() && slice < slices_.slices()) {
+    pixels_.resize(columns_of(shown_));
+    coded_.read(slice, pixels_.data());
+    whole.pixels = pixels_.data();
+    images = {&whole, 1};
+  }
+  if (kept_.size() < images.size()) kept_.resize(images.size());
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    show(images[k].pixels, kept_[k]);
+    ImageShowing& showing = showings_.emplace_back(images[k]);
+    showing.pixels = nullptr;
+    showing.phi = of_columns(kept_[k].field, kept_[k].phi);
+  }
+  if (!light_.scatter_.none()) scatter(slice);
+  return showings_;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,43 @@
+#include "pipeline/shortcomings.hpp"
+
+#include <fmt/format.h>
+
+#include "pipeline/vanished.hpp"
+
+namespace slicecorr::detail {
+
+void tell_shortcomings(const Prediction& p, const CureModel& model, const Process& process,
+                       int levels, const ExecutionContext& context) {
+  tell_nothing_prints(p, context);
+  if (p.cure_through_voxels + p.undercure_voxels > 0 && p.finest) {
+    context.tell(fmt::format(
+        "{} voxels will still cure through and {} stay undercured where light from beside reaches "
+        "them; this light prints no line below {:.3g} um and no gap below {:.3g} um",
+        p.cure_through_voxels, p.undercure_voxels, p.finest->line_um, p.finest->gap_um));
+  } else if (p.cure_through_voxels + p.undercure_voxels > 0) {
+    context.tell(fmt::format(
+        "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
+        "was found that avoids it; one level moves an edge by up to {:.3g} um",
+        p.cure_through_voxels, p.undercure_voxels, levels, model.level_step_um()));
+  }
+  // Printers of this kind want some 20 um of liquid under the part.
+  constexpr double thin_um = 10;
+  if (p.dead_zones && process.uv.dead_zone_um == 0 && p.dead_zones->least() < thin_um) {
+    context.tell(
+        fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
+                    "place of an intensity, keeps more of it",
+                    p.dead_zones->least()));
+  }
+  if (p.one_slice_gaps > 0) {
+    context.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
+                             process.one_slice_gaps == OneSliceGaps::merge ? "merged"
+                             : model.mode == ExposureMode::layerwise       ? "kept open"
+                             : process.uv.kind != UvKind::off
+                                 ? "kept open, at the cost of the edges beside them"
+                                 : fmt::format("kept open, at the cost of up to {:.3g} um of the "
+                                               "features above them",
+                                               process.gap_shortfall * model.layer_um)));
+  }
+}
+
+}  // namespace slicecorr::detail

@@ -1,5 +1,7 @@
 // The coupled correction, judged by doses that are summed here, pixel by pixel, with weights of the
 // test's own.
+#include "correct/coupled.hpp"
+
 #include <gtest/gtest.h>
 
 #include <array>
@@ -8,7 +10,6 @@
 #include <cstdlib>
 #include <random>
 
-#include "correct/coupled.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
 
@@ -52,14 +53,11 @@ struct Setting {
   int border = 0;
 };
 
-LightSpread spread_of(double sigma_px) {
-  return {{{sigma_px * kPixelUm, 1}}, std::nullopt};
-}
+LightSpread spread_of(double sigma_px) { return {{{sigma_px * kPixelUm, 1}}, std::nullopt}; }
 
 CorrectionPlan plan_of(const Design& design, const CureModel& model) {
   const int last = design.layers - 1;
-  return {model, test::process(1000), design.layers,
-          slices_with_burst(model, design.layers, last)};
+  return {model, test::process(1000), design.layers, slices_with_burst(model, design.layers, last)};
 }
 
 class Coupled {
@@ -247,7 +245,9 @@ Design random_design(unsigned seed) {
     const int x = below(22), y = below(18), n = below(22);
     d.fill({x, y, std::min(26, x + 1 + below(12)), std::min(22, y + 1 + below(10))}, n,
            std::min(24, n + 1 + below(12)),
-           static_cast<std::uint8_t>(k < 8 ? 255 : k % 3 == 0 ? below(256) : 0));
+           static_cast<std::uint8_t>(k < 8        ? 255
+                                     : k % 3 == 0 ? below(256)
+                                                  : 0));
   }
   return d;
 }
@@ -308,10 +308,9 @@ TEST(Coupled, WhatIsReportedAsWrongIsWrong) {
   const int w = design.width + 2 * setting.border;
   const auto size = static_cast<std::size_t>(w * (design.height + 2 * setting.border));
   for (const Miss& miss : wrong) {
-    const double middle =
-        direct.middle[static_cast<std::size_t>(miss.slice) * size +
-                      static_cast<std::size_t>((miss.y + setting.border) * w + miss.x +
-                                               setting.border)];
+    const double middle = direct.middle[static_cast<std::size_t>(miss.slice) * size +
+                                        static_cast<std::size_t>((miss.y + setting.border) * w +
+                                                                 miss.x + setting.border)];
     const int cover = design.of(miss.x, miss.y, miss.slice);
     EXPECT_TRUE(cover == 255 ? middle < 1 : cover == 0 && middle >= 1)
         << miss.slice << " " << miss.y << " " << miss.x << " " << middle;

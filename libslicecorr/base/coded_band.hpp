@@ -39,14 +39,18 @@ class CodedBand {
     }
     ends_.push_back(code_.size());
   }
+  /// Adds a slice of another band of as many columns.
+  void append_of(const CodedBand& other, int slice) {
+    code_.insert(code_.end(), other.code_.data() + other.begin(slice),
+                 other.code_.data() + other.ends_[static_cast<std::size_t>(slice)]);
+    ends_.push_back(code_.size());
+  }
   /// Gives back memory that no slice needs.
   void trim() {
     code_.shrink_to_fit();
     ends_.shrink_to_fit();
   }
-  std::size_t bytes() const {
-    return code_.capacity() + ends_.capacity() * sizeof(std::size_t);
-  }
+  std::size_t bytes() const { return code_.capacity() + ends_.capacity() * sizeof(std::size_t); }
   /// Whether two slices are alike.
   bool same(int slice, int other) const {
     const std::uint8_t *a = code_.data() + begin(slice), *b = code_.data() + begin(other);

@@ -66,9 +66,9 @@ CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightB
     : plan_(columns, blur, scatter, display, options.margin),
       options_(options),
       bounds_(common(bounds, display)),
-      box_(common(PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x,
-                                    plan_.reach_y + plan_.halo_y),
-                  display)) {
+      box_(common(
+          PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y),
+          display)) {
   if (bounds_.empty()) return;
   const int side = options_.patch_px;
   across_ = (box_.width() + side - 1) / side;
@@ -164,9 +164,8 @@ void CoupledCorrection::judge(const std::vector<std::size_t>& which,
                               const ExecutionContext& context) {
   parallel_for(context, "judge", which.size(), [&](std::size_t i) {
     Tile& tile = tiles_[which[i]];
-    tile.figures =
-        judge_patch(plan_, tile.box,
-                    sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)));
+    tile.figures = judge_patch(plan_, tile.box,
+                               sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)));
   });
   now_.through = now_.under = 0;
   now_.loss = 0;
@@ -182,6 +181,7 @@ std::optional<PatchTask> CoupledCorrection::task_of(const Tile& tile) const {
   if (common(watched, bounds_).empty() || tile.urgency < kLeastUrgent) return std::nullopt;
   PatchTask task;
   task.box = tile.box;
+  task.before = tile.now.get();
   task.free = bounds_;
   task.first = now_.round == 0;
   bool wrong = false;
@@ -209,9 +209,8 @@ std::vector<std::size_t> CoupledCorrection::seen_from(
     const std::vector<std::size_t>& changed) const {
   std::vector<std::uint8_t> marks(tiles_.size(), 0);
   for (const std::size_t i : changed) {
-    for (const std::size_t k :
-         tiles_in(PatchPlace::grown(tiles_[i].box, plan_.reach_x + plan_.halo_x,
-                                    plan_.reach_y + plan_.halo_y))) {
+    for (const std::size_t k : tiles_in(PatchPlace::grown(
+             tiles_[i].box, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y))) {
       marks[k] = 1;
     }
   }
@@ -237,8 +236,7 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   if (solved.empty()) return false;
   std::vector<Band> next(solved.size());
   parallel_for(context, "round", solved.size(), [&](std::size_t i) {
-    const PixelBox watched =
-        PatchPlace::grown(tasks[i].box, plan_.overlap_x, plan_.overlap_y);
+    const PixelBox watched = PatchPlace::grown(tasks[i].box, plan_.overlap_x, plan_.overlap_y);
     next[i] = std::make_shared<const CodedBand>(solve_patch(plan_, tasks[i], sources_of(watched)));
   });
   std::vector<PatchFigures> before(solved.size());

@@ -78,11 +78,10 @@ class PatchBytes {
       band.read(slice, scratch_.data());
       const PixelBox part = PatchPlace::common(source.box, box_);
       for (int y = part.y0; y < part.y1; ++y) {
-        const std::uint8_t* from =
-            scratch_.data() +
-            static_cast<std::size_t>(y - source.box.y0) *
-                static_cast<std::size_t>(source.box.width()) +
-            static_cast<std::size_t>(part.x0 - source.box.x0);
+        const std::uint8_t* from = scratch_.data() +
+                                   static_cast<std::size_t>(y - source.box.y0) *
+                                       static_cast<std::size_t>(source.box.width()) +
+                                   static_cast<std::size_t>(part.x0 - source.box.x0);
         const std::size_t at = place_.at(part.x0, y);
         const auto count = static_cast<std::size_t>(part.width());
         std::uint8_t* const to = bytes_.data() + at;
@@ -238,9 +237,8 @@ class PatchField {
   }
   /// The light around a pixel when it shines by `change` more; squares around it must be awake.
   void shine_more(std::size_t at, Real change) {
-    const std::size_t first =
-        at - static_cast<std::size_t>(plan_.reach_y) * place_.stride -
-        static_cast<std::size_t>(plan_.reach_x);
+    const std::size_t first = at - static_cast<std::size_t>(plan_.reach_y) * place_.stride -
+                              static_cast<std::size_t>(plan_.reach_x);
     add_taps(light_.data() + first, place_.stride, taps(), plan_.taps_rows, plan_.taps_width,
              change);
   }
@@ -296,9 +294,9 @@ class PatchField {
 
   const CoupledPlan& plan_;
   const PatchPlace place_;
-  std::vector<Real> light_;  ///< blurred
-  std::vector<Real> shine_;  ///< of the pixels themselves
-  std::vector<Real> dose_;   ///< at the node that was come to
+  std::vector<Real> light_;        ///< blurred
+  std::vector<Real> shine_;        ///< of the pixels themselves
+  std::vector<Real> dose_;         ///< at the node that was come to
   std::vector<Real> guide_, own_;  ///< doses and lights of columns alone; may be empty
   std::vector<Real> seen_, scattered_;
   std::vector<std::uint8_t> levels_;
@@ -341,7 +339,7 @@ class PatchField {
   std::vector<Square> squares_;
   std::vector<int> watched_;
   std::vector<std::uint8_t> matters_;  ///< squares whose light may reach watched ones; empty: all
-  std::vector<Real> kept_;  ///< a^k
+  std::vector<Real> kept_;             ///< a^k
   std::vector<double> field_;
 };
 

@@ -46,10 +46,10 @@ struct AimRows {
 /// How a square's bounds of doses become aims of lights.
 struct AimRule {
   float gain, kept;
-  float bright;      ///< no light above it is aimed at
-  float room;        ///< aims lie so far inside of the bounds where there is room
-  float soft_weight; ///< of `BoundRows::soft`; 1 is that of all that is not soft
-  bool with_soft;    ///< else soft bounds only keep what is gained already
+  float bright;       ///< no light above it is aimed at
+  float room;         ///< aims lie so far inside of the bounds where there is room
+  float soft_weight;  ///< of `BoundRows::soft`; 1 is that of all that is not soft
+  bool with_soft;     ///< else soft bounds only keep what is gained already
 };
 /// Weights of softly missed guides.
 struct SoftRows {

@@ -12,7 +12,7 @@ namespace slicecorr::detail {
 /// A voxel that misses what is wanted of it, or a gap's that nearly does.
 struct Miss {
   std::int32_t slice = 0, x = 0, y = 0;
-  float excess = 0;  ///< dose over what it should be at most, below 0: under what at least
+  float excess = 0;    ///< dose over what it should be at most, below 0: under what at least
   bool wrong = false;  ///< in the middle of its layer on the wrong side of 1
 };
 
@@ -45,7 +45,8 @@ std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss
 
 /// What is chosen for a patch in a round.
 struct PatchTask {
-  PixelBox box;  ///< of the patch
+  PixelBox box;                       ///< of the patch
+  const CodedBand* before = nullptr;  ///< its levels after the round before
   PixelBox free;  ///< pixels whose levels may change; others, around them, are kept
   /// The first round sets out from the levels of columns, and keeps what it changes of them while
   /// they stay as they are; later ones change what is asked for.

@@ -61,8 +61,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
   taps_width = padded(2 * reach_x + 1);
   std::vector<double> weights(static_cast<std::size_t>((2 * reach_x + 1) * taps_rows));
   const double one = 1;
-  blur.apply(&one, {0, 0, 1, 1}, weights.data(),
-             {-reach_x, -reach_y, reach_x + 1, reach_y + 1});
+  blur.apply(&one, {0, 0, 1, 1}, weights.data(), {-reach_x, -reach_y, reach_x + 1, reach_y + 1});
   const auto weight = [&](int x, int y) {
     return weights[static_cast<std::size_t>((y + reach_y) * (2 * reach_x + 1) + x + reach_x)];
   };

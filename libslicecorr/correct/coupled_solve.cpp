@@ -52,9 +52,10 @@ class PatchSolver : public PatchField<float> {
     const std::size_t size = place().size();
     guide_.assign(size, 0);
     own_.assign(size, static_cast<float>(plan.phi_of[0]));
-    for (auto* field : {&least_, &under_guide_, &lo_, &raw_lo_, &looked_at_}) field->assign(size, 0);
-    for (auto* field : {&most_, &share_, &over_guide_, &soft_, &hi_, &low_weight_, &high_weight_, &raw_hi_, &lo_weight_,
-                        &hi_weight_}) {
+    for (auto* field : {&least_, &under_guide_, &lo_, &raw_lo_, &looked_at_})
+      field->assign(size, 0);
+    for (auto* field : {&most_, &share_, &over_guide_, &soft_, &hi_, &low_weight_, &high_weight_,
+                        &raw_hi_, &lo_weight_, &hi_weight_}) {
       field->assign(size, 0);
     }
     for (std::size_t at = 0; at < size; ++at) set_free(at);
@@ -81,7 +82,12 @@ class PatchSolver : public PatchField<float> {
     }
   }
   CodedBand run() {
-    for (int n = plan_.slices; n-- > 0;) solve(n);
+    // Slices above the last request, and above what it changed, stay.
+    const int end = task_.first || task_.requests.empty()
+                        ? 0
+                        : std::max(0, task_.requests.back().slice - fades_);
+    for (int n = plan_.slices; n-- > end;) solve(n);
+    for (int n = end; n-- > 0;) coded_.append_of(*task_.before, plan_.slices - 1 - n);
     coded_.trim();
     return std::move(coded_);
   }
@@ -177,9 +183,8 @@ void PatchSolver::show_slice(int n) {
   }
   shown_changed_ = shown_changed_ || !changes_.empty();
   show(changes_);
-  columns_.go_to(index, [&](std::size_t at, std::uint8_t, std::uint8_t) {
-    to_classify_.push_back(at);
-  });
+  columns_.go_to(index,
+                 [&](std::size_t at, std::uint8_t, std::uint8_t) { to_classify_.push_back(at); });
 }
 
 void PatchSolver::note_coverage(int n) {
@@ -321,7 +326,8 @@ void PatchSolver::apply_requests() {
     const std::size_t at = place().at(r->x, r->y);
     const float wanted = light_[at] - r->less;
     if (r->less > 0 && wanted < hi_[at]) {
-      hi_[at] = raw_hi_[at] = std::max({wanted, raw_lo_[at], static_cast<float>(plan_.shine_of[0])});
+      hi_[at] = raw_hi_[at] =
+          std::max({wanted, raw_lo_[at], static_cast<float>(plan_.shine_of[0])});
       lo_[at] = std::min(lo_[at], hi_[at]);
       hi_weight_[at] = kRequestWeight;
     } else if (r->less < 0 && wanted > lo_[at]) {
@@ -389,8 +395,8 @@ void PatchSolver::choose() {
       const Pull pull = pull_of(light_.data(), aim, first, stride, plan_.near_taps.data(),
                                 plan_.near_rows, plan_.near_width);
       if (pull.curvature <= 0) continue;
-      const float shine = std::clamp(
-          shine_[j] + pull.slope / (pull.curvature + kSharing), dark, bright);
+      const float shine =
+          std::clamp(shine_[j] + pull.slope / (pull.curvature + kSharing), dark, bright);
       const float change = shine - shine_[j];
       if (std::abs(change) < least) continue;
       wake_around(j);
@@ -479,8 +485,8 @@ void PatchSolver::solve(int n) {
     step_square(dose_.data() + first, seen + first, below() + first, place().stride, gain, kept);
     const int calm = square(k).touched_at - n;
     if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 &&
-        stays_inside(seen + first, dose_.data() + first, guide_.data() + first,
-                     own_.data() + first, bounds_of(first), place().stride)) {
+        stays_inside(seen + first, dose_.data() + first, guide_.data() + first, own_.data() + first,
+                     bounds_of(first), place().stride)) {
       sleep(k);
     }
   }
@@ -488,8 +494,7 @@ void PatchSolver::solve(int n) {
 
 }  // namespace
 
-CodedBand solve_patch(const CoupledPlan& plan, const PatchTask& task,
-                      const PatchSources& sources) {
+CodedBand solve_patch(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources) {
   return PatchSolver(plan, task, sources).run();
 }
 

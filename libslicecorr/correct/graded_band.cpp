@@ -249,7 +249,9 @@ class GradedSolver final : public BandSolver {
         coverage_(columns, plan.layers),
         heights_(columns, plan.layers + 1) {}
 
-  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) override {
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                 const std::uint8_t* left_alone) override {
+    if (left_alone) throw Error("doses are wanted where something is left alone");
     const bool last = coverage_.count() == plan_.layers;
     if (last && (coverage || heights_.count() > plan_.layers)) {
       throw Error("more layers than the plan has");

@@ -11,8 +11,8 @@ namespace {
 
 /// The edge heights of the node after the last slice, where no slice is shown that has it as its
 /// upper node. `heights`: null without.
-void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan, bool in_tiles,
-                      const std::uint8_t* heights, std::size_t columns) {
+void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
+                      const std::uint8_t* heights, std::size_t columns, bool in_tiles) {
   const std::uint8_t* const dark = nullptr;
   if (!in_tiles) {
     predictor.add_slice(plan.all_layers, dark, nullptr, heights);
@@ -31,16 +31,17 @@ void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan, bool
 }  // namespace
 
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const BandDoses* doses, const ColumnSinks& out,
+                     const CodedBand* left_alone, const BandDoses* doses, const ColumnSinks& out,
                      const ExecutionContext& context) {
-  BandCorrector corrector =
-      doses ? BandCorrector(plan, columns, *doses) : BandCorrector(plan, columns);
-  const bool in_tiles = plan.model.is_plain() && !doses;
+  BandCorrector corrector = doses ? BandCorrector(plan, columns, *doses)
+                                  : BandCorrector(plan, columns, left_alone != nullptr);
+  LeftAloneRows left_rows(left_alone);
+  const bool in_tiles = plan.model.is_plain() && !left_alone && !doses;
   CodedBand heights(columns);
   read([&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
     if ((n & 63) == 0) context.check_cancelled();
-    corrector.add_layer(rows, its_heights);
-    if (n == plan.all_layers) add_last_heights(out.after, plan, in_tiles, its_heights, columns);
+    corrector.add_layer(rows, its_heights, left_rows.at(n));
+    if (n == plan.all_layers) add_last_heights(out.after, plan, its_heights, columns, in_tiles);
     if (!in_tiles) heights.append(its_heights);
   });
   std::uint8_t pixel_of[256] = {};
@@ -84,7 +85,7 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Desi
         look);
     return;
   }
-  std::vector<std::uint8_t> height_rows(columns);
+  std::vector<std::uint8_t> height_rows(columns), sliced(columns);
   corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
     if ((n & 63) == 0) context.check_cancelled();
     const std::uint8_t* const lit = shown(levels);
@@ -92,8 +93,12 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Desi
     if (out.watch) out.watch->add_slice(n, dark ? nullptr : lit);
     const bool has_heights = n < heights.slices() && !heights.black(n);
     if (has_heights) heights.read(n, height_rows.data());
-    out.after.add_slice(n, lit, coverage, has_heights ? height_rows.data() : nullptr);
-    if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
+    const std::uint8_t* const left = left_rows.at(n);
+    out.after.add_slice(n, lit, coverage, has_heights ? height_rows.data() : nullptr, left);
+    if (!out.before) return;
+    const std::uint8_t* const before =
+        n < plan.layers ? as_sliced(coverage, left, sliced) : nullptr;
+    out.before->add_slice(n, before, coverage, nullptr, left);
   });
 }
 

@@ -19,7 +19,8 @@ namespace {
 
 }  // namespace
 
-void check_graded(const Setup& setup) {
+void check_graded(const SliceSource& target, const Setup& setup) {
+  if (target.left_alone()) refuse("beside what is left alone; expected the part by itself");
   if (setup.process.mode == ExposureMode::layerwise) {
     refuse(
         "layer by layer, where the dose falls through every layer; expected continuous exposure");
@@ -37,9 +38,13 @@ void check_graded(const Setup& setup) {
 
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
                  const Setup& setup) {
-  check_graded(setup);
-  if (models.brightest().bath_slices > 0) {
+  check_graded(target, setup);
+  const CureModel& model = models.brightest();
+  if (model.bath_slices > 0) {
     refuse("in resin that ends above the window; expected deeper resin, or no depth at all");
+  }
+  if (!model.is_plain()) {
+    refuse("below a platform that sends light back; expected one that takes it up");
   }
   const LightCounts part = models.map().counts(target.bounds());
   const double most = doses.scale.greatest();
@@ -100,9 +105,10 @@ std::vector<RegionDose> measure_doses(const SliceSource& stack, const SliceSourc
   std::mutex merging;
   parallel_for(context, "measure doses", bands.size(), [&](std::size_t i) {
     // A model per value of light: columns of one value after the other.
-    const GroupedBand grouped(models.map(), bands[i],
-                              {reader_of(stack, bands[i]), reader_of(*doses.images, bands[i]),
-                               reader_of(target, bands[i])});
+    const GroupedBand grouped(
+        models.map(), bands[i],
+        BandReaders({reader_of(stack, bands[i]), reader_of(*doses.images, bands[i]),
+                     reader_of(target, bands[i])}));
     for (const GroupedBand::Group& g : grouped.groups) {
       const WantedBand wanted{&doses, &g.sources[1]};
       DoseMeter meter(wanted, models.model(g.value), g.sources[2]);

@@ -71,6 +71,7 @@ class GradedTarget final : public SliceSource {
   }
   bool reads_any_slices() const override { return target_.reads_any_slices(); }
   const SliceSource* edge_heights() const override { return target_.edge_heights(); }
+  const SliceSource* left_alone() const override { return target_.left_alone(); }
   bool ends_below_last_node() const override { return target_.ends_below_last_node(); }
   /// Null where nothing more than 1 is wanted anywhere.
   const DoseTarget* doses() const override { return graded_ ? &doses_ : nullptr; }

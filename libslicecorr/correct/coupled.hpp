@@ -84,7 +84,8 @@ class CoupledCorrection {
   void read(int slice, const PixelBox& box, std::uint8_t* levels) const;
   /// Bands of slices from the last one to the first, which is faster than slice by slice.
   CodedBand levels_of(const PixelBox& box) const;
-  /// Wrong voxels of the best levels, patch by patch, at most `most` of them.
+  /// Wrong voxels of the best levels, patch by patch, at most `most` of them. Of patches with very
+  /// many only the first, by slices from the last one on.
   std::vector<Miss> wrong_voxels(std::size_t most) const;
   /// Bytes of coverage and levels held.
   std::size_t bytes() const;

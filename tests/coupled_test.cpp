@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
+#include <memory>
 #include <random>
 
 #include "models.hpp"
@@ -60,6 +61,19 @@ CorrectionPlan plan_of(const Design& design, const CureModel& model) {
   return {model, test::process(1000), design.layers, slices_with_burst(model, design.layers, last)};
 }
 
+CoupledCorrection::DesignReader reader_of(const Design& design) {
+  return [&design](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
+    std::vector<std::uint8_t> rows;
+    for (int n = 0; n < design.layers; ++n) {
+      rows.clear();
+      for (int y = box.y0; y < box.y1; ++y) {
+        for (int x = box.x0; x < box.x1; ++x) rows.push_back(design.of(x, y, n));
+      }
+      sink(n, rows.data(), nullptr);
+    }
+  };
+}
+
 class Coupled {
  public:
   Coupled(const Design& design, const CorrectionPlan& plan, const Setting& setting)
@@ -72,18 +86,7 @@ class Coupled {
         slices_(plan.all_layers),
         size_(static_cast<std::size_t>(design.width * design.height)) {
     context_.threads = setting.threads;
-    correction_.solve_columns(
-        [&](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
-          std::vector<std::uint8_t> rows;
-          for (int n = 0; n < design.layers; ++n) {
-            rows.clear();
-            for (int y = box.y0; y < box.y1; ++y) {
-              for (int x = box.x0; x < box.x1; ++x) rows.push_back(design.of(x, y, n));
-            }
-            sink(n, rows.data(), nullptr);
-          }
-        },
-        context_);
+    correction_.solve_columns(reader_of(design), context_);
   }
   CoupledCorrection* operator->() { return &correction_; }
   const ExecutionContext& context() const { return context_; }
@@ -349,6 +352,32 @@ TEST(Coupled, IsNeverWorseThanColumnsAlone) {
     EXPECT_LE(after.through + after.under, before.through + before.under) << seed;
     EXPECT_EQ(after.through, coupled->best().through) << seed;
     EXPECT_EQ(after.under, coupled->best().under) << seed;
+  }
+}
+
+TEST(Coupled, TakesLightThatGoesFarAndLightThatGoesOneWay) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  ExecutionContext context;
+  context.threads = 2;
+  // Most light stays near, some goes further than a patch; a picture that sends light to the right;
+  // and nothing but scatter.
+  const SpreadPicture right{
+      3, 1, kPixelUm,
+      std::make_shared<const std::vector<std::uint8_t>>(std::vector<std::uint8_t>{0, 200, 50})};
+  const LightSpread spreads[] = {{{{30, 0.9}, {300, 0.1}}, std::nullopt}, {{}, right}, {}};
+  for (const LightSpread& spread : spreads) {
+    const LightBlur blur(spread, kPixelUm, kPixelUm);
+    const SliceScatter scatter(spread.none() ? 3 : 0, kLayerUm, kPixelUm, kPixelUm);
+    CoupledCorrection coupled(plan, blur, scatter, {0, 0, design.width, design.height},
+                              {-2, -2, design.width + 2, design.height + 2},
+                              CoupledOptions{3, 0, 16});
+    coupled.solve_columns(reader_of(design), context);
+    while (coupled.improve(context)) {
+    }
+    EXPECT_GT(coupled.last().round, 0);
+    EXPECT_LT(coupled.best().wrong() * 2, coupled.columns_alone().wrong());
   }
 }
 

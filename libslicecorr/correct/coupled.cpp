@@ -238,28 +238,46 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
     const PixelBox watched = PatchPlace::grown(tasks[i].box, plan_.overlap_x, plan_.overlap_y);
     next[i] = std::make_shared<const CodedBand>(solve_patch(plan_, tasks[i], sources_of(watched)));
   });
-  std::vector<PatchFigures> before(solved.size());
+  std::vector<std::size_t> changed;
+  std::vector<Band> before(tiles_.size());  // of tiles that changed
   for (std::size_t i = 0; i < solved.size(); ++i) {
     Tile& tile = tiles_[solved[i]];
-    std::swap(tile.now, next[i]);
-    before[i].through = tile.figures.through;
-    before[i].under = tile.figures.under;
-    before[i].loss = tile.figures.loss;
+    if (next[i]->code() == tile.now->code() && next[i]->ends() == tile.now->ends()) {
+      tile.urgency *= kMoreUrgent;
+      if (tile.urgency > kMostUrgent) tile.urgency = 0;
+      continue;
+    }
+    changed.push_back(solved[i]);
+    before[solved[i]] = std::exchange(tile.now, std::move(next[i]));
   }
-  judge(seen_from(solved), context);
+  const std::vector<std::size_t> seen = seen_from(changed);
+  std::vector<PatchFigures> figures(tiles_.size());
+  for (const std::size_t k : seen) figures[k] = tiles_[k].figures;
+  judge(seen, context);
   // Patches that have become worse go back to what they were.
   std::vector<std::size_t> back;
-  for (std::size_t i = 0; i < solved.size(); ++i) {
-    Tile& tile = tiles_[solved[i]];
-    if (!gains(tile.figures, before[i])) {
-      tile.now = std::move(next[i]);
+  for (const std::size_t k : changed) {
+    Tile& tile = tiles_[k];
+    if (!gains(tile.figures, figures[k])) {
+      tile.now = std::move(before[k]);
       tile.urgency *= kLessUrgent;
-      back.push_back(solved[i]);
+      back.push_back(k);
     } else if (now_.round > 0) {
       tile.urgency = std::min(kMostUrgent, tile.urgency * kMoreUrgent);
     }
   }
-  if (!back.empty()) judge(seen_from(back), context);
+  // Tiles all around which nothing has changed in the end are as wrong as they were.
+  std::vector<std::size_t> to_judge;
+  for (const std::size_t k : seen_from(back)) {
+    const std::vector<std::size_t> around = seen_from({k});
+    if (std::any_of(around.begin(), around.end(),
+                    [&](std::size_t i) { return before[i] != nullptr; })) {
+      to_judge.push_back(k);
+    } else {
+      tiles_[k].figures = figures[k];
+    }
+  }
+  if (!back.empty()) judge(to_judge, context);
   ++now_.round;
   now_.patches = solved.size();
   if (now_.better_than(best_)) {

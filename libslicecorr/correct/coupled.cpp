@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "parallel/silent.hpp"
+
 namespace slicecorr::detail {
 
 namespace {
@@ -234,7 +236,8 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   }
   if (solved.empty()) return false;
   std::vector<Band> next(solved.size());
-  parallel_for(context, "round", solved.size(), [&](std::size_t i) {
+  const ExecutionContext quiet = silent(context);
+  parallel_for(quiet, "round", solved.size(), [&](std::size_t i) {
     const PixelBox watched = PatchPlace::grown(tasks[i].box, plan_.overlap_x, plan_.overlap_y);
     next[i] = std::make_shared<const CodedBand>(solve_patch(plan_, tasks[i], sources_of(watched)));
   });
@@ -253,7 +256,7 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   const std::vector<std::size_t> seen = seen_from(changed);
   std::vector<PatchFigures> figures(tiles_.size());
   for (const std::size_t k : seen) figures[k] = tiles_[k].figures;
-  judge(seen, context);
+  judge(seen, quiet);
   // Patches that have become worse go back to what they were.
   std::vector<std::size_t> back;
   for (const std::size_t k : changed) {
@@ -277,9 +280,10 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
       tiles_[k].figures = figures[k];
     }
   }
-  if (!back.empty()) judge(to_judge, context);
+  if (!back.empty()) judge(to_judge, quiet);
   ++now_.round;
   now_.patches = solved.size();
+  context.report("round", static_cast<double>(now_.round) / options_.rounds);
   if (now_.better_than(best_)) {
     best_ = now_;
     without_gain_ = 0;

@@ -73,7 +73,7 @@ class CoupledCorrection {
   /// Reads the design in boxes of rows, on several threads, solves its columns and judges them.
   void solve_columns(const DesignReader& read, const ExecutionContext& context);
 
-  /// One more round; false, with nothing done, where nothing is wrong, no round has gained anything
+  /// One more round, of which `context` hears as the stage "round"; false, with nothing done, where nothing is wrong, no round has gained anything
   /// for some time, or the rounds are over.
   bool improve(const ExecutionContext& context);
   const CoupledRound& columns_alone() const { return first_; }

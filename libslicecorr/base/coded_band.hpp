@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <utility>
 #include <vector>
 
 #include "base/run_length.hpp"
@@ -25,9 +24,6 @@ inline bool all_zero(const std::uint8_t* p, std::size_t n) {
 class CodedBand {
  public:
   explicit CodedBand(std::size_t columns) : columns_(columns) {}
-  /// What `code` and `ends` of another held.
-  CodedBand(std::size_t columns, std::vector<std::uint8_t> code, std::vector<std::size_t> ends)
-      : columns_(columns), code_(std::move(code)), ends_(std::move(ends)) {}
 
   /// Adds the next slice; null is black.
   void append(const std::uint8_t* rows) {
@@ -80,8 +76,6 @@ class CodedBand {
                        code_.data() + ends_[static_cast<std::size_t>(slice)], columns_, out);
   }
   std::size_t columns() const { return columns_; }
-  const std::vector<std::uint8_t>& code() const { return code_; }
-  const std::vector<std::size_t>& ends() const { return ends_; }
 
  private:
   std::size_t begin(int slice) const {

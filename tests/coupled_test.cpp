@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
+#include <memory>
 #include <random>
 
 #include "models.hpp"
@@ -60,6 +61,19 @@ CorrectionPlan plan_of(const Design& design, const CureModel& model) {
   return {model, test::process(1000), design.layers, slices_with_burst(model, design.layers, last)};
 }
 
+CoupledCorrection::DesignReader reader_of(const Design& design) {
+  return [&design](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
+    std::vector<std::uint8_t> rows;
+    for (int n = 0; n < design.layers; ++n) {
+      rows.clear();
+      for (int y = box.y0; y < box.y1; ++y) {
+        for (int x = box.x0; x < box.x1; ++x) rows.push_back(design.of(x, y, n));
+      }
+      sink(n, rows.data(), nullptr);
+    }
+  };
+}
+
 class Coupled {
  public:
   Coupled(const Design& design, const CorrectionPlan& plan, const Setting& setting)
@@ -72,18 +86,7 @@ class Coupled {
         slices_(plan.all_layers),
         size_(static_cast<std::size_t>(design.width * design.height)) {
     context_.threads = setting.threads;
-    correction_.solve_columns(
-        [&](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
-          std::vector<std::uint8_t> rows;
-          for (int n = 0; n < design.layers; ++n) {
-            rows.clear();
-            for (int y = box.y0; y < box.y1; ++y) {
-              for (int x = box.x0; x < box.x1; ++x) rows.push_back(design.of(x, y, n));
-            }
-            sink(n, rows.data(), nullptr);
-          }
-        },
-        context_);
+    correction_.solve_columns(reader_of(design), context_);
   }
   CoupledCorrection* operator->() { return &correction_; }
   const ExecutionContext& context() const { return context_; }
@@ -263,7 +266,7 @@ TEST(Coupled, PrintsTheImageWithGaps) {
   };
   // Voxels that are wrong where all of the feature is lit at 2.
   for (const Case& c : {Case{25, 3, 0}, Case{40, 10, 16}, Case{60, 20, 32}}) {
-    Setting setting{c.sigma_um / kPixelUm, 0, 0.02, c.rounds};
+    Setting setting{.sigma_px = c.sigma_um / kPixelUm, .margin = 0.02, .rounds = c.rounds};
     Coupled coupled(design, plan, setting);
     EXPECT_EQ(coupled->columns_alone().wrong(), c.columns_wrong) << c.sigma_um;
     coupled.run();
@@ -278,7 +281,7 @@ TEST(Coupled, JudgesAsDirectSumsDo) {
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
   for (const double kappa : {0.0, 2.0}) {
-    Setting setting{0.8, kappa, 0, 2};
+    Setting setting{.kappa = kappa, .rounds = 2};
     // As far as light goes, and some way on.
     setting.border = 8;
     Coupled coupled(design, plan, setting);
@@ -297,7 +300,7 @@ TEST(Coupled, WhatIsReportedAsWrongIsWrong) {
   const Design design = block();
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
-  Setting setting{1.5, 0, 0, 2};
+  Setting setting{.sigma_px = 1.5, .rounds = 2};
   setting.border = 10;
   Coupled coupled(design, plan, setting);
   coupled.run();
@@ -323,7 +326,7 @@ TEST(Coupled, MendsMostOfWhatSpreadSpoils) {
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
   for (const double sigma_px : {0.3, 0.8, 1.5}) {
-    Setting setting{sigma_px};
+    Setting setting{.sigma_px = sigma_px};
     setting.border = 10;
     Coupled coupled(design, plan, setting);
     coupled.run();
@@ -339,7 +342,8 @@ TEST(Coupled, IsNeverWorseThanColumnsAlone) {
     CureModel model = test::figure_2_2(seed % 2 ? 1000 : 2500);
     model.m = m;
     const CorrectionPlan plan = plan_of(design, model);
-    Setting setting{seed % 3 == 1 ? 0.4 : 1.1, seed % 2 ? 0.0 : 1.5, 0, 3};
+    Setting setting{
+        .sigma_px = seed % 3 == 1 ? 0.4 : 1.1, .kappa = seed % 2 ? 0.0 : 1.5, .rounds = 3};
     setting.border = 8;
     Coupled coupled(design, plan, setting);
     const Direct before = judge(design, plan, coupled.levels(design), setting);
@@ -351,13 +355,39 @@ TEST(Coupled, IsNeverWorseThanColumnsAlone) {
   }
 }
 
+TEST(Coupled, TakesLightThatGoesFarAndLightThatGoesOneWay) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  ExecutionContext context;
+  context.threads = 2;
+  // Most light stays near, some goes further than a patch; a picture that sends light to the right;
+  // and nothing but scatter.
+  const SpreadPicture right{
+      3, 1, kPixelUm,
+      std::make_shared<const std::vector<std::uint8_t>>(std::vector<std::uint8_t>{0, 200, 50})};
+  const LightSpread spreads[] = {{{{30, 0.9}, {300, 0.1}}, std::nullopt}, {{}, right}, {}};
+  for (const LightSpread& spread : spreads) {
+    const LightBlur blur(spread, kPixelUm, kPixelUm);
+    const SliceScatter scatter(spread.none() ? 3 : 0, kLayerUm, kPixelUm, kPixelUm);
+    CoupledCorrection coupled(plan, blur, scatter, {0, 0, design.width, design.height},
+                              {-2, -2, design.width + 2, design.height + 2},
+                              CoupledOptions{3, 0, 16});
+    coupled.solve_columns(reader_of(design), context);
+    while (coupled.improve(context)) {
+    }
+    EXPECT_GT(coupled.last().round, 0);
+    EXPECT_LT(coupled.best().wrong() * 2, coupled.columns_alone().wrong());
+  }
+}
+
 TEST(Coupled, SameBytesForAnyNumberOfThreads) {
   const Design design = block();
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
   std::vector<std::uint8_t> first;
   for (const int threads : {1, 2, 3}) {
-    Setting setting{0.8, 0, 0, 4, threads, 16};
+    Setting setting{.rounds = 4, .threads = threads, .patch_px = 16};
     Coupled coupled(design, plan, setting);
     coupled.run();
     const auto levels = coupled.levels(design);
@@ -373,7 +403,7 @@ TEST(Coupled, LeavesAloneWhatNothingViolated) {
   design.fill({20, 20, 100, 90}, 8, 14, 0);
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
-  const Setting setting{0.8, 0, 0, 4};
+  const Setting setting{.rounds = 4};
   Coupled coupled(design, plan, setting);
   const auto before = coupled.levels(design);
   coupled.run();
@@ -393,7 +423,7 @@ TEST(Coupled, WithoutSpreadColumnsStay) {
   const Design design = random_design(11);
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
-  Coupled coupled(design, plan, {0});
+  Coupled coupled(design, plan, {.sigma_px = 0});
   const auto before = coupled.levels(design);
   for (int y = 0; y < design.height; ++y) {
     for (int x = 0; x < design.width; ++x) {
@@ -411,7 +441,7 @@ TEST(Coupled, ReadsBandsAsSlices) {
   const Design design = block();
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
-  Coupled coupled(design, plan, {0.8, 0, 0, 1});
+  Coupled coupled(design, plan, {.rounds = 1});
   coupled.run();
   const PixelBox box{3, 7, 40, 21};
   const detail::CodedBand band = coupled->levels_of(box);
@@ -431,7 +461,7 @@ TEST(Coupled, HoldsFewBytes) {
   design.fill({60, 60, 120, 120}, 20, 30, 0);
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
-  Coupled coupled(design, plan, {0.8, 0, 0, 2, 2, 128});
+  Coupled coupled(design, plan, {.rounds = 2, .patch_px = 128});
   coupled.run();
   const auto voxels = static_cast<double>(design.coverage.size());
   EXPECT_LT(static_cast<double>(coupled->bytes()), 0.5 * voxels);
@@ -450,7 +480,7 @@ TEST(Coupled, StopsWhenCancelled) {
   const Design design = block();
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
-  Coupled coupled(design, plan, {0.8});
+  Coupled coupled(design, plan, {});
   const std::atomic<bool> cancel{true};
   ExecutionContext context;
   context.cancel = &cancel;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "parallel/silent.hpp"
+
 namespace slicecorr::detail {
 
 namespace {
@@ -16,6 +18,8 @@ constexpr double kUrgency = 4, kMoreUrgent = 1.4, kLessUrgent = 0.4, kMostUrgent
 /// By this factor the loss of a patch may rise where fewer voxels are wrong.
 constexpr double kMostLossRise = 2;
 
+/// Misses that are kept with their places: of all patches together some 80 MB.
+constexpr std::size_t kMostMisses = 4000000, kLeastMisses = 2000, kMostOfPatch = 50000;
 /// Rounds without gain after which nothing is expected any more.
 constexpr int kMostWithoutGain = 5;
 
@@ -50,12 +54,10 @@ struct CoupledCorrection::Tile {
 
 namespace {
 
-std::uint64_t wrong_in(const PatchFigures& figures) { return figures.through + figures.under; }
-
 /// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to none.
 bool gains(const PatchFigures& now, const PatchFigures& before) {
   return now.loss < before.loss ||
-         (wrong_in(now) < wrong_in(before) && now.loss <= kMostLossRise * before.loss);
+         (now.wrong() < before.wrong() && now.loss <= kMostLossRise * before.loss);
 }
 
 }  // namespace
@@ -165,7 +167,8 @@ void CoupledCorrection::judge(const std::vector<std::size_t>& which,
   parallel_for(context, "judge", which.size(), [&](std::size_t i) {
     Tile& tile = tiles_[which[i]];
     tile.figures = judge_patch(plan_, tile.box,
-                               sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)));
+                               sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)),
+                               std::clamp(kMostMisses / tiles_.size(), kLeastMisses, kMostOfPatch));
   });
   now_.through = now_.under = 0;
   now_.loss = 0;
@@ -183,17 +186,15 @@ std::optional<PatchTask> CoupledCorrection::task_of(const Tile& tile) const {
   task.box = tile.box;
   task.before = tile.now.get();
   task.free = bounds_;
-  task.first = now_.round == 0;
+  // Where too much is wrong to be mended voxel by voxel, it is as in the first round.
+  task.first = now_.round == 0 || !tile.figures.all_misses;
   bool wrong = false;
   std::vector<Miss> misses;
   for (const std::size_t k : tiles_in(watched)) {
     const PatchFigures& figures = tiles_[k].figures;
-    if (task.first) {
-      wrong = wrong || figures.loss > 0 || figures.through + figures.under > 0;
-      continue;
-    }
-    if (figures.through + figures.under == 0) continue;
-    for (const Miss& miss : figures.misses) {
+    if (task.first) wrong = wrong || figures.loss > 0 || figures.wrong() > 0;
+    if (task.first || figures.wrong() == 0 || !figures.misses) continue;
+    for (const Miss& miss : *figures.misses) {
       if (PatchPlace::holds(watched, {miss.x, miss.y})) misses.push_back(miss);
     }
     wrong = wrong || !misses.empty();
@@ -235,34 +236,54 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   }
   if (solved.empty()) return false;
   std::vector<Band> next(solved.size());
-  parallel_for(context, "round", solved.size(), [&](std::size_t i) {
+  const ExecutionContext quiet = silent(context);
+  parallel_for(quiet, "round", solved.size(), [&](std::size_t i) {
     const PixelBox watched = PatchPlace::grown(tasks[i].box, plan_.overlap_x, plan_.overlap_y);
     next[i] = std::make_shared<const CodedBand>(solve_patch(plan_, tasks[i], sources_of(watched)));
   });
-  std::vector<PatchFigures> before(solved.size());
+  std::vector<std::size_t> changed;
+  std::vector<Band> before(tiles_.size());  // of tiles that changed
   for (std::size_t i = 0; i < solved.size(); ++i) {
     Tile& tile = tiles_[solved[i]];
-    std::swap(tile.now, next[i]);
-    before[i].through = tile.figures.through;
-    before[i].under = tile.figures.under;
-    before[i].loss = tile.figures.loss;
+    if (next[i]->code() == tile.now->code() && next[i]->ends() == tile.now->ends()) {
+      tile.urgency *= kMoreUrgent;
+      if (tile.urgency > kMostUrgent) tile.urgency = 0;
+      continue;
+    }
+    changed.push_back(solved[i]);
+    before[solved[i]] = std::exchange(tile.now, std::move(next[i]));
   }
-  judge(seen_from(solved), context);
+  const std::vector<std::size_t> seen = seen_from(changed);
+  std::vector<PatchFigures> figures(tiles_.size());
+  for (const std::size_t k : seen) figures[k] = tiles_[k].figures;
+  judge(seen, quiet);
   // Patches that have become worse go back to what they were.
   std::vector<std::size_t> back;
-  for (std::size_t i = 0; i < solved.size(); ++i) {
-    Tile& tile = tiles_[solved[i]];
-    if (!gains(tile.figures, before[i])) {
-      tile.now = std::move(next[i]);
+  for (const std::size_t k : changed) {
+    Tile& tile = tiles_[k];
+    if (!gains(tile.figures, figures[k])) {
+      tile.now = std::move(before[k]);
       tile.urgency *= kLessUrgent;
-      back.push_back(solved[i]);
+      back.push_back(k);
     } else if (now_.round > 0) {
       tile.urgency = std::min(kMostUrgent, tile.urgency * kMoreUrgent);
     }
   }
-  if (!back.empty()) judge(seen_from(back), context);
+  // Tiles all around which nothing has changed in the end are as wrong as they were.
+  std::vector<std::size_t> to_judge;
+  for (const std::size_t k : seen_from(back)) {
+    const std::vector<std::size_t> around = seen_from({k});
+    if (std::any_of(around.begin(), around.end(),
+                    [&](std::size_t i) { return before[i] != nullptr; })) {
+      to_judge.push_back(k);
+    } else {
+      tiles_[k].figures = figures[k];
+    }
+  }
+  if (!back.empty()) judge(to_judge, quiet);
   ++now_.round;
   now_.patches = solved.size();
+  context.report("round", static_cast<double>(now_.round) / options_.rounds);
   if (now_.better_than(best_)) {
     best_ = now_;
     without_gain_ = 0;
@@ -315,7 +336,8 @@ CodedBand CoupledCorrection::levels_of(const PixelBox& box) const {
 std::vector<Miss> CoupledCorrection::wrong_voxels(std::size_t most) const {
   std::vector<Miss> wrong;
   for (const Tile& tile : tiles_) {
-    for (const Miss& miss : tile.best_figures.misses) {
+    if (!tile.best_figures.misses) continue;
+    for (const Miss& miss : *tile.best_figures.misses) {
       if (wrong.size() == most) return wrong;
       if (miss.wrong) wrong.push_back(miss);
     }
@@ -331,7 +353,9 @@ std::size_t CoupledCorrection::bytes() const {
       const auto* const before = bands + k;
       if (*before && std::find(bands, before, *before) == before) sum += (*before)->bytes();
     }
-    sum += (tile.figures.misses.capacity() + tile.best_figures.misses.capacity()) * sizeof(Miss);
+    const auto &misses = tile.figures.misses, &of_best = tile.best_figures.misses;
+    if (misses) sum += misses->size() * sizeof(Miss);
+    if (of_best && of_best != misses) sum += of_best->size() * sizeof(Miss);
   }
   return sum;
 }

@@ -73,7 +73,7 @@ class CoupledCorrection {
   /// Reads the design in boxes of rows, on several threads, solves its columns and judges them.
   void solve_columns(const DesignReader& read, const ExecutionContext& context);
 
-  /// One more round; false, with nothing done, where nothing is wrong, no round has gained anything
+  /// One more round, of which `context` hears as the stage "round"; false, with nothing done, where nothing is wrong, no round has gained anything
   /// for some time, or the rounds are over.
   bool improve(const ExecutionContext& context);
   const CoupledRound& columns_alone() const { return first_; }
@@ -84,7 +84,8 @@ class CoupledCorrection {
   void read(int slice, const PixelBox& box, std::uint8_t* levels) const;
   /// Bands of slices from the last one to the first, which is faster than slice by slice.
   CodedBand levels_of(const PixelBox& box) const;
-  /// Wrong voxels of the best levels, patch by patch, at most `most` of them.
+  /// Wrong voxels of the best levels, patch by patch, at most `most` of them. Of patches with very
+  /// many only the first, by slices from the last one on.
   std::vector<Miss> wrong_voxels(std::size_t most) const;
   /// Bytes of coverage and levels held.
   std::size_t bytes() const;

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <tuple>
+#include <utility>
 
 #include "correct/coupled_patch.hpp"
 
@@ -8,16 +10,15 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// More misses than these in a patch are no places to mend one by one.
-constexpr std::size_t kMostMisses = 50000;
 /// A square whose light has stayed the same for so many slices may fall asleep.
 constexpr int kCalm = 3;
 
 class PatchJudge : public PatchField<double> {
  public:
-  PatchJudge(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources)
+  PatchJudge(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
+             std::size_t most_misses)
       : PatchField(plan, PatchPlace::grown(box, plan.halo_x, plan.halo_y)),
-        box_(box),
+        most_misses_(most_misses),
         near_(1 - plan.margin),
         levels_at_(place(), place().shown, sources.levels),
         coverage_(place(), box, sources.coverage),
@@ -32,7 +33,10 @@ class PatchJudge : public PatchField<double> {
     figures_.through = sums_.through;
     figures_.under = sums_.under;
     figures_.loss = sums_.loss;
-    if (too_many_) figures_.misses = {};
+    if (!misses_.empty()) {
+      misses_.shrink_to_fit();
+      figures_.misses = std::make_shared<const std::vector<Miss>>(std::move(misses_));
+    }
     return std::move(figures_);
   }
 
@@ -69,7 +73,7 @@ class PatchJudge : public PatchField<double> {
   }
   /// `dose_` is still at the lower node, `next_` at the upper one.
   void collect(int n, std::size_t first) {
-    if (too_many_) return;
+    if (!figures_.all_misses) return;
     for (std::size_t y = 0; y < kSquare; ++y) {
       for (std::size_t k = first + y * place().stride; k < first + y * place().stride + kSquare;
            ++k) {
@@ -82,30 +86,27 @@ class PatchJudge : public PatchField<double> {
         if (excess == 0) continue;
         const Pixel p = place().pixel(k);
         const bool wrong = kind_[k] > 0 ? middle < 1 : middle >= 1;
-        figures_.misses.push_back({n, p.x, p.y, static_cast<float>(excess), wrong});
+        misses_.push_back({n, p.x, p.y, static_cast<float>(excess), wrong});
       }
     }
-    if (figures_.misses.size() > kMostMisses) {
-      too_many_ = true;
-      figures_.misses = {};
-    }
+    figures_.all_misses = misses_.size() < most_misses_;
   }
 
-  PixelBox box_;
+  std::size_t most_misses_;
   double near_;
   PatchBytes levels_at_, coverage_;
   std::vector<double> kind_, next_;
   std::vector<Change> changes_;
   SquareSums sums_;
   PatchFigures figures_;
-  bool too_many_ = false;
+  std::vector<Miss> misses_;
 };
 
 }  // namespace
 
-PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box,
-                         const PatchSources& sources) {
-  return PatchJudge(plan, box, sources).run();
+PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
+                         std::size_t most_misses) {
+  return PatchJudge(plan, box, sources, most_misses).run();
 }
 
 std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss>& misses,

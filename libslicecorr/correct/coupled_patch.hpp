@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "correct/coupled_field.hpp"
@@ -20,7 +21,10 @@ struct Miss {
 struct PatchFigures {
   std::uint64_t through = 0, under = 0;  ///< voxels of gaps that cure, of features that don't
   double loss = 0;
-  std::vector<Miss> misses;  ///< from the last slice to the first; empty where they are too many
+  /// From the last slice to the first; null: none.
+  std::shared_ptr<const std::vector<Miss>> misses;
+  bool all_misses = true;  ///< else they are too many, and these the first ones
+  std::uint64_t wrong() const { return through + under; }
 };
 
 /// Where the coded slices of a patch come from. Coverage: the first slice first; levels: the last
@@ -29,8 +33,9 @@ struct PatchSources {
   std::vector<PatchBytes::Source> coverage, levels, columns;
 };
 
-/// Judges the voxels of `box`, in double precision.
-PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources);
+/// Judges the voxels of `box`, in double precision, and keeps some `most_misses` of their misses.
+PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
+                         std::size_t most_misses);
 
 /// Light that is asked for at a slice: by so much less (below 0: more).
 struct Request {

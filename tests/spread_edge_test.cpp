@@ -219,6 +219,15 @@ TEST(SpreadFit, FilesTakeWhatWasFound) {
   EXPECT_NEAR(scattering.scatter_um2_per_um, deep.parameter("scatter_um2_per_um").value, 1e-4);
   EXPECT_THAT(deep.to_toml(),
               testing::AllOf(HasSubstr("[blue]\nspread = [["), HasSubstr("scatter_um2_per_um = ")));
+  SpreadFit uv = deep;
+  uv.light = "uv";
+  const std::string lamp = printer + "[uv]\ncalibration = [[0, 0.0], [255, 10.0]]\n";
+  const Printer inhibiting = parse_printer(
+      printer_with_spread(lamp + "kind = \"patterned\"\n", "mine.toml", uv), "mine.toml");
+  EXPECT_EQ(inhibiting.uv->spread.gaussians.size(), 1U);
+  EXPECT_TRUE(inhibiting.spread.gaussians.empty());
+  // That of a flood is even.
+  EXPECT_THAT(refusal([&] { printer_with_spread(lamp, "mine.toml", uv); }), HasSubstr("flood"));
   // What was not told is not written.
   const SpreadFit flat = fit_spread(scans({scan(30, 0.005, 1)}));
   EXPECT_THAT(refusal([&] { resin_with_scatter(resin, "mine.toml", flat); }),

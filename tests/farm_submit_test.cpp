@@ -259,6 +259,10 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
   differs("omega max", [](JobRequest& r) { r.setup.omega_max = "2"; });
   differs("gaps", [](JobRequest& r) { r.setup.one_slice_gaps = "merge"; });
   differs("shortfall", [](JobRequest& r) { r.setup.gap_shortfall = 0.2; });
+  differs("resin depth", [](JobRequest& r) { r.setup.resin_depth_um = 5000; });
+  differs("platform", [](JobRequest& r) { r.setup.platform_reflectance = 0.2; });
+  differs("supports", [&](JobRequest& r) { r.leave_alone = {part}; });
+  differs("other supports", [&](JobRequest& r) { r.leave_alone = {part, part}; });
   differs("features", [](JobRequest& r) { r.setup.platform_features = "uncapped"; });
   differs("dose", [](JobRequest& r) { r.setup.dc_mj_cm3 = 231; });
   differs("height", [](JobRequest& r) { r.setup.ha_um = 1501; });

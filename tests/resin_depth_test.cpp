@@ -1,6 +1,7 @@
 // Resin that ends at a depth above the window: doses against their sums, then prints.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -218,6 +219,58 @@ TEST(ResinDepth, NoVoxelOfRandomColumnsIsWrong) {
       }
     }
   }
+}
+
+TEST(ResinDepth, FewLevelsKnowTheBath) {
+  for (const int bits : {3, 4, 5}) {
+    for (const double depth_um : {8000.0, 4000.0}) {
+      for (const double reflectance : {0.0, 0.1}) {
+        Printer printer = linear_printer(1, 100, bits);
+        printer.resin_depth_um = depth_um;
+        printer.platform_reflectance = reflectance;
+        const CureModel model =
+            make_cure_model(printer, test::resin(576, kHeightUm), test::process(1000), kLayerUm);
+        std::mt19937 random(3);
+        for (int k = 0; k < 40; ++k) {
+          std::vector<std::uint8_t> coverage;
+          bool full = random() % 2 != 0;
+          while (coverage.size() < 150) {
+            coverage.insert(coverage.end(), 3 + random() % 30, full ? 255 : 0);
+            full = !full;
+          }
+          coverage.resize(150);
+          auto pixels = solve_column(test::plan_for(model, test::process(1000), 150), coverage);
+          for (std::uint8_t& p : pixels) {
+            p = static_cast<std::uint8_t>(pixel_of_level(p, 1 << bits));
+          }
+          const ColumnDose dose = column_dose(model, pixels);
+          for (std::size_t n = 0; n < coverage.size(); ++n) {
+            ASSERT_EQ(dose.middle[n] >= 1.0, coverage[n] == 255)
+                << bits << " bits " << depth_um << " column " << k << " layer " << n;
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(ResinDepth, BlackLightLayerByLayerAddsUpOverTheBathAlone) {
+  // Black that gels in deep resin, but not in 500 um: 1 - 10^(-500 / 2000) = 0.438 of it.
+  Process process = layerwise(1);
+  process.bottom_layers = 0;
+  process.exposure_s =
+      1.5 * model_with_depth(0, process).one_minus_a / model_with_depth(0, process).phi_min();
+  const auto check = [&](double depth_um) {
+    check_feasible(model_with_depth(depth_um, process), printer_with_depth(depth_um), process);
+  };
+  EXPECT_THROW(check(0), InfeasibleError);
+  EXPECT_NO_THROW(check(500));
+  EXPECT_THROW(check(2000), InfeasibleError);  // 0.9 of it
+  // The greatest dose of black that the program refuses by is that of the slices themselves.
+  const CureModel model = model_with_depth(500, process);
+  const ColumnDose dose = column_dose(model, std::vector<std::uint8_t>(100, 0));
+  EXPECT_NEAR(*std::max_element(dose.lower.begin(), dose.lower.end()),
+              1.5 * (1 - std::pow(10.0, -0.25)), 1e-9);
 }
 
 TEST(ResinDepth, CorrectedWithoutItTooLittleIsPrinted) {

@@ -52,6 +52,7 @@ void confine(JobRequest& request, const SubmitRules& rules, std::vector<SubmitEr
     }
   };
   for (std::string& part : request.parts) confine_input(part, "part");
+  for (std::string& left : request.leave_alone) confine_input(left, "leave_alone");
   for (std::string& insert : request.inserts) confine_input(insert, "insert");
   if (!request.out.empty() && !inside(request.out, rules.allowed_folders)) {
     errors.push_back(

@@ -208,6 +208,7 @@ void add_submit_commands(cli::Program& program) {
   mesh.add_placement_to(*sub);
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
+  cli::add_leave_alone_to(*sub, a->request.leave_alone);
   sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
   sub->add_option("--format", a->request.format,
                   "Format of the archives, or its ending [uvj; archives keep theirs]");

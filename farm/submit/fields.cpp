@@ -195,6 +195,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"window", word(SLICEFARM_FIELD(window), {"hamming", "ram-lak", "kelly"})},
       {"angles", whole(SLICEFARM_FIELD(angles), 3, 100000)},
       {"iterations", whole(SLICEFARM_FIELD(iterations), 1, 100000)},
+      {"leave_alone", texts(SLICEFARM_FIELD(leave_alone), "paths of meshes or stacks")},
       {"insert", texts(SLICEFARM_FIELD(inserts), "paths of meshes or volumes")},
       {"clip_sigma", number(SLICEFARM_FIELD(clip_sigma), 0, kMost, true)},
       {"stop_error", number(SLICEFARM_FIELD(stop_error), 0, kMost, true)},
@@ -219,7 +220,10 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, kMost, true)},
       {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},
       {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, kMost, true)},
+      {"spread_correction", word(SLICEFARM_FIELD(setup.spread_correction), {"on", "off"})},
+      {"rounds", whole(SLICEFARM_FIELD(setup.rounds), 0, Process::kMostSpreadRounds)},
       {"resin_depth_um", number(SLICEFARM_FIELD(setup.resin_depth_um), 0, kMostDepthUm, true)},
+      {"platform_reflectance", number(SLICEFARM_FIELD(setup.platform_reflectance), 0, 1)},
       {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},
       {"format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending")},
       {"out", text(SLICEFARM_FIELD(out), "a folder")},
@@ -293,6 +297,7 @@ void make_paths_absolute(JobRequest& r, const std::string& folder) {
     if (!path.empty()) path = (fs::absolute(folder) / path).lexically_normal().string();
   };
   for (std::string& p : r.parts) absolute(p);
+  for (std::string& p : r.leave_alone) absolute(p);
   for (std::string& p : r.inserts) absolute(p);
   absolute(r.out);
   while (r.out.size() > 1 && r.out.back() == '/') r.out.pop_back();
@@ -300,14 +305,6 @@ void make_paths_absolute(JobRequest& r, const std::string& folder) {
   for (std::string* definition : {&r.setup.printer, &r.setup.resin}) {
     if (definition->ends_with(".toml")) absolute(*definition);
   }
-}
-
-bool is_mesh(const std::string& path) {
-  fs::path name = lower_case(fs::path(path).filename().string());
-  if (name.extension() == ".gz") name = name.stem();
-  const std::string ending = name.extension().string();
-  return ending == ".stl" || ending == ".obj" || ending == ".ply" || ending == ".off" ||
-         ending == ".3mf";
 }
 
 bool is_volume(const std::string& path) {

@@ -41,8 +41,6 @@ std::vector<std::string> field_names();
 /// Paths of parts, printers, resins and outputs count from the folder of the jobs file.
 void make_paths_absolute(JobRequest& request, const std::string& folder);
 
-/// "part.stl" is a mesh, "part.npy" a volume, anything else an archive of slices.
-bool is_mesh(const std::string& path);
 bool is_volume(const std::string& path);
 /// File name without its endings.
 std::string stem_of(const std::string& path);

@@ -31,6 +31,11 @@ constexpr double kTableSetsPerThread = 4;
 /// Lamps that change by themselves from slice to slice take so few settings, mostly.
 constexpr int kLampSettings = 30;
 
+/// Rows of a band at most, and what is kept of each of its columns where they are solved slice by
+/// slice: where it stands, and, of each slice in the bath, what the correction, the corrected and the
+/// uncorrected prediction hold. Searches of a plan, and the plan.
+constexpr double kBandRows = 32, kColumnBytes = 320, kBathBytes = 3, kSearchBytes = 256 * 1024;
+
 /// Tables of all models of a display: `PlaceModels` lets up to 64 neighbouring values share one
 /// where they would take more than 256 MiB.
 double all_tables_bytes(const MemoryFacts& f) {
@@ -47,6 +52,11 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
   const double tables = all_tables_bytes(f) / kMb;
   double models = kTableSets * tables;
   thread += kTableSetsPerThread * tables;
+  if (f.stepwise || f.bath_slices > 0) {
+    const double column = (f.stepwise ? kColumnBytes : 0) + kBathBytes * f.bath_slices;
+    thread += f.width_px * kBandRows * column / kMb + f.mirrored_slices * kSearchBytes / kMb;
+    models += f.mirrored_slices * kPlanBytes / kMb;
+  }
   if (f.lights > 1) {
     models += 2 * f.lights * (kPlanBytes + kPlanBytesPerSlice * f.slices) / kMb;
     thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
@@ -64,6 +74,10 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
     facts.lights = static_cast<int>(
         std::count_if(counts.begin(), counts.end(), [](std::uint64_t n) { return n > 0; }));
   }
+  const bool continuous = plan.model.is_continuous();
+  facts.stepwise = continuous && (facts.left_alone || !plan.model.is_plain());
+  facts.bath_slices = plan.model.bath_slices;
+  facts.mirrored_slices = continuous ? std::min(plan.model.mirrored_slices, plan.all_layers) : 0;
   if (!plan.model.inhibited) return;
   facts.tables_bytes = plan.model.inhibited->table_bytes();
   const UvSchedule& uv = process.uv;

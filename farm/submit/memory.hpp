@@ -22,6 +22,10 @@ struct MemoryFacts {
   std::int64_t voxels = 0;  ///< of the part's box
   int lights = 1;           ///< different values of light over the part's box
   double tables_bytes = 0;  ///< of a value's model under UV light; 0 without
+  bool left_alone = false;  ///< something is left alone beside the part
+  bool stepwise = false;    ///< columns are solved slice by slice: not plain, continuous
+  int bath_slices = 0;      ///< of resin above the window; 0: without end
+  int mirrored_slices = 0;  ///< below the platform, with plans of their own
 };
 
 struct MemoryNeeds {

@@ -54,10 +54,12 @@ struct Resolved {
   std::size_t checked = 0;  ///< index
 };
 
-/// Parts, then inserts: of other jobs there are none.
+/// Parts, then what is left alone beside them, or of tomographic jobs inserts.
 std::vector<std::string> inputs_of(const JobRequest& r) {
   std::vector<std::string> list = r.parts;
-  if (detail::kind_of(r) != detail::JobKind::slices) {
+  if (detail::kind_of(r) == detail::JobKind::slices) {
+    list.insert(list.end(), r.leave_alone.begin(), r.leave_alone.end());
+  } else {
     list.insert(list.end(), r.inserts.begin(), r.inserts.end());
   }
   return list;
@@ -72,11 +74,13 @@ std::string signature(const JobRequest& r) {
                   s.bottom_layers, s.fade_layers, s.uv_mw_cm2, s.dead_zone_um, s.uv_schedule,
                   s.window_cure, s.ramp, s.ramp_mm, s.omega_max, s.one_slice_gaps,
                   s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
-  text += fmt::format("|{}", s.resin_depth_um);
+  text += fmt::format("|{}|{}|{}|{}", s.resin_depth_um, s.platform_reflectance, s.spread_correction,
+                      s.rounds);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
                       r.iterations, r.max_time_s, r.beyond_reach);
   text += fmt::format("|{}|{}", r.clip_sigma, r.stop_error);
+  for (const std::string& p : r.leave_alone) text += "|l" + p;
   for (const std::string& p : r.inserts) text += "|i" + p;
   for (const double v : r.center_mm) text += fmt::format("|c{}", v);
   for (const double v : r.rotate_deg) text += fmt::format("|r{}", v);
@@ -141,8 +145,8 @@ std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
 }
 
 /// Asks the physics, of the places that the part is printed at where light is uneven.
-void plan(const SliceSource& slices, const Setup& setup, const ExecutionContext& context,
-          Checked& c) {
+void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
+          const ExecutionContext& context, Checked& c) {
   const Grid& grid = slices.grid();
   const bool uneven = setup.printer.flat_field.has_value();
   const CorrectionPlan plan = uneven
@@ -150,11 +154,12 @@ void plan(const SliceSource& slices, const Setup& setup, const ExecutionContext&
                                   : plan_correction(GridOnly(grid, slices.frame()), setup, context);
   c.layers = grid.layers;
   c.memory.width_px = grid.width_px;
+  c.memory.left_alone = left_alone;
   detail::look_at_light(slices, setup.printer, setup.process, plan, c.memory);
 }
 
-void check_meshes(const JobRequest& r, const Setup& setup, const ExecutionContext& context,
-                  Checked& c) {
+void check_meshes(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
+                  const ExecutionContext& context, Checked& c) {
   cli::MeshOptions o;
   o.parts = r.parts;
   o.layer_um = r.layer_um;
@@ -163,12 +168,14 @@ void check_meshes(const JobRequest& r, const Setup& setup, const ExecutionContex
   o.units = r.units;
   o.scale = r.scale;
   o.rotate_deg = r.rotate_deg;
-  cli::PlateParts parts = cli::read_parts(o, context);
-  c.memory.triangles = parts.mesh.triangles.size();
-  const MeshSlices slices(std::move(parts.mesh), setup.printer, o.slice_options(Surface::slices),
-                          context, &parts.edge_defects);
-  plan(slices, setup, context, c);
-  const PixelBox box = slices.bounds();
+  MeshesLeftAlone place;
+  std::size_t triangles = 0;
+  const MeshSlices slices = cli::slice_parts(o, setup.printer, Surface::slices, r.leave_alone,
+                                             place, context, &triangles);
+  c.memory.triangles = triangles;
+  plan(slices, setup, !r.leave_alone.empty(), context, c);
+  const LeftAloneFiles target(slices, r.leave_alone, place, setup.printer, scratch_folder, context);
+  const PixelBox box = (*target).bounds();
   c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();
 }
 
@@ -190,11 +197,14 @@ void check_archive(const JobRequest& r, const Setup& setup, const std::string& s
     grid.pixel_x_um = facts.pixel_x_um;
     grid.pixel_y_um = facts.pixel_y_um;
   }
+  const GridOnly target(grid, image_frame(info));
   if (setup.printer.flat_field) {
-    plan(StackReader(r.parts[0], scratch_folder, context, facts), setup, context, c);
+    plan(StackReader(r.parts[0], scratch_folder, context, facts), setup, !r.leave_alone.empty(),
+         context, c);
   } else {
-    plan(GridOnly(grid, image_frame(info)), setup, context, c);
+    plan(target, setup, !r.leave_alone.empty(), context, c);
   }
+  const LeftAloneFiles left(target, r.leave_alone, {}, setup.printer, scratch_folder, context);
   c.memory.voxels = std::int64_t{grid.layers} * grid.width_px * grid.height_px;
 }
 
@@ -208,7 +218,7 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& 
                                            context);
       c.layers = c.tomo.slices;
     } else if (w.mesh) {
-      check_meshes(r, w.setup, context, c);
+      check_meshes(r, w.setup, scratch_folder, context, c);
     } else {
       check_archive(r, w.setup, scratch_folder, context, c);
     }
@@ -393,7 +403,7 @@ class Preparation {
 
   void resolve(const JobRequest& r, Resolved& w) {
     const auto meshes =
-        static_cast<std::size_t>(std::count_if(r.parts.begin(), r.parts.end(), detail::is_mesh));
+        static_cast<std::size_t>(std::count_if(r.parts.begin(), r.parts.end(), is_mesh_name));
     w.mesh = meshes == r.parts.size();
     const detail::JobKind kind = detail::kind_of(r);
     if (kind == detail::JobKind::slices) {
@@ -423,6 +433,7 @@ class Preparation {
       return;
     }
     w.spec.kind = w.mesh ? "run" : "correct";
+    w.spec.left_alone = static_cast<int>(r.leave_alone.size());
     w.spec.layer_um = r.layer_um;
     if (w.mesh) {
       if (r.layer_um <= 0)

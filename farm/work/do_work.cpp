@@ -124,9 +124,13 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
 
   std::optional<MeshSlices> mesh;
   std::optional<StackReader> archive;
+  const std::ptrdiff_t parts = std::ssize(paths) - spec.left_alone;
+  const std::vector<std::string> left_alone(paths.begin() + parts, paths.end());
+  MeshesLeftAlone place;
   if (spec.kind == "run") {
-    mesh.emplace(cli::slice_parts(detail::mesh_options(spec, paths), setup.printer,
-                                  setup.process.surface, context));
+    mesh.emplace(cli::slice_parts(
+        detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}), setup.printer,
+        setup.process.surface, left_alone, place, context));
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);
@@ -141,7 +145,8 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const SliceSource& slices =
       mesh ? static_cast<const SliceSource&>(*mesh) : static_cast<const SliceSource&>(*archive);
   const FittedSlices fitted = cli::fit_for_output(slices, file, setup.printer, context);
-  const SliceSource& target = *fitted;
+  const LeftAloneFiles leaving(*fitted, left_alone, place, setup.printer, folder, context);
+  const SliceSource& target = *leaving;
   const Grid& g = target.grid();
   reporter.set_layers(g.layers);
   outcome.voxels =

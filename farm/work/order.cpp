@@ -34,6 +34,7 @@ Json json_of(const WorkSpec& s, bool with_names) {
     if (with_names) input["name"] = i.name;
     json["inputs"].push_back(std::move(input));
   }
+  if (s.left_alone > 0) json["left_alone"] = s.left_alone;
   json["layer_um"] = s.layer_um;
   json["antialias"] = s.antialias;
   json["units"] = s.units;
@@ -66,6 +67,7 @@ WorkSpec spec_of(const Json& json) {
   for (const Json& i : json.at("inputs")) {
     s.inputs.push_back({i.at("file"), i.at("sha256"), i.value("name", "")});
   }
+  s.left_alone = json.value("left_alone", 0);
   s.layer_um = json.at("layer_um");
   s.antialias = json.at("antialias");
   s.units = json.at("units");

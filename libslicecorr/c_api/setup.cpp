@@ -52,6 +52,8 @@ const std::vector<Setting>& settings() {
       {"ha_um", &C::ha_um, "absorbance height, base 10, instead of the resin's"},
       {"resin_depth_um", &C::resin_depth_um,
        "depth of the resin above the window, instead of the printer's"},
+      {"platform_reflectance", &C::platform_reflectance,
+       "share of the light that the platform sends back, 0 to 1, instead of the printer's"},
       {"omega_max", &C::omega_max,
        "cap of the dose inside features, in critical doses: inf, or 1 and more"},
       {"one_slice_gaps",
@@ -68,6 +70,11 @@ const std::vector<Setting>& settings() {
        &C::surface,
        "where edges lie whose heights the target knows: there (mesh), or at its slices",
        {"slices", "mesh"}},
+      {"spread_correction",
+       &C::spread_correction,
+       "where light spreads: columns together (on) or each alone (off)",
+       {"on", "off"}},
+      {"rounds", &C::rounds, "most rounds of correcting columns together"},
       {"uv_mw_cm2", &C::uv_mw_cm2, "intensity of inhibiting UV light"},
       {"dead_zone_um", &C::dead_zone_um, "dead zone at the window that the UV light is to hold"},
       {"uv_schedule",
@@ -83,6 +90,9 @@ const std::vector<Setting>& settings() {
        "where the stage speeds up and slows down: none, lamp-follows or outside",
        {"none", "lamp-follows", "outside"}},
       {"ramp_mm", &C::ramp_mm, "distance in which the stage reaches its speed"},
+      {"leave_alone", &C::leave_alone,
+       "path of a mesh on the plate, or of a stack like the target, of what is shown as it is "
+       "sliced: supports, rafts"},
       {"voxel_mm", &C::voxel_mm, "side of a voxel (tomographic)"},
       {"angles", &C::angles, "frames of a turn (tomographic)"},
       {"method",
@@ -142,7 +152,10 @@ void take_back(Choices& choices, const Setting& s) {
 }
 
 void set_number(Choices& choices, const Setting& s, double value) {
-  if (const auto* number = std::get_if<Number>(&s.member)) {
+  if (s.member == decltype(s.member)(&Choices::platform_reflectance)) {
+    if (!(value >= 0 && value <= 1)) refuse(s, fmt::format("{:g}", value), "a number from 0 to 1");
+    choices.platform_reflectance = value;
+  } else if (const auto* number = std::get_if<Number>(&s.member)) {
     choices.*(*number) = positive(s, value);
   } else if (const auto* count = std::get_if<Count>(&s.member)) {
     if (!(value >= 0 && value <= 1e6) || value != std::floor(value)) {

@@ -13,6 +13,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/version.hpp"
 
@@ -39,27 +40,38 @@ MissingFacts missing_facts(const slicecorr_stack& stack, const Printer& printer)
   return m;
 }
 
-/// The images of a stack, read when they are not in memory.
+/// What is to be shown as it is sliced.
+std::vector<std::string> left_alone(const slicecorr_setup* setup) {
+  if (!setup || setup->choices.leave_alone.empty()) return {};
+  return {setup->choices.leave_alone};
+}
+
+/// The images of a stack, read when they are not in memory, and with what is left alone beside them.
 class Images {
  public:
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
-         const ExecutionContext& context)
+         const ExecutionContext& context, const std::vector<std::string>& left_alone = {})
       : slices_(stack.slices) {
-    if (slices_) return;
-    reader_.emplace(stack.path, folder, context, missing_facts(stack, printer));
-    check_unchanged(stack, reader_->info());
+    if (!slices_) {
+      reader_.emplace(stack.path, folder, context, missing_facts(stack, printer));
+      check_unchanged(stack, reader_->info());
+    }
+    if (left_alone.empty()) return;
+    left_alone_.emplace(own(), left_alone, MeshesLeftAlone{}, printer, folder, context);
   }
   std::optional<std::uint64_t> pixel_sum() const {
-    if (reader_) return reader_->pixel_sum();
+    if (reader_ && !left_alone_) return reader_->pixel_sum();
     return std::nullopt;
   }
-  const SliceSource& source() const {
-    return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
-  }
+  const SliceSource& source() const { return left_alone_ ? **left_alone_ : own(); }
 
  private:
+  const SliceSource& own() const {
+    return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
+  }
   std::shared_ptr<const SliceStore> slices_;
   std::optional<StackReader> reader_;
+  std::optional<LeftAloneFiles> left_alone_;
 };
 
 /// A source on the way: sums its coverage, stops when the job is cancelled.
@@ -71,6 +83,7 @@ class Watched final : public SliceSource {
   PixelBox bounds() const override { return source_.bounds(); }
   ImageFrame frame() const override { return source_.frame(); }
   const Recording* recording() const override { return source_.recording(); }
+  const SliceSource* left_alone() const override { return source_.left_alone(); }
   void read_band(const PixelBox& band, const Sink& sink) const override {
     const auto size =
         static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
@@ -95,6 +108,23 @@ class Watched final : public SliceSource {
   mutable std::atomic<std::uint64_t> sum_{0};
   mutable std::atomic<bool> full_{false};
 };
+
+/// All that a source shows, in pixels times grey values.
+std::uint64_t sum_of(const SliceSource& source, const ExecutionContext& context) {
+  const PixelBox box = source.bounds();
+  const int rows_of_band = band_rows(source.grid());
+  std::uint64_t sum = 0;
+  for (int y = box.y0; y < box.y1; y += rows_of_band) {
+    const PixelBox band{box.x0, y, box.x1, std::min(y + rows_of_band, box.y1)};
+    const auto size =
+        static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
+    source.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) context.check_cancelled();
+      if (rows) sum = std::accumulate(rows, rows + size, sum);
+    });
+  }
+  return sum;
+}
 
 void tell_notices(const Setup& setup, const slicecorr_stack& target,
                   const ExecutionContext& context) {
@@ -145,12 +175,12 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const std::string folder = scratch_folder(handle);
   Setup setup = setup_for_target(target, asked);
   tell_notices(setup, target, context);
-  const Images images(target, setup.printer, folder, context);
+  const Images images(target, setup.printer, folder, context, left_alone(asked));
   const SliceSource& source = images.source();
   setup.process = schedule_uv(source, setup, context);
   Watched watched(source, context);
   const CorrectedSlices corrected(watched, setup, context);
-  watched.begin();
+  if (!corrected.kept()) watched.begin();
   InMemory result;
   result.stack = std::make_unique<slicecorr_stack>();
   slicecorr_stack& stack = *result.stack;
@@ -173,8 +203,9 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   stack.info.orientation_known = frame.orientation.has_value();
   stack.info.orientation = frame.orientation.value_or(Orientation{});
   stack.info.target_layers = g.layers;
-  stack.info.part_volume_mm3 =
-      static_cast<double>(watched.sum()) / 255.0 * g.pixel_x_um * g.pixel_y_um * g.layer_um * 1e-9;
+  const std::uint64_t left = source.left_alone() ? sum_of(*source.left_alone(), context) : 0;
+  stack.info.part_volume_mm3 = static_cast<double>(watched.sum() + left) / 255.0 * g.pixel_x_um *
+                               g.pixel_y_um * g.layer_um * 1e-9;
   stack.info.program = std::string("slicecorr ") + version;
   stack.uv_of_pixel = uv_of_pixel(model);
   stack.info.printer = std::move(setup.printer);
@@ -186,19 +217,22 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
 
 /// What `stack` prints; of a target, too, with the UV light that its correction would choose.
 Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, Setup setup,
-                  slicecorr_job* handle) {
+                  const std::vector<std::string>& left_alone, slicecorr_job* handle) {
   const ExecutionContext context = job_of(handle);
   const std::string folder = scratch_folder(handle);
-  const Images shown(stack, setup.printer, folder, context);
+  const bool uncorrected = &target == &stack;
+  const Images shown(stack, setup.printer, folder, context,
+                     uncorrected ? left_alone : std::vector<std::string>());
   std::optional<Images> design;
-  if (&target != &stack) {
-    design.emplace(target, setup.printer, folder, context);
+  if (!uncorrected) {
+    design.emplace(target, setup.printer, folder, context, left_alone);
     check_target(shown.source(), stack.info, design->source(), name_of(target), design->pixel_sum(),
                  context);
   }
   if (!design) setup.process = schedule_uv(shown.source(), setup, context);
-  Prediction p =
-      verify_stack(shown.source(), design ? design->source() : shown.source(), setup, context);
+  const AsSliced sliced(shown.source());
+  Prediction p = design ? verify_stack(shown.source(), design->source(), setup, context)
+                        : verify_stack(sliced, shown.source(), setup, context);
   context.check_cancelled();
   return p;
 }
@@ -250,7 +284,8 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     const slicecorr::ExecutionContext context = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
     tell_notices(s, t, context);
-    const Images images(t, s.printer, scratch_folder(handle, file.path), context);
+    const Images images(t, s.printer, scratch_folder(handle, file.path), context,
+                        left_alone(setup));
     const slicecorr::Correction done =
         slicecorr::correct_stack(images.source(), s, file, {.before = before != nullptr}, context);
     auto figures_after = after ? figures_of(done.after) : nullptr;
@@ -328,7 +363,7 @@ slicecorr_status slicecorr_verify(const slicecorr_stack* stack, const slicecorr_
     const slicecorr::SetupChoices choices = setup ? setup->choices : Choices{};
     const slicecorr::Setup s =
         slicecorr::resolve_setup(choices, &shown.info, &shown.info, slicecorr::ChoiceNames::fields);
-    output.give(figures_of(verify(shown, design, s, job)));
+    output.give(figures_of(verify(shown, design, s, left_alone(setup), job)));
   });
 }
 
@@ -337,7 +372,7 @@ slicecorr_status slicecorr_predict(const slicecorr_stack* target, const slicecor
   return guarded(error_of(job), [&] {
     Output output(figures, "figures");
     const slicecorr_stack& t = need(target, "target");
-    output.give(figures_of(verify(t, t, setup_for_target(t, setup), job)));
+    output.give(figures_of(verify(t, t, setup_for_target(t, setup), left_alone(setup), job)));
   });
 }
 

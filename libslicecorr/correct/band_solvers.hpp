@@ -19,7 +19,8 @@ inline constexpr double kMargin = 1e-9;
 class BandSolver {
  public:
   virtual ~BandSolver() = default;
-  virtual void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) = 0;
+  virtual void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                         const std::uint8_t* left_alone) = 0;
   /// `tiles` may be empty; where `has_tiles` is false it must be.
   virtual void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) = 0;
   virtual bool has_tiles() const { return false; }
@@ -28,8 +29,8 @@ class BandSolver {
 /// The solver of plain models.
 std::unique_ptr<BandSolver> make_continuous_solver(const CorrectionPlan& plan, std::size_t columns);
 
-/// The solver of continuous exposure in a bath that ends.
-std::unique_ptr<BandSolver> make_bath_solver(const CorrectionPlan& plan, std::size_t columns);
+/// The solver of continuous exposure that isn't plain, and of columns that are left alone in part.
+std::unique_ptr<BandSolver> make_stepwise_solver(const CorrectionPlan& plan, std::size_t columns);
 
 std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
 /// The solver of models with an inhibited kernel, in both modes.

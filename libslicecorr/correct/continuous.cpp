@@ -43,7 +43,8 @@ class ContinuousSolver final : public BandSolver {
         upper_(stride_, Upper{edges_.platform(0), 0}),
         before_(shared_.merge ? stride_ : 0) {}
 
-  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) override;
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                 const std::uint8_t*) override;
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
   bool has_tiles() const override { return true; }
 
@@ -177,7 +178,8 @@ class ContinuousSolver::SliceRows {
   std::uint64_t lit_ = 0;                      ///< rows with light or design
 };
 
-void ContinuousSolver::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) {
+void ContinuousSolver::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                                 const std::uint8_t*) {
   if (layers_ == plan_.layers && !coverage && last_heights_.empty()) {
     if (heights) last_heights_.assign(heights, heights + columns_);
     return;

@@ -45,6 +45,15 @@ Corner corner_of(double grown) {
   return {grown, excess, 1.0 / excess};
 }
 
+/// a^-j. By exp, not by repeated division: entry j must be the same however long the table is.
+std::shared_ptr<const std::vector<double>> powers(double eta, std::size_t count) {
+  auto grown = std::make_shared<std::vector<double>>(count);
+  for (std::size_t j = 0; j < count; ++j) {
+    (*grown)[j] = std::exp(static_cast<double>(j) * eta * units::kLn10);
+  }
+  return grown;
+}
+
 }  // namespace
 
 EdgeCorners ContinuousPlan::corners_of(double t) const {
@@ -94,7 +103,7 @@ double ContinuousPlan::most_at_edge(std::uint8_t height, int rung) const {
 }
 
 ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, int slices,
-                               bool is_exact)
+                               bool is_exact, const ContinuousPlan* like)
     : a(model.a),
       b(model.one_minus_a),
       root_a(model.root_a),
@@ -157,11 +166,8 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   feature_reserve = exact ? 0 : (levels.phi(kept) - phi_min) * b * together / 2;
   gap_reserve = exact ? 0 : (phi_max - levels.phi(count - 1 - kept)) * b * together / 2;
 
-  // By exp, not by repeated division: entry j must be the same however long the table is.
-  grown.resize(static_cast<std::size_t>(slices) + 2);
-  for (std::size_t j = 0; j < grown.size(); ++j) {
-    grown[j] = std::exp(static_cast<double>(j) * model.eta * units::kLn10);
-  }
+  all_grown_ = like ? like->all_grown_ : powers(model.eta, static_cast<std::size_t>(slices) + 2);
+  grown = *all_grown_;
   for (std::size_t h = 0; h < height_grown_.size(); ++h) {
     const double d = edge_height_slices(static_cast<std::uint8_t>(h));
     height_grown_[h] = std::exp(d * model.eta * units::kLn10);

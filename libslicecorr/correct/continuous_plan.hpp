@@ -12,6 +12,8 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "correct/coverage.hpp"
@@ -69,8 +71,10 @@ struct EdgeCorners {
 
 struct ContinuousPlan {
   /// `exact`: any light between black and full, edges at their nodes; for
-  /// solve_column_exactly().
-  ContinuousPlan(const CureModel& model, const Process& process, int slices, bool exact);
+  /// solve_column_exactly(). `like`: a plan of the same slices and resin, whose table it shares; null:
+  /// none.
+  ContinuousPlan(const CureModel& model, const Process& process, int slices, bool exact,
+                 const ContinuousPlan* like = nullptr);
 
   double a, b, root_a, per_a, per_b;
   double phi_min, phi_max;
@@ -99,7 +103,15 @@ struct ContinuousPlan {
   /// Range of dose that rung 0 keeps free `together` slices before an edge, so that the levels
   /// after that can raise the dose as well as lower it.
   double feature_reserve, gap_reserve;
-  std::vector<double> grown;  ///< a^-j, by j
+  std::span<const double> grown;  ///< a^-j, by j
+  /// Where light from the platform multiplies doses: what a node of a feature must have, `j` nodes
+  /// from the edge for which the plan is made, by j; empty: `prints`.
+  std::vector<double> prints_inside;
+  bool mirrored = false;  ///< whether there is one
+  double prints_at(int j) const {
+    const auto k = static_cast<std::size_t>(j);
+    return k < prints_inside.size() ? prints_inside[k] : prints;
+  }
 
   Corner corner(double f) const;
   Corner middle;
@@ -125,6 +137,7 @@ struct ContinuousPlan {
   double step(double phi, double below) const { return phi * b + a * below; }
 
  private:
+  std::shared_ptr<const std::vector<double>> all_grown_;
   std::array<double, 256> height_grown_;  ///< a^-d by edge height, d in slices
 };
 

@@ -7,6 +7,9 @@ namespace slicecorr::detail {
 
 inline constexpr std::uint8_t kFull = 255;
 
+/// Stands for what is left alone where a grey that asks nothing does: it is no feature and no gap.
+inline constexpr std::uint8_t kLeftAlone = 128;
+
 /// Relative dose that a coverage aims at.
 inline double aim_of(std::uint8_t coverage) { return coverage / 255.0; }
 

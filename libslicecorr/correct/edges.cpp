@@ -159,7 +159,8 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
       d.lo = p.climb_max - (p.climb_max - edge.reserved) * since;
     }
   }
-  const DoseRange bounds = inside_of(edge, rung);
+  DoseRange bounds = inside_of(edge, rung);
+  if (p.mirrored && edge.below == kFull) bounds.lo = p.prints_at(j);
   return {std::max(d.lo, bounds.lo), std::min(d.hi, bounds.hi)};
 }
 
@@ -235,6 +236,34 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
     slices = 0;
   }
   return keep({id, slices, below, opposite(cover, below) ? height : kEdgeAtNode});
+}
+
+std::int32_t Edges::through(std::int32_t id, int slices, double light, double of_one,
+                            std::uint8_t below) {
+  const auto [found, is_new] =
+      through_.try_emplace({id, slices, light, of_one, below}, Edge::kNone);
+  if (!is_new) return found->second;
+  const ContinuousPlan& p = plan_;
+  Edge edge;
+  edge.above = id;
+  edge.slices = slices;
+  edge.above_cover = edge.below = below;
+  edge.cap = p.cap;
+  const double left = 1.0 / p.grown[static_cast<std::size_t>(slices)];
+  for (int r = 0; r < kRungs; ++r) {
+    DoseRange at{0.0, p.most};
+    if (id != Edge::kNone) {
+      DoseRange from = doses((*this)[id], 0, r);
+      if ((*this)[id].below == kFull) from.lo = std::max(from.lo, std::min(p.prints, from.hi));
+      // As near as can be, where no dose would do.
+      at.lo = std::clamp((from.lo * of_one - light) / left, 0.0, p.climb_max);
+      at.hi = std::clamp((from.hi * of_one - light) / left, at.lo, p.most);
+    }
+    edge.at[static_cast<std::size_t>(r)] = edge.at_slit[static_cast<std::size_t>(r)] = at;
+  }
+  set_inside(edge);
+  edges_.push_back(std::move(edge));
+  return found->second = static_cast<std::int32_t>(edges_.size() - 1);
 }
 
 std::int32_t Edges::keep(const Key& key) {

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <unordered_map>
 #include <vector>
 
@@ -69,6 +70,12 @@ class Edges {
   /// The edge `slices` below edge `id`, with this coverage on its lower side, and this edge height.
   std::int32_t next(std::int32_t id, int slices, std::uint8_t below,
                     std::uint8_t height = kEdgeAtNode);
+  /// The lower end, `slices` below edge `id`, of what is left alone: from there on a run of coverage
+  /// `below` begins. What is left alone asks nothing, but its `light`, a dose at edge `id`, and what
+  /// the run below leaves must suit the runs above. `id` kNone: it lies on the platform. `of_one`: the
+  /// dose at edge `id` that gels there, where light from the platform makes it differ from 1.
+  std::int32_t through(std::int32_t id, int slices, double light, double of_one,
+                       std::uint8_t below);
   /// An edge between two greys depends on these two alone: its id says which they are, and the edge
   /// stands for the inside of the lower one.
   const Edge& operator[](std::int32_t id) const {
@@ -150,6 +157,13 @@ class Edges {
   DoseRange inside_of(const Edge& edge, int rung) const;
 
   const ContinuousPlan& plan_;
+  struct Through {
+    std::int32_t edge, slices;
+    double light, of_one;
+    std::uint8_t below;
+    auto operator<=>(const Through&) const = default;
+  };
+  std::map<Through, std::int32_t> through_;
   std::vector<Edge> edges_;
   std::unordered_map<Key, std::int32_t, Hash> ids_;
   std::array<std::array<std::int32_t, 256>, 3> endless_;

@@ -44,7 +44,8 @@ InhibitedBand::InhibitedBand(const InhibitedPlan& plan, std::size_t columns)
       before_(columns, 0),
       last_heights_(columns, 0) {}
 
-void InhibitedBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) {
+void InhibitedBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                              const std::uint8_t*) {
   if (layers_ == plan_.layers && !coverage) {
     if (!heights || plan_.kernel->layer_by_layer()) return;
     for (std::size_t i = 0; i < columns_; ++i) last_heights_[i] = taken_height(plan_, heights[i]);

@@ -19,7 +19,8 @@ class InhibitedBand final : public BandSolver {
  public:
   InhibitedBand(const InhibitedPlan& plan, std::size_t columns);
   /// Coverage of the next layer; null: an empty layer.
-  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) override;
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                 const std::uint8_t*) override;
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:

@@ -31,7 +31,10 @@ struct LayerLight {
   double far_edge;          ///< W(n + 1), the dose that later slices leave at its window
   double dark;              ///< that of a black slice, at the window of the layer above
   std::uint8_t height = 0;  ///< edge height of the upper node where a gap lies above it, else 0
+  int slice = 0;
 
+  /// What light from the platform makes of doses at a distance below the layer's upper node.
+  double returned(double below) const { return plan.model.returned(slice + below); }
   /// Computed just as BandDose does, to the last bit.
   double near(int level) const { return plan.levels.phi(level) * ratio + far_edge; }
   double phi(double at_window) const { return (at_window - far_edge) / ratio; }
@@ -39,8 +42,8 @@ struct LayerLight {
   /// Dose at the window that ends the print where the height says.
   double wanted() const {
     const double below = ends_at_node() ? 0.0 : edge_height_slices(height);
-    const double a = plan.model.a, at_node = std::pow(a, below);
-    return (below < 0 ? std::max(1.0, at_node - dark) : at_node) / a;
+    const double a = plan.model.a, at_node = std::pow(a, below) / returned(below);
+    return (below < 0 ? std::max(1.0 / returned(0), at_node - dark) : at_node) / a;
   }
 };
 
@@ -52,10 +55,10 @@ double dark_window(const CorrectionPlan& plan, int n) {
 /// The lowest level whose dose at the layer's upper node reaches `edge`.
 int level_to_node(const LayerLight& light, double edge) {
   const LevelTable& levels = light.plan.levels;
-  const double a = light.plan.model.a;
-  const auto reached = [&](int level) { return light.near(level) * a; };
+  const double a = light.plan.model.a, returned = light.returned(0);
+  const auto reached = [&](int level) { return light.near(level) * a * returned; };
   if (reached(0) >= edge) return 0;
-  int level = levels.at_least(light.phi(edge / a));
+  int level = levels.at_least(light.phi(edge / a / returned));
   // Solving for phi rounds differently from stepping forward: what counts is the dose delivered.
   while (level < levels.highest() && reached(level) < edge) {
     level = levels.at_least(std::nextafter(levels.phi(level), 1e308));
@@ -70,6 +73,8 @@ int level_to_height(const LayerLight& light) {
   const LevelTable& levels = light.plan.levels;
   const CureModel& model = light.plan.model;
   const double per_slice = -std::log(model.a);
+  const double at_node = light.returned(0), at_middle = light.returned(0.5);
+  const double above = light.returned(-0.5);
   struct End {
     int wrong;
     double off;
@@ -77,15 +82,17 @@ int level_to_height(const LayerLight& light) {
   };
   const auto end = [&](int level) {
     const double node = light.near(level) * model.a, in_gap = node + light.dark;
-    const bool slit = node < 1.0 && in_gap >= 1.0;
-    const bool prints = light.near(level) * model.root_a >= 1.0 + kMargin;
-    const bool open = in_gap * model.root_a < 1.0;
-    const double below = -std::log(node < 1.0 ? node : in_gap) / per_slice;
+    const bool ends = node * at_node < 1.0;
+    const bool slit = ends && in_gap * at_node >= 1.0;
+    const bool prints = light.near(level) * model.root_a * at_middle >= 1.0 + kMargin;
+    const bool open = in_gap * model.root_a * above < 1.0;
+    const double below = -std::log((ends ? node : in_gap) * at_node) / per_slice;
     return End{(prints ? 0 : 2) + (open ? 0 : 1) + (slit ? 1 : 0),
                std::abs(below - edge_height_slices(light.height))};
   };
   const double phi = light.phi(light.wanted());
-  const int clear = levels.at_most(light.phi(std::nextafter(1.0 - light.dark, 0.0) / model.a));
+  const double most = std::nextafter(1.0 / at_node - light.dark, 0.0);
+  const int clear = levels.at_most(light.phi(most / model.a));
   int best = level_to_node(light, 1.0 + kMargin);
   for (const int level : {levels.at_least(phi), levels.at_most(phi), clear}) {
     if (end(level) < end(best)) best = level;
@@ -103,9 +110,10 @@ int layer_level(const LayerLight& light, std::uint8_t coverage) {
   if (coverage == kFull) {
     return light.ends_at_node() ? level_to_node(light, 1.0 + kMargin) : level_to_height(light);
   }
-  const auto middle = [&](int level) { return light.near(level) * model.root_a; };
+  const double returned = light.returned(0.5);
+  const auto middle = [&](int level) { return light.near(level) * model.root_a * returned; };
   const double aim = aim_of(coverage);
-  const double phi = light.phi(aim / model.root_a);
+  const double phi = light.phi(aim / model.root_a / returned);
   int level = levels.at_most(phi);
   const int next = levels.at_least(phi);
   if (next > level && middle(next) < 1.0 && middle(next) - aim < aim - middle(level)) level = next;
@@ -115,15 +123,17 @@ int layer_level(const LayerLight& light, std::uint8_t coverage) {
 class LayerwiseSolver final : public BandSolver {
  public:
   LayerwiseSolver(const CorrectionPlan& plan, std::size_t columns)
-      : plan_(plan), coded_(columns), heights_(columns) {
+      : plan_(plan), coded_(columns), heights_(columns), left_alone_(columns) {
     for (auto& entry : cache_) entry.far_edge = std::numeric_limits<double>::quiet_NaN();
   }
-  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) override {
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                 const std::uint8_t* left_alone) override {
     // Windows' sides stay on nodes: the node after the last layer is one.
     if (coded_.slices() == plan_.layers && !coverage) return;
     if (coded_.slices() >= plan_.layers) throw Error("more layers than the plan has");
     coded_.append(coverage);
     heights_.append(heights);
+    left_alone_.append(left_alone);
   }
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
@@ -140,14 +150,16 @@ class LayerwiseSolver final : public BandSolver {
     Entry& entry = cache_[((bits >> 20) ^ (bits >> 40) ^ bits ^ coverage) % cache_.size()];
     if (entry.far_edge != light.far_edge || entry.coverage != coverage || entry.slice != slice ||
         entry.height != light.height) {
-      const int level = layer_level(light, coverage);
+      LayerLight here = light;
+      here.slice = slice;
+      const int level = layer_level(here, coverage);
       entry = {light.far_edge, slice, coverage, light.height, static_cast<std::uint8_t>(level)};
     }
     return entry.level;
   }
 
   const CorrectionPlan& plan_;
-  CodedBand coded_, heights_;
+  CodedBand coded_, heights_, left_alone_;
   std::array<Entry, 256> cache_;
 };
 
@@ -162,7 +174,7 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
   const std::size_t columns = coded_.columns();
   std::vector<double> far_edge(columns, 0.0);
   std::vector<std::uint8_t> out(columns), below(columns), here(columns), above(columns);
-  std::vector<std::uint8_t> over(columns), heights(columns);
+  std::vector<std::uint8_t> over(columns), heights(columns), left(columns, 0);
   // Levels of the slices that are still in the bath, by slice modulo its depth.
   const auto bath = static_cast<std::size_t>(plan_.model.bath_slices);
   std::vector<std::uint8_t> held(bath * columns, 0);
@@ -174,6 +186,8 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
     const double ratio = plan_.model.ratio(n);
     const double dark = plan_.levels.phi(0) * ratio;
     const double dark_above = dark_window(plan_, n - 1);
+    const bool leaves_alone = n < left_alone_.slices() && !left_alone_.black(n);
+    if (leaves_alone) left_alone_.read(n, left.data());
     bool all_dark = true;
     std::uint8_t* const leaves =
         bath > 0 ? held.data() + static_cast<std::size_t>(n) % bath * columns : nullptr;
@@ -185,22 +199,36 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
     }
     for (std::size_t b = 0; b < columns; b += kBlock) {
       const std::size_t end = std::min(b + kBlock, columns);
-      const bool gap = all_zero(here.data() + b, end - b);
+      const bool gap = all_zero(here.data() + b, end - b) &&
+                       (!leaves_alone || all_zero(left.data() + b, end - b));
       if (gap && end - b == kBlock && !plan_.merge_one_slice_gaps) {
         darken(&far_edge[b], dark, plan_.model.a);
         std::memset(out.data() + b, 0, kBlock);
         continue;
       }
       if (!gap) all_dark = false;
-      for (std::size_t i = b; i < end; ++i) {
-        const std::uint8_t coverage = solved_for(plan_, above[i], here[i], below[i]);
-        const std::uint8_t beyond = solved_for(plan_, over[i], above[i], here[i]);
-        const LayerLight light{plan_, ratio, far_edge[i], dark_above,
-                               beyond == 0 ? heights[i] : std::uint8_t{0}};
-        const int level = coverage == 0 ? 0 : level_of(light, coverage, n);
+      const auto show = [&](std::size_t i, int level) {
         out[i] = static_cast<std::uint8_t>(level);
         if (level) all_dark = false;
         far_edge[i] = (plan_.levels.phi(level) * ratio + far_edge[i]) * plan_.model.a;
+      };
+      const auto solve_voxel = [&](std::size_t i) {
+        const std::uint8_t coverage = solved_for(plan_, above[i], here[i], below[i]);
+        const std::uint8_t beyond = solved_for(plan_, over[i], above[i], here[i]);
+        const LayerLight light{
+            plan_, ratio, far_edge[i], dark_above, beyond == 0 ? heights[i] : std::uint8_t{0}, 0};
+        show(i, coverage == 0 ? 0 : level_of(light, coverage, n));
+      };
+      if (!leaves_alone) {
+        for (std::size_t i = b; i < end; ++i) solve_voxel(i);
+        continue;
+      }
+      for (std::size_t i = b; i < end; ++i) {
+        if (left[i]) {
+          show(i, level_of_pixel(left[i], plan_.levels.size()));
+        } else {
+          solve_voxel(i);
+        }
       }
     }
     if (leaves) std::copy(out.begin(), out.end(), leaves);
@@ -233,7 +261,7 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
     const bool gap_above = solved_for(plan, at(n - 2), at(n - 1), at(n)) == 0;
     const std::uint8_t height = gap_above && k < heights.size() ? heights[k] : std::uint8_t{0};
     const double phi =
-        choose(k, c, LayerLight{plan, ratio, far_edge, dark_window(plan, n - 1), height});
+        choose(k, c, LayerLight{plan, ratio, far_edge, dark_window(plan, n - 1), height, n});
     far_edge = (phi * ratio + far_edge) * plan.model.a;
     if (bath > 0) shown[k] = phi;
   }
@@ -263,7 +291,9 @@ std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
   const CureModel& model = plan.model;
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
   walk_column(plan, coverage, heights, [&](std::size_t n, std::uint8_t c, const LayerLight& light) {
-    const double at_window = c == 0 ? 0.0 : c == kFull ? light.wanted() : aim_of(c) / model.root_a;
+    const double at_window = c == 0       ? 0.0
+                             : c == kFull ? light.wanted()
+                                          : aim_of(c) / model.root_a / light.returned(0.5);
     phi[n] = std::clamp(light.phi(at_window), model.phi_min(), model.phi_max());
     return phi[n];
   });

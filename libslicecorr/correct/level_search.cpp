@@ -256,7 +256,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
     if (s.j > 0) {
       const DoseRange limits =
           s.coverage == kFull
-              ? DoseRange{p.prints, edges_.cap(edge, tolerance < kWidest ? 0 : kRungs - 1)}
+              ? DoseRange{p.prints_at(s.j), edges_.cap(edge, tolerance < kWidest ? 0 : kRungs - 1)}
               : DoseRange{0.0, p.open};
       s.target.lo = std::max(s.target.lo, limits.lo);
       s.target.hi = std::min(s.target.hi, limits.hi);

@@ -2,6 +2,7 @@
 #include <utility>
 
 #include "correct/band_solvers.hpp"
+#include "correct/column_walk.hpp"
 #include "correct/continuous_plan.hpp"
 #include "correct/inhibited_plan.hpp"
 #include "slicecorr/correct.hpp"
@@ -22,6 +23,10 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& correction_p
   }
   if (model.is_continuous()) {
     continuous = std::make_shared<const detail::ContinuousPlan>(model, process, all_layers, false);
+    if (model.mirrored_slices > 0) {
+      mirrored = std::make_shared<const detail::MirroredPlans>(model, process, all_layers, false,
+                                                               continuous);
+    }
   }
 }
 

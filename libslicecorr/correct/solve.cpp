@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "correct/band_solvers.hpp"
-#include "correct/in_bath.hpp"
+#include "correct/column_walk.hpp"
 #include "correct/level_search.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
@@ -59,12 +59,61 @@ void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
   }
 }
 
-std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std::size_t columns) {
-  if (plan.model.inhibited) return detail::make_inhibited_solver(plan, columns);
+/// Levels of a column in continuous exposure that isn't plain: a band of one column.
+std::vector<std::uint8_t> solve_stepwise(const CorrectionPlan& plan,
+                                         const std::vector<std::uint8_t>& coverage,
+                                         const std::vector<std::uint8_t>& heights) {
+  BandCorrector band(plan, 1);
+  for (std::size_t n = 0; n < static_cast<std::size_t>(std::max(plan.layers, 0)); ++n) {
+    band.add_layer(&coverage[n], n < heights.size() ? &heights[n] : nullptr);
+  }
+  const auto last = static_cast<std::size_t>(plan.layers);
+  if (last < heights.size()) band.add_layer(nullptr, &heights[last]);
+  std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
+  band.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
+    levels[static_cast<std::size_t>(n)] = *level;
+  });
+  return levels;
+}
+
+/// The same without rounding to levels.
+void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& coverage,
+                   const std::vector<std::uint8_t>& heights, std::vector<double>& phi) {
+  detail::WalkSearches searches(plan, true);
+  detail::ColumnWalk walk;
+  const auto cover = [&](int n) {
+    return n >= 0 && n < plan.layers ? coverage[static_cast<std::size_t>(n)] : std::uint8_t{0};
+  };
+  for (int n = 0; n < plan.all_layers; ++n) {
+    const auto k = static_cast<std::size_t>(n);
+    const bool merged = plan.merge_one_slice_gaps && n > 0 && cover(n) == 0 &&
+                        cover(n - 1) == detail::kFull && cover(n + 1) == detail::kFull;
+    walk.add(plan.model, n, merged ? detail::kFull : cover(n),
+             k < heights.size() ? heights[k] : std::uint8_t{0}, false, 0.0);
+  }
+  walk.begin(plan.all_layers);
+  const int bath = plan.model.bath_slices;
+  const auto far = [&](int n) {
+    const bool shown = bath > 0 && n + bath < plan.all_layers;
+    return shown ? phi[static_cast<std::size_t>(n + bath)] : 0.0;
+  };
+  for (int n = plan.all_layers; n-- > 0;) {
+    const double light = walk.exact(searches, n, far);
+    phi[static_cast<std::size_t>(n)] = light;
+    walk.pass(plan.model, light, far(n));
+  }
+}
+
+std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std::size_t columns,
+                                                bool leaves_alone) {
+  if (plan.model.inhibited) {
+    if (leaves_alone) throw Error("nothing can be left alone under UV light");
+    return detail::make_inhibited_solver(plan, columns);
+  }
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::make_layerwise_solver(plan, columns);
   }
-  if (plan.model.bath_slices > 0) return detail::make_bath_solver(plan, columns);
+  if (leaves_alone || !plan.model.is_plain()) return detail::make_stepwise_solver(plan, columns);
   return detail::make_continuous_solver(plan, columns);
 }
 
@@ -74,12 +123,13 @@ struct BandCorrector::Impl {
   std::unique_ptr<detail::BandSolver> solver;
 };
 
-BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns)
-    : impl_(std::make_unique<Impl>(make_solver(plan, columns))) {}
+BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone)
+    : impl_(std::make_unique<Impl>(make_solver(plan, columns, leaves_alone))) {}
 BandCorrector::~BandCorrector() = default;
 BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
-void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) {
-  impl_->solver->add_layer(coverage, heights);
+void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                              const std::uint8_t* left_alone) {
+  impl_->solver->add_layer(coverage, heights, left_alone);
 }
 void BandCorrector::solve(const Sink& sink) { impl_->solver->solve(sink, {}); }
 void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
@@ -94,30 +144,23 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::solve_layerwise_column(plan, coverage, heights);
   }
+  if (!plan.model.is_plain()) return solve_stepwise(plan, coverage, heights);
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
   const detail::ContinuousPlan& p = *plan.continuous;
   detail::Edges edges(p);
   detail::LevelSearch search(edges);
   std::uint8_t chosen[detail::LevelSearch::kMost];
   int first = 0;
-  const auto far = [&](int n) {
-    const int k = n + plan.model.bath_slices;
-    return k < plan.all_layers ? plan.levels.phi(levels[static_cast<std::size_t>(k)]) : 0.0;
-  };
-  const bool ends = plan.model.bath_slices > 0;
   walk_column(
       plan, edges, coverage, heights,
       [&](const detail::RunAt& run, int n, double below) {
         first = n;
-        if (!ends) return search.choose(run, n, below, chosen);
-        const detail::InBath bath(plan, run, n, below, far);
-        return std::min(bath.slices, search.choose(run, n, bath.below, chosen));
+        return search.choose(run, n, below, chosen);
       },
       [&](int n, double below) {
         const std::uint8_t index = chosen[first - n];
         levels[static_cast<std::size_t>(n)] = p.level_of[index];
-        const double phi = p.levels.phi(index);
-        return plan.model.step(ends ? plan.model.in_bath(phi, far(n)) : phi, below);
+        return plan.model.step(p.levels.phi(index), below);
       });
   return levels;
 }
@@ -129,24 +172,21 @@ std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
   if (plan.model.mode == ExposureMode::layerwise)
     return detail::solve_layerwise_column_exactly(plan, coverage, heights);
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
+  if (!plan.model.is_plain()) {
+    walk_stepwise(plan, coverage, heights, phi);
+    return phi;
+  }
   const detail::ContinuousPlan p(plan.model, plan.process, plan.all_layers, true);
   detail::Edges edges(p);
   const detail::LevelSearch search(edges);
-  const auto far = [&](int n) {
-    const int k = n + plan.model.bath_slices;
-    return k < plan.all_layers ? phi[static_cast<std::size_t>(k)] : 0.0;
-  };
-  const bool ends = plan.model.bath_slices > 0;
   walk_column(
       plan, edges, coverage, heights,
       [&](const detail::RunAt& run, int n, double below) {
-        if (ends) below -= plan.model.beyond * far(n) * p.b * p.per_a;
         phi[static_cast<std::size_t>(n)] = search.exact(run, n, below);
         return 1;
       },
       [&](int n, double below) {
-        const double light = phi[static_cast<std::size_t>(n)];
-        return plan.model.step(ends ? plan.model.in_bath(light, far(n)) : light, below);
+        return plan.model.step(phi[static_cast<std::size_t>(n)], below);
       });
   return phi;
 }

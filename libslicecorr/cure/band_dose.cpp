@@ -127,9 +127,7 @@ class ContinuousWalker final : public detail::DoseWalker {
     }
     double below = lower[i];
     for (auto thin = thin_slices_.rbegin(); thin != thin_slices_.rend(); ++thin) {
-      double phi = 0;
-      detail::block_phi(curve_, thin->lit, i, 1, &phi);
-      if (bath_.ends()) phi += far_[i];
+      const double phi = phi_of(*thin, i);
       const double above = phi * thin->one_minus_a + thin->a * below;
       out.least = std::min(out.least, above);
       if ((above >= 1.0) != (below >= 1.0)) {
@@ -137,6 +135,16 @@ class ContinuousWalker final : public detail::DoseWalker {
         out.crossings.push_back(1.0 - thin->to + std::clamp(d, 0.0, thin->to - thin->from));
       }
       below = above;
+    }
+  }
+  void stretches(std::size_t i, std::vector<detail::Stretch>& out) const override {
+    if (thin_slices_.empty()) return out.assign(1, {0, 1, phi_[i], lower[i]});
+    out.clear();
+    double below = lower[i];
+    for (auto thin = thin_slices_.rbegin(); thin != thin_slices_.rend(); ++thin) {
+      const double phi = phi_of(*thin, i);
+      out.push_back({1.0 - thin->to, 1.0 - thin->from, phi, below});
+      below = phi * thin->one_minus_a + thin->a * below;
     }
   }
 
@@ -147,6 +155,11 @@ class ContinuousWalker final : public detail::DoseWalker {
     std::vector<ImageShowing> lit;
   };
 
+  double phi_of(const ThinSlice& thin, std::size_t i) const {
+    double phi = 0;
+    detail::block_phi(curve_, thin.lit, i, 1, &phi);
+    return bath_.ends() ? phi + far_[i] : phi;
+  }
   /// Cuts the slice into thin slices with one phi each; none where all showings are spread over the
   /// slice.
   void cut(std::span<const ImageShowing> showings) {
@@ -235,6 +248,9 @@ class LayerwiseWalker final : public detail::DoseWalker {
       out.crossings.push_back(std::clamp(d, 0.0, 1.0));
     }
   }
+  void stretches(std::size_t i, std::vector<detail::Stretch>& out) const override {
+    out.assign(1, {0, 1, 0, lower[i]});
+  }
 
  private:
   const CureModel& model_;
@@ -244,10 +260,14 @@ class LayerwiseWalker final : public detail::DoseWalker {
 
 std::unique_ptr<detail::DoseWalker> make_walker(const CureModel& model, std::size_t columns) {
   if (model.inhibited) return detail::make_inhibited_walker(model, columns);
+  std::unique_ptr<detail::DoseWalker> walker;
   if (model.mode == ExposureMode::layerwise) {
-    return std::make_unique<LayerwiseWalker>(model, columns);
+    walker = std::make_unique<LayerwiseWalker>(model, columns);
+  } else {
+    walker = std::make_unique<ContinuousWalker>(model, columns);
   }
-  return std::make_unique<ContinuousWalker>(model, columns);
+  if (model.mirrored_slices == 0) return walker;
+  return detail::with_returned_light(model, std::move(walker));
 }
 
 }  // namespace

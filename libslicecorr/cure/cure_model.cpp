@@ -37,6 +37,11 @@ double CureModel::highest_dose(double slices) const {
          phi_min();
 }
 
+double CureModel::with_returned(double zeta) const {
+  const double factor = 1.0 + reflectance * std::exp(-2.0 * zeta * (eta / m) * units::kLn10);
+  return m == 1.0 ? factor : std::pow(factor, m);
+}
+
 double CureModel::greatest_ratio() const {
   return exposure_ratio.empty() ? 1.0
                                 : *std::max_element(exposure_ratio.begin(), exposure_ratio.end());
@@ -119,6 +124,14 @@ void end_bath(const Printer& printer, CureModel& model) {
   model.beyond = left;
 }
 
+/// Lets the platform of a printer send light back as far as it counts.
+void mirror(const Printer& printer, CureModel& model) {
+  model.reflectance = printer.platform_reflectance;
+  if (!(model.reflectance > kNoLight)) return;
+  const double slices = std::log10(model.reflectance / kNoLight) * model.m / (2 * model.eta);
+  model.mirrored_slices = static_cast<int>(std::min(1e9, std::ceil(slices))) + 1;
+}
+
 }  // namespace
 
 std::vector<double> detail::exposure_ratios(const Process& process, double normal_s) {
@@ -177,12 +190,15 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
   if (process.uv.kind == UvKind::off) {
     end_bath(printer, model);
+    mirror(printer, model);
   } else {
-    if (printer.resin_depth_um > 0) {
+    const auto refuse = [&](const char* key) {
       throw InputError(
-          printer.name, "vat.depth_um",
+          printer.name, key,
           "is not counted under UV light; expected a printer without it, or no UV light");
-    }
+    };
+    if (printer.resin_depth_um > 0) refuse("vat.depth_um");
+    if (printer.platform_reflectance > 0) refuse("vat.platform_reflectance");
     model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um, intensities,
                                                     light.brightest);
     // Under UV light phi is the dose after a long run of slices, and the exponent may be another.
@@ -207,6 +223,7 @@ std::vector<double> node_doses(const CureModel& model, const std::vector<double>
     const double far = bath > 0 && k + bath < phi.size() ? phi[k + bath] : 0.0;
     omega[k] = model.step(bath > 0 ? model.in_bath(phi[k], far) : phi[k], omega[k + 1]);
   }
+  for (std::size_t k = 0; k < omega.size(); ++k) omega[k] *= model.returned(static_cast<double>(k));
   return omega;
 }
 

@@ -46,16 +46,26 @@ struct BlackLight {
   int layer = 0;
 };
 BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
-  const double steady =
-      model.phi_min() * (ratios.empty() ? 1.0 : ratios.back()) / model.one_minus_a;
+  const auto ratio = [&](std::size_t n) {
+    return ratios.empty() ? 1.0 : n < ratios.size() ? ratios[n] : ratios.back();
+  };
+  const double steady = model.steady(model.phi_min() * ratio(ratios.size())) / model.one_minus_a;
   BlackLight most{steady, static_cast<int>(ratios.size())};
   double black = steady;
-  for (std::size_t n = ratios.size(); n-- > 0;) {
-    black = model.phi_min() * ratios[n] + model.a * black;
-    if (black > most.dose) most = {black, static_cast<int>(n)};
+  const auto bath = static_cast<std::size_t>(model.bath_slices);
+  for (std::size_t n = std::max(ratios.size(), static_cast<std::size_t>(model.mirrored_slices));
+       n-- > 0;) {
+    const double leaves = bath > 0 ? model.beyond * ratio(n + bath) : 0.0;
+    black = model.phi_min() * (ratio(n) - leaves) + model.a * black;
+    // The dose of a layer is greatest beside its window.
+    const double dose = black * model.returned(static_cast<double>(n) + 1);
+    if (dose > most.dose) most = {dose, static_cast<int>(n)};
   }
   return most;
 }
+/// What black light adds up to at most over what it does in deep resin far from the platform, where
+/// exposures are alike.
+double black_gain(const CureModel& model) { return model.steady(model.returned(1)); }
 
 /// The relative dose of lit pixels, which must be above 1 (layer by layer without UV: at least 1),
 /// and that of black, which must be below.
@@ -73,7 +83,7 @@ Doses doses_of(const CureModel& model) {
     return {model.phi_max() * model.ratio(weakest_layer(model)) * model.a,
             most_black(model, model.exposure_ratio).dose};
   }
-  return {model.steady(model.phi_max()), model.steady(model.phi_min())};
+  return {model.steady(model.phi_max()), model.steady(model.phi_min()) * model.returned(0)};
 }
 
 bool is_plain_layerwise(const CureModel& model) {
@@ -97,7 +107,7 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
-  return model.phi_min() * model.ratio(rule) / model.one_minus_a >= 1.0;
+  return model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a >= 1.0;
 }
 
 detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer,
@@ -150,7 +160,8 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
         "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
         "critical dose",
         failing_layer(model, process, layer), printer.calibration.front().intensity_mw_cm2,
-        as_a_rule ? model.phi_min() * model.ratio(rule) / model.one_minus_a : doses.black);
+        as_a_rule ? model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a
+                  : doses.black);
   }
   return v;
 }
@@ -179,10 +190,13 @@ detail::Verdict continuous_verdict(const CureModel& model, const Printer& printe
         process.speed_mm_h, printer.calibration.back().intensity_mw_cm2, doses.lit);
   }
   if (doses.black >= 1.0) {
+    const bool back = model.mirrored_slices > 0;
     v.black = fmt::format(
-        "black pixels gel the resin: at {:g} mm/h the light of black ({:g} mW/cm², phi {:.4g}) "
-        "reaches the critical intensity",
-        process.speed_mm_h, printer.calibration.front().intensity_mw_cm2, doses.black);
+        "black pixels gel the resin{}: at {:g} mm/h the light of black ({:g} mW/cm², {} {:.4g}) "
+        "reaches the critical {}",
+        back ? " beside the platform, which sends light back" : "", process.speed_mm_h,
+        printer.calibration.front().intensity_mw_cm2, back ? "dose" : "phi", doses.black,
+        back ? "one" : "intensity");
   }
   return v;
 }
@@ -198,7 +212,8 @@ Process cut(Process p, double most_s) {
 /// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
 /// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
-  return model.phi_min() > 0 ? normal_s * model.one_minus_a / model.phi_min() : kInfinity;
+  return model.phi_min() > 0 ? normal_s * model.one_minus_a / (model.phi_min() * black_gain(model))
+                             : kInfinity;
 }
 
 /// The same for the exposures of `process`, each cut to the result: a few layers may be exposed for

@@ -77,6 +77,12 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
                       "expected one of both",
                       resin.name));
     }
+    if (model.mirrored_slices > 0) {
+      refuse(
+          fmt::format("resin '{}' has scatter_um2_per_um, and the platform sends light back, which "
+                      "scatters on a longer way; expected one of both",
+                      resin.name));
+    }
     halo_x_ = scatter_.halo_x(model.a, kShareLeftOut);
     halo_y_ = scatter_.halo_y(model.a, kShareLeftOut);
   }

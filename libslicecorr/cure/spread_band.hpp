@@ -24,7 +24,7 @@ class SpreadLight {
   /// Of the models' printer and resin, for images of `grid` that lie like `frame`. `models` must
   /// outlive this. Throws `InputError`
   /// where what spreads can't be counted: under UV light; scatter in a resin whose exponent m is
-  /// not 1 or that ends; a spread that reaches further than the images are wide or high.
+  /// not 1, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
   SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
   /// Light stays where it is.
@@ -35,6 +35,10 @@ class SpreadLight {
   /// The pixels whose columns light from `box` reaches, and as well those whose light reaches its
   /// columns: of the display.
   PixelBox around(const PixelBox& box) const { return grown(box, reach_x(), reach_y()); }
+  const LightBlur& blur() const { return blur_; }
+  const SliceScatter& scatter() const { return scatter_; }
+  /// All pixels; beyond them it is dark.
+  const PixelBox& display() const { return display_; }
   /// The finest line and gap, along the better of the display's axes; nothing where all light of the
   /// printer stays where it is.
   std::optional<FinestWidths> finest() const;

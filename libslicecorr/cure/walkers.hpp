@@ -21,6 +21,12 @@ std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(
 void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, std::size_t first,
                std::size_t n, double* phi);
 
+/// A piece of a layer, from `from` to `to` slices from the layer's lower end: at a distance d the dose
+/// is phi + (begin - phi) a^(d - from).
+struct Stretch {
+  double from, to, phi, begin;
+};
+
 /// How the doses of a band follow from its slices in one model, slices from the last to the first.
 class DoseWalker {
  public:
@@ -28,9 +34,15 @@ class DoseWalker {
   virtual void add_slice(int slice, std::span<const ImageShowing> showings) = 0;
   /// See BandDose::inside.
   virtual void inside(std::size_t column, double known, InsideLayer& out) const = 0;
+  /// The pieces of the layer, from its lower end on; none under UV light.
+  virtual void stretches(std::size_t, std::vector<Stretch>& out) const { out.clear(); }
   std::vector<double> lower, middle, upper;  ///< doses of the layer that was added last, per column
   std::vector<std::uint8_t> turning;         ///< see BandDose::turning; empty: nowhere
 };
+
+/// `doses` as light from the platform multiplies them.
+std::unique_ptr<DoseWalker> with_returned_light(const CureModel& model,
+                                                std::unique_ptr<DoseWalker> doses);
 
 /// Doses of a model with an inhibited kernel.
 std::unique_ptr<DoseWalker> make_inhibited_walker(const CureModel& model, std::size_t columns);

@@ -125,6 +125,9 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  gap_shortfall         how much of a slice it may lose, up to 0.5; 0.18 when not set
  *  surface               mesh, slices: where edges lie whose heights the target knows
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
+ *  resin_depth_um        depth of the resin above the window, instead of the printer's
+ *  spread_correction     on, off: where light spreads, columns together or each alone
+ *  rounds                most rounds of correcting columns together; 20 when not set
  *  uv_mw_cm2             inhibiting UV light, the same throughout
  *  dead_zone_um          or the dead zone at the window that it is to hold
  *  uv_schedule           constant, per-slice, patterned

@@ -68,6 +68,10 @@ Overlap overlap_of(const SliceSource& stack, const SliceSource& target,
     Overlap o;
     o.stack_end = greatest_values(stack, band, context, lit, nullptr);
     o.target_end = greatest_values(target, band, context, designed, &o.coverage);
+    if (target.left_alone()) {
+      o.target_end = std::max(o.target_end, greatest_values(*target.left_alone(), band, context,
+                                                            designed, &o.coverage));
+    }
     for (std::size_t k = 0; k < lit.size(); ++k) {
       o.both += lit[k] && designed[k];
       o.stack_only += lit[k] && !designed[k];

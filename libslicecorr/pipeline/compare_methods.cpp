@@ -4,6 +4,8 @@
 
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/compare_spread.hpp"
+#include "pipeline/correct_spread.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/baseline.hpp"
@@ -36,9 +38,8 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
   std::mutex adding;
   parallel_for(context, "erase", bands.size(), [&](std::size_t i) {
     // Only columns that are lit somewhere have edges.
-    const GroupedBand grouped(plans.models().map(), bands[i], {[&](const SliceSource::Sink& sink) {
-                                target.read_band(bands[i], sink);
-                              }});
+    const GroupedBand grouped(plans.models().map(), bands[i],
+                              detail::BandReaders({detail::reader_of(target, bands[i])}));
     for (const GroupedBand::Group& group : grouped.groups) {
       const CodedBand& coded = group.sources[0];
       const std::size_t columns = coded.columns();
@@ -88,6 +89,10 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
   const auto least = std::min_element(result.erase_mean_um.begin(), result.erase_mean_um.end());
   result.best_n = static_cast<int>(least - result.erase_mean_um.begin());
 
+  if (detail::spreads(setup)) {
+    detail::compare_spread_methods(target, setup, result, context);
+    return result;
+  }
   std::uint8_t pixel_of[256] = {};
   for (int level = 0; level < plans.levels(); ++level) {
     pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plans.levels()));
@@ -114,7 +119,7 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
           sink(n, rows);
         });
       };
-      const detail::CodedDesign design(columns, kept, edge_heights, Surface::mesh);
+      const detail::CodedDesign design(columns, kept, edge_heights, Surface::mesh, nullptr);
       std::vector<std::uint8_t> rows(columns), heights(columns), pixels(columns);
       // Where the target has edge heights, its slices alone are corrected, too.
       CodedBand upwards(columns);
@@ -172,10 +177,10 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
       compare(models.map().reference(), columns_of(band), read, coded ? &*coded : nullptr,
               pixels_of_columns(band));
     } else {
-      const GroupedBand grouped(models.map(), band, detail::with_heights({read}, target, band));
+      const GroupedBand grouped(models.map(), band, detail::with_target({read}, target, band));
       for (const GroupedBand::Group& g : grouped.groups) {
         counts[g.value] = g.columns.size();
-        compare(g.value, g.columns.size(), g.reader(0), g.after(0),
+        compare(g.value, g.columns.size(), g.reader(0), g.heights(),
                 pixels_of_columns(band, g.columns));
       }
     }

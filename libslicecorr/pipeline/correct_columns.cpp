@@ -12,9 +12,9 @@ namespace {
 /// The edge heights of the node after the last slice, where no slice is shown that has it as its
 /// upper node. `heights`: null without.
 void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
-                      const std::uint8_t* heights, std::size_t columns) {
+                      const std::uint8_t* heights, std::size_t columns, bool in_tiles) {
   const std::uint8_t* const dark = nullptr;
-  if (!plan.model.is_plain()) {
+  if (!in_tiles) {
     predictor.add_slice(plan.all_layers, dark, nullptr, heights);
     return;
   }
@@ -31,14 +31,17 @@ void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
 }  // namespace
 
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const ColumnSinks& out, const ExecutionContext& context) {
-  BandCorrector corrector(plan, columns);
+                     const CodedBand* left_alone, const ColumnSinks& out,
+                     const ExecutionContext& context) {
+  BandCorrector corrector(plan, columns, left_alone != nullptr);
+  LeftAloneRows left_rows(left_alone);
+  const bool in_tiles = plan.model.is_plain() && !left_alone;
   CodedBand heights(columns);
   read([&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
     if ((n & 63) == 0) context.check_cancelled();
-    corrector.add_layer(rows, its_heights);
-    if (n == plan.all_layers) add_last_heights(out.after, plan, its_heights, columns);
-    if (!plan.model.is_plain()) heights.append(its_heights);
+    corrector.add_layer(rows, its_heights, left_rows.at(n));
+    if (n == plan.all_layers) add_last_heights(out.after, plan, its_heights, columns, in_tiles);
+    if (!in_tiles) heights.append(its_heights);
   });
   std::uint8_t pixel_of[256] = {};
   for (int level = 0; level < plan.levels.size(); ++level) {
@@ -51,7 +54,7 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Desi
     for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
     return static_cast<const std::uint8_t*>(pixels.data());
   };
-  if (plan.model.is_plain()) {
+  if (in_tiles) {
     using Tile = BandCorrector::Tile;
     static_assert(Tile::kStride == BandPredictor::kTileColumns);
     std::vector<std::uint8_t> tile_pixels;
@@ -81,7 +84,7 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Desi
         look);
     return;
   }
-  std::vector<std::uint8_t> height_rows(columns);
+  std::vector<std::uint8_t> height_rows(columns), sliced(columns);
   corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
     if ((n & 63) == 0) context.check_cancelled();
     const std::uint8_t* const lit = shown(levels);
@@ -89,8 +92,12 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Desi
     if (out.watch) out.watch->add_slice(n, dark ? nullptr : lit);
     const bool has_heights = n < heights.slices() && !heights.black(n);
     if (has_heights) heights.read(n, height_rows.data());
-    out.after.add_slice(n, lit, coverage, has_heights ? height_rows.data() : nullptr);
-    if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
+    const std::uint8_t* const left = left_rows.at(n);
+    out.after.add_slice(n, lit, coverage, has_heights ? height_rows.data() : nullptr, left);
+    if (!out.before) return;
+    const std::uint8_t* const before =
+        n < plan.layers ? as_sliced(coverage, left, sliced) : nullptr;
+    out.before->add_slice(n, before, coverage, nullptr, left);
   });
 }
 

@@ -22,8 +22,9 @@ struct ColumnSinks {
   WindowWatch* watch;     ///< the same
 };
 
-/// Corrects columns and predicts them. Throws `Cancelled`.
+/// Corrects columns and predicts them. `left_alone`: null: nothing. Throws `Cancelled`.
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const ColumnSinks& out, const ExecutionContext& context);
+                     const CodedBand* left_alone, const ColumnSinks& out,
+                     const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

@@ -86,11 +86,6 @@ Grid with_layers(Grid grid, int layers) {
   return grid;
 }
 
-/// Whether light goes from column to column.
-bool spreads(const Setup& setup) {
-  return !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
-}
-
 /// The setup with the UV light over z that it asks for.
 Setup with_scheduled_uv(const SliceSource& target, Setup setup, const ExecutionContext& context) {
   refuse_recording(target);
@@ -158,10 +153,12 @@ class StackCorrection::Band {
   /// All columns get the same light.
   void correct_even() {
     const auto heights = detail::edge_heights_of(whole_.target_, box_);
+    const auto left_alone = detail::left_alone_of(whole_.target_, box_);
     correct(
         whole_.plans_.models().map().reference(), nullptr,
         [this](const SliceSource::Sink& sink) { read(sink); }, heights ? &*heights : nullptr,
-        pixels_of_columns(box_), [this](int n, const std::uint8_t* pixels) { put(n, pixels); });
+        left_alone ? &*left_alone : nullptr, pixels_of_columns(box_),
+        [this](int n, const std::uint8_t* pixels) { put(n, pixels); });
   }
   /// Columns of equal light are corrected together, then joined.
   void correct_by_light();
@@ -173,8 +170,11 @@ class StackCorrection::Band {
 
   void read(const SliceSource::Sink& sink) {
     if (!reduced_) return whole_.scan_.read(box_, sink);
+    const auto left_alone = detail::left_alone_of(whole_.target_, box_);
+    detail::LeftAloneRows left_rows(left_alone ? &*left_alone : nullptr);
+    std::vector<std::uint8_t> room(columns_);
     whole_.scan_.read(box_, [&](int n, const std::uint8_t* rows) {
-      design_.append(rows);
+      design_.append(detail::marked(rows, left_rows.at(n), room));
       sink(n, rows);
     });
   }
@@ -183,9 +183,9 @@ class StackCorrection::Band {
     if (reduced_) upwards_.append(pixels);
   }
   /// Columns of one value of light, null for all of the band. Their figures go on from those
-  /// before them.
+  /// before them. `heights`, `left_alone`: null without.
   void correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
-               const BandReader& reader, const CodedBand* heights,
+               const BandReader& reader, const CodedBand* heights, const CodedBand* left_alone,
                const BandPredictor::PixelOfColumn& place, const PutPixels& put_pixels);
 
   StackCorrection& whole_;
@@ -223,10 +223,12 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
 
 void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
                                     const BandReader& reader, const CodedBand* heights,
+                                    const CodedBand* left_alone,
                                     const BandPredictor::PixelOfColumn& place,
                                     const PutPixels& put_pixels) {
   const int slices = whole_.plans_.all_layers();
   const std::size_t count = of_band ? of_band->size() : columns_;
+  if (left_alone) whole_.scan_.add(*left_alone);
   const CorrectionPlan& plan = whole_.plans_.plan(value);
   const PixelCurve& curve = whole_.plans_.models().curve(value);
   // The node after the last layer may have edge heights: they come with a slice more.
@@ -250,10 +252,15 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   // Slices that are shown as they are have the greys of gentle slopes, which a design with edge
   // heights has not: they are kept, and predicted apart.
   const bool apart = heights && whole_.with_before_;
-  CodedBand as_shown(count);
+  CodedBand as_shown(count), as_read(apart ? count : 0);
+  std::vector<std::uint8_t> sliced(count);
+  detail::LeftAloneRows left_rows(left_alone);
   const BandReader kept = [&](const SliceSource::Sink& sink) {
     reader([&](int n, const std::uint8_t* rows) {
-      if (apart) as_shown.append(rows);
+      if (apart) {
+        as_shown.append(detail::as_sliced(rows, left_rows.at(n), sliced));
+        as_read.append(rows);
+      }
       sink(n, rows);
     });
   };
@@ -261,12 +268,13 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
     detail::read_design(kept, heights, Surface::mesh, sink);
   };
   correct_columns(
-      plan, count, design,
+      plan, count, design, left_alone,
       {put_pixels, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
        watch ? &*watch : nullptr},
       whole_.context_);
   if (apart) {
-    const detail::CodedDesign sharp(count, detail::reader_of(as_shown), heights, Surface::mesh);
+    const detail::CodedDesign sharp(count, detail::reader_of(as_read), heights, Surface::mesh,
+                                    left_alone);
     detail::predict_shown(predict_before, plan.model.is_plain(), as_shown, plan.layers, sharp,
                           predicted, nullptr, whole_.context_);
   }
@@ -282,12 +290,13 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
 void StackCorrection::Band::correct_by_light() {
   const BandReader reader = [this](const SliceSource::Sink& sink) { read(sink); };
   const GroupedBand grouped(whole_.plans_.models().map(), box_,
-                            detail::with_heights({reader}, whole_.target_, box_));
+                            detail::with_target({reader}, whole_.target_, box_));
   std::vector<CodedBand> corrected;
   for (const GroupedBand::Group& g : grouped.groups) {
     counts_[g.value] = g.columns.size();
     CodedBand& coded = corrected.emplace_back(g.columns.size());
-    correct(g.value, &g.columns, g.reader(0), g.after(0), pixels_of_columns(box_, g.columns),
+    correct(g.value, &g.columns, g.reader(0), g.heights(), g.left_alone(),
+            pixels_of_columns(box_, g.columns),
             [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
   }
   Joiner joined(grouped, columns_, std::move(corrected));
@@ -383,7 +392,8 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
-  if (spreads(setup)) return detail::correct_spread_stack(wanted, setup, file, ask, context);
+  if (detail::spreads(setup))
+    return detail::correct_spread_stack(wanted, setup, file, ask, context);
   StackCorrection correction(wanted, setup, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
@@ -400,21 +410,36 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
+  if (!detail::spreads(setup)) return;
+  const CureModel& model = plans_->models().brightest();
+  const char* const alone = !plans_->even()        ? "the display's light is uneven"
+                            : target_.left_alone() ? "parts are left alone"
+                            : !model.is_plain()    ? "the exposure is not continuous in deep resin"
+                                                   : nullptr;
+  if (alone == nullptr) {
+    together_ = std::make_unique<const detail::TogetherCorrected>(
+        target_, *plans_, setup.process.spread_rounds, context);
+  } else if (setup.process.spread_rounds > 0) {
+    context.tell(fmt::format("light spreads, and {}: each column is corrected alone", alone));
+  }
 }
 
 CorrectedSlices::~CorrectedSlices() = default;
 
 void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
+  if (together_) return together_->read_band(band, sink);
   const std::size_t columns = columns_of(band);
   const int all = plans_->all_layers();
   const BandReader read = detail::reader_of(target_, band);
   // The solve gives the last slice first.
   const auto corrected = [&](const CorrectionPlan& plan, std::size_t count,
-                             const BandReader& reader, const CodedBand* heights) {
-    BandCorrector corrector(plan, count);
+                             const BandReader& reader, const CodedBand* heights,
+                             const CodedBand* left_alone) {
+    BandCorrector corrector(plan, count, left_alone != nullptr);
+    detail::LeftAloneRows left_rows(left_alone);
     detail::read_design(reader, heights, Surface::mesh,
-                        [&](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
-                          corrector.add_layer(rows, its_heights);
+                        [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
+                          corrector.add_layer(rows, its_heights, left_rows.at(n));
                         });
     CodedBand upwards(count);
     std::vector<std::uint8_t> pixels(count);
@@ -428,8 +453,10 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   };
   if (plans_->even()) {
     const auto heights = detail::edge_heights_of(target_, band);
+    const auto left_alone = detail::left_alone_of(target_, band);
     const CodedBand upwards =
-        corrected(plans_->plan(), columns, read, heights ? &*heights : nullptr);
+        corrected(plans_->plan(), columns, read, heights ? &*heights : nullptr,
+                  left_alone ? &*left_alone : nullptr);
     std::vector<std::uint8_t> pixels(columns);
     for (int n = 0; n < all; ++n) {
       const int at = all - 1 - n;
@@ -439,11 +466,11 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     return;
   }
   const GroupedBand grouped(plans_->models().map(), band,
-                            detail::with_heights({read}, target_, band));
+                            detail::with_target({read}, target_, band));
   std::vector<CodedBand> coded_bands;
   for (const GroupedBand::Group& g : grouped.groups) {
-    coded_bands.push_back(
-        corrected(plans_->plan(g.value), g.columns.size(), g.reader(0), g.after(0)));
+    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0),
+                                    g.heights(), g.left_alone()));
   }
   Joiner joined(grouped, columns, std::move(coded_bands));
   for (int n = 0; n < all; ++n) sink(n, joined.at(all - 1 - n));

@@ -4,7 +4,15 @@
 #include <cstring>
 #include <vector>
 
+#include "correct/coverage.hpp"
+
 namespace slicecorr::detail {
+
+namespace {
+
+constexpr std::uint8_t kMostGrey = kFull - 1;
+
+}  // namespace
 
 BandReader reader_of(const CodedBand& coded) {
   return [&coded](const SliceSource::Sink& sink) {
@@ -18,6 +26,38 @@ BandReader reader_of(const CodedBand& coded) {
       sink(n, rows.data());
     }
   };
+}
+
+const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* left_alone,
+                              std::vector<std::uint8_t>& room) {
+  if (!left_alone) return coverage;
+  if (!coverage) return left_alone;
+  for (std::size_t i = 0; i < room.size(); ++i) room[i] = std::max(coverage[i], left_alone[i]);
+  return room.data();
+}
+
+const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* left_alone,
+                           std::vector<std::uint8_t>& room) {
+  if (!left_alone) return coverage;
+  for (std::size_t i = 0; i < room.size(); ++i) {
+    // A grey, whatever it shows: neither a feature nor a gap.
+    room[i] = left_alone[i] ? std::min(left_alone[i], kMostGrey)
+              : coverage    ? coverage[i]
+                            : std::uint8_t{0};
+  }
+  return room.data();
+}
+
+CodedBand marked_band_of(const SliceSource& target, const PixelBox& band) {
+  if (!target.left_alone()) return coded_band_of(target, band);
+  const auto left_alone = left_alone_of(target, band);
+  LeftAloneRows left_rows(&*left_alone);
+  CodedBand coded(columns_of(band));
+  std::vector<std::uint8_t> room(columns_of(band));
+  target.read_band(band, [&](int n, const std::uint8_t* rows) {
+    coded.append(marked(rows, left_rows.at(n), room));
+  });
+  return coded;
 }
 
 namespace {
@@ -65,18 +105,19 @@ void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
 void predict_shown(BandPredictor& predictor, bool plain, const CodedBand& shown, int layers,
                    const CodedDesign& design, int all_layers, WindowWatch* watch,
                    const ExecutionContext& context) {
-  if (plain) {
+  if (plain && !design.left_alone) {
     predict_tiles(predictor, shown, layers, design, all_layers, context);
     return;
   }
   const std::size_t columns = shown.columns();
   std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
+  LeftAloneRows left_alone(design.left_alone);
   for (int n = all_layers; n-- > 0;) {
     if ((n & 63) == 0) context.check_cancelled();
     shown.read(n, pixels.data());
     design.coverage.read(n, coverage.data());
     predictor.add_slice(n, n < layers ? pixels.data() : nullptr, coverage.data(),
-                        design.heights_at(n, height_rows.data()));
+                        design.heights_at(n, height_rows.data()), left_alone.at(n));
     if (watch && n < layers) watch->add_slice(n, pixels.data());
   }
 }

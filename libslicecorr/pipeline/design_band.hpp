@@ -33,13 +33,60 @@ inline BandReader reader_of(const SliceSource& source, const PixelBox& band) {
   return [&source, band](const SliceSource::Sink& sink) { source.read_band(band, sink); };
 }
 BandReader reader_of(const CodedBand& coded);
-/// `readers`, the last of them a target's coverage, and that of its edge heights where it has some:
-/// what a GroupedBand is made from.
-inline std::vector<BandReader> with_heights(std::vector<BandReader> readers,
-                                            const SliceSource& target, const PixelBox& band) {
-  if (target.edge_heights()) readers.push_back(reader_of(*target.edge_heights(), band));
-  return readers;
+/// What a GroupedBand is made from.
+struct BandReaders {
+  static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+  explicit BandReaders(std::vector<BandReader> readers) : all(std::move(readers)) {}
+  std::vector<BandReader> all;
+  /// Those of a target's edge heights, and of what is left alone; kNone: it has none.
+  std::size_t heights = kNone, left_alone = kNone;
+};
+/// `readers`, and those of what a target has besides its coverage.
+inline BandReaders with_target(std::vector<BandReader> readers, const SliceSource& target,
+                               const PixelBox& band) {
+  BandReaders with(std::move(readers));
+  if (target.edge_heights()) {
+    with.heights = with.all.size();
+    with.all.push_back(reader_of(*target.edge_heights(), band));
+  }
+  if (target.left_alone()) {
+    with.left_alone = with.all.size();
+    with.all.push_back(reader_of(*target.left_alone(), band));
+  }
+  return with;
 }
+/// What of a band is left alone; nothing where the target says nothing.
+inline std::optional<CodedBand> left_alone_of(const SliceSource& target, const PixelBox& band) {
+  if (!target.left_alone()) return std::nullopt;
+  return coded_band_of(*target.left_alone(), band);
+}
+
+/// Reads what is left alone slice by slice.
+class LeftAloneRows {
+ public:
+  /// `left_alone`: null without.
+  explicit LeftAloneRows(const CodedBand* left_alone)
+      : left_alone_(left_alone), row_(left_alone ? left_alone->columns() : 0) {}
+  /// Null: nothing is left alone in this slice. Valid until the next call.
+  const std::uint8_t* at(int slice) {
+    if (!left_alone_ || slice >= left_alone_->slices() || left_alone_->black(slice)) return nullptr;
+    left_alone_->read(slice, row_.data());
+    return row_.data();
+  }
+
+ private:
+  const CodedBand* left_alone_;
+  std::vector<std::uint8_t> row_;
+};
+/// What a slice shows that is not corrected: `coverage`, and what is left alone. Null: black.
+const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* left_alone,
+                              std::vector<std::uint8_t>& room);
+
+/// `coverage` with what is left alone as greys of what it shows, for pictures. Null: black.
+const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* left_alone,
+                           std::vector<std::uint8_t>& room);
+/// A band of a target so.
+CodedBand marked_band_of(const SliceSource& target, const PixelBox& band);
 
 /// `heights`: null without. `surface`: gentle slopes are made sharp for the mesh only.
 inline void read_design(const BandReader& coverage, const CodedBand* heights, Surface surface,
@@ -56,11 +103,12 @@ inline void read_design(const BandReader& coverage, const CodedBand* heights, Su
 /// A design kept to be read in any order.
 struct CodedDesign {
   CodedBand coverage;
-  std::optional<CodedBand> heights;  ///< one row more
+  std::optional<CodedBand> heights;       ///< one row more
+  const CodedBand* left_alone = nullptr;  ///< null: nothing
 
   CodedDesign(std::size_t columns, const BandReader& reader, const CodedBand* edge_heights,
-              Surface surface)
-      : coverage(columns) {
+              Surface surface, const CodedBand* its_left_alone)
+      : coverage(columns), left_alone(its_left_alone) {
     if (edge_heights) heights.emplace(columns);
     read_design(reader, edge_heights, surface,
                 [&](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {

@@ -18,8 +18,14 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// The printer, if the target's images are of its size.
-const Printer& fitting(const Printer& printer, const SliceSource& target) {
+/// The printer, if the target's images are of its size, and what is left alone can be.
+const Printer& fitting(const Setup& setup, const SliceSource& target) {
+  if (target.left_alone() && setup.process.uv.kind != UvKind::off) {
+    throw InputError(
+        "nothing can be left alone under UV light, where the dose of a slice depends on what is shown "
+        "before and after it; expected no UV light");
+  }
+  const Printer& printer = setup.printer;
   const Grid& grid = target.grid();
   // Archives made for a printer have the images of its display, ours those of its plate.
   const Grid wanted = images_of(printer, target.frame());
@@ -333,7 +339,7 @@ class PlaceCheck {
 PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
                        const ExecutionContext& context)
     : process_(setup.process),
-      models_(fitting(setup.printer, target), setup.resin, setup.process, target.grid(),
+      models_(fitting(setup, target), setup.resin, setup.process, target.grid(),
               target.frame()),
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {
@@ -351,12 +357,11 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
   return *made;
 }
 
-GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
-                         const std::vector<BandReader>& readers) {
+GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band, const BandReaders& readers) {
   const std::size_t columns = columns_of(band);
   std::vector<std::uint8_t> lit(columns, 0), rows(columns), gathered(columns);
   std::vector<CodedBand> whole;
-  for (const BandReader& read : readers) {
+  for (const BandReader& read : readers.all) {
     CodedBand coded(columns);
     read([&](int, const std::uint8_t* layer) {
       coded.append(layer);
@@ -365,7 +370,7 @@ GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
     whole.push_back(std::move(coded));
   }
   for (LightGroup& g : light_groups(map, band, lit.data())) {
-    groups.push_back({g.value, std::move(g.columns), {}});
+    groups.push_back({g.value, std::move(g.columns), {}, readers.heights, readers.left_alone});
   }
   for (const CodedBand& coded : whole) {
     for (Group& g : groups) g.sources.emplace_back(g.columns.size());

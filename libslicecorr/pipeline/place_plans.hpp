@@ -47,15 +47,19 @@ struct GroupedBand {
     std::uint8_t value = 0;
     std::vector<std::uint32_t> columns;  ///< of the band
     std::vector<CodedBand> sources;      ///< rows of these columns, by reader
+    std::size_t heights_at = BandReaders::kNone, left_alone_at = BandReaders::kNone;
     BandReader reader(std::size_t source) const { return reader_of(sources[source]); }
-    /// The source after another, its edge heights (`with_heights`); null where there is none.
-    const CodedBand* after(std::size_t source) const {
-      return source + 1 < sources.size() ? &sources[source + 1] : nullptr;
+    /// Those of the target (`with_target`); null where it has none.
+    const CodedBand* heights() const {
+      return heights_at < sources.size() ? &sources[heights_at] : nullptr;
+    }
+    const CodedBand* left_alone() const {
+      return left_alone_at < sources.size() ? &sources[left_alone_at] : nullptr;
     }
   };
   std::vector<Group> groups;
 
-  GroupedBand(const LightMap& map, const PixelBox& band, const std::vector<BandReader>& readers);
+  GroupedBand(const LightMap& map, const PixelBox& band, const BandReaders& readers);
 };
 
 /// Gives the pixel of each column of a group.

@@ -4,7 +4,9 @@
 #include "base/coded_band.hpp"
 #include "cure/spread_band.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/design_band.hpp"
 #include "pipeline/volume_reducer.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/volume.hpp"
@@ -80,10 +82,11 @@ struct SpreadLook {
   const detail::ShownSlices &of_target, &of_stack;
 };
 
-void look_at_spread(const SpreadLook& look, const SliceSource& target, const SliceSource& stack,
+void look_at_spread(const SpreadLook& look, const SliceSource& target,
+                    const SliceSource& uncorrected, const SliceSource& stack,
                     detail::VolumeReducer& reducer, const PixelBox& band, int all,
                     const ExecutionContext& context) {
-  const CodedBand design = detail::coded_band_of(target, band);
+  const CodedBand design = detail::marked_band_of(target, band);
   const CodedBand shown = detail::coded_band_of(stack, band);
   const CureModel& model = look.light.model();
   const PixelCurve curve = pixel_curve(model);
@@ -94,7 +97,7 @@ void look_at_spread(const SpreadLook& look, const SliceSource& target, const Sli
   after.keep_no_histograms();
   reduced.listen_before(before, nullptr);
   reduced.listen_after(after, nullptr);
-  detail::SpreadBand lit_before(look.light, target, look.of_target, band),
+  detail::SpreadBand lit_before(look.light, uncorrected, look.of_target, band),
       lit_after(look.light, stack, look.of_stack, band);
   std::vector<std::uint8_t> cover(columns_of(band));
   for (int z = all; z-- > 0;) {
@@ -115,7 +118,7 @@ void look_at_spread(const SpreadLook& look, const SliceSource& target, const Sli
               std::make_shared<detail::SpreadBand>(look.light, source, slices, band, places);
           return [light](int z) { return light->of(z); };
         };
-        return std::pair{of(target, look.of_target), of(stack, look.of_stack)};
+        return std::pair{of(uncorrected, look.of_target), of(stack, look.of_stack)};
       });
 }
 
@@ -134,25 +137,31 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
   detail::VolumeReducer reducer(models, box, layers, shown_layers, setup.printer.levels(),
                                 most_cells);
   const auto bands = detail::bands_of(stack.grid(), box);
-  const detail::ShownSlices of_target(target), of_stack(stack);
+  const AsSliced uncorrected(target);
+  const detail::ShownSlices of_target(uncorrected), of_stack(stack);
   if (!spread.none()) reducer.keep_light();
   parallel_for(context, "look", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     if (!spread.none())
-      return look_at_spread({spread, of_target, of_stack}, target, stack, reducer, band, all,
-                            context);
-    const CodedBand design = detail::coded_band_of(target, band);
+      return look_at_spread({spread, of_target, of_stack}, target, uncorrected, stack, reducer,
+                            band, all, context);
+    const CodedBand design = detail::marked_band_of(target, band);
+    const bool apart = target.left_alone() != nullptr;
+    const CodedBand sliced = apart ? detail::coded_band_of(uncorrected, band) : CodedBand(0);
     const CodedBand shown = detail::coded_band_of(stack, band);
     PlacePredictor before(models, all, band), after(models, all, band);
     detail::VolumeReducer::Band reduced(reducer, band);
     before.listen([&](auto&&... p) { reduced.listen_before(p...); });
     after.listen([&](auto&&... p) { reduced.listen_after(p...); });
     std::vector<std::uint8_t> pixels(columns_of(band)), cover(columns_of(band));
+    std::vector<std::uint8_t> own(columns_of(band));
     for (int z = all; z-- > 0;) {
       if ((z & 63) == 0) context.check_cancelled();
       shown.read(z, pixels.data());
       design.read(z, cover.data());
-      before.add_slice(z, z < layers ? cover.data() : nullptr, cover.data());
+      if (apart) sliced.read(z, own.data());
+      const std::uint8_t* const as_sliced = apart ? own.data() : cover.data();
+      before.add_slice(z, z < layers ? as_sliced : nullptr, cover.data());
       after.add_slice(z, z < shown_layers ? pixels.data() : nullptr, cover.data());
     }
     before.finish();

@@ -315,6 +315,11 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed-mm-h");
   setup.printer = printer_given ? printer() : *info->printer;
   if (c_.resin_depth_um > 0) setup.printer.resin_depth_um = c_.resin_depth_um;
+  if (c_.platform_reflectance > 1) {
+    wrong(fmt::format("{} is {:g}; expected 0 to 1", o("platform-reflectance"),
+                      c_.platform_reflectance));
+  }
+  if (c_.platform_reflectance >= 0) setup.printer.platform_reflectance = c_.platform_reflectance;
   setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
   if (recorded) setup.process = *info->process;
   resolve_exposure(setup.process, times);
@@ -331,6 +336,14 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     if (c_.gap_shortfall > 0) setup.process.gap_shortfall = c_.gap_shortfall;
     setup.process.cap_platform_features = c_.platform_features == "capped";
     setup.process.surface = surface_named(c_.surface);
+    // Without light that spreads there are no rounds, and nothing to say of them.
+    const bool spreads = !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+    if (c_.rounds > Process::kMostSpreadRounds) {
+      wrong(fmt::format("{} is {}; expected at most {}", o("rounds"), c_.rounds,
+                        Process::kMostSpreadRounds));
+    }
+    if (spreads && c_.rounds >= 0) setup.process.spread_rounds = c_.rounds;
+    if (spreads && c_.spread_correction == "off") setup.process.spread_rounds = 0;
   }
   if (info && info->recording) check_recorded(setup, *info);
   return setup;

@@ -4,11 +4,15 @@
 #include <atomic>
 #include <cstdint>
 #include <cstring>
+#include <numeric>
 #include <string>
+#include <vector>
 
+#include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/vanished.hpp"
+#include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/version.hpp"
 
@@ -39,8 +43,22 @@ class TargetScan {
     coverage_sum_ += lit.sum();
     relief_.add(band, lit.finish());
   }
+  /// What of a band is left alone prints, too.
+  void add(const CodedBand& left_alone) {
+    std::vector<std::uint8_t> rows(left_alone.columns());
+    std::uint64_t sum = 0;
+    for (int n = 0; n < left_alone.slices(); ++n) {
+      if (left_alone.black(n)) continue;
+      left_alone.read(n, rows.data());
+      sum = std::accumulate(rows.begin(), rows.end(), sum);
+    }
+    coverage_sum_ += sum;
+  }
   /// To be called after all bands.
   void fill(StackInfo& info) const {
+    if (!full_ && target_.left_alone()) {
+      throw InputError("nothing of the part is left to correct: what is left alone covers it");
+    }
     if (!full_) refuse_vanished(target_);
     const Grid& g = target_.grid();
     info.part_volume_mm3 = static_cast<double>(coverage_sum_.load()) / 255.0 * g.pixel_x_um *

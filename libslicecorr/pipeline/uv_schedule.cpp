@@ -59,7 +59,7 @@ Process schedule_uv(const SliceSource& target, const Setup& setup,
     if (plans.even()) {
       return watch_columns(models.map().reference(), detail::columns_of(bands[i]), read);
     }
-    const detail::GroupedBand grouped(models.map(), bands[i], {read});
+    const detail::GroupedBand grouped(models.map(), bands[i], detail::BandReaders({read}));
     for (const auto& g : grouped.groups) watch_columns(g.value, g.columns.size(), g.reader(0));
   });
   const InhibitedKernel& kernel = *models.brightest().inhibited;

@@ -163,11 +163,13 @@ void Verification::predict_showings(BandPredictor& predictor, const CodedBand& s
                                     const CodedDesign& design, WindowWatch* watch) const {
   std::vector<std::uint8_t> coverage(shown.columns()), heights(shown.columns());
   detail::ShownBand band_shown(slices_, shown);
+  detail::LeftAloneRows left_alone(design.left_alone);
   for (int n = all_layers_; n-- > 0;) {
     if ((n & 63) == 0) context_.check_cancelled();
     design.coverage.read(n, coverage.data());
     const std::span<const ImageShowing> parts = band_shown.of(n);
-    predictor.add_slice(n, parts, coverage.data(), design.heights_at(n, heights.data()));
+    predictor.add_slice(n, parts, coverage.data(), design.heights_at(n, heights.data()),
+                        left_alone.at(n));
     if (watch && n < layers_) watch->add_slice(n, parts);
   }
 }
@@ -180,8 +182,10 @@ void Verification::predict_spread(const PixelBox& band) {
   const auto first =
       static_cast<std::size_t>(band.y0 - field.y0) * static_cast<std::size_t>(field.width());
   const auto edge_heights = detail::edge_heights_of(target_, field);
+  const auto left_alone = detail::left_alone_of(target_, field);
   const CodedDesign design(in_field, detail::reader_of(target_, field),
-                           edge_heights ? &*edge_heights : nullptr, surface_);
+                           edge_heights ? &*edge_heights : nullptr, surface_,
+                           left_alone ? &*left_alone : nullptr);
   const CureModel& model = spread_.model();
   BandPredictor predictor(model, pixel_curve(model), all_layers_, columns, true);
   if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
@@ -191,6 +195,8 @@ void Verification::predict_spread(const PixelBox& band) {
   detail::PlaneEdges plane(stack_.grid(), field, band, beside_y());
   std::vector<std::uint8_t> coverage(in_field), room(in_field);
   std::vector<ImageShowing> in_band;
+  detail::LeftAloneRows left_rows(design.left_alone);
+  std::vector<std::uint8_t> outlined(in_field);
   for (int n = all_layers_; n-- > 0;) {
     if ((n & 63) == 0) context_.check_cancelled();
     const std::span<const ImageShowing> showings = light.of(n);
@@ -198,9 +204,13 @@ void Verification::predict_spread(const PixelBox& band) {
     for (ImageShowing& showing : in_band) showing.phi += first;
     design.coverage.read(n, coverage.data());
     const std::uint8_t* const heights = design.heights_at(n, room.data());
-    predictor.add_slice(n, in_band, coverage.data() + first, heights ? heights + first : nullptr);
+    const std::uint8_t* const left = left_rows.at(n);
+    predictor.add_slice(n, in_band, coverage.data() + first, heights ? heights + first : nullptr,
+                        left ? left + first : nullptr);
     dose.add_slice(n, showings);
-    plane.add(n, dose.middle(), design.coverage.black(n) ? nullptr : coverage.data());
+    // Beside what is left alone features have no outline.
+    plane.add(n, dose.middle(),
+              design.coverage.black(n) ? nullptr : detail::marked(coverage.data(), left, outlined));
   }
   const auto place = detail::pixels_of_columns(band);
   Prediction figures = predictor.finish(place);
@@ -217,16 +227,19 @@ void Verification::predict_band(const PixelBox& band) {
   const detail::BandReader coverage = detail::reader_of(target_, band);
   if (models_.even()) {
     const auto heights = detail::edge_heights_of(target_, band);
-    const CodedDesign design(columns_of(band), coverage, heights ? &*heights : nullptr, surface_);
+    const auto left_alone = detail::left_alone_of(target_, band);
+    const CodedDesign design(columns_of(band), coverage, heights ? &*heights : nullptr, surface_,
+                             left_alone ? &*left_alone : nullptr);
     predict(models_.map().reference(), detail::coded_band_of(stack_, band), design,
             detail::pixels_of_columns(band), figures);
   } else {
     const detail::GroupedBand grouped(
         models_.map(), band,
-        detail::with_heights({detail::reader_of(stack_, band), coverage}, target_, band));
+        detail::with_target({detail::reader_of(stack_, band), coverage}, target_, band));
     for (const auto& g : grouped.groups) {
       counts[g.value] = g.columns.size();
-      const CodedDesign design(g.columns.size(), g.reader(1), g.after(1), surface_);
+      const CodedDesign design(g.columns.size(), g.reader(1), g.heights(), surface_,
+                               g.left_alone());
       predict(g.value, g.sources[0], design, detail::pixels_of_columns(band, g.columns), figures);
     }
   }
@@ -372,14 +385,10 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   s.pixels.resize(size);
   s.dose.resize(size);
   const PixelBox row{box.x0, y, box.x1, y + 1};
-  const auto into = [&](std::vector<std::uint8_t>& out) {
-    return [&out, width](int n, const std::uint8_t* rows) {
-      if (rows)
-        std::copy(rows, rows + width,
-                  out.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(n) * width));
-    };
-  };
-  target.read_band(row, into(s.coverage));
+  const CodedBand design = detail::marked_band_of(target, row);
+  for (int n = 0; n < design.slices(); ++n) {
+    design.read(n, s.coverage.data() + static_cast<std::size_t>(n) * width);
+  }
   const CodedBand coded = detail::coded_band_of(stack, row);
   detail::ShownBand shown(slices, coded);
   std::optional<detail::SpreadBand> light;

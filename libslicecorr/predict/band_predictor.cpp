@@ -16,12 +16,13 @@ const EdgeSides& BandPredictor::sides() const { return state_->sides_; }
 void BandPredictor::keep_no_histograms() { state_->histograms_ = false; }
 
 void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                              const std::uint8_t* heights) {
-  state_->add_slice(slice, pixels, coverage, heights);
+                              const std::uint8_t* heights, const std::uint8_t* left_alone) {
+  state_->add_slice(slice, pixels, coverage, heights, left_alone);
 }
 void BandPredictor::add_slice(int slice, std::span<const ImageShowing> showings,
-                              const std::uint8_t* coverage, const std::uint8_t* heights) {
-  state_->add_slice(slice, showings, coverage, heights);
+                              const std::uint8_t* coverage, const std::uint8_t* heights,
+                              const std::uint8_t* left_alone) {
+  state_->add_slice(slice, showings, coverage, heights, left_alone);
 }
 void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
                              int slices, const std::uint8_t* pixels, const std::uint8_t* coverage,

@@ -6,6 +6,7 @@
 
 #include "base/coded_band.hpp"
 #include "base/tile_kernels.hpp"
+#include "correct/coverage.hpp"
 #include "cure/inhibited_layer.hpp"
 #include "cure/walkers.hpp"
 #include "predict/block_kernels.hpp"
@@ -225,6 +226,8 @@ void BandPredictor::State::event(std::size_t i, int slice, double below, LayerDo
     // Where print came back in this layer, its new piece has nothing of the lower doses before.
     const bool back = now == run && !crossings.empty() && printed;
     least_[i] = std::min(least_[i], back ? dose.upper : dose.least);
+  } else if (left_alone_ && left_alone_[i]) {
+    ++prediction_.left_alone_voxels;
   } else {
     ++prediction_.grey_voxels;
     if (histograms_) {
@@ -234,16 +237,29 @@ void BandPredictor::State::event(std::size_t i, int slice, double below, LayerDo
 }
 
 void BandPredictor::State::add_slice(int slice, const std::uint8_t* pixels,
-                                     const std::uint8_t* coverage, const std::uint8_t* heights) {
-  if (!pixels) return add_slice(slice, std::span<const ImageShowing>{}, coverage, heights);
+                                     const std::uint8_t* coverage, const std::uint8_t* heights,
+                                     const std::uint8_t* left_alone) {
+  if (!pixels) {
+    return add_slice(slice, std::span<const ImageShowing>{}, coverage, heights, left_alone);
+  }
   const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
   const ImageShowing whole{pixels, 1.0, setting};
-  add_slice(slice, {&whole, 1}, coverage, heights);
+  add_slice(slice, {&whole, 1}, coverage, heights, left_alone);
 }
 
 void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> showings,
-                                     const std::uint8_t* coverage, const std::uint8_t* heights) {
+                                     const std::uint8_t* coverage, const std::uint8_t* heights,
+                                     const std::uint8_t* left_alone) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
+  left_alone_ = left_alone;
+  if (left_alone) {
+    // A grey that aims at nothing: it is neither a feature nor a gap.
+    with_left_alone_.assign(cover, cover + columns_.size());
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      if (left_alone[i]) with_left_alone_[i] = detail::kLeftAlone;
+    }
+    cover = with_left_alone_.data();
+  }
   if (dose_) {
     add_general_slice(slice, showings, cover, heights);
   } else {

@@ -23,9 +23,9 @@ struct BandPredictor::State {
   ~State();
 
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                 const std::uint8_t* heights);
+                 const std::uint8_t* heights, const std::uint8_t* left_alone);
   void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
-                 const std::uint8_t* heights);
+                 const std::uint8_t* heights, const std::uint8_t* left_alone);
   void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
                 const std::uint8_t* pixels, const std::uint8_t* coverage,
                 const std::uint8_t* heights);
@@ -104,6 +104,9 @@ struct BandPredictor::State {
   std::vector<Column> columns_;
   std::vector<std::uint8_t> lower_heights_;  ///< edge heights of the next slice's lower node
   std::vector<std::uint8_t> empty_;
+  /// What is left alone in the present slice, null: nothing; and its coverage, where that is grey.
+  const std::uint8_t* left_alone_ = nullptr;
+  std::vector<std::uint8_t> with_left_alone_;
   /// Class of all columns of a block of 32; `grey` also when they differ.
   std::vector<Class> block_class_;
   std::unique_ptr<detail::BlockSums> sums_;

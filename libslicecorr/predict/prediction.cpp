@@ -45,6 +45,7 @@ void Prediction::merge(const Prediction& o) {
   cure_through_voxels += o.cure_through_voxels;
   undercure_voxels += o.undercure_voxels;
   grey_voxels += o.grey_voxels;
+  left_alone_voxels += o.left_alone_voxels;
   gap_teeth += o.gap_teeth;
   if (!layerwise) layerwise = o.layerwise;
   runs += o.runs;
@@ -145,6 +146,7 @@ std::string Prediction::to_json() const {
   j["gap_contrast"] = {{"min", or_null(contrasts, gap_contrast.least())},
                        {"p05", or_null(contrasts, gap_contrast.quantile(0.05))}};
   j["grey_voxels"] = grey_voxels;
+  if (left_alone_voxels > 0) j["left_alone_voxels"] = left_alone_voxels;
   j["grey_dose_error"] = {{"mean_abs", or_null(greys, grey_dose_error.mean())},
                           {"p95_abs", or_null(greys, grey_dose_error.quantile(0.95))}};
   if (layerwise) {

@@ -375,6 +375,7 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   }
   if (const auto vat = root.table("vat")) {
     printer.resin_depth_um = vat->number("depth_um", 0, kMostDepthUm).value_or(0);
+    printer.platform_reflectance = vat->number("platform_reflectance", 0, 1, true).value_or(0);
   }
   detail::tomography_keys(root, printer);
   return printer;

@@ -9,6 +9,7 @@
 #include "picture/embed.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
 #include "support/page/page_style.hpp"
@@ -73,6 +74,10 @@ std::string figures_table(const ReportContent& c) {
       [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   row("Gaps one slice high",
       [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
+  if (c.after.left_alone_voxels > 0) {
+    row("Voxels left alone",
+        [](const Prediction& p) { return fmt::format("{}", p.left_alone_voxels); });
+  }
   row("Overlap of print and design",
       [](const Prediction& p) { return fmt::format("{:.5f}", p.iou()); });
   row("Least gap contrast", [](const Prediction& p) {
@@ -141,6 +146,12 @@ std::string summary(const ReportContent& c) {
       c.setup.resin.absorbance_height10_um, escape_markup(dose_in_words(c.setup.resin)));
   if (const std::string light = light_in_words(c.setup.printer); !light.empty()) {
     html += " Light over the display: " + escape_markup(light) + ".";
+  }
+  if (const std::string spread = spread_in_words(c.setup.printer.spread); !spread.empty()) {
+    html += " Light spreads: " + escape_markup(spread) + ".";
+  }
+  if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {
+    html += fmt::format(" Light scatters in the resin, {:g} um²/um.", scatter);
   }
   if (const std::string uv = uv_in_words(c.setup.process.uv); !uv.empty()) {
     html += " UV light: " + escape_markup(uv) + ".";
@@ -270,6 +281,7 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   c.after = after;
   c.before = before;
   const PixelBox box = target.bounds();
+  const AsSliced uncorrected(target);
   // One section at a time: those of long prints on wide displays are large.
   const auto add_section = [&](int y) {
     constexpr int most_pixels = 900;
@@ -286,7 +298,7 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     if (static_cast<double>(g.width_px) * g.layers >= 32e6) two.threads = 1;
     parallel_for(two, "", 2, [&](std::size_t i) {
       if (i == 0) {
-        draw(target, pictures.cure_before, pictures.grey_before);
+        draw(uncorrected, pictures.cure_before, pictures.grey_before);
       } else {
         draw(stack, pictures.cure_after, pictures.grey_after);
       }
@@ -300,7 +312,7 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     if (worst.worst_y != middle) add_section(worst.worst_y);
     c.column_x = worst.worst_x;
     c.column_y = worst.worst_y;
-    c.column_before = probe_stack(target, &target, setup, c.column_x, c.column_y);
+    c.column_before = probe_stack(uncorrected, &target, setup, c.column_x, c.column_y);
     c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
   }
   // What can be moved through computes with one image per slice.

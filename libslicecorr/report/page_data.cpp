@@ -188,6 +188,8 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   j["phi"] = model.level_phi;
   // Absent where the bath has no end.
   if (model.bath_slices > 0) j["bath"] = {model.bath_slices, model.beyond};
+  // Absent where the platform sends no light back.
+  if (model.mirrored_slices > 0) j["mirror"] = {model.reflectance, model.eta / model.m, model.m};
   // Absent where exposure is continuous and without UV light.
   if (model.mode == ExposureMode::layerwise) j["layerwise"] = true;
   if (!model.exposure_ratio.empty()) j["ratio"] = model.exposure_ratio;

@@ -9,6 +9,8 @@
 #include <memory>
 #include <tuple>
 
+#include "cure/returned_light.hpp"
+#include "simulate/refuse.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/place_models.hpp"
@@ -61,11 +63,8 @@ class Column {
 /// Without UV light: the recursions, begun at the window.
 class ClosedColumn final : public Column {
  public:
-  ClosedColumn(const CureModel& model, const std::vector<std::uint8_t>& pixels) : model_(model) {
-    const PixelCurve curve = pixel_curve(model);
-    for (std::size_t n = 0; n < pixels.size(); ++n) {
-      phi_.push_back(curve[pixels[n]] * model.ratio(static_cast<int>(n)));
-    }
+  ClosedColumn(const CureModel& model, std::vector<double> phi)
+      : model_(model), phi_(std::move(phi)) {
     for (int s = 0; s <= kSamplesPerLayer; ++s) {
       fade_[s] = std::exp(-fall() * s / kSamplesPerLayer);
     }
@@ -81,7 +80,7 @@ class ClosedColumn final : public Column {
         const double upper = top_of(n, now, below);
         // The dose is monotone in a layer: it crosses 1 where the ends lie on different sides.
         if ((upper >= 1.0) != (below >= 1.0)) {
-          const double d = model_.crossing(phi(n, now), below);
+          const double d = model_.crossing(phi(n), below);
           stretches.turn(std::max<double>(n, lower - d), upper >= 1.0);
         }
         below = upper;
@@ -115,10 +114,10 @@ class ClosedColumn final : public Column {
           add(p, n + 1.0 - d, near * fade_[s]);
         } else if (!partial) {
           add(p, n + 1.0 - d,
-              s == kSamplesPerLayer ? model_.step(phi(n, now), below)
-                                    : phi(n, now) + (below - phi(n, now)) * fade_[s]);
+              s == kSamplesPerLayer ? model_.step(phi(n), below)
+                                    : phi(n) + (below - phi(n)) * fade_[s]);
         } else if (1.0 - d < now.share) {
-          add(p, n + 1.0 - d, phi(n, now) * -std::expm1((1.0 - d - now.share) * fall()));
+          add(p, n + 1.0 - d, phi(n) * -std::expm1((1.0 - d - now.share) * fall()));
         }
       }
       below = moving() ? top_of(n, now, below) : near * model_.a;
@@ -132,25 +131,12 @@ class ClosedColumn final : public Column {
   bool moving() const { return model_.mode == ExposureMode::continuous; }
   double fall() const { return model_.eta * units::kLn10; }
   double phi(int n) const { return phi_[static_cast<std::size_t>(n)]; }
-  /// What slice n counts for, continuous. The slice that leaves the bath is taken when it is whole.
-  double phi(int n, const Moment& now) const {
-    const int far = n + model_.bath_slices;
-    const bool leaves = far < now.slice || (far == now.slice && now.share >= 1.0);
-    return model_.bath_slices > 0 && leaves ? model_.in_bath(phi(n), phi(far)) : phi(n);
-  }
-  double shown_alone(int n, const Moment& now) const {
-    return n < now.slice || now.share >= 1.0 ? phi(n) : phi(n) * now.share;
-  }
-  /// Layer by layer.
   double shown(int n, const Moment& now) const {
-    const int far = n + model_.bath_slices;
-    const bool leaves = model_.bath_slices > 0 && far <= now.slice;
-    return leaves ? model_.in_bath(shown_alone(n, now), shown_alone(far, now))
-                  : shown_alone(n, now);
+    return n < now.slice || now.share >= 1.0 ? phi(n) : phi(n) * now.share;
   }
   /// Dose at node n, continuous.
   double top_of(int n, const Moment& now, double below) const {
-    if (n < now.slice || now.share >= 1.0) return model_.step(phi(n, now), below);
+    if (n < now.slice || now.share >= 1.0) return model_.step(phi(n), below);
     return phi(n) * -std::expm1(-now.share * fall());
   }
   void add(DoseProfile& p, double zeta, double dose) const {
@@ -161,6 +147,91 @@ class ClosedColumn final : public Column {
   const CureModel& model_;
   std::vector<double> phi_;
   double fade_[kSamplesPerLayer + 1];
+};
+
+/// In a bath that ends, or below a platform that sends light back: layers in pieces, each with a dose
+/// in closed form.
+class PiecewiseColumn final : public Column {
+ public:
+  PiecewiseColumn(const CureModel& model, std::vector<double> phi)
+      : model_(model), phi_(std::move(phi)) {}
+
+  std::vector<GelledInterval> gelled(const Moment& now) override {
+    std::vector<GelledInterval> out;
+    Stretches stretches(model_.layer_um, out);
+    InsideLayer inside;
+    double below = 0;
+    for (int n = now.slice; n >= 0; --n) {
+      const std::vector<detail::Stretch> pieces = pieces_of(n, now, below);
+      below = end_of(pieces);
+      const double begin = pieces.front().begin * model_.returned(n + 1 - pieces.front().from);
+      const double end = below * model_.returned(n);
+      inside.crossings.clear();
+      detail::look_along(model_, n, pieces, begin, end, inside);
+      bool gels = begin >= 1.0;
+      stretches.turn(n + 1 - pieces.front().from, gels);
+      for (const double d : inside.crossings) stretches.turn(n + 1 - d, gels = !gels);
+    }
+    stretches.finish();
+    return out;
+  }
+
+  DoseProfile profile(const Moment& now) override {
+    DoseProfile p;
+    double below = 0;
+    for (int n = now.slice; n >= 0; --n) {
+      const std::vector<detail::Stretch> pieces = pieces_of(n, now, below);
+      const double first = pieces.front().from;
+      const auto add = [&](double d) {
+        const auto piece = std::find_if(pieces.begin(), pieces.end() - 1,
+                                        [&](const auto& one) { return d <= one.to; });
+        p.z_um.push_back((n + 1 - d) * model_.layer_um);
+        p.dose.push_back(dose_at(*piece, d) * model_.returned(n + 1 - d));
+      };
+      // From the layer's lower end upwards; where the window is, doses begin.
+      if (!moving() || n == now.slice) add(first);
+      for (int s = 1; s <= kSamplesPerLayer; ++s) {
+        const double d = static_cast<double>(s) / kSamplesPerLayer;
+        if (d > first) add(d);
+      }
+      below = end_of(pieces);
+    }
+    std::reverse(p.z_um.begin(), p.z_um.end());
+    std::reverse(p.dose.begin(), p.dose.end());
+    return p;
+  }
+
+ private:
+  bool moving() const { return model_.mode == ExposureMode::continuous; }
+  double phi(int n) const { return phi_[static_cast<std::size_t>(n)]; }
+  double dose_at(const detail::Stretch& piece, double d) const {
+    const double fall = model_.eta * units::kLn10;
+    return piece.phi + (piece.begin - piece.phi) * std::exp(-fall * (d - piece.from));
+  }
+  double end_of(const std::vector<detail::Stretch>& pieces) const {
+    return dose_at(pieces.back(), pieces.back().to);
+  }
+  /// Of layer n, at whose lower end the dose is `below`, without the light that the platform sends
+  /// back.
+  std::vector<detail::Stretch> pieces_of(int n, const Moment& now, double below) const {
+    const int far = n + model_.bath_slices;
+    const bool ends = model_.bath_slices > 0 && far <= now.slice;
+    if (!moving()) {
+      const auto shown = [&](int k) { return phi(k) * (k == now.slice ? now.share : 1.0); };
+      const double near = ends ? model_.in_bath(shown(n), shown(far)) : shown(n);
+      return {{0, 1, 0, near + below}};
+    }
+    if (n == now.slice) return {{1 - now.share, 1, phi(n), 0}};
+    if (!ends) return {{0, 1, phi(n), below}};
+    const double counted = model_.in_bath(phi(n), phi(far));
+    if (far < now.slice || now.share >= 1.0) return {{0, 1, counted, below}};
+    // The stage has pulled the part of the layer that lies nearer to the platform out of the bath.
+    const detail::Stretch in{0, 1 - now.share, phi(n), below};
+    return {in, {in.to, 1, counted, dose_at(in, in.to)}};
+  }
+
+  const CureModel& model_;
+  std::vector<double> phi_;
 };
 
 /// With UV light: what complete slices left is kept at all samples, the present one is added.
@@ -295,11 +366,10 @@ class SampledColumn final : public Column {
   std::map<std::tuple<int, int, double>, std::vector<double>> added_;
 };
 
-}  // namespace
-
-ColumnHistory simulate_column(const CureModel& model, const Process& process,
-                              const std::vector<std::uint8_t>& pixels, const ColumnOptions& options,
-                              const ExecutionContext& context) {
+/// `phi`: relative intensity of each slice, with its exposure; not looked at under UV light.
+ColumnHistory history_of(const CureModel& model, const Process& process,
+                         const std::vector<std::uint8_t>& pixels, std::vector<double> phi,
+                         const ColumnOptions& options, const ExecutionContext& context) {
   if (pixels.empty()) throw InputError("a column without slices; expected one slice at least");
   if (options.substeps < 0 || options.substeps > 10000) {
     throw InputError(
@@ -327,8 +397,10 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
   std::unique_ptr<Column> column;
   if (model.inhibited) {
     column = std::make_unique<SampledColumn>(model, pixels);
+  } else if (model.bath_slices > 0 || model.mirrored_slices > 0) {
+    column = std::make_unique<PiecewiseColumn>(model, std::move(phi));
   } else {
-    column = std::make_unique<ClosedColumn>(model, pixels);
+    column = std::make_unique<ClosedColumn>(model, std::move(phi));
   }
   const bool moving = model.mode == ExposureMode::continuous;
   const auto step_to = [&](const Moment& now) {
@@ -374,20 +446,40 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
   return history;
 }
 
+}  // namespace
+
+ColumnHistory simulate_column(const CureModel& model, const Process& process,
+                              const std::vector<std::uint8_t>& pixels, const ColumnOptions& options,
+                              const ExecutionContext& context) {
+  const PixelCurve curve = pixel_curve(model);
+  std::vector<double> phi;
+  phi.reserve(pixels.size());
+  for (std::size_t n = 0; n < pixels.size(); ++n) {
+    phi.push_back(curve[pixels[n]] * model.ratio(static_cast<int>(n)));
+  }
+  return history_of(model, process, pixels, std::move(phi), options, context);
+}
+
 ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
                               const Setup& setup, int x, int y, const ColumnOptions& options,
                               const ExecutionContext& context) {
   refuse_recording(stack);
+  refuse_scatter(setup.resin);
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
   const CureModel& model = models.model_at(x, y);
   std::vector<std::uint8_t> pixels;
-  pixels.reserve(rows.size());
+  std::vector<double> phi;
   for (const ProbeRow& row : rows) {
     pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
+    phi.push_back(row.phi);
   }
-  ColumnHistory history = simulate_column(model, setup.process, pixels, options, context);
+  // Where light spreads, what reaches the column is no longer that of its own pixels.
+  ColumnHistory history =
+      setup.printer.spread.none()
+          ? simulate_column(model, setup.process, pixels, options, context)
+          : history_of(models.brightest(), setup.process, pixels, std::move(phi), options, context);
   if (target) {
     for (const ProbeRow& row : rows) history.design.push_back(row.target);
   }

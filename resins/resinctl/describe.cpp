@@ -283,9 +283,15 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
     if (p.max_speed_mm_h > 0) out += line("fastest", fmt::format("{:g} mm/h", p.max_speed_mm_h));
     if (p.travel_mm > 0) out += line("travel", fmt::format("{:g} mm", p.travel_mm));
   }
+  std::string vat;
   if (p.resin_depth_um > 0) {
-    out += "\nVat\n" + line("resin", fmt::format("{:g} um deep", p.resin_depth_um));
+    vat += line("resin", fmt::format("{:g} um deep", p.resin_depth_um));
   }
+  if (p.platform_reflectance > 0) {
+    vat += line("platform",
+                fmt::format("sends back {:.4g} % of the light", 100 * p.platform_reflectance));
+  }
+  if (!vat.empty()) out += "\nVat\n" + vat;
   out += tomography_text(p, in);
   std::map<std::string, std::string> provenance;
   if (const auto table = root.table("provenance")) {
@@ -328,6 +334,7 @@ std::string printer_json(const Printer& p, const std::string& path) {
   if (p.max_speed_mm_h > 0) j["max_speed_mm_h"] = p.max_speed_mm_h;
   if (p.travel_mm > 0) j["travel_mm"] = p.travel_mm;
   if (p.resin_depth_um > 0) j["resin_depth_um"] = p.resin_depth_um;
+  if (p.platform_reflectance > 0) j["platform_reflectance"] = p.platform_reflectance;
   if (p.vial) {
     j["vial"] = {{"outer_mm", p.vial->outer_mm},
                  {"inner_mm", p.vial->inner_mm},

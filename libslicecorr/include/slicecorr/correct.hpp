@@ -32,6 +32,7 @@ namespace slicecorr {
 namespace detail {
 struct InhibitedPlan;
 struct ContinuousPlan;
+struct MirroredPlans;
 }  // namespace detail
 
 /// What all columns of a correction share.
@@ -49,6 +50,8 @@ struct CorrectionPlan {
   /// null for other models.
   std::shared_ptr<const detail::InhibitedPlan> inhibited;
   std::shared_ptr<const detail::ContinuousPlan> continuous;
+  /// The same for the nodes beside a platform that sends light back; null where none does.
+  std::shared_ptr<const detail::MirroredPlans> mirrored;
 };
 
 /// Number of slices to show for a target whose last lit layer is `last_lit` (0-based): the burst
@@ -58,7 +61,8 @@ int slices_with_burst(const CureModel& model, int target_layers, int last_lit);
 /// Corrects one band: first all layers of the target from the first to the last, then the solve.
 class BandCorrector {
  public:
-  BandCorrector(const CorrectionPlan& plan, std::size_t columns);
+  /// `leaves_alone`: whether any layer has voxels that are left alone.
+  BandCorrector(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone = false);
   ~BandCorrector();
   BandCorrector(BandCorrector&&) noexcept;
 
@@ -66,7 +70,10 @@ class BandCorrector {
   /// `plan.layers` times. `heights`: the edge heights of its upper node (target.hpp), null where it
   /// has none; those between a full and an empty layer count. Where the node after the last layer
   /// has some, too, it is called once more, with null for coverage.
-  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights = nullptr);
+  /// `left_alone`: pixels 1..255 of the voxels that are shown as they are, 0 for all others; null:
+  /// none. There the coverage counts for nothing: whatever prints is right. Not under UV light.
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights = nullptr,
+                 const std::uint8_t* left_alone = nullptr);
 
   /// Gives every slice from the last to the first: its grey levels (0..levels - 1) and the coverage
   /// of its layer; the pointers are valid during the call. `dark` says that the slice is all level

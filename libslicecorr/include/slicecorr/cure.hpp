@@ -29,8 +29,18 @@
 ///     phi_n - a^B phi_(n + B)   in place of phi_n, in all of the above
 ///
 /// inside layers, too: the part of slice n + B that still reaches a point shrinks as that of slice n
-/// grows. Under inhibiting UV light neither recursion holds
-/// near the window: see inhibited.hpp.
+/// grows.
+///
+/// A platform that sends back the share rho of the light that reaches it does so through as much
+/// resin as lies above a point, twice: whatever the slice, the intensity at zeta slices from the
+/// platform is
+///
+///     1 + rho 10^(-2 zeta hs / ha)
+///
+/// times what it were without, and the dose that to the power of m (`returned`). Sums and recursions
+/// stay those above; what they give is multiplied. Inside a layer the dose may then have a minimum.
+///
+/// Under inhibiting UV light none of this holds near the window: see inhibited.hpp.
 ///
 /// Models and tables are immutable once made and may be shared between threads; functions are pure
 /// and thread-safe. What throws says so.
@@ -68,7 +78,7 @@ struct CureModel {
   /// count for in it.
   bool is_continuous() const { return mode == ExposureMode::continuous && !inhibited; }
   /// Whether the recursion (A.32) describes the dose as it stands.
-  bool is_plain() const { return is_continuous() && bath_slices == 0; }
+  bool is_plain() const { return is_continuous() && bath_slices == 0 && mirrored_slices == 0; }
   /// Depth of the resin above the window, in whole slices; 0: what is beyond it doesn't matter.
   int bath_slices = 0;
   /// a^bath_slices: what would be left of a slice's light at the end of the bath; 0 without one.
@@ -77,6 +87,12 @@ struct CureModel {
   double in_bath(double phi, double far) const { return phi - beyond * far; }
   /// Continuous: the dose after a long run of slices of intensity `phi`.
   double steady(double phi) const { return phi * (1.0 - beyond); }
+  double reflectance = 0;  ///< of the platform, 0..1
+  /// Slices from the platform on in which the light that it sends back counts; 0: nowhere.
+  int mirrored_slices = 0;
+  /// By how much light from the platform multiplies the dose at `zeta` slices from it.
+  double returned(double zeta) const { return zeta < mirrored_slices ? with_returned(zeta) : 1.0; }
+  double with_returned(double zeta) const;
   /// Layer by layer: exposure of a slice over the normal one; 1 in other modes.
   double ratio(int slice) const {
     if (exposure_ratio.empty()) return 1.0;
@@ -133,8 +149,8 @@ Printer dimmed(const Printer& printer, double factor);
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
 /// feasible, nor for the printer's flat-field: `light` says what the place gets (place_models.hpp).
 /// Throws `InputError` as `make_kinetics`, where an exposure or a UV lamp is missing, where the
-/// resin is less deep than a slice, and where it has a depth under UV light; `InfeasibleError` as
-/// `InhibitedKernel`.
+/// resin is less deep than a slice, and where it has a depth, or the platform reflects, under UV
+/// light; `InfeasibleError` as `InhibitedKernel`.
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light = {});
 

@@ -78,6 +78,9 @@ struct Placement {
   Point3 rotate_deg{};  ///< about x, y and z
 };
 
+/// Whether a file of this name is read as a mesh.
+bool is_mesh_name(const std::string& path);
+
 /// Reads one file and applies `placement`. The result is in mm, at the place the file says.
 /// Throws `InputError` when the file can't be read, holds no triangle, or a coordinate is not
 /// finite.

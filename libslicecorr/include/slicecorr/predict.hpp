@@ -137,6 +137,7 @@ struct Prediction {
   std::uint64_t cure_through_voxels = 0;  ///< printed, of coverage 0
   std::uint64_t undercure_voxels = 0;     ///< not printed, of coverage 1
   std::uint64_t grey_voxels = 0;          ///< coverage between 0 and 1, in none of the counts above
+  std::uint64_t left_alone_voxels = 0;    ///< shown as they are (target.hpp), in no other count
   std::uint64_t runs = 0, gaps = 0;       ///< see the head of this file
   std::uint64_t lost_features = 0;        ///< runs with nothing printed in them
   std::uint64_t lost_thick_features = 0;  ///< of these, runs of two slices or more
@@ -231,12 +232,13 @@ class BandPredictor {
 
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
-  /// `heights`: edge heights of the slice's upper node (target.hpp); null: none.
+  /// `heights`: edge heights of the slice's upper node (target.hpp); null: none. `left_alone`: not 0
+  /// for voxels that are neither of a feature nor of a gap, whatever they print; null: none.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                 const std::uint8_t* heights = nullptr);
+                 const std::uint8_t* heights = nullptr, const std::uint8_t* left_alone = nullptr);
   /// The same of several images, see ImageShowing; none: light off.
   void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
-                 const std::uint8_t* heights = nullptr);
+                 const std::uint8_t* heights = nullptr, const std::uint8_t* left_alone = nullptr);
   /// Several slices of up to `kTileColumns` neighbouring columns at once, in rows of `kTileColumns`
   /// bytes from the first slice on; `pixels` null: nothing is shown. The same figures as by
   /// `add_slice`, and much faster. Each column needs all of its slices from the last to the first;

@@ -165,6 +165,8 @@ struct Printer {
   /// Resin above the window, um, out of which the part is pulled: resin further away has run off
   /// and takes no more light. 0: so deep that it doesn't matter.
   double resin_depth_um = 0;
+  /// Share of the light that the platform sends back, 0..1.
+  double platform_reflectance = 0;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -285,6 +287,7 @@ inline constexpr double kDefaultGapShortfall = 0.18;
 
 /// How a stack is exposed and corrected.
 struct Process {
+  static constexpr int kDefaultSpreadRounds = 20, kMostSpreadRounds = 1000;
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
   /// Cap of the relative dose inside features, >= 1; >= 1e300 means none.
   double omega_max = 1e300;
@@ -314,6 +317,8 @@ struct Process {
   double ramp_mm = 0;  ///< distance over which the stage reaches its speed; 0: not said
   /// Correct and show stacks whose resin cures to the window.
   bool allow_window_cure = false;
+  /// Where light spreads: rounds in which columns are corrected together, at most; 0: each alone.
+  int spread_rounds = kDefaultSpreadRounds;
   bool operator==(const Process&) const = default;
 };
 

@@ -53,6 +53,10 @@ class SliceSource {
   /// `grid().layers`, of the same size and frame; 0 where no edge is or it has no height of its own.
   /// Lives as long as the source.
   virtual const SliceSource* edge_heights() const { return nullptr; }
+  /// What of a target is shown as it is, beside the part, or null where nothing is: images of the
+  /// same number, size and frame with the grey value (1..255) of each voxel that is left alone; 0
+  /// where none is. The target's own coverage is 0 there. Lives as long as the source.
+  virtual const SliceSource* left_alone() const { return nullptr; }
   /// Whether some edge of the part's end lies below the last node, by the edge heights.
   virtual bool ends_below_last_node() const;
 };
@@ -86,6 +90,7 @@ class SlicesAlone final : public SliceSource {
     source_.read_slices(band, first, past, sink);
   }
   bool reads_any_slices() const override { return source_.reads_any_slices(); }
+  const SliceSource* left_alone() const override { return source_.left_alone(); }
 
  private:
   const SliceSource& source_;

@@ -65,6 +65,13 @@ std::string figures_table(const std::vector<Figures>& columns) {
   line("column gaps merged",
        [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   line("one-slice gaps", [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
+  const bool any_left = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
+    return f.prediction->left_alone_voxels > 0;
+  });
+  if (any_left) {
+    line("voxels left alone",
+         [](const Prediction& p) { return fmt::format("{}", p.left_alone_voxels); });
+  }
   line("overlap with the design",
        [](const Prediction& p) { return fmt::format("{:.6f}", p.iou()); });
   return text;

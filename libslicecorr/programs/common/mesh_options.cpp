@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <limits>
 #include <utility>
 
 #include "programs/common/program.hpp"
@@ -87,11 +90,30 @@ PlateParts read_parts(const MeshOptions& options, const ExecutionContext& contex
   return all;
 }
 
-MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
-                       const ExecutionContext& context) {
-  PlateParts parts = read_parts(options, context);
-  MeshSlices slices(std::move(parts.mesh), printer, options.slice_options(surface), context,
-                    &parts.edge_defects);
+namespace {
+
+struct Box {
+  Point3 low, high;
+  Box() {
+    low.fill(std::numeric_limits<double>::infinity());
+    high.fill(-std::numeric_limits<double>::infinity());
+  }
+  void add(const TriangleMesh& mesh) {
+    for (const auto& triangle : mesh.triangles) {
+      for (const std::uint32_t v : triangle) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          low[k] = std::min(low[k], mesh.vertices[v][k]);
+          high[k] = std::max(high[k], mesh.vertices[v][k]);
+        }
+      }
+    }
+  }
+  double middle(std::size_t k) const { return 0.5 * (low[k] + high[k]); }
+};
+
+MeshSlices slice_placed(PlateParts parts, const SliceOptions& options, const Printer& printer,
+                        const ExecutionContext& context) {
+  MeshSlices slices(std::move(parts.mesh), printer, options, context, &parts.edge_defects);
   const ThinFeatures thin = slices.thin_features(context);
   // Every round part has a few at its rims.
   if (50 * thin.columns > thin.of_columns) {
@@ -102,6 +124,49 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
         thin.columns, thin.volume_mm3, thin.thickest_um, thin.x_mm, thin.y_mm, thin.z_mm));
   }
   return slices;
+}
+
+}  // namespace
+
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
+                       const ExecutionContext& context) {
+  return slice_placed(read_parts(options, context), options.slice_options(surface), printer,
+                      context);
+}
+
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
+                       const std::vector<std::string>& left_alone, MeshesLeftAlone& place,
+                       const ExecutionContext& context, std::size_t* triangles) {
+  place.placement = options.placement();
+  place.antialias = options.antialias == "on";
+  PlateParts parts = read_parts(options, context);
+  if (triangles) *triangles = parts.mesh.triangles.size();
+  if (std::none_of(left_alone.begin(), left_alone.end(), is_mesh_name)) {
+    return slice_placed(std::move(parts), options.slice_options(surface), printer, context);
+  }
+  Box part;
+  part.add(parts.mesh);
+  Box all = part;
+  for (const std::string& path : left_alone) {
+    if (is_mesh_name(path)) all.add(read_mesh(path, place.placement, context));
+  }
+  SliceOptions placed = options.slice_options(surface);
+  const Grid plate = plate_grid(printer);
+  const std::array<double, 2> center_mm = placed.center_mm.value_or(
+      std::array<double, 2>{plate.width_px * plate.pixel_x_um * 0.5e-3,
+                            plate.height_px * plate.pixel_y_um * 0.5e-3});
+  place.origin_mm = {center_mm[0] - all.middle(0), center_mm[1] - all.middle(1), -all.low[2]};
+  placed.center_mm = {place.origin_mm[0] + part.middle(0), place.origin_mm[1] + part.middle(1)};
+  placed.platform_z_mm = all.low[2];
+  return slice_placed(std::move(parts), placed, printer, context);
+}
+
+void add_leave_alone_to(CLI::App& app, std::vector<std::string>& files) {
+  app.add_option("--leave-alone", files,
+                 "Mesh or stack of what is shown as it is sliced, as supports and rafts are; the "
+                 "rest is corrected around it (may be given several times)")
+      ->allow_extra_args(false)
+      ->take_all();
 }
 
 }  // namespace slicecorr::cli

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/slice.hpp"
@@ -38,5 +39,15 @@ PlateParts read_parts(const MeshOptions& options, const ExecutionContext& contex
 /// Reads all parts to be sliced for this printer.
 MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const ExecutionContext& context);
+
+/// The same with what is left alone beside them. Meshes among these files share the plate with the
+/// parts as placed: the centre and the least height are those of all. `place`: how they lie then;
+/// `triangles`: of the parts, where not null.
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
+                       const std::vector<std::string>& left_alone, MeshesLeftAlone& place,
+                       const ExecutionContext& context, std::size_t* triangles = nullptr);
+
+/// The option --leave-alone of programs that correct, or measure what is corrected.
+void add_leave_alone_to(CLI::App& app, std::vector<std::string>& files);
 
 }  // namespace slicecorr::cli

@@ -1,5 +1,7 @@
 #include "programs/common/setup_options.hpp"
 
+#include <fmt/format.h>
+
 #include "programs/common/program.hpp"
 
 namespace slicecorr::cli {
@@ -43,6 +45,10 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   app.add_option("--resin-depth-um", resin_depth_um,
                  "Depth of the resin above the window, instead of the printer file's")
       ->check(number_above_zero() & CLI::Range(0.0, kMostDepthUm));
+  app.add_option("--platform-reflectance", platform_reflectance,
+                 "Share of the light that the platform sends back, 0 to 1, instead of the printer "
+                 "file's")
+      ->check(CLI::Range(0.0, 1.0));
   if (correcting) {
     add_surface_to(app);
     app.add_option("--omega-max", omega_max,
@@ -63,6 +69,15 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
                    "behind them to protect")
         ->check(CLI::IsMember({"capped", "uncapped"}))
         ->capture_default_str();
+    app.add_option("--spread-correction", spread_correction,
+                   "Where light spreads: correct columns together (on), or each as if it stood "
+                   "alone (off)")
+        ->check(CLI::IsMember({"on", "off"}))
+        ->capture_default_str();
+    app.add_option("--rounds", rounds,
+                   fmt::format("Most rounds of correcting columns together [{}]",
+                               Process::kDefaultSpreadRounds))
+        ->check(CLI::Range(0, Process::kMostSpreadRounds));
   }
   app.add_option("--uv-mw-cm2", uv_mw_cm2, "Intensity of inhibiting UV light, the same throughout")
       ->check(number_above_zero());

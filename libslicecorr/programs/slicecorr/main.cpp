@@ -29,6 +29,7 @@ struct Arguments {
   SetupOptions setup;
   SimulateOptions simulate;
   std::string input, output, format, target, json;
+  std::vector<std::string> leave_alone;
   double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
   double max_height_error_um = -1, max_surface_error_um = -1;
@@ -51,6 +52,11 @@ struct Arguments {
     }
     return facts;
   }
+  /// `paths`, and the files of what is left alone.
+  std::vector<std::string> with_left_alone(std::vector<std::string> paths) const {
+    paths.insert(paths.end(), leave_alone.begin(), leave_alone.end());
+    return paths;
+  }
   StackReader open(const std::string& path, const std::string& scratch,
                    const ExecutionContext& context) const {
     return {path, scratch, context, missing()};
@@ -71,7 +77,7 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
 
 int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
-  check_output(a.output, {a.input});
+  check_output(a.output, a.with_left_alone({a.input}));
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
   Setup setup = a.setup.resolve(nullptr, &times);
@@ -80,8 +86,10 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
+  const LeftAloneFiles wanted(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output),
+                              context);
   const Correction result =
-      correct_stack(*fitted, setup, file, {.before = !console.quiet()}, context);
+      correct_stack(*wanted, setup, file, {.before = !console.quiet()}, context);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -95,8 +103,11 @@ struct StackAndDesign {
       : stack(a.open(a.input, folder, context)),
         setup(a.setup.resolve(&stack.info(), &stack.info())),
         read(a.open(design(a.target), target_folder, context)),
-        target(FittedSlices::like(stack, read, target_folder, context)) {
-    check_target(stack, stack.info(), *target, a.target, read.pixel_sum(), context);
+        fitted(FittedSlices::like(stack, read, target_folder, context)),
+        target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context) {
+    const bool all = a.leave_alone.empty();
+    check_target(stack, stack.info(), *target, a.target,
+                 all ? std::optional(read.pixel_sum()) : std::nullopt, context);
   }
   StackAndDesign(const StackAndDesign&) = delete;
   StackAndDesign& operator=(const StackAndDesign&) = delete;
@@ -104,7 +115,8 @@ struct StackAndDesign {
   const StackReader stack;
   const Setup setup;
   const StackReader read;
-  const FittedSlices target;
+  const FittedSlices fitted;
+  const LeftAloneFiles target;
 };
 
 int verify(const Arguments& a, const ExecutionContext& context, Console&) {
@@ -172,7 +184,8 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   const StackReader& stack = given.stack;
   const SliceSource& target = *given.target;
   const Prediction after = verify_stack(stack, target, given.setup, context);
-  const Prediction before = verify_stack(target, target, given.setup, context);
+  const AsSliced uncorrected(target);
+  const Prediction before = verify_stack(uncorrected, target, given.setup, context);
   const StackInfo& info = stack.info();
   write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
                                                       before, title_of(a.input), context),
@@ -260,15 +273,21 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
 
 int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
-  check_output(a.output, a.mesh.parts);
+  check_output(a.output, a.with_left_alone(a.mesh.parts));
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
-  for (const char* kind : {".html", ".json"}) check_output(base + kind, a.mesh.parts);
+  for (const char* kind : {".html", ".json"}) {
+    check_output(base + kind, a.with_left_alone(a.mesh.parts));
+  }
   const Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
-  const MeshSlices slices = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
+  MeshesLeftAlone place;
+  const MeshSlices slices = slice_parts(a.mesh, setup.printer, setup.process.surface, a.leave_alone,
+                                        place, context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
-  const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), context);
+  const LeftAloneFiles target(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),
+                              context);
+  const Correction result = make_part(*target, setup, a.file(), base, title_of(a.output), context);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
   return kDone;
@@ -418,12 +437,14 @@ int run_program(int argc, char** argv) {
 
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
   stack_input(sub, "IN", "Stack of coverage images");
+  add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("verify", "Predict what a stack prints, and measure it against its target", verify);
   stack_input(sub, "STACK", "Stack to verify");
   sub->add_option("--target", a.target, "Stack of the design")->required();
+  add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--map", a.output,
@@ -455,6 +476,7 @@ int run_program(int argc, char** argv) {
   sub = add("report", "Write a page that shows what a stack prints", report);
   stack_input(sub, "STACK", "Stack to report on");
   sub->add_option("--target", a.target, "Stack of the design")->required();
+  add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
   sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
 
@@ -484,6 +506,7 @@ int run_program(int argc, char** argv) {
 
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
   a.mesh.add_to(*sub);
+  add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 

@@ -119,6 +119,19 @@ std::string describe_stack(const StackInfo& info) {
   if (info.printer && info.printer->flat_field) {
     text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
   }
+  if (info.printer && !info.printer->spread.none()) {
+    text += fmt::format("spread       {}\n", spread_in_words(info.printer->spread));
+  }
+  if (info.resin && info.resin->scatter_um2_per_um > 0) {
+    text += fmt::format("scatter      {:g} um²/um\n", info.resin->scatter_um2_per_um);
+  }
+  if (info.printer && info.printer->resin_depth_um > 0) {
+    text += fmt::format("bath         {:g} um of resin\n", info.printer->resin_depth_um);
+  }
+  if (info.printer && info.printer->platform_reflectance > 0) {
+    text += fmt::format("platform     sends back {:.4g} % of the light\n",
+                        100 * info.printer->platform_reflectance);
+  }
   if (info.resin) {
     text += fmt::format("resin        {}, {:g} um base 10, aimed at {}\n",
                         text::printable(info.resin->name), info.resin->absorbance_height10_um,
@@ -209,6 +222,12 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     j["flat_field"] = {{"least", 1.0 * f.least() / f.reference},
                        {"greatest", 1.0 * f.greatest() / f.reference},
                        {"frame", f.of_plate ? "plate" : "image"}};
+  }
+  if (info.printer && info.printer->resin_depth_um > 0) {
+    j["resin_depth_um"] = info.printer->resin_depth_um;
+  }
+  if (info.printer && info.printer->platform_reflectance > 0) {
+    j["platform_reflectance"] = info.printer->platform_reflectance;
   }
   if (info.resin) {
     j["resin"] = info.resin->name;

@@ -12,21 +12,23 @@ function curveOf(levels, gain) {
     return d.counted[n] + (d.omega[n + 1] - d.counted[n]) * a ** up;
   };
   const outside = (zeta) => zeta < 0 || zeta >= phi.length;
-  const at = (zeta) => (outside(zeta) ? 0 : inLayer(doses, Math.floor(zeta), zeta));
+  const own = (zeta) => (outside(zeta) ? 0 : inLayer(doses, Math.floor(zeta), zeta));
+  const at = (zeta) => own(zeta) * returned(zeta);
   const partial = new Map();
   const before = (m, zeta) => {
     if (zeta >= m || outside(zeta)) return 0;
-    if (!data.kernel && !data.bath) return Math.max(0, at(zeta) - omega[m] * a ** (m - zeta));
+    if (!data.kernel && !data.bath) return Math.max(0, own(zeta) - omega[m] * a ** (m - zeta)) * returned(zeta);
     if (!partial.has(m)) partial.set(m, dosesOf(levels, m, gain));
-    return inLayer(partial.get(m), Math.floor(zeta), zeta);
+    return inLayer(partial.get(m), Math.floor(zeta), zeta) * returned(zeta);
   };
   // What slice n adds at the upper end of layer k.
   const add = (n, k) => {
     if (data.kernel || data.bath) return before(n + 1, k) - before(n, k);
-    return data.layerwise ? phi[n] * a ** (n + 1 - k) : phi[n] * (a ** (n - k) - a ** (n + 1 - k));
+    return (data.layerwise ? phi[n] * a ** (n + 1 - k) : phi[n] * (a ** (n - k) - a ** (n + 1 - k))) * returned(k);
   };
-  const top = (from, to) => Math.max(0, ...doses.lower.slice(from, to), ...omega.slice(from, to + 1));
-  return { phi, omega, at, before, add, top };
+  const top = (from, to) =>
+    Math.max(0, ...doses.lower.slice(from, to).map((d, i) => d * returned(from + i + 1)), ...omega.slice(from, to + 1).map((d, i) => d * returned(from + i)));
+  return { phi, omega: omega.map((d, k) => d * returned(k)), at, before, add, top };
 }
 
 const hues = [210, 30, 150, 270, 60, 330, 180, 0];

@@ -119,6 +119,12 @@ function dosesOf(levels, end = levels.length, gain = 1) {
   return { phi, counted, lower, middle, omega };
 }
 
+// By how much light that the platform sends back multiplies doses.
+function returned(zeta) {
+  const [share, eta, m] = data.mirror ?? [0, 0, 1];
+  return share ? (1 + share * 10 ** (-2 * eta * zeta)) ** m : 1;
+}
+
 let kernelValues = null;
 const kernelAt = (setting, place, j, level) => {
   const { near, levels } = data.kernel;

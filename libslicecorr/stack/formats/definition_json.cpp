@@ -179,6 +179,7 @@ Json printer_json(const Printer& p) {
                           {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
   }
   if (p.resin_depth_um > 0) json["resin_depth_um"] = p.resin_depth_um;
+  if (p.platform_reflectance > 0) json["platform_reflectance"] = p.platform_reflectance;
   if (p.vial) {
     json["vial"] = {{"outer_mm", p.vial->outer_mm},
                     {"inner_mm", p.vial->inner_mm},
@@ -270,6 +271,9 @@ Printer read_printer(const Node& node) {
   p.travel_mm = node["travel_mm"].number(0, kLargest);
   if (node.has("resin_depth_um")) {
     p.resin_depth_um = node["resin_depth_um"].number(0, kMostDepthUm);
+  }
+  if (node.has("platform_reflectance")) {
+    p.platform_reflectance = node["platform_reflectance"].number(0, 1);
   }
   return p;
 }

@@ -38,6 +38,8 @@ struct JobRequest {
   double scale = 1;  ///< of the mesh, a factor > 0
   /// x and y on the plate; about x, y and z; empty: not given.
   std::vector<double> center_mm, rotate_deg;
+  /// Meshes and stacks of what is shown as it is sliced beside the part (left_alone.hpp).
+  std::vector<std::string> leave_alone;
   SetupChoices setup;  ///< mode also "tomography"
   /// Of tomographic prints; 0 and empty: not given.
   std::vector<std::string> inserts;  ///< what turns with the part: meshes, or volumes

@@ -36,6 +36,7 @@ struct WorkSpec {
     std::string name;  ///< as submitted, for messages; not part of the key
   };
   std::vector<Input> inputs;
+  int left_alone = 0;  ///< so many inputs, the last ones, are shown as they are sliced
   /// Of a tomographic print, in the words of `slicecorr tomo solve`.
   struct Tomo {
     bool volume = false;  ///< inputs are volumes (.npy), else meshes

@@ -1,0 +1,162 @@
+#include "correct/column_walk.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// So many nodes from an edge features are told what they must have there.
+constexpr int kInside = 12;
+/// Edges so many runs further up than the one at hand are forgotten where a search looks at a column
+/// anew: nothing depends on them.
+constexpr std::size_t kRunsLookedAt = 24;
+
+CureModel multiplied(CureModel model, double factor) {
+  for (double& phi : model.level_phi) phi *= factor;
+  return model;
+}
+
+Process with_cap(Process process, double factor) {
+  process.omega_max = std::min(process.omega_max * factor, 1e300);
+  return process;
+}
+
+}  // namespace
+
+MirroredPlans::MirroredPlans(const CureModel& model, const Process& process, int slices, bool exact,
+                             std::shared_ptr<const ContinuousPlan> first) {
+  factors.push_back(1);
+  of_node.resize(static_cast<std::size_t>(std::min(slices + 1, model.mirrored_slices)));
+  // From the far end, where factors are least.
+  for (std::size_t n = of_node.size(); n-- > 0;) {
+    const double factor = model.returned(static_cast<double>(n));
+    if (factor - factors.back() > kAlike) factors.push_back(factor);
+    of_node[n] = static_cast<std::int32_t>(factors.size()) - 1;
+  }
+  const auto last_of = [&](std::int32_t index) {
+    const auto found = std::find(of_node.rbegin(), of_node.rend(), index);
+    return static_cast<int>(of_node.rend() - found) - 1;
+  };
+  if (!first) first = std::make_shared<const ContinuousPlan>(model, process, slices, exact);
+  plans.push_back(std::move(first));
+  for (std::size_t i = 1; i < factors.size(); ++i) {
+    // Each layer has a factor of its own: caps are seen to there.
+    auto plan = std::make_shared<ContinuousPlan>(multiplied(model, factors[i]),
+                                                 with_cap(process, factors[i]), slices, exact,
+                                                 plans.front().get());
+    const int node = last_of(static_cast<std::int32_t>(i));
+    // Between two nodes the dose may be a little less than at both.
+    const double fall = model.eta * units::kLn10;
+    const double dip = fall * fall * (factors[i] - 1);
+    plan->mirrored = true;
+    for (int j = 0; j < kInside; ++j) {
+      plan->prints_inside.push_back(plan->prints * (1 + dip) * factors[i] /
+                                    model.returned(node + j));
+    }
+    plans.push_back(std::move(plan));
+  }
+}
+
+WalkSearches::WalkSearches(const CorrectionPlan& plan, bool exact)
+    : plan_(plan),
+      plans_(!exact && plan.mirrored
+                 ? plan.mirrored
+                 : std::make_shared<const MirroredPlans>(plan.model, plan.process, plan.all_layers,
+                                                         exact, exact ? nullptr : plan.continuous)),
+      searches_(plans_->factors.size()) {}
+
+WalkSearches::Search& WalkSearches::of(std::size_t index) {
+  std::unique_ptr<Search>& one = searches_[index];
+  if (!one) one = std::make_unique<Search>(*plans_->plans[index]);
+  return *one;
+}
+
+void ColumnWalk::add(const CureModel& model, int slice, std::uint8_t cover, std::uint8_t height,
+                     bool left_alone, double light) {
+  const bool goes_on = !runs_.empty() && runs_.back().left_alone == left_alone &&
+                       (left_alone || runs_.back().cover == cover);
+  if (!goes_on) {
+    ColumnRun run;
+    run.node = slice;
+    run.cover = left_alone ? std::uint8_t{0} : cover;
+    run.left_alone = left_alone;
+    const bool edge = !runs_.empty() && !left_alone && !runs_.back().left_alone &&
+                      opposite(runs_.back().cover, cover);
+    if (edge && height != 0) run.height = height;
+    runs_.push_back(run);
+  }
+  if (left_alone) {
+    ColumnRun& run = runs_.back();
+    run.light += model.one_minus_a * std::pow(model.a, slice - run.node) * light;
+  }
+}
+
+std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) const {
+  Edges& edges = all.of(index).edges;
+  const double factor = all.plans().factors[index];
+  std::size_t i = runs_.size() > kRunsLookedAt ? runs_.size() - kRunsLookedAt : 0;
+  while (i > 0 && runs_[i].left_alone) --i;
+  std::int32_t id = runs_[i].left_alone ? Edge::kNone : edges.platform(runs_[i].cover);
+  while (i + 1 < runs_.size()) {
+    const ColumnRun& run = runs_[i];
+    const ColumnRun& next = runs_[++i];
+    const int slices = next.node - run.node;
+    if (run.left_alone) {
+      // At its upper end doses count for more than where the search looks from, and for more still in
+      // the last layer of a gap there.
+      const bool gap = i > 1 && runs_[i - 2].cover == 0;
+      const double there = factor / all.model().returned(run.node - (gap ? 1 : 0));
+      id = edges.through(id, slices, run.light * factor, there, next.cover);
+    } else {
+      id = edges.next(id, slices, next.left_alone ? run.cover : next.cover, next.height);
+    }
+  }
+  return id;
+}
+
+RunAt ColumnWalk::run_for(WalkSearches& all, std::size_t index) {
+  if (known_ == static_cast<std::int32_t>(index)) return run_;
+  known_ = static_cast<std::int32_t>(index);
+  const ColumnRun& here = runs_.back();
+  RunAt run;
+  run.edge = edge_of(all, index);
+  run.node = here.node;
+  run.lower = lower_;
+  if (passed_ > 0) {
+    // To what is left alone a run has no edge: it might as well go on.
+    run.below = before_.left_alone ? here.cover : before_.cover;
+    run.lower_height = before_.height;
+    const bool slit = passed_ > 1 && !before_.left_alone && !after_.left_alone &&
+                      before_.cover == 0 && after_.node - before_.node == 1;
+    run.slit_below = slit && here.cover == kFull && after_.cover == kFull;
+  }
+  return run_ = run;
+}
+
+int ColumnWalk::seen_to(const WalkSearches& all, const RunAt& run, int n, double far,
+                        int level) const {
+  if (runs_.back().cover != kFull) return level;
+  const CureModel& model = all.model();
+  const ContinuousPlan& far_plan = *all.plans().plans.front();
+  const LevelTable& levels = far_plan.levels;
+  const double taken = model.bath_slices > 0 ? model.beyond * far : 0.0;
+  const double at_node = model.returned(n), at_middle = model.returned(n + 0.5);
+  const auto node = [&](int l) { return at_node * model.step(levels.phi(l) - taken, omega_); };
+  const auto prints = [&](int l) {
+    return node(l) >= far_plan.prints &&
+           at_middle * model.middle(levels.phi(l) - taken, omega_) >= far_plan.prints;
+  };
+  const Process& process = all.plan().process;
+  const bool capped = process.omega_max < 1e300 && (run.node > 0 || process.cap_platform_features);
+  // Between 1 and a lower cap no level could hold the dose.
+  const double cap = std::max(process.omega_max, 1.0 + 3.0 * at_node * far_plan.largest_step);
+  while (capped && level > 0 && node(level) > cap && prints(level - 1)) --level;
+  while (level + 1 < levels.size() && !prints(level)) ++level;
+  return level;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,171 @@
+/// Levels of continuous exposure, slice by slice, where the search alone doesn't know all that counts:
+/// in a bath that ends, below a platform that sends light back, and beside what is left alone.
+///
+/// - A slice counts for phi_n - a^B phi_(n + B) (cure.hpp), and what is taken is known when the slice
+///   is solved. The search is told a lower dose to begin with instead, such that its levels bring the
+///   run's upper edge to the dose that it plans. In between the true dose is higher than it plans, by
+///   at most what leaves the bath in a few slices.
+/// - Light from the platform multiplies the dose at each edge by a factor of its own. Each run is
+///   solved as if all doses were multiplied by that of its upper edge, whose dose is then right; what
+///   else the layers of the run ask is seen to slice by slice.
+/// - What is left alone shows the light that it is given and asks nothing. The runs before it must
+///   leave what those behind it need.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "correct/level_search.hpp"
+#include "slicecorr/correct.hpp"
+
+namespace slicecorr::detail {
+
+/// The plans of the nodes that light from the platform reaches, and their factors.
+struct MirroredPlans {
+  /// Factors that differ by less than `kAlike` share a plan: that of the least.
+  static constexpr double kAlike = 5e-7;
+  /// `first`: the plan without a factor; null: made here.
+  MirroredPlans(const CureModel& model, const Process& process, int slices, bool exact,
+                std::shared_ptr<const ContinuousPlan> first);
+  /// Of the plans; the first is 1.
+  std::vector<double> factors;
+  std::vector<std::shared_ptr<const ContinuousPlan>> plans;
+  std::vector<std::int32_t> of_node;  ///< nodes after the last have plan 0
+  std::size_t at(int node) const {
+    const auto n = static_cast<std::size_t>(node);
+    return n < of_node.size() ? static_cast<std::size_t>(of_node[n]) : 0;
+  }
+};
+
+/// Consecutive slices of a column of one coverage, or left alone; first slice first.
+struct ColumnRun {
+  std::int32_t node = 0;  ///< of its upper end: its first slice
+  std::uint8_t cover = 0;
+  std::uint8_t height = kEdgeAtNode;  ///< edge height of its upper end
+  bool left_alone = false;
+  double light = 0;  ///< left alone: dose that its slices make at its upper end
+};
+
+/// The searches of a band, one per plan. Not thread-safe.
+class WalkSearches {
+ public:
+  WalkSearches(const CorrectionPlan& plan, bool exact);
+
+  struct Search {
+    explicit Search(const ContinuousPlan& plan) : edges(plan), levels(edges) {}
+    Edges edges;
+    LevelSearch levels;
+  };
+  Search& of(std::size_t index);
+  const MirroredPlans& plans() const { return *plans_; }
+  const CureModel& model() const { return plan_.model; }
+  const CorrectionPlan& plan() const { return plan_; }
+
+ private:
+  const CorrectionPlan& plan_;
+  std::shared_ptr<const MirroredPlans> plans_;
+  std::vector<std::unique_ptr<Search>> searches_;
+};
+
+/// One column: first its slices from the platform on, then the walk back.
+class ColumnWalk {
+ public:
+  /// The next slice. `light`: phi of a slice that is left alone.
+  void add(const CureModel& model, int slice, std::uint8_t cover, std::uint8_t height,
+           bool left_alone, double light);
+  /// After the last slice.
+  void begin(int slices) { lower_ = slices; }
+
+  /// The level of slice n, by index of ContinuousPlan::levels; slices from the last on. `far(k)`: phi
+  /// of the slice that leaves the bath when slice k is shown; 0: none. Not for slices that are left
+  /// alone.
+  template <typename Far>
+  int choose(WalkSearches& all, int n, Far far);
+  /// The same with every intensity between black and full.
+  template <typename Far>
+  double exact(WalkSearches& all, int n, Far far);
+  /// Whether slice n is left alone; to be asked before it is passed.
+  bool left_alone(int n) { return run_at(n).left_alone; }
+  /// Takes the light of slice n.
+  void pass(const CureModel& model, double light, double far) {
+    omega_ = model.step(model.bath_slices > 0 ? model.in_bath(light, far) : light, omega_);
+  }
+
+ private:
+  const ColumnRun& run_at(int n) {
+    while (runs_.back().node > n) {
+      lower_ = runs_.back().node;
+      after_ = before_;
+      before_ = runs_.back();
+      runs_.pop_back();
+      passed_ = passed_ < 2 ? passed_ + 1 : 2;
+      known_ = -1;
+    }
+    return runs_.back();
+  }
+  /// The last run of those that are left, as the search `index` has it.
+  RunAt run_for(WalkSearches& all, std::size_t index);
+  std::int32_t edge_of(WalkSearches& all, std::size_t index) const;
+  /// The level nearest to `level` with which the layer of slice n, of a feature, prints and keeps its
+  /// cap.
+  int seen_to(const WalkSearches& all, const RunAt& run, int n, double far, int level) const;
+
+  std::vector<ColumnRun> runs_;  ///< those that are not passed
+  ColumnRun before_, after_;     ///< the run that was passed last, and the one before it
+  int passed_ = 0;               ///< how many of these there are
+  int lower_ = 0;                ///< node of the lower end of the last run that is left
+  std::int32_t known_ = -1;      ///< the search for which `run_` holds
+  RunAt run_;
+  std::uint8_t levels_[LevelSearch::kMost] =
+      {};                     ///< that are chosen, the next of them `left_` before
+  int left_ = 0, count_ = 0;  ///< the end
+  double omega_ = 0;
+};
+
+template <typename Far>
+int ColumnWalk::choose(WalkSearches& all, int n, Far far) {
+  const ColumnRun& here = run_at(n);
+  if (left_ > 0) return levels_[count_ - left_--];
+  const bool grey = here.cover != 0 && here.cover != kFull;
+  const std::size_t index = all.plans().at(grey ? n : here.node);
+  const RunAt run = run_for(all, index);
+  WalkSearches::Search& search = all.of(index);
+  const ContinuousPlan& p = search.edges.plan();
+  const CureModel& model = all.model();
+  const double factor = all.plans().factors[index];
+  const int ahead = n - run.node + 1;
+  int slices = index == 0 ? LevelSearch::kMost : ahead;
+  double below = omega_;
+  if (model.bath_slices > 0) {
+    slices = std::min({slices, ahead <= p.together ? ahead : 1, model.bath_slices});
+    for (int i = 0; i < slices; ++i) {
+      below -= model.beyond * far(n - i) * p.b * p.grown[static_cast<std::size_t>(i) + 1];
+    }
+  }
+  if (index > 0) below *= factor;
+  count_ = std::min(slices, search.levels.choose(run, n, below, levels_));
+  if (index > 0 && ahead > p.together) {
+    levels_[0] = static_cast<std::uint8_t>(seen_to(all, run, n, far(n), levels_[0]));
+  }
+  left_ = count_ - 1;
+  return levels_[0];
+}
+
+template <typename Far>
+double ColumnWalk::exact(WalkSearches& all, int n, Far far) {
+  const ColumnRun& here = run_at(n);
+  const bool grey = here.cover != 0 && here.cover != kFull;
+  const std::size_t index = all.plans().at(grey ? n : here.node);
+  const RunAt run = run_for(all, index);
+  WalkSearches::Search& search = all.of(index);
+  const ContinuousPlan& p = search.edges.plan();
+  const CureModel& model = all.model();
+  const double factor = all.plans().factors[index];
+  double below = omega_;
+  if (model.bath_slices > 0) below -= model.beyond * far(n) * p.b * p.per_a;
+  if (index > 0) below *= factor;
+  return search.levels.exact(run, n, below) / factor;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,83 @@
+#include <deque>
+#include <optional>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/left_alone.hpp"
+#include "slicecorr/setup.hpp"
+#include "slicecorr/slice.hpp"
+#include "slicecorr/stack.hpp"
+#include "slicecorr/turned.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+/// A mesh as it lies on the plate, in slices like those of `target`.
+MeshSlices slices_of(const std::string& path, const SliceSource& target,
+                     const MeshesLeftAlone& meshes, const Printer& printer,
+                     const ExecutionContext& context) {
+  TriangleMesh mesh = read_mesh(path, meshes.placement, context);
+  SliceOptions options;
+  options.layer_um = target.grid().layer_um;
+  options.antialias = meshes.antialias;
+  options.platform_z_mm = -meshes.origin_mm[2];
+  // The box is placed by its middle.
+  Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
+  for (const auto& triangle : mesh.triangles) {
+    for (const std::uint32_t v : triangle) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], mesh.vertices[v][k]);
+        high[k] = std::max(high[k], mesh.vertices[v][k]);
+      }
+    }
+  }
+  options.center_mm = {meshes.origin_mm[0] + 0.5 * (low[0] + high[0]),
+                       meshes.origin_mm[1] + 0.5 * (low[1] + high[1])};
+  try {
+    return {std::move(mesh), printer, options, context};
+  } catch (const InputError& e) {
+    throw InputError(path, "", std::string("what is left alone must fit the target: ") + e.what());
+  }
+}
+
+}  // namespace
+
+struct LeftAloneFiles::Impl {
+  const SliceSource& target;
+  std::deque<MeshSlices> meshes;
+  std::deque<StackReader> stacks;
+  std::deque<FittedSlices> fitted;
+  std::optional<LeavingAlone> leaving;
+};
+
+LeftAloneFiles::LeftAloneFiles(const SliceSource& target, const std::vector<std::string>& files,
+                               const MeshesLeftAlone& meshes, const Printer& printer,
+                               const std::string& scratch_folder, const ExecutionContext& context) {
+  auto impl = std::make_unique<Impl>(Impl{target, {}, {}, {}, {}});
+  const Grid& grid = target.grid();
+  std::vector<LeftAlone> all;
+  for (const std::string& path : files) {
+    const bool mesh = is_mesh_name(path);
+    const SliceSource* slices = nullptr;
+    if (mesh) {
+      slices = &impl->meshes.emplace_back(slices_of(path, target, meshes, printer, context));
+    } else {
+      check_design(StackReader::read_info(path), path);
+      slices =
+          &impl->stacks.emplace_back(path, scratch_folder, context,
+                                     MissingFacts{grid.pixel_x_um, grid.pixel_y_um, grid.layer_um});
+    }
+    impl->fitted.push_back(FittedSlices::like(target, *slices, scratch_folder, context));
+    all.push_back({&*impl->fitted.back(), path, mesh});
+  }
+  if (!all.empty()) impl->leaving.emplace(target, std::move(all));
+  impl_ = std::move(impl);
+}
+
+LeftAloneFiles::~LeftAloneFiles() = default;
+
+const SliceSource& LeftAloneFiles::operator*() const {
+  return impl_->leaving ? *impl_->leaving : impl_->target;
+}
+
+}  // namespace slicecorr

@@ -281,8 +281,8 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   const Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
   MeshesLeftAlone place;
-  const MeshSlices slices = slice_parts(a.mesh, setup.printer, setup.process.surface, a.leave_alone,
-                                        place, context);
+  const MeshSlices slices =
+      slice_parts(a.mesh, setup.printer, setup.process.surface, a.leave_alone, place, context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
   const LeftAloneFiles target(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),
                               context);

@@ -128,9 +128,9 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const std::vector<std::string> left_alone(paths.begin() + parts, paths.end());
   MeshesLeftAlone place;
   if (spec.kind == "run") {
-    mesh.emplace(cli::slice_parts(
-        detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}), setup.printer,
-        setup.process.surface, left_alone, place, context));
+    mesh.emplace(
+        cli::slice_parts(detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}),
+                         setup.printer, setup.process.surface, left_alone, place, context));
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);

@@ -2,9 +2,7 @@
 /// in a bath that ends, below a platform that sends light back, and beside what is left alone.
 ///
 /// - A slice counts for phi_n - a^B phi_(n + B) (cure.hpp), and what is taken is known when the slice
-///   is solved. The search is told a lower dose to begin with instead, such that its levels bring the
-///   run's upper edge to the dose that it plans. In between the true dose is higher than it plans, by
-///   at most what leaves the bath in a few slices.
+///   is solved: the search is told, of all slices that it looks at.
 /// - Light from the platform multiplies the dose at each edge by a factor of its own. Each run is
 ///   solved as if all doses were multiplied by that of its upper edge, whose dose is then right; what
 ///   else the layers of the run ask is seen to slice by slice.
@@ -135,16 +133,18 @@ int ColumnWalk::choose(WalkSearches& all, int n, Far far) {
   const CureModel& model = all.model();
   const double factor = all.plans().factors[index];
   const int ahead = n - run.node + 1;
-  int slices = index == 0 ? LevelSearch::kMost : ahead;
-  double below = omega_;
-  if (model.bath_slices > 0) {
-    slices = std::min({slices, ahead <= p.together ? ahead : 1, model.bath_slices});
-    for (int i = 0; i < slices; ++i) {
-      below -= model.beyond * far(n - i) * p.b * p.grown[static_cast<std::size_t>(i) + 1];
+  // Each run has a factor of its own.
+  const int slices = index == 0 ? LevelSearch::kMost : ahead;
+  const int bath = model.bath_slices;
+  double taken[LevelSearch::kMost];
+  if (bath > 0) {
+    const int known = search.levels.looks_ahead(run, n) ? std::min({bath, n + 1, slices}) : 1;
+    for (int i = 0; i < LevelSearch::kMost; ++i) {
+      taken[i] = i < known ? factor * model.beyond * far(n - i) : 0.0;
     }
   }
-  if (index > 0) below *= factor;
-  count_ = std::min(slices, search.levels.choose(run, n, below, levels_));
+  count_ = search.levels.choose(run, n, factor * omega_, levels_, bath > 0 ? taken : nullptr);
+  count_ = std::min({count_, slices, bath > 0 ? bath : LevelSearch::kMost});
   if (index > 0 && ahead > p.together) {
     levels_[0] = static_cast<std::uint8_t>(seen_to(all, run, n, far(n), levels_[0]));
   }

@@ -54,16 +54,21 @@ LevelSearch::LightRule LevelSearch::light_rule(const LayerRule& rule, DoseRange 
   return light;
 }
 
-LevelSearch::LevelRange LevelSearch::levels(const LightRule& rule, double below) const {
-  const Light l = rule.at(below);
+LevelSearch::LevelRange LevelSearch::levels(const LightRule& rule, double below,
+                                            double taken) const {
+  Light l = rule.at(below);
+  l.least += taken;
+  l.most += taken;
   if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return {1, 0};
   const int first = plan_.levels.at_least(l.least);
   if (plan_.levels.phi(first) > l.most) return {1, 0};
   return {first, plan_.levels.at_most(l.most)};
 }
 
-bool LevelSearch::any_level(const LightRule& rule, double below) const {
-  const Light l = rule.at(below);
+bool LevelSearch::any_level(const LightRule& rule, double below, double taken) const {
+  Light l = rule.at(below);
+  l.least += taken;
+  l.most += taken;
   if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return false;
   return plan_.levels.phi(plan_.levels.at_least(l.least)) <= l.most;
 }
@@ -291,7 +296,7 @@ bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_
   dose[0] = below;
   const auto enter = [&](int depth) {
     const SearchStep& s = steps[depth];
-    range[depth] = levels(s.light, dose[depth]);
+    range[depth] = levels(s.light, dose[depth], taken_at(depth));
     at[depth] = s.coverage == 0 ? range[depth].first : range[depth].last;
   };
   enter(0);
@@ -303,7 +308,7 @@ bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_
       continue;
     }
     if (++looks > kLooks) return false;
-    dose[k + 1] = p.step(p.levels.phi(at[k]), dose[k]);
+    dose[k + 1] = p.step(p.levels.phi(at[k]) - taken_at(k), dose[k]);
     if (!edges_.levels_allow(edges_[s.edge], s.j, dose[k + 1], s.slit)) {
       at[k] += s.coverage == 0 ? 1 : -1;
       continue;
@@ -333,7 +338,7 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
     const double per_cell = kCells / std::max(s.target.hi - s.target.lo, 1e-300);
     for (std::size_t i = first; i < last; ++i) {
       const double w = kept_[i].dose;
-      const LevelRange range = levels(s.light, w);
+      const LevelRange range = levels(s.light, w, taken_at(k));
       if (range.empty()) continue;
       const int all = range.last - range.first + 1;
       const int shown = std::min(all, tries);
@@ -342,14 +347,14 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
                                     : static_cast<int>(static_cast<std::int64_t>(t) * (all - 1) /
                                                        std::max(1, shown - 1));
         const int level = s.coverage == 0 ? range.first + up : range.last - up;
-        const double dose = p.step(p.levels.phi(level), w);
+        const double dose = p.step(p.levels.phi(level) - taken_at(k), w);
         const int cell =
             std::clamp(static_cast<int>((dose - s.target.lo) * per_cell), 0, kCells - 1);
         if (taken[cell / 64] >> (cell % 64) & 1) continue;
         if (!edges_.levels_allow(edge, s.j, dose, s.slit)) continue;
         if (k + 1 < count_) {
           const SearchStep& next = steps_[static_cast<std::size_t>(k + 1)];
-          if (!any_level(next.light, dose)) continue;
+          if (!any_level(next.light, dose, taken_at(k + 1))) continue;
         }
         taken[cell / 64] |= std::uint64_t{1} << (cell % 64);
         --left;
@@ -410,10 +415,14 @@ const LevelSearch::Prepared& LevelSearch::prepared(const RunAt& run, int n) {
   return *one;
 }
 
-int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out) {
+int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out,
+                        const double* taken) {
   const int j = n - run.node;
-  if (j >= plan_.together || !is_edge(run.edge)) {
-    out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
+  taken_ = taken;
+  // Of one slice, as if its dose had been less before it.
+  const double told = taken ? below - taken[0] * plan_.b * plan_.per_a : below;
+  if (!looks_ahead(run, n)) {
+    out[0] = static_cast<std::uint8_t>(one_slice(run, n, told));
     return 1;
   }
   // All columns with the same edge have the same above it; of what lies below, only whether the
@@ -427,8 +436,8 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
       (bits ^ static_cast<std::uint64_t>(run.edge) << 32 ^ static_cast<std::uint64_t>(j)) *
       0x9E3779B97F4A7C15ULL;
   Known& known = known_[static_cast<std::size_t>(mixed >> 40) % known_.size()];
-  if (known.edge == run.edge && known.j == j && known.bits == bits && known.first == first &&
-      known.height == height) {
+  if (!taken && known.edge == run.edge && known.j == j && known.bits == bits &&
+      known.first == first && known.height == height) {
     std::memcpy(out, known.levels, known.count);
     return known.count;
   }
@@ -447,11 +456,11 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
     gather(run, n);
     chosen = cut_ ? first_edge_ : count_;
     if (!search(below, out, tried)) {
-      out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
+      out[0] = static_cast<std::uint8_t>(one_slice(run, n, told));
       return 1;
     }
   }
-  if (chosen <= Known::kSlices) {
+  if (!taken && chosen <= Known::kSlices) {
     known = {bits, run.edge, j, first, height, static_cast<std::uint8_t>(chosen), {}};
     std::memcpy(known.levels, out, static_cast<std::size_t>(chosen));
   }

@@ -37,8 +37,15 @@ class LevelSearch {
   /// Most slices that are chosen at once.
   static constexpr int kMost = 64;
   /// Writes the levels of slice n and of those after it (n - 1, ...) that were chosen with it;
-  /// returns how many. `below`: Omega(n + 1) as delivered.
-  int choose(const RunAt& run, int n, double below, std::uint8_t* levels);
+  /// returns how many. `below`: Omega(n + 1) as delivered. `taken`: of `kMost` slices from n on, what is
+  /// taken from their phi because it leaves the bath; only that of slice n where the search has not
+  /// come to an edge (`looks_ahead`). Null: nothing.
+  int choose(const RunAt& run, int n, double below, std::uint8_t* levels,
+             const double* taken = nullptr);
+  /// Whether slice n is chosen together with slices after it.
+  bool looks_ahead(const RunAt& run, int n) const {
+    return n - run.node < plan_.together && is_edge(run.edge);
+  }
   /// As choose(), near to the light `phi` in features: `side` says on which side of it a level may
   /// be, where one fits. Doses of features stay at or below `most`, by node, and by `room` at most
   /// above it, before edges as far as these stay right.
@@ -103,9 +110,12 @@ class LevelSearch {
   };
 
   LightRule light_rule(const LayerRule& rule, DoseRange target) const;
-  LevelRange levels(const LightRule& rule, double below) const;
+  /// `taken` from the phi of the layer.
+  LevelRange levels(const LightRule& rule, double below, double taken = 0.0) const;
   /// Whether levels() finds any.
-  bool any_level(const LightRule& rule, double below) const;
+  bool any_level(const LightRule& rule, double below, double taken) const;
+  /// What is taken from slice `k` of those that are chosen together.
+  double taken_at(int k) const { return taken_ ? taken_[k] : 0.0; }
   LayerRule rule_of(const RunAt& run, int n, int rung) const;
   int one_slice(const RunAt& run, int n, double below) const;
   int one_slice_near(const RunAt& run, int n, double below, const Wanted& wanted) const;
@@ -131,6 +141,7 @@ class LevelSearch {
 
   const Edges& edges_;
   const ContinuousPlan& plan_;
+  const double* taken_ = nullptr;
   std::array<SearchStep, kMost> steps_;
   /// While a search is held below doses: by node, and how far above them it may go; null: none.
   const double* most_ = nullptr;

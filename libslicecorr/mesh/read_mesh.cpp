@@ -222,8 +222,8 @@ void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
 bool is_mesh_name(const std::string& path) {
   const detail::Format format = detail::format_of(path);
   const std::string& extension = format.extension;
-  return extension == ".stl" || extension == ".obj" || extension == ".ply" ||
-         extension == ".off" || extension == ".3mf";
+  return extension == ".stl" || extension == ".obj" || extension == ".ply" || extension == ".off" ||
+         extension == ".3mf";
 }
 
 TriangleMesh read_mesh(const std::string& path, const Placement& placement,

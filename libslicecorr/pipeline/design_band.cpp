@@ -51,7 +51,7 @@ const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* lef
 CodedBand marked_band_of(const SliceSource& target, const PixelBox& band) {
   if (!target.left_alone()) return coded_band_of(target, band);
   const auto left_alone = left_alone_of(target, band);
-  LeftAloneRows left_rows(&*left_alone);
+  LeftAloneRows left_rows(left_alone ? &*left_alone : nullptr);
   CodedBand coded(columns_of(band));
   std::vector<std::uint8_t> room(columns_of(band));
   target.read_band(band, [&](int n, const std::uint8_t* rows) {

@@ -55,10 +55,14 @@ inline BandReaders with_target(std::vector<BandReader> readers, const SliceSourc
   }
   return with;
 }
-/// What of a band is left alone; nothing where the target says nothing.
+/// What of a band is left alone; nothing where nothing is: columns are corrected faster then.
 inline std::optional<CodedBand> left_alone_of(const SliceSource& target, const PixelBox& band) {
   if (!target.left_alone()) return std::nullopt;
-  return coded_band_of(*target.left_alone(), band);
+  CodedBand coded = coded_band_of(*target.left_alone(), band);
+  for (int n = 0; n < coded.slices(); ++n) {
+    if (!coded.black(n)) return coded;
+  }
+  return std::nullopt;
 }
 
 /// Reads what is left alone slice by slice.

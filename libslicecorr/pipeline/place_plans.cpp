@@ -339,8 +339,7 @@ class PlaceCheck {
 PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
                        const ExecutionContext& context)
     : process_(setup.process),
-      models_(fitting(setup, target), setup.resin, setup.process, target.grid(),
-              target.frame()),
+      models_(fitting(setup, target), setup.resin, setup.process, target.grid(), target.frame()),
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {
   refuse_recording(target);

@@ -152,9 +152,8 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
   }
   SliceOptions placed = options.slice_options(surface);
   const Grid plate = plate_grid(printer);
-  const std::array<double, 2> center_mm = placed.center_mm.value_or(
-      std::array<double, 2>{plate.width_px * plate.pixel_x_um * 0.5e-3,
-                            plate.height_px * plate.pixel_y_um * 0.5e-3});
+  const std::array<double, 2> center_mm = placed.center_mm.value_or(std::array<double, 2>{
+      plate.width_px * plate.pixel_x_um * 0.5e-3, plate.height_px * plate.pixel_y_um * 0.5e-3});
   place.origin_mm = {center_mm[0] - all.middle(0), center_mm[1] - all.middle(1), -all.low[2]};
   placed.center_mm = {place.origin_mm[0] + part.middle(0), place.origin_mm[1] + part.middle(1)};
   placed.platform_z_mm = all.low[2];

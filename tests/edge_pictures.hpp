@@ -28,6 +28,26 @@ struct EdgePictureOptions {
   unsigned seed = 1;
 };
 
+/// By libpng, with the filters that it chooses; `bytes` row by row, the higher one first.
+inline void write_png(const std::string& path, int width, int height, int bits, int colour,
+                      const std::vector<std::uint8_t>& bytes) {
+  std::FILE* const file = std::fopen(path.c_str(), "wb");
+  if (!file) throw std::runtime_error(path);
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png_create_info_struct(png);
+  png_init_io(png, file);
+  png_set_IHDR(png, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height), bits,
+               colour, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_write_info(png, info);
+  const std::size_t stride = bytes.size() / static_cast<std::size_t>(height);
+  for (std::size_t y = 0; y < static_cast<std::size_t>(height); ++y) {
+    png_write_row(png, bytes.data() + y * stride);
+  }
+  png_write_end(png, nullptr);
+  png_destroy_write_struct(&png, &info);
+  std::fclose(file);
+}
+
 /// Each pixel is the mean over its square, by the rule of Gauss and Legendre of four places a side.
 inline void write_edge_picture(const std::string& path, const EdgePictureOptions& o) {
   const double angle = o.angle_deg * std::numbers::pi / 180;
@@ -63,29 +83,12 @@ inline void write_edge_picture(const std::string& path, const EdgePictureOptions
     }
   }
   for (int k = 0; k < o.specks; ++k) values[random() % values.size()] = white;
-  std::FILE* const file = std::fopen(path.c_str(), "wb");
-  if (!file) throw std::runtime_error(path);
-  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
-  png_infop info = png_create_info_struct(png);
-  png_init_io(png, file);
-  png_set_IHDR(png, info, static_cast<png_uint_32>(o.width), static_cast<png_uint_32>(o.height),
-               o.bits, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-               PNG_FILTER_TYPE_DEFAULT);
-  png_write_info(png, info);
-  std::vector<std::uint8_t> row;
-  for (int y = 0; y < o.height; ++y) {
-    row.clear();
-    for (int x = 0; x < o.width; ++x) {
-      const int v = values[static_cast<std::size_t>(y) * static_cast<std::size_t>(o.width) +
-                           static_cast<std::size_t>(x)];
-      if (o.bits == 16) row.push_back(static_cast<std::uint8_t>(v >> 8));
-      row.push_back(static_cast<std::uint8_t>(v & 255));
-    }
-    png_write_row(png, row.data());
+  std::vector<std::uint8_t> bytes;
+  for (const int v : values) {
+    if (o.bits == 16) bytes.push_back(static_cast<std::uint8_t>(v >> 8));
+    bytes.push_back(static_cast<std::uint8_t>(v & 255));
   }
-  png_write_end(png, nullptr);
-  png_destroy_write_struct(&png, &info);
-  std::fclose(file);
+  write_png(path, o.width, o.height, o.bits, PNG_COLOR_TYPE_GRAY, bytes);
 }
 
 }  // namespace slicecorr::test

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "edge_pictures.hpp"
 #include "refusal.hpp"
@@ -96,6 +97,48 @@ TEST(SpreadFit, EdgesThatAreNoneAreRefused) {
   SpreadFitOptions o = with(small);
   EXPECT_THAT(refusal([&] { fit_spread(scans({scan(40, 0, 1)}), o); }),
               HasSubstr("further than the display's shorter side"));
+}
+
+TEST(CameraPicture, HasAllThatAPngTellsOfLight) {
+  const std::string file = (std::filesystem::path(::testing::TempDir()) /
+                            fmt::format("slicecorr-camera-{}.png", ::getpid()))
+                               .string();
+  std::mt19937 random(3);
+  constexpr int w = 23, h = 17;
+  for (const auto& [colour, channels] : {std::pair{PNG_COLOR_TYPE_GRAY, 1},
+                                         {PNG_COLOR_TYPE_GRAY_ALPHA, 2},
+                                         {PNG_COLOR_TYPE_RGB, 3},
+                                         {PNG_COLOR_TYPE_RGB_ALPHA, 4}}) {
+    std::vector<std::uint8_t> bytes;
+    std::vector<double> wanted;
+    for (int i = 0; i < w * h; ++i) {
+      double light = 0, opaque = 1;
+      for (int c = 0; c < channels; ++c) {
+        const auto v = static_cast<int>(random() % 65536);
+        bytes.push_back(static_cast<std::uint8_t>(v >> 8));
+        bytes.push_back(static_cast<std::uint8_t>(v & 255));
+        const bool alpha = channels % 2 == 0 && c == channels - 1;
+        if (alpha) opaque = v / 65535.0;
+        if (!alpha) light += v / (channels < 3 ? 1.0 : 3.0);
+      }
+      wanted.push_back(light * opaque);
+    }
+    test::write_png(file, w, h, 16, colour, bytes);
+    const CameraPicture picture = read_camera_png(file);
+    ASSERT_EQ(picture.width_px, w);
+    ASSERT_EQ(picture.height_px, h);
+    EXPECT_EQ(picture.white, 65535);
+    ASSERT_EQ(picture.pixels.size(), wanted.size());
+    for (std::size_t i = 0; i < wanted.size(); ++i) {
+      // Rounded twice where colours are averaged and dimmed.
+      ASSERT_NEAR(picture.pixels[i], wanted[i], 1.01) << channels << " " << i;
+    }
+  }
+  test::write_png(file, 2, 2, 8, PNG_COLOR_TYPE_GRAY, {0, 7, 200, 255});
+  const CameraPicture small = read_camera_png(file);
+  EXPECT_EQ(small.white, 255);
+  EXPECT_EQ(small.pixels, (std::vector<std::uint16_t>{0, 7, 200, 255}));
+  std::filesystem::remove(file);
 }
 
 class EdgePicture : public testing::TestWithParam<double> {
@@ -219,6 +262,15 @@ TEST(SpreadFit, FilesTakeWhatWasFound) {
   EXPECT_NEAR(scattering.scatter_um2_per_um, deep.parameter("scatter_um2_per_um").value, 1e-4);
   EXPECT_THAT(deep.to_toml(),
               testing::AllOf(HasSubstr("[blue]\nspread = [["), HasSubstr("scatter_um2_per_um = ")));
+  SpreadFit uv = deep;
+  uv.light = "uv";
+  const std::string lamp = printer + "[uv]\ncalibration = [[0, 0.0], [255, 10.0]]\n";
+  const Printer inhibiting = parse_printer(
+      printer_with_spread(lamp + "kind = \"patterned\"\n", "mine.toml", uv), "mine.toml");
+  EXPECT_EQ(inhibiting.uv->spread.gaussians.size(), 1U);
+  EXPECT_TRUE(inhibiting.spread.gaussians.empty());
+  // That of a flood is even.
+  EXPECT_THAT(refusal([&] { printer_with_spread(lamp, "mine.toml", uv); }), HasSubstr("flood"));
   // What was not told is not written.
   const SpreadFit flat = fit_spread(scans({scan(30, 0.005, 1)}));
   EXPECT_THAT(refusal([&] { resin_with_scatter(resin, "mine.toml", flat); }),

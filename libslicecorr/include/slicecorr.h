@@ -245,6 +245,16 @@ SLICECORR_API slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slic
 SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack, const char* name,
                                                           double value);
 
+/** Doses that are wanted of the features of `target`, in critical doses: a byte v of `doses` stands
+ *  for 1 + (greatest - 1) v / 255. `doses` is in memory and has the size and number of slices of
+ *  `target`; it may be freed afterwards. `side` says how doses are met that change too steeply
+ *  along z: nearest, at-least or at-most; NULL: nearest. `doses` NULL: none are wanted. Counted by
+ *  slicecorr_correct(), slicecorr_correct_in_memory() and, as "regions" of the figures' JSON, by
+ *  slicecorr_verify(); for continuous exposure without UV light (docs/graded-dose.md). */
+SLICECORR_API slicecorr_status slicecorr_stack_set_doses(slicecorr_stack* target,
+                                                         const slicecorr_stack* doses,
+                                                         double greatest, const char* side);
+
 /** What a stack says about itself; 0 where it does not.
  *
  *  width_px, height_px, layers, pixel_x_um, pixel_y_um, layer_um

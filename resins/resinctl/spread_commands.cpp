@@ -148,11 +148,12 @@ int fit_spread_command(const Arguments& a, cli::Console& console) {
   if (printer) o.printer = &*printer;
   if (resin) o.resin = &*resin;
   o.dose = dose_of_schedule(a, printer, resin);
-  const SpreadFit fit = fit_spread(read_all(a), o);
+  SpreadFit fit = fit_spread(read_all(a), o);
+  fit.light = a.light;
   // Files come last, and both or none.
   std::string printer_text, resin_text;
   if (!a.write.empty()) {
-    printer_text = printer_with_spread(read_text_file(a.write), a.write, fit, a.light);
+    printer_text = printer_with_spread(read_text_file(a.write), a.write, fit);
     complete_printer(printer_text, a.write);
   }
   if (!a.write_resin.empty()) {

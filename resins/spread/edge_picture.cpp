@@ -87,8 +87,8 @@ class LineProblem : public LeastSquares {
     for (const std::size_t i : taken_) {
       const auto width = static_cast<std::size_t>(p_.width);
       const std::size_t column = i % width, row = i / width;
-      const double t = l.distance(static_cast<double>(column),
-                                  static_cast<double>(row) - 0.5 * (p_.height - 1));
+      const double t =
+          l.distance(static_cast<double>(column), static_cast<double>(row) - 0.5 * (p_.height - 1));
       *out++ = p_.light[i] - l.low - (l.high - l.low) * normal_integral(t / l.sigma);
     }
     return true;

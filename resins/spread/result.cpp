@@ -115,7 +115,7 @@ std::string SpreadFit::to_json() const {
   return j.dump(2);
 }
 
-std::string SpreadFit::to_toml(const std::string& light) const {
+std::string SpreadFit::to_toml() const {
   std::string text = fmt::format("[{}]\nspread = {}", light, spread_as_toml(*this));
   const SpreadParameter& sigma = parameter("sigma_um");
   if (sigma.fitted) text += fmt::format("  # sigma, {}", interval(sigma));
@@ -129,7 +129,7 @@ std::string SpreadFit::to_toml(const std::string& light) const {
 }
 
 std::string printer_with_spread(const std::string& text, const std::string& source,
-                                const SpreadFit& fit, const std::string& light) {
+                                const SpreadFit& fit) {
   parse_printer(text, source);
   const SpreadParameter& sigma = fit.parameter("sigma_um");
   if (sigma.fitted && sigma.ci95[0] < 0) {
@@ -139,8 +139,8 @@ std::string printer_with_spread(const std::string& text, const std::string& sour
                                  interval(sigma)));
   }
   TomlEdit edit(text, source);
-  edit.remove(light, "spread_pitch_um");
-  edit.set(light, "spread", spread_as_toml(fit));
+  edit.remove(fit.light, "spread_pitch_um");
+  edit.set(fit.light, "spread", spread_as_toml(fit));
   parse_printer(edit.text(), source);
   return edit.text();
 }

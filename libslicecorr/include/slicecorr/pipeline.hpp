@@ -79,9 +79,10 @@ struct CorrectionAsk {
   std::function<void(const Correction&)> before_writing = {};
 };
 
-/// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not
-/// fit the printer or has no voxel of coverage 1, `InfeasibleError` when physics or the stage's
-/// travel forbid it.
+/// Corrects `target` for `setup` and writes the stack; to the doses that are wanted of it, where it
+/// has some (`SliceSource::doses`). Throws `InputError` when the target does not fit the printer or
+/// has no voxel of coverage 1, or wanted doses don't fit the setup, `InfeasibleError` when physics
+/// or the stage's travel forbid it.
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context = {});
 
@@ -146,6 +147,8 @@ struct Section {
   std::vector<std::uint8_t> coverage;        ///< of the target, 0..255
   std::vector<std::uint8_t> pixels;          ///< shown, 0..255; black after the end of the stack
   std::vector<float> dose;                   ///< relative, at mid-layer; 1 gels
+  /// The doses that are wanted where coverage is 1; empty where the target has none.
+  std::vector<float> wanted;
 };
 Section section_of(const SliceSource& stack, const SliceSource& target, const Setup& setup, int y);
 

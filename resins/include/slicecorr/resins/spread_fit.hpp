@@ -135,15 +135,15 @@ struct SpreadFit {
   std::vector<std::string> notes;  ///< sentences
   int measurements = 0;            ///< that count
   int freedom = 0;
-  double rms = 0;  ///< um; of edges, of their step
+  double rms = 0;              ///< um; of edges, of their step
+  std::string light = "blue";  ///< table of the printer file that it is for: "blue" or "uv"
 
   const SpreadParameter& parameter(const std::string& name) const;
   LightSpread spread() const;
   std::string to_text() const;
   std::string to_json() const;
-  /// Lines for the printer file, and for the resin file where scatter was found. `light`: "blue" or
-  /// "uv".
-  std::string to_toml(const std::string& light = "blue") const;
+  /// Lines for the printer file, and for the resin file where scatter was found.
+  std::string to_toml() const;
 };
 
 /// Fitted are sigma_um, with two Gaussians sigma2_um and weight2, of widths dose unless the schedule
@@ -154,11 +154,11 @@ struct SpreadFit {
 /// to measure next).
 SpreadFit fit_spread(const SpreadMeasurements& measured, const SpreadFitOptions& options = {});
 
-/// The text of a printer file with the spread that was found (`light`: "blue" or "uv"), the rest of
-/// it as it stands; of a resin file with the scatter. Throw `InputError` where the file is none, or
+/// The text of a printer file with the spread that was found, the rest of it as it stands; of a resin
+/// file with the scatter. Throw `InputError` where the file is none, or
 /// the fit does not tell it: an interval that reaches below 0, or a scatter that was not fitted.
 std::string printer_with_spread(const std::string& text, const std::string& source,
-                                const SpreadFit& fit, const std::string& light = "blue");
+                                const SpreadFit& fit);
 std::string resin_with_scatter(const std::string& text, const std::string& source,
                                const SpreadFit& fit);
 

@@ -25,65 +25,69 @@ class CodedBand {
  public:
   explicit CodedBand(std::size_t columns) : columns_(columns) {}
 
-  /// Adds the next slice; null is black.
+  /// Adds the next slice; null is black. One like that before it takes no more room.
   void append(const std::uint8_t* rows) {
+    const std::size_t from = code_.size();
     if (rows && !all_zero(rows, columns_)) run_length_encode(rows, columns_, code_);
-    ends_.push_back(code_.size());
+    end_slice(from);
   }
   /// Adds a slice like the one before it; black where there is none.
-  void append_again() {
-    if (!ends_.empty()) {
-      const std::size_t from = begin(slices() - 1), to = ends_.back();
-      code_.resize(to + (to - from));
-      std::copy_n(code_.data() + from, to - from, code_.data() + to);
-    }
-    ends_.push_back(code_.size());
-  }
+  void append_again() { slices_.push_back(slices_.empty() ? Range{} : slices_.back()); }
   /// Adds a slice of another band of as many columns.
   void append_of(const CodedBand& other, int slice) {
-    code_.insert(code_.end(), other.code_.data() + other.begin(slice),
-                 other.code_.data() + other.ends_[static_cast<std::size_t>(slice)]);
-    ends_.push_back(code_.size());
+    const std::size_t from = code_.size();
+    code_.insert(code_.end(), other.begin_of(slice), other.end_of(slice));
+    end_slice(from);
   }
   /// Gives back memory that no slice needs.
   void trim() {
     code_.shrink_to_fit();
-    ends_.shrink_to_fit();
+    slices_.shrink_to_fit();
   }
-  std::size_t bytes() const { return code_.capacity() + ends_.capacity() * sizeof(std::size_t); }
+  std::size_t bytes() const { return code_.capacity() + slices_.capacity() * sizeof(Range); }
+  int slices() const { return static_cast<int>(slices_.size()); }
+  bool black(int slice) const { return range(slice).first == range(slice).past; }
   /// Whether two slices are alike.
   bool same(int slice, int other) const {
-    const std::uint8_t *a = code_.data() + begin(slice), *b = code_.data() + begin(other);
-    return std::equal(a, code_.data() + ends_[static_cast<std::size_t>(slice)], b,
-                      code_.data() + ends_[static_cast<std::size_t>(other)]);
+    return range(slice) == range(other) ||
+           std::equal(begin_of(slice), end_of(slice), begin_of(other), end_of(other));
   }
-  int slices() const { return static_cast<int>(ends_.size()); }
-  bool black(int slice) const { return begin(slice) == ends_[static_cast<std::size_t>(slice)]; }
   /// Writes a slice to `out`; black outside the columns that are coded.
   void read(int slice, std::uint8_t* out) const {
     if (slice < 0 || slice >= slices() || black(slice)) {
       std::memset(out, 0, columns_);
       return;
     }
-    run_length_decode(code_.data() + begin(slice),
-                      code_.data() + ends_[static_cast<std::size_t>(slice)], out, columns_);
+    run_length_decode(begin_of(slice), end_of(slice), out, columns_);
   }
   /// The same without its zeros, in order of the columns, in place of what `out` held.
   void read_nonzero(int slice, std::vector<NonZero>& out) const {
     out.clear();
     if (slice < 0 || slice >= slices() || black(slice)) return;
-    run_length_nonzero(code_.data() + begin(slice),
-                       code_.data() + ends_[static_cast<std::size_t>(slice)], columns_, out);
+    run_length_nonzero(begin_of(slice), end_of(slice), columns_, out);
   }
   std::size_t columns() const { return columns_; }
+  bool operator==(const CodedBand&) const = default;
 
  private:
-  std::size_t begin(int slice) const {
-    return slice ? ends_[static_cast<std::size_t>(slice) - 1] : 0;
+  struct Range {
+    std::size_t first = 0, past = 0;
+    bool operator==(const Range&) const = default;
+  };
+  const Range& range(int slice) const { return slices_[static_cast<std::size_t>(slice)]; }
+  const std::uint8_t* begin_of(int slice) const { return code_.data() + range(slice).first; }
+  const std::uint8_t* end_of(int slice) const { return code_.data() + range(slice).past; }
+  void end_slice(std::size_t from) {
+    slices_.push_back({from, code_.size()});
+    const int last = slices() - 1;
+    if (last == 0 || !same(last, last - 1)) return;
+    code_.resize(from);
+    slices_.back() = range(last - 1);
   }
+
   std::size_t columns_;
   std::vector<std::uint8_t> code_;
-  std::vector<std::size_t> ends_;
+  std::vector<Range> slices_;
 };
 
 }  // namespace slicecorr::detail

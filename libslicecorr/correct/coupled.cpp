@@ -245,7 +245,7 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   std::vector<Band> before(tiles_.size());  // of tiles that changed
   for (std::size_t i = 0; i < solved.size(); ++i) {
     Tile& tile = tiles_[solved[i]];
-    if (next[i]->code() == tile.now->code() && next[i]->ends() == tile.now->ends()) {
+    if (*next[i] == *tile.now) {
       tile.urgency *= kMoreUrgent;
       if (tile.urgency > kMostUrgent) tile.urgency = 0;
       continue;

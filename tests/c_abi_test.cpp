@@ -156,6 +156,7 @@ TEST(CAbi, NullIsABadCallThatNamesTheArgument) {
   bad(slicecorr_stack_load(nullptr, j), "stack");
   bad(slicecorr_stack_set_number(nullptr, "layer_um", 50), "stack");
   bad(slicecorr_stack_set_number(t, nullptr, 50), "name");
+  bad(slicecorr_stack_set_doses(nullptr, t, 2, nullptr), "target");
   bad(slicecorr_stack_number(nullptr, "layers", &value), "stack");
   bad(slicecorr_stack_number(t, nullptr, &value), "name");
   bad(slicecorr_stack_number(t, "layers", nullptr), "value");

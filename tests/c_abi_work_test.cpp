@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "c_abi.hpp"
+#include "memory_slices.hpp"
 #include "slicecorr/left_alone.hpp"
 
 namespace slicecorr::test {
@@ -436,6 +437,74 @@ TEST_F(CAbiWork, ConvertsArchivesAndWritesTargetsInMemory) {
       << slicecorr_error_text();
   EXPECT_EQ(read_file(folder_ / "made.uvj"), read_file(target_path_));
   EXPECT_EQ(slicecorr_convert(stack.get(), (folder_ / "made.xyz").c_str(), nullptr),
+            SLICECORR_BAD_INPUT);
+}
+
+TEST_F(CAbiWork, WantedDoses) {
+  const StackReader target(target_path_, folder_.path());
+  const Grid& g = target.grid();
+  const std::string resin = SLICECORR_DB_DIR "/figure-2-2.toml";
+  const SetupHandle setup =
+      c_setup({{"printer_toml", printer_}, {"resin", resin}, {"speed_mm_h", "1000"}});
+  SetupChoices choices;
+  choices.printer_toml = printer_;
+  choices.resin = resin;
+  choices.speed_mm_h = 1000;
+  const StackHandle stack = open_stack(target_path_);
+  const slicecorr_grid grid{sizeof grid, g.width_px,   g.height_px,  g.layers,
+                            0,           g.pixel_x_um, g.pixel_y_um, g.layer_um};
+  StackHandle doses;
+  ASSERT_EQ(slicecorr_stack_create(&grid, out(doses)), SLICECORR_OK);
+  MemorySlices bytes(g);
+  for (int n = 0; n < g.layers; ++n) {
+    for (int y = 0; y < g.height_px; ++y) {
+      for (int x = 0; x < g.width_px; ++x) bytes.at(n, x, y) = static_cast<std::uint8_t>(x + 3 * n);
+    }
+    ASSERT_EQ(slicecorr_stack_put(doses.get(), n, &bytes.at(n, 0, 0), g.width_px), SLICECORR_OK);
+  }
+  DoseTarget wanted;
+  wanted.images = &bytes;
+  wanted.scale = DoseScale::even(2.5);
+  wanted.scale.side = DoseSide::at_least;
+  name_ranges(wanted);
+  const GradedTarget graded(target, wanted);
+  const Correction expected =
+      correct_stack(graded, resolve_setup(choices, nullptr, &target.info(), ChoiceNames::fields),
+                    folder_ / "expected.uvj", {});
+  ASSERT_EQ(slicecorr_stack_set_doses(stack.get(), doses.get(), 2.5, "at-least"), SLICECORR_OK);
+  doses.reset();
+  FiguresHandle after;
+  ASSERT_EQ(slicecorr_correct(stack.get(), setup.get(), (folder_ / "made.uvj").c_str(), nullptr,
+                              out(after), nullptr),
+            SLICECORR_OK)
+      << slicecorr_error_text();
+  EXPECT_EQ(read_file(folder_ / "made.uvj"), read_file(folder_ / "expected.uvj"));
+  EXPECT_EQ(json_of(after), expected.after.to_json());
+  EXPECT_NE(json_of(after).find("\"regions\""), std::string::npos);
+  StackHandle corrected;
+  ASSERT_EQ(
+      slicecorr_correct_in_memory(stack.get(), setup.get(), nullptr, out(corrected), out(after)),
+      SLICECORR_OK)
+      << slicecorr_error_text();
+  EXPECT_EQ(c_images(corrected.get()),
+            read_images(StackReader(folder_ / "made.uvj", folder_.path())));
+  EXPECT_EQ(json_of(after), expected.after.to_json());
+
+  // Taken back, and what is refused.
+  ASSERT_EQ(slicecorr_stack_set_doses(stack.get(), nullptr, 0, nullptr), SLICECORR_OK);
+  ASSERT_EQ(slicecorr_correct(stack.get(), setup.get(), (folder_ / "made.uvj").c_str(), nullptr,
+                              out(after), nullptr),
+            SLICECORR_OK);
+  EXPECT_EQ(json_of(after).find("\"regions\""), std::string::npos);
+  EXPECT_EQ(slicecorr_stack_set_doses(stack.get(), stack.get(), 2, nullptr), SLICECORR_BAD_CALL);
+  slicecorr_grid other = grid;
+  other.layers -= 1;
+  ASSERT_EQ(slicecorr_stack_create(&other, out(doses)), SLICECORR_OK);
+  EXPECT_EQ(slicecorr_stack_set_doses(stack.get(), doses.get(), 0.5, nullptr), SLICECORR_BAD_INPUT);
+  EXPECT_EQ(slicecorr_stack_set_doses(stack.get(), doses.get(), 2, "above"), SLICECORR_BAD_INPUT);
+  ASSERT_EQ(slicecorr_stack_set_doses(stack.get(), doses.get(), 2, nullptr), SLICECORR_OK);
+  EXPECT_EQ(slicecorr_correct(stack.get(), setup.get(), (folder_ / "made.uvj").c_str(), nullptr,
+                              out(after), nullptr),
             SLICECORR_BAD_INPUT);
 }
 

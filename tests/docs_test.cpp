@@ -12,10 +12,13 @@
 #include <regex>
 #include <sstream>
 
+#include "edge_pictures.hpp"
 #include "ladder.hpp"
 #include "run_program.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/optics_fit.hpp"
+#include "spread_lab.hpp"
 
 namespace slicecorr {
 namespace {
@@ -105,6 +108,61 @@ TEST(Docs, CommandsOfTheReadmeRun) {
                            "section.png", "corrected/part.uvj", "morning.html"}) {
     EXPECT_TRUE(fs::exists(folder / made)) << made;
   }
+  fs::remove_all(folder);
+}
+
+// A lab whose light spreads by 40 um, and by 3 um² with each um of its resin.
+TEST(Docs, CommandsOfSpreadFitsRun) {
+  const fs::path folder =
+      fs::path(::testing::TempDir()) / ("slicecorr-spread-docs-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  std::ofstream(folder / "my-printer.toml")
+      << "name = \"my-printer\"\n[display]\nwidth_px = 1280\nheight_px = 800\npixel_um = 50.0\n"
+         "[blue]\ncalibration = [[0, 1.0], [255, 100.0]]\n";
+  std::ofstream(folder / "my-resin.toml")
+      << "name = \"my-resin\"\n[cure]\nabsorbance_height_um = 2000.0\nabsorbance_base = 10\n"
+         "gel_dose_mj_cm3 = 1100.0\n";
+  const Resin resin = load_resin((folder / "my-resin.toml").string());
+  const Kinetics kinetics = make_kinetics(resin, false, false);
+  test::Lab lab;
+  lab.scatter = 3;
+  lab.height_e_um = kinetics.hb_um;
+  lab.dose = dose_prime_at(kinetics, 100, 0, 0, 6) / kinetics.critical_dose_prime;
+  const auto write = [&](const char* name, const std::vector<double>& heights) {
+    std::ofstream table(folder / name);
+    table << "kind,designed_um,printed_um,depth_um\n";
+    for (const auto& w : test::measured(lab, 1, 5, 1, heights).widths) {
+      table << fmt::format("{},{},{:.1f},{}\n", w.kind == resins::WidthKind::gap ? "gap" : "line",
+                           w.designed_um, w.printed_um, w.depth_um);
+    }
+  };
+  write("widths.csv", {0});
+  write("heights.csv", {0, 300, 600});
+  for (const auto& [name, depth] : {std::pair{"edge.png", 0.0}, {"deep.png", 600.0}}) {
+    test::EdgePictureOptions o;
+    o.width = 320;
+    o.sigma_px = std::sqrt(1600 + 3 * depth) / 2.5;
+    o.noise = 0.01;
+    test::write_edge_picture((folder / name).string(), o);
+  }
+  test::RunOptions options;
+  options.folder = folder.string();
+  options.environment = {{"HOME", folder.string()}, {"XDG_CONFIG_HOME", ""}, {"SLICECORR_DB", ""}};
+  std::istringstream lines(text_of(kSource / "docs" / "spread-fits.md"));
+  int commands = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind("    ", 0) != 0) continue;
+    line.erase(0, line.find_first_not_of(' '));
+    if (line.rfind("slicecorr ", 0) != 0 && line.rfind("resinctl ", 0) != 0) continue;
+    ++commands;
+    const std::string command = kBin.string() + "/" + line;
+    const auto result = test::run_program({"/bin/sh", "-c", command}, options);
+    EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
+  }
+  EXPECT_EQ(commands, 6);
+  EXPECT_NEAR(load_printer((folder / "my-printer.toml").string()).spread.gaussians.at(0).sigma_um,
+              40, 2);
+  EXPECT_NEAR(load_resin((folder / "my-resin.toml").string()).scatter_um2_per_um, 3, 0.3);
   fs::remove_all(folder);
 }
 

@@ -15,6 +15,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
+#include "slicecorr/simulate.hpp"
 #include "slicecorr/solid.hpp"
 
 namespace slicecorr {
@@ -259,6 +260,34 @@ TEST(SpreadVerify, AnyNumberOfThreadsAndAnyPlaceOnTheDisplay) {
   three.threads = 3;
   EXPECT_EQ(verify_stack(shown, design, s, one).to_json(),
             verify_stack(shown, design, s, three).to_json());
+}
+
+TEST(SpreadVerify, SimulationEndsWithTheSamePrint) {
+  slicecorr::Setup s = setup(6.25, 0.0625, 40, 40);
+  s.printer.spread.gaussians = {{40, 1}};
+  const MemorySlices stack = block(40, 40, 30, {10, 10, 30, 30});
+  const PrintClock clock(s.process, 1, kLayerUm, 30);
+  const ExecutionContext context;
+  const SectionHistory h =
+      simulate_section(stack, nullptr, s, 20, {clock.total_s() / 3, clock.total_s()}, context);
+  const Section end = section_of(stack, stack, s, 20);
+  ASSERT_EQ(h.width, end.width);
+  ASSERT_EQ(h.x0, end.x0);
+  std::size_t gelled = 0;
+  for (std::size_t i = 0; i < end.dose.size(); ++i) {
+    EXPECT_EQ(h.frames.back().gelled[i] != 0, end.dose[i] >= 1) << i;
+    gelled += end.dose[i] >= 1 ? 1U : 0U;
+  }
+  // More than what is lit, by what spreads.
+  EXPECT_GT(gelled, 20U * 29U);
+  // Beside the block, where nothing is shown: the dose at the end of the print.
+  const ColumnHistory column = simulate_column(stack, nullptr, s, 9, 20, {}, context);
+  double printed_um = 0;
+  for (const GelledInterval& g : column.steps.back().gelled) printed_um += g.front_um - g.back_um;
+  int printed = 0;
+  for (const ProbeRow& row : probe_stack(stack, nullptr, s, 9, 20)) printed += row.dose_middle >= 1;
+  EXPECT_GT(printed, 10);
+  EXPECT_NEAR(printed_um, printed * kLayerUm, kLayerUm);
 }
 
 TEST(SpreadVerify, Refusals) {

@@ -220,6 +220,8 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, kMost, true)},
       {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},
       {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, kMost, true)},
+      {"spread_correction", word(SLICEFARM_FIELD(setup.spread_correction), {"on", "off"})},
+      {"rounds", whole(SLICEFARM_FIELD(setup.rounds), 0, Process::kMostSpreadRounds)},
       {"resin_depth_um", number(SLICEFARM_FIELD(setup.resin_depth_um), 0, kMostDepthUm, true)},
       {"platform_reflectance", number(SLICEFARM_FIELD(setup.platform_reflectance), 0, 1)},
       {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},

@@ -74,7 +74,8 @@ std::string signature(const JobRequest& r) {
                   s.bottom_layers, s.fade_layers, s.uv_mw_cm2, s.dead_zone_um, s.uv_schedule,
                   s.window_cure, s.ramp, s.ramp_mm, s.omega_max, s.one_slice_gaps,
                   s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
-  text += fmt::format("|{}|{}", s.resin_depth_um, s.platform_reflectance);
+  text += fmt::format("|{}|{}|{}|{}", s.resin_depth_um, s.platform_reflectance, s.spread_correction,
+                      s.rounds);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
                       r.iterations, r.max_time_s, r.beyond_reach);

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <utility>
 #include <vector>
 
 #include "base/run_length.hpp"
@@ -25,14 +24,38 @@ inline bool all_zero(const std::uint8_t* p, std::size_t n) {
 class CodedBand {
  public:
   explicit CodedBand(std::size_t columns) : columns_(columns) {}
-  /// What `code` and `ends` of another held.
-  CodedBand(std::size_t columns, std::vector<std::uint8_t> code, std::vector<std::size_t> ends)
-      : columns_(columns), code_(std::move(code)), ends_(std::move(ends)) {}
 
   /// Adds the next slice; null is black.
   void append(const std::uint8_t* rows) {
     if (rows && !all_zero(rows, columns_)) run_length_encode(rows, columns_, code_);
     ends_.push_back(code_.size());
+  }
+  /// Adds a slice like the one before it; black where there is none.
+  void append_again() {
+    if (!ends_.empty()) {
+      const std::size_t from = begin(slices() - 1), to = ends_.back();
+      code_.resize(to + (to - from));
+      std::copy_n(code_.data() + from, to - from, code_.data() + to);
+    }
+    ends_.push_back(code_.size());
+  }
+  /// Adds a slice of another band of as many columns.
+  void append_of(const CodedBand& other, int slice) {
+    code_.insert(code_.end(), other.code_.data() + other.begin(slice),
+                 other.code_.data() + other.ends_[static_cast<std::size_t>(slice)]);
+    ends_.push_back(code_.size());
+  }
+  /// Gives back memory that no slice needs.
+  void trim() {
+    code_.shrink_to_fit();
+    ends_.shrink_to_fit();
+  }
+  std::size_t bytes() const { return code_.capacity() + ends_.capacity() * sizeof(std::size_t); }
+  /// Whether two slices are alike.
+  bool same(int slice, int other) const {
+    const std::uint8_t *a = code_.data() + begin(slice), *b = code_.data() + begin(other);
+    return std::equal(a, code_.data() + ends_[static_cast<std::size_t>(slice)], b,
+                      code_.data() + ends_[static_cast<std::size_t>(other)]);
   }
   int slices() const { return static_cast<int>(ends_.size()); }
   bool black(int slice) const { return begin(slice) == ends_[static_cast<std::size_t>(slice)]; }
@@ -53,8 +76,6 @@ class CodedBand {
                        code_.data() + ends_[static_cast<std::size_t>(slice)], columns_, out);
   }
   std::size_t columns() const { return columns_; }
-  const std::vector<std::uint8_t>& code() const { return code_; }
-  const std::vector<std::size_t>& ends() const { return ends_; }
 
  private:
   std::size_t begin(int slice) const {

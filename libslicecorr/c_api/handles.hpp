@@ -11,6 +11,7 @@
 #include "c_api/guard.hpp"
 #include "c_api/slice_store.hpp"
 #include "slicecorr.h"
+#include "slicecorr/dose_target.hpp"
 #include "slicecorr/setup.hpp"
 
 namespace slicecorr::c_api {
@@ -50,6 +51,8 @@ struct slicecorr_stack {
   /// Null: the images are in the archive only.
   std::shared_ptr<slicecorr::c_api::SliceStore> slices;
   std::vector<double> uv_of_pixel;
+  std::shared_ptr<const slicecorr::c_api::SliceStore> doses;  ///< that are wanted; null: none
+  slicecorr::DoseScale dose_scale;
 };
 
 struct slicecorr_figures {

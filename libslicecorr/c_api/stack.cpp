@@ -343,6 +343,25 @@ slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack, const char* 
   });
 }
 
+slicecorr_status slicecorr_stack_set_doses(slicecorr_stack* target, const slicecorr_stack* doses,
+                                           double greatest, const char* side) {
+  return guarded(nullptr, [&] {
+    slicecorr_stack& t = need(target, "target");
+    if (!doses) {
+      t.doses.reset();
+      return;
+    }
+    if (!doses->slices) {
+      throw slicecorr::c_api::BadCall(
+          "the doses are not in memory; expected slicecorr_stack_load()");
+    }
+    slicecorr::DoseScale scale = slicecorr::DoseScale::even(greatest);
+    if (side) scale.side = slicecorr::dose_side_named(side);
+    t.doses = doses->slices;
+    t.dose_scale = scale;
+  });
+}
+
 slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack, const char* name,
                                         double* value) {
   return guarded(nullptr, [&] {

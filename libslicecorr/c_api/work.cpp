@@ -51,27 +51,36 @@ class Images {
  public:
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
          const ExecutionContext& context, const std::vector<std::string>& left_alone = {})
-      : slices_(stack.slices) {
+      : slices_(stack.slices), dose_images_(stack.doses) {
     if (!slices_) {
       reader_.emplace(stack.path, folder, context, missing_facts(stack, printer));
       check_unchanged(stack, reader_->info());
     }
-    if (left_alone.empty()) return;
-    left_alone_.emplace(own(), left_alone, MeshesLeftAlone{}, printer, folder, context);
+    if (!left_alone.empty()) {
+      left_alone_.emplace(own(), left_alone, MeshesLeftAlone{}, printer, folder, context);
+    }
+    if (!dose_images_) return;
+    doses_.images = dose_images_.get();
+    doses_.scale = stack.dose_scale;
+    name_ranges(doses_);
+    graded_.emplace(ungraded(), doses_);
   }
   std::optional<std::uint64_t> pixel_sum() const {
     if (reader_ && !left_alone_) return reader_->pixel_sum();
     return std::nullopt;
   }
-  const SliceSource& source() const { return left_alone_ ? **left_alone_ : own(); }
+  const SliceSource& source() const { return graded_ ? *graded_ : ungraded(); }
 
  private:
   const SliceSource& own() const {
     return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
   }
-  std::shared_ptr<const SliceStore> slices_;
+  const SliceSource& ungraded() const { return left_alone_ ? **left_alone_ : own(); }
+  std::shared_ptr<const SliceStore> slices_, dose_images_;
   std::optional<StackReader> reader_;
   std::optional<LeftAloneFiles> left_alone_;
+  DoseTarget doses_;
+  std::optional<GradedTarget> graded_;
 };
 
 /// A source on the way: sums its coverage, stops when the job is cancelled.
@@ -83,6 +92,7 @@ class Watched final : public SliceSource {
   PixelBox bounds() const override { return source_.bounds(); }
   ImageFrame frame() const override { return source_.frame(); }
   const Recording* recording() const override { return source_.recording(); }
+  const DoseTarget* doses() const override { return source_.doses(); }
   const SliceSource* left_alone() const override { return source_.left_alone(); }
   void read_band(const PixelBox& band, const Sink& sink) const override {
     const auto size =
@@ -180,7 +190,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   setup.process = schedule_uv(source, setup, context);
   Watched watched(source, context);
   const CorrectedSlices corrected(watched, setup, context);
-  watched.begin();
+  if (!corrected.kept()) watched.begin();
   InMemory result;
   result.stack = std::make_unique<slicecorr_stack>();
   slicecorr_stack& stack = *result.stack;

@@ -29,6 +29,10 @@ class BandSolver {
 /// The solver of plain models.
 std::unique_ptr<BandSolver> make_continuous_solver(const CorrectionPlan& plan, std::size_t columns);
 
+/// The solver of plain models where doses are wanted.
+std::unique_ptr<BandSolver> make_graded_solver(const CorrectionPlan& plan, std::size_t columns,
+                                               BandDoses doses);
+
 /// The solver of continuous exposure that isn't plain, and of columns that are left alone in part.
 std::unique_ptr<BandSolver> make_stepwise_solver(const CorrectionPlan& plan, std::size_t columns);
 

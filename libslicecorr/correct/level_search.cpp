@@ -193,6 +193,7 @@ bool LevelSearch::is_edge(std::int32_t id) const {
 }
 
 int LevelSearch::gather(const RunAt& start, int n) {
+  top_ = n;
   const Edge* edge = &edges_[start.edge];
   // Find the last edge whose slices are chosen together with these.
   int last = start.node;
@@ -231,6 +232,17 @@ int LevelSearch::gather(const RunAt& start, int n) {
   return count_;
 }
 
+bool LevelSearch::inside_feature(const SearchStep& s) const {
+  // Of endless runs it is not known how far above their end lies.
+  return s.coverage == kFull && (s.j > 0 || edges_[s.edge].endless);
+}
+
+bool LevelSearch::hold_below(SearchStep& s, int k) const {
+  if (!inside_feature(s)) return true;
+  s.target.hi = std::min(s.target.hi, std::max(most_[top_ - k], plan_.prints) + room_);
+  return s.target.lo <= s.target.hi;
+}
+
 bool LevelSearch::aim(double tolerance) { return aim(plan_.corners_of(tolerance)); }
 
 bool LevelSearch::aim(const EdgeCorners& at) {
@@ -253,6 +265,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
         while (rung + 1 < kRungs && p.tolerance[static_cast<std::size_t>(rung)] < tolerance) ++rung;
       }
       s.target = edges_.doses(edge, s.j, rung);
+      if (most_ && !hold_below(s, k)) return false;
       s.light = light_rule(s.rule, s.target);
       continue;
     }
@@ -266,6 +279,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
       s.target.lo = std::max(s.target.lo, limits.lo);
       s.target.hi = std::min(s.target.hi, limits.hi);
       if (s.target.lo > s.target.hi) return false;
+      if (most_ && !hold_below(s, k)) return false;
     }
     s.light = light_rule(s.rule, s.target);
   }
@@ -451,6 +465,68 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
     std::memcpy(known.levels, out, static_cast<std::size_t>(chosen));
   }
   return chosen;
+}
+
+int LevelSearch::one_slice_near(const RunAt& run, int n, double below, const Wanted& wanted) const {
+  const ContinuousPlan& p = plan_;
+  const Edge& edge = edges_[run.edge];
+  const int j = n - run.node;
+  const bool under_grey = j == 0 && !edge.platform && is_grey(edge.above_cover);
+  if (edge.below != kFull || under_grey) return one_slice(run, n, below);
+  const LevelTable::Around around = p.levels.around(wanted.phi);
+  const bool next =
+      p.levels.phi(around.at_least) - wanted.phi < wanted.phi - p.levels.phi(around.at_most);
+  const bool up = wanted.side == DoseSide::at_least || (wanted.side == DoseSide::nearest && next);
+  const int nearest = up ? around.at_least : around.at_most;
+  for (int r = 0; r < kRungs; ++r) {
+    const LevelRange range =
+        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r)), below);
+    if (range.empty()) continue;
+    const int from = std::clamp(nearest, range.first, range.last);
+    for (int off = 0; off <= range.last - range.first; ++off) {
+      for (const int level : {up ? from + off : from - off, up ? from - off : from + off}) {
+        if (level < range.first || level > range.last) continue;
+        if (edges_.levels_allow(edge, j, p.step(p.levels.phi(level), below))) return level;
+      }
+    }
+  }
+  return one_slice(run, n, below);
+}
+
+bool LevelSearch::search_below(double below, const Wanted& wanted, double room, std::uint8_t* out) {
+  // An edge that is where it should comes before a dose that is: of tolerances only the finest.
+  constexpr std::size_t most = 6;
+  most_ = wanted.most;
+  room_ = room;
+  bool found = false;
+  for (std::size_t t = 0; t <= most && t < plan_.ladder.size() && !found; t += 2) {
+    found = aim(plan_.ladder[t]) && depth_first(steps_.data(), below, out);
+  }
+  most_ = nullptr;
+  return found;
+}
+
+int LevelSearch::choose_near(const RunAt& run, int n, double below, const Wanted& wanted,
+                             std::uint8_t* out) {
+  taken_ = nullptr;
+  if (!looks_ahead(run, n)) {
+    out[0] = static_cast<std::uint8_t>(one_slice_near(run, n, below, wanted));
+    return 1;
+  }
+  gather(run, n);
+  bool held = false;
+  for (int k = 0; k < count_ && !held; ++k) {
+    const SearchStep& s = steps_[static_cast<std::size_t>(k)];
+    held = inside_feature(s) && wanted.most[n - k] < edges_.doses(edges_[s.edge], s.j, 0).hi;
+  }
+  if (held) {
+    const int chosen = cut_ ? first_edge_ : count_;
+    for (const double room : {wanted.room, wanted.room + plan_.feature_reserve,
+                              wanted.room + 4 * plan_.feature_reserve}) {
+      if (search_below(below, wanted, room, out)) return chosen;
+    }
+  }
+  return choose(run, n, below, out);
 }
 
 }  // namespace slicecorr::detail

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "correct/edges.hpp"
+#include "slicecorr/dose_target.hpp"
 
 namespace slicecorr::detail {
 
@@ -45,6 +46,17 @@ class LevelSearch {
   bool looks_ahead(const RunAt& run, int n) const {
     return n - run.node < plan_.together && is_edge(run.edge);
   }
+  /// As choose(), near to the light `phi` in features: `side` says on which side of it a level may
+  /// be, where one fits. Doses of features stay at or below `most`, by node, and by `room` at most
+  /// above it, before edges as far as these stay right.
+  struct Wanted {
+    double phi;
+    DoseSide side;
+    const double* most;
+    double room;
+  };
+  int choose_near(const RunAt& run, int n, double below, const Wanted& wanted,
+                  std::uint8_t* levels);
   /// The phi of slice n when every intensity may be shown.
   double exact(const RunAt& run, int n, double below) const;
 
@@ -106,6 +118,10 @@ class LevelSearch {
   double taken_at(int k) const { return taken_ ? taken_[k] : 0.0; }
   LayerRule rule_of(const RunAt& run, int n, int rung) const;
   int one_slice(const RunAt& run, int n, double below) const;
+  int one_slice_near(const RunAt& run, int n, double below, const Wanted& wanted) const;
+  /// Finds levels of the gathered slices by which the first edges lie where they should and no
+  /// feature passes `most` and `room`.
+  bool search_below(double below, const Wanted& wanted, double room, std::uint8_t* levels);
   double grey_aim(const RunAt& run, int n, double below) const;
   /// Whether a feature and a gap meet at this edge.
   bool is_edge(std::int32_t edge) const;
@@ -114,6 +130,10 @@ class LevelSearch {
   /// Sets rules and targets for edges within `tolerance`; false: no light meets them.
   bool aim(double tolerance);
   bool aim(const EdgeCorners& at);
+  /// Whether the upper node of a gathered slice lies inside a feature.
+  bool inside_feature(const SearchStep& step) const;
+  /// Keeps the dose of the gathered slice k below `most_`; false: it can't be.
+  bool hold_below(SearchStep& step, int k) const;
   /// Finds levels of the gathered slices; false: no sequence of levels is right.
   bool search(double below, std::uint8_t* levels, std::size_t from);
   bool depth_first(const SearchStep* steps, double below, std::uint8_t* levels) const;
@@ -123,6 +143,10 @@ class LevelSearch {
   const ContinuousPlan& plan_;
   const double* taken_ = nullptr;
   std::array<SearchStep, kMost> steps_;
+  /// While a search is held below doses: by node, and how far above them it may go; null: none.
+  const double* most_ = nullptr;
+  double room_ = 0;
+  int top_ = 0;  ///< the first of the gathered slices
   int count_ = 0;
   int first_edge_ = 0;  ///< slices up to the first edge
   bool cut_ = false;

@@ -125,6 +125,8 @@ struct BandCorrector::Impl {
 
 BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone)
     : impl_(std::make_unique<Impl>(make_solver(plan, columns, leaves_alone))) {}
+BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns, BandDoses doses)
+    : impl_(std::make_unique<Impl>(detail::make_graded_solver(plan, columns, std::move(doses)))) {}
 BandCorrector::~BandCorrector() = default;
 BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
 void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
@@ -133,7 +135,7 @@ void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* 
 }
 void BandCorrector::solve(const Sink& sink) { impl_->solver->solve(sink, {}); }
 void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
-  if (!impl_->solver->has_tiles()) throw Error("only plain models are solved in tiles");
+  if (!impl_->solver->has_tiles()) throw Error("this is not solved in tiles");
   impl_->solver->solve(sink, tiles);
 }
 

@@ -35,6 +35,10 @@ class SpreadLight {
   /// The pixels whose columns light from `box` reaches, and as well those whose light reaches its
   /// columns: of the display.
   PixelBox around(const PixelBox& box) const { return grown(box, reach_x(), reach_y()); }
+  const LightBlur& blur() const { return blur_; }
+  const SliceScatter& scatter() const { return scatter_; }
+  /// All pixels; beyond them it is dark.
+  const PixelBox& display() const { return display_; }
   /// The finest line and gap, along the better of the display's axes; nothing where all light of the
   /// printer stays where it is.
   std::optional<FinestWidths> finest() const;

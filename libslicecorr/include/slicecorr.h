@@ -125,6 +125,9 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  gap_shortfall         how much of a slice it may lose, up to 0.5; 0.18 when not set
  *  surface               mesh, slices: where edges lie whose heights the target knows
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
+ *  resin_depth_um        depth of the resin above the window, instead of the printer's
+ *  spread_correction     on, off: where light spreads, columns together or each alone
+ *  rounds                most rounds of correcting columns together; 20 when not set
  *  uv_mw_cm2             inhibiting UV light, the same throughout
  *  dead_zone_um          or the dead zone at the window that it is to hold
  *  uv_schedule           constant, per-slice, patterned
@@ -241,6 +244,16 @@ SLICECORR_API slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slic
  *  swapped. */
 SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack, const char* name,
                                                           double value);
+
+/** Doses that are wanted of the features of `target`, in critical doses: a byte v of `doses` stands
+ *  for 1 + (greatest - 1) v / 255. `doses` is in memory and has the size and number of slices of
+ *  `target`; it may be freed afterwards. `side` says how doses are met that change too steeply
+ *  along z: nearest, at-least or at-most; NULL: nearest. `doses` NULL: none are wanted. Counted by
+ *  slicecorr_correct(), slicecorr_correct_in_memory() and, as "regions" of the figures' JSON, by
+ *  slicecorr_verify(); for continuous exposure without UV light (docs/graded-dose.md). */
+SLICECORR_API slicecorr_status slicecorr_stack_set_doses(slicecorr_stack* target,
+                                                         const slicecorr_stack* doses,
+                                                         double greatest, const char* side);
 
 /** What a stack says about itself; 0 where it does not.
  *

@@ -4,6 +4,8 @@
 
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/compare_spread.hpp"
+#include "pipeline/correct_spread.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/baseline.hpp"
@@ -87,6 +89,10 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
   const auto least = std::min_element(result.erase_mean_um.begin(), result.erase_mean_um.end());
   result.best_n = static_cast<int>(least - result.erase_mean_um.begin());
 
+  if (detail::spreads(setup)) {
+    detail::compare_spread_methods(target, setup, result, context);
+    return result;
+  }
   std::uint8_t pixel_of[256] = {};
   for (int level = 0; level < plans.levels(); ++level) {
     pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plans.levels()));

@@ -31,11 +31,12 @@ void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
 }  // namespace
 
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const CodedBand* left_alone, const ColumnSinks& out,
+                     const CodedBand* left_alone, const BandDoses* doses, const ColumnSinks& out,
                      const ExecutionContext& context) {
-  BandCorrector corrector(plan, columns, left_alone != nullptr);
+  BandCorrector corrector = doses ? BandCorrector(plan, columns, *doses)
+                                  : BandCorrector(plan, columns, left_alone != nullptr);
   LeftAloneRows left_rows(left_alone);
-  const bool in_tiles = plan.model.is_plain() && !left_alone;
+  const bool in_tiles = plan.model.is_plain() && !left_alone && !doses;
   CodedBand heights(columns);
   read([&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
     if ((n & 63) == 0) context.check_cancelled();

@@ -22,9 +22,10 @@ struct ColumnSinks {
   WindowWatch* watch;     ///< the same
 };
 
-/// Corrects columns and predicts them. `left_alone`: null: nothing. Throws `Cancelled`.
+/// Corrects columns and predicts them. `left_alone`: null: nothing; `doses`: null where none are
+/// wanted. Throws `Cancelled`.
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const CodedBand* left_alone, const ColumnSinks& out,
+                     const CodedBand* left_alone, const BandDoses* doses, const ColumnSinks& out,
                      const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

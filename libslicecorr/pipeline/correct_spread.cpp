@@ -1,12 +1,12 @@
 #include "pipeline/correct_spread.hpp"
 
-#include <filesystem>
+#include <fmt/format.h>
+
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "pipeline/bands.hpp"
-#include "pipeline/coded_stack.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/target_scan.hpp"
@@ -18,51 +18,79 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// Reads all slices of another while they are given on.
-class Scanned final : public SliceSource {
- public:
-  Scanned(const SliceSource& source, TargetScan& scan) : source_(source), scan_(scan) {}
-  const Grid& grid() const override { return source_.grid(); }
-  PixelBox bounds() const override { return source_.bounds(); }
-  ImageFrame frame() const override { return source_.frame(); }
-  const SliceSource* edge_heights() const override { return source_.edge_heights(); }
-  bool ends_below_last_node() const override { return source_.ends_below_last_node(); }
-  const SliceSource* left_alone() const override { return source_.left_alone(); }
-  void read_band(const PixelBox& band, const Sink& sink) const override { scan_.read(band, sink); }
-
- private:
-  const SliceSource& source_;
-  TargetScan& scan_;
-};
+CoupledOptions options_of(int rounds) {
+  CoupledOptions options;
+  options.rounds = rounds;
+  return options;
+}
 
 }  // namespace
+
+TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans& plans, int rounds,
+                                     const ExecutionContext& context)
+    : plans_(plans),
+      light_(plans.models(), target.grid(), target.frame()),
+      coupled_(plans.plan(), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
+               options_of(rounds)) {
+  coupled_.solve_columns(
+      [&](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
+        const auto heights = edge_heights_of(target, box);
+        read_design(reader_of(target, box), heights ? &*heights : nullptr, Surface::mesh, sink);
+      },
+      context);
+  const auto tell = [&](const CoupledRound& round) {
+    context.tell(fmt::format("round {} of {}: {} voxels of gaps cure, {} of features do not",
+                             round.round, rounds, round.through, round.under));
+  };
+  if (rounds > 0) tell(coupled_.columns_alone());
+  while (coupled_.improve(context)) tell(coupled_.last());
+}
+
+void TogetherCorrected::read_band(const PixelBox& band, const SliceSource::Sink& sink) const {
+  const CodedBand upwards = coupled_.levels_of(band);
+  std::vector<std::uint8_t> pixels(columns_of(band));
+  const int all = plans_.all_layers(), levels = plans_.levels();
+  for (int n = 0; n < all; ++n) {
+    const int at = all - 1 - n;
+    if (upwards.black(at)) {
+      sink(n, nullptr);
+      continue;
+    }
+    upwards.read(at, pixels.data());
+    for (std::uint8_t& pixel : pixels) {
+      pixel = static_cast<std::uint8_t>(pixel_of_level(pixel, levels));
+    }
+    sink(n, pixels.data());
+  }
+}
 
 Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
                                 const StackFile& file, const CorrectionAsk& ask,
                                 const ExecutionContext& context) {
   TargetScan scan(target);
-  const Scanned scanned(target, scan);
-  const CorrectedSlices alone(scanned, setup, context);
-  const Grid& grid = alone.grid();
-  StackWriter writer(file, grid, context);
-  CodedStack stack(grid, target.frame(), bands_of(grid, target.bounds()),
-                   std::filesystem::path(file.path).parent_path().string(), context);
-  parallel_for(context, "correct", stack.bands().size(), [&](std::size_t i) {
-    const PixelBox& band = stack.bands()[i];
-    stack.put(i, coded_band_of(alone, band));
-    if (const auto left_alone = left_alone_of(target, band)) scan.add(*left_alone);
+  const std::vector<PixelBox> target_bands = bands_of(target.grid(), target.bounds());
+  parallel_for(context, "look", target_bands.size(), [&](std::size_t i) {
+    scan.read(target_bands[i], [&](int n, const std::uint8_t*) {
+      if ((n & 63) == 0) context.check_cancelled();
+    });
+    if (const auto left_alone = left_alone_of(target, target_bands[i])) scan.add(*left_alone);
   });
-
-  parallel_for(context, "encode", stack.bands().size(), [&](std::size_t i) {
-    const PixelBox& band = stack.bands()[i];
+  Correction result;
+  scan.fill(result.info);
+  const auto stack = std::make_shared<const CorrectedSlices>(target, setup, context);
+  result.slices = stack;
+  const Grid& grid = stack->grid();
+  StackWriter writer(file, grid, context);
+  const std::vector<PixelBox> bands = bands_of(grid, stack->bounds());
+  parallel_for(context, "encode", bands.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i];
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
-    stack.read_band(band, [&](int n, const std::uint8_t* rows) {
+    stack->read_band(band, [&](int n, const std::uint8_t* rows) {
       if ((n & 63) == 0) context.check_cancelled();
       encoder.put(n, band.x0, band.x1, rows);
     });
   });
 
-  Correction result;
   StackInfo& info = result.info;
   info.grid = grid;
   set_frame(info, target);
@@ -72,15 +100,14 @@ Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
   info.process = setup.process;
   if (!target.edge_heights()) info.process->surface = Surface::slices;
   info.original_sha256 = file.original_sha256;
-  scan.fill(info);
-  result.after = verify_stack(stack, target, setup, context);
+  result.after = verify_stack(*stack, target, setup, context);
   if (ask.before || ask.volume_cells > 0) {
     const AsSliced shown(target);
     result.before = verify_stack(shown, target, setup, context);
   }
   if (ask.volume_cells > 0) {
     result.volume = std::make_shared<ReducedVolume>(
-        reduce_volume(stack, target, setup, ask.volume_cells, context));
+        reduce_volume(*stack, target, setup, ask.volume_cells, context));
   }
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, target.frame());
   tell_shortcomings(result.after, models.brightest(), setup.process, setup.printer.levels(),

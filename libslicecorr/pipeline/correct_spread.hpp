@@ -1,11 +1,37 @@
 /// The correction where light spreads from column to column.
 #pragma once
 
+#include <vector>
+
+#include "correct/coupled.hpp"
+#include "cure/spread_band.hpp"
+#include "pipeline/place_plans.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr::detail {
 
-/// As `correct_stack`, for light that spreads: first each column alone, then all together.
+/// Whether light goes from column to column.
+inline bool spreads(const Setup& setup) {
+  return !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+}
+
+/// The slices of a target whose columns are corrected together.
+class TogetherCorrected {
+ public:
+  /// `plans` of an even display; these and `target` must outlive this. `rounds` 0: columns alone.
+  /// Throws as `correct_stack`.
+  TogetherCorrected(const SliceSource& target, const PlacePlans& plans, int rounds,
+                    const ExecutionContext& context);
+  /// As `SliceSource::read_band`.
+  void read_band(const PixelBox& band, const SliceSource::Sink& sink) const;
+
+ private:
+  const PlacePlans& plans_;
+  const SpreadLight light_;
+  CoupledCorrection coupled_;
+};
+
+/// As `correct_stack`, for light that spreads.
 Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
                                 const StackFile& file, const CorrectionAsk& ask,
                                 const ExecutionContext& context);

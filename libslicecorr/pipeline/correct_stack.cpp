@@ -9,6 +9,7 @@
 #include "pipeline/correct_columns.hpp"
 #include "pipeline/correct_spread.hpp"
 #include "pipeline/design_band.hpp"
+#include "pipeline/dose_meter.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/surface_collector.hpp"
@@ -86,11 +87,6 @@ Grid with_layers(Grid grid, int layers) {
   return grid;
 }
 
-/// Whether light goes from column to column.
-bool spreads(const Setup& setup) {
-  return !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
-}
-
 /// The setup with the UV light over z that it asks for.
 Setup with_scheduled_uv(const SliceSource& target, Setup setup, const ExecutionContext& context) {
   refuse_recording(target);
@@ -139,7 +135,8 @@ class StackCorrection {
   // Merging does not depend on the order of bands, and a band's histograms are large.
   std::mutex merging_;
   Prediction after_, before_;
-  LightCounts grouped_columns_{};  ///< where the display's light is uneven
+  LightCounts grouped_columns_{};    ///< where the display's light is uneven
+  std::vector<RegionDose> regions_;  ///< where doses are wanted
 };
 
 /// A band on its way through the correction.
@@ -159,10 +156,14 @@ class StackCorrection::Band {
   void correct_even() {
     const auto heights = detail::edge_heights_of(whole_.target_, box_);
     const auto left_alone = detail::left_alone_of(whole_.target_, box_);
+    std::optional<CodedBand> doses;
+    if (whole_.target_.doses()) {
+      doses = detail::coded_band_of(*whole_.target_.doses()->images, box_);
+    }
     correct(
         whole_.plans_.models().map().reference(), nullptr,
         [this](const SliceSource::Sink& sink) { read(sink); }, heights ? &*heights : nullptr,
-        left_alone ? &*left_alone : nullptr, pixels_of_columns(box_),
+        left_alone ? &*left_alone : nullptr, doses ? &*doses : nullptr, pixels_of_columns(box_),
         [this](int n, const std::uint8_t* pixels) { put(n, pixels); });
   }
   /// Columns of equal light are corrected together, then joined.
@@ -191,7 +192,8 @@ class StackCorrection::Band {
   /// before them. `heights`, `left_alone`: null without.
   void correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
                const BandReader& reader, const CodedBand* heights, const CodedBand* left_alone,
-               const BandPredictor::PixelOfColumn& place, const PutPixels& put_pixels);
+               const CodedBand* doses, const BandPredictor::PixelOfColumn& place,
+               const PutPixels& put_pixels);
 
   StackCorrection& whole_;
   const PixelBox& box_;
@@ -201,6 +203,7 @@ class StackCorrection::Band {
   StackWriter::BandEncoder encoder_;
   Prediction after_, before_;
   LightCounts counts_{};
+  std::vector<RegionDose> regions_;
 };
 
 StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
@@ -218,6 +221,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       bands_(bands_of(grid_, target.bounds())),
       surface_after_(target.bounds()),
       surface_before_(target.bounds()) {
+  if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   detail::set_uv_images(writer_, model(), plans_.levels());
   if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
   if (ask.volume_cells > 0) {
@@ -228,7 +232,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
 
 void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
                                     const BandReader& reader, const CodedBand* heights,
-                                    const CodedBand* left_alone,
+                                    const CodedBand* left_alone, const CodedBand* doses,
                                     const BandPredictor::PixelOfColumn& place,
                                     const PutPixels& put_pixels) {
   const int slices = whole_.plans_.all_layers();
@@ -257,24 +261,33 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   // Slices that are shown as they are have the greys of gentle slopes, which a design with edge
   // heights has not: they are kept, and predicted apart.
   const bool apart = heights && whole_.with_before_;
-  CodedBand as_shown(count), as_read(apart ? count : 0);
+  CodedBand as_shown(count), as_read(apart || doses ? count : 0);
   std::vector<std::uint8_t> sliced(count);
   detail::LeftAloneRows left_rows(left_alone);
   const BandReader kept = [&](const SliceSource::Sink& sink) {
     reader([&](int n, const std::uint8_t* rows) {
-      if (apart) {
-        as_shown.append(detail::as_sliced(rows, left_rows.at(n), sliced));
-        as_read.append(rows);
-      }
+      if (apart) as_shown.append(detail::as_sliced(rows, left_rows.at(n), sliced));
+      if (apart || doses) as_read.append(rows);
       sink(n, rows);
     });
   };
   const DesignReader design = [&](const detail::DesignSink& sink) {
     detail::read_design(kept, heights, Surface::mesh, sink);
   };
+  const detail::WantedBand wanted{whole_.target_.doses(), doses};
+  const BandDoses wanted_doses = doses ? wanted.of_columns() : BandDoses{};
+  std::optional<detail::DoseMeter> meter;
+  PutPixels put_and_measure = put_pixels;
+  if (doses) {
+    put_and_measure = [&](int n, const std::uint8_t* pixels) {
+      if (!meter) meter.emplace(wanted, plan.model, as_read);
+      meter->add_slice(n, pixels);
+      put_pixels(n, pixels);
+    };
+  }
   correct_columns(
-      plan, count, design, left_alone,
-      {put_pixels, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
+      plan, count, design, left_alone, doses ? &wanted_doses : nullptr,
+      {put_and_measure, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
        watch ? &*watch : nullptr},
       whole_.context_);
   if (apart) {
@@ -283,6 +296,7 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
     detail::predict_shown(predict_before, plan.model.is_plain(), as_shown, plan.layers, sharp,
                           predicted, nullptr, whole_.context_);
   }
+  if (meter) detail::merge_regions(regions_, meter->regions());
   after_ = predict_after.finish(place);
   before_ = predict_before.finish(place);
   whole_.surface_after_.add(predict_after.sides(), place);
@@ -294,14 +308,19 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
 
 void StackCorrection::Band::correct_by_light() {
   const BandReader reader = [this](const SliceSource::Sink& sink) { read(sink); };
+  const DoseTarget* const doses = whole_.target_.doses();
+  std::vector<BandReader> readers;
+  if (doses) readers.push_back(detail::reader_of(*doses->images, box_));
+  const std::size_t own = readers.size();
+  readers.push_back(reader);
   const GroupedBand grouped(whole_.plans_.models().map(), box_,
-                            detail::with_target({reader}, whole_.target_, box_));
+                            detail::with_target(std::move(readers), whole_.target_, box_));
   std::vector<CodedBand> corrected;
   for (const GroupedBand::Group& g : grouped.groups) {
     counts_[g.value] = g.columns.size();
     CodedBand& coded = corrected.emplace_back(g.columns.size());
-    correct(g.value, &g.columns, g.reader(0), g.heights(), g.left_alone(),
-            pixels_of_columns(box_, g.columns),
+    correct(g.value, &g.columns, g.reader(own), g.heights(), g.left_alone(),
+            doses ? g.sources.data() : nullptr, pixels_of_columns(box_, g.columns),
             [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
   }
   Joiner joined(grouped, columns_, std::move(corrected));
@@ -318,6 +337,7 @@ void StackCorrection::Band::finish() {
   const std::lock_guard lock(whole_.merging_);
   whole_.after_.merge(after_);
   if (whole_.with_before_) whole_.before_.merge(before_);
+  if (!regions_.empty()) detail::merge_regions(whole_.regions_, regions_);
   for (std::size_t v = 0; v < counts_.size(); ++v) whole_.grouped_columns_[v] += counts_[v];
 }
 
@@ -350,6 +370,7 @@ Correction StackCorrection::result() {
 
   result.after = of_whole_image(after_, plans_.all_layers());
   result.after.dead_zones = std::move(dead_zones);
+  result.after.regions = regions_;
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
   result.before = of_whole_image(before_, plans_.layers());
@@ -397,7 +418,9 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
-  if (spreads(setup)) return detail::correct_spread_stack(wanted, setup, file, ask, context);
+  if (wanted.doses()) detail::check_graded(wanted, setup);
+  if (detail::spreads(setup))
+    return detail::correct_spread_stack(wanted, setup, file, ask, context);
   StackCorrection correction(wanted, setup, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
@@ -414,19 +437,35 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
+  if (target.doses()) detail::check_doses(*target.doses(), target, plans_->models(), setup);
+  if (!detail::spreads(setup)) return;
+  const CureModel& model = plans_->models().brightest();
+  const char* const alone = !plans_->even()        ? "the display's light is uneven"
+                            : target_.left_alone() ? "parts are left alone"
+                            : !model.is_plain()    ? "the exposure is not continuous in deep resin"
+                                                   : nullptr;
+  if (alone == nullptr) {
+    together_ = std::make_unique<const detail::TogetherCorrected>(
+        target_, *plans_, setup.process.spread_rounds, context);
+  } else if (setup.process.spread_rounds > 0) {
+    context.tell(fmt::format("light spreads, and {}: each column is corrected alone", alone));
+  }
 }
 
 CorrectedSlices::~CorrectedSlices() = default;
 
 void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
+  if (together_) return together_->read_band(band, sink);
   const std::size_t columns = columns_of(band);
   const int all = plans_->all_layers();
   const BandReader read = detail::reader_of(target_, band);
   // The solve gives the last slice first.
   const auto corrected = [&](const CorrectionPlan& plan, std::size_t count,
                              const BandReader& reader, const CodedBand* heights,
-                             const CodedBand* left_alone) {
-    BandCorrector corrector(plan, count, left_alone != nullptr);
+                             const CodedBand* left_alone, const CodedBand* bytes) {
+    const detail::WantedBand wanted{target_.doses(), bytes};
+    BandCorrector corrector = bytes ? BandCorrector(plan, count, wanted.of_columns())
+                                    : BandCorrector(plan, count, left_alone != nullptr);
     detail::LeftAloneRows left_rows(left_alone);
     detail::read_design(reader, heights, Surface::mesh,
                         [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
@@ -442,12 +481,15 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     });
     return upwards;
   };
+  const DoseTarget* const doses = target_.doses();
   if (plans_->even()) {
     const auto heights = detail::edge_heights_of(target_, band);
     const auto left_alone = detail::left_alone_of(target_, band);
+    std::optional<CodedBand> bytes;
+    if (doses) bytes = detail::coded_band_of(*doses->images, band);
     const CodedBand upwards =
         corrected(plans_->plan(), columns, read, heights ? &*heights : nullptr,
-                  left_alone ? &*left_alone : nullptr);
+                  left_alone ? &*left_alone : nullptr, bytes ? &*bytes : nullptr);
     std::vector<std::uint8_t> pixels(columns);
     for (int n = 0; n < all; ++n) {
       const int at = all - 1 - n;
@@ -456,12 +498,17 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     }
     return;
   }
+  std::vector<BandReader> readers;
+  if (doses) readers.push_back(detail::reader_of(*doses->images, band));
+  const std::size_t own = readers.size();
+  readers.push_back(read);
   const GroupedBand grouped(plans_->models().map(), band,
-                            detail::with_target({read}, target_, band));
+                            detail::with_target(std::move(readers), target_, band));
   std::vector<CodedBand> coded_bands;
   for (const GroupedBand::Group& g : grouped.groups) {
-    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0),
-                                    g.heights(), g.left_alone()));
+    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(own),
+                                    g.heights(), g.left_alone(),
+                                    doses ? g.sources.data() : nullptr));
   }
   Joiner joined(grouped, columns, std::move(coded_bands));
   for (int n = 0; n < all; ++n) sink(n, joined.at(all - 1 - n));

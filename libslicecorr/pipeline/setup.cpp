@@ -336,6 +336,14 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     if (c_.gap_shortfall > 0) setup.process.gap_shortfall = c_.gap_shortfall;
     setup.process.cap_platform_features = c_.platform_features == "capped";
     setup.process.surface = surface_named(c_.surface);
+    // Without light that spreads there are no rounds, and nothing to say of them.
+    const bool spreads = !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+    if (c_.rounds > Process::kMostSpreadRounds) {
+      wrong(fmt::format("{} is {}; expected at most {}", o("rounds"), c_.rounds,
+                        Process::kMostSpreadRounds));
+    }
+    if (spreads && c_.rounds >= 0) setup.process.spread_rounds = c_.rounds;
+    if (spreads && c_.spread_correction == "off") setup.process.spread_rounds = 0;
   }
   if (info && info->recording) check_recorded(setup, *info);
   return setup;

@@ -10,6 +10,7 @@
 #include "cure/spread_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/design_band.hpp"
+#include "pipeline/dose_meter.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/surface_collector.hpp"
 #include "pipeline/vanished.hpp"
@@ -298,6 +299,12 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   Verification verification(stack, target, slices, setup.resin, setup.process.surface, context);
   verification.predict_bands();
   Prediction p = verification.result();
+  if (target.doses()) {
+    const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),
+                             stack.frame());
+    detail::check_doses(*target.doses(), target, models, setup);
+    p.regions = detail::measure_doses(stack, target, models, context);
+  }
   detail::tell_nothing_prints(p, context);
   if (p.dead_zones && p.dead_zones->cured_pixels > 0) {
     context.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
@@ -388,6 +395,18 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   const CodedBand design = detail::marked_band_of(target, row);
   for (int n = 0; n < design.slices(); ++n) {
     design.read(n, s.coverage.data() + static_cast<std::size_t>(n) * width);
+  }
+  if (const DoseTarget* const doses = target.doses()) {
+    const CodedBand wanted = detail::coded_band_of(*doses->images, row);
+    std::vector<std::uint8_t> bytes(width);
+    s.wanted.resize(size, 1.0F);
+    for (int n = 0; n < wanted.slices(); ++n) {
+      wanted.read(n, bytes.data());
+      for (std::size_t x = 0; x < width; ++x) {
+        s.wanted[static_cast<std::size_t>(n) * width + x] =
+            static_cast<float>(doses->scale.dose[bytes[x]]);
+      }
+    }
   }
   const CodedBand coded = detail::coded_band_of(stack, row);
   detail::ShownBand shown(slices, coded);

@@ -33,6 +33,49 @@ std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model) {
                           model.heterogeneity(), model.gels_further_teeth(longest)};
 }
 
+namespace {
+
+constexpr double kDoseUnit = 4294967296.0;
+
+unsigned __int128 scaled(double value) {
+  return static_cast<std::uint64_t>(std::llround(value * kDoseUnit));
+}
+double mean_of(unsigned __int128 sum, std::uint64_t count) {
+  return count ? static_cast<double>(sum) / kDoseUnit / static_cast<double>(count) : 0.0;
+}
+
+}  // namespace
+
+void RegionDose::add(double wanted, double dose) {
+  ++voxels;
+  least_wanted = std::min(least_wanted, wanted);
+  greatest_wanted = std::max(greatest_wanted, wanted);
+  least = std::min(least, dose);
+  greatest = std::max(greatest, dose);
+  most_below = std::max(most_below, wanted - dose);
+  most_above = std::max(most_above, dose - wanted);
+  sum_ += scaled(dose);
+  wanted_sum_ += scaled(wanted);
+  off_sum_ += scaled(std::abs(dose - wanted));
+}
+
+void RegionDose::merge(const RegionDose& o) {
+  voxels += o.voxels;
+  least_wanted = std::min(least_wanted, o.least_wanted);
+  greatest_wanted = std::max(greatest_wanted, o.greatest_wanted);
+  least = std::min(least, o.least);
+  greatest = std::max(greatest, o.greatest);
+  most_below = std::max(most_below, o.most_below);
+  most_above = std::max(most_above, o.most_above);
+  sum_ += o.sum_;
+  wanted_sum_ += o.wanted_sum_;
+  off_sum_ += o.off_sum_;
+}
+
+double RegionDose::mean() const { return mean_of(sum_, voxels); }
+double RegionDose::mean_wanted() const { return mean_of(wanted_sum_, voxels); }
+double RegionDose::mean_off() const { return mean_of(off_sum_, voxels); }
+
 double Prediction::iou() const {
   const std::uint64_t both = target_voxels - undercure_voxels;
   const std::uint64_t either = target_voxels + cure_through_voxels;
@@ -143,6 +186,25 @@ std::string Prediction::to_json() const {
                {"max_inside", or_null(target_voxels > 0, max_dose_inside)},
                {"min_inside_layers", or_null(target_voxels > 0, min_inside_layers)},
                {"max_outside", or_null(max_dose_outside >= 0, max_dose_outside)}};
+  if (!regions.empty()) {
+    auto& list = j["regions"] = ordered_json::array();
+    for (const RegionDose& r : regions) {
+      if (r.voxels == 0) {
+        list.push_back({{"name", r.name}, {"voxels", 0}});
+        continue;
+      }
+      list.push_back(
+          {{"name", r.name},
+           {"voxels", r.voxels},
+           {"wanted",
+            {{"min", r.least_wanted}, {"mean", r.mean_wanted()}, {"max", r.greatest_wanted}}},
+           {"dose", {{"min", r.least}, {"mean", r.mean()}, {"max", r.greatest}}},
+           {"off",
+            {{"mean_abs", r.mean_off()},
+             {"most_below", r.most_below},
+             {"most_above", r.most_above}}}});
+    }
+  }
   j["gap_contrast"] = {{"min", or_null(contrasts, gap_contrast.least())},
                        {"p05", or_null(contrasts, gap_contrast.quantile(0.05))}};
   j["grey_voxels"] = grey_voxels;

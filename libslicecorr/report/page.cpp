@@ -147,10 +147,17 @@ std::string summary(const ReportContent& c) {
   if (const std::string light = light_in_words(c.setup.printer); !light.empty()) {
     html += " Light over the display: " + escape_markup(light) + ".";
   }
+  if (const std::string spread = spread_in_words(c.setup.printer.spread); !spread.empty()) {
+    html += " Light spreads: " + escape_markup(spread) + ".";
+  }
+  if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {
+    html += fmt::format(" Light scatters in the resin, {:g} um²/um.", scatter);
+  }
   if (const std::string uv = uv_in_words(c.setup.process.uv); !uv.empty()) {
     html += " UV light: " + escape_markup(uv) + ".";
   }
   if (layerwise) return html + "</p>";
+  if (c.most_wanted > 1) return html + " Doses inside features wanted place by place.</p>";
   const double cap = c.setup.process.omega_max;
   return html + (cap >= 1e300 ? " Dose inside features not capped.</p>"
                               : fmt::format(" Dose inside features capped at {:g}.</p>", cap));
@@ -192,6 +199,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
       escape_markup(c.title), detail::page_page_css);
   html += summary(c);
   html += "<h2>What will print</h2>" + figures_table(c);
+  html += detail::dose_tables(c);
   if (c.comparison) html += detail::comparison_table(*c.comparison);
   const bool moving = c.volume && c.volume->cells() > 0;
   if (moving) html += detail::page_explorer_html;
@@ -274,6 +282,8 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   c.setup = setup;
   c.after = after;
   c.before = before;
+  for (const RegionDose& r : after.regions)
+    c.most_wanted = std::max(c.most_wanted, r.greatest_wanted);
   const PixelBox box = target.bounds();
   const AsSliced uncorrected(target);
   // One section at a time: those of long prints on wide displays are large.
@@ -284,6 +294,12 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     pictures.place = row_in_words(stack, y);
     const auto draw = [&](const SliceSource& shown, ColourImage& cure, ColourImage& grey) {
       const Section s = section_of(shown, target, setup, y);
+      if (c.most_wanted > 1 && &shown == &stack) {
+        pictures.dose_wanted =
+            dose_picture(s, true, c.most_wanted, g.pixel_x_um, g.layer_um, most_pixels);
+        pictures.dose_after =
+            dose_picture(s, false, c.most_wanted, g.pixel_x_um, g.layer_um, most_pixels);
+      }
       cure = cure_picture(s, g.pixel_x_um, g.layer_um, most_pixels);
       grey = grey_picture(s, g.pixel_x_um, g.layer_um, most_pixels);
     };

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "picture/embed.hpp"
 #include "support/text/escape.hpp"
 
 namespace slicecorr::detail {
@@ -194,6 +195,49 @@ std::string feature_lists(const ReportContent& c) {
     html += feature_table("Merged, uncorrected", c.before->merged_examples,
                           c.before->merged_features, g, false);
     in_plane(*c.before, "uncorrected", false);
+  }
+  return html;
+}
+
+std::string dose_tables(const ReportContent& c) {
+  if (c.after.regions.empty()) return {};
+  std::string html =
+      R"(<h2>Doses wanted, and those that print</h2><div class="scroll"><table><thead><tr><th scope="col">Region</th><th scope="col">voxels</th><th scope="col">wanted</th><th scope="col">least</th><th scope="col">mean</th><th scope="col">greatest</th><th scope="col">mean difference</th><th scope="col">most below</th><th scope="col">most above</th></tr></thead><tbody>)";
+  for (const RegionDose& r : c.after.regions) {
+    if (r.voxels == 0) {
+      html += fmt::format(
+          R"(<tr><th scope="row">{}</th><td>0</td><td>-</td><td>-</td><td>-</td><td>-</td><td>-</td><td>-</td><td>-</td></tr>)",
+          escape_markup(r.name));
+      continue;
+    }
+    const std::string wanted =
+        r.least_wanted == r.greatest_wanted
+            ? fmt::format("{:.4g}", r.least_wanted)
+            : fmt::format("{:.4g} to {:.4g}", r.least_wanted, r.greatest_wanted);
+    html += fmt::format(
+        R"(<tr><th scope="row">{}</th><td>{}</td><td>{}</td><td>{:.4g}</td><td>{:.4g}</td><td>{:.4g}</td><td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td></tr>)",
+        escape_markup(r.name), r.voxels, wanted, r.least, r.mean(), r.greatest, r.mean_off(),
+        r.most_below, r.most_above);
+  }
+  html +=
+      R"(</tbody></table></div><p class="dim">Doses in the middle of voxels of features; 1 just gels. Near gaps a dose must come down to 1, however much is wanted.</p>)";
+  for (const auto& s : c.sections) {
+    if (s.dose_after.rgb.empty()) continue;
+    html += fmt::format(R"(<h3>Dose at {}</h3><p class="key dim">Platform up: )", s.place);
+    for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+      const double dose = 1 + share * (c.most_wanted - 1);
+      html += fmt::format(R"(<b><i style="background:{}"></i>{:.3g}{}</b> )",
+                          dose_colour(dose, c.most_wanted), dose, share == 1.0 ? " and more" : "");
+    }
+    html += R"(<b><i style="background:)" + dose_colour(0.99, c.most_wanted) +
+            R"("></i>not gelled</b></p><div class="pair">)";
+    for (const bool wanted : {true, false}) {
+      const char* const words =
+          wanted ? "The doses that are wanted" : "This stack: doses that print";
+      html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
+                          image_element(wanted ? s.dose_wanted : s.dose_after, words), words);
+    }
+    html += "</div>";
   }
   return html;
 }

@@ -15,6 +15,9 @@ namespace slicecorr::detail {
 std::string histograms(const ReportContent& content);
 /// The lost and merged features with their places.
 std::string feature_lists(const ReportContent& content);
+/// Wanted doses beside those that print, by region, and pictures of both; empty where none are
+/// wanted.
+std::string dose_tables(const ReportContent& content);
 std::string comparison_table(const ComparisonTable& comparison);
 
 /// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made

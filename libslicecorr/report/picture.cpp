@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -76,6 +78,41 @@ ColourImage cure_picture(const Section& s, double pixel_x_um, double layer_um, i
 
 ColourImage grey_picture(const Section& s, double pixel_x_um, double layer_um, int most_px) {
   const auto colour = [&](std::size_t k) { return Colour{s.pixels[k], s.pixels[k], s.pixels[k]}; };
+  return draw(s, pixel_x_um, layer_um, most_px, colour, [](std::size_t) { return 0; });
+}
+
+namespace {
+
+/// From `kEmpty` at no dose to a pale grey at 1, and from blue at 1 to yellow at `most`.
+Colour colour_of_dose(double dose, double most) {
+  static constexpr std::array<Colour, 5> scale{
+      {{59, 82, 139}, {33, 145, 140}, {94, 201, 98}, {173, 220, 48}, {253, 231, 37}}};
+  const auto mixed = [](const Colour& a, const Colour& b, double share) {
+    Colour c;
+    for (std::size_t k = 0; k < c.size(); ++k) {
+      c[k] = static_cast<std::uint8_t>(std::lround(a[k] + share * (b[k] - a[k])));
+    }
+    return c;
+  };
+  if (dose < 1) return mixed(kEmpty, kGreyEmpty, std::max(0.0, dose));
+  const double at = std::clamp((dose - 1) / (most - 1), 0.0, 1.0) * (scale.size() - 1);
+  const auto from = std::min(static_cast<std::size_t>(at), scale.size() - 2);
+  return mixed(scale[from], scale[from + 1], at - static_cast<double>(from));
+}
+
+}  // namespace
+
+std::string dose_colour(double dose, double most) {
+  const Colour c = colour_of_dose(dose, most);
+  return fmt::format("#{:02x}{:02x}{:02x}", c[0], c[1], c[2]);
+}
+
+ColourImage dose_picture(const Section& s, bool wanted, double most, double pixel_x_um,
+                         double layer_um, int most_px) {
+  const auto colour = [&](std::size_t k) {
+    if (!wanted) return colour_of_dose(s.dose[k], most);
+    return s.coverage[k] == 255 ? colour_of_dose(s.wanted[k], most) : kEmpty;
+  };
   return draw(s, pixel_x_um, layer_um, most_px, colour, [](std::size_t) { return 0; });
 }
 

@@ -54,8 +54,14 @@ double added_dose(const CureModel& model, const PrintClock::Moment& moment, int 
     return model.ratio(moment.slice) *
            kernel.exact(kernel.setting_of_slice(moment.slice), level, x, f);
   }
-  const double phi =
-      model.level_phi[static_cast<std::size_t>(level)] * model.returned(moment.slice + 1 - x);
+  return added_dose_of_light(model, moment, model.level_phi[static_cast<std::size_t>(level)], x);
+}
+
+double added_dose_of_light(const CureModel& model, const PrintClock::Moment& moment, double phi,
+                           double x) {
+  const double f = moment.share;
+  if (f <= 0) return 0;
+  phi *= model.returned(moment.slice + 1 - x);
   const double fall = model.eta * units::kLn10;
   const double depth =
       model.bath_slices > 0 ? model.bath_slices : std::numeric_limits<double>::infinity();

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "cure/returned_light.hpp"
+#include "simulate/refuse.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/place_models.hpp"
@@ -62,11 +63,8 @@ class Column {
 /// Without UV light: the recursions, begun at the window.
 class ClosedColumn final : public Column {
  public:
-  ClosedColumn(const CureModel& model, const std::vector<std::uint8_t>& pixels) : model_(model) {
-    const PixelCurve curve = pixel_curve(model);
-    for (std::size_t n = 0; n < pixels.size(); ++n) {
-      phi_.push_back(curve[pixels[n]] * model.ratio(static_cast<int>(n)));
-    }
+  ClosedColumn(const CureModel& model, std::vector<double> phi)
+      : model_(model), phi_(std::move(phi)) {
     for (int s = 0; s <= kSamplesPerLayer; ++s) {
       fade_[s] = std::exp(-fall() * s / kSamplesPerLayer);
     }
@@ -155,12 +153,8 @@ class ClosedColumn final : public Column {
 /// in closed form.
 class PiecewiseColumn final : public Column {
  public:
-  PiecewiseColumn(const CureModel& model, const std::vector<std::uint8_t>& pixels) : model_(model) {
-    const PixelCurve curve = pixel_curve(model);
-    for (std::size_t n = 0; n < pixels.size(); ++n) {
-      phi_.push_back(curve[pixels[n]] * model.ratio(static_cast<int>(n)));
-    }
-  }
+  PiecewiseColumn(const CureModel& model, std::vector<double> phi)
+      : model_(model), phi_(std::move(phi)) {}
 
   std::vector<GelledInterval> gelled(const Moment& now) override {
     std::vector<GelledInterval> out;
@@ -372,11 +366,10 @@ class SampledColumn final : public Column {
   std::map<std::tuple<int, int, double>, std::vector<double>> added_;
 };
 
-}  // namespace
-
-ColumnHistory simulate_column(const CureModel& model, const Process& process,
-                              const std::vector<std::uint8_t>& pixels, const ColumnOptions& options,
-                              const ExecutionContext& context) {
+/// `phi`: relative intensity of each slice, with its exposure; not looked at under UV light.
+ColumnHistory history_of(const CureModel& model, const Process& process,
+                         const std::vector<std::uint8_t>& pixels, std::vector<double> phi,
+                         const ColumnOptions& options, const ExecutionContext& context) {
   if (pixels.empty()) throw InputError("a column without slices; expected one slice at least");
   if (options.substeps < 0 || options.substeps > 10000) {
     throw InputError(
@@ -405,9 +398,9 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
   if (model.inhibited) {
     column = std::make_unique<SampledColumn>(model, pixels);
   } else if (model.bath_slices > 0 || model.mirrored_slices > 0) {
-    column = std::make_unique<PiecewiseColumn>(model, pixels);
+    column = std::make_unique<PiecewiseColumn>(model, std::move(phi));
   } else {
-    column = std::make_unique<ClosedColumn>(model, pixels);
+    column = std::make_unique<ClosedColumn>(model, std::move(phi));
   }
   const bool moving = model.mode == ExposureMode::continuous;
   const auto step_to = [&](const Moment& now) {
@@ -453,20 +446,40 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
   return history;
 }
 
+}  // namespace
+
+ColumnHistory simulate_column(const CureModel& model, const Process& process,
+                              const std::vector<std::uint8_t>& pixels, const ColumnOptions& options,
+                              const ExecutionContext& context) {
+  const PixelCurve curve = pixel_curve(model);
+  std::vector<double> phi;
+  phi.reserve(pixels.size());
+  for (std::size_t n = 0; n < pixels.size(); ++n) {
+    phi.push_back(curve[pixels[n]] * model.ratio(static_cast<int>(n)));
+  }
+  return history_of(model, process, pixels, std::move(phi), options, context);
+}
+
 ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
                               const Setup& setup, int x, int y, const ColumnOptions& options,
                               const ExecutionContext& context) {
   refuse_recording(stack);
+  refuse_scatter(setup.resin);
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
   const CureModel& model = models.model_at(x, y);
   std::vector<std::uint8_t> pixels;
-  pixels.reserve(rows.size());
+  std::vector<double> phi;
   for (const ProbeRow& row : rows) {
     pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
+    phi.push_back(row.phi);
   }
-  ColumnHistory history = simulate_column(model, setup.process, pixels, options, context);
+  // Where light spreads, what reaches the column is no longer that of its own pixels.
+  ColumnHistory history =
+      setup.printer.spread.none()
+          ? simulate_column(model, setup.process, pixels, options, context)
+          : history_of(models.brightest(), setup.process, pixels, std::move(phi), options, context);
   if (target) {
     for (const ProbeRow& row : rows) history.design.push_back(row.target);
   }

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
+#include "cure/spread_band.hpp"
+#include "simulate/refuse.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/place_models.hpp"
@@ -15,6 +18,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
                                 const Setup& setup, int y, const std::vector<double>& times_s,
                                 const ExecutionContext& context) {
   refuse_recording(stack);
+  refuse_scatter(setup.resin);
   const Grid& grid = stack.grid();
   if (target) check_same_voxels(grid, target->grid());
   if (y < 0 || y >= grid.height_px) {
@@ -23,6 +27,12 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   }
   PixelBox box = stack.bounds();
   if (target) box = box.united(target->bounds());
+  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  const CureModel& model = models.brightest();
+  const PlaceModels one(model);
+  const detail::SpreadLight spread(models, grid, stack.frame());
+  const detail::ShownSlices slices(stack);
+  if (!spread.none()) box = spread.around(box);
   if (box.empty()) throw InputError("nothing is shown in the stack; expected a pixel above black");
 
   SectionHistory s;
@@ -48,8 +58,6 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   const std::vector<std::uint8_t> pixels = read(stack);
   if (target) s.coverage = read(*target);
 
-  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
-  const CureModel& model = models.brightest();
   std::vector<std::uint8_t> light(width);
   models.map().values(row, light.data());
   const PrintClock clock(setup.process, model.m, grid.layer_um, grid.layers);
@@ -68,16 +76,28 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
     // Slices shown whole as ever, and what the present one has added so far.
     const bool whole = now.share >= 1.0;
     const int complete = now.slice + (whole ? 1 : 0);
-    PlaceDose dose(models, row);
+    // Where light spreads all columns have one model.
+    PlaceDose dose(spread.none() ? models : one, row);
+    std::optional<detail::SpreadBand> lights;
+    if (!spread.none()) lights.emplace(spread, stack, slices, row);
+    std::vector<double> unfinished(width);  // light of the present slice
     const std::uint8_t* shown = pixels.data() + static_cast<std::size_t>(now.slice) * width;
     for (int n = now.slice; n >= 0; --n) {
       if ((n & 63) == 0) context.check_cancelled();
       const std::size_t at = static_cast<std::size_t>(n) * width;
-      dose.add_slice(n, n < complete ? pixels.data() + at : nullptr);
+      if (lights) {
+        const std::span<const ImageShowing> shown_light = lights->of(n);
+        dose.add_slice(n, n < complete ? shown_light : std::span<const ImageShowing>{});
+        if (n == now.slice) std::copy_n(shown_light.front().phi, width, unfinished.begin());
+      } else {
+        dose.add_slice(n, n < complete ? pixels.data() + at : nullptr);
+      }
       std::map<std::pair<int, int>, double> added;  // by pixel value and light
       for (std::size_t x = 0; x < width; ++x) {
         double sum = dose.middle()[x];
-        if (!whole) {
+        if (!whole && lights) {
+          sum += added_dose_of_light(model, now, unfinished[x], now.slice + 0.5 - n);
+        } else if (!whole) {
           const auto [entry, is_new] = added.try_emplace({shown[x], light[x]}, 0.0);
           if (is_new) {
             entry->second = added_dose(models.model(light[x]), now,

@@ -94,6 +94,7 @@ struct MeshSlices::Impl {
   std::unique_ptr<const Heights> heights;  ///< null: not asked for
   PixelBox bounds;
   SliceReport report;
+  std::array<Point3, 2> box_mm{};
   std::vector<Corner> corners;                          ///< in place of the mesh's vertices
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< turned where needed
   std::vector<EdgeDefects::OpenEdge> open;
@@ -205,6 +206,7 @@ void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
 void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
                              const ExecutionContext& context) {
   const PartBox box = box_of(mesh, context);
+  box_mm = {box.low, box.high};
   const Grid plate = plate_grid(printer);
   const Placing at = placing_of(plate, options);
   check_fits(box, at, plate, printer);
@@ -419,6 +421,7 @@ bool MeshSlices::ends_below_last_node() const {
   // In slices from the platform; nearer to the node than half a step of the byte is at it.
   return highest + 0.5 - impl_->grid.layers > 0.5 / 254;
 }
+const std::array<Point3, 2>& MeshSlices::box_mm() const { return impl_->box_mm; }
 const SliceReport& MeshSlices::report() const { return impl_->report; }
 const SliceSource* MeshSlices::edge_heights() const { return impl_->heights.get(); }
 

@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/stack.hpp"
+#include "stack/png/png.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr {
@@ -26,24 +27,36 @@ std::uint32_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at)
          (std::uint32_t{bytes[at + 2]} << 8) | bytes[at + 3];
 }
 
-/// `what` names the image in complaints.
-GreyImage read_grey_png(const std::string& path, const char* what,
-                        const std::function<void(int width_px, int height_px)>& check) {
+/// A file that looks like a PNG of a size that can be borne.
+struct PngFile {
+  std::vector<std::uint8_t> bytes;
+  int width = 0, height = 0;
+};
+PngFile read_png_file(const std::string& path) {
   const std::string text = read_text_file(path);
-  const std::vector<std::uint8_t> bytes(text.begin(), text.end());
+  PngFile file{{text.begin(), text.end()}, 0, 0};
   constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
-  if (bytes.size() < 24 || std::memcmp(bytes.data(), signature, sizeof signature) != 0) {
+  if (file.bytes.size() < 24 || std::memcmp(file.bytes.data(), signature, sizeof signature) != 0) {
     throw InputError(path, "", "is no PNG image");
   }
-  const std::uint32_t width = big_endian(bytes, 16), height = big_endian(bytes, 20);
+  const std::uint32_t width = big_endian(file.bytes, 16), height = big_endian(file.bytes, 20);
   if (!is_image_size(width, height)) {
     throw InputError(path, "",
                      fmt::format("is {} x {} pixels; expected sides of 1 to {} and at most {} "
                                  "pixels",
                                  width, height, kMostPixelsAcross, kMostPixels));
   }
-  if (check) check(static_cast<int>(width), static_cast<int>(height));
-  return decode_png(bytes, static_cast<int>(width), static_cast<int>(height), path, what);
+  file.width = static_cast<int>(width);
+  file.height = static_cast<int>(height);
+  return file;
+}
+
+/// `what` names the image in complaints.
+GreyImage read_grey_png(const std::string& path, const char* what,
+                        const std::function<void(int width_px, int height_px)>& check) {
+  const PngFile file = read_png_file(path);
+  if (check) check(file.width, file.height);
+  return decode_png(file.bytes, file.width, file.height, path, what);
 }
 
 /// A file that a table names, beside `source` where its name is relative.
@@ -88,6 +101,12 @@ std::optional<SpreadPicture> spread_picture(const TomlTable& light, const Printe
 GreyImage read_flat_field_png(const std::string& path,
                               const std::function<void(int width_px, int height_px)>& check) {
   return read_grey_png(path, "flat-field", check);
+}
+
+CameraPicture read_camera_png(const std::string& path) {
+  const PngFile file = read_png_file(path);
+  const std::string what = "picture";
+  return detail::decode_camera_png(file.bytes, file.width, file.height, {path, what});
 }
 
 void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path) {

@@ -35,6 +35,12 @@ double incomplete_beta(double a, double b, double x) {
   return boost::math::ibeta(a, b, x, Quiet());
 }
 
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 double digamma(double x) { return boost::math::digamma(x, Quiet()); }
 
 double trigamma(double x) { return boost::math::trigamma(x, Quiet()); }

@@ -20,6 +20,9 @@ double student_t_quantile(double probability, double freedom);
 /// P(F > f): small when f is surprisingly large.
 double f_exceedance(double f, double freedom1, double freedom2);
 
+/// The middle one of at least one value; of an even number the upper of both.
+double median(std::vector<double> values);
+
 /// First and second derivative of log Gamma, x > 0.
 double digamma(double x);
 double trigamma(double x);

@@ -1,5 +1,4 @@
 // Fit of a tomographic printer's optics.
-#include <ceres/ceres.h>
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
@@ -11,6 +10,7 @@
 #include <optional>
 
 #include "fit/figure_text.hpp"
+#include "fit/least_squares.hpp"
 #include "fit/statistics.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/optics_fit.hpp"
@@ -21,8 +21,6 @@ namespace slicecorr::resins {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-/// Relative, of the sum of squares and of parameters.
-constexpr double kFine = 1e-12;
 constexpr double kRadians = std::numbers::pi / 180;
 
 /// All that a fit may move.
@@ -158,7 +156,7 @@ struct Observation {
   bool is_row = false;
 };
 
-class Model {
+class Model : public LeastSquares {
  public:
   Model(const OpticsPoints& points, State start)
       : points_(points.points), start_(std::move(start)) {}
@@ -179,8 +177,11 @@ class Model {
     for (const Known* k : fitted) all.push_back(k->of(s));
     return all;
   }
+  std::size_t count() const override { return observations.size(); }
+  std::size_t unknowns() const override { return fitted.size(); }
+  double step(std::size_t unknown, double) const override { return fitted[unknown]->step; }
   /// Measured less found, over its scatter; false where the printer is none.
-  bool residuals(const double* values, double* out) const {
+  bool residuals(const double* values, double* out) const override {
     const State s = at(values);
     if (!holds(s)) return false;
     std::size_t known_point = points_.size();
@@ -197,90 +198,11 @@ class Model {
     }
     return true;
   }
-  bool jacobian(const double* values, Eigen::MatrixXd& out) const {
-    const auto n = static_cast<Eigen::Index>(observations.size());
-    const auto p = static_cast<Eigen::Index>(fitted.size());
-    out.resize(n, p);
-    Eigen::VectorXd low(n), high(n);
-    std::vector<double> moved(values, values + p);
-    for (Eigen::Index k = 0; k < p; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      const double value = moved[i], step = fitted[i]->step;
-      moved[i] = value - step;
-      if (!residuals(moved.data(), low.data())) return false;
-      moved[i] = value + step;
-      if (!residuals(moved.data(), high.data())) return false;
-      moved[i] = value;
-      out.col(k) = (high - low) / (2 * step);
-    }
-    return true;
-  }
-  double cost(const double* values) const {
-    std::vector<double> r(observations.size());
-    if (!residuals(values, r.data())) return std::numeric_limits<double>::infinity();
-    double sum = 0;
-    for (const double v : r) sum += v * v;
-    return sum;
-  }
 
  private:
   const std::vector<OpticsPoint>& points_;
   State start_;
 };
-
-class Residuals : public ceres::CostFunction {
- public:
-  explicit Residuals(const Model& model) : model_(model) {
-    set_num_residuals(static_cast<int>(model.observations.size()));
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(model.fitted.size()));
-  }
-  bool Evaluate(const double* const* values, double* residual, double** jacobians) const override {
-    // Ceres complains to stderr where derivatives fail and residuals did not, so both are checked
-    // at once.
-    if (at_.empty() || !std::equal(at_.begin(), at_.end(), values[0])) {
-      at_.assign(values[0], values[0] + model_.fitted.size());
-      residual_.resize(model_.observations.size());
-      holds_ = model_.residuals(at_.data(), residual_.data()) && model_.jacobian(at_.data(), j_);
-    }
-    if (!holds_) return false;
-    std::copy(residual_.begin(), residual_.end(), residual);
-    if (!jacobians || !jacobians[0]) return true;
-    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-        jacobians[0], j_.rows(), j_.cols()) = j_;
-    return true;
-  }
-
- private:
-  const Model& model_;
-  mutable std::vector<double> at_, residual_;
-  mutable Eigen::MatrixXd j_;
-  mutable bool holds_ = false;
-};
-
-/// Sum of squares; infinite where nothing was found.
-double minimise(const Model& model, std::vector<double>& values, double tolerance, int steps) {
-  Eigen::MatrixXd j;
-  if (!std::isfinite(model.cost(values.data())) || !model.jacobian(values.data(), j)) {
-    return std::numeric_limits<double>::infinity();
-  }
-  Residuals residuals(model);
-  ceres::Problem::Options ownership;
-  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem problem(ownership);
-  problem.AddResidualBlock(&residuals, nullptr, values.data());
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.logging_type = ceres::SILENT;
-  options.num_threads = 1;
-  options.max_num_iterations = steps;
-  options.max_num_consecutive_invalid_steps = 60;
-  options.function_tolerance = options.parameter_tolerance = tolerance;
-  options.gradient_tolerance = 1e-2 * tolerance;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  if (!summary.IsSolutionUsable()) return std::numeric_limits<double>::infinity();
-  return model.cost(values.data());
-}
 
 /// From where the pins stand by a look around, as nobody knows it to begin with.
 double solve(const Model& model, std::vector<double>& best, bool fine = true) {
@@ -323,76 +245,24 @@ std::string names_of(const std::vector<const Known*>& all) {
   return text;
 }
 
-/// What the derivatives at the best place say.
-struct Shape {
-  Eigen::VectorXd residual, leverage;
-  Eigen::MatrixXd unscaled;  ///< inverse of J'J
-};
-
 /// Throws when some combination of what is fitted moves no point.
-Shape shape_of(const Model& model, const std::vector<double>& values, const std::string& source) {
-  Shape shape;
-  Eigen::MatrixXd j;
-  shape.residual.resize(static_cast<Eigen::Index>(model.observations.size()));
-  model.residuals(values.data(), shape.residual.data());
-  if (!model.jacobian(values.data(), j)) {
-    throw InputError(source, "", "the fit ended where no light comes to a pin");
-  }
-  Eigen::VectorXd length = j.colwise().norm().transpose();
-  for (auto& l : length) l = l > 0 ? l : 1;
-  const Eigen::MatrixXd scaled = j * length.cwiseInverse().asDiagonal();
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  const auto& singular = svd.singularValues();
-  const auto p = singular.size();
-  // Derivatives are good to some 1e-7; a combination so flat would have an interval ten thousand
-  // times that of a parameter alone.
-  constexpr double least = 1e-4;
-  if (!(singular(p - 1) > least * singular(0))) {
-    const Eigen::VectorXd share = svd.matrixV().col(p - 1).cwiseAbs();
-    std::vector<const Known*> open;
-    std::string next;
-    for (Eigen::Index k = 0; k < p; ++k) {
-      const bool dead = j.col(k).norm() == 0;
-      if (share(k) < 0.2 * share.maxCoeff() && !dead) continue;
-      const Known* const one = model.fitted[static_cast<std::size_t>(k)];
-      open.push_back(one);
-      if (next.find(one->advice) == std::string::npos) {
-        next += fmt::format("\n  for {}: {}", one->name, one->advice);
-      }
-    }
-    throw InputError(source, "",
-                     fmt::format("these points can't tell {}{}; hold one with --fix, or measure{}",
-                                 names_of(open), open.size() > 1 ? " from each other" : "", next));
-  }
-  const Eigen::MatrixXd half = svd.matrixV() * singular.cwiseInverse().asDiagonal();
-  shape.unscaled = length.cwiseInverse().asDiagonal() * (half * half.transpose()) *
-                   length.cwiseInverse().asDiagonal();
-  shape.leverage = svd.matrixU().rowwise().squaredNorm();
-  return shape;
-}
-
-/// The measurement that can least belong to the others, if it can't at all.
-std::optional<std::size_t> outlier_of(const Shape& shape, std::size_t fitted) {
-  const double n = static_cast<double>(shape.residual.size());
-  const double freedom = n - static_cast<double>(fitted) - 1;
-  if (freedom < 1) return std::nullopt;
-  const double squares = shape.residual.squaredNorm();
-  double worst = 0;
-  std::size_t which = 0;
-  for (Eigen::Index i = 0; i < shape.residual.size(); ++i) {
-    const double rest = std::max(1e-9, 1 - shape.leverage(i)), r = shape.residual(i);
-    // Scatter without this one.
-    const double others = (squares - r * r / rest) / freedom;
-    const double t = std::abs(r) / std::sqrt(rest * std::max(others, 1e-300));
-    if (t > worst) {
-      worst = t;
-      which = static_cast<std::size_t>(i);
+FitShape shape_at(const Model& model, const std::vector<double>& values,
+                  const std::string& source) {
+  FitShape shape = shape_of(model, values);
+  if (!shape.holds) throw InputError(source, "", "the fit ended where no light comes to a pin");
+  if (shape.open.empty()) return shape;
+  std::vector<const Known*> open;
+  std::string next;
+  for (const std::size_t k : shape.open) {
+    const Known* const one = model.fitted[k];
+    open.push_back(one);
+    if (next.find(one->advice) == std::string::npos) {
+      next += fmt::format("\n  for {}: {}", one->name, one->advice);
     }
   }
-  const double limit = student_t_quantile(1 - 0.005 / n, freedom);
-  // What is left of rounding is none.
-  const bool seen = std::abs(shape.residual(static_cast<Eigen::Index>(which))) > 1e-6;
-  return seen && worst > limit ? std::optional(which) : std::nullopt;
+  throw InputError(source, "",
+                   fmt::format("these points can't tell {}{}; hold one with --fix, or measure{}",
+                               names_of(open), open.size() > 1 ? " from each other" : "", next));
 }
 
 void check_names(const OpticsFitOptions& options) {
@@ -527,7 +397,7 @@ OpticsFit fit_optics(const OpticsPoints& points, const Printer& printer, double 
                      "[vial] and [optics] nearer to the machine");
   }
   check_direction(model, cost, points.source, fit.notes);
-  Shape shape = shape_of(model, values, points.source);
+  FitShape shape = shape_at(model, values, points.source);
   std::vector<Observation> left_out;
   while (!options.keep_outliers) {
     const auto worst = outlier_of(shape, model.fitted.size());
@@ -542,7 +412,7 @@ OpticsFit fit_optics(const OpticsPoints& points, const Printer& printer, double 
     }
     model.observations.erase(model.observations.begin() + static_cast<std::ptrdiff_t>(*worst));
     cost = minimise(model, values, kFine, 200);
-    shape = shape_of(model, values, points.source);
+    shape = shape_at(model, values, points.source);
   }
   State found = model.at(values.data());
   found.pins_deg -= 360 * std::floor(found.pins_deg / 360);

@@ -157,10 +157,11 @@ class Reports {
       const Correction& c = outcome.correction;
       Setup setup = outcome.setup;
       setup.process = *c.info.process;
-      const CorrectedSlices corrected(target, setup);
+      std::shared_ptr<const SliceSource> corrected = c.slices;
+      if (!corrected) corrected = std::make_shared<const CorrectedSlices>(target, setup);
       cli::write_text_file(
           work_.path() + "/html",
-          make_report(gather_report(corrected, target, setup, c.info, c.after, c.before,
+          make_report(gather_report(*corrected, target, setup, c.info, c.after, c.before,
                                     fs::path(name_).stem().string(), context, c.volume),
                       context));
     }

@@ -12,6 +12,8 @@
 /// Layer by layer each slice makes its own layer's far edge reach 1. Under UV light a slice hardly
 /// acts on its own node and is chosen for several nodes above it together (docs/inhibition.md).
 ///
+/// Where doses are wanted, features get these in place of the most that fits (docs/graded-dose.md).
+///
 /// A first pass from slice 0 on notes, per column, the edges that it passes, in a log that the
 /// solve takes back step by step.
 ///
@@ -26,6 +28,7 @@
 #include <vector>
 
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dose_target.hpp"
 
 namespace slicecorr {
 
@@ -54,6 +57,13 @@ struct CorrectionPlan {
   std::shared_ptr<const detail::MirroredPlans> mirrored;
 };
 
+/// The doses that are wanted of a band's features.
+struct BandDoses {
+  const DoseScale* scale;  ///< must outlive the corrector
+  /// Writes the bytes of a layer, one per column.
+  std::function<void(int layer, std::uint8_t* bytes)> read;
+};
+
 /// Number of slices to show for a target whose last lit layer is `last_lit` (0-based): the burst
 /// that cures its lower edge comes after it.
 int slices_with_burst(const CureModel& model, int target_layers, int last_lit);
@@ -63,6 +73,9 @@ class BandCorrector {
  public:
   /// `leaves_alone`: whether any layer has voxels that are left alone.
   BandCorrector(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone = false);
+  /// For wanted doses: only for plain models, without a cap of the dose, where nothing is left alone.
+  /// Layers of doses are read when `solve` is called.
+  BandCorrector(const CorrectionPlan& plan, std::size_t columns, BandDoses doses);
   ~BandCorrector();
   BandCorrector(BandCorrector&&) noexcept;
 
@@ -110,6 +123,12 @@ class BandCorrector {
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage,
                                          const std::vector<std::uint8_t>& heights = {});
+
+/// The grey levels of one column of a plain model of whose layers `doses` are wanted, by their bytes.
+std::vector<std::uint8_t> solve_graded_column(const CorrectionPlan& plan, const DoseScale& scale,
+                                              const std::vector<std::uint8_t>& coverage,
+                                              const std::vector<std::uint8_t>& doses,
+                                              const std::vector<std::uint8_t>& heights = {});
 
 /// The grey levels of one column: the definition that `BandCorrector` equals, without its short
 /// cuts.

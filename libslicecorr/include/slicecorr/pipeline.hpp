@@ -29,7 +29,8 @@ namespace slicecorr {
 
 namespace detail {
 class PlacePlans;
-}
+class TogetherCorrected;
+}  // namespace detail
 
 /// Printer, resin and process with which a stack is corrected or judged.
 struct Setup {
@@ -64,6 +65,9 @@ struct Correction {
   std::optional<Prediction> before;  ///< what the target prints when shown as it is
   /// Both prints, reduced to cells, where it was asked for; see reduce_volume().
   std::shared_ptr<ReducedVolume> volume;
+  /// The corrected slices, where they are kept (`CorrectedSlices` of light that spreads); the target
+  /// must live on. Null where they are not.
+  std::shared_ptr<const SliceSource> slices;
 };
 
 /// What a correction is to find out besides the stack and its prediction.
@@ -75,9 +79,10 @@ struct CorrectionAsk {
   std::function<void(const Correction&)> before_writing = {};
 };
 
-/// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not
-/// fit the printer or has no voxel of coverage 1, `InfeasibleError` when physics or the stage's
-/// travel forbid it.
+/// Corrects `target` for `setup` and writes the stack; to the doses that are wanted of it, where it
+/// has some (`SliceSource::doses`). Throws `InputError` when the target does not fit the printer or
+/// has no voxel of coverage 1, or wanted doses don't fit the setup, `InfeasibleError` when physics
+/// or the stage's travel forbid it.
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context = {});
 
@@ -142,13 +147,16 @@ struct Section {
   std::vector<std::uint8_t> coverage;        ///< of the target, 0..255
   std::vector<std::uint8_t> pixels;          ///< shown, 0..255; black after the end of the stack
   std::vector<float> dose;                   ///< relative, at mid-layer; 1 gels
+  /// The doses that are wanted where coverage is 1; empty where the target has none.
+  std::vector<float> wanted;
 };
 Section section_of(const SliceSource& stack, const SliceSource& target, const Setup& setup, int y);
 
 /// A target corrected while it is read, without a file: for sections and columns.
 class CorrectedSlices final : public SliceSource {
  public:
-  /// `target` must outlive this. Throws as `correct_stack`.
+  /// `target` must outlive this. Where light spreads all is corrected at once and kept, coded; else
+  /// bands are corrected while they are read. Throws as `correct_stack`.
   CorrectedSlices(const SliceSource& target, const Setup& setup,
                   const ExecutionContext& context = {});
   ~CorrectedSlices() override;
@@ -156,11 +164,14 @@ class CorrectedSlices final : public SliceSource {
   PixelBox bounds() const override { return target_.bounds(); }
   ImageFrame frame() const override { return target_.frame(); }
   void read_band(const PixelBox& band, const Sink& sink) const override;
+  /// All is corrected and kept: the target is read no more.
+  bool kept() const { return together_ != nullptr; }
 
  private:
   const SlicesAlone alone_;
   const SliceSource& target_;
   std::unique_ptr<const detail::PlacePlans> plans_;
+  std::unique_ptr<const detail::TogetherCorrected> together_;  ///< null: each column alone
   Grid grid_;
 };
 

@@ -127,6 +127,24 @@ struct FinestPrint {
   double gap_um = 0;
 };
 
+/// Wanted doses beside those that print, at mid-layer, of the voxels of coverage 1 of a region.
+struct RegionDose {
+  std::string name;
+  std::uint64_t voxels = 0;
+  double least_wanted = std::numeric_limits<double>::infinity(), greatest_wanted = 0;
+  double least = std::numeric_limits<double>::infinity(), greatest = 0;
+  double most_below = 0, most_above = 0;  ///< greatest difference to what is wanted, >= 0
+  void add(double wanted, double dose);
+  void merge(const RegionDose& other);
+  double mean() const;
+  double mean_wanted() const;
+  double mean_off() const;  ///< of the absolute differences
+
+ private:
+  /// In units of 2^-32, so that their order does not matter.
+  unsigned __int128 sum_ = 0, wanted_sum_ = 0, off_sum_ = 0;
+};
+
 /// The figures of a prediction.
 struct Prediction {
   int layers = 0;                         ///< slices shown
@@ -175,6 +193,7 @@ struct Prediction {
   double min_inside_layers = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();
   double max_dose_outside = -std::numeric_limits<double>::infinity();
+  std::vector<RegionDose> regions;  ///< where doses are wanted; not merged, set for whole stacks
   /// Not merged, set for whole stacks; null where nobody asked.
   std::shared_ptr<const SurfaceMaps> maps;
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.

@@ -287,6 +287,7 @@ inline constexpr double kDefaultGapShortfall = 0.18;
 
 /// How a stack is exposed and corrected.
 struct Process {
+  static constexpr int kDefaultSpreadRounds = 20, kMostSpreadRounds = 1000;
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
   /// Cap of the relative dose inside features, >= 1; >= 1e300 means none.
   double omega_max = 1e300;
@@ -316,6 +317,8 @@ struct Process {
   double ramp_mm = 0;  ///< distance over which the stage reaches its speed; 0: not said
   /// Correct and show stacks whose resin cures to the window.
   bool allow_window_cure = false;
+  /// Where light spreads: rounds in which columns are corrected together, at most; 0: each alone.
+  int spread_rounds = kDefaultSpreadRounds;
   bool operator==(const Process&) const = default;
 };
 

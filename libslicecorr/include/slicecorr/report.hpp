@@ -30,6 +30,14 @@ std::string row_in_words(const SliceSource& source, int y);
 /// The grey values that are shown along a section, platform up.
 ColourImage grey_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
 
+/// The dose along a section, platform up, from white (none) over pale grey (just not gelled) and, in
+/// what is gelled, from blue (1) to yellow (`most` and more): what prints, or, `wanted`, what is
+/// wanted of the design. `most` > 1.
+ColourImage dose_picture(const Section& section, bool wanted, double most, double pixel_x_um,
+                         double layer_um, int most_px);
+/// The colour of a relative dose in it, as "#rrggbb".
+std::string dose_colour(double dose, double most);
+
 /// How far the print reaches beyond its design, as seen from below or from above, as the images
 /// lie: red where it reaches `scale_um` or more too far, blue where so much is missing, grey where
 /// it is right; white is empty. Small maps are enlarged. `scale_um`: > 0.
@@ -53,8 +61,10 @@ struct ReportContent {
   struct SectionPictures {
     std::string place;  ///< row_in_words
     ColourImage cure_before, cure_after, grey_before, grey_after;
+    ColourImage dose_wanted, dose_after;  ///< empty where no doses are wanted
   };
   std::vector<SectionPictures> sections;
+  double most_wanted = 0;            ///< greatest wanted dose, where doses are wanted
   int column_x = -1, column_y = -1;  ///< pixel of the columns below; -1: there is none
   std::vector<ProbeRow> column_before, column_after;
   /// What can be moved through; null: still pictures only.

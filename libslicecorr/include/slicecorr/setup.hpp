@@ -36,6 +36,8 @@ struct SetupChoices {
   double gap_shortfall = 0;                  ///< `Process::gap_shortfall`, at most 0.5
   std::string platform_features = "capped";  ///< capped, uncapped
   std::string surface = "mesh";              ///< slices, mesh: `Process::surface`
+  std::string spread_correction = "on";      ///< on; off: no rounds, each column alone
+  int rounds = -1;                           ///< `Process::spread_rounds`
   double dc_mj_cm3 = 0, ha_um = 0;           ///< in place of the resin's; height in base 10
   double resin_depth_um = 0;                 ///< in place of the printer's (`[vat] depth_um`)
   /// In place of the printer's (`[vat] platform_reflectance`), 0..1; below 0: not said.

@@ -52,6 +52,9 @@ class PrintClock {
 /// where the window stands at the slice's end: x = slice + 1 - zeta > 0. `level`: grey level of the
 /// pixel.
 double added_dose(const CureModel& model, const PrintClock::Moment& moment, int level, double x);
+/// The same of a slice that gives the column the relative intensity `phi`; without UV light.
+double added_dose_of_light(const CureModel& model, const PrintClock::Moment& moment, double phi,
+                           double x);
 
 /// A gelled stretch of a column. z is measured from the platform.
 struct GelledInterval {

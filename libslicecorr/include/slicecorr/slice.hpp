@@ -88,6 +88,8 @@ class MeshSlices final : public SliceSource {
   const SliceSource* edge_heights() const override;
   bool ends_below_last_node() const override;
   const SliceReport& report() const;
+  /// The corners of the box around the mesh, mm, as the mesh lay before it was put on the plate.
+  const std::array<Point3, 2>& box_mm() const;
   /// Looks at all columns of the part, on all threads; nothing is found where there are no edge
   /// heights. Throws `Cancelled`.
   ThinFeatures thin_features(const ExecutionContext& context = {}) const;

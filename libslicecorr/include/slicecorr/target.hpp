@@ -22,6 +22,7 @@
 namespace slicecorr {
 
 struct Recording;
+struct DoseTarget;
 
 /// A source of slices: a sliced mesh, or an archive. Several threads may read bands at once.
 class SliceSource {
@@ -59,6 +60,9 @@ class SliceSource {
   virtual const SliceSource* left_alone() const { return nullptr; }
   /// Whether some edge of the part's end lies below the last node, by the edge heights.
   virtual bool ends_below_last_node() const;
+  /// The doses that are wanted of a target's features (dose_target.hpp); null: just enough, and as
+  /// much as `Process::omega_max` allows.
+  virtual const DoseTarget* doses() const { return nullptr; }
 };
 
 /// The edge height of an edge at its node.
@@ -90,6 +94,7 @@ class SlicesAlone final : public SliceSource {
     source_.read_slices(band, first, past, sink);
   }
   bool reads_any_slices() const override { return source_.reads_any_slices(); }
+  const DoseTarget* doses() const override { return source_.doses(); }
   const SliceSource* left_alone() const override { return source_.left_alone(); }
 
  private:

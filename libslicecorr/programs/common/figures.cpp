@@ -77,11 +77,37 @@ std::string figures_table(const std::vector<Figures>& columns) {
   return text;
 }
 
+namespace {
+
+/// Wanted doses beside those that print; empty where none are wanted.
+std::string doses_table(const Prediction& p) {
+  if (p.regions.empty()) return {};
+  std::string text =
+      fmt::format("  {:<34}{:>12}{:>18}{:>10}{:>10}{:>10}{:>12}{:>12}\n", "dose of", "voxels",
+                  "wanted", "least", "mean", "greatest", "most below", "most above");
+  for (const RegionDose& r : p.regions) {
+    if (r.voxels == 0) {
+      text += fmt::format("  {:<34}{:>12}\n", r.name, 0);
+      continue;
+    }
+    const std::string wanted =
+        r.least_wanted == r.greatest_wanted
+            ? fmt::format("{:.4g}", r.least_wanted)
+            : fmt::format("{:.4g}-{:.4g}", r.least_wanted, r.greatest_wanted);
+    text +=
+        fmt::format("  {:<34}{:>12}{:>18}{:>10.4f}{:>10.4f}{:>10.4f}{:>12.4f}{:>12.4f}\n", r.name,
+                    r.voxels, wanted, r.least, r.mean(), r.greatest, r.most_below, r.most_above);
+  }
+  return text;
+}
+
+}  // namespace
+
 std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
   std::vector<Figures> columns;
   if (before) columns.push_back({"uncorrected", &*before});
   columns.push_back({"corrected", &after});
-  std::string text = figures_table(columns);
+  std::string text = figures_table(columns) + doses_table(after);
   if (const auto& l = after.layerwise) {
     text += fmt::format(
         "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -41,9 +42,10 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
     auto figures = nlohmann::ordered_json::parse(result->after.to_json());
     figures["uncorrected"] = nlohmann::ordered_json::parse(result->before->to_json());
     proof.emplace(proof_path, figures.dump(2) + "\n");
-    const CorrectedSlices shown(target, setup, context);
+    std::shared_ptr<const SliceSource> shown = result->slices;
+    if (!shown) shown = std::make_shared<const CorrectedSlices>(target, setup, context);
     page.emplace(page_path,
-                 make_report(gather_report(shown, target, setup, result->info, result->after,
+                 make_report(gather_report(*shown, target, setup, result->info, result->after,
                                            result->before, title, context, result->volume),
                              context));
     context.check_cancelled();

@@ -1,5 +1,7 @@
 #include "programs/common/setup_options.hpp"
 
+#include <fmt/format.h>
+
 #include "programs/common/program.hpp"
 
 namespace slicecorr::cli {
@@ -67,6 +69,15 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
                    "behind them to protect")
         ->check(CLI::IsMember({"capped", "uncapped"}))
         ->capture_default_str();
+    app.add_option("--spread-correction", spread_correction,
+                   "Where light spreads: correct columns together (on), or each as if it stood "
+                   "alone (off)")
+        ->check(CLI::IsMember({"on", "off"}))
+        ->capture_default_str();
+    app.add_option("--rounds", rounds,
+                   fmt::format("Most rounds of correcting columns together [{}]",
+                               Process::kDefaultSpreadRounds))
+        ->check(CLI::Range(0, Process::kMostSpreadRounds));
   }
   app.add_option("--uv-mw-cm2", uv_mw_cm2, "Intensity of inhibiting UV light, the same throughout")
       ->check(number_above_zero());

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "options.hpp"
+#include "programs/common/dose_options.hpp"
 #include "programs/common/make_part.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
@@ -17,6 +18,7 @@
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
+#include "test_part.hpp"
 #include "tomo.hpp"
 
 namespace slicecorr::cli {
@@ -26,6 +28,7 @@ namespace {
 struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
+  DoseOptions doses;
   SimulateOptions simulate;
   std::string input, output, format, target, json;
   std::vector<std::string> leave_alone;
@@ -77,6 +80,7 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
 int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
   check_output(a.output, a.with_left_alone({a.input}));
+  check_output(a.output, a.doses.inputs());
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
   Setup setup = a.setup.resolve(nullptr, &times);
@@ -85,8 +89,10 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
-  const LeftAloneFiles wanted(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output),
-                              context);
+  const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output),
+                            context);
+  const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, nullptr, a.missing(),
+                           folder_of(a.output), context);
   const Correction result =
       correct_stack(*wanted, setup, file, {.before = !console.quiet()}, context);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
@@ -122,7 +128,9 @@ int verify(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input, a.target});
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
-  const Prediction p = verify_stack(given.stack, *given.target, given.setup, context);
+  const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
+                           a.missing(), folder_of(a.target), context);
+  const Prediction p = verify_stack(given.stack, *wanted, given.setup, context);
   if (!a.output.empty()) {
     const double scale_um = 0.5 * given.stack.grid().layer_um;
     const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
@@ -181,10 +189,12 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
   const StackReader& stack = given.stack;
-  const SliceSource& target = *given.target;
+  const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
+                           a.missing(), folder_of(a.output), context);
+  const SliceSource& target = *wanted;
   const Prediction after = verify_stack(stack, target, given.setup, context);
-  const AsSliced uncorrected(target);
-  const Prediction before = verify_stack(uncorrected, target, given.setup, context);
+  const AsSliced uncorrected(*given.target);
+  const Prediction before = verify_stack(uncorrected, *given.target, given.setup, context);
   const StackInfo& info = stack.info();
   write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
                                                       before, title_of(a.input), context),
@@ -272,11 +282,12 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
 
 int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
-  check_output(a.output, a.with_left_alone(a.mesh.parts));
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
-  for (const char* kind : {".html", ".json"}) {
-    check_output(base + kind, a.with_left_alone(a.mesh.parts));
+  for (const char* kind : {"", ".html", ".json"}) {
+    const std::string path = *kind ? base + kind : a.output;
+    check_output(path, a.with_left_alone(a.mesh.parts));
+    check_output(path, a.doses.inputs());
   }
   const Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
@@ -284,9 +295,11 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   const MeshSlices slices =
       slice_parts(a.mesh, setup.printer, setup.process.surface, a.leave_alone, place, context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
-  const LeftAloneFiles target(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),
-                              context);
-  const Correction result = make_part(*target, setup, a.file(), base, title_of(a.output), context);
+  const LeftAloneFiles part(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),
+                            context);
+  const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices, a.missing(),
+                           folder_of(a.output), context);
+  const Correction result = make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
   return kDone;
@@ -419,6 +432,17 @@ int run_program(int argc, char** argv) {
     sub->add_option("--layer-um", a.layer_um, "Height of the layers, where the archive says none")
         ->check(number_in(1, 1000));
   };
+  // The part is a stack: what its meshes were, and how they lay, must be told.
+  const auto doses_of_stack = [&](CLI::App* sub) {
+    a.doses.add_to(*sub);
+    sub->add_option(
+           "--design", a.doses.designs,
+           "Meshes that were sliced: each --region lies beside them as in the files [where "
+           "its file has it on the plate]")
+        ->take_all()
+        ->expected(1, std::numeric_limits<int>::max());
+    a.mesh.add_placement_to(*sub);
+  };
   std::string formats;
   for (const FormatInfo& f : archive_formats()) formats += (formats.empty() ? "" : ", ") + f.name;
   const auto stack_output = [&](CLI::App* sub, const char* text) {
@@ -438,6 +462,7 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "IN", "Stack of coverage images");
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
+  doses_of_stack(sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("verify", "Predict what a stack prints, and measure it against its target", verify);
@@ -445,6 +470,7 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
+  doses_of_stack(sub);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--map", a.output,
                   "Write a map of the surface to FILE (.png): from below and from above, red where "
@@ -477,6 +503,7 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
+  doses_of_stack(sub);
   sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
 
   sub = add("section", "Draw what prints along an image row, before and after, as PNG", section);
@@ -507,6 +534,7 @@ int run_program(int argc, char** argv) {
   a.mesh.add_to(*sub);
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
+  a.doses.add_to(*sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("compare",
@@ -531,6 +559,8 @@ int run_program(int argc, char** argv) {
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
   TomoOptions tomo;
+  TestPartOptions test_part;
+  add_test_part(program, test_part);
   add_tomo(program, tomo);
 
   return program.run(argc, argv);

@@ -119,6 +119,12 @@ std::string describe_stack(const StackInfo& info) {
   if (info.printer && info.printer->flat_field) {
     text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
   }
+  if (info.printer && !info.printer->spread.none()) {
+    text += fmt::format("spread       {}\n", spread_in_words(info.printer->spread));
+  }
+  if (info.resin && info.resin->scatter_um2_per_um > 0) {
+    text += fmt::format("scatter      {:g} um²/um\n", info.resin->scatter_um2_per_um);
+  }
   if (info.printer && info.printer->resin_depth_um > 0) {
     text += fmt::format("bath         {:g} um of resin\n", info.printer->resin_depth_um);
   }

@@ -140,6 +140,9 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
   if (node.has("gap_shortfall")) p.gap_shortfall = node["gap_shortfall"].number(0, 0.5);
+  if (node.has("spread_rounds")) {
+    p.spread_rounds = node["spread_rounds"].integer(0, Process::kMostSpreadRounds);
+  }
   if (node.has("surface")) {
     p.surface = node["surface"].choice({"slices", "mesh"}) == 1 ? Surface::mesh : Surface::slices;
   }

@@ -12,6 +12,10 @@
 
 #include "slicecorr/stack.hpp"
 
+namespace slicecorr {
+struct CameraPicture;
+}
+
 namespace slicecorr::detail {
 
 /// An image's rows as PNG stores them with filter 0: a zero byte before each row of pixels.
@@ -127,5 +131,10 @@ using RawBandSink = std::function<void(int y0, int y1, const std::uint8_t* raw)>
 std::uint32_t decode_png_bands(std::span<const std::uint8_t> png, int width_px, int height_px,
                                int rows, const PngName& name, const RawBandSink& sink,
                                bool packed_rgb = false, bool blue_first = false);
+
+/// Any PNG of exactly this size with all that it tells of light: 16 bits as they are, 8 bits and
+/// fewer (and interlaced ones of 16) up to 255. Colours are averaged, transparent is black.
+CameraPicture decode_camera_png(std::span<const std::uint8_t> png, int width_px, int height_px,
+                                const PngName& name);
 
 }  // namespace slicecorr::detail

@@ -6,6 +6,7 @@
 
 #include "base/image_module.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "stack/png/png_layout.hpp"
 
 namespace slicecorr::detail {
@@ -108,7 +109,58 @@ void decode_other(const PngLayout& layout, int rows, const PngName& name, const 
   if (!problem.empty()) bad_png(name, "PNG can't be decoded: " + problem);
 }
 
+/// 16 bits, not interlaced.
+std::vector<std::uint16_t> decode_wide(const PngLayout& layout, const PngName& name) {
+  const bool colours = layout.colour == rgb || layout.colour == rgb_alpha;
+  const bool alpha = layout.colour == grey_alpha || layout.colour == rgb_alpha;
+  const int values = colours ? 3 : 1, channels = values + (alpha ? 1 : 0);
+  const std::size_t bytes = std::size_t{2} * static_cast<unsigned>(channels) * layout.width;
+  std::vector<std::uint8_t> row(bytes + 1), above(bytes + 1, 0);
+  std::vector<std::uint16_t> pixels;
+  pixels.reserve(std::size_t{layout.width} * layout.height);
+  IdatStream stream(layout, name);
+  for (std::uint32_t y = 0; y < layout.height; ++y) {
+    stream.read(row);
+    check_filter(row[0], y, name);
+    unfilter_wide(row[0], row.data() + 1, above.data() + 1, static_cast<int>(bytes), 2 * channels);
+    const std::uint8_t* p = row.data() + 1;
+    const auto value = [](const std::uint8_t* at) { return std::uint32_t{at[0]} * 256 + at[1]; };
+    for (std::uint32_t x = 0; x < layout.width; ++x, p += std::ptrdiff_t{2} * channels) {
+      std::uint32_t light = colours ? (value(p) + value(p + 2) + value(p + 4) + 1) / 3 : value(p);
+      if (alpha) {
+        const std::uint64_t seen = std::uint64_t{light} * value(p + std::ptrdiff_t{2} * values);
+        light = static_cast<std::uint32_t>((seen + 32767) / 65535);
+      }
+      pixels.push_back(static_cast<std::uint16_t>(light));
+    }
+    above.swap(row);
+  }
+  stream.finish();
+  return pixels;
+}
+
 }  // namespace
+
+CameraPicture decode_camera_png(Bytes png, int width_px, int height_px, const PngName& name) {
+  const PngLayout layout = read_png_layout(png, width_px, height_px, name);
+  CameraPicture picture{width_px, height_px, 255, {}};
+  if (layout.bit_depth == 16 && !layout.interlaced) {
+    picture.white = 65535;
+    picture.pixels = decode_wide(layout, name);
+    return picture;
+  }
+  const std::size_t stride = raw_stride(width_px);
+  const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
+    picture.pixels.resize((stride - 1) * static_cast<std::size_t>(height_px));
+    if (raw == nullptr) return;
+    for (int y = y0; y < y1; ++y) {
+      std::copy_n(raw + static_cast<std::size_t>(y - y0) * stride + 1, stride - 1,
+                  picture.pixels.data() + static_cast<std::size_t>(y) * (stride - 1));
+    }
+  };
+  decode_png_bands(png, width_px, height_px, 32, name, take);
+  return picture;
+}
 
 std::uint32_t decode_png_bands(Bytes png, int width_px, int height_px, int rows,
                                const PngName& name, const RawBandSink& sink, bool packed_rgb,

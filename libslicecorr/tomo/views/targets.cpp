@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <string_view>
 
-#include "picture/letters.hpp"
+#include "picture/sheet.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial.hpp"
@@ -18,85 +17,20 @@ namespace {
 
 constexpr int kLeastSide = 64;
 
-/// An image of the projector in shares of its greatest level.
-class Sheet {
- public:
-  explicit Sheet(const Printer& printer) : printer_(printer) {
-    image_.width_px = printer.width_px;
-    image_.height_px = printer.height_px;
-    light_.assign(
-        static_cast<std::size_t>(printer.width_px) * static_cast<std::size_t>(printer.height_px),
-        0.0F);
-  }
-  int width() const { return image_.width_px; }
-  int height() const { return image_.height_px; }
+using slicecorr::detail::Sheet;
 
-  void set(int column, int row, double share) {
-    if (column < 0 || row < 0 || column >= width() || row >= height()) return;
-    float& at = light_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width()) +
-                       static_cast<std::size_t>(column)];
-    at = std::max(at, static_cast<float>(share));
-  }
-  void fill(int column, int row, int columns, int rows, double share = 1) {
-    for (int y = std::max(0, row); y < std::min(height(), row + rows); ++y) {
-      for (int x = std::max(0, column); x < std::min(width(), column + columns); ++x) {
-        set(x, y, share);
-      }
-    }
-  }
-  /// A pixel wide about (column, row), its light shared between the two columns that it lies in.
-  void share_column(double column, int row) {
-    const int first = static_cast<int>(std::floor(column));
-    set(first, row, 1 - (column - first));
-    set(first + 1, row, column - first);
-  }
-  void share_row(int column, double row) {
-    const int first = static_cast<int>(std::floor(row));
-    set(column, first, 1 - (row - first));
-    set(column, first + 1, row - first);
-  }
-  /// Letters of 5 x 7 dots, each `scale` pixels wide and high; (column, row) is their upper left.
-  void words(int column, int row, std::string_view text, int scale) {
-    for (const detail::Letter& letter : detail::letters_of(text)) {
-      for (std::size_t x = 0; x < letter.size(); ++x) {
-        for (int y = 0; y < 8; ++y) {
-          if (letter[x] >> y & 1) {
-            fill(column + static_cast<int>(x) * scale, row + y * scale, scale, scale);
-          }
-        }
-      }
-      column += 6 * scale;
-    }
-  }
-  /// The same on black ground.
-  void label(int column, int row, std::string_view text, int scale) {
-    const int right = column + width_of(text, scale), below = row + 9 * scale;
-    for (int y = std::max(0, row - scale); y < std::min(height(), below); ++y) {
-      for (int x = std::max(0, column - scale); x < std::min(width(), right); ++x) {
-        light_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width()) +
-               static_cast<std::size_t>(x)] = 0;
-      }
-    }
-    words(column, row, text, scale);
-  }
-  static int width_of(std::string_view text, int scale) {
-    return static_cast<int>(detail::letters_of(text).size()) * 6 * scale;
-  }
+Sheet sheet_of(const Printer& p) { return {p.width_px, p.height_px}; }
 
-  GreyImage image() {
-    const int levels = printer_.levels();
-    for (const float share : light_) {
-      const int level = static_cast<int>(std::lround(share * static_cast<float>(levels - 1)));
-      image_.pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(level, levels)));
-    }
-    return std::move(image_);
+/// As the projector shows it: the levels nearest to its shares of the greatest.
+GreyImage image_of(const Sheet& sheet, const Printer& printer) {
+  GreyImage image{sheet.width(), sheet.height(), {}};
+  const int levels = printer.levels();
+  for (const float share : sheet.light()) {
+    const int level = static_cast<int>(std::lround(share * static_cast<float>(levels - 1)));
+    image.pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(level, levels)));
   }
-
- private:
-  const Printer& printer_;
-  GreyImage image_;
-  std::vector<float> light_;
-};
+  return image;
+}
 
 /// Size of letters that fit a projector of this size.
 int letter_scale(const Printer& p) {
@@ -134,10 +68,10 @@ void draw_axis(const Printer& p, Sheet& s) {
 std::vector<TargetPicture> axis_pictures(const Printer& p) {
   const Window w = window_of(p);
   const int scale = letter_scale(p);
-  Sheet cross(p);
+  Sheet cross = sheet_of(p);
   draw_axis(p, cross);
   for (int column = 0; column < cross.width(); ++column) cross.share_row(column, w.middle);
-  Sheet comb(p);
+  Sheet comb = sheet_of(p);
   // Teeth reach all the way up, so that a pin shows one at any height.
   for (int column = 0; column < comb.width(); column += 10) {
     comb.fill(column, 0, column % 100 ? 1 : 3, comb.height());
@@ -147,13 +81,14 @@ std::vector<TargetPicture> axis_pictures(const Printer& p) {
       comb.label(column + 5, sixth * comb.height() / 6, fmt::format("{}", column), scale);
     }
   }
-  return {{"axis-cross", "the axis of rotation as the printer file has it, and the optical axis",
-           cross.image()},
-          {"axis-comb", "a line each 10 columns, thicker with its number each 100", comb.image()}};
+  return {
+      {"axis-cross", "the axis of rotation as the printer file has it, and the optical axis",
+       image_of(cross, p)},
+      {"axis-comb", "a line each 10 columns, thicker with its number each 100", image_of(comb, p)}};
 }
 
 std::vector<TargetPicture> focus_pictures(const Printer& p) {
-  Sheet s(p);
+  Sheet s = sheet_of(p);
   const Window w = window_of(p);
   const int scale = letter_scale(p);
   const int across = std::max(40, w.past - w.first);
@@ -185,11 +120,11 @@ std::vector<TargetPicture> focus_pictures(const Printer& p) {
       at += std::max(upright ? size : wide, 7 * scale) + 6 * scale;
     }
   }
-  return {{"focus", "a star of 36 spokes, and line pairs of 1 to 8 pixels", s.image()}};
+  return {{"focus", "a star of 36 spokes, and line pairs of 1 to 8 pixels", image_of(s, p)}};
 }
 
 std::vector<TargetPicture> scale_pictures(const Printer& p) {
-  Sheet s(p);
+  Sheet s = sheet_of(p);
   const int scale = letter_scale(p);
   for (int column = 0; column < s.width(); column += 10) {
     s.fill(column, 0, column % 100 ? 1 : 3, column % 50 ? 6 : s.height());
@@ -203,8 +138,8 @@ std::vector<TargetPicture> scale_pictures(const Printer& p) {
   for (int row = 100; row < s.height(); row += 100) {
     s.label(10, row + 5, fmt::format("{}", row), scale);
   }
-  return {
-      {"scale", "a line each 50 columns and rows, thicker with its number each 100", s.image()}};
+  return {{"scale", "a line each 50 columns and rows, thicker with its number each 100",
+           image_of(s, p)}};
 }
 
 std::vector<TargetPicture> direction_pictures(const Printer& p) {
@@ -213,7 +148,7 @@ std::vector<TargetPicture> direction_pictures(const Printer& p) {
   const double pitch = p.pixel_x_um * 1e-3;
   const bool clockwise = p.rotation->direction == TurnDirection::clockwise;
   for (const int angle : {0, 90, 180, 270}) {
-    Sheet s(p);
+    Sheet s = sheet_of(p);
     // A pin that faces the projector goes to the left when the vial turns clockwise.
     const int side = angle % 180 == 0 ? 0 : (angle == 90) == clockwise ? -1 : 1;
     double from = -0.3, to = 0.3;  // of the inner radius
@@ -234,7 +169,7 @@ std::vector<TargetPicture> direction_pictures(const Printer& p) {
                                : side > 0 ? "to the right"
                                           : "in the middle",
                                angle),
-                   s.image()});
+                   image_of(s, p)});
   }
   return all;
 }

@@ -1,0 +1,114 @@
+/// The coupled correction: grey levels of all slices where light spreads sideways, at the window
+/// and with depth. Each pixel's level acts on the doses of its neighbours, so columns can't be
+/// solved alone.
+///
+/// It sets out from the columns' own levels and goes in rounds. A round solves square *patches* of
+/// pixels, each alone and through all slices, from the last to the first: whatever doses miss at a
+/// slice, the light of that slice mends as far as it can, by descent on the weighted squares of what
+/// is missed, one pixel after the other; then it is rounded to levels, and the dose that these
+/// deliver goes on to the next slice. Around a patch, pixels are solved with it (and thrown away),
+/// and beyond them have the levels of the round before. The doses of columns alone are the guide:
+/// they know which edges lie ahead. Between rounds all voxels are judged, in double precision, by
+/// the levels as they are; from the second round on only patches with wrong voxels are solved again,
+/// and what is wrong asks the slices below it for more or less light.
+///
+/// A round reads what the one before it left, and sums are taken in a fixed order: results do not
+/// depend on the number of threads. Levels are those of the best round so far, by the number of
+/// wrong voxels, then by half the sum of squares of what doses miss: never worse than the columns'.
+///
+/// Memory: coverage and up to three sets of levels, run-length coded, and the arrays of one patch
+/// per thread.
+///
+/// How to use: `solve_columns`, then `improve` until it says no more; `read` in any order. For one
+/// caller at a time; it uses threads itself.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "correct/coupled_patch.hpp"
+#include "correct/coupled_plan.hpp"
+#include "slicecorr/parallel.hpp"
+
+namespace slicecorr::detail {
+
+/// Settings that serve tests, too.
+struct CoupledOptions {
+  int rounds = 20;
+  /// How far from 1 doses are aimed at; 0: as levels ask.
+  double margin = 0;
+  int patch_px = 128;
+};
+
+/// What is wrong after a round; round 0: the columns alone.
+struct CoupledRound {
+  int round = 0;
+  std::uint64_t through = 0;  ///< voxels of gaps that cure
+  std::uint64_t under = 0;    ///< voxels of features that don't
+  double loss = 0;            ///< half the sum of squares of what doses miss
+  std::uint64_t patches = 0;  ///< that were solved
+  std::uint64_t wrong() const { return through + under; }
+  bool better_than(const CoupledRound& o) const {
+    return wrong() != o.wrong() ? wrong() < o.wrong() : loss < o.loss;
+  }
+};
+
+class CoupledCorrection {
+ public:
+  /// Pixels in `bounds` may be lit; all others of `display` are black. The plan, blur and scatter
+  /// must outlive this. Throws as `CoupledPlan`.
+  CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur,
+                    const SliceScatter& scatter, const PixelBox& bounds, const PixelBox& display,
+                    const CoupledOptions& options = {});
+  ~CoupledCorrection();
+
+  /// Takes coverage and edge heights (null: none) of the next layer of a box of rows; as
+  /// `BandCorrector::add_layer`, all `CorrectionPlan::layers` of them, heights perhaps once more.
+  using LayerSink =
+      std::function<void(int layer, const std::uint8_t* coverage, const std::uint8_t* heights)>;
+  using DesignReader = std::function<void(const PixelBox& box, const LayerSink& sink)>;
+  /// Reads the design in boxes of rows, on several threads, solves its columns and judges them.
+  void solve_columns(const DesignReader& read, const ExecutionContext& context);
+
+  /// One more round, of which `context` hears as the stage "round"; false, with nothing done, where nothing is wrong, no round has gained anything
+  /// for some time, or the rounds are over.
+  bool improve(const ExecutionContext& context);
+  const CoupledRound& columns_alone() const { return first_; }
+  const CoupledRound& last() const { return now_; }
+  const CoupledRound& best() const { return best_; }
+
+  /// Grey levels of a slice in a box, row by row; black beyond the bounds. Thread-safe.
+  void read(int slice, const PixelBox& box, std::uint8_t* levels) const;
+  /// Bands of slices from the last one to the first, which is faster than slice by slice.
+  CodedBand levels_of(const PixelBox& box) const;
+  /// Wrong voxels of the best levels, patch by patch, at most `most` of them. Of patches with very
+  /// many only the first, by slices from the last one on.
+  std::vector<Miss> wrong_voxels(std::size_t most) const;
+  /// Bytes of coverage and levels held.
+  std::size_t bytes() const;
+
+ private:
+  struct Tile;
+  using Band = std::shared_ptr<const CodedBand>;
+  std::vector<PatchBytes::Source> sources(const PixelBox& box, Band Tile::*which) const;
+  std::vector<std::size_t> tiles_in(const PixelBox& box) const;
+  PatchSources sources_of(const PixelBox& watched) const;
+  void judge(const std::vector<std::size_t>& which, const ExecutionContext& context);
+  /// Tiles whose doses feel the light of others, these included.
+  std::vector<std::size_t> seen_from(const std::vector<std::size_t>& changed) const;
+  std::optional<PatchTask> task_of(const Tile& tile) const;
+  void keep_best();
+
+  CoupledPlan plan_;
+  CoupledOptions options_;
+  PixelBox bounds_, box_;
+  int across_ = 0;
+  std::vector<Tile> tiles_;
+  CoupledRound first_, now_, best_;
+  int without_gain_ = 0;
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,355 @@
+/// Light and doses of a patch, a box of pixels through all slices, from the last slice to the first
+/// while levels change from slice to slice.
+///
+/// Nothing is blurred anew where nothing changes: each pixel whose level changes adds its weights to
+/// the light around it. Doses are stepped by squares of `kSquare` pixels; a square may fall asleep
+/// when its light stays as it is and its doses can't come to matter, and is brought up to date in
+/// one step when light around it changes.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "base/coded_band.hpp"
+#include "correct/coupled_kernels.hpp"
+#include "correct/coupled_plan.hpp"
+
+namespace slicecorr::detail {
+
+/// Where the pixels of a patch are in its arrays: those `watched`, around them those that shine on
+/// them (`shown`), and room for weights around these.
+struct PatchPlace {
+  PatchPlace(const CoupledPlan& plan, const PixelBox& watched_box)
+      : watched(watched_box), shown(grown(watched_box, plan.reach_x, plan.reach_y)) {
+    const auto rounded = [](int n) {
+      return static_cast<std::size_t>((n + kSquare - 1) / kSquare * kSquare);
+    };
+    origin = {shown.x0 - plan.reach_x, shown.y0 - plan.reach_y};
+    stride = rounded(shown.width() + 2 * plan.reach_x + kTapLanes);
+    rows = rounded(shown.height() + 2 * plan.reach_y);
+  }
+  static PixelBox grown(const PixelBox& box, int x, int y) {
+    return {box.x0 - x, box.y0 - y, box.x1 + x, box.y1 + y};
+  }
+  static PixelBox common(const PixelBox& a, const PixelBox& b) {
+    return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
+  }
+  std::size_t at(int x, int y) const {
+    return static_cast<std::size_t>(y - origin.y) * stride + static_cast<std::size_t>(x - origin.x);
+  }
+  Pixel pixel(std::size_t at) const {
+    return {origin.x + static_cast<int>(at % stride), origin.y + static_cast<int>(at / stride)};
+  }
+  std::size_t size() const { return stride * rows; }
+  static bool holds(const PixelBox& box, const Pixel& p) {
+    return p.x >= box.x0 && p.x < box.x1 && p.y >= box.y0 && p.y < box.y1;
+  }
+
+  PixelBox watched, shown;
+  Pixel origin{};
+  std::size_t stride = 0, rows = 0;
+};
+
+/// Bytes of a patch, of one slice at a time, from the coded bytes of the tiles around it.
+class PatchBytes {
+ public:
+  struct Source {
+    const CodedBand* band;
+    PixelBox box;
+  };
+  PatchBytes(const PatchPlace& place, const PixelBox& box, std::vector<Source> sources)
+      : place_(place), box_(box), sources_(std::move(sources)), bytes_(place.size(), 0) {}
+
+  const std::uint8_t* data() const { return bytes_.data(); }
+  std::uint8_t operator[](std::size_t at) const { return bytes_[at]; }
+
+  /// Goes to a slice, by its number among the coded ones; one that there is not is black. Tells of
+  /// each byte that is another than before: `changed(at, was, is)`.
+  template <class Changed>
+  void go_to(int slice, const Changed& changed) {
+    for (const Source& source : sources_) {
+      const CodedBand& band = *source.band;
+      const bool is = has(band, slice), was = has(band, slice_);
+      if (is == was && (!is || band.same(slice, slice_))) continue;
+      scratch_.resize(band.columns());
+      band.read(slice, scratch_.data());
+      const PixelBox part = PatchPlace::common(source.box, box_);
+      for (int y = part.y0; y < part.y1; ++y) {
+        const std::uint8_t* from = scratch_.data() +
+                                   static_cast<std::size_t>(y - source.box.y0) *
+                                       static_cast<std::size_t>(source.box.width()) +
+                                   static_cast<std::size_t>(part.x0 - source.box.x0);
+        const std::size_t at = place_.at(part.x0, y);
+        const auto count = static_cast<std::size_t>(part.width());
+        std::uint8_t* const to = bytes_.data() + at;
+        for (std::size_t k = 0; k < count; ++k) {
+          if (count - k >= 8 && std::memcmp(to + k, from + k, 8) == 0) {
+            k += 7;
+            continue;
+          }
+          if (to[k] == from[k]) continue;
+          const std::uint8_t old = to[k];
+          to[k] = from[k];
+          changed(at + k, old, from[k]);
+        }
+      }
+    }
+    slice_ = slice;
+  }
+
+ private:
+  static bool has(const CodedBand& band, int slice) {
+    return slice >= 0 && slice < band.slices() && !band.black(slice);
+  }
+  const PatchPlace& place_;
+  PixelBox box_;
+  std::vector<Source> sources_;
+  std::vector<std::uint8_t> bytes_, scratch_;
+  int slice_ = -1;
+};
+
+template <class Real>
+class PatchField {
+ public:
+  struct Change {
+    std::size_t at;
+    std::uint8_t level;
+  };
+
+  PatchField(const CoupledPlan& plan, const PixelBox& watched)
+      : plan_(plan),
+        place_(plan, watched),
+        light_(place_.size()),
+        shine_(place_.size(), 0),
+        dose_(place_.size(), 0),
+        seen_(plan.m == 1 ? 0 : place_.size(), 0),
+        scattered_(plan.scatter.none() ? 0 : place_.size(), 0),
+        levels_(place_.size(), 0) {
+    const PixelBox lit = PatchPlace::common(place_.shown, plan.display);
+    for (int y = lit.y0; y < lit.y1; ++y) {
+      for (int x = lit.x0; x < lit.x1; ++x) {
+        shine_[place_.at(x, y)] = static_cast<Real>(plan.shine_of[0]);
+      }
+    }
+    blur_all();
+    across_ = static_cast<int>(place_.stride) / kSquare;
+    const int down = static_cast<int>(place_.rows) / kSquare;
+    squares_.resize(static_cast<std::size_t>(across_) * static_cast<std::size_t>(down));
+    for (int k = 0; k < static_cast<int>(squares_.size()); ++k) {
+      const int x = place_.origin.x + k % across_ * kSquare,
+                y = place_.origin.y + k / across_ * kSquare;
+      if (PatchPlace::common({x, y, x + kSquare, y + kSquare}, watched).empty()) continue;
+      squares_[static_cast<std::size_t>(k)].watched = true;
+      watched_.push_back(k);
+    }
+    kept_.push_back(1);
+    for (int k = 0; k < plan.slices; ++k) kept_.push_back(kept_.back() * static_cast<Real>(plan.a));
+  }
+
+  const PatchPlace& place() const { return place_; }
+
+ protected:
+  struct Square {
+    bool watched = false, asleep = false;
+    int since = 0;       ///< asleep: at this slice it was stepped last
+    int touched_at = 0;  ///< slice at which its light changed last
+  };
+
+  /// First pixel of a square in the arrays.
+  std::size_t first_of(int square) const {
+    return static_cast<std::size_t>(square / across_) * kSquare * place_.stride +
+           static_cast<std::size_t>(square % across_) * kSquare;
+  }
+  int square_of(std::size_t at) const {
+    return static_cast<int>(at / place_.stride) / kSquare * across_ +
+           static_cast<int>(at % place_.stride) / kSquare;
+  }
+  Square& square(int k) { return squares_[static_cast<std::size_t>(k)]; }
+  const std::vector<int>& watched() const { return watched_; }
+  /// From now on only these squares and their neighbours are watched, and light around them.
+  void watch_around(std::vector<int> squares) {
+    std::sort(squares.begin(), squares.end());
+    squares.erase(std::unique(squares.begin(), squares.end()), squares.end());
+    const auto mark = [&](const std::vector<int>& of, std::vector<std::uint8_t>& marks) {
+      const int down = static_cast<int>(squares_.size()) / across_;
+      for (const int k : of) {
+        for (int y = std::max(0, k / across_ - 1); y <= std::min(down - 1, k / across_ + 1); ++y) {
+          for (int x = std::max(0, k % across_ - 1); x <= std::min(across_ - 1, k % across_ + 1);
+               ++x) {
+            marks[static_cast<std::size_t>(y * across_ + x)] = 1;
+          }
+        }
+      }
+    };
+    std::vector<std::uint8_t> wanted(squares_.size(), 0);
+    mark(squares, wanted);
+    watched_.clear();
+    for (std::size_t k = 0; k < squares_.size(); ++k) {
+      squares_[k].watched = squares_[k].watched && wanted[k];
+      if (squares_[k].watched) watched_.push_back(static_cast<int>(k));
+    }
+    if (plan_.reach_x > kSquare || plan_.reach_y > kSquare) return;
+    matters_.assign(squares_.size(), 0);
+    mark(watched_, matters_);
+  }
+  int across() const { return across_; }
+  int slice() const { return slice_; }
+
+  /// To be called first for each slice. Scatter takes place here.
+  void begin(int slice) {
+    slice_ = slice;
+    guides_stepped_ = false;
+    if (scattered_.empty()) return;
+    const auto width = static_cast<std::size_t>(place_.watched.width());
+    field_.resize(width * static_cast<std::size_t>(place_.watched.height()));
+    copy_watched(dose_, [](Real& from, double& to) { to = from; });
+    plan_.scatter.apply(field_.data(), place_.watched);
+    copy_watched(scattered_, [](Real& to, double& from) { to = static_cast<Real>(from); });
+  }
+  /// Shows levels in place of those before.
+  void show(const std::vector<Change>& changes) {
+    if (changes.size() * static_cast<std::size_t>(plan_.taps_width * plan_.taps_rows) >
+        12 * place_.size()) {
+      for (const Change& c : changes) {
+        wake_around(c.at);
+        levels_[c.at] = c.level;
+        shine_[c.at] = shine_of(c.level);
+      }
+      blur_all();
+      return;
+    }
+    for (const Change& c : changes) show(c.at, c.level);
+  }
+  void show(std::size_t at, std::uint8_t level) {
+    levels_[at] = level;
+    const Real shine = shine_of(level);
+    if (shine == shine_[at]) return;
+    if (!matters_.empty() && !matters_[static_cast<std::size_t>(square_of(at))]) {
+      shine_[at] = shine;
+      return;
+    }
+    wake_around(at);
+    shine_more(at, shine - shine_[at]);
+    shine_[at] = shine;
+  }
+  /// The light around a pixel when it shines by `change` more; squares around it must be awake.
+  void shine_more(std::size_t at, Real change) {
+    const std::size_t first = at - static_cast<std::size_t>(plan_.reach_y) * place_.stride -
+                              static_cast<std::size_t>(plan_.reach_x);
+    add_taps(light_.data() + first, place_.stride, taps(), plan_.taps_rows, plan_.taps_width,
+             change);
+  }
+  void wake_around(std::size_t at) {
+    const int x = static_cast<int>(at % place_.stride), y = static_cast<int>(at / place_.stride);
+    const int last_row = static_cast<int>(place_.rows) / kSquare - 1;
+    const int x0 = std::max(0, (x - plan_.reach_x) / kSquare),
+              x1 = std::min(across_ - 1, (x + plan_.reach_x) / kSquare);
+    const int y0 = std::max(0, (y - plan_.reach_y) / kSquare),
+              y1 = std::min(last_row, (y + plan_.reach_y) / kSquare);
+    for (int j = y0; j <= y1; ++j) {
+      for (int i = x0; i <= x1; ++i) wake(j * across_ + i);
+    }
+  }
+  /// Wakes a square whose light or aims change.
+  void wake(int k) {
+    rouse(k);
+    square(k).touched_at = slice_;
+  }
+  /// Brings a square up to date: to the node below the slice, guides to the one above it where they
+  /// have been stepped.
+  void rouse(int k) {
+    Square& s = square(k);
+    if (!s.watched || !s.asleep) return;
+    s.asleep = false;
+    const int steps = s.since - slice_ - 1, guide_steps = steps + (guides_stepped_ ? 1 : 0);
+    const std::size_t first = first_of(k);
+    const Real* const seen = seen_light(k);
+    towards(dose_.data() + first, seen + first, steps);
+    if (!guide_.empty()) towards(guide_.data() + first, own_.data() + first, guide_steps);
+  }
+  void sleep(int k) {
+    square(k).asleep = true;
+    square(k).since = slice_;
+  }
+  /// Light as the dose takes it: raised to m. All of the arrays; what of them is up to date is the
+  /// square.
+  const Real* seen_light(int k) {
+    if (seen_.empty()) return light_.data();
+    const std::size_t first = first_of(k);
+    for (int y = 0; y < kSquare; ++y) {
+      const std::size_t at = first + static_cast<std::size_t>(y) * place_.stride;
+      for (std::size_t i = at; i < at + kSquare; ++i) {
+        seen_[i] = std::pow(std::max(light_[i], Real{0}), static_cast<Real>(plan_.m));
+      }
+    }
+    return seen_.data();
+  }
+  /// What of the doses below reaches the slice.
+  const Real* below() const { return scattered_.empty() ? dose_.data() : scattered_.data(); }
+
+  Real shine_of(std::uint8_t level) const { return static_cast<Real>(plan_.shine_of[level]); }
+
+  const CoupledPlan& plan_;
+  const PatchPlace place_;
+  std::vector<Real> light_;        ///< blurred
+  std::vector<Real> shine_;        ///< of the pixels themselves
+  std::vector<Real> dose_;         ///< at the node that was come to
+  std::vector<Real> guide_, own_;  ///< doses and lights of columns alone; may be empty
+  std::vector<Real> seen_, scattered_;
+  std::vector<std::uint8_t> levels_;
+  bool guides_stepped_ = false;  ///< guides of squares that are awake are at the node above
+
+ private:
+  const Real* taps() const;
+  void towards(Real* field, const Real* goal, int steps) const {
+    if (steps <= 0) return;
+    const Real left = kept_[static_cast<std::size_t>(steps)];
+    for (int y = 0; y < kSquare; ++y, field += place_.stride, goal += place_.stride) {
+      for (int i = 0; i < kSquare; ++i) field[i] = goal[i] + (field[i] - goal[i]) * left;
+    }
+  }
+  void blur_all() {
+    const auto width = static_cast<std::size_t>(place_.shown.width());
+    std::vector<double> in(width * static_cast<std::size_t>(place_.shown.height())), out(in.size());
+    std::size_t k = 0;
+    const auto rows = [&](const auto& each) {
+      k = 0;
+      for (int y = place_.shown.y0; y < place_.shown.y1; ++y) {
+        for (int x = place_.shown.x0; x < place_.shown.x1; ++x) each(place_.at(x, y), k++);
+      }
+    };
+    rows([&](std::size_t at, std::size_t i) { in[i] = shine_[at]; });
+    plan_.blur.apply(in.data(), place_.shown, out.data(), place_.shown);
+    rows([&](std::size_t at, std::size_t i) { light_[at] = static_cast<Real>(out[i]); });
+  }
+  template <class Copy>
+  void copy_watched(std::vector<Real>& field, const Copy& copy) {
+    std::size_t k = 0;
+    for (int y = place_.watched.y0; y < place_.watched.y1; ++y) {
+      for (int x = place_.watched.x0; x < place_.watched.x1; ++x) {
+        copy(field[place_.at(x, y)], field_[k++]);
+      }
+    }
+  }
+
+  int slice_ = 0, across_ = 0;
+  std::vector<Square> squares_;
+  std::vector<int> watched_;
+  std::vector<std::uint8_t> matters_;  ///< squares whose light may reach watched ones; empty: all
+  std::vector<Real> kept_;             ///< a^k
+  std::vector<double> field_;
+};
+
+template <>
+inline const float* PatchField<float>::taps() const {
+  return plan_.taps_single.data();
+}
+template <>
+inline const double* PatchField<double>::taps() const {
+  return plan_.taps.data();
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,146 @@
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <tuple>
+#include <utility>
+
+#include "correct/coupled_patch.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// A square whose light has stayed the same for so many slices may fall asleep.
+constexpr int kCalm = 3;
+
+class PatchJudge : public PatchField<double> {
+ public:
+  PatchJudge(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
+             std::size_t most_misses)
+      : PatchField(plan, PatchPlace::grown(box, plan.halo_x, plan.halo_y)),
+        most_misses_(most_misses),
+        near_(1 - plan.margin),
+        levels_at_(place(), place().shown, sources.levels),
+        coverage_(place(), box, sources.coverage),
+        kind_(place().size(), 0),
+        next_(place().size(), 0) {
+    for (int y = box.y0; y < box.y1; ++y) {
+      for (int x = box.x0; x < box.x1; ++x) kind_[place().at(x, y)] = -1;
+    }
+  }
+  PatchFigures run() {
+    for (int n = plan_.slices; n-- > 0;) judge(n);
+    figures_.through = sums_.through;
+    figures_.under = sums_.under;
+    figures_.loss = sums_.loss;
+    if (!misses_.empty()) {
+      misses_.shrink_to_fit();
+      figures_.misses = std::make_shared<const std::vector<Miss>>(std::move(misses_));
+    }
+    return std::move(figures_);
+  }
+
+ private:
+  void judge(int n) {
+    begin(n);
+    changes_.clear();
+    levels_at_.go_to(plan_.slices - 1 - n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
+      changes_.push_back({at, is});
+    });
+    show(changes_);
+    coverage_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
+      kind_[at] = is == 255 ? 1 : is == 0 ? -1 : 0;
+      wake(square_of(at));
+    });
+    for (const int k : watched()) {
+      if (square(k).asleep) continue;
+      const std::size_t first = first_of(k), stride = place().stride;
+      const double* const seen = seen_light(k);
+      step_square(next_.data() + first, seen + first, below() + first, stride, plan_.b, plan_.a);
+      if (judge_square(next_.data() + first, dose_.data() + first, kind_.data() + first, stride,
+                       plan_.root_a, near_, sums_)) {
+        collect(n, first);
+      }
+      for (std::size_t y = 0; y < kSquare; ++y) {
+        std::copy_n(next_.data() + first + y * stride, kSquare, dose_.data() + first + y * stride);
+      }
+      const int calm = square(k).touched_at - n;
+      if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 &&
+          stays_right(seen + first, dose_.data() + first, kind_.data() + first, stride, near_)) {
+        sleep(k);
+      }
+    }
+  }
+  /// `dose_` is still at the lower node, `next_` at the upper one.
+  void collect(int n, std::size_t first) {
+    if (!figures_.all_misses) return;
+    for (std::size_t y = 0; y < kSquare; ++y) {
+      for (std::size_t k = first + y * place().stride; k < first + y * place().stride + kSquare;
+           ++k) {
+        const double middle = (next_[k] + plan_.root_a * dose_[k]) / (1 + plan_.root_a);
+        double excess = 0;
+        if (kind_[k] > 0 && next_[k] < 1) excess = next_[k] - 1;
+        if (kind_[k] > 0 && middle < 1) excess = std::min(excess, middle - 1);
+        if (kind_[k] < 0 && middle >= near_) excess = middle - near_;
+        if (kind_[k] < 0 && middle >= near_ && excess <= 0) excess = 1e-9;
+        if (excess == 0) continue;
+        const Pixel p = place().pixel(k);
+        const bool wrong = kind_[k] > 0 ? middle < 1 : middle >= 1;
+        misses_.push_back({n, p.x, p.y, static_cast<float>(excess), wrong});
+      }
+    }
+    figures_.all_misses = misses_.size() < most_misses_;
+  }
+
+  std::size_t most_misses_;
+  double near_;
+  PatchBytes levels_at_, coverage_;
+  std::vector<double> kind_, next_;
+  std::vector<Change> changes_;
+  SquareSums sums_;
+  PatchFigures figures_;
+  std::vector<Miss> misses_;
+};
+
+}  // namespace
+
+PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
+                         std::size_t most_misses) {
+  return PatchJudge(plan, box, sources, most_misses).run();
+}
+
+std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss>& misses,
+                                 double urgency) {
+  // With an urgency of 1 the requests of all slices together undo the miss, if all are granted.
+  const double share = urgency * (1 - plan.a * plan.fading) / plan.b;
+  // Less than a part of a level step leads nowhere.
+  const double least = plan.shine_step / 3;
+  std::vector<Request> requests;
+  for (const Miss& miss : misses) {
+    double less = miss.excess * share;
+    for (int k = 0; k <= plan.depth && miss.slice + k < plan.slices; ++k, less *= plan.fading) {
+      if (std::abs(less) < least) break;
+      requests.push_back({miss.slice + k, miss.x, miss.y, static_cast<float>(less)});
+    }
+  }
+  const auto key = [](const Request& r) { return std::tuple(-r.slice, r.y, r.x); };
+  std::sort(requests.begin(), requests.end(), [&](const Request& l, const Request& r) {
+    return std::tuple(key(l), l.less) < std::tuple(key(r), r.less);
+  });
+  // Of one place the greatest of each sign count.
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < requests.size();) {
+    Request sum = requests[i];
+    float low = 0, high = 0;
+    for (; i < requests.size() && key(requests[i]) == key(sum); ++i) {
+      low = std::min(low, requests[i].less);
+      high = std::max(high, requests[i].less);
+    }
+    sum.less = low + high;
+    if (std::abs(sum.less) >= least) requests[kept++] = sum;
+  }
+  requests.resize(kept);
+  return requests;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,64 @@
+/// Patches of a coupled correction: how wrong one is, and its levels for another round.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "correct/coupled_field.hpp"
+#include "correct/coupled_plan.hpp"
+
+namespace slicecorr::detail {
+
+/// A voxel that misses what is wanted of it, or a gap's that nearly does.
+struct Miss {
+  std::int32_t slice = 0, x = 0, y = 0;
+  float excess = 0;    ///< dose over what it should be at most, below 0: under what at least
+  bool wrong = false;  ///< in the middle of its layer on the wrong side of 1
+};
+
+/// What of a patch is wrong.
+struct PatchFigures {
+  std::uint64_t through = 0, under = 0;  ///< voxels of gaps that cure, of features that don't
+  double loss = 0;
+  /// From the last slice to the first; null: none.
+  std::shared_ptr<const std::vector<Miss>> misses;
+  bool all_misses = true;  ///< else they are too many, and these the first ones
+  std::uint64_t wrong() const { return through + under; }
+};
+
+/// Where the coded slices of a patch come from. Coverage: the first slice first; levels: the last
+/// one first.
+struct PatchSources {
+  std::vector<PatchBytes::Source> coverage, levels, columns;
+};
+
+/// Judges the voxels of `box`, in double precision, and keeps some `most_misses` of their misses.
+PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
+                         std::size_t most_misses);
+
+/// Light that is asked for at a slice: by so much less (below 0: more).
+struct Request {
+  std::int32_t slice = 0, x = 0, y = 0;
+  float less = 0;
+};
+/// The requests of misses to the slices from theirs on, each place of a slice once, the last slices
+/// first.
+/// `urgency`: how much more is asked for than would do if every slice gave it.
+std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss>& misses,
+                                 double urgency);
+
+/// What is chosen for a patch in a round.
+struct PatchTask {
+  PixelBox box;                       ///< of the patch
+  const CodedBand* before = nullptr;  ///< its levels after the round before
+  PixelBox free;  ///< pixels whose levels may change; others, around them, are kept
+  /// The first round sets out from the levels of columns, and keeps what it changes of them while
+  /// they stay as they are; later ones change what is asked for.
+  bool first = true;
+  std::vector<Request> requests;
+};
+/// Levels of `task.box`, the last slice first.
+CodedBand solve_patch(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources);
+
+}  // namespace slicecorr::detail

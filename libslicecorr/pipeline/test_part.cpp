@@ -1,0 +1,131 @@
+#include "slicecorr/test_part.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "picture/sheet.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+constexpr int kWidest = 12;
+constexpr int kSum = kWidest * (kWidest + 1) / 2;
+/// Pixels between features: less would let the light of one reach the next.
+constexpr int kLeastApart = 16, kMostApart = 60;
+
+/// Where things are, in pixels, for features so far apart.
+struct Layout {
+  int apart = 0;
+  int letters() const { return std::max(1, apart / 20); }
+  int length() const { return 3 * apart; }                     ///< of lines and gaps
+  int across() const { return kSum + (kWidest + 1) * apart; }  ///< all of a kind, with both ends
+  int named() const { return 9 * letters() + apart / 2; }      ///< for numbers beside them
+  int thick() const { return length() + 2 * apart; }           ///< of the block with gaps
+  /// Upright ones above each other and the square, level ones to the right of them.
+  int width() const { return across() + apart + length() + 2 * named() + 2 * apart + thick(); }
+  int height() const {
+    const int left = length() + named() + apart + thick() + named() + 2 * apart + length();
+    return std::max(left, across());
+  }
+};
+
+}  // namespace
+
+SpreadTestPart::SpreadTestPart(const Printer& printer, double layer_um, double height_um) {
+  grid_ = plate_grid(printer);
+  grid_.layer_um = layer_um;
+  grid_.layers = std::max(1, static_cast<int>(std::lround(height_um / layer_um)));
+  constexpr int margin = 8;
+  const auto fits = [&](const Layout& l) {
+    return l.width() + 2 * margin <= grid_.width_px && l.height() + 2 * margin <= grid_.height_px;
+  };
+  Layout l{kMostApart};
+  while (l.apart > kLeastApart && !fits(l)) --l.apart;
+  if (!fits(l)) {
+    throw InputError(fmt::format(
+        "printer '{}' shows {} x {} pixels of the plate; expected at least {} x {}, which the test "
+        "part takes up",
+        printer.name, grid_.width_px, grid_.height_px, l.width() + 2 * margin,
+        l.height() + 2 * margin));
+  }
+  detail::Sheet sheet(grid_.width_px, grid_.height_px);
+  const int left = (grid_.width_px - l.width()) / 2, top = (grid_.height_px - l.height()) / 2;
+  // Of a kind: where the first one is, and where their numbers are.
+  const auto draw = [&](bool gap, bool upright, int column, int row, int name_at) {
+    int at = (upright ? column : row) + l.apart;
+    for (int n = 1; n <= kWidest; ++n) {
+      const PixelBox box = upright ? PixelBox{at, row, at + n, row + l.length()}
+                                   : PixelBox{column, at, column + l.length(), at + n};
+      if (gap) {
+        sheet.clear(box.x0, box.y0, box.width(), box.height());
+      } else {
+        sheet.fill(box.x0, box.y0, box.width(), box.height());
+      }
+      const std::string name = fmt::format("{}", n);
+      const int half = detail::Sheet::width_of(name, l.letters()) / 2;
+      if (upright) {
+        sheet.words(at + n / 2 - half, name_at, name, l.letters());
+      } else {
+        sheet.words(name_at, at + n / 2 - 4 * l.letters(), name, l.letters());
+      }
+      features_.push_back(
+          {gap, upright, n, n * (upright ? grid_.pixel_x_um : grid_.pixel_y_um), box});
+      at += n + l.apart;
+    }
+  };
+  const int block_row = top + l.length() + l.named() + l.apart;
+  const int level_column = left + l.across() + l.apart;
+  const int block_column = level_column + l.length() + l.named() + l.apart;
+  sheet.fill(left, block_row, l.across(), l.thick());
+  sheet.fill(block_column, top, l.thick(), l.across());
+  const int gap = l.apart / 2;
+  draw(false, true, left, top, top + l.length() + gap);
+  draw(false, false, level_column, top, level_column + l.length() + gap);
+  draw(true, true, left, block_row + l.apart, block_row + l.thick() + gap);
+  draw(true, false, block_column + l.apart, top, block_column + l.thick() + gap);
+  const int square_row = block_row + l.thick() + l.named() + 2 * l.apart;
+  square_ = {left + l.apart, square_row, left + l.apart + l.length(), square_row + l.length()};
+  sheet.fill(square_.x0, square_.y0, square_.width(), square_.height());
+  for (int y = 0; y < grid_.height_px; ++y) {
+    for (int x = 0; x < grid_.width_px; ++x) {
+      const bool lit = sheet.light()[pixels_.size()] > 0;
+      pixels_.push_back(lit ? 255 : 0);
+      if (lit) bounds_ = bounds_.united({x, y, x + 1, y + 1});
+    }
+  }
+}
+
+void SpreadTestPart::read_band(const PixelBox& band, const Sink& sink) const {
+  std::vector<std::uint8_t> rows;
+  for (int y = band.y0; y < band.y1; ++y) {
+    const auto row = pixels_.begin() + static_cast<std::ptrdiff_t>(y) * grid_.width_px;
+    rows.insert(rows.end(), row + band.x0, row + band.x1);
+  }
+  const bool black = std::all_of(rows.begin(), rows.end(), [](auto v) { return v == 0; });
+  for (int n = 0; n < grid_.layers; ++n) sink(n, black ? nullptr : rows.data());
+}
+
+std::string SpreadTestPart::form() const {
+  std::string text =
+      "# Printed widths of the test part, for resinctl fit-spread. printed_um: as measured, 0 where "
+      "nothing is left,\n"
+      "# empty where it was not measured. depth_um: how far above the window, where that differs.\n"
+      "kind,designed_um,printed_um,depth_um\n";
+  const TestFeature* before = nullptr;
+  for (const TestFeature& f : features_) {
+    if (!before || before->gap != f.gap || before->upright != f.upright) {
+      text +=
+          fmt::format("# {} {}, {}\n", f.upright ? "upright" : "level", f.gap ? "gaps" : "lines",
+                      f.upright ? "from left to right" : "from the top down");
+    }
+    text += fmt::format("{},{:g},,\n", f.gap ? "gap" : "line", f.width_um);
+    before = &f;
+  }
+  return text;
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,16 @@
+/// `slicecorr testpart`.
+#pragma once
+
+#include <string>
+
+#include "programs/common/program.hpp"
+
+namespace slicecorr::cli {
+
+struct TestPartOptions {
+  std::string printer, output, format, form, picture;
+  double layer_um = 50, height_um = 500;
+};
+void add_test_part(Program& program, TestPartOptions& options);
+
+}  // namespace slicecorr::cli

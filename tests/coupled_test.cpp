@@ -1,0 +1,492 @@
+// The coupled correction, judged by doses that are summed here, pixel by pixel, with weights of the
+// test's own.
+#include "correct/coupled.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+#include <random>
+
+#include "models.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+namespace {
+
+using detail::CoupledCorrection;
+using detail::CoupledOptions;
+using detail::LightBlur;
+using detail::Miss;
+using detail::SliceScatter;
+using test::linear_printer;
+
+constexpr double kPixelUm = 50, kLayerUm = 50;
+
+/// Voxels of a small design, layer by layer, row by row.
+struct Design {
+  int width, height, layers;
+  std::vector<std::uint8_t> coverage;
+  Design(int w, int h, int n)
+      : width(w), height(h), layers(n), coverage(static_cast<std::size_t>(w * h * n), 0) {}
+  std::size_t at(int x, int y, int n) const {
+    return static_cast<std::size_t>((n * height + y) * width + x);
+  }
+  void fill(const PixelBox& box, int first, int past, std::uint8_t value) {
+    for (int n = first; n < past; ++n) {
+      for (int y = box.y0; y < box.y1; ++y) {
+        for (int x = box.x0; x < box.x1; ++x) coverage[at(x, y, n)] = value;
+      }
+    }
+  }
+  std::uint8_t of(int x, int y, int n) const {
+    return n < layers && x >= 0 && y >= 0 && x < width && y < height ? coverage[at(x, y, n)] : 0;
+  }
+};
+
+struct Setting {
+  double sigma_px = 0.8, kappa = 0, margin = 0;
+  int rounds = 8, threads = 2, patch_px = 32;
+  /// Pixels of the display around the design.
+  int border = 0;
+};
+
+LightSpread spread_of(double sigma_px) { return {{{sigma_px * kPixelUm, 1}}, std::nullopt}; }
+
+CorrectionPlan plan_of(const Design& design, const CureModel& model) {
+  const int last = design.layers - 1;
+  return {model, test::process(1000), design.layers, slices_with_burst(model, design.layers, last)};
+}
+
+CoupledCorrection::DesignReader reader_of(const Design& design) {
+  return [&design](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
+    std::vector<std::uint8_t> rows;
+    for (int n = 0; n < design.layers; ++n) {
+      rows.clear();
+      for (int y = box.y0; y < box.y1; ++y) {
+        for (int x = box.x0; x < box.x1; ++x) rows.push_back(design.of(x, y, n));
+      }
+      sink(n, rows.data(), nullptr);
+    }
+  };
+}
+
+class Coupled {
+ public:
+  Coupled(const Design& design, const CorrectionPlan& plan, const Setting& setting)
+      : blur_(spread_of(setting.sigma_px), kPixelUm, kPixelUm),
+        scatter_(setting.kappa, kLayerUm, kPixelUm, kPixelUm),
+        correction_(plan, blur_, scatter_, {0, 0, design.width, design.height},
+                    {-setting.border, -setting.border, design.width + setting.border,
+                     design.height + setting.border},
+                    CoupledOptions{setting.rounds, setting.margin, setting.patch_px}),
+        slices_(plan.all_layers),
+        size_(static_cast<std::size_t>(design.width * design.height)) {
+    context_.threads = setting.threads;
+    correction_.solve_columns(reader_of(design), context_);
+  }
+  CoupledCorrection* operator->() { return &correction_; }
+  const ExecutionContext& context() const { return context_; }
+  void run() {
+    while (correction_.improve(context_)) {
+    }
+  }
+  /// Levels, the first slice first.
+  std::vector<std::uint8_t> levels(const Design& design) const {
+    std::vector<std::uint8_t> all(size_ * static_cast<std::size_t>(slices_));
+    for (int n = 0; n < slices_; ++n) {
+      correction_.read(n, {0, 0, design.width, design.height},
+                       all.data() + size_ * static_cast<std::size_t>(n));
+    }
+    return all;
+  }
+
+ private:
+  LightBlur blur_;
+  SliceScatter scatter_;
+  CoupledCorrection correction_;
+  ExecutionContext context_;
+  int slices_;
+  std::size_t size_;
+};
+
+/// The share of a pixel's light that falls `x` pixels further, along one axis.
+double share(int x, double sigma_px) {
+  if (sigma_px <= 0) return x == 0 ? 1 : 0;
+  const double scale = sigma_px * std::sqrt(2.0);
+  return (std::erf((x + 0.5) / scale) - std::erf((x - 0.5) / scale)) / 2;
+}
+
+/// What is wrong in the design and around it, `border` pixels wide, by direct sums over the images.
+struct Direct {
+  std::uint64_t through = 0, under = 0;
+  double loss = 0;
+  std::vector<double> middle;  ///< of the layers, with the border
+};
+Direct judge(const Design& design, const CorrectionPlan& plan,
+             const std::vector<std::uint8_t>& levels, const Setting& setting) {
+  const int b = setting.border, w = design.width + 2 * b, h = design.height + 2 * b;
+  const auto size = static_cast<std::size_t>(w * h);
+  const double hs = plan.model.eta;
+  const double a = std::pow(10, -hs), root_a = std::pow(10, -hs / 2), m = plan.model.m;
+  // Scatter of a slice as three weights per axis; its variance is kappa times the slice's height.
+  const double k = setting.kappa * kLayerUm / (2 * kPixelUm * kPixelUm);
+  Direct direct;
+  std::vector<double> light(size), rows(size), dose(size, 0), scattered(size);
+  const auto scatter = [&](const std::vector<double>& in, std::vector<double>& out) {
+    const auto get = [&](const std::vector<double>& f, int x, int y) {
+      return x >= 0 && y >= 0 && x < w && y < h ? f[static_cast<std::size_t>(y * w + x)] : 0.0;
+    };
+    for (int y = 0; y < h; ++y) {
+      for (int x = 0; x < w; ++x) {
+        rows[static_cast<std::size_t>(y * w + x)] =
+            (1 - 2 * k) * get(in, x, y) + k * (get(in, x - 1, y) + get(in, x + 1, y));
+      }
+    }
+    for (int y = 0; y < h; ++y) {
+      for (int x = 0; x < w; ++x) {
+        out[static_cast<std::size_t>(y * w + x)] =
+            (1 - 2 * k) * get(rows, x, y) + k * (get(rows, x, y - 1) + get(rows, x, y + 1));
+      }
+    }
+  };
+  direct.middle.resize(size * static_cast<std::size_t>(plan.all_layers));
+  const int reach = static_cast<int>(std::ceil(6 * setting.sigma_px)) + 1;
+  std::vector<double> shares;
+  for (int x = 0; x <= reach; ++x) shares.push_back(share(x, setting.sigma_px));
+  std::array<double, 256> shine_of{};
+  for (int l = 0; l < plan.levels.size(); ++l) {
+    shine_of[static_cast<std::size_t>(l)] = std::pow(plan.levels.phi(l), 1 / m);
+  }
+  for (int n = plan.all_layers; n-- > 0;) {
+    const auto shine = [&](int x, int y) {
+      const bool inside = x >= b && y >= b && x < w - b && y < h - b;
+      const auto i = static_cast<std::size_t>((n * design.height + y - b) * design.width + x - b);
+      return shine_of[inside ? levels[i] : 0];
+    };
+    std::vector<double> across(size);
+    for (int y = 0; y < h; ++y) {
+      for (int x = 0; x < w; ++x) {
+        double& sum = across[static_cast<std::size_t>(y * w + x)] = 0;
+        for (int i = std::max(0, x - reach); i <= std::min(w - 1, x + reach); ++i) {
+          sum += shares[static_cast<std::size_t>(std::abs(i - x))] * shine(i, y);
+        }
+      }
+    }
+    for (int y = 0; y < h; ++y) {
+      for (int x = 0; x < w; ++x) {
+        double sum = 0;
+        for (int j = std::max(0, y - reach); j <= std::min(h - 1, y + reach); ++j) {
+          sum += shares[static_cast<std::size_t>(std::abs(j - y))] *
+                 across[static_cast<std::size_t>(j * w + x)];
+        }
+        light[static_cast<std::size_t>(y * w + x)] = std::pow(sum, m);
+      }
+    }
+    scatter(dose, scattered);
+    for (int y = 0; y < h; ++y) {
+      for (int x = 0; x < w; ++x) {
+        const auto i = static_cast<std::size_t>(y * w + x);
+        const double next = (1 - a) * light[i] + a * scattered[i];
+        const double middle = (next + root_a * dose[i]) / (1 + root_a);
+        dose[i] = next;
+        direct.middle[static_cast<std::size_t>(n) * size + i] = middle;
+        const int cover = design.of(x - b, y - b, n);
+        if (cover == 255 && middle < 1) ++direct.under;
+        if (cover == 255) direct.loss += std::pow(std::max(0.0, 1 - next), 2) / 2;
+        if (cover == 0 && middle >= 1) {
+          ++direct.through;
+          direct.loss += std::pow(middle - 1, 2) / 2;
+        }
+      }
+    }
+  }
+  return direct;
+}
+
+/// A single image: no slice sees another one's light.
+CureModel image_model(double phi_min, double phi_max) {
+  CureModel model;
+  model.layer_um = kLayerUm;
+  model.eta = 12;
+  model.a = std::pow(10, -model.eta);
+  model.one_minus_a = 1 - model.a;
+  model.root_a = std::pow(10, -model.eta / 2);
+  for (int l = 0; l < 256; ++l) model.level_phi.push_back(phi_min + (phi_max - phi_min) * l / 255);
+  return model;
+}
+
+Design image_with_gaps() {
+  Design d(32, 32, 1);
+  d.fill({4, 4, 28, 28}, 0, 1, 255);
+  d.fill({10, 8, 11, 24}, 0, 1, 0);
+  d.fill({14, 8, 16, 24}, 0, 1, 0);
+  d.fill({19, 8, 22, 24}, 0, 1, 0);
+  return d;
+}
+
+/// Walls, an overhang, a hole, a channel, thin walls and grey edges.
+Design block() {
+  Design d(44, 36, 40);
+  d.fill({6, 5, 36, 31}, 0, 36, 255);
+  d.fill({26, 5, 36, 31}, 10, 18, 0);
+  d.fill({12, 10, 15, 13}, 0, 40, 0);
+  d.fill({18, 5, 22, 31}, 20, 28, 0);
+  d.fill({39, 8, 41, 28}, 0, 30, 255);
+  d.fill({6, 30, 24, 31}, 0, 36, 100);
+  return d;
+}
+
+Design random_design(unsigned seed) {
+  std::mt19937 random(seed);
+  const auto below = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
+  Design d(26, 22, 24);
+  for (int k = 0; k < 14; ++k) {
+    const int x = below(22), y = below(18), n = below(22);
+    d.fill({x, y, std::min(26, x + 1 + below(12)), std::min(22, y + 1 + below(10))}, n,
+           std::min(24, n + 1 + below(12)),
+           static_cast<std::uint8_t>(k < 8        ? 255
+                                     : k % 3 == 0 ? below(256)
+                                                  : 0));
+  }
+  return d;
+}
+
+TEST(Coupled, PrintsTheImageWithGaps) {
+  const Design design = image_with_gaps();
+  const CureModel model = image_model(0.02, 2);
+  const CorrectionPlan plan(model, test::process(1000), 1, 1);
+  struct Case {
+    double sigma_um;
+    int rounds;
+    std::uint64_t columns_wrong;
+  };
+  // Voxels that are wrong where all of the feature is lit at 2.
+  for (const Case& c : {Case{25, 3, 0}, Case{40, 10, 16}, Case{60, 20, 32}}) {
+    Setting setting{.sigma_px = c.sigma_um / kPixelUm, .margin = 0.02, .rounds = c.rounds};
+    Coupled coupled(design, plan, setting);
+    EXPECT_EQ(coupled->columns_alone().wrong(), c.columns_wrong) << c.sigma_um;
+    coupled.run();
+    EXPECT_EQ(coupled->best().wrong(), 0) << c.sigma_um;
+    const Direct direct = judge(design, plan, coupled.levels(design), setting);
+    EXPECT_EQ(direct.through + direct.under, 0) << c.sigma_um;
+  }
+}
+
+TEST(Coupled, JudgesAsDirectSumsDo) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  for (const double kappa : {0.0, 2.0}) {
+    Setting setting{.kappa = kappa, .rounds = 2};
+    // As far as light goes, and some way on.
+    setting.border = 8;
+    Coupled coupled(design, plan, setting);
+    for (int round = 0; round < 3; ++round) {
+      const auto& figures = coupled->best();
+      const Direct direct = judge(design, plan, coupled.levels(design), setting);
+      EXPECT_EQ(figures.through, direct.through) << kappa << " " << round;
+      EXPECT_EQ(figures.under, direct.under) << kappa << " " << round;
+      EXPECT_NEAR(figures.loss, direct.loss, 1e-5 * direct.loss + 1e-9) << kappa << " " << round;
+      coupled->improve(coupled.context());
+    }
+  }
+}
+
+TEST(Coupled, WhatIsReportedAsWrongIsWrong) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  Setting setting{.sigma_px = 1.5, .rounds = 2};
+  setting.border = 10;
+  Coupled coupled(design, plan, setting);
+  coupled.run();
+  ASSERT_GT(coupled->best().wrong(), 0);
+  const Direct direct = judge(design, plan, coupled.levels(design), setting);
+  const std::vector<Miss> wrong = coupled->wrong_voxels(1000000);
+  EXPECT_EQ(wrong.size(), direct.through + direct.under);
+  const int w = design.width + 2 * setting.border;
+  const auto size = static_cast<std::size_t>(w * (design.height + 2 * setting.border));
+  for (const Miss& miss : wrong) {
+    const double middle = direct.middle[static_cast<std::size_t>(miss.slice) * size +
+                                        static_cast<std::size_t>((miss.y + setting.border) * w +
+                                                                 miss.x + setting.border)];
+    const int cover = design.of(miss.x, miss.y, miss.slice);
+    EXPECT_TRUE(cover == 255 ? middle < 1 : cover == 0 && middle >= 1)
+        << miss.slice << " " << miss.y << " " << miss.x << " " << middle;
+  }
+  EXPECT_EQ(coupled->wrong_voxels(3).size(), 3);
+}
+
+TEST(Coupled, MendsMostOfWhatSpreadSpoils) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  for (const double sigma_px : {0.3, 0.8, 1.5}) {
+    Setting setting{.sigma_px = sigma_px};
+    setting.border = 10;
+    Coupled coupled(design, plan, setting);
+    coupled.run();
+    EXPECT_LT(coupled->best().wrong() * 20, coupled->columns_alone().wrong()) << sigma_px;
+    EXPECT_LT(coupled->best().loss * 100, coupled->columns_alone().loss) << sigma_px;
+  }
+}
+
+TEST(Coupled, IsNeverWorseThanColumnsAlone) {
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    const Design design = random_design(seed);
+    const double m = seed % 3 == 0 ? 0.8 : 1;
+    CureModel model = test::figure_2_2(seed % 2 ? 1000 : 2500);
+    model.m = m;
+    const CorrectionPlan plan = plan_of(design, model);
+    Setting setting{
+        .sigma_px = seed % 3 == 1 ? 0.4 : 1.1, .kappa = seed % 2 ? 0.0 : 1.5, .rounds = 3};
+    setting.border = 8;
+    Coupled coupled(design, plan, setting);
+    const Direct before = judge(design, plan, coupled.levels(design), setting);
+    coupled.run();
+    const Direct after = judge(design, plan, coupled.levels(design), setting);
+    EXPECT_LE(after.through + after.under, before.through + before.under) << seed;
+    EXPECT_EQ(after.through, coupled->best().through) << seed;
+    EXPECT_EQ(after.under, coupled->best().under) << seed;
+  }
+}
+
+TEST(Coupled, TakesLightThatGoesFarAndLightThatGoesOneWay) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  ExecutionContext context;
+  context.threads = 2;
+  // Most light stays near, some goes further than a patch; a picture that sends light to the right;
+  // and nothing but scatter.
+  const SpreadPicture right{
+      3, 1, kPixelUm,
+      std::make_shared<const std::vector<std::uint8_t>>(std::vector<std::uint8_t>{0, 200, 50})};
+  const LightSpread spreads[] = {{{{30, 0.9}, {300, 0.1}}, std::nullopt}, {{}, right}, {}};
+  for (const LightSpread& spread : spreads) {
+    const LightBlur blur(spread, kPixelUm, kPixelUm);
+    const SliceScatter scatter(spread.none() ? 3 : 0, kLayerUm, kPixelUm, kPixelUm);
+    CoupledCorrection coupled(plan, blur, scatter, {0, 0, design.width, design.height},
+                              {-2, -2, design.width + 2, design.height + 2},
+                              CoupledOptions{3, 0, 16});
+    coupled.solve_columns(reader_of(design), context);
+    while (coupled.improve(context)) {
+    }
+    EXPECT_GT(coupled.last().round, 0);
+    EXPECT_LT(coupled.best().wrong() * 2, coupled.columns_alone().wrong());
+  }
+}
+
+TEST(Coupled, SameBytesForAnyNumberOfThreads) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  std::vector<std::uint8_t> first;
+  for (const int threads : {1, 2, 3}) {
+    Setting setting{.rounds = 4, .threads = threads, .patch_px = 16};
+    Coupled coupled(design, plan, setting);
+    coupled.run();
+    const auto levels = coupled.levels(design);
+    if (first.empty()) first = levels;
+    EXPECT_EQ(first, levels) << threads;
+  }
+}
+
+TEST(Coupled, LeavesAloneWhatNothingViolated) {
+  // A body with a wide cavity: far from walls the faces of the cavity are as columns alone have them.
+  Design design(120, 110, 30);
+  design.fill({5, 5, 115, 105}, 0, 26, 255);
+  design.fill({20, 20, 100, 90}, 8, 14, 0);
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  const Setting setting{.rounds = 4};
+  Coupled coupled(design, plan, setting);
+  const auto before = coupled.levels(design);
+  coupled.run();
+  const auto after = coupled.levels(design);
+  EXPECT_NE(before, after);
+  for (int n = 0; n < plan.all_layers; ++n) {
+    for (int y = 50; y < 60; ++y) {
+      for (int x = 50; x < 70; ++x) {
+        ASSERT_EQ(before[design.at(x, y, n)], after[design.at(x, y, n)])
+            << n << " " << y << " " << x;
+      }
+    }
+  }
+}
+
+TEST(Coupled, WithoutSpreadColumnsStay) {
+  const Design design = random_design(11);
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  Coupled coupled(design, plan, {.sigma_px = 0});
+  const auto before = coupled.levels(design);
+  for (int y = 0; y < design.height; ++y) {
+    for (int x = 0; x < design.width; ++x) {
+      std::vector<std::uint8_t> column;
+      for (int n = 0; n < design.layers; ++n) column.push_back(design.of(x, y, n));
+      const auto alone = solve_column(plan, column);
+      for (int n = 0; n < plan.all_layers; ++n) {
+        ASSERT_EQ(alone[static_cast<std::size_t>(n)], before[design.at(x, y, n)]);
+      }
+    }
+  }
+}
+
+TEST(Coupled, ReadsBandsAsSlices) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  Coupled coupled(design, plan, {.rounds = 1});
+  coupled.run();
+  const PixelBox box{3, 7, 40, 21};
+  const detail::CodedBand band = coupled->levels_of(box);
+  ASSERT_EQ(band.slices(), plan.all_layers);
+  std::vector<std::uint8_t> a(band.columns()), b(band.columns());
+  for (int n = 0; n < plan.all_layers; ++n) {
+    coupled->read(n, box, a.data());
+    band.read(plan.all_layers - 1 - n, b.data());
+    ASSERT_EQ(a, b) << n;
+  }
+}
+
+TEST(Coupled, HoldsFewBytes) {
+  // Coverage, the columns' levels, those of the last round and the best ones, run-length coded.
+  Design design(200, 200, 60);
+  design.fill({20, 20, 180, 180}, 0, 56, 255);
+  design.fill({60, 60, 120, 120}, 20, 30, 0);
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  Coupled coupled(design, plan, {.rounds = 2, .patch_px = 128});
+  coupled.run();
+  const auto voxels = static_cast<double>(design.coverage.size());
+  EXPECT_LT(static_cast<double>(coupled->bytes()), 0.5 * voxels);
+}
+
+TEST(Coupled, RefusesOtherModels) {
+  CureModel model = test::figure_2_2();
+  model.mode = ExposureMode::layerwise;
+  const CorrectionPlan plan(model, test::process(1000), 4, 4);
+  const LightBlur blur(spread_of(0.8), kPixelUm, kPixelUm);
+  const SliceScatter scatter;
+  EXPECT_THROW(CoupledCorrection(plan, blur, scatter, {0, 0, 4, 4}, {0, 0, 4, 4}), InputError);
+}
+
+TEST(Coupled, StopsWhenCancelled) {
+  const Design design = block();
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  Coupled coupled(design, plan, {});
+  const std::atomic<bool> cancel{true};
+  ExecutionContext context;
+  context.cancel = &cancel;
+  EXPECT_THROW(coupled->improve(context), Cancelled);
+  EXPECT_EQ(coupled->last().round, 0);
+}
+
+}  // namespace
+}  // namespace slicecorr

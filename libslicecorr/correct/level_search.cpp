@@ -508,7 +508,8 @@ bool LevelSearch::search_below(double below, const Wanted& wanted, double room, 
 
 int LevelSearch::choose_near(const RunAt& run, int n, double below, const Wanted& wanted,
                              std::uint8_t* out) {
-  if (n - run.node >= plan_.together || !is_edge(run.edge)) {
+  taken_ = nullptr;
+  if (!looks_ahead(run, n)) {
     out[0] = static_cast<std::uint8_t>(one_slice_near(run, n, below, wanted));
     return 1;
   }

@@ -126,6 +126,8 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  surface               mesh, slices: where edges lie whose heights the target knows
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
  *  resin_depth_um        depth of the resin above the window, instead of the printer's
+ *  platform_reflectance  share of light that the platform sends back, instead of the printer's
+ *  leave_alone           mesh on the plate, or stack like the target, of what is shown as it is sliced
  *  spread_correction     on, off: where light spreads, columns together or each alone
  *  rounds                most rounds of correcting columns together; 20 when not set
  *  uv_mw_cm2             inhibiting UV light, the same throughout

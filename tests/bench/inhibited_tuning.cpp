@@ -317,7 +317,8 @@ double band_s(const CureModel& model, const SliceSource& part, std::size_t kept_
   const PixelBox box = part.bounds();
   detail::InhibitedBand band(
       plan, static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height()));
-  part.read_band(box, [&](int, const std::uint8_t* rows) { band.add_layer(rows, nullptr, nullptr); });
+  part.read_band(box,
+                 [&](int, const std::uint8_t* rows) { band.add_layer(rows, nullptr, nullptr); });
   const double start = cpu_s();
   band.solve([](int, const std::uint8_t*, const std::uint8_t*, bool) {}, {});
   return cpu_s() - start;

@@ -22,7 +22,6 @@ using detail::CoupledOptions;
 using detail::LightBlur;
 using detail::Miss;
 using detail::SliceScatter;
-using test::linear_printer;
 
 constexpr double kPixelUm = 50, kLayerUm = 50;
 

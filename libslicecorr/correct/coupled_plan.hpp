@@ -11,10 +11,10 @@
 namespace slicecorr::detail {
 
 struct CoupledPlan {
-  /// `columns`: of continuous exposure without UV light in a bath that does not end; throws
-  /// `InputError` for others. `display`: beyond it it is dark. `margin`: how far from 1 doses are
-  /// aimed at; 0: as levels ask. All but `margin` and `display` must outlive the plan.
-  CoupledPlan(const CorrectionPlan& columns, const LightBlur& light_blur,
+  /// `column_plan`: of continuous exposure without UV light in a bath that does not end; throws
+  /// `InputError` for others. `display_box`: beyond it it is dark. `dose_margin`: how far from 1
+  /// doses are aimed at; 0: as levels ask. All but the last two must outlive the plan.
+  CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
               const SliceScatter& slice_scatter, const PixelBox& display_box, double dose_margin);
 
   const CorrectionPlan& columns;

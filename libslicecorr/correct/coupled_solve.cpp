@@ -60,7 +60,7 @@ class PatchSolver : public PatchField<float> {
     }
     for (std::size_t at = 0; at < size; ++at) set_free(at);
     neutral(0, size);
-    aimed_at_.assign(size / (kSquare * kSquare), -1);
+    aimed_at_.assign(size / (std::size_t{kSquare} * kSquare), -1);
     check_until_.assign(aimed_at_.size(), plan.slices);
     fades_ = static_cast<int>(std::ceil(std::log(kFaded) / std::log(plan.a)));
     if (!task.first) {

@@ -95,8 +95,9 @@ std::vector<double> overlaps(int count, double pitch_um, double pixel_um, int re
   std::vector<double> share(static_cast<std::size_t>(count) *
                             (2 * static_cast<std::size_t>(reach) + 1));
   std::size_t at = 0;
+  const int middle = count / 2;
   for (int i = 0; i < count; ++i) {
-    const double low = (i - count / 2 - 0.5) * pitch_um, high = low + pitch_um;
+    const double low = (i - middle - 0.5) * pitch_um, high = low + pitch_um;
     for (int k = -reach; k <= reach; ++k) {
       const double from = std::max(low, (k - 0.5) * pixel_um),
                    to = std::min(high, (k + 0.5) * pixel_um);

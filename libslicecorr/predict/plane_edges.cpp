@@ -140,7 +140,7 @@ void PlaneEdges::Places::add(std::size_t at, int slice) {
   Slices& slices = entry->second;
   if (is_new || slices.first == slice) return;
   if (slices.first != slice + 1) {
-    ended_.push_back({at, slices});
+    ended_.emplace_back(at, slices);
     slices.last = slice;
   }
   slices.first = slice;

@@ -65,12 +65,13 @@ void check_spread_picture(const SpreadPicture& picture, const Printer& printer,
   if (!picture.values) return;
   double sum = 0, x_sum = 0, y_sum = 0;
   std::size_t at = 0;
+  const int middle_x = w / 2, middle_y = h / 2;
   for (int y = 0; y < h; ++y) {
     for (int x = 0; x < w; ++x) {
       const double v = (*picture.values)[at++];
       sum += v;
-      x_sum += v * (x - w / 2);
-      y_sum += v * (y - h / 2);
+      x_sum += v * (x - middle_x);
+      y_sum += v * (y - middle_y);
     }
   }
   if (sum == 0) {

@@ -511,7 +511,7 @@ TEST_F(CAbiTomoJob, IsTheLibrarysByteForByte) {
     const Resin resin = parse_resin(kResin, "resin");
     tomo::PrintOptions options;
     options.angles = 60;
-    options.solve.method = tomo::Method::kOsmo;
+    options.solve.method = tomo::Method::osmo;
     options.solve.steps = 12;
     if (with_insert) options.insert = tomo::placed(insert_, printer, 0.25);
     const tomo::Print print = tomo::solve_print(placed_, 0.25, printer, resin, options);

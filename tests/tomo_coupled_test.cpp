@@ -321,9 +321,9 @@ TEST(TomoCoupled, APartIsSolvedAndPrinted) {
     Printer printer;
     Method method;
   };
-  for (const Case& c : {Case{pinhole_printer(), Method::kLadder},
-                        {pinhole_printer(), Method::kOsmo},
-                        {aperture_printer(), Method::kOsmo}}) {
+  for (const Case& c : {Case{pinhole_printer(), Method::ladder},
+                        {pinhole_printer(), Method::osmo},
+                        {aperture_printer(), Method::osmo}}) {
     PrintOptions options;
     options.angles = 96;
     options.solve.method = c.method;
@@ -336,7 +336,7 @@ TEST(TomoCoupled, APartIsSolvedAndPrinted) {
     const Print print = solve_print(part, 0.25, c.printer, bench_resin(), options, one);
     EXPECT_EQ(print.figures.metrics.ver, 0) << static_cast<int>(c.method);
     EXPECT_TRUE(print.figures.feasible());
-    if (c.method == Method::kLadder) {
+    if (c.method == Method::ladder) {
       EXPECT_LT(print.figures.contrast_bound, 3);
       EXPECT_GE(print.figures.contrast_bound, print.figures.metrics.contrast);
       EXPECT_EQ(print.job.levels,
@@ -417,7 +417,7 @@ TEST(TomoCoupled, FramesFollowAnAxisThatWobbles) {
   moved.rotation->wobble = {{0, 4, 0}, {180, -4, 6}};
   PrintOptions options;
   options.angles = 48;
-  options.solve.method = Method::kOsmo;
+  options.solve.method = Method::osmo;
   const Box<std::uint8_t> part = wheel();
   const Print print = solve_print(part, 0.25, moved, bench_resin(), options);
   EXPECT_EQ(print.figures.metrics.ver, 0);

@@ -8,6 +8,7 @@
 #include "c_abi.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/print.hpp"
+#include "tomo_definitions.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -463,35 +464,8 @@ TEST(CAbiTomo, BenchesSayWhatTheyAre) {
 /// A small printer of a vial in air that turns the other way, and a part.
 class CAbiTomoJob : public ::testing::Test {
  protected:
-  static constexpr const char* kPrinter = R"(name = "bench"
-[display]
-width_px = 48
-height_px = 40
-pixel_um = 250.0
-bit_depth = 8
-[blue]
-wavelength_nm = 405
-calibration = [[0, 0.002], [255, 2.0]]
-[vial]
-outer_mm = 4.5
-inner_mm = 4.0
-n_outside = 1.0
-n_wall = 1.48
-[optics]
-kind = "telecentric"
-[rotation]
-deg_s = 25
-direction = "counterclockwise"
-max_fps = 60
-)";
-  static constexpr const char* kResin = R"(name = "resin"
-[cure]
-model = "jacobs"
-m = 1.0
-absorption_per_cm = 0.5
-n = 1.5
-gel_dose_mj_cm3 = 20.0
-)";
+  inline static const std::string kPrinter = test::bench_printer_toml(true);
+  inline static const std::string kResin = test::bench_resin_toml("0.5");
   CAbiTomoJob() {
     part_ = {3, 15, 15, std::vector<std::uint8_t>(3 * 15 * 15)};
     insert_ = part_;
@@ -537,7 +511,7 @@ TEST_F(CAbiTomoJob, IsTheLibrarysByteForByte) {
     const Resin resin = parse_resin(kResin, "resin");
     tomo::PrintOptions options;
     options.angles = 60;
-    options.solve.method = tomo::Method::kOsmo;
+    options.solve.method = tomo::Method::osmo;
     options.solve.steps = 12;
     if (with_insert) options.insert = tomo::placed(insert_, printer, 0.25);
     const tomo::Print print = tomo::solve_print(placed_, 0.25, printer, resin, options);

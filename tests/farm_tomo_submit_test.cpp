@@ -315,13 +315,13 @@ TEST_F(PrepareTomography, MemoryGrowsWithLightAndDose) {
     return detail::tomo_memory_needs(tomo::make_bench(printer, resin, {0.125, slices, angles}),
                                      method);
   };
-  const auto small = needs(32, 180, tomo::Method::kOsmo);
-  const auto more = needs(32, 720, tomo::Method::kOsmo);
+  const auto small = needs(32, 180, tomo::Method::osmo);
+  const auto more = needs(32, 720, tomo::Method::osmo);
   EXPECT_GT(more.base_mb, small.base_mb);
-  EXPECT_GT(needs(32, 720, tomo::Method::kLadder).thread_mb, more.thread_mb);
+  EXPECT_GT(needs(32, 720, tomo::Method::ladder).thread_mb, more.thread_mb);
   // Light of a block is 4 bytes x 720 angles x 58 pixels x 32 lanes: 5.1 MB; the ladder's descent
   // holds at least 2 x 5 + 6 of them in each thread.
-  EXPECT_GE(needs(32, 720, tomo::Method::kLadder).thread_mb, 16 * 5);
+  EXPECT_GE(needs(32, 720, tomo::Method::ladder).thread_mb, 16 * 5);
 }
 
 TEST_F(PrepareTomography, FieldsOfOtherModesAreRefusedWhereTheyStand) {

@@ -15,6 +15,7 @@
 #include "slicecorr/tomo/convert.hpp"
 #include "stack_fixture.hpp"
 #include "support/text/natural.hpp"
+#include "tomo_definitions.hpp"
 #include "tomo_jobs.hpp"
 
 namespace slicecorr::tomo {
@@ -222,35 +223,8 @@ class TomoConvertProgram : public TomoConvert {
     job_ = random_job(bench_printer(), 3, 24);
     show(job_);
     write_npy(path("part.npy"), job_.part);
-    test::write_file(path("bench.toml"), test::to_bytes(R"(name = "bench"
-[display]
-width_px = 48
-height_px = 40
-pixel_um = 250.0
-bit_depth = 8
-[blue]
-wavelength_nm = 405
-calibration = [[0, 0.002], [255, 2.0]]
-[vial]
-outer_mm = 4.5
-inner_mm = 4.0
-n_outside = 1.5
-n_wall = 1.5
-[optics]
-kind = "telecentric"
-[rotation]
-deg_s = 25
-direction = "clockwise"
-max_fps = 60
-)"));
-    test::write_file(path("resin.toml"), test::to_bytes(R"(name = "resin"
-[cure]
-model = "jacobs"
-m = 1.0
-absorption_per_cm = 2.5
-n = 1.5
-gel_dose_mj_cm3 = 20.0
-)"));
+    test::write_file(path("bench.toml"), test::to_bytes(test::bench_printer_toml()));
+    test::write_file(path("resin.toml"), test::to_bytes(test::bench_resin_toml("2.5")));
   }
   test::RunResult call(std::vector<std::string> words) const {
     test::RunOptions options;

@@ -438,7 +438,7 @@ TEST(TomoPrint, TooFewAnglesAreTold) {
   ExecutionContext context;
   context.notice = [&](const std::string& text) { told += text + "\n"; };
   PrintOptions options;
-  options.solve.method = Method::kFbp;
+  options.solve.method = Method::fbp;
   options.angles = 40;
   // The corners lie 6 sqrt 2 voxels from the axis: 2 pi times that is 53.3.
   solve_print(square_part(), 0.25, bench_printer(), bench_resin(), options, context);

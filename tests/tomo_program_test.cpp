@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "stack_fixture.hpp"
+#include "tomo_definitions.hpp"
 #include "tomo_jobs.hpp"
 
 namespace slicecorr::tomo {
@@ -26,35 +27,8 @@ class TomoProgram : public testing::Test {
  protected:
   std::string path(const std::string& name) const { return folder_ / name; }
   void SetUp() override {
-    test::write_file(path("bench.toml"), test::to_bytes(R"(name = "bench"
-[display]
-width_px = 48
-height_px = 40
-pixel_um = 250.0
-bit_depth = 8
-[blue]
-wavelength_nm = 405
-calibration = [[0, 0.002], [255, 2.0]]
-[vial]
-outer_mm = 4.5
-inner_mm = 4.0
-n_outside = 1.0
-n_wall = 1.48
-[optics]
-kind = "telecentric"
-[rotation]
-deg_s = 25
-direction = "counterclockwise"
-max_fps = 60
-)"));
-    test::write_file(path("resin.toml"), test::to_bytes(R"(name = "resin"
-[cure]
-model = "jacobs"
-m = 1.0
-absorption_per_cm = 0.5
-n = 1.5
-gel_dose_mj_cm3 = 20.0
-)"));
+    test::write_file(path("bench.toml"), test::to_bytes(test::bench_printer_toml(true)));
+    test::write_file(path("resin.toml"), test::to_bytes(test::bench_resin_toml("0.5")));
     Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)};
     for (int z = 0; z < 3; ++z) {
       for (int y = 12; y < 21; ++y) {

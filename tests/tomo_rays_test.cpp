@@ -369,7 +369,7 @@ TEST(TomoRays, FinsPrintOnlyWithTheRaysThatThereAre) {
   const auto real = make_ray_projector(fins.grid, fins.rays),
              level = make_ray_projector(fins.grid, flat);
   SolveOptions options;
-  options.method = Method::kOsmo;
+  options.method = Method::osmo;
   const auto printed = [&](const Projector& projector) {
     return adjoint(*real, {}, solve({}, projector, target, {}, options).light);
   };

@@ -147,7 +147,7 @@ inline Field field_of(const Volume& part) {
 
 inline SolveOptions osmo(int steps) {
   SolveOptions options;
-  options.method = Method::kOsmo;
+  options.method = Method::osmo;
   options.steps = steps;
   return options;
 }

@@ -723,7 +723,7 @@ TEST(TomoSpread, OtherMethodsSeeItToo) {
   const Resin resin = spreading(printer, 0.4);
   PrintOptions options;
   options.angles = 60;
-  for (const Method method : {Method::kOsmo, Method::kKelly, Method::kFbp}) {
+  for (const Method method : {Method::osmo, Method::kelly, Method::fbp}) {
     options.solve.method = method;
     const Print print = solve_print(blocks_with_a_gap(), 0.25, printer, resin, options);
     EXPECT_GT(print.figures.metrics.best_jaccard, 0.8) << static_cast<int>(method);

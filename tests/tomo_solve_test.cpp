@@ -140,7 +140,7 @@ TEST(TomoFilter, AttenuatedInverseOfADisc) {
   const Volume disc =
       part_of(grid, [](double x, double y, double) { return std::hypot(x, y) < .5; });
   Light lines = forward(*detail::make_axis_projector(grid, -alpha), {}, field_of(disc));
-  ramp_filter({}, lines, Window::kRamLak, alpha);
+  ramp_filter({}, lines, Window::ram_lak, alpha);
   const Field dose = adjoint(*detail::make_axis_projector(grid, alpha), {}, lines);
   // Sums over voxels are lengths over h, |k| is over pi / h, 2 pi / M / (4 pi) is left.
   const double unit = std::numbers::pi / (2 * grid.angles);
@@ -166,7 +166,7 @@ TEST(TomoFilter, RampOfOnePixel) {
   const TomoGrid grid = square_grid(200, 3);
   Light light(grid);
   light.values[grid.pixel(1, 100, 0)] = 1;
-  ramp_filter({}, light, Window::kRamLak);
+  ramp_filter({}, light, Window::ram_lak);
   // |k| is 1 at the highest frequency, so the textbook's 1/4 and 1/(pi k)^2 are twice as large. A
   // transform of 512 repeats the tail: its sum beyond 256 is below 1e-4.
   EXPECT_NEAR(light.values[grid.pixel(1, 100, 0)], 0.5, 1e-4);
@@ -191,7 +191,7 @@ TEST(TomoOsmo, PublishedTargets) {
 
 TEST(TomoKelly, ReachesT1WithoutErrorAfterFiveSteps) {
   SolveOptions options;
-  options.method = Method::kKelly;
+  options.method = Method::kelly;
   options.steps = 6;  // the start and five
   const Solution s = Problem(t1(square_grid(256, 360))).solve(options);
   EXPECT_LE(s.metrics.ver, 3e-4);
@@ -323,7 +323,7 @@ TEST(TomoLadder, SlicesAreIndependentAndThreadsChangeNothing) {
   const Solution two = solve(on_threads(2), *p.projector, p.target, p.optics, options);
   EXPECT_EQ(one.light.values, two.light.values);
   EXPECT_EQ(one.metrics.contrast, two.metrics.contrast);
-  for (const Method method : {Method::kOsmo, Method::kKelly, Method::kFbp}) {
+  for (const Method method : {Method::osmo, Method::kelly, Method::fbp}) {
     options.method = method;
     options.steps = 3;
     EXPECT_EQ(solve(on_threads(1), *p.projector, p.target, p.optics, options).light.values,
@@ -381,12 +381,12 @@ TEST(TomoSolve, GoesOnFromWhereItStood) {
     int places;
   };
   // The ladder of the third case misses its last rung, and proves it.
-  for (const Case& c : {Case{Method::kOsmo, 0, 4}, Case{Method::kKelly, 0, 5},
-                        Case{Method::kLadder, 2, 2}, Case{Method::kLadder, 0, 3}}) {
+  for (const Case& c : {Case{Method::osmo, 0, 4}, Case{Method::kelly, 0, 5},
+                        Case{Method::ladder, 2, 2}, Case{Method::ladder, 0, 3}}) {
     const Problem p(t1(square_grid(64, 60)), c.depth);
     SolveOptions options;
     options.method = c.method;
-    options.steps = c.method == Method::kLadder ? 30 : 5;
+    options.steps = c.method == Method::ladder ? 30 : 5;
     options.most_steps = 30;
     options.rungs = {.95, .9, .85};
     std::vector<SolverState> places;
@@ -460,7 +460,7 @@ TEST(TomoLadder, StopsWhenAsked) {
   context.cancel = &cancel;
   SolveOptions options;
   options.checkpoint = [&](const SolverPlace&) { cancel = true; };
-  for (const Method method : {Method::kLadder, Method::kOsmo, Method::kKelly}) {
+  for (const Method method : {Method::ladder, Method::osmo, Method::kelly}) {
     cancel = false;
     options.method = method;
     EXPECT_THROW(solve(context, *p.projector, p.target, p.optics, options), Cancelled);

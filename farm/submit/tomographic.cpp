@@ -55,13 +55,13 @@ double voxel_mm_of(const JobRequest& r, bool volume, const Printer& printer) {
 
 int usual_steps(const tomo::SolveOptions& o) {
   switch (o.method) {
-    case tomo::Method::kOsmo:
+    case tomo::Method::osmo:
       return 20;
-    case tomo::Method::kKelly:
+    case tomo::Method::kelly:
       return 10;
-    case tomo::Method::kFbp:
+    case tomo::Method::fbp:
       return 1;
-    case tomo::Method::kLadder:
+    case tomo::Method::ladder:
       break;
   }
   return 60;
@@ -84,7 +84,7 @@ std::pair<Printer, Resin> resolve_tomographic(const JobRequest& r, WorkSpec& spe
   std::pair<Printer, Resin> definitions{load_printer(r.setup.printer), load_resin(r.setup.resin)};
   require_tomographic(definitions.first);
   spec.kind = "tomo";
-  WorkSpec::Tomo& t = spec.tomo.emplace();
+  TomoWork& t = spec.tomo.emplace();
   t.volume = kind_of(r) == JobKind::tomographic_volume;
   t.inserts = static_cast<int>(r.inserts.size());
   t.voxel_mm = voxel_mm_of(r, t.volume, definitions.first);
@@ -113,15 +113,14 @@ MemoryNeeds tomo_memory_needs(const tomo::Bench& bench, tomo::Method method) {
   // target, a byte each; grey levels are half as large as light.
   const double all = blocks * (4 * light + 5 * field) + kProgramMb;
   const double thread =
-      method == tomo::Method::kLadder ? 16 * light + 4 * field : 2 * light + 2 * field;
+      method == tomo::Method::ladder ? 16 * light + 4 * field : 2 * light + 2 * field;
   return {static_cast<std::int64_t>(1.5 * (all + thread)) + 1,
           static_cast<std::int64_t>(1.5 * thread) + 1};
 }
 
 std::int64_t voxel_angle_steps(const tomo::TomoGrid& grid, const tomo::SolveOptions& o) {
   const int steps = o.steps > 0 ? o.steps : usual_steps(o);
-  const double rungs =
-      o.method == tomo::Method::kLadder ? static_cast<double>(o.rungs.size()) : 1.0;
+  const double rungs = o.method == tomo::Method::ladder ? static_cast<double>(o.rungs.size()) : 1.0;
   return static_cast<std::int64_t>(computed_voxels(grid) * grid.angles *
                                    (steps * rungs + kStepsOfJudging));
 }
@@ -134,7 +133,7 @@ constexpr std::int64_t kTimesOfSpread = 5;
 // A few slices are solved one by one, or leave vector lanes idle; more of them lie side by side.
 constexpr int kFewSlices = 7;
 
-std::string tomo_rate_class(const WorkSpec::Tomo& tomo, int slices) {
+std::string tomo_rate_class(const TomoWork& tomo, int slices) {
   return fmt::format("tomo {}{}", tomo.method, slices <= kFewSlices ? " slice by slice" : "");
 }
 
@@ -163,9 +162,9 @@ TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::strin
       rows += bench.places.lit_by(0, bench.window.first_column, row).any();
     }
   }
-  needs.bytes =
-      std::int64_t{bench.grid.angles} * (bench.grid.pixels * bench.window.wide * rows / 3 + 1024) +
-      kPageBytes;
+  needs.bytes = std::int64_t{bench.grid.angles} *
+                    (std::int64_t{bench.grid.pixels} * bench.window.wide * rows / 3 + 1024) +
+                kPageBytes;
   needs.memory = tomo_memory_needs(bench, wanted.options.solve.method);
   if (spreads) {
     // Dose before and after it has spread, and on its way.

@@ -44,7 +44,7 @@ MemoryNeeds tomo_memory_needs(const tomo::Bench& bench, tomo::Method method);
 std::int64_t voxel_angle_steps(const tomo::TomoGrid& grid, const tomo::SolveOptions& options);
 
 /// Solves of one class take the same time per voxel, angle and step.
-std::string tomo_rate_class(const WorkSpec::Tomo& tomo, int slices);
+std::string tomo_rate_class(const TomoWork& tomo, int slices);
 /// Units a second on one core before the farm has measured any: cautious for grids of 100 voxels.
 double guessed_units_per_s(int slices);
 

@@ -45,7 +45,7 @@ tomo::TomoJob read_back(const std::string& path, const tomo::TomoJob& written,
 }  // namespace
 
 cli::TomoPrintOptions tomo_options(const WorkSpec& spec, const std::vector<std::string>& paths) {
-  const WorkSpec::Tomo& t = *spec.tomo;
+  const TomoWork& t = *spec.tomo;
   cli::TomoPrintOptions o;
   const std::size_t parts = paths.size() - static_cast<std::size_t>(t.inserts);
   const auto past = paths.begin() + static_cast<std::ptrdiff_t>(parts);

@@ -45,7 +45,7 @@ Json json_of(const WorkSpec& s, bool with_names) {
   json["ending"] = s.ending;
   json["name"] = s.name;
   if (s.tomo) {
-    const WorkSpec::Tomo& t = *s.tomo;
+    const TomoWork& t = *s.tomo;
     json["tomo"] = {{"volume", t.volume},
                     {"inserts", t.inserts},
                     {"voxel_mm", t.voxel_mm},
@@ -79,10 +79,10 @@ WorkSpec spec_of(const Json& json) {
   s.name = json.at("name");
   if (json.contains("tomo")) {
     const Json& t = json.at("tomo");
-    s.tomo = WorkSpec::Tomo{t.at("volume"),     t.at("inserts"),     t.at("voxel_mm"),
-                            t.at("method"),     t.at("window"),      t.at("angles"),
-                            t.at("iterations"), t.at("clip_sigma"),  t.at("stop_error"),
-                            t.at("max_time_s"), t.at("beyond_reach")};
+    s.tomo =
+        TomoWork{t.at("volume"),     t.at("inserts"),    t.at("voxel_mm"),    t.at("method"),
+                 t.at("window"),     t.at("angles"),     t.at("iterations"),  t.at("clip_sigma"),
+                 t.at("stop_error"), t.at("max_time_s"), t.at("beyond_reach")};
   }
   return s;
 }

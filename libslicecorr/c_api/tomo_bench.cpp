@@ -299,7 +299,7 @@ slicecorr_status slicecorr_tomo_filtered_start(const slicecorr_tomo_bench* bench
     const ArrayView to(light, "light", Elements::floats, true);
     to.need_shape(light_shape(b.grid), kLightAxes);
     const auto filter =
-        window ? slicecorr::tomo::window_named(window) : slicecorr::tomo::Window::kHamming;
+        window ? slicecorr::tomo::window_named(window) : slicecorr::tomo::Window::hamming;
     const slicecorr::ExecutionContext context = job_of(job);
     const slicecorr::tomo::Target target(volume_of(b.grid, from));
     const slicecorr::tomo::Light start =

@@ -66,7 +66,7 @@ tomo::PrintOptions options_of(const Choices& choices) {
   options.solve.clip_sigma = choices.clip_sigma;
   options.solve.stop_error = choices.stop_error;
   if ((choices.clip_sigma > 0 || choices.stop_error > 0) &&
-      options.solve.method != tomo::Method::kOsmo) {
+      options.solve.method != tomo::Method::osmo) {
     throw InputError("clip_sigma and stop_error are of OSMO; expected method osmo with them");
   }
   options.angles = std::max(0, choices.angles);

@@ -17,10 +17,10 @@ struct Limits {
   Limits(const Kind* kinds, std::size_t count, std::size_t padded, const Penalty& penalty)
       : least(padded, -kNone), most(padded, kNone) {
     for (std::size_t i = 0; i < count; ++i) {
-      if (kinds[i] == Kind::kGel) {
+      if (kinds[i] == Kind::gel) {
         least[i] = 1;
         most[i] = static_cast<float>(penalty.most_dose);
-      } else if (kinds[i] == Kind::kVoid) {
+      } else if (kinds[i] == Kind::empty) {
         most[i] = static_cast<float>(penalty.rung);
       }
     }
@@ -325,7 +325,7 @@ std::vector<double> best_scales(const TomoGrid& grid, const Kind* kinds, const f
   const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
   Doubles most{};
   for (std::size_t i = 0; i < count; ++i) {
-    if (kinds[i] == Kind::kGel) most[i % lanes] = std::max<double>(most[i % lanes], dose[i]);
+    if (kinds[i] == Kind::gel) most[i % lanes] = std::max<double>(most[i % lanes], dose[i]);
   }
   if (lanes == 1) most.fill(most[0]);
   // Beyond, all of the gel would have to be at 100 times its dose.

@@ -28,9 +28,9 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
   Array<float> low(voxels), high(voxels), empty(voxels), seen(voxels), raise(voxels);
   Array<float> a_low(pixels), a_high(pixels), a_empty(pixels), ray(pixels);
   for (std::size_t i = 0; i < voxels; ++i) {
-    if (kinds[i] == Kind::kGel) {
+    if (kinds[i] == Kind::gel) {
       low[i] = std::max(0.0f, 1.0f - dose[i]);
-    } else if (kinds[i] == Kind::kVoid) {
+    } else if (kinds[i] == Kind::empty) {
       high[i] = std::max(0.0f, dose[i] - static_cast<float>(rung));
       empty[i] = 1;
     }

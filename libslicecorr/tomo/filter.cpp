@@ -21,9 +21,9 @@ constexpr double kPi = std::numbers::pi;
 /// `share` is |k| over the highest frequency, 0..1.
 double window_at(Window window, double share) {
   switch (window) {
-    case Window::kHamming:
+    case Window::hamming:
       return 0.54 + 0.46 * std::cos(kPi * share);
-    case Window::kKelly:
+    case Window::kelly:
       return std::exp(-std::pow(share / 0.5, 4));
     default:
       return 1;
@@ -39,7 +39,7 @@ void scale_to_one(Array<float>& values) {
 }  // namespace
 
 Window window_named(std::string_view name) {
-  constexpr Window kAll[] = {Window::kHamming, Window::kRamLak, Window::kKelly};
+  constexpr Window kAll[] = {Window::hamming, Window::ram_lak, Window::kelly};
   static_assert(std::size(kAll) == std::size(kWindowNames));
   const auto* const found = std::find(std::begin(kWindowNames), std::end(kWindowNames), name);
   if (found != std::end(kWindowNames)) return kAll[found - std::begin(kWindowNames)];
@@ -128,7 +128,7 @@ Light filtered_start(const ExecutionContext& context, const Target& target, cons
   for (int z = 0; z < grid.slices; ++z) {
     for (int y = 0; y < grid.voxels; ++y) {
       for (int x = 0; x < grid.voxels; ++x) {
-        const bool is_gel = target.kinds[grid.voxel(x, y, z)] == Kind::kGel;
+        const bool is_gel = target.kinds[grid.voxel(x, y, z)] == Kind::gel;
         gel.values[level.voxel(x, y, z)] = is_gel ? 1.0f : 0.0f;
       }
     }
@@ -207,7 +207,7 @@ Field filtered_model(const ExecutionContext& context, const Target& target, Wind
     const int slice = static_cast<int>(z);
     for (int y = 0; y < n; ++y) {
       for (int x = 0; x < n; ++x) {
-        plane[y * n + x] = target.kinds[grid.voxel(x, y, slice)] == Kind::kGel ? 1.0f : 0.0f;
+        plane[y * n + x] = target.kinds[grid.voxel(x, y, slice)] == Kind::gel ? 1.0f : 0.0f;
       }
     }
     each_line(1, n, false);

@@ -156,10 +156,10 @@ class Ladder {
     std::fill(now_.begin(), now_.end(), SliceStep{});
     for (std::size_t i = 0; i < target_.kinds.size(); ++i) {
       const double d = dose_.values[i];
-      if (target_.kinds[i] == Kind::kNeither) continue;
+      if (target_.kinds[i] == Kind::neither) continue;
       SliceStep& s = now_[i / grid.voxels_of_block() * lanes + i % lanes];
       s.max_dose = std::max(s.max_dose, d);
-      if (target_.kinds[i] == Kind::kGel) {
+      if (target_.kinds[i] == Kind::gel) {
         s.min_gel = std::min(s.min_gel, d);
       } else {
         s.max_void = std::max(s.max_void, d);

@@ -17,8 +17,8 @@ struct Sorted {
     gel.reserve(target.gel);
     empty.reserve(target.empty);
     for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-      if (target.kinds[i] == Kind::kGel) gel.push_back(dose.values[i]);
-      if (target.kinds[i] == Kind::kVoid) empty.push_back(dose.values[i]);
+      if (target.kinds[i] == Kind::gel) gel.push_back(dose.values[i]);
+      if (target.kinds[i] == Kind::empty) empty.push_back(dose.values[i]);
     }
     std::sort(gel.begin(), gel.end());
     std::sort(empty.begin(), empty.end());
@@ -102,8 +102,8 @@ double jaccard(const Target& target, const Field& dose, double threshold) {
   std::size_t both = 0, wrong = 0;
   for (std::size_t i = 0; i < target.kinds.size(); ++i) {
     if (dose.values[i] < threshold) continue;
-    both += target.kinds[i] == Kind::kGel;
-    wrong += target.kinds[i] == Kind::kVoid;
+    both += target.kinds[i] == Kind::gel;
+    wrong += target.kinds[i] == Kind::empty;
   }
   return static_cast<double>(both) / static_cast<double>(target.gel + wrong);
 }
@@ -140,7 +140,7 @@ PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
     for (int y = 0; y < grid.voxels; ++y) {
       for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
         const std::size_t v = grid.voxel(x, y, z);
-        if (target.kinds[v] != Kind::kGel) continue;
+        if (target.kinds[v] != Kind::gel) continue;
         if (!(dose.values[v] > 0)) {
           throw InfeasibleError("the part's voxel " + std::to_string(x) + ", " + std::to_string(y) +
                                 " in slice " + std::to_string(z) + " gets no light from any angle");
@@ -167,7 +167,7 @@ PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
     }
     const Field floor = adjoint(projector, context, black);
     for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-      if (target.kinds[i] != Kind::kVoid) continue;
+      if (target.kinds[i] != Kind::empty) continue;
       time.floor_mj_cm3 = std::max(time.floor_mj_cm3, unit * time.turns * floor.values[i]);
     }
     if (time.floor_mj_cm3 >= exposure.critical_mj_cm3) {

@@ -75,9 +75,9 @@ inline int hardest_slice(const Target& target, const Field& dose) {
   const auto slices = static_cast<std::size_t>(grid.slices);
   std::vector<float> least(slices, std::numeric_limits<float>::infinity()), most(slices, 0.0F);
   for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    if (target.kinds[i] == Kind::kNeither) continue;
+    if (target.kinds[i] == Kind::neither) continue;
     const std::size_t z = i / grid.voxels_of_block() * lanes + i % lanes;
-    if (target.kinds[i] == Kind::kGel) {
+    if (target.kinds[i] == Kind::gel) {
       least[z] = std::min(least[z], dose.values[i]);
     } else {
       most[z] = std::max(most[z], dose.values[i]);
@@ -99,7 +99,7 @@ inline std::vector<int> slices_with_gel(const Target& target) {
   const auto lanes = static_cast<std::size_t>(grid.lanes());
   std::vector<bool> has(static_cast<std::size_t>(grid.slices), false);
   for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    if (target.kinds[i] == Kind::kGel) {
+    if (target.kinds[i] == Kind::gel) {
       has[i / grid.voxels_of_block() * lanes + i % lanes] = true;
     }
   }

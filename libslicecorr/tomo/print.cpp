@@ -220,7 +220,7 @@ std::string weakest_voxel(const Target& target, const Field& dose) {
     for (int y = 0; y < grid.voxels; ++y) {
       for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
         const std::size_t v = grid.voxel(x, y, z);
-        if (target.kinds[v] != Kind::kGel || dose.values[v] >= least) continue;
+        if (target.kinds[v] != Kind::gel || dose.values[v] >= least) continue;
         least = dose.values[v];
         at = {x, y, z};
       }
@@ -260,7 +260,7 @@ int likely_turns(const Asked& asked, const Bench& bench, Window window, int most
   const Field dose = adjoint(*asked.projector, context, light);
   double sum = 0;
   for (std::size_t i = 0; i < asked.target.kinds.size(); ++i) {
-    if (asked.target.kinds[i] == Kind::kGel) sum += dose.values[i];
+    if (asked.target.kinds[i] == Kind::gel) sum += dose.values[i];
   }
   const double turn = sum / static_cast<double>(asked.target.gel) * bench.mw_cm2.back() *
                           dose_of_turn(bench.grid, bench.exposure) -
@@ -311,8 +311,8 @@ Evidence evidence_of(const Solution& solution, const Target& target, const Box<s
       const std::size_t v = target.grid.voxel(x, y, e.slice);
       const float d = solution.dose.values[v];
       e.dose.values.push_back(d);
-      if (target.kinds[v] == Kind::kGel) least = std::min<double>(least, d);
-      if (target.kinds[v] == Kind::kVoid) most = std::max<double>(most, d);
+      if (target.kinds[v] == Kind::gel) least = std::min<double>(least, d);
+      if (target.kinds[v] == Kind::empty) most = std::max<double>(most, d);
     }
   }
   const double gels = std::sqrt(least * most);

@@ -64,8 +64,8 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   const auto error = [&] {
     double wrong = 0;
     for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-      if (target.kinds[i] == Kind::kVoid) wrong += std::max(dose.values[i] - low, 0.0f);
-      if (target.kinds[i] == Kind::kGel) wrong += std::max(high - dose.values[i], 0.0f);
+      if (target.kinds[i] == Kind::empty) wrong += std::max(dose.values[i] - low, 0.0f);
+      if (target.kinds[i] == Kind::gel) wrong += std::max(high - dose.values[i], 0.0f);
     }
     return wrong / (options.osmo_high * static_cast<double>(target.gel));
   };
@@ -82,11 +82,11 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   }
   for (; step < steps && !(error() < options.stop_error); ++step) {
     context.report("solving", static_cast<double>(step) / steps);
-    for (const Kind kind : {Kind::kVoid, Kind::kGel}) {
+    for (const Kind kind : {Kind::empty, Kind::gel}) {
       context.check_cancelled();
       for (std::size_t i = 0; i < target.kinds.size(); ++i) {
         if (target.kinds[i] != kind) continue;
-        if (kind == Kind::kVoid) {
+        if (kind == Kind::empty) {
           model.values[i] -= std::max(dose.values[i] - low, 0.0f);
         } else {
           model.values[i] += std::max(high - dose.values[i], 0.0f);
@@ -112,7 +112,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
   const TomoGrid& grid = target.grid;
   Field gel(grid);
   for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    gel.values[i] = target.kinds[i] == Kind::kGel ? 1.0f : 0.0f;
+    gel.values[i] = target.kinds[i] == Kind::gel ? 1.0f : 0.0f;
   }
   const auto filtered = [&](const Field& field) {
     Light light = forward(projector, context, field);
@@ -123,8 +123,8 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
   const Field response = adjoint(projector, context, unit);
   double in_gel = 0, in_void = 0;
   for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    if (target.kinds[i] == Kind::kGel) in_gel += response.values[i];
-    if (target.kinds[i] == Kind::kVoid) in_void += response.values[i];
+    if (target.kinds[i] == Kind::gel) in_gel += response.values[i];
+    if (target.kinds[i] == Kind::empty) in_void += response.values[i];
   }
   const double jump =
       in_gel / static_cast<double>(target.gel) - in_void / static_cast<double>(target.empty);
@@ -154,7 +154,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
     const double width = 0.05 * largest(dose.values);
     Field wrong(grid);
     for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-      if (target.kinds[i] == Kind::kNeither) continue;
+      if (target.kinds[i] == Kind::neither) continue;
       const double solid = 1 / (1 + std::exp(-(dose.values[i] - threshold) / width));
       wrong.values[i] = static_cast<float>(solid - gel.values[i]);
     }

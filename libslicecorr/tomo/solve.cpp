@@ -43,9 +43,9 @@ void check_options(const Projector& projector, const Target& target, const Solve
   if (o.resume != nullptr) {
     const std::size_t light = target.grid.blocks() * target.grid.light_of_block();
     const std::size_t voxels = target.kinds.size();
-    const bool ladder = o.method == Method::kLadder;
+    const bool ladder = o.method == Method::ladder;
     if (!(o.resume->best.light.grid == target.grid) ||
-        o.resume->numbers.size() != (o.method == Method::kOsmo ? voxels : light) ||
+        o.resume->numbers.size() != (o.method == Method::osmo ? voxels : light) ||
         o.resume->dose.size() != (ladder ? voxels : 0)) {
       refuse("resume", "must have the grid of the part");
     }
@@ -62,7 +62,7 @@ void check_lit(const ExecutionContext& context, const Projector& projector, cons
     for (int y = 0; y < grid.voxels; ++y) {
       for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
         const std::size_t v = grid.voxel(x, y, z);
-        if (target.kinds[v] == Kind::kGel && !(seen.values[v] > 0)) {
+        if (target.kinds[v] == Kind::gel && !(seen.values[v] > 0)) {
           throw InfeasibleError("the part's voxel " + std::to_string(x) + ", " + std::to_string(y) +
                                 " in slice " + std::to_string(z) +
                                 " is lit from no angle; move the part or the insert");
@@ -75,7 +75,7 @@ void check_lit(const ExecutionContext& context, const Projector& projector, cons
 }  // namespace
 
 Method method_named(std::string_view name) {
-  constexpr Method kAll[] = {Method::kLadder, Method::kOsmo, Method::kKelly, Method::kFbp};
+  constexpr Method kAll[] = {Method::ladder, Method::osmo, Method::kelly, Method::fbp};
   static_assert(std::size(kAll) == std::size(kMethodNames));
   const auto* const found = std::find(std::begin(kMethodNames), std::end(kMethodNames), name);
   if (found != std::end(kMethodNames)) return kAll[found - std::begin(kMethodNames)];
@@ -88,16 +88,16 @@ Solution solve(const ExecutionContext& context, const Projector& projector, cons
   check_lit(context, projector, target);
   Solution solution(target.grid);
   switch (options.method) {
-    case Method::kLadder:
+    case Method::ladder:
       detail::run_ladder(context, projector, target, optics, options, solution);
       break;
-    case Method::kOsmo:
+    case Method::osmo:
       detail::run_osmo(context, projector, target, options, solution);
       break;
-    case Method::kKelly:
+    case Method::kelly:
       detail::run_kelly(context, projector, target, options, solution);
       break;
-    case Method::kFbp:
+    case Method::fbp:
       detail::run_fbp(context, projector, target, optics, options, solution);
       break;
   }

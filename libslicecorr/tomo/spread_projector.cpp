@@ -154,7 +154,7 @@ Target spread_target(const Target& target) {
   Target spread = target;
   spread.grid = spread_grid(target.grid);
   if (spread.grid == target.grid) return spread;
-  spread.kinds.assign(spread.grid.blocks() * spread.grid.voxels_of_block(), Kind::kNeither);
+  spread.kinds.assign(spread.grid.blocks() * spread.grid.voxels_of_block(), Kind::neither);
   for (int z = 0; z < target.grid.slices; ++z) {
     for (int y = 0; y < target.grid.voxels; ++y) {
       for (int x = 0; x < target.grid.voxels; ++x) {

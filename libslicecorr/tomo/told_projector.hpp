@@ -19,13 +19,13 @@ inline double expected_calls(const SolveOptions& o, std::size_t blocks) {
   const auto steps = [&](int usual) { return static_cast<double>(o.steps > 0 ? o.steps : usual); };
   const auto each = static_cast<double>(blocks);
   switch (o.method) {
-    case Method::kOsmo:
+    case Method::osmo:
       return each * 4 * steps(20);
-    case Method::kKelly:
+    case Method::kelly:
       return each * (2 * steps(10) + 4);
-    case Method::kFbp:
+    case Method::fbp:
       return each * 3;
-    case Method::kLadder:
+    case Method::ladder:
       break;
   }
   return each * 2 * (steps(60) * static_cast<double>(o.rungs.size()) + o.proof_steps);

@@ -98,7 +98,7 @@ TomoGrid square_grid(int voxels, int angles, int slices, double radius_mm) {
 Volume::Volume(const TomoGrid& g) : grid(g), coverage(g.blocks() * g.voxels_of_block()) {}
 
 Target::Target(const Volume& part, const Volume* opaque)
-    : grid(part.grid), kinds(part.coverage.size(), Kind::kNeither) {
+    : grid(part.grid), kinds(part.coverage.size(), Kind::neither) {
   grid.check();
   if (opaque != nullptr && !(opaque->grid == grid)) {
     throw InputError("insert", "", "must have the grid of the part");
@@ -118,10 +118,10 @@ Target::Target(const Volume& part, const Volume* opaque)
           continue;
         }
         if (c == 255) {
-          kinds[v] = Kind::kGel;
+          kinds[v] = Kind::gel;
           ++gel;
         } else if (c == 0) {
-          kinds[v] = Kind::kVoid;
+          kinds[v] = Kind::empty;
           ++empty;
         }
       }

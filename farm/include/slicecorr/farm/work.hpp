@@ -25,6 +25,20 @@
 
 namespace slicecorr::farm {
 
+/// Of a tomographic print, in the words of `slicecorr tomo solve`.
+struct TomoWork {
+  bool volume = false;  ///< inputs are volumes (.npy), else meshes
+  int inserts = 0;  ///< so many inputs, the last ones, turn with the part and let no light through
+  double voxel_mm = 0;  ///< > 0
+  std::string method = "ladder", window = "hamming";
+  int angles = 0;                         ///< frames of a turn, >= 3
+  int iterations = 0;                     ///< 0: the method's usual number
+  double clip_sigma = 0, stop_error = 0;  ///< OSMO's; 0: neither
+  double max_time_s = 0;                  ///< 0: no limit
+  bool beyond_reach = false;
+  bool operator==(const TomoWork&) const = default;
+};
+
 /// What decides the bytes of a result, besides the setup. Its canonical text is part of the key.
 struct WorkSpec {
   /// "run": cut meshes; "correct": an archive of slices; "tomo": meshes or a volume, printed
@@ -36,23 +50,9 @@ struct WorkSpec {
     std::string name;  ///< as submitted, for messages; not part of the key
   };
   std::vector<Input> inputs;
-  int left_alone = 0;  ///< so many inputs, the last ones, are shown as they are sliced
-  /// Of a tomographic print, in the words of `slicecorr tomo solve`.
-  struct Tomo {
-    bool volume = false;  ///< inputs are volumes (.npy), else meshes
-    int inserts =
-        0;  ///< so many inputs, the last ones, turn with the part and let no light through
-    double voxel_mm = 0;  ///< > 0
-    std::string method = "ladder", window = "hamming";
-    int angles = 0;                         ///< frames of a turn, >= 3
-    int iterations = 0;                     ///< 0: the method's usual number
-    double clip_sigma = 0, stop_error = 0;  ///< OSMO's; 0: neither
-    double max_time_s = 0;                  ///< 0: no limit
-    bool beyond_reach = false;
-    bool operator==(const Tomo&) const = default;
-  };
-  std::optional<Tomo> tomo;  ///< given exactly with kind "tomo"
-  double layer_um = 0;       ///< 0: the archive says it
+  int left_alone = 0;            ///< so many inputs, the last ones, are shown as they are sliced
+  std::optional<TomoWork> tomo;  ///< given exactly with kind "tomo"
+  double layer_um = 0;           ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
   double scale = 1;                           ///< of the mesh, a factor > 0
   std::vector<double> center_mm, rotate_deg;  ///< x and y; about x, y and z; empty: not given

@@ -14,9 +14,9 @@ namespace slicecorr::tomo {
 
 /// What the ramp |k| is multiplied by; k_N is the highest frequency of the pixels.
 enum class Window {
-  kRamLak,   ///< 1
-  kHamming,  ///< 0.54 + 0.46 cos(pi k/k_N)
-  kKelly,    ///< e^(-(k/k0)^4), k0 = 0.5 k_N
+  ram_lak,  ///< 1
+  hamming,  ///< 0.54 + 0.46 cos(pi k/k_N)
+  kelly,    ///< e^(-(k/k0)^4), k0 = 0.5 k_N
 };
 
 /// As people name them: "hamming", "ram-lak", "kelly". Throws `InputError` for other names.
@@ -35,7 +35,7 @@ void ramp_filter(const ExecutionContext& context, Light& light, Window window,
 /// with e^(+alpha u), filtered with |k| < alpha zeroed, shown times e^(+alpha sqrt(R^2 - t^2)).
 /// Frames of refracted light are resampled from the lines in the resin. An insert is not seen.
 Light filtered_start(const ExecutionContext& context, const Target& target, const RayTables& optics,
-                     Window window = Window::kHamming);
+                     Window window = Window::hamming);
 
 /// Re IFFT2(FFT2(gel) |k| window) of every slice, scaled to a maximum of 1: the model from which
 /// OSMO starts.

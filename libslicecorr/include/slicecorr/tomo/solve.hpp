@@ -1,16 +1,16 @@
 /// @file tomo/solve.hpp
 /// Finding the light of a part: b >= 0 with enough dose in the part and little in void.
 ///
-/// `kLadder` minimises, for a contrast rung rho_c,
+/// `ladder` minimises, for a contrast rung rho_c,
 ///   sum_gel (1-D)+^2 + sum_void (D-rho_c)+^2 + sum_gel (D-d_u)+^2,  D = A^T b, 0 <= b <= cap,
 /// by projected L-BFGS, slice by slice, rung by rung warm-started while the loss reaches 0, and keeps
 /// for each slice the light with the best contrast C that the part can use. Where a rung is missed,
 /// what is left of the loss on one out of reach proves how far C can go with any light at all
 /// (`contrast_bound`), for the slices that limit the part. Slices without gel stay dark.
-/// `kOsmo` is Rackson's object-space optimisation as in Webber 2023, 2.7; the model is scaled to a
-/// maximum of 1, because its steps are doses. `kKelly` is Kelly's projected gradient (thesis 4.1);
+/// `osmo` is Rackson's object-space optimisation as in Webber 2023, 2.7; the model is scaled to a
+/// maximum of 1, because its steps are doses. `kelly` is Kelly's projected gradient (thesis 4.1);
 /// its unit step is scaled so that A^T ramp A target steps by 1 between gel and void, and its
-/// threshold is the best-Jaccard one of each step, because the ramp has no constant part. `kFbp` is
+/// threshold is the best-Jaccard one of each step, because the ramp has no constant part. `fbp` is
 /// the filtered back projection alone.
 ///
 /// Thread-safe; the same bytes for any number of threads. Memory: light and dose of the part, and
@@ -31,7 +31,7 @@
 
 namespace slicecorr::tomo {
 
-enum class Method { kLadder, kOsmo, kKelly, kFbp };
+enum class Method { ladder, osmo, kelly, fbp };
 
 /// As people name them: "ladder", "osmo", "kelly", "fbp". Throws `InputError` for other names.
 Method method_named(std::string_view name);
@@ -83,9 +83,9 @@ struct SolverState {
 };
 
 struct SolveOptions {
-  Method method = Method::kLadder;
+  Method method = Method::ladder;
   /// Start of the ladder, of Kelly, and all of FBP.
-  Window window = Window::kHamming;
+  Window window = Window::hamming;
   /// Steps per rung, or in all. 0: 60 per rung; OSMO 20, the start being the first; Kelly 10.
   int steps = 0;
 

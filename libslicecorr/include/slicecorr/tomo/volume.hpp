@@ -114,9 +114,9 @@ struct Volume {
 };
 
 /// What the solver and the metrics take a voxel for.
-enum class Kind : std::uint8_t { kNeither, kGel, kVoid };
+enum class Kind : std::uint8_t { neither, gel, empty };
 
-/// Kinds of all voxels, laid out as a field; outside of R and in unused lanes `kNeither`.
+/// Kinds of all voxels, laid out as a field; outside of R and in unused lanes `neither`.
 struct Target {
   TomoGrid grid;
   Array<Kind> kinds;

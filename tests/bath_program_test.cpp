@@ -2,106 +2,38 @@
 /// programs as people run them. What they say is held against sums over the images themselves, which
 /// are read by libpng here.
 #include <gtest/gtest.h>
-#include <png.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "ladder.hpp"
+#include "program_fixture.hpp"
 #include "real_files.hpp"
-#include "run_program.hpp"
-#include "stack_fixture.hpp"
 
 namespace slicecorr::test {
 namespace {
 
 using nlohmann::json;
-using Command = std::vector<std::string>;
 
-Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
-
-constexpr int kWidth = 160, kHeight = 120;
+constexpr int kWidth = kSmallWidth, kHeight = kSmallHeight;
 constexpr double kLayerUm = 50, kHeightUm = 2000, kPhiMin = 0.0625, kPhiMax = 6.25;
-constexpr const char* kPrinter =
-    "name = \"small\"\n[display]\nwidth_px = 160\nheight_px = 120\npixel_um = 50.0\n[blue]\n"
-    "calibration = [[0, 1.0], [255, 100.0]]\n";
 /// Figure 2.2: absorbance height 2000 um, 576 mJ/cm³, 1000 mm/h.
 const Command kProcess{"--printer", "small.toml", "--resin", "figure-2-2", "--speed-mm-h", "1000"};
 const Command kRung{"--x", "80", "--y", "60"};
 
-/// A greyscale PNG of 8 bits or a palette of greys, by libpng's own simplified reader.
-Bytes decoded(const Bytes& png) {
-  png_image image;
-  std::memset(&image, 0, sizeof image);
-  image.version = PNG_IMAGE_VERSION;
-  EXPECT_TRUE(png_image_begin_read_from_memory(&image, png.data(), png.size()) != 0);
-  // Values as they are: nothing is known of a gamma.
-  image.format = PNG_FORMAT_GRAY;
-  image.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;
-  Bytes pixels(PNG_IMAGE_SIZE(image));
-  EXPECT_TRUE(png_image_finish_read(&image, nullptr, pixels.data(), 0, nullptr) != 0);
-  EXPECT_EQ(pixels.size(), static_cast<std::size_t>(kWidth * kHeight));
-  return pixels;
-}
-
-class Bath : public ::testing::Test {
+class Bath : public ProgramFixture {
  protected:
   Bath() {
-    options_.folder = folder_.path();
-    options_.environment = {
-        {"SLICECORR_DB", SLICECORR_DB_DIR}, {"HOME", folder_.path()}, {"XDG_CONFIG_HOME", ""}};
     write_stl(folder_ / "ladder.stl", ladder());
-    write("small.toml", kPrinter);
-  }
-  RunResult call(const Command& arguments) const {
-    return run_program(Command{SLICECORR_BIN_DIR "/slicecorr"} + arguments, options_);
-  }
-  RunResult good(const Command& arguments) const {
-    RunResult r = call(arguments);
-    EXPECT_EQ(r.exit_code, 0) << ::testing::PrintToString(arguments) << r.err;
-    return r;
-  }
-  void bad(int code, const Command& arguments, const std::vector<std::string>& words) const {
-    const auto before = folder_.count();
-    const RunResult r = call(arguments);
-    EXPECT_EQ(r.exit_code, code) << ::testing::PrintToString(arguments) << r.err;
-    for (const auto& word : words) EXPECT_NE(r.err.find(word), std::string::npos) << word << r.err;
-    EXPECT_EQ(folder_.count(), before);
-  }
-  void write(const std::string& name, const std::string& text) const {
-    write_file(folder_ / name, to_bytes(text));
+    write("small.toml", kSmallPrinter);
   }
   void slice(const std::string& part, const std::string& target) const {
     good({"slice", part, "-o", target, "--layer-um", "50", "--printer", "small.toml"});
   }
-  json figures(const std::string& stack, const std::string& target,
-               const Command& more = {}) const {
-    const RunResult r = good(Command{"verify", stack, "--target", target, "--json", "-"} + more);
-    return json::parse(r.out);
-  }
-  /// The images of a stack, in order.
-  std::vector<Bytes> images(const std::string& stack) const {
-    const Entries entries = unzip(folder_ / stack);
-    std::map<std::string, Bytes> sorted;
-    for (const auto& [name, data] : entries) {
-      if (name.starts_with("slice/") && name.ends_with(".png")) sorted[name] = decoded(data);
-    }
-    std::vector<Bytes> all;
-    for (auto& [name, pixels] : sorted) all.push_back(std::move(pixels));
-    EXPECT_GT(all.size(), 0U);
-    return all;
-  }
-
-  TemporaryFolder folder_;
-  RunOptions options_;
 };
 
 double phi_of(std::uint8_t grey) { return kPhiMin + (kPhiMax - kPhiMin) * grey / 255.0; }
@@ -242,7 +174,7 @@ TEST_F(Bath, LightFromThePlatform) {
     return std::stod(line.substr(line.rfind(',') + 1));
   };
   EXPECT_NEAR(dose_at_500({"--platform-reflectance", "0.3"}) / dose_at_500({}), 1.09487, 5e-6);
-  write("mirror.toml", std::string(kPrinter) + "[vat]\nplatform_reflectance = 0.3\n");
+  write("mirror.toml", std::string(kSmallPrinter) + "[vat]\nplatform_reflectance = 0.3\n");
   Command process = kProcess;
   process[1] = "mirror.toml";
   const RunResult r = good(Command{"probe", "target.uvj", "--quiet"} + process + kRung);
@@ -313,7 +245,7 @@ TEST_F(Bath, WrongNumbersAreRefused) {
   EXPECT_NE(shallow.err.find("less than two absorbance heights"), std::string::npos) << shallow.err;
   const RunResult deep = good(correct + Command{"--resin-depth-um", "4000"});
   EXPECT_EQ(deep.err.find("absorbance heights"), std::string::npos) << deep.err;
-  write("bad.toml", std::string(kPrinter) + "[vat]\nplatform_reflectance = 30\n");
+  write("bad.toml", std::string(kSmallPrinter) + "[vat]\nplatform_reflectance = 30\n");
   Command process = kProcess;
   process[1] = "bad.toml";
   bad(2, Command{"correct", "target.uvj", "-o", "other.uvj"} + process,

@@ -95,7 +95,12 @@ class Bench {
       check_light();
       if (step.finished) return;
       if (step.show) due_ = {*step.show, step.show_at_s};
+      if (step.show_uv) uv_due_ = {*step.show_uv, step.show_uv_at_s};
+      // In the order of their times; blue first where they are the same.
+      const bool uv_first = uv_due_ && due_ && uv_due_->at_s < due_->at_s - early_s;
+      if (uv_first) show_uv_due(now_s + cycle);
       show_due(now_s + cycle);
+      show_uv_due(now_s + cycle);
       if (each) each();
     }
   }
@@ -180,6 +185,30 @@ class Bench {
     }
   }
 
+  void show_uv_due(double until_s) {
+    if (!uv_due_ || uv_due_->at_s >= until_s) return;
+    const auto due = *std::exchange(uv_due_, {});
+    model.advance(std::max(model.now_s(), due.at_s));
+    std::shared_ptr<Frame> frame;
+    if (due.number >= 0) {
+      frame = std::make_shared<Frame>();
+      frame->number = due.number;
+      frame->width_px = frame->height_px = 1;
+      frame->blue = {200};
+      frame->crc32 = static_cast<std::uint32_t>(due.number);
+    }
+    model.show_uv(frame);
+    const auto& display = model.uv_display();
+    if (display.gone) return controller.fail(Fault::display_gone, "the UV display: no answer");
+    if (display.later_s) model.advance(*display.later_s);
+    if (display.number != due.number) {
+      return controller.fail(Fault::wrong_frame, "the UV display: another image");
+    }
+    FrameReport report{display.number, display.since_s, false};
+    report.on_uv_display = true;
+    controller.shown(report);
+  }
+
   /// What the window sees: blue light without its UV light, for how long.
   void check_light() {
     const Status s = model.status();
@@ -196,7 +225,7 @@ class Bench {
     int number;
     double at_s;
   };
-  std::optional<Due> due_;
+  std::optional<Due> due_, uv_due_;
   std::optional<Answer> answer_;
   double cut_until_s_ = -1, short_since_s_ = -1;
 };

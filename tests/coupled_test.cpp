@@ -41,6 +41,24 @@ struct Design {
       }
     }
   }
+  /// Shown as it is: a support.
+  std::vector<std::uint8_t> left_alone;
+  void leave_alone(const PixelBox& box, int first, int past, std::uint8_t pixel) {
+    left_alone.resize(coverage.size(), 0);
+    for (int n = first; n < past; ++n) {
+      for (int y = box.y0; y < box.y1; ++y) {
+        for (int x = box.x0; x < box.x1; ++x) {
+          coverage[at(x, y, n)] = 0;
+          left_alone[at(x, y, n)] = pixel;
+        }
+      }
+    }
+  }
+  std::uint8_t left(int x, int y, int n) const {
+    return !left_alone.empty() && n < layers && x >= 0 && y >= 0 && x < width && y < height
+               ? left_alone[at(x, y, n)]
+               : 0;
+  }
   std::uint8_t of(int x, int y, int n) const {
     return n < layers && x >= 0 && y >= 0 && x < width && y < height ? coverage[at(x, y, n)] : 0;
   }
@@ -51,6 +69,10 @@ struct Setting {
   int rounds = 8, threads = 2, patch_px = 32;
   /// Pixels of the display around the design.
   int border = 0;
+  /// Light falls to this share along x; 1: even.
+  double uneven = 1;
+  double share_at(int x) const { return 1 - (1 - uneven) * std::clamp(x / 40.0, 0.0, 1.0); }
+  bool hand_on = true;
 };
 
 LightSpread spread_of(double sigma_px) { return {{{sigma_px * kPixelUm, 1}}, std::nullopt}; }
@@ -62,15 +84,55 @@ CorrectionPlan plan_of(const Design& design, const CureModel& model) {
 
 CoupledCorrection::DesignReader reader_of(const Design& design) {
   return [&design](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
-    std::vector<std::uint8_t> rows;
+    std::vector<std::uint8_t> rows, left;
     for (int n = 0; n < design.layers; ++n) {
       rows.clear();
+      left.clear();
       for (int y = box.y0; y < box.y1; ++y) {
-        for (int x = box.x0; x < box.x1; ++x) rows.push_back(design.of(x, y, n));
+        for (int x = box.x0; x < box.x1; ++x) {
+          rows.push_back(design.of(x, y, n));
+          left.push_back(design.left(x, y, n));
+        }
       }
-      sink(n, rows.data(), nullptr);
+      sink(n, rows.data(), nullptr, design.left_alone.empty() ? nullptr : left.data());
     }
   };
+}
+
+CoupledOptions options_of(const Setting& setting) {
+  CoupledOptions options{setting.rounds, setting.margin, setting.patch_px, {}, setting.hand_on};
+  if (setting.uneven == 1) return options;
+  options.shares = [setting](const PixelBox& box, double* shares) {
+    for (int y = box.y0; y < box.y1; ++y) {
+      for (int x = box.x0; x < box.x1; ++x) *shares++ = setting.share_at(x);
+    }
+  };
+  return options;
+}
+
+/// Each column with the light of its place.
+detail::CodedBand columns_alone(const Design& design, const CorrectionPlan& plan,
+                                const Setting& setting, const PixelBox& box) {
+  std::vector<std::vector<std::uint8_t>> columns;
+  for (int y = box.y0; y < box.y1; ++y) {
+    for (int x = box.x0; x < box.x1; ++x) {
+      CureModel model = plan.model;
+      for (double& phi : model.level_phi) phi *= setting.share_at(x);
+      std::vector<std::uint8_t> coverage;
+      for (int n = 0; n < design.layers; ++n) coverage.push_back(design.of(x, y, n));
+      columns.push_back(
+          solve_column({model, test::process(1000), design.layers, plan.all_layers}, coverage));
+    }
+  }
+  detail::CodedBand band(columns.size());
+  std::vector<std::uint8_t> row(columns.size());
+  for (int n = plan.all_layers; n-- > 0;) {
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      row[k] = columns[k][static_cast<std::size_t>(n)];
+    }
+    band.append(row.data());
+  }
+  return band;
 }
 
 class Coupled {
@@ -81,11 +143,15 @@ class Coupled {
         correction_(plan, blur_, scatter_, {0, 0, design.width, design.height},
                     {-setting.border, -setting.border, design.width + setting.border,
                      design.height + setting.border},
-                    CoupledOptions{setting.rounds, setting.margin, setting.patch_px}),
+                    options_of(setting)),
         slices_(plan.all_layers),
         size_(static_cast<std::size_t>(design.width * design.height)) {
     context_.threads = setting.threads;
-    correction_.solve_columns(reader_of(design), context_);
+    const auto alone = [&](const PixelBox& box) {
+      return columns_alone(design, plan, setting, box);
+    };
+    correction_.solve_columns(reader_of(design), !design.left_alone.empty(), context_,
+                              setting.uneven == 1 ? CoupledCorrection::ColumnLevels{} : alone);
   }
   CoupledCorrection* operator->() { return &correction_; }
   const ExecutionContext& context() const { return context_; }
@@ -96,10 +162,11 @@ class Coupled {
   /// Levels, the first slice first.
   std::vector<std::uint8_t> levels(const Design& design) const {
     std::vector<std::uint8_t> all(size_ * static_cast<std::size_t>(slices_));
-    for (int n = 0; n < slices_; ++n) {
-      correction_.read(n, {0, 0, design.width, design.height},
-                       all.data() + size_ * static_cast<std::size_t>(n));
-    }
+    correction_.read({0, 0, design.width, design.height}, [&](int n, const std::uint8_t* slice) {
+      if (slice) {
+        std::copy_n(slice, size_, all.data() + size_ * static_cast<std::size_t>(n));
+      }
+    });
     return all;
   }
 
@@ -121,7 +188,7 @@ double share(int x, double sigma_px) {
 
 /// What is wrong in the design and around it, `border` pixels wide, by direct sums over the images.
 struct Direct {
-  std::uint64_t through = 0, under = 0;
+  std::uint64_t through = 0, under = 0, parted = 0;
   double loss = 0;
   std::vector<double> middle;  ///< of the layers, with the border
 };
@@ -131,6 +198,7 @@ Direct judge(const Design& design, const CorrectionPlan& plan,
   const auto size = static_cast<std::size_t>(w * h);
   const double hs = plan.model.eta;
   const double a = std::pow(10, -hs), root_a = std::pow(10, -hs / 2), m = plan.model.m;
+  const bool layerwise = plan.model.mode == ExposureMode::layerwise;
   // Scatter of a slice as three weights per axis; its variance is kappa times the slice's height.
   const double k = setting.kappa * kLayerUm / (2 * kPixelUm * kPixelUm);
   Direct direct;
@@ -164,7 +232,7 @@ Direct judge(const Design& design, const CorrectionPlan& plan,
     const auto shine = [&](int x, int y) {
       const bool inside = x >= b && y >= b && x < w - b && y < h - b;
       const auto i = static_cast<std::size_t>((n * design.height + y - b) * design.width + x - b);
-      return shine_of[inside ? levels[i] : 0];
+      return shine_of[inside ? levels[i] : 0] * std::pow(setting.share_at(x - b), 1 / m);
     };
     std::vector<double> across(size);
     for (int y = 0; y < h; ++y) {
@@ -189,12 +257,20 @@ Direct judge(const Design& design, const CorrectionPlan& plan,
     for (int y = 0; y < h; ++y) {
       for (int x = 0; x < w; ++x) {
         const auto i = static_cast<std::size_t>(y * w + x);
-        const double next = (1 - a) * light[i] + a * scattered[i];
-        const double middle = (next + root_a * dose[i]) / (1 + root_a);
+        double next = (1 - a) * light[i] + a * scattered[i];
+        double middle = (next + root_a * dose[i]) / (1 + root_a);
+        if (layerwise) {
+          // From inside the layer: what slice n and later ones leave at its window, on its way up.
+          const double window = plan.model.ratio(n) * light[i] + scattered[i];
+          next = a * window;
+          middle = root_a * window;
+        }
         dose[i] = next;
         direct.middle[static_cast<std::size_t>(n) * size + i] = middle;
-        const int cover = design.of(x - b, y - b, n);
+        const int cover = design.left(x - b, y - b, n) ? 128 : design.of(x - b, y - b, n);
         if (cover == 255 && middle < 1) ++direct.under;
+        const bool holds = n == 0 || design.of(x - b, y - b, n - 1) == 255;
+        direct.parted += layerwise && cover == 255 && holds && middle >= 1 && next < 1;
         if (cover == 255) direct.loss += std::pow(std::max(0.0, 1 - next), 2) / 2;
         if (cover == 0 && middle >= 1) {
           ++direct.through;
@@ -354,6 +430,81 @@ TEST(Coupled, IsNeverWorseThanColumnsAlone) {
   }
 }
 
+TEST(Coupled, CornersOfTheEndGetTheSlicesThatTheyNeed) {
+  const SliceScatter none;
+  const auto slices = [](const CureModel& model, double phi) {
+    return static_cast<int>(std::ceil(std::log10(phi / (phi - 1)) / model.eta - 1e-9));
+  };
+  for (const double exposure : {500.0, 1000.0, 2000.0}) {
+    const CureModel model = test::figure_2_2(exposure);
+    const int most = static_cast<int>(std::ceil(1 / model.eta));
+    EXPECT_EQ(detail::slices_to_gel_at_edges(model, {}, none), model.slices_to_gel());
+    for (const double sigma_px : {0.3, 0.8, 1.5}) {
+      const LightBlur blur(spread_of(sigma_px), kPixelUm, kPixelUm);
+      // What the middle of a pixel gets from one side, itself included.
+      const double side = (1 + share(0, sigma_px)) / 2;
+      const auto light = [&](double part) {
+        return model.phi_min() + part * (model.phi_max() - model.phi_min());
+      };
+      int expected = model.slices_to_gel();
+      for (const double part : {side, side * side}) {
+        if (light(part) > 1)
+          expected = std::max(expected, std::min(most, slices(model, light(part))));
+      }
+      EXPECT_EQ(detail::slices_to_gel_at_edges(model, blur, none), expected) << sigma_px;
+    }
+  }
+}
+
+TEST(Coupled, EdgesOfTheEndCureBetterWithTheSlicesThatTheyNeed) {
+  Design design(30, 30, 24);
+  design.fill({6, 6, 24, 24}, 0, 24, 255);
+  const CureModel model = test::figure_2_2();
+  const LightBlur blur(spread_of(1.5), kPixelUm, kPixelUm);
+  const int edges = detail::slices_to_gel_at_edges(model, blur, {});
+  ASSERT_GT(edges, model.slices_to_gel());
+  std::uint64_t under[2];
+  double loss[2];
+  for (const int k : {0, 1}) {
+    const CorrectionPlan plan(model, test::process(1000), design.layers,
+                              design.layers + (k ? edges : model.slices_to_gel()));
+    Setting setting{.sigma_px = 1.5};
+    setting.border = 10;
+    Coupled coupled(design, plan, setting);
+    coupled.run();
+    const Direct direct = judge(design, plan, coupled.levels(design), setting);
+    under[k] = direct.under;
+    loss[k] = direct.loss;
+  }
+  EXPECT_LT(under[1], under[0]);
+  EXPECT_LT(loss[1], loss[0]);
+}
+
+TEST(Coupled, FewLevelsHandOnInThePlane) {
+  const Design design = block();
+  for (const int levels : {4, 16}) {
+    CureModel model = test::figure_2_2();
+    const double black = model.phi_min(), full = model.phi_max();
+    model.level_phi.clear();
+    for (int l = 0; l < levels; ++l) {
+      model.level_phi.push_back(black + (full - black) * l / (levels - 1));
+    }
+    const CorrectionPlan plan = plan_of(design, model);
+    std::uint64_t wrong[2] = {};
+    for (const int on : {0, 1}) {
+      for (const double sigma_px : {0.6, 0.8, 1.2}) {
+        Setting setting{.sigma_px = sigma_px};
+        setting.border = 10;
+        setting.hand_on = on != 0;
+        Coupled coupled(design, plan, setting);
+        coupled.run();
+        wrong[on] += coupled->best().wrong();
+      }
+    }
+    EXPECT_LT(wrong[1], wrong[0]) << levels;
+  }
+}
+
 TEST(Coupled, TakesLightThatGoesFarAndLightThatGoesOneWay) {
   const Design design = block();
   const CureModel model = test::figure_2_2();
@@ -372,7 +523,7 @@ TEST(Coupled, TakesLightThatGoesFarAndLightThatGoesOneWay) {
     CoupledCorrection coupled(plan, blur, scatter, {0, 0, design.width, design.height},
                               {-2, -2, design.width + 2, design.height + 2},
                               CoupledOptions{3, 0, 16});
-    coupled.solve_columns(reader_of(design), context);
+    coupled.solve_columns(reader_of(design), false, context);
     while (coupled.improve(context)) {
     }
     EXPECT_GT(coupled.last().round, 0);
@@ -418,6 +569,23 @@ TEST(Coupled, LeavesAloneWhatNothingViolated) {
   }
 }
 
+TEST(Coupled, PatchesBesideTheDesignStayBlack) {
+  // The last row of patches lies below the design, and only gets light from it.
+  Design design(40, 32, 12);
+  design.fill({0, 0, 40, 32}, 0, 12, 255);
+  design.fill({8, 8, 12, 24}, 2, 9, 0);
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  Setting setting{.rounds = 6, .patch_px = 8};
+  setting.border = 8;
+  Coupled coupled(design, plan, setting);
+  coupled.run();
+  ASSERT_GT(coupled->best().round, 1);
+  const Direct direct = judge(design, plan, coupled.levels(design), setting);
+  EXPECT_EQ(coupled->best().through, direct.through);
+  EXPECT_EQ(coupled->best().under, direct.under);
+}
+
 TEST(Coupled, WithoutSpreadColumnsStay) {
   const Design design = random_design(11);
   const CureModel model = test::figure_2_2();
@@ -436,21 +604,25 @@ TEST(Coupled, WithoutSpreadColumnsStay) {
   }
 }
 
-TEST(Coupled, ReadsBandsAsSlices) {
+TEST(Coupled, ReadsAnyBox) {
   const Design design = block();
   const CureModel model = test::figure_2_2();
   const CorrectionPlan plan = plan_of(design, model);
   Coupled coupled(design, plan, {.rounds = 1});
   coupled.run();
+  const std::vector<std::uint8_t> all = coupled.levels(design);
   const PixelBox box{3, 7, 40, 21};
-  const detail::CodedBand band = coupled->levels_of(box);
-  ASSERT_EQ(band.slices(), plan.all_layers);
-  std::vector<std::uint8_t> a(band.columns()), b(band.columns());
-  for (int n = 0; n < plan.all_layers; ++n) {
-    coupled->read(n, box, a.data());
-    band.read(plan.all_layers - 1 - n, b.data());
-    ASSERT_EQ(a, b) << n;
-  }
+  int next = 0;
+  coupled->read(box, [&](int n, const std::uint8_t* slice) {
+    ASSERT_EQ(n, next++);
+    std::size_t k = 0;
+    for (int y = box.y0; y < box.y1; ++y) {
+      for (int x = box.x0; x < box.x1; ++x, ++k) {
+        ASSERT_EQ(slice ? slice[k] : 0, all[design.at(x, y, n)]) << n << " " << y << " " << x;
+      }
+    }
+  });
+  EXPECT_EQ(next, plan.all_layers);
 }
 
 TEST(Coupled, HoldsFewBytes) {
@@ -466,13 +638,97 @@ TEST(Coupled, HoldsFewBytes) {
   EXPECT_LT(static_cast<double>(coupled->bytes()), 0.5 * voxels);
 }
 
+TEST(Coupled, LayerByLayer) {
+  const Design design = block();
+  Process process;
+  process.mode = ExposureMode::layerwise;
+  for (const bool bottom : {false, true}) {
+    for (const auto& [ha_um, gain] : {std::pair{110.0, 2.0}, {600.0, 5.0}}) {
+      // Two and a half times what a layer needs at full light (A.52); at the platform three times
+      // that, fading.
+      process.exposure_s =
+          2.5 * 576 * 110e-4 * std::pow(10, kLayerUm / ha_um) / (100 * std::log(10.0));
+      if (bottom) {
+        process.bottom_exposure_s = 3 * process.exposure_s;
+        process.bottom_layers = 3;
+        process.fade_layers = 4;
+      }
+      SCOPED_TRACE(::testing::Message() << bottom << " " << ha_um);
+      const CureModel model = make_cure_model(test::linear_printer(1, 100),
+                                              test::resin(576 * 110 / ha_um, ha_um), process, 50);
+      const CorrectionPlan plan = test::plan_for(model, process, design.layers);
+      Setting setting{.rounds = 4, .patch_px = 16};
+      setting.border = 8;
+      Coupled coupled(design, plan, setting);
+      for (int round = 0; round < 2; ++round) {
+        const Direct direct = judge(design, plan, coupled.levels(design), setting);
+        EXPECT_EQ(coupled->best().through, direct.through) << round;
+        EXPECT_EQ(coupled->best().under, direct.under) << round;
+        EXPECT_EQ(coupled->best().parted, direct.parted) << round;
+        EXPECT_NEAR(coupled->best().loss, direct.loss, 1e-5 * direct.loss + 1e-9) << round;
+        coupled.run();
+      }
+      // Light that fades within two layers does little harm.
+      EXPECT_GT(coupled->columns_alone().wrong(), 200);
+      EXPECT_LT(static_cast<double>(coupled->best().wrong()) * gain,
+                static_cast<double>(coupled->columns_alone().wrong()));
+    }
+  }
+}
+
+TEST(Coupled, LightThatIsUneven) {
+  const Design design = block();
+  for (const double m : {1.0, 0.8}) {
+    CureModel model = test::figure_2_2();
+    model.m = m;
+    const CorrectionPlan plan = plan_of(design, model);
+    Setting setting{.rounds = 4, .patch_px = 16};
+    setting.border = 8;
+    setting.uneven = 0.6;
+    Coupled coupled(design, plan, setting);
+    for (int round = 0; round < 2; ++round) {
+      const Direct direct = judge(design, plan, coupled.levels(design), setting);
+      EXPECT_EQ(coupled->best().through, direct.through) << m << " " << round;
+      EXPECT_EQ(coupled->best().under, direct.under) << m << " " << round;
+      EXPECT_NEAR(coupled->best().loss, direct.loss, 1e-5 * direct.loss + 1e-9) << m;
+      coupled.run();
+    }
+    EXPECT_LT(coupled->best().wrong() * 10, coupled->columns_alone().wrong()) << m;
+  }
+}
+
+TEST(Coupled, LeftAloneStaysAndTheRestIsCorrectedAroundIt) {
+  Design design = block();
+  // A support beside the wall and one under the overhang.
+  design.leave_alone({2, 12, 5, 16}, 0, 36, 255);
+  design.leave_alone({29, 14, 31, 17}, 10, 18, 180);
+  const CureModel model = test::figure_2_2();
+  const CorrectionPlan plan = plan_of(design, model);
+  Setting setting{.rounds = 4, .patch_px = 16};
+  setting.border = 8;
+  Coupled coupled(design, plan, setting);
+  coupled.run();
+  const auto levels = coupled.levels(design);
+  for (std::size_t k = 0; k < design.left_alone.size(); ++k) {
+    if (design.left_alone[k] != 0) {
+      ASSERT_EQ(levels[k], design.left_alone[k]) << k;
+    }
+  }
+  const Direct direct = judge(design, plan, levels, setting);
+  EXPECT_EQ(coupled->best().through, direct.through);
+  EXPECT_EQ(coupled->best().under, direct.under);
+  EXPECT_LT(coupled->best().wrong() * 3, coupled->columns_alone().wrong());
+}
+
 TEST(Coupled, RefusesOtherModels) {
-  CureModel model = test::figure_2_2();
-  model.mode = ExposureMode::layerwise;
-  const CorrectionPlan plan(model, test::process(1000), 4, 4);
   const LightBlur blur(spread_of(0.8), kPixelUm, kPixelUm);
   const SliceScatter scatter;
-  EXPECT_THROW(CoupledCorrection(plan, blur, scatter, {0, 0, 4, 4}, {0, 0, 4, 4}), InputError);
+  for (const bool mirrored : {false, true}) {
+    CureModel model = test::figure_2_2();
+    (mirrored ? model.mirrored_slices : model.bath_slices) = 3;
+    const CorrectionPlan plan(model, test::process(1000), 4, 4);
+    EXPECT_THROW(CoupledCorrection(plan, blur, scatter, {0, 0, 4, 4}, {0, 0, 4, 4}), InputError);
+  }
 }
 
 TEST(Coupled, StopsWhenCancelled) {

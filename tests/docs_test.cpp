@@ -218,6 +218,49 @@ TEST(Docs, CommandsOfCalibrationRun) {
   fs::remove_all(folder);
 }
 
+TEST(Docs, CommandsOfFlowRun) {
+  const fs::path folder =
+      fs::path(::testing::TempDir()) / ("slicecorr-flow-docs-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  test::write_stl((folder / "part.stl").string(), test::ladder());
+  std::ofstream(folder / "my-printer.toml")
+      << "name = \"my-printer\"\nsuction_limit_pa = 20000\n"
+         "[display]\nwidth_px = 1280\nheight_px = 800\npixel_um = 50.0\n"
+         "[blue]\ncalibration = [[0, 1.0], [255, 200.0]]\n"
+         "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, 275.0]]\n";
+  // Resin 2 of the dissertation's table 4.1, areal.
+  std::ofstream(folder / "my-resin.toml")
+      << "name = \"my-resin\"\nviscosity_pa_s = 0.3\ndose_diffusion_m2_s = 1e-10\n"
+         "[cure]\nabsorbance_height_um = 408.0\nabsorbance_base = \"e\"\n"
+         "critical_dose_mj_cm3 = 1600.0\n"
+         "[inhibition]\nbeta = 0.8\nabsorbance_height_um = 38.0\nabsorbance_base = \"e\"\n";
+  test::RunOptions options;
+  options.folder = folder.string();
+  options.environment = {{"HOME", folder.string()}, {"XDG_CONFIG_HOME", ""}, {"SLICECORR_DB", ""}};
+  const auto run = [&](const std::string& line) {
+    const std::string command = kBin.string() + "/" + line;
+    const auto result = test::run_program({"/bin/sh", "-c", command}, options);
+    EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
+  };
+  run("slicecorr slice part.stl -o part.uvj --printer my-printer.toml --layer-um 50");
+  std::istringstream lines(text_of(kSource / "docs" / "flow.md"));
+  int commands = 0;
+  for (std::string line, more; std::getline(lines, line);) {
+    if (line.rfind("    slicecorr ", 0) != 0) continue;
+    while (line.back() == '\\' && std::getline(lines, more)) {
+      line.back() = ' ';
+      line += more;
+    }
+    ++commands;
+    run(line.substr(4));
+  }
+  EXPECT_EQ(commands, 3);
+  for (const char* made : {"flow.html", "flow.json", "speeds.csv"}) {
+    EXPECT_TRUE(fs::exists(folder / made)) << made;
+  }
+  fs::remove_all(folder);
+}
+
 TEST(Docs, LinksLeadSomewhere) {
   std::vector<fs::path> documents = {kSource / "README.md", kSource / "CHANGELOG.md"};
   for (const auto& entry : fs::recursive_directory_iterator(kSource / "docs")) {

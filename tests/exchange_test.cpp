@@ -261,7 +261,7 @@ TEST_F(Exchange, LightOfAResinSurvivesExportAndImport) {
       "name = \"r\"\n[cure]\nwavelength_nm = 405\nabsorption_per_cm = 0.8\n"
       "active_absorption_per_cm = 0.4\nn = 1.49969\ninhibition_dose_mj_cm3 = 3\n"
       "inhibition_resupply_mj_cm3_s = 0.02\ndose_diffusion_m2_s = 5e-12\n"
-      "scatter_um2_per_um = 1.5\ngel_dose_mj_cm3 = 20\n",
+      "scatter_um2_per_um = 1.5\nviscosity_pa_s = 0.3\ninhibitor_life_s = 0\ngel_dose_mj_cm3 = 20\n",
       "r.toml");
   const auto back = import_definitions(write("x.csv", export_record(r, "csv", 0, 0)), {});
   ASSERT_EQ(back.size(), 1U);
@@ -274,6 +274,8 @@ TEST_F(Exchange, LightOfAResinSurvivesExportAndImport) {
   EXPECT_EQ(again.inhibition_resupply_mj_cm3_s, .02);
   EXPECT_EQ(again.dose_diffusion_m2_s, 5e-12);
   EXPECT_EQ(again.scatter_um2_per_um, 1.5);
+  EXPECT_EQ(again.viscosity_pa_s, 0.3);
+  EXPECT_EQ(again.inhibitor_life_s, 0);
   EXPECT_NEAR(again.gel_dose_mj_cm3, 20, 1e-8);
 }
 

@@ -320,6 +320,24 @@ TEST_F(Prepare, ADryRunWritesNothing) {
   EXPECT_FALSE(e.measured);
 }
 
+TEST_F(Prepare, LightThatSpreadsTakesLonger) {
+  std::string text = kSmallPrinterToml;
+  text.replace(text.find("[blue]\n"), 7, "[blue]\nspread = [[40.0, 1.0]]\n");
+  write_file(dir / "blurred.toml", text);
+  const Submission even = prepared({request(make_part(1))}, false);
+  JobRequest r = request(make_part(1));
+  r.setup.printer = dir / "blurred.toml";
+  const Submission together = prepared({r}, false);
+  r.setup.spread_correction = "off";
+  const Submission alone = prepared({r}, false);
+  EXPECT_EQ(together.jobs[0].work.rate_class, even.jobs[0].work.rate_class + " together");
+  EXPECT_EQ(alone.jobs[0].work.rate_class, even.jobs[0].work.rate_class);
+  EXPECT_GT(together.estimates[0].seconds - kFixedJobS,
+            10 * (even.estimates[0].seconds - kFixedJobS));
+  EXPECT_EQ(alone.estimates[0].seconds, even.estimates[0].seconds);
+  EXPECT_EQ(alone.estimates[0].memory_mb, even.estimates[0].memory_mb);
+}
+
 TEST_F(Prepare, CopiesAreTheSameWork) {
   JobRequest r = request(make_part(1));
   r.copies = 3;

@@ -10,28 +10,17 @@
 
 #include "ladder.hpp"
 #include "layerwise_models.hpp"
+#include "program_fixture.hpp"
 #include "real_files.hpp"
-#include "run_program.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/slice.hpp"
 #include "slicecorr/solid.hpp"
-#include "stack_fixture.hpp"
 
 namespace slicecorr::test {
 namespace {
 
 using nlohmann::json;
-using Command = std::vector<std::string>;
 
-Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
-
-/// The printer of the examples with a small image, so that the programs take no time.
-constexpr const char* kPrinter =
-    "name = \"small\"\n[display]\nwidth_px = 160\nheight_px = 120\npixel_um = 50.0\n[blue]\n"
-    "calibration = [[0, 1.0], [255, 100.0]]\n";
 constexpr const char* kUvLamp = "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, 275.0]]\n";
 
 /// Figure A.7: the ladder in an absorbance height of 110 um.
@@ -40,31 +29,13 @@ const Command kLayerwise{"--mode", "layerwise"};
 const Command kRung{"--x", "80", "--y", "60"};
 const double kA = std::pow(10.0, -50.0 / 110);
 
-class Layerwise : public ::testing::Test {
+class Layerwise : public ProgramFixture {
  protected:
   Layerwise() {
-    options_.folder = folder_.path();
-    options_.environment = {
-        {"SLICECORR_DB", SLICECORR_DB_DIR}, {"HOME", folder_.path()}, {"XDG_CONFIG_HOME", ""}};
     write_stl(folder_ / "ladder.stl", ladder());
-    write("small.toml", kPrinter + std::string(kUvLamp));
+    write("small.toml", kSmallPrinter + std::string(kUvLamp));
     good(
         {"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "small.toml"});
-  }
-  RunResult call(const Command& arguments) const {
-    return run_program(Command{SLICECORR_BIN_DIR "/slicecorr"} + arguments, options_);
-  }
-  RunResult good(const Command& arguments) const {
-    RunResult r = call(arguments);
-    EXPECT_EQ(r.exit_code, 0) << ::testing::PrintToString(arguments) << r.err;
-    return r;
-  }
-  void bad(int code, const Command& arguments, const std::vector<std::string>& words) const {
-    const auto before = folder_.count();
-    const RunResult r = call(arguments);
-    EXPECT_EQ(r.exit_code, code) << ::testing::PrintToString(arguments) << r.err;
-    for (const auto& word : words) EXPECT_NE(r.err.find(word), std::string::npos) << word << r.err;
-    EXPECT_EQ(folder_.count(), before);
   }
   Command correct(const std::string& from, const std::string& to) const {
     return Command{"correct", from, "-o", to} + kResin;
@@ -72,9 +43,6 @@ class Layerwise : public ::testing::Test {
   json config_of(const std::string& stack) const {
     Entries entries = unzip(folder_ / stack);
     return json::parse(to_text(entry(entries, "config.json")));
-  }
-  void write(const std::string& name, const std::string& text) const {
-    write_file(folder_ / name, to_bytes(text));
   }
   Bytes bytes(const std::string& name) const { return read_file(folder_ / name); }
 
@@ -98,9 +66,6 @@ class Layerwise : public ::testing::Test {
     }
     return rows;
   }
-
-  TemporaryFolder folder_;
-  RunOptions options_;
 };
 
 TEST_F(Layerwise, LadderFromSlicesToFigures) {
@@ -280,7 +245,7 @@ TEST_F(Layerwise, UvOptionsWantLampAndInhibition) {
         "name = \"inhibited\"\n[cure]\nabsorbance_height_um = 110.0\nabsorbance_base = 10\n"
         "critical_dose_mj_cm3 = 576.0\n[inhibition]\nbeta = 0.73\nabsorbance_height_um = 20.0\n"
         "absorbance_base = 10\n");
-  write("dark.toml", kPrinter);
+  write("dark.toml", kSmallPrinter);
   const auto with = [](const std::string& printer) {
     return Command{"correct", "target.uvj",     "-o",     "x.uvj",     "--printer",    printer,
                    "--resin", "inhibited.toml", "--mode", "layerwise", "--exposure-s", "0.2"};
@@ -305,7 +270,7 @@ TEST_F(Layerwise, InfeasibleSaysWhatWouldDo) {
           Command{"--exposure-s", "0.2", "--bottom-exposure-s", "9", "--bottom-layers", "1"},
       {"layer 0, exposed for 9 s"});
   // A part higher than the stage travels: no slices are added, so only its height counts.
-  write("short.toml", kPrinter + std::string("[stage]\ntravel_mm = 2\n"));
+  write("short.toml", kSmallPrinter + std::string("[stage]\ntravel_mm = 2\n"));
   bad(3,
       Command{"correct", "target.uvj", "-o", "x.uvj", "--printer", "short.toml", "--resin",
               "figure-2-2", "--ha-um", "110", "--exposure-s", "0.2"} +

@@ -439,5 +439,28 @@ TEST(Ramps, LampFollowsConstantAcceleration) {
   EXPECT_GT(light_on_s(p, 1, 50, 100), 100 * slice_s);
 }
 
+TEST(SliceSpeeds, LightTimesTimeStays) {
+  Process p = test::process(1000);
+  const double slice_s = 50 * 3.6 / 1000;
+  p.slice_speed_mm_h = {1000, 250, 500};
+  EXPECT_EQ(slice_speed_mm_h(p, 0), 1000);
+  EXPECT_EQ(slice_speed_mm_h(p, 7), 500);
+  EXPECT_EQ(speeds_in_words(p), "250 to 1000 mm/h from slice to slice");
+  EXPECT_EQ(speeds_in_words(test::process(800)), "800 mm/h");
+  for (const double m : {1.0, 0.7}) {
+    for (int n = 0; n < 10; ++n) {
+      const SliceLight light = slice_light(p, m, 50, n, 10);
+      EXPECT_NEAR(light.time_s, 50 * 3.6 / slice_speed_mm_h(p, n), 1e-12) << n;
+      EXPECT_NEAR(std::pow(light.share, m) * light.time_s, slice_s, 1e-12) << n;
+    }
+  }
+  EXPECT_NEAR(light_on_s(p, 1, 50, 10), slice_s * (1 + 4 + 8 * 2), 1e-12);
+  // On a ramp the slower of the two counts: its first slice passes at sqrt(1/40) of the speed.
+  p.ramp = Ramp::lamp_follows;
+  p.ramp_mm = 1;
+  EXPECT_NEAR(slice_light(p, 1, 50, 0, 100).share, std::sqrt(0.025), 1e-12);
+  EXPECT_NEAR(slice_light(p, 1, 50, 1, 100).share, 0.25, 1e-12);
+}
+
 }  // namespace
 }  // namespace slicecorr

@@ -64,4 +64,16 @@ inline CorrectionPlan plan_for(const CureModel& model, const Process& process, i
   return {model, process, layers, slices_with_burst(model, layers, layers - 1)};
 }
 
+/// Levels of a column, found as a band of one column.
+inline std::vector<std::uint8_t> solve_band_of_one(const CorrectionPlan& plan,
+                                                   const std::vector<std::uint8_t>& coverage) {
+  BandCorrector corrector(plan, 1);
+  for (const std::uint8_t c : coverage) corrector.add_layer(&c);
+  std::vector<std::uint8_t> band(static_cast<std::size_t>(plan.all_layers));
+  corrector.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
+    band[static_cast<std::size_t>(n)] = *level;
+  });
+  return band;
+}
+
 }  // namespace slicecorr::test

@@ -127,6 +127,35 @@ TEST(BlobStore, KeepsPiecesInMemoryAndBeyond) {
   }
 }
 
+TEST(BlobStore, TakesRoomAgainThatWasGivenBack) {
+  const TemporaryFolder folder;
+  for (const std::size_t budget : {std::size_t{0}, std::size_t{100000}}) {
+    BlobStore store(folder.path(), budget, {});
+    std::mt19937 random(7);
+    std::vector<std::pair<BlobStore::Blob, Bytes>> held;
+    std::size_t now = 0, most = 0;
+    for (int round = 0; round < 4000; ++round) {
+      if (held.size() > 40 || (!held.empty() && random() % 3 == 0)) {
+        const std::size_t k = random() % held.size();
+        now -= held[k].second.size();
+        store.drop(held[k].first);
+        held.erase(held.begin() + static_cast<std::ptrdiff_t>(k));
+        continue;
+      }
+      const Bytes data(random() % 9000, static_cast<std::uint8_t>(random()));
+      held.emplace_back(store.put(data.data(), data.size()), data);
+      most = std::max(most, now += data.size());
+    }
+    for (const auto& [blob, data] : held) {
+      Bytes out;
+      store.get(blob, out);
+      ASSERT_EQ(out, data);
+    }
+    // Some 18 MB were put. Best fit of blobs of all sizes leaves at most as much free as is held.
+    EXPECT_LE(store.scratch_bytes(), 2 * most);
+  }
+}
+
 TEST(BlobStore, ReportsAMissingFolder) {
   BlobStore store("/nowhere/at all", 10, {});
   const Bytes data(11);

@@ -705,6 +705,38 @@ TEST_F(DefinitionFiles, WrongCsv) {
   EXPECT_THAT(complaint("only,words\n"), at("expected at least two points"));
 }
 
+TEST(FlowKeys, AreReadAtTheTopAndInTheirTables) {
+  const std::string cure =
+      "[cure]\nabsorbance_height_um = 550\nabsorbance_base = \"e\"\ngel_dose_mj_cm3 = 40\n";
+  const Resin none = parse_resin(cure, "r.toml");
+  EXPECT_EQ(none.viscosity_pa_s, 0);
+  EXPECT_TRUE(std::isinf(none.inhibitor_life_s));
+  for (const std::string& text : {"viscosity_pa_s = 0.3\ninhibitor_life_s = 0\n" + cure,
+                                  cure + "viscosity_pa_s = 0.3\ninhibitor_life_s = 0\n"}) {
+    const Resin r = parse_resin(text, "r.toml");
+    EXPECT_EQ(r.viscosity_pa_s, 0.3);
+    EXPECT_EQ(r.inhibitor_life_s, 0);
+  }
+  for (const char* wrong : {"viscosity_pa_s = 0", "viscosity_pa_s = inf", "viscosity_pa_s = nan",
+                            "inhibitor_life_s = -1", "inhibitor_life_s = inf"}) {
+    EXPECT_THROW(parse_resin(cure + wrong + "\n", "r.toml"), InputError) << wrong;
+  }
+  const std::string display =
+      "[display]\nwidth_px = 8\nheight_px = 8\npixel_um = 50\n"
+      "[blue]\ncalibration = [[0, 1], [255, 100]]\n";
+  const std::string vat = "[vat]\nsuction_limit_pa = 20000\n";
+  EXPECT_EQ(parse_printer(display, "p.toml").suction_limit_pa, 0);
+  EXPECT_EQ(parse_printer(display + vat, "p.toml").suction_limit_pa, 20000);
+  EXPECT_EQ(parse_printer("suction_limit_pa = 2e4\n" + display, "p.toml").suction_limit_pa, 20000);
+  EXPECT_THROW(parse_printer("suction_limit_pa = 2e4\n" + display + vat, "p.toml"), InputError);
+  for (const char* wrong : {"0", "-5", "nan", "101326"}) {
+    EXPECT_THROW(
+        parse_printer(std::string("suction_limit_pa = ") + wrong + "\n" + display, "p.toml"),
+        InputError)
+        << wrong;
+  }
+}
+
 TEST_F(DefinitionFiles, ShippedOnesParseAndAreFoundByName) {
   int printers = 0, resins = 0;
   for (const auto& entry : fs::directory_iterator(SLICECORR_PRINTERS_DIR)) {

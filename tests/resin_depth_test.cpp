@@ -184,13 +184,7 @@ TEST(ResinDepth, CorrectedColumnsPrint) {
     const auto levels = solve_column(plan, coverage);
     EXPECT_LT(worst_edge_um(model, coverage, levels), 1.0) << depth_um;
     // The same in a band, and layers beyond the design end where they should.
-    BandCorrector corrector(plan, 1);
-    for (const std::uint8_t c : coverage) corrector.add_layer(&c);
-    std::vector<std::uint8_t> band(levels.size());
-    corrector.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
-      band[static_cast<std::size_t>(n)] = *level;
-    });
-    EXPECT_EQ(band, levels);
+    EXPECT_EQ(test::solve_band_of_one(plan, coverage), levels);
     const ColumnDose dose = column_dose(model, levels);
     for (std::size_t n = 0; n < coverage.size(); ++n) {
       EXPECT_EQ(dose.middle[n] >= 1.0, coverage[n] == 255) << depth_um << " layer " << n;
@@ -293,13 +287,7 @@ TEST(ResinDepth, CorrectedLayerByLayer) {
   const CureModel model = model_with_depth(1000, process);
   const CorrectionPlan plan = test::plan_for(model, process, 60);
   const auto levels = solve_column(plan, coverage);
-  BandCorrector corrector(plan, 1);
-  for (const std::uint8_t c : coverage) corrector.add_layer(&c);
-  std::vector<std::uint8_t> band(levels.size());
-  corrector.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
-    band[static_cast<std::size_t>(n)] = *level;
-  });
-  EXPECT_EQ(band, levels);
+  EXPECT_EQ(test::solve_band_of_one(plan, coverage), levels);
   const ColumnDose dose = column_dose(model, levels);
   for (std::size_t n = 0; n < coverage.size(); ++n) {
     if (coverage[n] == 255) {

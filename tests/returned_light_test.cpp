@@ -301,13 +301,7 @@ TEST(ReturnedLight, CorrectedLayerByLayer) {
     const CureModel model = model_with(reflectance, 0, process, 200);
     const CorrectionPlan plan = test::plan_for(model, process, 60);
     const auto levels = solve_column(plan, coverage);
-    BandCorrector corrector(plan, 1);
-    for (const std::uint8_t c : coverage) corrector.add_layer(&c);
-    std::vector<std::uint8_t> band(levels.size());
-    corrector.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
-      band[static_cast<std::size_t>(n)] = *level;
-    });
-    EXPECT_EQ(band, levels);
+    EXPECT_EQ(test::solve_band_of_one(plan, coverage), levels);
     const ColumnDose dose = column_dose(model, levels);
     for (std::size_t n = 0; n < coverage.size(); ++n) {
       if (coverage[n] != 255) continue;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -52,6 +53,9 @@ TEST(SetupJson, TomographyComesBack) {
   setup.resin.inhibition_dose_mj_cm3 = 3;
   setup.resin.inhibition_resupply_mj_cm3_s = 0.02;
   setup.resin.dose_diffusion_m2_s = 5e-12;
+  setup.resin.viscosity_pa_s = 0.3;
+  setup.resin.inhibitor_life_s = 3;
+  setup.printer.suction_limit_pa = 2e4;
   expect_same_again(setup);
   // More than absorbs in all, and light from inside the vial.
   slicecorr::Setup wrong = setup;
@@ -63,6 +67,32 @@ TEST(SetupJson, TomographyComesBack) {
   wrong = setup;
   wrong.printer.vial->inner_mm = 12.5;
   EXPECT_THROW(parse_setup_json(setup_json(wrong), "text"), InputError);
+}
+
+TEST(SetupJson, SpeedsOfSlicesComeBack) {
+  SetupChoices c;
+  c.speed_mm_h = 700;
+  c.slice_speed_mm_h = {700, 123.4, 0.1 + 0.2, 0.1 + 0.2};
+  const slicecorr::Setup setup = resolved(c);
+  EXPECT_EQ(setup.process.slice_speed_mm_h.size(), 3U);  // the last holds
+  expect_same_again(setup);
+  c.slice_speed_mm_h = {700, 700};
+  EXPECT_TRUE(resolved(c).process.slice_speed_mm_h.empty());
+  for (const std::vector<double>& wrong :
+       {std::vector<double>{700, 701}, {0}, {-1, 700}, {std::nan("")}}) {
+    c.slice_speed_mm_h = wrong;
+    EXPECT_THROW(resolved(c), InputError);
+  }
+  c = {};
+  c.mode = "layerwise";
+  c.exposure_s = 2;
+  c.slice_speed_mm_h = {100};
+  EXPECT_THROW(resolved(c), InputError);
+  // A speed beyond that of the light is no stack of ours.
+  std::string text = setup_json(setup);
+  const auto at = text.find("123.4");
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_THROW(parse_setup_json(text.replace(at, 5, "700.5"), "text"), InputError);
 }
 
 TEST(SetupJson, LayerwiseComesBack) {

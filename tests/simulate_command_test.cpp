@@ -6,15 +6,13 @@
 #include <sstream>
 
 #include "ladder.hpp"
-#include "run_program.hpp"
-#include "stack_fixture.hpp"
+#include "program_fixture.hpp"
 
 namespace slicecorr::test {
 namespace {
 
 using testing::HasSubstr;
 using testing::StartsWith;
-using Command = std::vector<std::string>;
 
 constexpr const char* kFigure34 = R"(name = "figure-3-4"
 [cure]
@@ -29,11 +27,6 @@ beta = 1.0
 absorbance_height_um = 100.0
 absorbance_base = "e"
 )";
-
-Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
 
 std::vector<std::vector<double>> rows_of(const std::string& csv, const std::string& head) {
   std::istringstream lines(csv);
@@ -55,32 +48,16 @@ constexpr const char* kColumnHead = "time_s,slice,z_window_um,front_um,back_um";
 constexpr const char* kDoseHead = "time_s,slice,z_um,dose";
 constexpr const char* kFrontsHead = "blue_mw_cm2,uv_mw_cm2,time_s,front_um,back_um";
 
-class SimulateCommand : public ::testing::Test {
+class SimulateCommand : public ProgramFixture {
  protected:
   SimulateCommand() {
-    options_.folder = folder_.path();
-    options_.environment = {
-        {"SLICECORR_DB", SLICECORR_DB_DIR}, {"HOME", folder_.path()}, {"XDG_CONFIG_HOME", ""}};
     write_stl(folder_ / "ladder.stl", ladder());
-    write_file(folder_ / "figure-3-4.toml", to_bytes(kFigure34));
+    write("figure-3-4.toml", kFigure34);
   }
-
-  RunResult call(const Command& arguments) const {
-    return run_program(Command{SLICECORR_BIN_DIR "/slicecorr"} + arguments, options_);
-  }
-  RunResult good(const Command& arguments) const {
-    RunResult r = call(arguments);
-    EXPECT_EQ(r.exit_code, 0) << ::testing::PrintToString(arguments) << r.err;
-    return r;
-  }
-  void bad(int code, const Command& arguments, const std::string& words) const {
-    SCOPED_TRACE(::testing::PrintToString(arguments));
-    const auto before = folder_.count();
-    const RunResult r = call(arguments);
-    EXPECT_EQ(r.exit_code, code) << r.err;
-    EXPECT_EQ(r.out, "");
-    EXPECT_THAT(r.err, HasSubstr(words));
-    EXPECT_EQ(folder_.count(), before);
+  /// Refused, with nothing on stdout.
+  void refused(int code, const Command& arguments, const std::string& words) const {
+    EXPECT_EQ(call(arguments).out, "");
+    bad(code, arguments, {words});
   }
   std::string text(const std::string& name) const { return to_text(read_file(folder_ / name)); }
   void slice() const {
@@ -94,9 +71,6 @@ class SimulateCommand : public ::testing::Test {
   static Command setup() {
     return {"--printer", "dual-wavelength-dlp", "--resin", "figure-2-2", "--speed-mm-h", "1000"};
   }
-
-  TemporaryFolder folder_;
-  RunOptions options_;
 };
 
 TEST_F(SimulateCommand, ColumnOfFigure22) {
@@ -237,47 +211,50 @@ TEST_F(SimulateCommand, WrongCombinations) {
   const Command still{"simulate", "--stationary", "--resin", "figure-3-4.toml"};
   const Command light{"--blue-mw-cm2", "100", "--time-s", "5"};
   const auto to = [](const std::string& name) { return Command{"-o", name}; };
-  bad(2, stack + setup() + to("a.svg"), "expected --x and --y for a column, or --row");
-  bad(2, stack + setup() + to("a.svg") + Command{"--x", "3"}, "expected --x and --y");
-  bad(2, stack + setup() + xy + to("a.png"), ".svg or .csv");
-  bad(2, stack + setup() + Command{"--row", "400"} + to("a.svg"), ".png");
-  bad(2, stack + setup() + xy + Command{"--row", "400"} + to("a.svg"), "one of the two");
-  bad(2, stack + setup() + Command{"--row", "400", "--csv", "-"} + to("a.png"), "for a column");
-  bad(2, stack + setup() + Command{"--x", "1280", "--y", "0"} + to("a.svg"), "outside the image");
-  bad(2, stack + setup() + Command{"--row", "800"} + to("a.png"), "outside the image");
-  bad(2, stack + setup() + xy + Command{"--times-s", "1,9.5"} + to("a.svg"), "expected 0 to 9 s");
-  bad(2, stack + setup() + Command{"--row", "400", "--times-s", "9.5"} + to("a.png"),
-      "ends after 9 s");
-  bad(2, stack + setup() + xy + Command{"--times-s", "1,2,3,4,5,6,7,8,9"} + to("a.svg"),
-      "up to 8 dose curves");
-  bad(2, stack + xy + to("a.svg"), "--printer");
-  bad(2, stack + setup() + xy + light + to("a.svg"), "go with --stationary");
-  bad(2, Command{"simulate"} + setup() + xy + to("a.svg"), "expected a STACK");
-  bad(2, stack + setup() + xy, "--output");
-  bad(2, stack + setup() + xy + Command{"--substeps", "0"} + to("a.svg"), "--substeps");
-  bad(2, still + to("a.svg"), "expected --blue-mw-cm2");
-  bad(2, still + Command{"--blue-mw-cm2", "100"} + to("a.svg"), "expected --time-s");
-  bad(2, still + Command{"--blue-mw-cm2", "-1", "--time-s", "5"} + to("a.svg"), "--blue-mw-cm2");
-  bad(2, still + light + Command{"--uv-ratio", "2", "--uv-mw-cm2", "200"} + to("a.svg"),
-      "one of them");
-  bad(2, still + light + Command{"target.uvj"} + to("a.svg"), "needs no stack");
-  bad(2, still + light + xy + to("a.svg"), "look into a stack");
-  bad(2, still + light + Command{"--speed-mm-h", "800"} + to("a.svg"), "no printer, speed");
-  bad(2, still + light + to("a.png"), ".svg or .csv");
-  bad(2,
-      Command{"simulate", "--stationary", "--resin", "figure-2-2", "--uv-ratio", "2"} + light +
-          to("a.svg"),
-      "has no [inhibition]");
+  refused(2, stack + setup() + to("a.svg"), "expected --x and --y for a column, or --row");
+  refused(2, stack + setup() + to("a.svg") + Command{"--x", "3"}, "expected --x and --y");
+  refused(2, stack + setup() + xy + to("a.png"), ".svg or .csv");
+  refused(2, stack + setup() + Command{"--row", "400"} + to("a.svg"), ".png");
+  refused(2, stack + setup() + xy + Command{"--row", "400"} + to("a.svg"), "one of the two");
+  refused(2, stack + setup() + Command{"--row", "400", "--csv", "-"} + to("a.png"), "for a column");
+  refused(2, stack + setup() + Command{"--x", "1280", "--y", "0"} + to("a.svg"),
+          "outside the image");
+  refused(2, stack + setup() + Command{"--row", "800"} + to("a.png"), "outside the image");
+  refused(2, stack + setup() + xy + Command{"--times-s", "1,9.5"} + to("a.svg"),
+          "expected 0 to 9 s");
+  refused(2, stack + setup() + Command{"--row", "400", "--times-s", "9.5"} + to("a.png"),
+          "ends after 9 s");
+  refused(2, stack + setup() + xy + Command{"--times-s", "1,2,3,4,5,6,7,8,9"} + to("a.svg"),
+          "up to 8 dose curves");
+  refused(2, stack + xy + to("a.svg"), "--printer");
+  refused(2, stack + setup() + xy + light + to("a.svg"), "go with --stationary");
+  refused(2, Command{"simulate"} + setup() + xy + to("a.svg"), "expected a STACK");
+  refused(2, stack + setup() + xy, "--output");
+  refused(2, stack + setup() + xy + Command{"--substeps", "0"} + to("a.svg"), "--substeps");
+  refused(2, still + to("a.svg"), "expected --blue-mw-cm2");
+  refused(2, still + Command{"--blue-mw-cm2", "100"} + to("a.svg"), "expected --time-s");
+  refused(2, still + Command{"--blue-mw-cm2", "-1", "--time-s", "5"} + to("a.svg"),
+          "--blue-mw-cm2");
+  refused(2, still + light + Command{"--uv-ratio", "2", "--uv-mw-cm2", "200"} + to("a.svg"),
+          "one of them");
+  refused(2, still + light + Command{"target.uvj"} + to("a.svg"), "needs no stack");
+  refused(2, still + light + xy + to("a.svg"), "look into a stack");
+  refused(2, still + light + Command{"--speed-mm-h", "800"} + to("a.svg"), "no printer, speed");
+  refused(2, still + light + to("a.png"), ".svg or .csv");
+  refused(2,
+          Command{"simulate", "--stationary", "--resin", "figure-2-2", "--uv-ratio", "2"} + light +
+              to("a.svg"),
+          "has no [inhibition]");
   // Inputs stay, and outputs do not replace each other.
   const Bytes before = read_file(folder_ / "target.uvj");
-  bad(2, stack + setup() + xy + to("a.svg") + Command{"--csv", "target.uvj"}, "is an input");
-  bad(2, stack + setup() + xy + to("a.csv") + Command{"--dose-csv", "a.csv"}, "two outputs");
+  refused(2, stack + setup() + xy + to("a.svg") + Command{"--csv", "target.uvj"}, "is an input");
+  refused(2, stack + setup() + xy + to("a.csv") + Command{"--dose-csv", "a.csv"}, "two outputs");
   EXPECT_EQ(read_file(folder_ / "target.uvj"), before);
   // A corrected stack is no design.
   correct({"--resin", "figure-2-2", "--speed-mm-h", "1000"});
-  bad(2, Command{"simulate", "part.uvj", "--target", "part.uvj"} + xy + to("a.svg"),
-      "is a corrected stack");
-  bad(4, Command{"simulate", "part.uvj"} + xy + to("nowhere/a.svg"), "nowhere");
+  refused(2, Command{"simulate", "part.uvj", "--target", "part.uvj"} + xy + to("a.svg"),
+          "is a corrected stack");
+  refused(4, Command{"simulate", "part.uvj"} + xy + to("nowhere/a.svg"), "nowhere");
 }
 
 TEST_F(SimulateCommand, InterruptedLeavesNothing) {

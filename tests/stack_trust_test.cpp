@@ -11,11 +11,10 @@
 
 #include "format_fixture.hpp"
 #include "ladder.hpp"
-#include "run_program.hpp"
+#include "program_fixture.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "stack/block_check.hpp"
 #include "stack/formats/uvj_config.hpp"
-#include "stack_fixture.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -24,12 +23,6 @@ using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
-using Command = std::vector<std::string>;
-
-Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
 
 StackInfo corrected_info() {
   StackInfo info = info_of({40, 30, 6, 50, 50, 25});
@@ -131,27 +124,15 @@ TEST(BlockChecksum, FindsEveryChange) {
   EXPECT_NE(detail::block_crc32(more), crc);
 }
 
-constexpr const char* kPrinter =
-    "name = \"small\"\n[display]\nwidth_px = 160\nheight_px = 120\npixel_um = 50.0\n[blue]\n"
-    "calibration = [[0, 1.0], [255, 100.0]]\n[stage]\ntravel_mm = 100\nmax_speed_mm_h = 3000\n";
+const std::string kPrinter =
+    kSmallPrinter + std::string("[stage]\ntravel_mm = 100\nmax_speed_mm_h = 3000\n");
 const Command kSetup{"--printer", "small.toml", "--resin", "figure-2-2"};
 
-class Trust : public ::testing::Test {
+class Trust : public ProgramFixture {
  protected:
   Trust() {
-    options_.folder = folder_.path();
-    options_.environment = {
-        {"SLICECORR_DB", SLICECORR_DB_DIR}, {"HOME", folder_.path()}, {"XDG_CONFIG_HOME", ""}};
-    write_file(folder_ / "small.toml", to_bytes(kPrinter));
+    write("small.toml", kPrinter);
     write_stl(folder_ / "ladder.stl", ladder());
-  }
-  RunResult call(const Command& arguments) const {
-    return run_program(Command{SLICECORR_BIN_DIR "/slicecorr"} + arguments, options_);
-  }
-  RunResult good(const Command& arguments) const {
-    RunResult r = call(arguments);
-    EXPECT_EQ(r.exit_code, 0) << ::testing::PrintToString(arguments) << r.err;
-    return r;
   }
   /// Wants exit 2 and gives what is said.
   std::string refused(const Command& arguments) const {
@@ -181,9 +162,6 @@ class Trust : public ::testing::Test {
     data = to_bytes(config.dump());
     make_zip(folder_ / to, entries);
   }
-
-  TemporaryFolder folder_;
-  RunOptions options_;
 };
 
 class TrustedStack : public Trust {

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/flow.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/nearest.hpp"
 
@@ -208,6 +209,9 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"fade_layers", whole(SLICEFARM_FIELD(setup.fade_layers), 0, 1000000)},
       {"uv_mw_cm2", number(SLICEFARM_FIELD(setup.uv_mw_cm2), 0, kMost, true)},
       {"dead_zone_um", number(SLICEFARM_FIELD(setup.dead_zone_um), 0, kMost, true)},
+      {"gap_um", number(SLICEFARM_FIELD(setup.gap_um), 0, kMostGapUm, true)},
+      {"even_dead_zone",
+       word(SLICEFARM_FIELD(setup.even_dead_zone), {"auto", "constant", "blue", "uv", "both"})},
       {"uv_schedule",
        word(SLICEFARM_FIELD(setup.uv_schedule), {"constant", "per-slice", "patterned"})},
       {"window_cure", word(SLICEFARM_FIELD(setup.window_cure), {"refuse", "allow"})},

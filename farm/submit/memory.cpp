@@ -5,6 +5,7 @@
 
 #include "slicecorr/correct.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/target.hpp"
 
@@ -43,7 +44,16 @@ double all_tables_bytes(const MemoryFacts& f) {
   return std::min(f.lights * f.tables_bytes, std::max(256 * kMb, least) + f.tables_bytes);
 }
 
+/// Where columns are corrected together: 64 MB of what is kept while rounds go on, the rest of which
+/// waits on the disk, and the patches of a thread.
+constexpr double kTogetherMb = 80;
+
 }  // namespace
+
+bool corrects_together(const Setup& setup) {
+  const bool spreads = !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+  return spreads && setup.process.spread_rounds > 0;
+}
 
 MemoryNeeds memory_needs(const MemoryFacts& f) {
   const double mesh = 100.0 * static_cast<double>(f.triangles) / kMb;
@@ -61,6 +71,7 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
     models += 2 * f.lights * (kPlanBytes + kPlanBytesPerSlice * f.slices) / kMb;
     thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
   }
+  if (f.together) models += kTogetherMb;
   return {static_cast<std::int64_t>(1.5 * (kProgramMb + mesh + pieces + models + thread)),
           static_cast<std::int64_t>(1.5 * thread)};
 }

@@ -10,6 +10,7 @@
 namespace slicecorr {
 class SliceSource;
 struct CorrectionPlan;
+struct Setup;
 }  // namespace slicecorr
 
 namespace slicecorr::farm::detail {
@@ -26,7 +27,11 @@ struct MemoryFacts {
   bool stepwise = false;    ///< columns are solved slice by slice: not plain, continuous
   int bath_slices = 0;      ///< of resin above the window; 0: without end
   int mirrored_slices = 0;  ///< below the platform, with plans of their own
+  bool together = false;    ///< light spreads: columns are corrected together
 };
+
+/// Whether columns are corrected together: light spreads, and nobody said to leave them alone.
+bool corrects_together(const Setup& setup);
 
 struct MemoryNeeds {
   std::int64_t base_mb = 0;    ///< with one thread

@@ -29,6 +29,8 @@ namespace {
 
 /// Before the farm has measured any: cautious for parts of 10 to 100 million voxels.
 constexpr double kGuessedVoxelsPerS = 60e6;
+/// Where columns are corrected together, in twenty rounds.
+constexpr double kTimesOfTogether = 15;
 constexpr double kGuessedBytesPerVoxel = 0.02;
 constexpr double kReportBytes = 2e6;
 
@@ -76,6 +78,8 @@ std::string signature(const JobRequest& r) {
                   s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
   text += fmt::format("|{}|{}|{}|{}", s.resin_depth_um, s.platform_reflectance, s.spread_correction,
                       s.rounds);
+  if (!s.even_dead_zone.empty()) text += "|e" + s.even_dead_zone;
+  if (s.gap_um > 0) text += fmt::format("|g{}", s.gap_um);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
                       r.iterations, r.max_time_s, r.beyond_reach);
@@ -152,9 +156,11 @@ void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
   const CorrectionPlan plan = uneven
                                   ? plan_correction(slices, setup, context)
                                   : plan_correction(GridOnly(grid, slices.frame()), setup, context);
+  judge_suction(slices, setup, context);
   c.layers = grid.layers;
   c.memory.width_px = grid.width_px;
   c.memory.left_alone = left_alone;
+  c.memory.together = detail::corrects_together(setup) && !left_alone && !uneven;
   detail::look_at_light(slices, setup.printer, setup.process, plan, c.memory);
 }
 
@@ -198,7 +204,7 @@ void check_archive(const JobRequest& r, const Setup& setup, const std::string& s
     grid.pixel_y_um = facts.pixel_y_um;
   }
   const GridOnly target(grid, image_frame(info));
-  if (setup.printer.flat_field) {
+  if (setup.printer.flat_field || judges_suction(setup)) {
     plan(StackReader(r.parts[0], scratch_folder, context, facts), setup, !r.leave_alone.empty(),
          context, c);
   } else {
@@ -237,9 +243,9 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& 
 std::string rate_class_of(const Resolved& w, int slices) {
   if (w.spec.tomo) return detail::tomo_rate_class(*w.spec.tomo, slices);
   const Process& p = w.setup.process;
-  return fmt::format("{} {}{}", w.spec.kind,
-                     p.mode == ExposureMode::layerwise ? "layerwise" : "continuous",
-                     p.uv.kind == UvKind::off ? "" : " uv");
+  return fmt::format(
+      "{} {}{}{}", w.spec.kind, p.mode == ExposureMode::layerwise ? "layerwise" : "continuous",
+      p.uv.kind == UvKind::off ? "" : " uv", detail::corrects_together(w.setup) ? " together" : "");
 }
 
 std::string problem_of_name(const std::string& name) {
@@ -561,7 +567,9 @@ class Preparation {
       if (fresh) rate->second = queue_.rates(j.work.rate_class);
       const bool measured = rate->second.units_per_s > 0;
       const auto units = static_cast<double>(spec.tomo ? c.tomo.voxel_angle_steps : j.work.voxels);
-      const double guessed = spec.tomo ? detail::guessed_units_per_s(c.layers) : kGuessedVoxelsPerS;
+      const double guessed = spec.tomo           ? detail::guessed_units_per_s(c.layers)
+                             : c.memory.together ? kGuessedVoxelsPerS / kTimesOfTogether
+                                                 : kGuessedVoxelsPerS;
       j.expected_s = kFixedJobS + units / (measured ? rate->second.units_per_s : guessed);
       const double bytes = spec.tomo  ? static_cast<double>(c.tomo.bytes)
                            : measured ? units * rate->second.bytes_per_unit

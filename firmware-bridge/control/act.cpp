@@ -15,6 +15,8 @@ namespace {
 constexpr double kRestS = 0.2;
 /// A vial turns steadily when its speed was within this share of what it was told for so long, s.
 constexpr double kSteadyShare = 0.05, kSteadyS = 0.5;
+/// From a command to the stage until it does it, in cycles.
+constexpr double kReactionCycles = 4;
 
 }  // namespace
 
@@ -92,11 +94,54 @@ bool Controller::Impl::arrived() const {
   return off <= near_um || (off <= machine.stage.tolerance_um && now_s - *stands_since_s >= kRestS);
 }
 
+double Controller::Impl::speed_to_tell() {
+  if (plan.slice_speed_um_s.empty()) return plan.speed_um_s;
+  const double at_um = stage.position_um(now_s), a = plan.acceleration_um_s2;
+  const double v = std::max(0.0, stage.speed_um_s(now_s));
+  const double reaction_um = v * kReactionCycles * limits.cycle_s;
+  const double rounding_um = 1e-6;
+  const int here =
+      static_cast<int>(std::floor((at_um - frame_um(0) + rounding_um) / plan.layer_um));
+  double told = plan.speed_at(here);
+  for (int n = std::max(here, -1) + 1; n < frames; ++n) {
+    const double left_um = frame_um(n) - at_um, slower = plan.speed_at(n);
+    if (left_um > reaction_um + v * v / (2 * a)) break;
+    if (slower >= told || left_um > reaction_um + std::max(0.0, v * v - slower * slower) / (2 * a))
+      continue;
+    told = slow_um_s = slower;
+    slow_until_um = frame_um(n);
+  }
+  // What it has begun to brake for holds until it is there.
+  return at_um + rounding_um < slow_until_um ? std::min(told, slow_um_s) : told;
+}
+
+void Controller::Impl::follow_speeds() {
+  if (plan.slice_speed_um_s.empty() || move) return;
+  const double speed_um_s = speed_to_tell();
+  if (speed_um_s == out.speed_um_s) return;
+  command_move(out.target_um, speed_um_s, plan.acceleration_um_s2);
+  move->new_speed = true;
+}
+
 void Controller::Impl::show(int number, double planned_um, double light_at_s) {
+  light_at_s = std::max(light_at_s, now_s + latency_s());
+  show_blue(number, planned_um, light_at_s);
+  if (has_uv_display()) show_uv(number, planned_um, light_at_s);
+}
+
+void Controller::Impl::show_blue(int number, double planned_um, double light_at_s) {
   light_at_s = std::max(light_at_s, now_s + limits.display_latency_s);
   step.show = number;
   step.show_at_s = light_at_s - limits.display_latency_s;
   pending = Pending{number, planned_um, light_at_s};
+}
+
+void Controller::Impl::show_uv(int number, double planned_um, double light_at_s) {
+  const double latency_s = machine.uv_display->latency_s;
+  light_at_s = std::max(light_at_s, now_s + latency_s);
+  step.show_uv = number;
+  step.show_uv_at_s = light_at_s - latency_s;
+  uv_pending = Pending{number, planned_um, light_at_s};
 }
 
 double Controller::Impl::uv_of(int number) const {
@@ -295,7 +340,8 @@ void Controller::Impl::go_printing() {
         show(0, plan.start_um, now_s);  // the lamp is still dark: it begins with the stage
         return turn_to(Act::show_first);
       }
-      out.blue_share = 1;  // while the display shows black
+      // While the display shows black.
+      out.blue_share = lamp_share(plan, machine.blue, plan.speed_at(0));
       rising = true;
       return turn_to(Act::blue_settle);
     case Act::blue_settle:
@@ -306,11 +352,12 @@ void Controller::Impl::go_printing() {
       next_frame = 1;
       break;
     default: {
+      follow_speeds();
       plan_next_frame();
       follow();
       if (pause_wanted) return enter(Phase::pausing);
       const bool ended =
-          plan.lamps_follow() ? arrived() : next_frame > frames && displayed(kBlackFrame);
+          plan.lamps_follow() ? arrived() : next_frame > frames && blue_displayed(kBlackFrame);
       if (!ended) return;
       if (next_frame < frames) {
         return fail(Fault::defect, fmt::format("the print ended before frame {}", next_frame));
@@ -322,19 +369,19 @@ void Controller::Impl::go_printing() {
   }
   rising = false;
   stage.start(status.stage_um, status_at_s.value_or(0));
-  command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
+  command_move(print_target_um(), speed_to_tell(), plan.acceleration_um_s2);
   turn_to(Act::move);
   follow();
 }
 
 void Controller::Impl::plan_next_frame() {
-  if (pending) return;
+  if (any_pending()) return;
   const bool last = next_frame == frames;
   if (next_frame > frames || (last && plan.lamps_follow())) return;
   const int number = last ? kBlackFrame : next_frame;
   const double planned = last ? end_um() : frame_um(number);
   // The frame is sent to the display in this cycle if it is due before the next cycle but one.
-  double early = now_s + limits.display_latency_s;
+  double early = now_s + latency_s();
   double late = early + 2 * limits.cycle_s;
   if (stage.position_um(late) < planned) return;
   if (stage.position_um(early) < planned) {
@@ -345,7 +392,12 @@ void Controller::Impl::plan_next_frame() {
   } else {
     late = early;
   }
-  show(number, planned, late);
+  if (last) {
+    // UV light stays until blue light is off.
+    show_blue(number, planned, late);
+  } else {
+    show(number, planned, late);
+  }
   ++next_frame;
 }
 
@@ -356,7 +408,8 @@ void Controller::Impl::follow() {
   const bool run_up = !plan.lamps_follow() && phase == Phase::printing && frame < 0 &&
                       next_frame <= 1 && stage.position_um(now_s) < frame_um(0);
   // Half a cycle ahead: the middle of the time for which the set-point holds.
-  const double share = run_up ? 1 : share_at(now_s + limits.cycle_s / 2);
+  const double first_share = lamp_share(plan, machine.blue, plan.speed_at(0));
+  const double share = run_up ? first_share : share_at(now_s + limits.cycle_s / 2);
   out.blue_share = share;
   if (!plan.uv) return;
   // UV light follows blue light, so that the dose stays the same: it rises earlier and falls later,
@@ -368,7 +421,7 @@ void Controller::Impl::follow() {
   }
   // While blue is dark UV light stays as it is: it is on before blue, and goes off after it.
   if (share <= 0) return;
-  double uv_follows = run_up ? 1 : share_at(now_s + 2 * limits.cycle_s);
+  double uv_follows = run_up ? first_share : share_at(now_s + 2 * limits.cycle_s);
   for (const AskedLight& s : shares) uv_follows = std::max(uv_follows, s.share);
   double level = uv_of(frame < 0 ? 0 : frame);
   if (pending && pending->number >= 0) {
@@ -389,13 +442,14 @@ void Controller::Impl::go_pausing() {
         turn_to(Act::blue_dark);
         return go_pausing();
       }
-      command_move(stop_um, plan.speed_um_s, plan.acceleration_um_s2);
+      command_move(stop_um, speed_to_tell(), plan.acceleration_um_s2);
       turn_to(Act::arrive);
       [[fallthrough]];
     case Act::arrive:
+      follow_speeds();
       plan_next_frame();
       follow();
-      if (pending || !arrived()) return;
+      if (any_pending() || !arrived()) return;
       move_limit_s = 0;
       turn_to(Act::blue_dark);
       [[fallthrough]];
@@ -443,7 +497,7 @@ void Controller::Impl::go_resuming() {
       if (!displayed(paused_frame)) return;
       enter(Phase::printing);
       stage.start(status.stage_um, status_at_s.value_or(0));
-      command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
+      command_move(print_target_um(), speed_to_tell(), plan.acceleration_um_s2);
       turn_to(Act::move);
       follow();
   }
@@ -464,7 +518,8 @@ void Controller::Impl::go_uv_off() {
   }
   if (act == Act::uv_dark) {
     if (!uv_went()) return;
-    if (!displayed(kBlackFrame) && !pending) show(kBlackFrame, 0, now_s);
+    if (!blue_displayed(kBlackFrame) && !pending) show_blue(kBlackFrame, 0, now_s);
+    if (!uv_displayed(kBlackFrame) && !uv_pending) show_uv(kBlackFrame, 0, now_s);
     return turn_to(Act::show);
   }
   if (!displayed(kBlackFrame)) return;
@@ -531,13 +586,26 @@ void Controller::Impl::go_fault() {
   if (phase == Phase::blacking) {
     if (act == Act::begin) {
       pending.reset();
+      uv_pending.reset();
       step.show = kBlackFrame;
       step.show_at_s = now_s;
       event("black", "asked");
       return turn_to(Act::finish);
     }
-    if (!black_shown && in_act_s() < 1) return;
-    event("black", black_shown ? "shown" : "not answered");
+    if (act == Act::finish) {
+      if (!black_shown && in_act_s() < 1) return;
+      event("black", black_shown ? "shown" : "not answered");
+      if (has_uv_display()) {
+        // After blue: as long as anything of it is left, it is to be kept off the window.
+        step.show_uv = kBlackFrame;
+        step.show_uv_at_s = now_s;
+        event("UV black", "asked");
+        return turn_to(Act::uv_dark);
+      }
+    } else {
+      if (!uv_black_shown && in_act_s() < 1) return;
+      event("UV black", uv_black_shown ? "shown" : "not answered");
+    }
     enter(Phase::failed, fault_detail);
     return go_fault();
   }

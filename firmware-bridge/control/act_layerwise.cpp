@@ -32,7 +32,7 @@ void Controller::Impl::expose_layer(int n) {
   const double until_s = shown_at_s + plan.frames[static_cast<std::size_t>(n)].exposure_s;
   if (frame == n) {
     if (!pending && until_s <= now_s + limits.display_latency_s + 2 * limits.cycle_s) {
-      show(kBlackFrame, plan.frame_um(n), until_s);
+      show_blue(kBlackFrame, plan.frame_um(n), until_s);
     }
     return;
   }
@@ -75,7 +75,7 @@ void Controller::Impl::go_layers() {
     case Act::blue_settle:
       if (!blue_came()) return;
       rising = false;
-      show(n, plan.frame_um(n), now_s + limits.cycle_s + limits.display_latency_s);
+      show(n, plan.frame_um(n), now_s + limits.cycle_s + latency_s());
       return turn_to(Act::show);
     case Act::show:
       if (!displayed(n)) return;

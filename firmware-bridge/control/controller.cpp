@@ -19,7 +19,7 @@ Controller::Impl::Impl(PrintPlan p, Machine m, bool dry)
   // Forgetting must be so slow that a stage that stands still falls behind its commanded motion by
   // more than the tolerance, and is noticed.
   if (plan.speed_um_s > 0) {
-    forgetting_s = std::max(2.0, 3 * machine.stage.tolerance_um / plan.speed_um_s);
+    forgetting_s = std::max(2.0, 3 * machine.stage.tolerance_um / plan.slowest_um_s());
     stage.set_forgetting_s(forgetting_s);
   }
 }
@@ -83,6 +83,7 @@ ControlStep Controller::step(const std::optional<Answer>& answer, double now_s) 
     s.go();
     if (s.fault == Fault::none || s.failing()) break;
   }
+  if (s.failing() && s.half_shown) s.step.records.push_back(*std::exchange(s.half_shown, {}));
   // On a fault the row of a running exposure is written without its end, which nobody knows.
   if (s.failing() && s.exposing) s.step.records.push_back(*std::exchange(s.exposing, {}));
   SetPoints& out = s.out;
@@ -155,6 +156,7 @@ Phase Controller::phase() const { return impl_->phase; }
 Fault Controller::fault() const { return impl_->fault; }
 const std::string& Controller::fault_detail() const { return impl_->fault_detail; }
 int Controller::frame() const { return impl_->frame; }
+int Controller::uv_frame() const { return impl_->uv_frame; }
 double Controller::stage_um() const { return impl_->stage.measured_um(); }
 double Controller::fault_stage_um() const { return impl_->fault_um; }
 double Controller::speed_um_s() const { return impl_->stage.speed_um_s(impl_->now_s); }

@@ -84,8 +84,12 @@ void Controller::Impl::check_sequence(const Answer& answer) {
       // lost.
       const double last_s = answer.at_s + answer.within_s;
       move_within_s = std::max(0.0, last_s - moved->at_s) / 2;
-      stage.command(move->target_um, move->speed_um_s, move->acceleration_um_s2,
-                    last_s - move_within_s);
+      if (move->new_speed) {
+        stage.change_speed(move->speed_um_s, move->acceleration_um_s2, last_s - move_within_s);
+      } else {
+        stage.command(move->target_um, move->speed_um_s, move->acceleration_um_s2,
+                      last_s - move_within_s);
+      }
       move.reset();
     }
   }
@@ -236,8 +240,10 @@ void Controller::Impl::take_reports() {
 }
 
 void Controller::Impl::judge_frame(const FrameReport& report) {
+  if (report.on_uv_display && !report.missing) return judge_uv_frame(report);
   if (report.missing) {
     pending.reset();
+    uv_pending.reset();
     return fail(Fault::underrun, fmt::format("frame {} was not decoded in time", report.number));
   }
   if (failing()) {
@@ -258,13 +264,45 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   const Punctuality p = punctuality(report, asked, light_at_s, at_um);
   if (exposing && plan.turns()) end_showing(light_at_s, at_um);
   if (exposing && report.number < 0) end_exposure(light_at_s, p.late());
-  if (p.late()) tell_late(report.number, p);
+  if (p.late()) tell_late("frame", report.number, p);
   frame = report.number;
   shown_at_s = light_at_s;
   if (frame >= frames_shown) {
     frames_shown = frame + 1;
     record_frame(report, asked, at_um, p.late());
   }
+}
+
+void Controller::Impl::judge_uv_frame(const FrameReport& report) {
+  if (failing()) {
+    if (report.number < 0) {
+      uv_black_shown = true;
+      uv_frame = kBlackFrame;
+    }
+    return;
+  }
+  if (!uv_pending || uv_pending->number != report.number) {
+    return fail(Fault::wrong_frame,
+                fmt::format("UV frame {} was shown, which was not asked for", report.number));
+  }
+  const Pending asked = *uv_pending;
+  uv_pending.reset();
+  const double light_at_s = report.shown_at_s + machine.uv_display->latency_s;
+  const double at_um = stage.position_um(light_at_s);
+  const Punctuality p = punctuality(report, asked, light_at_s, at_um);
+  if (p.late()) tell_late("UV frame", report.number, p);
+  uv_frame = report.number;
+  if (uv_frame < 0) return;
+  uv_shown = UvShown{uv_frame, light_at_s, at_um};
+  complete_row();
+}
+
+void Controller::Impl::complete_row() {
+  std::optional<FrameRecord>& row = half_shown ? half_shown : exposing;
+  if (!row || !uv_shown || row->frame != uv_shown->number) return;
+  row->uv_shown_s = uv_shown->at_s;
+  row->uv_stage_um = uv_shown->at_um;
+  if (half_shown) step.records.push_back(*std::exchange(half_shown, {}));
 }
 
 Controller::Impl::Punctuality Controller::Impl::punctuality(const FrameReport& report,
@@ -309,13 +347,14 @@ void Controller::Impl::end_exposure(double light_at_s, bool is_late) {
   step.records.push_back(*std::exchange(exposing, {}));
 }
 
-void Controller::Impl::tell_late(int number, const Punctuality& p) {
+void Controller::Impl::tell_late(const char* of, int number, const Punctuality& p) {
   const char* const side = p.early ? "early" : "late";
   ++late_frames;
   const int digits = plan.turns() ? 3 : 1;
-  event("late frame", fmt::format("{}: {:.{}f} {} {}", number, p.off, digits, p.unit, side));
+  event(fmt::format("late {}", of),
+        fmt::format("{}: {:.{}f} {} {}", number, p.off, digits, p.unit, side));
   if (late_frames > limits.max_late_frames || p.off > 10 * p.borne) {
-    fail(Fault::late_frame, fmt::format("frame {} began {:.{}f} {} {}, {:g} {} is borne", number,
+    fail(Fault::late_frame, fmt::format("{} {} began {:.{}f} {} {}, {:g} {} is borne", of, number,
                                         p.off, digits, p.unit, side, p.borne, p.unit));
   }
 }
@@ -341,6 +380,7 @@ void Controller::Impl::record_frame(const FrameReport& report, const Pending& as
   if (plan.mode == ExposureMode::layerwise) {
     exposing = record;
     exposing->exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;
+    complete_row();
   } else {
     lateness.add_um(at_um - asked.planned_um);
     lateness.add_ms((shown_at_s - asked.at_s) * 1e3);
@@ -349,6 +389,9 @@ void Controller::Impl::record_frame(const FrameReport& report, const Pending& as
       exposing = record;  // until the next one comes
       exposing->job_frame = plan.shown_frame(frame);
       exposing->from_deg = at_um / plan.um_per_deg;
+    } else if (has_uv_display()) {
+      half_shown = record;
+      complete_row();
     } else {
       step.records.push_back(record);
     }
@@ -383,22 +426,26 @@ void Controller::Impl::judge_time() {
                 fmt::format("the stage is at {} and has not come to {} in time",
                             plan.place(status.stage_um), plan.place(out.target_um)));
   }
-  if (!pending) return;
+  if (pending) judge_pending(*pending, "frame");
+  if (uv_pending) judge_pending(*uv_pending, "UV frame");
+}
+
+void Controller::Impl::judge_pending(const Pending& asked, const char* of) {
   if (act == Act::move && plan.mode == ExposureMode::continuous && phase == Phase::printing) {
     // The frame may have appeared up to two cycles ago and not have been reported yet.
-    const double passed = stage.position_um(now_s - 2 * limits.cycle_s) - pending->planned_um;
+    const double passed = stage.position_um(now_s - 2 * limits.cycle_s) - asked.planned_um;
     const double borne = plan.max_late_um(limits) * (limits.max_late_frames > 0 ? 10 : 1);
     if (passed > borne) {
       worst_late_um = std::max(worst_late_um, passed);
       const double unit_um = plan.turns() ? plan.um_per_deg : 1;
       const auto [is, may] = told_apart(passed / unit_um, borne / unit_um);
       fail(Fault::late_frame,
-           fmt::format("frame {0} has not appeared {1}{3} after its place, {2}{3} borne",
-                       pending->number, is, may, plan.turns() ? "°" : " um"));
+           fmt::format("{4} {0} has not appeared {1}{3} after its place, {2}{3} borne",
+                       asked.number, is, may, plan.turns() ? "°" : " um", of));
     }
-  } else if (now_s - pending->at_s > limits.heartbeat_timeout_s) {
-    fail(Fault::late_frame, fmt::format("frame {} has not appeared for {:.0f} ms", pending->number,
-                                        (now_s - pending->at_s) * 1e3));
+  } else if (now_s - asked.at_s > limits.heartbeat_timeout_s) {
+    fail(Fault::late_frame, fmt::format("{} {} has not appeared for {:.0f} ms", of, asked.number,
+                                        (now_s - asked.at_s) * 1e3));
   }
 }
 

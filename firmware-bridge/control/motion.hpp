@@ -42,6 +42,11 @@ class StageEstimate {
   void start(double position_um, double at_s);
   /// Begins a new motion from the estimated position and speed.
   void command(double target_um, double speed_um_s, double acceleration_um_s2, double at_s);
+  /// The motion goes on to its target with another speed. What it differs from the measured stage
+  /// stays known.
+  void change_speed(double speed_um_s, double acceleration_um_s2, double at_s) {
+    motion_.move(motion_.target_um(), speed_um_s, acceleration_um_s2, at_s);
+  }
   /// Takes a measurement that was true some time within `within_s` of `at_s`: the way that the
   /// stage may go in that time does not count as a difference. `speed_um_s`: null where none is
   /// measured.

@@ -2,6 +2,7 @@
 /// `act_layerwise.cpp` say what comes next, `controller.cpp` holds them together.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <optional>
@@ -77,6 +78,7 @@ struct Controller::Impl {
   struct Move {
     std::uint16_t sequence;  ///< of the set-points with which it goes out first
     double target_um, speed_um_s, acceleration_um_s2;
+    bool new_speed = false;  ///< the motion goes on, at another speed
   };
   std::optional<Move> move;  ///< commanded, but not known to be taken over yet
   double move_limit_s = 0;   ///< when it must have arrived
@@ -84,6 +86,8 @@ struct Controller::Impl {
   /// Since when the commanded motion is at its end.
   std::optional<double> stands_since_s;
   double highest_um = 0;  ///< stage position reached so far while printing
+  /// A slower slice comes: up to where it begins the stage is told no more than its speed.
+  double slow_until_um = 0, slow_um_s = 0;
   double put_off_um = 0;  ///< of a job: whole turns by which it begins later than planned
   /// Without an encoder: by how much what the stage's own speed adds up to differs from the
   /// commanded motion, forgotten as fast as a difference of measured positions is.
@@ -110,6 +114,16 @@ struct Controller::Impl {
     double planned_um, at_s;  ///< where and when its light is to begin
   };
   std::optional<Pending> pending;
+  // The UV display, where there is one.
+  int uv_frame = kBlackFrame;
+  std::optional<Pending> uv_pending;
+  /// Its frame's row waits until both displays have told of it.
+  std::optional<FrameRecord> half_shown;
+  struct UvShown {
+    int number;
+    double at_s, at_um;
+  };
+  std::optional<UvShown> uv_shown;  ///< told last
   std::vector<FrameReport> reports;
   double shown_at_s = 0;  ///< when the light of the frame on the display began
   int frames_shown = 0, late_frames = 0;
@@ -123,7 +137,7 @@ struct Controller::Impl {
   int tries = 0;
   double fault_at_s = 0;
   bool lamps_taken = false, stop_taken = false;  ///< the machine has answered that it took them
-  bool black_shown = false;
+  bool black_shown = false, uv_black_shown = false;
 
   ControlStep step;
 
@@ -160,6 +174,11 @@ struct Controller::Impl {
   void check_stage();
   void check_lamps();
   void judge_frame(const FrameReport& report);
+  void judge_uv_frame(const FrameReport& report);
+  /// Adds what the UV display told to the row of its frame.
+  void complete_row();
+  /// A frame that has been asked for and does not come.
+  void judge_pending(const Pending& asked, const char* of);
   /// How far off a frame came: where the stage moves in um, at the end of an exposure in ms, else
   /// 0.
   struct Punctuality {
@@ -173,7 +192,8 @@ struct Controller::Impl {
                           double at_um);
   /// Of a layer whose black has come.
   void end_exposure(double light_at_s, bool is_late);
-  void tell_late(int number, const Punctuality& p);
+  /// `of`: "frame", "UV frame".
+  void tell_late(const char* of, int number, const Punctuality& p);
   void record_frame(const FrameReport& report, const Pending& asked, double at_um, bool is_late);
 
   // act.cpp
@@ -208,10 +228,29 @@ struct Controller::Impl {
 
   void command_move(double target_um, double speed_um_s, double acceleration_um_s2);
   void hold();
+  /// Speed that the stage is to be told now: that of its slice, or of a slower one that it must
+  /// brake for.
+  double speed_to_tell();
+  /// Tells the stage the speed of its slice.
+  void follow_speeds();
   /// At the target, within the stage's tolerance.
   bool arrived() const;
+  bool has_uv_display() const { return machine.uv_display.has_value(); }
+  /// On both displays at once.
   void show(int number, double planned_um, double light_at_s);
-  bool displayed(int number) const { return !pending && frame == number; }
+  void show_blue(int number, double planned_um, double light_at_s);
+  void show_uv(int number, double planned_um, double light_at_s);
+  /// From asking for a frame to its light on both displays, at least.
+  double latency_s() const {
+    return has_uv_display() ? std::max(limits.display_latency_s, machine.uv_display->latency_s)
+                            : limits.display_latency_s;
+  }
+  bool any_pending() const { return pending || uv_pending; }
+  bool blue_displayed(int number) const { return !pending && frame == number; }
+  bool uv_displayed(int number) const {
+    return !has_uv_display() || (!uv_pending && uv_frame == number);
+  }
+  bool displayed(int number) const { return blue_displayed(number) && uv_displayed(number); }
   void plan_next_frame();
   void follow();
   /// UV intensity that the plan asks for with a frame, mW/cm².

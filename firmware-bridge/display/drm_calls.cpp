@@ -16,6 +16,8 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <map>
+#include <mutex>
 #include <utility>
 
 #include "slicecorr/error.hpp"
@@ -56,14 +58,39 @@ std::string name_of(const drmModeConnector& c) {
   return fmt::format("{}-{}", type ? type : "Unknown", c.connector_type_id);
 }
 
+/// An open card. A card has one master, so several displays of this process share its file.
+struct Card {
+  explicit Card(int opened) : file(opened) {}
+  ~Card() { ::close(file); }
+  Card(const Card&) = delete;
+  Card& operator=(const Card&) = delete;
+  const int file;
+  std::mutex mutex;  ///< of what follows, and of reading events
+  int masters = 0;
+  /// Connectors by who drives them.
+  std::map<std::uint32_t, const void*> taken;
+};
+
 class KernelDrm final : public DrmCalls {
  public:
-  KernelDrm(std::string path, int file) : path_(std::move(path)), file_(file) {}
-  ~KernelDrm() override { ::close(file_); }
+  KernelDrm(std::string path, std::shared_ptr<Card> opened)
+      : path_(std::move(path)), shared_(std::move(opened)), file_(shared_->file) {}
+  ~KernelDrm() override {
+    const std::scoped_lock lock(shared_->mutex);
+    std::erase_if(shared_->taken, [this](const auto& t) { return t.second == this; });
+  }
 
   std::string card() const override { return path_; }
-  int become_master() override { return drmIsMaster(file_) ? 0 : code_of(drmSetMaster(file_)); }
-  void drop_master() override { drmDropMaster(file_); }
+  int become_master() override {
+    const std::scoped_lock lock(shared_->mutex);
+    const int code = drmIsMaster(file_) ? 0 : code_of(drmSetMaster(file_));
+    if (code == 0) ++shared_->masters;
+    return code;
+  }
+  void drop_master() override {
+    const std::scoped_lock lock(shared_->mutex);
+    if (--shared_->masters == 0) drmDropMaster(file_);
+  }
   bool has_dumb_buffers() override { return capability(DRM_CAP_DUMB_BUFFER); }
   bool has_monotonic_times() override { return capability(DRM_CAP_TIMESTAMP_MONOTONIC); }
 
@@ -73,7 +100,7 @@ class KernelDrm final : public DrmCalls {
     if (!resources) return all;
     for (int i = 0; i < resources->count_connectors; ++i) {
       const ConnectorHandle c(drmModeGetConnector(file_, resources->connectors[i]));
-      if (!c) continue;
+      if (!c || is_of_another(c->connector_id)) continue;
       DrmConnector connector;
       connector.id = c->connector_id;
       connector.name = name_of(*c);
@@ -112,6 +139,10 @@ class KernelDrm final : public DrmCalls {
     if (!state.on) return code_of(drmModeSetCrtc(file_, id, 0, 0, 0, nullptr, 0, nullptr));
     drmModeModeInfo mode = *static_cast<const drmModeModeInfo*>(state.mode.raw.get());
     std::vector<std::uint32_t> connectors = state.connectors;
+    {
+      const std::scoped_lock lock(shared_->mutex);
+      for (const std::uint32_t connector : connectors) shared_->taken.emplace(connector, this);
+    }
     return code_of(drmModeSetCrtc(file_, id, state.buffer, state.x, state.y, connectors.data(),
                                   static_cast<int>(connectors.size()), &mode));
   }
@@ -201,15 +232,17 @@ class KernelDrm final : public DrmCalls {
 
   int wait_flip(double timeout_s, DrmFlip& flip) override {
     const double until_s = monotonic_s() + timeout_s;
-    while (flips_.empty()) {
+    while (!take_flip(flip)) {
       const double left_s = until_s - monotonic_s();
       if (left_s < 0) return ETIMEDOUT;
       pollfd p{file_, POLLIN, 0};
-      const int ready = ::poll(&p, 1, static_cast<int>(std::ceil(left_s * 1e3)));
+      // Not for long: another display of the card may have read this one's event meanwhile.
+      const int ready = ::poll(&p, 1, static_cast<int>(std::ceil(std::min(left_s, kLookS) * 1e3)));
       if (ready < 0 && errno != EINTR) return errno;
-      if (ready == 0) return ETIMEDOUT;
-      if (ready < 0) continue;
+      if (ready <= 0) continue;
       if ((p.revents & POLLIN) == 0) return ENODEV;  // unplugged, or taken away
+      const std::scoped_lock lock(shared_->mutex);
+      if (::poll(&p, 1, 0) <= 0) continue;
       drmEventContext context{};
       context.version = 2;
       context.page_flip_handler = [](int, unsigned sequence, unsigned s, unsigned us, void* self) {
@@ -217,8 +250,6 @@ class KernelDrm final : public DrmCalls {
       };
       if (drmHandleEvent(file_, &context) != 0) return EIO;
     }
-    flip = flips_.front();
-    flips_.erase(flips_.begin());
     return 0;
   }
 
@@ -251,9 +282,24 @@ class KernelDrm final : public DrmCalls {
     return crtcs;
   }
 
+  bool is_of_another(std::uint32_t connector) const {
+    const std::scoped_lock lock(shared_->mutex);
+    const auto found = shared_->taken.find(connector);
+    return found != shared_->taken.end() && found->second != this;
+  }
+  bool take_flip(DrmFlip& flip) {
+    const std::scoped_lock lock(shared_->mutex);
+    if (flips_.empty()) return false;
+    flip = flips_.front();
+    flips_.erase(flips_.begin());
+    return true;
+  }
+
+  static constexpr double kLookS = 0.002;
   const std::string path_;
+  const std::shared_ptr<Card> shared_;
   const int file_;
-  std::vector<DrmFlip> flips_;
+  std::vector<DrmFlip> flips_;  ///< under the card's mutex
 };
 
 std::vector<std::string> cards() {
@@ -270,11 +316,19 @@ std::vector<std::string> cards() {
 }
 
 std::unique_ptr<DrmCalls> open_card(const std::string& path, int& code) {
-  const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
-  code = errno;
-  if (file < 0) return nullptr;
+  static std::mutex opening;
+  static std::map<std::string, std::weak_ptr<Card>> open;
+  const std::scoped_lock lock(opening);
   code = 0;
-  return std::make_unique<KernelDrm>(path, file);
+  std::shared_ptr<Card> card = open[path].lock();
+  if (!card) {
+    const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+    code = errno;
+    if (file < 0) return nullptr;
+    code = 0;
+    open[path] = card = std::make_shared<Card>(file);
+  }
+  return std::make_unique<KernelDrm>(path, card);
 }
 
 }  // namespace

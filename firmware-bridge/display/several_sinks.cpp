@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "frames/wire.hpp"
@@ -62,10 +63,9 @@ std::unique_ptr<FrameSink> make_several_sinks(std::vector<std::unique_ptr<FrameS
   return std::make_unique<SeveralSinks>(std::move(sinks));
 }
 
-std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, const Machine& machine,
-                                      const WireHello& hello, BridgeClock& clock) {
-  // What can be said without opening anything, first.
+void check_sinks(const std::vector<std::string>& names, bool lockstep) {
   int windows = 0;
+  std::vector<std::string> seen;
   for (const std::string& name : names) {
     const auto parts = parts_of(name);
     const bool wire = name.starts_with("unix:") || name.starts_with("tcp:");
@@ -77,11 +77,22 @@ std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, con
                       "unix:PATH, tcp:HOST:PORT or null",
                       name));
     }
-    if (window && ++windows > 1) throw InputError("two windows; expected one --sink window");
-    if (drm && hello.lockstep) {
+    if (window && ++windows > 1) {
+      throw InputError("two windows; expected one of --sink and --uv-sink to be a window");
+    }
+    if (drm && lockstep) {
       throw InputError(name + " has a time of its own; expected no --lockstep with it");
     }
+    if (name != "null" && std::find(seen.begin(), seen.end(), name) != seen.end()) {
+      throw InputError(name + " is given twice; expected a display of its own for each sink");
+    }
+    seen.push_back(name);
   }
+}
+
+std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, const Machine& machine,
+                                      const WireHello& hello, BridgeClock& clock) {
+  check_sinks(names, hello.lockstep);
   std::vector<std::unique_ptr<FrameSink>> sinks;
   for (const std::string& name : names) {
     auto parts = parts_of(name);

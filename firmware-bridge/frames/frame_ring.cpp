@@ -4,14 +4,16 @@
 #include <deque>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <thread>
+#include <utility>
 
+#include "frames/turned_image.hpp"
 #include "frames/vector_state.hpp"
 #include "frames/wire.hpp"
 #include "slicecorr/bridge/frames.hpp"
 
 namespace slicecorr::bridge {
-namespace {
 
 std::vector<std::uint8_t> turned_image(std::vector<std::uint8_t> image, const Turn& turn,
                                        int width_px, int height_px) {
@@ -29,51 +31,70 @@ std::vector<std::uint8_t> turned_image(std::vector<std::uint8_t> image, const Tu
   return out;
 }
 
+namespace {
+
 class StackFrames final : public FrameSource {
  public:
-  StackFrames(const StackReader& stack, const Printer& printer, bool uv_patterned)
+  StackFrames(const StackReader& stack, const Machine& machine, bool uv_patterned)
       : stack_(stack),
-        uv_(uv_patterned),
-        dark_uv_(!uv_patterned && printer.uv && printer.uv->patterned),
-        turn_(turn_to_display(image_frame(stack.info()), printer)),
-        shown_(turned(stack.grid(), turn_)) {}
-  int frames() const override { return stack_.grid().layers; }
-  std::size_t frame_bytes() const override {
-    const auto pixels =
-        static_cast<std::size_t>(shown_.width_px) * static_cast<std::size_t>(shown_.height_px);
-    return pixels * (uv_ || dark_uv_ ? 2 : 1);
+        images_uv_(uv_patterned),
+        shows_uv_(uv_patterned || (machine.printer.uv && machine.printer.uv->patterned)),
+        blue_(stack, machine.printer) {
+    if (machine.uv_display) uv_.emplace(stack, uv_display_machine(machine).printer);
   }
+  int frames() const override { return stack_.grid().layers; }
+  std::size_t frame_bytes() const override { return pixels() * (shows_uv_ ? 2 : 1); }
   std::shared_ptr<const Frame> make(int number) const override {
-    auto frame = std::make_shared<Frame>();
-    frame->number = number;
-    frame->width_px = shown_.width_px;
-    frame->height_px = shown_.height_px;
-    const auto pixels =
-        static_cast<std::size_t>(shown_.width_px) * static_cast<std::size_t>(shown_.height_px);
-    std::vector<std::uint8_t> image(pixels);
-    stack_.read_slice(number, image.data());
-    slicecorr::detail::clear_vector_state();
-    frame->blue = to_display(std::move(image));
-    if (uv_) {
-      image = std::vector<std::uint8_t>(pixels);
-      stack_.read_uv_slice(number, image.data());
-      slicecorr::detail::clear_vector_state();
-      frame->uv = to_display(std::move(image));
-    }
-    if (dark_uv_) frame->uv.resize(pixels);
+    auto frame = std::make_shared<Frame>(empty(number, blue_));
+    frame->blue = image(number, false, blue_);
+    if (shows_uv_ && !uv_) frame->uv = image(number, true, blue_);
     frame->crc32 = crc32_of(*frame);
+    if (uv_) {
+      auto other = std::make_shared<Frame>(empty(number, *uv_));
+      other->blue = image(number, true, *uv_);
+      other->crc32 = crc32_of(*other);
+      frame->on_uv_display = std::move(other);
+    }
     return frame;
   }
 
  private:
-  std::vector<std::uint8_t> to_display(std::vector<std::uint8_t> image) const {
-    return turned_image(std::move(image), turn_, stack_.grid().width_px, stack_.grid().height_px);
+  /// How a display turns the stack's images.
+  struct Shown {
+    Turn turn;
+    Grid grid;
+    Shown(const StackReader& stack, const Printer& printer)
+        : turn(turn_to_display(image_frame(stack.info()), printer)),
+          grid(turned(stack.grid(), turn)) {}
+  };
+  std::size_t pixels() const {
+    return static_cast<std::size_t>(blue_.grid.width_px) *
+           static_cast<std::size_t>(blue_.grid.height_px);
+  }
+  static Frame empty(int number, const Shown& shown) {
+    Frame frame;
+    frame.number = number;
+    frame.width_px = shown.grid.width_px;
+    frame.height_px = shown.grid.height_px;
+    return frame;
+  }
+  std::vector<std::uint8_t> image(int number, bool uv, const Shown& shown) const {
+    std::vector<std::uint8_t> image(pixels());
+    if (uv && !images_uv_) return image;
+    if (uv) {
+      stack_.read_uv_slice(number, image.data());
+    } else {
+      stack_.read_slice(number, image.data());
+    }
+    slicecorr::detail::clear_vector_state();
+    return turned_image(std::move(image), shown.turn, stack_.grid().width_px,
+                        stack_.grid().height_px);
   }
 
   const StackReader& stack_;
-  const bool uv_, dark_uv_;  ///< a display that has UV pixels gets some, dark ones where unused
-  const Turn turn_;
-  const Grid shown_;
+  const bool images_uv_, shows_uv_;  ///< the stack has UV images; some display shows such
+  const Shown blue_;
+  std::optional<Shown> uv_;
 };
 
 class JobFrames final : public FrameSource {
@@ -112,9 +133,9 @@ std::unique_ptr<FrameSource> make_frame_source(const tomo::TomoFrames& job, int 
   return std::make_unique<JobFrames>(job, turns, printer);
 }
 
-std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
+std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Machine& machine,
                                                bool uv_patterned) {
-  return std::make_unique<StackFrames>(stack, printer, uv_patterned);
+  return std::make_unique<StackFrames>(stack, machine, uv_patterned);
 }
 
 struct FrameRing::Impl {

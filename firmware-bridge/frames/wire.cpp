@@ -220,6 +220,7 @@ WireMessage message_of(const WireHello& hello) {
   json["lockstep"] = hello.lockstep;
   json["dry_run"] = hello.dry_run;
   if (hello.angles > 0) json["angles"] = hello.angles;
+  if (hello.uv_display) json["uv_display"] = true;
   const std::string text = json.dump();
   WireMessage message;
   message.kind = WireKind::hello;
@@ -246,6 +247,7 @@ WireHello hello_of(const WireMessage& message) {
     hello.lockstep = json.at("lockstep").get<bool>();
     hello.dry_run = json.at("dry_run").get<bool>();
     hello.angles = json.value("angles", 0);
+    hello.uv_display = json.value("uv_display", false);
   } catch (const nlohmann::json::exception& e) {
     wrong(std::string("hello: ") + e.what());
   } catch (const InputError& e) {

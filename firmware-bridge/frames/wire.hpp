@@ -100,6 +100,9 @@ struct WireHello {
   /// Of a tomographic job: frames of a turn; `slices` and `layer_um` are as in `PrintPlan`, images
   /// are counted on over all turns. 0: a stack.
   int angles = 0;
+  /// This connection is that of the UV display: images are of UV light alone. The other one, of blue
+  /// images, lets time pass in lockstep.
+  bool uv_display = false;
 };
 WireMessage message_of(const WireHello& hello);
 /// Throw `DeviceError` when the message is not right.

@@ -8,6 +8,7 @@
 
 #include "machine/parse_map.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/vial.hpp"
 
@@ -153,7 +154,7 @@ Projector parse_projector(const TomlTable& t, bool patterned) {
   Projector p;
   p.blue = parse_channel(t, "blue", patterned ? Channel::blue : Channel::all, true);
   if (t.has("uv") && !patterned) {
-    t.fail("uv", "is given; expected kind = \"patterned\" under [uv], too");
+    t.fail("uv", "is given; expected kind = \"patterned\" under [uv], and no [uv_display]");
   }
   p.uv = parse_channel(t, "uv", p.uv, false);
   if (patterned && (p.blue == p.uv || p.blue == Channel::all)) {
@@ -166,7 +167,93 @@ Projector parse_projector(const TomlTable& t, bool patterned) {
   return p;
 }
 
+/// How the plate lies in the images of the UV display.
+Orientation parse_orientation(const TomlTable& t, const Orientation& fallback) {
+  Orientation o = fallback;
+  if (t.has("orientation")) {
+    const std::string side = t.text("orientation", "");
+    if (side != "landscape" && side != "portrait") {
+      t.fail("orientation", fmt::format("is '{}'; expected \"landscape\" or \"portrait\"", side));
+    }
+    o.portrait = side == "portrait";
+  }
+  const toml::node* const mirror = t.node("mirror");
+  if (!mirror) return o;
+  const std::string way = mirror->is_boolean()  ? (**mirror->as_boolean() ? "x" : "none")
+                          : mirror->is_string() ? **mirror->as_string()
+                                                : "";
+  if (way != "none" && way != "x" && way != "y" && way != "xy") {
+    t.fail("mirror", "expected true, false, \"none\", \"x\", \"y\" or \"xy\"");
+  }
+  o.mirror_x = way.find('x') != std::string::npos;
+  o.mirror_y = way.find('y') != std::string::npos;
+  return o;
+}
+
+/// Size that a display must have which shows the plate's pixels so.
+Grid shown_grid(const Printer& printer, const Orientation& orientation) {
+  return turned(plate_grid(printer), turn_from_plate(orientation));
+}
+
+UvDisplay parse_uv_display(const TomlTable& root, const TomlTable& t, const Machine& m) {
+  constexpr std::array<std::string_view, 7> known{"width_px",  "height_px", "mirror", "orientation",
+                                                  "latency_s", "channel",   "output"};
+  detail::only_keys(t, known);
+  const Printer& printer = m.printer;
+  if (!printer.uv || !printer.uv->patterned) {
+    root.fail("uv_display", "is given; expected kind = \"patterned\" under [uv], too");
+  }
+  if (printer.rotation) root.fail("uv_display", "is given; expected no [rotation] with it");
+  UvDisplay d;
+  d.orientation = parse_orientation(t, printer.orientation.value_or(Orientation{}));
+  const Grid shown = shown_grid(printer, d.orientation);
+  d.width_px = t.integer("width_px", 1, kMostPixelsAcross, shown.width_px);
+  d.height_px = t.integer("height_px", 1, kMostPixelsAcross, shown.height_px);
+  if (d.width_px != shown.width_px || d.height_px != shown.height_px) {
+    t.fail(d.width_px != shown.width_px ? "width_px" : "height_px",
+           fmt::format("makes {} x {} pixels; expected {} x {}, which lie on those of [display]",
+                       d.width_px, d.height_px, shown.width_px, shown.height_px));
+  }
+  d.latency_s = t.number("latency_s", 0, 1, true).value_or(m.limits.display_latency_s);
+  d.channel = parse_channel(t, "channel", Channel::all, true);
+  d.output = t.text("output", "");
+  return d;
+}
+
 }  // namespace
+
+UvDisplay uv_display_like_blue(const Machine& machine) {
+  const Printer& p = machine.printer;
+  if (!p.uv || !p.uv->patterned) {
+    throw InputError(machine.path, "uv",
+                     fmt::format("printer '{}' shows no UV images; expected kind = \"patterned\" "
+                                 "for a UV display",
+                                 p.name));
+  }
+  if (p.rotation) {
+    throw InputError(machine.path, "rotation",
+                     "a vial that turns has no UV display; expected no --uv-sink");
+  }
+  return {p.width_px,
+          p.height_px,
+          p.orientation.value_or(Orientation{}),
+          machine.limits.display_latency_s,
+          Channel::all,
+          ""};
+}
+
+Machine uv_display_machine(const Machine& machine) {
+  const UvDisplay& d = *machine.uv_display;
+  Machine m = machine;
+  m.printer.width_px = d.width_px;
+  m.printer.height_px = d.height_px;
+  m.printer.orientation = d.orientation;
+  m.printer.uv.reset();
+  m.limits.display_latency_s = d.latency_s;
+  m.projector = {d.channel, Channel::red, d.output};
+  m.uv_display.reset();
+  return m;
+}
 
 std::string_view name_of(Channel channel) {
   return kChannelNames[static_cast<std::size_t>(channel)];
@@ -196,7 +283,11 @@ Machine parse_machine(std::string_view text, const std::string& source) {
     }
   }
   if (const auto bridge = root.table("bridge")) m.limits = parse_limits(*bridge, m.stage);
-  const bool patterned = m.printer.uv && m.printer.uv->patterned;
+  if (const auto display = root.table("uv_display")) {
+    m.uv_display = parse_uv_display(root, *display, m);
+  }
+  // On two displays each has its own channels.
+  const bool patterned = m.printer.uv && m.printer.uv->patterned && !m.uv_display;
   if (const auto projector = root.table("projector")) {
     m.projector = parse_projector(*projector, patterned);
   } else if (patterned) {

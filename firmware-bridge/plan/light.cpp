@@ -76,16 +76,20 @@ void check_warm_up(const PrintPlan& plan, const StackInfo& info, const Machine& 
 
 /// UV light that the lamp gives. `least_share`: of its greatest intensity.
 void check_uv_range(const PrintPlan& plan, const Machine& machine, double least_share) {
-  const auto [least, greatest] = std::minmax_element(
-      plan.frames.begin(), plan.frames.end(),
-      [](const FramePlan& a, const FramePlan& b) { return a.uv_mw_cm2 < b.uv_mw_cm2; });
-  if (greatest->uv_mw_cm2 > plan.uv_max_mw_cm2 * (1 + kSlack) ||
-      least->uv_mw_cm2 < least_share * plan.uv_max_mw_cm2 * (1 - kSlack)) {
+  double least = plan.frames.front().uv_mw_cm2, greatest = least;
+  for (std::size_t n = 0; n < plan.frames.size(); ++n) {
+    // It follows the speed as blue light does.
+    const double share = lamp_share(plan, LampDrive{}, plan.speed_at(static_cast<int>(n)));
+    least = std::min(least, plan.frames[n].uv_mw_cm2 * (plan.slice_speed_um_s.empty() ? 1 : share));
+    greatest = std::max(greatest, plan.frames[n].uv_mw_cm2);
+  }
+  if (greatest > plan.uv_max_mw_cm2 * (1 + kSlack) ||
+      least < least_share * plan.uv_max_mw_cm2 * (1 - kSlack)) {
     throw InfeasibleError(fmt::format(
         "the stack asks for {:.4g} to {:.4g} mW/cm² of UV light, the lamp of printer '{}' gives "
         "{:.4g} to {:.4g}",
-        least->uv_mw_cm2, greatest->uv_mw_cm2, machine.printer.name,
-        least_share * plan.uv_max_mw_cm2, plan.uv_max_mw_cm2));
+        least, greatest, machine.printer.name, least_share * plan.uv_max_mw_cm2,
+        plan.uv_max_mw_cm2));
   }
 }
 

@@ -56,16 +56,62 @@ void plan_layers(PrintPlan& plan, const Process& process, const Machine& machine
   }
 }
 
+/// Speeds of slices, and whether the blue lamp can follow them.
+void plan_slice_speeds(PrintPlan& plan, const Process& process, const Machine& machine) {
+  if (process.slice_speed_mm_h.empty()) return;
+  for (std::size_t n = 0; n < plan.frames.size(); ++n) {
+    plan.slice_speed_um_s.push_back(slice_speed_mm_h(process, static_cast<int>(n)) / kMmHFromUmS);
+  }
+  const auto slowest = std::min_element(plan.slice_speed_um_s.begin(), plan.slice_speed_um_s.end());
+  if (lamp_share(plan, machine.blue, *slowest) > 0) return;
+  throw InfeasibleError(fmt::format(
+      "slice {} goes at {:.4g} mm/h, {:.3g} % of the {:g} mm/h that the light is for, and the blue "
+      "lamp of printer '{}' is dark below {:g} % of its light (min_share); correct the part for at "
+      "least {:.4g} mm/h there, or for a lower speed",
+      slowest - plan.slice_speed_um_s.begin(), *slowest * kMmHFromUmS,
+      100 * *slowest / plan.speed_um_s, process.speed_mm_h, machine.printer.name,
+      100 * machine.blue.min_share, process.speed_mm_h * std::pow(machine.blue.min_share, plan.m)));
+}
+
+/// Time from the first slice to the last: the stage changes its speed so that none is faster than
+/// its own. `rests`: it begins and ends at rest.
+double passing_s(const PrintPlan& plan, bool rests) {
+  const auto slices = static_cast<int>(plan.frames.size());
+  const double h = plan.layer_um, a = plan.acceleration_um_s2;
+  // The greatest speed with which each slice can begin, from what comes before and after.
+  std::vector<double> from(static_cast<std::size_t>(slices) + 1);
+  const auto at = [&](int n) -> double& { return from[static_cast<std::size_t>(n)]; };
+  at(0) = rests ? 0 : plan.speed_at(0);
+  at(slices) = rests ? 0 : plan.speed_at(slices - 1);
+  for (int n = 1; n < slices; ++n) at(n) = std::min(plan.speed_at(n - 1), plan.speed_at(n));
+  for (int n = 0; n < slices; ++n) {
+    at(n + 1) = std::min(at(n + 1), std::sqrt(at(n) * at(n) + 2 * a * h));
+  }
+  for (int n = slices - 1; n >= 0; --n) {
+    at(n) = std::min(at(n), std::sqrt(at(n + 1) * at(n + 1) + 2 * a * h));
+  }
+  double time_s = 0;
+  for (int n = 0; n < slices; ++n) {
+    const double u = at(n), w = at(n + 1);
+    const double peak = std::min(plan.speed_at(n), std::sqrt((u * u + w * w) / 2 + a * h));
+    const double changing_um = (2 * peak * peak - u * u - w * w) / (2 * a);
+    time_s += (2 * peak - u - w) / a + std::max(0.0, h - changing_um) / peak;
+  }
+  return time_s;
+}
+
 /// Whether the stage and the exchanges with the machine can keep up.
-void check_speed(const PrintPlan& plan, const Process& process, const Machine& machine) {
+void check_speed(const PrintPlan& plan, const Machine& machine) {
   const Stage& stage = machine.stage;
   const MachineLimits& limits = machine.limits;
-  const double v = plan.speed_um_s;
+  const double v = plan.slice_speed_um_s.empty() ? plan.speed_um_s
+                                                 : *std::max_element(plan.slice_speed_um_s.begin(),
+                                                                     plan.slice_speed_um_s.end());
   if (stage.max_speed_um_s > 0 && v > stage.max_speed_um_s * (1 + 1e-9)) {
     throw InfeasibleError(fmt::format(
         "the stack is printed at {:g} mm/h, the stage of printer '{}' reaches {:g} mm/h; correct "
         "the part for at most that speed",
-        process.speed_mm_h, machine.printer.name, stage.max_speed_um_s * kMmHFromUmS));
+        v * kMmHFromUmS, machine.printer.name, stage.max_speed_um_s * kMmHFromUmS));
   }
   const double slice_s = plan.layer_um / v;
   if (slice_s < kCyclesPerSlice * limits.cycle_s) {
@@ -73,7 +119,7 @@ void check_speed(const PrintPlan& plan, const Process& process, const Machine& m
         fmt::format("a slice of {:g} um passes in {:.3g} ms at {:g} mm/h, with exchanges every "
                     "{:g} ms (cycle_s) it must take {:g} ms; print at {:.5g} mm/h or slower, or "
                     "with higher slices",
-                    plan.layer_um, slice_s * 1e3, process.speed_mm_h, limits.cycle_s * 1e3,
+                    plan.layer_um, slice_s * 1e3, v * kMmHFromUmS, limits.cycle_s * 1e3,
                     kCyclesPerSlice * limits.cycle_s * 1e3,
                     plan.layer_um / (kCyclesPerSlice * limits.cycle_s) * kMmHFromUmS));
   }
@@ -108,7 +154,8 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
   if (plan.mode == ExposureMode::layerwise) return plan_layers(plan, process, machine);
 
   plan.speed_um_s = process.speed_mm_h / kMmHFromUmS;
-  check_speed(plan, process, machine);
+  plan_slice_speeds(plan, process, machine);
+  check_speed(plan, machine);
   plan_ramps(plan, process, machine);
   plan.expected_s = height_um(plan) / plan.speed_um_s;
   if (plan.lamps_follow()) {
@@ -116,9 +163,16 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
     check_travel(plan, machine, plan.end_um);
     plan.expected_s =
         light_on_s(process, plan.m, plan.layer_um, static_cast<int>(plan.frames.size()));
+    if (!plan.slice_speed_um_s.empty()) plan.expected_s = passing_s(plan, true);
     return;
   }
-  plan.run_up_um = plan.ramp_um + kReactionCycles * machine.limits.cycle_s * plan.speed_um_s;
+  const double begin_um_s = plan.speed_at(0);
+  double ramp_um = plan.ramp_um;
+  if (!plan.slice_speed_um_s.empty()) {
+    plan.expected_s = passing_s(plan, false);
+    ramp_um *= begin_um_s * begin_um_s / (plan.speed_um_s * plan.speed_um_s);
+  }
+  plan.run_up_um = ramp_um + kReactionCycles * machine.limits.cycle_s * begin_um_s;
   if (process.ramp == Ramp::none &&
       plan.run_up_um > kUnaskedRunUp * info.resin->absorbance_height10_um) {
     throw InfeasibleError(fmt::format(

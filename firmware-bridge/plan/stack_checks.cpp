@@ -52,6 +52,26 @@ void check_kind(const StackReader& stack, const std::string& path) {
   }
 }
 
+namespace {
+
+/// Slices of a continuous print may pull as hard as the printer's limit allowed when the stack was
+/// made: one that bears less now has not been asked. Without a limit nothing was judged.
+void check_suction(const Printer& made, const Printer& here, const std::string& path) {
+  if (!(here.suction_limit_pa > 0)) return;
+  if (made.suction_limit_pa > 0 && made.suction_limit_pa <= here.suction_limit_pa) return;
+  throw InputError(
+      path, "",
+      fmt::format(
+          "was made for another printer: {}, printer '{}' bears {:g} Pa (suction_limit_pa); "
+          "correct the part for this printer",
+          made.suction_limit_pa > 0
+              ? fmt::format("its slices may pull with up to {:g} Pa", made.suction_limit_pa)
+              : std::string("the suction of its slices was not limited"),
+          here.name, here.suction_limit_pa));
+}
+
+}  // namespace
+
 void check_printer(const StackInfo& info, const std::string& path, const Machine& machine) {
   const Printer &made = *info.printer, &here = machine.printer;
   const auto differs = [&](const std::string& what, const std::string& was, const std::string& is) {
@@ -96,6 +116,7 @@ void check_printer(const StackInfo& info, const std::string& path, const Machine
                      "has no UV images, which the UV lamp of printer '" + here.name +
                          "' shows; correct the part with --uv-schedule patterned");
   }
+  if (info.process->mode == ExposureMode::continuous) check_suction(made, here, path);
   const Turn turn = turn_to_display(image_frame(info), here);
   const Grid shown = turned(info.grid, turn);
   if (shown.width_px != here.width_px || shown.height_px != here.height_px) {

@@ -30,7 +30,7 @@ constexpr const char* kJobEnding = ".frames";
 
 struct Options : PrinterOptions {
   std::string stack, modbus;
-  std::vector<std::string> sinks;
+  std::vector<std::string> sinks, uv_sinks;
   bool dry_run = false, lockstep = false, machine_is_clear = false;
 };
 
@@ -67,6 +67,13 @@ std::string ramps_in_words(const PrintPlan& plan) {
   }
   return fmt::format("{:.0f} um of run-up between the platform and the first slice",
                      plan.run_up_um);
+}
+
+std::string speeds_in_words(const PrintPlan& plan) {
+  const double most = plan.speed_um_s * kMmHFromUmS;
+  if (plan.slice_speed_um_s.empty()) return fmt::format("{:g} mm/h", most);
+  return fmt::format("{:g} mm/h, slices from {:g} mm/h on", most,
+                     plan.slowest_um_s() * kMmHFromUmS);
 }
 
 /// Refuses to print after a fault that nobody has looked at.
@@ -109,7 +116,7 @@ Material stack_to_print(const Options& o, const Machine& machine, const Executio
   m.hello = hello_of(o, m.plan, machine);
   m.hello.setup = Setup{*m.stack->info().printer, *m.stack->info().resin, *m.stack->info().process};
   m.hello.target_layers = m.stack->info().target_layers;
-  m.frames = make_frame_source(*m.stack, machine.printer, m.plan.uv_patterned);
+  m.frames = make_frame_source(*m.stack, machine, m.plan.uv_patterned);
   return m;
 }
 
@@ -133,11 +140,10 @@ std::string in_words(const PrintPlan& plan) {
                        plan.frames.size() / static_cast<std::size_t>(plan.angles), plan.angles,
                        deg_s, plan.speed_um_s / plan.layer_um);
   }
-  return fmt::format(
-      "{} slices of {:g} um, {}", plan.frames.size(), plan.layer_um,
-      plan.mode == ExposureMode::layerwise
-          ? layers_in_words(plan)
-          : fmt::format("{:g} mm/h, {}", plan.speed_um_s * kMmHFromUmS, ramps_in_words(plan)));
+  return fmt::format("{} slices of {:g} um, {}", plan.frames.size(), plan.layer_um,
+                     plan.mode == ExposureMode::layerwise
+                         ? layers_in_words(plan)
+                         : fmt::format("{}, {}", speeds_in_words(plan), ramps_in_words(plan)));
 }
 
 /// Says where and why the print ended; throws but where the user stopped it.
@@ -163,14 +169,30 @@ int tell_fault(const Options& o, const Ending& end, const PrintPlan& plan, const
   throw DeviceError(text);
 }
 
-int print(const Options& o, const ExecutionContext& context, Console& console) {
-  Machine machine = load_machine(o.printer);
-  machine.connect_to(o.modbus);
+/// Which displays there are. Throws `InputError` when they don't fit the machine.
+void choose_displays(const Options& o, Machine& machine) {
   if (o.sinks.empty() && !o.dry_run) {
     throw InputError(
         "no display: expected --sink window, drm, unix:PATH or tcp:HOST:PORT (--sink null shows "
         "images nowhere)");
   }
+  std::vector<std::string> all = o.sinks;
+  all.insert(all.end(), o.uv_sinks.begin(), o.uv_sinks.end());
+  check_sinks(all, o.lockstep);
+  if (!o.uv_sinks.empty() && !machine.uv_display) {
+    machine.uv_display = uv_display_like_blue(machine);
+  }
+  if (machine.uv_display && o.uv_sinks.empty() && !o.dry_run) {
+    throw InputError(machine.path, "uv_display",
+                     "is a display of its own for UV images; expected --uv-sink window, drm, "
+                     "unix:PATH or tcp:HOST:PORT for it");
+  }
+}
+
+int print(const Options& o, const ExecutionContext& context, Console& console) {
+  Machine machine = load_machine(o.printer);
+  machine.connect_to(o.modbus);
+  choose_displays(o, machine);
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
   check_latch(o, folder, machine);
@@ -188,6 +210,12 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   }
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
   const auto sink = open_sinks(o.sinks, machine, material.hello, *clock);
+  std::unique_ptr<FrameSink> uv_sink;
+  if (machine.uv_display) {
+    WireHello hello = material.hello;
+    hello.uv_display = true;
+    uv_sink = open_sinks(o.uv_sinks, uv_display_machine(machine), hello, *clock);
+  }
 
   // The print outlives its terminal; `printbridge stop` ends it from another one.
   for (const int ignored : {SIGHUP, SIGTSTP, SIGPIPE, SIGTTOU}) std::signal(ignored, SIG_IGN);
@@ -198,8 +226,8 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   run.stack = std::filesystem::absolute(o.stack).string();
   run.stop = context.cancel;
   keep_report(folder);
-  const Ending end =
-      run_print(*material.frames, plan, machine, *link, *sink, *clock, folder, run, context);
+  const Ending end = run_print(*material.frames, plan, machine, *link, *sink, *clock, folder, run,
+                               context, uv_sink.get());
   try {
     write_report(folder, false);
   } catch (const Error& e) {
@@ -272,6 +300,10 @@ int main(int argc, char** argv) {
   p->add_option("--sink", o.sinks,
                 "Where images go: window[:DISPLAY], drm[:CARD[:CONNECTOR]], unix:PATH, "
                 "tcp:HOST:PORT or null; repeatable, the first is the display that counts")
+      ->take_all()
+      ->expected(1);
+  p->add_option("--uv-sink", o.uv_sinks,
+                "Where patterned UV images go that have a display of their own, as --sink")
       ->take_all()
       ->expected(1);
   p->add_flag(

@@ -24,7 +24,7 @@ using namespace slicecorr;
 using namespace slicecorr::bridge;
 
 struct Options {
-  std::string printer, listen, frames, output, events, stack;
+  std::string printer, listen, frames, uv_frames, output, events, stack;
   std::vector<std::string> faults;
   std::string modbus;
   bool lockstep = false, check_machine = false;
@@ -75,7 +75,8 @@ std::string fault_help() {
 /// Checks a real machine (--check) instead of simulating one.
 int check(const Options& o) {
   if (o.lockstep || o.time_rate != 1 || !o.listen.empty() || !o.frames.empty() ||
-      !o.output.empty() || !o.events.empty() || !o.stack.empty() || !o.faults.empty()) {
+      !o.uv_frames.empty() || !o.output.empty() || !o.events.empty() || !o.stack.empty() ||
+      !o.faults.empty()) {
     throw InputError("--check-machine goes with --printer and --modbus alone");
   }
   Machine machine = load_machine(o.printer);
@@ -114,9 +115,16 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
   if (o.lockstep && o.time_rate != 1) {
     throw InputError("--time-rate and --lockstep contradict each other");
   }
-  const Machine machine = load_machine(o.printer);
+  Machine machine = load_machine(o.printer);
   if (!machine.modbus) {
     throw InputError(machine.path, "modbus", "missing; expected the register map of a machine");
+  }
+  if (!o.uv_frames.empty()) {
+    if (o.frames.empty()) throw InputError("--uv-frames goes with --frames, for blue images");
+    if (!machine.uv_display) machine.uv_display = uv_display_like_blue(machine);
+  } else if (machine.uv_display && !o.frames.empty()) {
+    throw InputError(machine.path, "uv_display",
+                     "is a display of its own for UV images; expected --uv-frames beside --frames");
   }
   const bool turns = machine.stage.turns();
   const std::string ending = turns ? ".csv" : ".uvj";
@@ -145,8 +153,14 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
   std::unique_ptr<FrameServer> display;
   if (!o.frames.empty()) {
     display = std::make_unique<FrameServer>(
-        o.frames, machine, model, [&](const WireHello& hello) { recorder->begin(hello); },
+        o.frames, machine, false, model, [&](const WireHello& hello) { recorder->begin(hello); },
         [&](const std::string& why) { console.say(why); });
+  }
+  std::unique_ptr<FrameServer> uv_display;
+  if (!o.uv_frames.empty()) {
+    uv_display = std::make_unique<FrameServer>(
+        o.uv_frames, machine, true, model, [](const WireHello&) {},
+        [&](const std::string& why) { console.say("UV display: " + why); });
   }
 
   struct sigaction action {};
@@ -154,6 +168,7 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
   sigaction(SIGTERM, &action, nullptr);
   nlohmann::ordered_json ready{{"ready", true}, {"modbus", modbus.address()}};
   if (display) ready["frames"] = display->address();
+  if (uv_display) ready["uv_frames"] = uv_display->address();
   cli::print_result(ready.dump() + "\n");
 
   // In lockstep a machine that nobody speaks to any more has all the time there is: its watchdog
@@ -169,6 +184,7 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
   });
 
   display.reset();
+  uv_display.reset();
   model.run_out();
   const auto written = recorder->finish();
   for (const std::string& file : written) console.say(fmt::format("{}: written", file));
@@ -198,6 +214,9 @@ int main(int argc, char** argv) {
                   "HOST:PORT (port 0: a free one) or the path of a serial device [as the printer "
                   "file says, on 127.0.0.1]");
   app->add_option("--frames", o.frames, "unix:PATH or tcp:HOST:PORT: takes the images there");
+  app->add_option("--uv-frames", o.uv_frames,
+                  "unix:PATH or tcp:HOST:PORT: takes the images of a UV display there, of printers "
+                  "with patterned UV light");
   app->add_option("-o,--output", o.output,
                   "Recorded stack, .uvj; of a vial that turns a table, .csv: written at the end");
   app->add_option("--record-events", o.events, "What the machine does, as JSON, one per line");

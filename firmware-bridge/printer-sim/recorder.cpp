@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "frames/turned_image.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/recording_writer.hpp"
 
@@ -91,11 +92,26 @@ void Recorder::begin(const WireHello& hello) {
     model.record(
         {hello.layer_um, hello.start_um, hello.m, process_.mode == ExposureMode::layerwise});
     model.tell_images([this](int, const std::shared_ptr<const Frame>& frame) {
-      if (writer_) {
-        writer_->add_image(frame->blue.data(), frame->uv.empty() ? nullptr : frame->uv.data());
-      }
+      if (writer_) record_image(*frame);
     });
   });
+}
+
+void Recorder::record_image(const Frame& frame) {
+  if (!machine_.uv_display) {
+    writer_->add_image(frame.blue.data(), frame.uv.empty() ? nullptr : frame.uv.data());
+    return;
+  }
+  // As the blue display would show it.
+  std::vector<std::uint8_t> uv(frame.blue.size());
+  if (const Frame* const shown = frame.on_uv_display.get()) {
+    uv = turned_image(shown->blue,
+                      turn_between(machine_.uv_display->orientation,
+                                   machine_.printer.orientation.value_or(Orientation{})),
+                      shown->width_px, shown->height_px);
+  }
+  const bool patterned = process_.uv.kind == UvKind::patterned;
+  writer_->add_image(frame.blue.data(), patterned ? uv.data() : nullptr);
 }
 
 Recording Recorder::recording() {

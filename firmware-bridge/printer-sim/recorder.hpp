@@ -36,6 +36,8 @@ class Recorder final : public PrintRecorder {
 
  private:
   bool lit() const;
+  /// `frame`: of both displays.
+  void record_image(const Frame& frame);
   Recording recording();
 
   std::string path_, first_path_;

@@ -163,18 +163,20 @@ std::string Journal::trouble() const { return impl_->writer.trouble(); }
 struct FrameLog::Impl {
   LineWriter writer;
   double start_um;
-  bool turns;
-  Impl(const std::string& path, double start, bool job)
+  bool turns, uv_display;
+  Impl(const std::string& path, double start, bool job, bool uv)
       : writer(
             path,
             "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,vblank,missed_vblanks,upload_s,present_s" +
-                std::string(job ? ",job_frame,from_deg,to_deg" : "")),
+                std::string(job ? ",job_frame,from_deg,to_deg" : "") +
+                std::string(uv ? ",uv_shown_s,uv_late_um" : "")),
         start_um(start),
-        turns(job) {}
+        turns(job),
+        uv_display(uv) {}
 };
 
-FrameLog::FrameLog(const std::string& path, double start_um, bool turns)
-    : impl_(std::make_unique<Impl>(path, start_um, turns)) {}
+FrameLog::FrameLog(const std::string& path, double start_um, bool turns, bool uv_display)
+    : impl_(std::make_unique<Impl>(path, start_um, turns, uv_display)) {}
 FrameLog::~FrameLog() = default;
 void FrameLog::flush() { impl_->writer.flush(); }
 std::string FrameLog::trouble() const { return impl_->writer.trouble(); }
@@ -183,17 +185,21 @@ void FrameLog::add(const FrameRecord& r) {
   const auto known = [](const std::optional<double>& value) {
     return value ? fmt::format("{:.6f}", *value) : std::string();
   };
+  std::optional<double> uv_late_um;
+  if (r.uv_stage_um) uv_late_um = *r.uv_stage_um - r.planned_um;
   const std::string vblank = r.display.vblank < 0 ? "" : std::to_string(r.display.vblank);
   impl_->writer.add(
       fmt::format(
-          "{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f},{},{:.4f},{},{},{},{},{},{:.6f},{:.6f}{}",
+          "{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f},{},{:.4f},{},{},{},{},{},{:.6f},{:.6f}{}{}",
           r.frame, r.planned_um - impl_->start_um, r.stage_um - impl_->start_um, r.planned_s,
           r.shown_s, r.stage_um - r.planned_um, r.speed_um_s, r.blue_share, r.uv_mw_cm2,
           r.blue_measured, r.uv_measured, r.late ? 1 : 0, r.stage_error_um, known(r.temperature_c),
           known(r.exposure_s), known(r.exposed_s), vblank, r.display.missed_vblanks,
           r.display.upload_s, r.display.present_s,
           impl_->turns ? fmt::format(",{},{},{}", r.job_frame, known(r.from_deg), known(r.to_deg))
-                       : std::string()),
+                       : std::string(),
+          impl_->uv_display ? fmt::format(",{},{}", known(r.uv_shown_s), known(uv_late_um))
+                            : std::string()),
       false);
 }
 

@@ -18,8 +18,31 @@ constexpr std::chrono::milliseconds kCheckEvery{20};
 
 }  // namespace
 
-Images::Images(FrameRing& ring, FrameSink& sink, BridgeClock& clock, bool lockstep)
-    : ring_(ring), sink_(sink), clock_(clock), lockstep_(lockstep) {
+void ImageNewsBox::add(const FrameReport& report) {
+  const std::scoped_lock lock(mutex_);
+  news_.reports.push_back(report);
+}
+
+void ImageNewsBox::fault(Fault what, const std::string& detail) {
+  const std::scoped_lock lock(mutex_);
+  if (news_.fault != Fault::none) return;
+  news_.fault = what;
+  news_.detail = detail;
+}
+
+ImageNews ImageNewsBox::take() {
+  const std::scoped_lock lock(mutex_);
+  return std::exchange(news_, {});
+}
+
+Images::Images(FrameRing& ring, FrameSink& sink, BridgeClock& clock, ImageNewsBox& news,
+               bool lockstep, bool uv_display)
+    : ring_(ring),
+      sink_(sink),
+      clock_(clock),
+      news_(news),
+      lockstep_(lockstep),
+      uv_display_(uv_display) {
   if (!lockstep_) thread_ = std::thread([this] { work(); });
 }
 
@@ -42,10 +65,11 @@ void Images::show(int number, double at_s) {
   asked_.notify_all();
 }
 
-void Images::show_due(double until_s) {
-  if (!request_ || request_->at_s >= until_s) return;
-  show_one(*std::exchange(request_, {}));
+std::optional<double> Images::next_s() const {
+  return request_ ? std::optional(request_->at_s) : std::nullopt;
 }
+
+void Images::show_next() { show_one(*std::exchange(request_, {})); }
 
 void Images::tick(double at_s) {
   try {
@@ -55,16 +79,8 @@ void Images::tick(double at_s) {
   }
 }
 
-ImageNews Images::news() {
-  const std::scoped_lock lock(mutex_);
-  return std::exchange(news_, {});
-}
-
 void Images::fault(Fault what, const std::string& detail) {
-  const std::scoped_lock lock(mutex_);
-  if (news_.fault != Fault::none) return;
-  news_.fault = what;
-  news_.detail = detail;
+  news_.fault(what, (uv_display_ ? "the UV display: " : "") + detail);
 }
 
 void Images::work() {
@@ -96,10 +112,6 @@ void Images::check() {
 }
 
 void Images::show_one(const Request& request) {
-  const auto report = [&](const FrameReport& r) {
-    const std::scoped_lock lock(mutex_);
-    news_.reports.push_back(r);
-  };
   try {
     std::shared_ptr<const Frame> frame;
     if (request.number >= 0) {
@@ -110,7 +122,8 @@ void Images::show_one(const Request& request) {
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
         frame = ring_.take(request.number);
       }
-      if (!frame) return report({request.number, clock_.now_s(), true, {}});
+      if (!frame) return news_.add({request.number, clock_.now_s(), true, {}, uv_display_});
+      if (uv_display_) frame = frame->on_uv_display;
     }
     const Shown shown = sink_.show(frame, request.at_s);
     if (shown.number != request.number || (count_ >= 0 && shown.count != count_ + 1)) {
@@ -121,7 +134,7 @@ void Images::show_one(const Request& request) {
       return;
     }
     count_ = shown.count;
-    report({shown.number, shown.at_s, false, shown.times});
+    news_.add({shown.number, shown.at_s, false, shown.times, uv_display_});
   } catch (const DeviceError& e) {
     fault(Fault::display_gone, e.what());
   } catch (const std::exception& e) {

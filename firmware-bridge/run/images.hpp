@@ -22,18 +22,34 @@ struct ImageNews {
   std::string detail;
 };
 
+/// Where those who show images leave what became of them, in its order. Thread-safe.
+class ImageNewsBox {
+ public:
+  void add(const FrameReport& report);
+  void fault(Fault what, const std::string& detail);
+  ImageNews take();
+
+ private:
+  std::mutex mutex_;
+  ImageNews news_;
+};
+
+/// Shows images on one display.
 class Images {
  public:
-  /// `lockstep`: no thread; images are shown in `show_due`.
-  Images(FrameRing& ring, FrameSink& sink, BridgeClock& clock, bool lockstep);
+  /// `lockstep`: no thread; images are shown in `show_next`. `uv_display`: shows what frames have
+  /// for that one.
+  Images(FrameRing& ring, FrameSink& sink, BridgeClock& clock, ImageNewsBox& news, bool lockstep,
+         bool uv_display);
   ~Images();
   /// The image to show next, `kBlackFrame`, which goes before all that waits.
   void show(int number, double at_s);
-  /// Lockstep: shows what is due before `until_s`.
-  void show_due(double until_s);
+  /// Lockstep: when the next image is to be shown; nothing: there is none.
+  std::optional<double> next_s() const;
+  /// Lockstep: shows it.
+  void show_next();
   /// Lockstep: the display's time passes.
   void tick(double at_s);
-  ImageNews news();
   /// Ends the thread.
   void end();
 
@@ -50,12 +66,12 @@ class Images {
   FrameRing& ring_;
   FrameSink& sink_;
   BridgeClock& clock_;
-  const bool lockstep_;
+  ImageNewsBox& news_;
+  const bool lockstep_, uv_display_;
   std::int64_t count_ = -1;  ///< of the display, when last heard of
   std::mutex mutex_;
   std::condition_variable asked_;
   std::optional<Request> request_;
-  ImageNews news_;
   bool ending_ = false;
   std::thread thread_;
 };

@@ -62,12 +62,13 @@ class Teller {
 class Run {
  public:
   Run(const FrameSource& source, const PrintPlan& plan, const Machine& machine, Link& link,
-      FrameSink& sink, BridgeClock& clock, const StateFolder& folder, const RunOptions& options,
-      const ExecutionContext& context)
+      FrameSink& sink, FrameSink* uv_sink, BridgeClock& clock, const StateFolder& folder,
+      const RunOptions& options, const ExecutionContext& context)
       : plan_(plan),
         machine_(machine),
         link_(link),
         sink_(sink),
+        uv_sink_(uv_sink),
         clock_(clock),
         folder_(folder),
         options_(options),
@@ -76,11 +77,12 @@ class Run {
         ring_(source, machine.limits.ring_frames, options.threads) {
     ring_.wait_ready(0, machine.limits.ring_frames);
     journal_.emplace(folder.file("journal.jsonl"), plan.um_per_deg);
-    frame_log_.emplace(folder.file("frames.csv"), plan.start_um, plan.turns());
+    frame_log_.emplace(folder.file("frames.csv"), plan.start_um, plan.turns(), uv_sink != nullptr);
     controller_.emplace(plan, machine, options.dry_run);
     facts_ = facts_of(plan, machine);
     facts_.stack = options.stack;
     facts_.display = sink.describe();
+    if (uv_sink) facts_.uv_display = uv_sink->describe();
     facts_.dry_run = options.dry_run;
     socket_.emplace(folder, counter_, [this](const PrintState& state, std::uint64_t asked) {
       // `threads_` is written before the first state is offered.
@@ -90,7 +92,8 @@ class Run {
       around.threads = threads_;
       return state_json(facts_, state, around);
     });
-    images_.emplace(ring_, sink, clock, options.lockstep);
+    images_.emplace(ring_, sink, clock, news_, options.lockstep, false);
+    if (uv_sink) uv_images_.emplace(ring_, *uv_sink, clock, news_, options.lockstep, true);
   }
 
   Ending go() {
@@ -121,7 +124,11 @@ class Run {
     }
     if (!options_.lockstep) lower_priority();
     images_->end();
-    if (controller_->fault() != Fault::none || broken_order_) sink_.black();
+    if (uv_images_) uv_images_->end();
+    if (controller_->fault() != Fault::none || broken_order_) {
+      sink_.black();
+      if (uv_sink_) uv_sink_->black();
+    }
     return end();
   }
 
@@ -135,14 +142,18 @@ class Run {
     const double now = clock_.now_s();
     if (now > next_s_ + cycle_s_) ++missed_;
     if (options_.stop != nullptr && *options_.stop) stop("stopped by the user");
-    if (options_.lockstep) images_->tick(now);
-    ImageNews news = images_->news();
+    if (options_.lockstep) {
+      images_->tick(now);
+      if (uv_images_) uv_images_->tick(now);
+    }
+    const ImageNews news = news_.take();
     for (const FrameReport& report : news.reports) controller_->shown(report);
     if (news.fault != Fault::none) controller_->fail(news.fault, news.detail);
     serve();
     const ControlStep step = controller_->step(answer_, now);
     last_sent_ = step.set_points;
     if (step.show) images_->show(*step.show, step.show_at_s);
+    if (step.show_uv && uv_images_) uv_images_->show(*step.show_uv, step.show_uv_at_s);
     for (const PrintEvent& event : step.events) journal_->add(event, true);
     for (const FrameRecord& record : step.records) frame_log_->add(record);
     if (step.lamps_alone || step.command_alone) {
@@ -183,9 +194,21 @@ class Run {
       next_s_ = after;  // what is lost is lost
       ++missed_;
     }
-    if (options_.lockstep) images_->show_due(next_s_);
+    if (options_.lockstep) show_due();
     clock_.sleep_until(next_s_);
     return false;
+  }
+
+  /// Lockstep: what is due before the next cycle, in the order of its times; blue first where they
+  /// are the same.
+  void show_due() {
+    const double never_s = 1e300;
+    for (;;) {
+      const double blue_s = images_->next_s().value_or(never_s);
+      const double uv_s = uv_images_ ? uv_images_->next_s().value_or(never_s) : never_s;
+      if (std::min(blue_s, uv_s) >= next_s_) return;
+      (uv_s < blue_s ? *uv_images_ : *images_).show_next();
+    }
   }
 
   void stop(const std::string& why) {
@@ -324,6 +347,7 @@ class Run {
   const Machine& machine_;
   Link& link_;
   FrameSink& sink_;
+  FrameSink* const uv_sink_;
   BridgeClock& clock_;
   const StateFolder folder_;
   const RunOptions& options_;
@@ -337,7 +361,8 @@ class Run {
   std::string threads_;
   Counter counter_;
   std::optional<ControlSocket> socket_;
-  std::optional<Images> images_;
+  ImageNewsBox news_;
+  std::optional<Images> images_, uv_images_;
   std::optional<Answer> answer_;
   SetPoints last_sent_;
   double next_s_ = 0, told_s_ = -1;
@@ -351,8 +376,8 @@ class Run {
 
 Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
                  Link& link, FrameSink& sink, BridgeClock& clock, const StateFolder& folder,
-                 const RunOptions& options, const ExecutionContext& context) {
-  return Run(frames, plan, machine, link, sink, clock, folder, options, context).go();
+                 const RunOptions& options, const ExecutionContext& context, FrameSink* uv_sink) {
+  return Run(frames, plan, machine, link, sink, uv_sink, clock, folder, options, context).go();
 }
 
 Status check_alone(Link& link, BridgeClock& clock, const Machine& machine) {

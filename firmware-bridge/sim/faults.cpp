@@ -56,6 +56,9 @@ const std::vector<SimFaultKind>& sim_fault_kinds() {
       {"freeze-display", "display", "", 0, "the display keeps its image"},
       {"late-frame", "display", "seconds", 0.1, "an image appears so late"},
       {"display-gone", "display", "", 0, "the display does not answer any more"},
+      {"freeze-uv-display", "uv display", "", 0, "the UV display keeps its image"},
+      {"late-uv-frame", "uv display", "seconds", 0.1, "an image of the UV display appears so late"},
+      {"uv-display-gone", "uv display", "", 0, "the UV display does not answer any more"},
   };
   return kinds;
 }

@@ -22,10 +22,14 @@ bool wait_for_input(int descriptor) {
 
 }  // namespace
 
-FrameServer::FrameServer(const std::string& address, const Machine& machine, TimedModel& model,
-                         std::function<void(const WireHello&)> hello,
+FrameServer::FrameServer(const std::string& address, const Machine& machine, bool uv_display,
+                         TimedModel& model, std::function<void(const WireHello&)> hello,
                          std::function<void(const std::string&)> complain)
     : machine_(machine),
+      uv_display_(uv_display),
+      width_px_(uv_display ? machine.uv_display->width_px : machine.printer.width_px),
+      height_px_(uv_display ? machine.uv_display->height_px : machine.printer.height_px),
+      shows_both_(machine.printer.uv && machine.printer.uv->patterned && !machine.uv_display),
       model_(model),
       hello_(std::move(hello)),
       complain_(std::move(complain)),
@@ -64,7 +68,7 @@ void FrameServer::serve(const WireSocket& socket) {
     if (!receive_message(socket, message, kWholeS)) return;
     const WireMessage reply = answer(std::move(message), greeted);
     bool gone = false;
-    model_.with([&](PrinterModel& model) { gone = model.display().gone; });
+    model_.with([&](PrinterModel& model) { gone = display(model).gone; });
     // Before the bridge sees it: time goes on by its exchanges.
     if (gone) return model_.no_more_ticks();
     send_message(socket, reply, kWholeS);
@@ -77,8 +81,8 @@ WireMessage FrameServer::answer(WireMessage&& message, bool& greeted) {
   const auto now = [&] {
     model_.with([&](PrinterModel& model) {
       reply.at_s = model.now_s();
-      reply.number = model.display().number;
-      reply.count = model.display().count;
+      reply.number = display(model).number;
+      reply.count = display(model).count;
     });
   };
   if (greeted != (message.kind != WireKind::hello)) {
@@ -105,8 +109,15 @@ WireMessage FrameServer::answer(WireMessage&& message, bool& greeted) {
                               ? "frame wire: the bridge prints a job; this stage does not turn"
                               : "frame wire: the bridge prints a stack; this stage turns a vial");
       }
+      if (hello.uv_display != uv_display_) {
+        throw DeviceError(uv_display_
+                              ? "frame wire: this is the UV display; the bridge has blue "
+                                "images for it (--sink, --uv-sink)"
+                              : "frame wire: this is the display of blue images; the bridge "
+                                "has those of a UV display for it (--sink, --uv-sink)");
+      }
       hello_(hello);
-      model_.begin(hello.cycle_s);
+      if (!uv_display_) model_.begin(hello.cycle_s);
       greeted = true;
       now();
       return reply;
@@ -124,35 +135,33 @@ WireMessage FrameServer::answer(WireMessage&& message, bool& greeted) {
 }
 
 WireMessage FrameServer::show(WireMessage&& message) {
-  const Printer& printer = machine_.printer;
-  const bool patterned = printer.uv && printer.uv->patterned;
   const bool has_uv = (message.flags & kWireUv) != 0;
   if (message.number >= 0 &&
-      (static_cast<int>(message.width_px) != printer.width_px ||
-       static_cast<int>(message.height_px) != printer.height_px || has_uv != patterned)) {
+      (static_cast<int>(message.width_px) != width_px_ ||
+       static_cast<int>(message.height_px) != height_px_ || has_uv != shows_both_)) {
     throw DeviceError(fmt::format(
         "frame wire: frame {} of {} x {} pixels, {} UV; this display has {} x {}, {} UV",
-        message.number, message.width_px, message.height_px, has_uv ? "with" : "without",
-        printer.width_px, printer.height_px, patterned ? "with" : "without"));
+        message.number, message.width_px, message.height_px, has_uv ? "with" : "without", width_px_,
+        height_px_, shows_both_ ? "with" : "without"));
   }
   const double at_s = message.at_s;
   const auto frame = frame_of(std::move(message));
   std::optional<double> later_s;
   model_.with_at(at_s, [&](PrinterModel& model) {
-    model.show(frame);
-    later_s = model.display().later_s;
+    uv_display_ ? model.show_uv(frame) : model.show(frame);
+    later_s = display(model).later_s;
   });
   // The answer is what really happened: it waits for an image that is late.
   while (later_s && !stop_) {
     if (!model_.lockstep()) std::this_thread::sleep_for(model_.real(0.001));
-    model_.with_at(*later_s, [&](PrinterModel& model) { later_s = model.display().later_s; });
+    model_.with_at(*later_s, [&](PrinterModel& model) { later_s = display(model).later_s; });
   }
   WireMessage reply;
   reply.kind = WireKind::answer;
   model_.with([&](PrinterModel& model) {
-    reply.number = model.display().number;
-    reply.at_s = model.display().since_s;
-    reply.count = model.display().count;
+    reply.number = display(model).number;
+    reply.at_s = display(model).since_s;
+    reply.count = display(model).count;
   });
   return reply;
 }

@@ -15,10 +15,10 @@ namespace slicecorr::bridge {
 /// Serves one bridge after the other in a thread of its own.
 class FrameServer {
  public:
-  /// `hello` is told what is printed, before its first image; what it throws ends the connection.
+  /// `uv_display`: it is the UV display of `machine`. `hello` is told what is printed, before its first image; what it throws ends the connection.
   /// `complain` is told why a connection ended.
-  FrameServer(const std::string& address, const Machine& machine, TimedModel& model,
-              std::function<void(const WireHello&)> hello,
+  FrameServer(const std::string& address, const Machine& machine, bool uv_display,
+              TimedModel& model, std::function<void(const WireHello&)> hello,
               std::function<void(const std::string&)> complain);
   ~FrameServer();
   const std::string& address() const { return listener_.address; }
@@ -30,7 +30,15 @@ class FrameServer {
   WireMessage answer(WireMessage&& message, bool& greeted);
   WireMessage show(WireMessage&& message);
 
+  /// Which of the model's displays.
+  const PrinterModel::Display& display(const PrinterModel& model) const {
+    return uv_display_ ? model.uv_display() : model.display();
+  }
+
   const Machine& machine_;
+  const bool uv_display_;
+  int width_px_, height_px_;
+  bool shows_both_;  ///< an image of UV light beside each blue one
   TimedModel& model_;
   std::function<void(const WireHello&)> hello_;
   std::function<void(const std::string&)> complain_;

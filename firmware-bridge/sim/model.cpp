@@ -30,6 +30,11 @@ bool is_wire(const std::string& what) {
 bool is_display(const std::string& what) {
   return what == "freeze-display" || what == "late-frame" || what == "display-gone";
 }
+bool is_uv_display(const std::string& what) {
+  return what == "freeze-uv-display" || what == "late-uv-frame" || what == "uv-display-gone";
+}
+/// Of an image: begins when one is shown.
+bool is_late(const std::string& what) { return what == "late-frame" || what == "late-uv-frame"; }
 
 }  // namespace
 
@@ -88,9 +93,10 @@ struct PrinterModel::Impl {
   std::vector<Due> faults;
   int reached_frame = -1;
 
-  Display display;
-  bool frozen = false;
-  std::shared_ptr<const Frame> frame, later_frame;
+  Display display, uv_display;
+  bool frozen = false, uv_frozen = false;
+  std::shared_ptr<const Frame> frame, later_frame;        ///< of blue light
+  std::shared_ptr<const Frame> uv_frame, later_uv_frame;  ///< on the UV display
   int image =
       kBlackImage;  ///< of `frame` in the order of what was lit, `kBlackImage` or `kUnlitImage`
   int images = 0;
@@ -234,6 +240,10 @@ struct PrinterModel::Impl {
       frozen = true;
     } else if (f.what == "display-gone") {
       display.gone = true;
+    } else if (f.what == "freeze-uv-display") {
+      uv_frozen = true;
+    } else if (f.what == "uv-display-gone") {
+      uv_display.gone = true;
     }
   }
 
@@ -246,7 +256,7 @@ struct PrinterModel::Impl {
   /// Begins what is due of the machine and of the display; a late image waits for one to come.
   void begin_due() {
     for (Due& due : faults) {
-      if (is_wire(due.fault.what) || due.fault.what == "late-frame" || !is_due(due)) continue;
+      if (is_wire(due.fault.what) || is_late(due.fault.what) || !is_due(due)) continue;
       due.done = true;
       begin_fault(due.fault);
     }
@@ -255,8 +265,7 @@ struct PrinterModel::Impl {
   double next_event_s() const {
     double next = watchdog_at();
     for (const Due& due : faults) {
-      if (!due.done && due.fault.at_s && !is_wire(due.fault.what) &&
-          due.fault.what != "late-frame") {
+      if (!due.done && due.fault.at_s && !is_wire(due.fault.what) && !is_late(due.fault.what)) {
         next = std::min(next, *due.fault.at_s);
       }
     }
@@ -264,6 +273,7 @@ struct PrinterModel::Impl {
     if (door.on) next = std::min(next, door.until_s);
     if (button.on) next = std::min(next, button.until_s);
     if (display.later_s) next = std::min(next, *display.later_s);
+    if (uv_display.later_s) next = std::min(next, *uv_display.later_s);
     return next;
   }
   void happen() {
@@ -288,6 +298,10 @@ struct PrinterModel::Impl {
     if (display.later_s && *display.later_s <= now) {
       display.later_s.reset();
       appear(std::move(later_frame));
+    }
+    if (uv_display.later_s && *uv_display.later_s <= now) {
+      uv_display.later_s.reset();
+      uv_appear(std::move(later_uv_frame));
     }
   }
 
@@ -326,7 +340,7 @@ struct PrinterModel::Impl {
     if (lit) {
       if (image == kUnlitImage) {
         image = images++;
-        if (sink) sink(image, frame);
+        if (sink) sink(image, lit_image());
       }
       part = {image,
               time,
@@ -401,22 +415,29 @@ struct PrinterModel::Impl {
     });
   }
 
-  void show(const std::shared_ptr<const Frame>& next) {
-    happen();
-    const int number = next ? next->number : kBlackFrame;
+  /// What is due when an image is shown on a display whose faults `of_display` knows: by how much it
+  /// is late.
+  template <typename OfDisplay>
+  double begin_shown(int number, const OfDisplay& of_display) {
     double late_s = 0;
     for (Due& due : faults) {
       const bool here = is_due(due) || (!due.done && due.fault.at_frame && number >= 0 &&
                                         *due.fault.at_frame <= number);
-      if (!here || !is_display(due.fault.what)) continue;
+      if (!here || !of_display(due.fault.what)) continue;
       due.done = true;
-      if (due.fault.what == "late-frame") {
+      if (is_late(due.fault.what)) {
         tell(due.fault.what);
         late_s = std::max(late_s, due.fault.value);
       } else {
         begin_fault(due.fault);
       }
     }
+    return late_s;
+  }
+
+  void show(const std::shared_ptr<const Frame>& next) {
+    happen();
+    const double late_s = begin_shown(next ? next->number : kBlackFrame, is_display);
     if (frozen || display.gone) return;
     if (late_s > 0) {
       later_frame = next;
@@ -428,9 +449,44 @@ struct PrinterModel::Impl {
     appear(next);
   }
 
+  void show_uv(const std::shared_ptr<const Frame>& next) {
+    happen();
+    const double late_s = begin_shown(next ? next->number : kBlackFrame, is_uv_display);
+    if (uv_frozen || uv_display.gone) return;
+    if (late_s > 0) {
+      later_uv_frame = next;
+      uv_display.later_s = now + late_s;
+      return;
+    }
+    uv_display.later_s.reset();
+    uv_appear(next);
+  }
+
+  static bool alike(const std::shared_ptr<const Frame>& a, const std::shared_ptr<const Frame>& b) {
+    if (!a || !b) return !a && !b;
+    return a->number == b->number && a->crc32 == b->crc32 && a->blue.size() == b->blue.size();
+  }
+
+  /// For recorders: what both displays show.
+  std::shared_ptr<const Frame> lit_image() const {
+    if (!machine.uv_display) return frame;
+    auto both = std::make_shared<Frame>(*frame);
+    both->on_uv_display = uv_frame;
+    return both;
+  }
+
+  void uv_appear(std::shared_ptr<const Frame> next) {
+    const bool same = alike(uv_frame, next);
+    uv_frame = std::move(next);
+    if (!same && frame) image = kUnlitImage;
+    uv_display.number = uv_frame ? uv_frame->number : kBlackFrame;
+    uv_display.since_s = now;
+    ++uv_display.count;
+    tell(uv_frame ? fmt::format("uv frame {}", uv_display.number) : "uv black");
+  }
+
   void appear(std::shared_ptr<const Frame> next) {
-    const bool same = frame && next && frame->number == next->number &&
-                      frame->crc32 == next->crc32 && frame->blue.size() == next->blue.size();
+    const bool same = frame && next && alike(frame, next);
     frame = std::move(next);
     if (!same) image = frame ? kUnlitImage : kBlackImage;
     display.number = frame ? frame->number : kBlackFrame;
@@ -460,6 +516,8 @@ double PrinterModel::now_s() const { return impl_->now; }
 void PrinterModel::take(const SetPoints& set_points) { impl_->take(set_points); }
 void PrinterModel::show(const std::shared_ptr<const Frame>& frame) { impl_->show(frame); }
 const PrinterModel::Display& PrinterModel::display() const { return impl_->display; }
+void PrinterModel::show_uv(const std::shared_ptr<const Frame>& frame) { impl_->show_uv(frame); }
+const PrinterModel::Display& PrinterModel::uv_display() const { return impl_->uv_display; }
 
 Status PrinterModel::status() const {
   const Impl& i = *impl_;

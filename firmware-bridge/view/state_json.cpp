@@ -50,10 +50,12 @@ void read_counts(const Json& json, const char* key, Counts& counts, double& sum,
 
 void put_facts(Json& json, const PrintFacts& f) {
   json["display"] = f.display;
+  if (!f.uv_display.empty()) json["uv_display"] = f.uv_display;
   json["mode"] = f.layerwise ? "layerwise" : "continuous";
   json["uv"] = f.uv;
   json["layer_um"] = f.layer_um;
   json["planned_speed_um_s"] = f.speed_um_s;
+  if (f.slowest_um_s > 0) json["slowest_speed_um_s"] = f.slowest_um_s;
   json["start_um"] = f.start_um;
   json["end_um"] = f.end_um;
   json["expected_s"] = f.expected_s;
@@ -82,6 +84,7 @@ PrintFacts facts_of(const PrintPlan& plan, const Machine& machine) {
   f.frames = static_cast<int>(plan.frames.size());
   f.layer_um = plan.layer_um;
   f.speed_um_s = f.layerwise ? 0 : plan.speed_um_s;
+  if (!plan.slice_speed_um_s.empty()) f.slowest_um_s = plan.slowest_um_s();
   f.start_um = plan.start_um;
   f.end_um = plan.end_um;
   f.expected_s = plan.expected_s;
@@ -101,6 +104,7 @@ PrintState state_of(const Controller& c, double at_s, int missed_cycles) {
   s.fault = c.fault();
   if (s.fault != Fault::none) s.detail = c.fault_detail();
   s.frame = c.frame();
+  s.uv_frame = c.uv_frame();
   s.frames_shown = c.frames_shown();
   s.late_frames = c.late_frames();
   s.missed_cycles = missed_cycles;
@@ -127,7 +131,10 @@ std::optional<double> left_s(const PrintFacts& f, const PrintState& s) {
   if (f.layerwise || !(f.speed_um_s > 0)) {
     return f.frames > 0 ? f.expected_s * std::max(0, f.frames - s.frames_shown) / f.frames : 0;
   }
-  return std::max(0.0, f.end_um - s.stage_um) / f.speed_um_s;
+  const double left_um = std::max(0.0, f.end_um - s.stage_um);
+  // Where slices have speeds of their own, as on the average.
+  if (f.slowest_um_s > 0) return f.expected_s * std::min(1.0, left_um / (f.end_um - f.start_um));
+  return left_um / f.speed_um_s;
 }
 
 std::string place_in_words(double z_um, double um_per_deg) {
@@ -172,6 +179,7 @@ std::string state_json(const PrintFacts& facts, const PrintState& s, const Print
   json["stack"] = facts.stack;
   json["frame"] = s.frame;
   json["frames"] = facts.frames;
+  if (!facts.uv_display.empty()) json["uv_frame"] = s.uv_frame;
   json["stage_um"] = s.stage_um;
   json["z_um"] = s.stage_um - facts.start_um;
   if (facts.turns()) {

@@ -270,14 +270,15 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "slicecorr_stack_set_number()");
     }
     tell_notices(s, t, context);
-    if (!s.printer.flat_field) {
+    if (!s.printer.flat_field && !slicecorr::judges_suction(s)) {
       slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s,
                                  context);
       return;
     }
-    // Which places of an uneven display are lit is in the images alone.
+    // Which places of an uneven display are lit is in the images alone, and so is how they pull.
     const Images images(t, s.printer, scratch_folder(handle), context);
     slicecorr::plan_correction(images.source(), s, context);
+    slicecorr::judge_suction(images.source(), s, context);
   });
 }
 

@@ -24,6 +24,7 @@ class BandSolver {
   /// `tiles` may be empty; where `has_tiles` is false it must be.
   virtual void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) = 0;
   virtual bool has_tiles() const { return false; }
+  virtual void keep_light(BandCorrector::ColumnLevels most);
 };
 
 /// The solver of plain models.

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <set>
 #include <utility>
 
+#include "base/coded_band.hpp"
 #include "parallel/silent.hpp"
 
 namespace slicecorr::detail {
@@ -18,8 +21,11 @@ constexpr double kUrgency = 4, kMoreUrgent = 1.4, kLessUrgent = 0.4, kMostUrgent
 /// By this factor the loss of a patch may rise where fewer voxels are wrong.
 constexpr double kMostLossRise = 2;
 
-/// Misses that are kept with their places: of all patches together some 80 MB.
-constexpr std::size_t kMostMisses = 4000000, kLeastMisses = 2000, kMostOfPatch = 50000;
+/// Misses that are kept with their places, of a patch.
+constexpr std::size_t kMostMisses = 50000;
+/// Columns that are solved together, by one thread, and their voxels.
+constexpr std::size_t kColumnsTogether = std::size_t{1} << 17,
+                      kVoxelsTogether = std::size_t{64} << 20;
 /// Rounds without gain after which nothing is expected any more.
 constexpr int kMostWithoutGain = 5;
 
@@ -29,48 +35,66 @@ std::size_t pixels_of(const PixelBox& box) {
   return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
 }
 
+/// Where a pixel is among those of a box, row by row.
+std::size_t index_in(const PixelBox& box, int x, int y) {
+  return static_cast<std::size_t>(y - box.y0) * static_cast<std::size_t>(box.width()) +
+         static_cast<std::size_t>(x - box.x0);
+}
+Pixel pixel_in(const PixelBox& box, std::size_t index) {
+  const auto width = static_cast<std::size_t>(box.width());
+  return {box.x0 + static_cast<int>(index % width), box.y0 + static_cast<int>(index / width)};
+}
+
+bool is_black(const KeptTile& tile) {
+  return std::all_of(tile.pieces.begin(), tile.pieces.end(),
+                     [](const Kept& piece) { return piece == nullptr; });
+}
+
 /// Copies what two boxes have in common from one field of bytes to the other.
 void copy_common(const std::uint8_t* from, const PixelBox& from_box, std::uint8_t* to,
                  const PixelBox& to_box) {
   const PixelBox both = common(from_box, to_box);
   if (both.empty()) return;
   for (int y = both.y0; y < both.y1; ++y) {
-    const auto at = [&](const PixelBox& box) {
-      return static_cast<std::size_t>(y - box.y0) * static_cast<std::size_t>(box.width()) +
-             static_cast<std::size_t>(both.x0 - box.x0);
-    };
-    std::copy_n(from + at(from_box), both.width(), to + at(to_box));
+    std::copy_n(from + index_in(from_box, both.x0, y), both.width(),
+                to + index_in(to_box, both.x0, y));
   }
 }
 
 }  // namespace
 
-struct CoupledCorrection::Tile {
-  PixelBox box;
-  Band coverage, columns, now, best;
-  PatchFigures figures, best_figures;  ///< of `now` and of `best`
-  double urgency = kUrgency;
+/// What of a tile is wrong; see `PatchFigures`.
+struct CoupledCorrection::Figures {
+  std::uint64_t through = 0, under = 0, parted = 0;
+  double loss = 0;
+  Kept misses;  ///< null: none
+  bool all_misses = true;
+  std::uint64_t wrong() const { return through + under + parted; }
+  /// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to
+  /// none.
+  bool gains_on(const Figures& before) const {
+    return loss < before.loss || (wrong() < before.wrong() && loss <= kMostLossRise * before.loss);
+  }
 };
 
-namespace {
-
-/// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to none.
-bool gains(const PatchFigures& now, const PatchFigures& before) {
-  return now.loss < before.loss ||
-         (now.wrong() < before.wrong() && now.loss <= kMostLossRise * before.loss);
-}
-
-}  // namespace
+struct CoupledCorrection::Tile {
+  PixelBox box;
+  KeptTile coverage, columns, now, best;
+  KeptTile left_alone;            ///< black where nothing is
+  Figures figures, best_figures;  ///< of `now` and of `best`
+  double urgency = kUrgency;
+};
 
 CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur,
                                      const SliceScatter& scatter, const PixelBox& bounds,
                                      const PixelBox& display, const CoupledOptions& options)
-    : plan_(columns, blur, scatter, display, options.margin),
+    : plan_(columns, blur, scatter, display, options.margin, options.shares),
       options_(options),
       bounds_(common(bounds, display)),
       box_(common(
           PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y),
           display)) {
+  plan_.hands_on = plan_.hands_on && options.hand_on;
   if (bounds_.empty()) return;
   const int side = options_.patch_px;
   across_ = (box_.width() + side - 1) / side;
@@ -84,54 +108,82 @@ CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightB
 
 CoupledCorrection::~CoupledCorrection() = default;
 
-void CoupledCorrection::solve_columns(const DesignReader& read, const ExecutionContext& context) {
+void CoupledCorrection::solve_columns(const DesignReader& read, bool leaves_alone,
+                                      const ExecutionContext& context, const ColumnLevels& alone) {
   if (tiles_.empty()) return;
+  store_ = std::make_unique<BlobStore>(options_.scratch_folder, options_.memory_bytes, context);
   const auto across = static_cast<std::size_t>(across_);
-  parallel_for(context, "columns", tiles_.size() / across, [&](std::size_t row) {
-    Tile* const tiles = tiles_.data() + row * across;
-    const PixelBox rows = common({box_.x0, tiles->box.y0, box_.x1, tiles->box.y1}, bounds_);
-    std::vector<CodedBand> coverage, levels;
-    for (std::size_t k = 0; k < across; ++k) {
-      coverage.emplace_back(pixels_of(tiles[k].box));
-      levels.emplace_back(pixels_of(tiles[k].box));
-    }
-    std::vector<std::uint8_t> part;
-    const auto append = [&](const std::uint8_t* bytes, std::vector<CodedBand>& bands) {
-      for (std::size_t k = 0; k < across; ++k) {
-        if (!bytes) {
-          bands[k].append(nullptr);
-          continue;
-        }
-        part.assign(pixels_of(tiles[k].box), 0);
-        copy_common(bytes, rows, part.data(), tiles[k].box);
-        bands[k].append(part.data());
-      }
-    };
-    if (!rows.empty()) {
-      BandCorrector corrector(plan_.columns, pixels_of(rows));
-      read(rows, [&](int layer, const std::uint8_t* cover, const std::uint8_t* heights) {
-        if ((layer & 63) == 0) context.check_cancelled();
-        corrector.add_layer(cover, heights);
-        if (layer < plan_.layers) append(cover, coverage);
-      });
-      corrector.solve([&](int n, const std::uint8_t* its_levels, const std::uint8_t*, bool dark) {
-        if ((n & 63) == 0) context.check_cancelled();
-        append(dark ? nullptr : its_levels, levels);
-      });
-    }
-    for (std::size_t k = 0; k < across; ++k) {
-      coverage[k].trim();
-      levels[k].trim();
-      tiles[k].coverage = std::make_shared<const CodedBand>(std::move(coverage[k]));
-      tiles[k].columns = tiles[k].now = tiles[k].best =
-          std::make_shared<const CodedBand>(std::move(levels[k]));
-    }
+  const std::size_t of_tile = pixels_of(tiles_.front().box);
+  const std::size_t most =
+      std::min(kColumnsTogether, kVoxelsTogether / static_cast<std::size_t>(plan_.slices));
+  const std::size_t together = std::clamp<std::size_t>(most / of_tile, 1, across),
+                    parts = (across + together - 1) / together;
+  parallel_for(context, "columns", tiles_.size() / across * parts, [&](std::size_t i) {
+    const std::size_t first = i % parts * together;
+    solve_tiles(tiles_.data() + i / parts * across + first, std::min(together, across - first),
+                {read, leaves_alone, alone}, context);
   });
   std::vector<std::size_t> all;
   for (std::size_t k = 0; k < tiles_.size(); ++k) all.push_back(k);
   judge(all, context);
   first_ = best_ = now_;
   keep_best();
+}
+
+void CoupledCorrection::solve_tiles(Tile* tiles, std::size_t count, const Columns& columns,
+                                    const ExecutionContext& context) {
+  const PixelBox rows =
+      common({tiles->box.x0, tiles->box.y0, tiles[count - 1].box.x1, tiles->box.y1}, bounds_);
+  std::vector<TileWriter> coverage, levels, left_alone;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t pixels = pixels_of(tiles[k].box);
+    coverage.emplace_back(*store_, pixels, plan_.slices, TileWriter::From::first);
+    left_alone.emplace_back(*store_, pixels, plan_.slices, TileWriter::From::first);
+    levels.emplace_back(*store_, pixels, plan_.slices, TileWriter::From::last);
+  }
+  std::vector<std::uint8_t> part;
+  const auto put = [&](const std::uint8_t* bytes, std::vector<TileWriter>& writers) {
+    for (std::size_t k = 0; k < count; ++k) {
+      if (!bytes) {
+        writers[k].put(nullptr);
+        continue;
+      }
+      part.assign(pixels_of(tiles[k].box), 0);
+      copy_common(bytes, rows, part.data(), tiles[k].box);
+      writers[k].put(part.data());
+    }
+  };
+  if (!rows.empty()) {
+    std::optional<BandCorrector> corrector;
+    if (!columns.levels) corrector.emplace(plan_.columns, pixels_of(rows), columns.leaves_alone);
+    columns.read(rows, [&](int layer, const std::uint8_t* cover, const std::uint8_t* heights,
+                           const std::uint8_t* left) {
+      if ((layer & 63) == 0) context.check_cancelled();
+      if (corrector) corrector->add_layer(cover, heights, left);
+      if (layer >= plan_.layers) return;
+      put(cover, coverage);
+      if (columns.leaves_alone) put(left, left_alone);
+    });
+    if (corrector) {
+      corrector->solve([&](int n, const std::uint8_t* its_levels, const std::uint8_t*, bool dark) {
+        if ((n & 63) == 0) context.check_cancelled();
+        put(dark ? nullptr : its_levels, levels);
+      });
+    } else {
+      const CodedBand band = columns.levels(rows);
+      std::vector<std::uint8_t> row(band.columns());
+      for (int k = 0; k < band.slices(); ++k) {
+        const bool dark = band.black(k);
+        if (!dark) band.read(k, row.data());
+        put(dark ? nullptr : row.data(), levels);
+      }
+    }
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    tiles[k].coverage = coverage[k].finish();
+    tiles[k].left_alone = left_alone[k].finish();
+    tiles[k].columns = tiles[k].now = tiles[k].best = levels[k].finish();
+  }
 }
 
 std::vector<std::size_t> CoupledCorrection::tiles_in(const PixelBox& box) const {
@@ -148,10 +200,12 @@ std::vector<std::size_t> CoupledCorrection::tiles_in(const PixelBox& box) const 
 }
 
 std::vector<PatchBytes::Source> CoupledCorrection::sources(const PixelBox& box,
-                                                           Band Tile::*which) const {
+                                                           KeptTile Tile::*which) const {
   std::vector<PatchBytes::Source> found;
   for (const std::size_t k : tiles_in(box)) {
-    found.push_back({(tiles_[k].*which).get(), tiles_[k].box});
+    const KeptTile& tile = tiles_[k].*which;
+    if (which == &Tile::left_alone && is_black(tile)) continue;
+    found.push_back({&tile, tiles_[k].box});
   }
   return found;
 }
@@ -159,50 +213,73 @@ std::vector<PatchBytes::Source> CoupledCorrection::sources(const PixelBox& box,
 PatchSources CoupledCorrection::sources_of(const PixelBox& watched) const {
   const PixelBox shown = PatchPlace::grown(watched, plan_.reach_x, plan_.reach_y);
   return {sources(watched, &Tile::coverage), sources(shown, &Tile::now),
-          sources(watched, &Tile::columns)};
+          sources(watched, &Tile::columns), sources(watched, &Tile::left_alone)};
 }
 
 void CoupledCorrection::judge(const std::vector<std::size_t>& which,
                               const ExecutionContext& context) {
   parallel_for(context, "judge", which.size(), [&](std::size_t i) {
     Tile& tile = tiles_[which[i]];
-    tile.figures = judge_patch(plan_, tile.box,
-                               sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)),
-                               std::clamp(kMostMisses / tiles_.size(), kLeastMisses, kMostOfPatch));
+    const PatchFigures found = judge_patch(
+        plan_, tile.box, sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)),
+        kMostMisses);
+    Figures& figures = tile.figures;
+    figures = {found.through, found.under, found.parted, found.loss, nullptr, found.all_misses};
+    if (found.misses.empty()) return;
+    std::vector<std::uint8_t> bytes(found.misses.size() * sizeof(Miss));
+    std::memcpy(bytes.data(), found.misses.data(), bytes.size());
+    figures.misses = std::make_shared<const KeptBytes>(*store_, bytes);
   });
-  now_.through = now_.under = 0;
+  now_.through = now_.under = now_.parted = 0;
   now_.loss = 0;
   for (const Tile& tile : tiles_) {
     now_.through += tile.figures.through;
     now_.under += tile.figures.under;
+    now_.parted += tile.figures.parted;
     now_.loss += tile.figures.loss;
   }
 }
 
-std::optional<PatchTask> CoupledCorrection::task_of(const Tile& tile) const {
+std::vector<Miss> CoupledCorrection::misses_of(const Figures& figures) const {
+  std::vector<Miss> misses;
+  if (!figures.misses) return misses;
+  std::vector<std::uint8_t> bytes;
+  figures.misses->get(bytes);
+  misses.resize(bytes.size() / sizeof(Miss));
+  std::memcpy(misses.data(), bytes.data(), bytes.size());
+  return misses;
+}
+
+bool CoupledCorrection::is_wanted(const Tile& tile) const {
   const PixelBox watched = PatchPlace::grown(tile.box, plan_.overlap_x, plan_.overlap_y);
-  if (common(watched, bounds_).empty() || tile.urgency < kLeastUrgent) return std::nullopt;
+  if (common(watched, bounds_).empty() || tile.urgency < kLeastUrgent) return false;
+  const std::vector<std::size_t> around = tiles_in(watched);
+  return std::any_of(around.begin(), around.end(), [&](std::size_t k) {
+    const Figures& figures = tiles_[k].figures;
+    return figures.wrong() > 0 || (now_.round == 0 && figures.loss > 0);
+  });
+}
+
+PatchTask CoupledCorrection::task_of(const Tile& tile) const {
   PatchTask task;
   task.box = tile.box;
-  task.before = tile.now.get();
+  task.before = &tile.now;
   task.free = bounds_;
   // Where too much is wrong to be mended voxel by voxel, it is as in the first round.
   task.first = now_.round == 0 || !tile.figures.all_misses;
-  bool wrong = false;
+  if (task.first) return task;
+  const PixelBox watched = PatchPlace::grown(tile.box, plan_.overlap_x, plan_.overlap_y);
   std::vector<Miss> misses;
   for (const std::size_t k : tiles_in(watched)) {
-    const PatchFigures& figures = tiles_[k].figures;
-    if (task.first) wrong = wrong || figures.loss > 0 || figures.wrong() > 0;
-    if (task.first || figures.wrong() == 0 || !figures.misses) continue;
-    for (const Miss& miss : *figures.misses) {
-      if (PatchPlace::holds(watched, {miss.x, miss.y})) misses.push_back(miss);
+    if (tiles_[k].figures.wrong() == 0) continue;
+    for (const Miss& miss : misses_of(tiles_[k].figures)) {
+      // Of features only those that are wrong ask: what their ends lack is seldom to be had.
+      if (PatchPlace::holds(watched, {miss.x, miss.y}) && (miss.wrong || miss.excess > 0)) {
+        misses.push_back(miss);
+      }
     }
-    wrong = wrong || !misses.empty();
   }
-  if (!wrong) return std::nullopt;
-  if (!task.first) {
-    task.requests = requests_of(plan_, misses, tile.urgency);
-  }
+  task.requests = requests_of(plan_, misses, tile.urgency);
   return task;
 }
 
@@ -227,42 +304,44 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
     return false;
   }
   std::vector<std::size_t> solved;
-  std::vector<PatchTask> tasks;
   for (std::size_t k = 0; k < tiles_.size(); ++k) {
-    if (auto task = task_of(tiles_[k])) {
-      solved.push_back(k);
-      tasks.push_back(std::move(*task));
-    }
+    if (is_wanted(tiles_[k])) solved.push_back(k);
   }
   if (solved.empty()) return false;
-  std::vector<Band> next(solved.size());
+  std::vector<KeptTile> next(solved.size());
   const ExecutionContext quiet = silent(context);
   parallel_for(quiet, "round", solved.size(), [&](std::size_t i) {
-    const PixelBox watched = PatchPlace::grown(tasks[i].box, plan_.overlap_x, plan_.overlap_y);
-    next[i] = std::make_shared<const CodedBand>(solve_patch(plan_, tasks[i], sources_of(watched)));
+    const PatchTask task = task_of(tiles_[solved[i]]);
+    const PixelBox watched = PatchPlace::grown(task.box, plan_.overlap_x, plan_.overlap_y);
+    next[i] = !task.first && task.requests.empty()
+                  ? *task.before
+                  : solve_patch(plan_, task, sources_of(watched), *store_);
   });
   std::vector<std::size_t> changed;
-  std::vector<Band> before(tiles_.size());  // of tiles that changed
+  std::vector<KeptTile> before(tiles_.size());  // of tiles that changed
+  std::vector<std::uint8_t> differs(tiles_.size(), 0);
   for (std::size_t i = 0; i < solved.size(); ++i) {
     Tile& tile = tiles_[solved[i]];
-    if (*next[i] == *tile.now) {
+    if (next[i] == tile.now) {
       tile.urgency *= kMoreUrgent;
       if (tile.urgency > kMostUrgent) tile.urgency = 0;
       continue;
     }
     changed.push_back(solved[i]);
+    differs[solved[i]] = 1;
     before[solved[i]] = std::exchange(tile.now, std::move(next[i]));
   }
   const std::vector<std::size_t> seen = seen_from(changed);
-  std::vector<PatchFigures> figures(tiles_.size());
+  std::vector<Figures> figures(tiles_.size());
   for (const std::size_t k : seen) figures[k] = tiles_[k].figures;
   judge(seen, quiet);
   // Patches that have become worse go back to what they were.
   std::vector<std::size_t> back;
   for (const std::size_t k : changed) {
     Tile& tile = tiles_[k];
-    if (!gains(tile.figures, figures[k])) {
+    if (!tile.figures.gains_on(figures[k])) {
       tile.now = std::move(before[k]);
+      differs[k] = 0;
       tile.urgency *= kLessUrgent;
       back.push_back(k);
     } else if (now_.round > 0) {
@@ -273,8 +352,7 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   std::vector<std::size_t> to_judge;
   for (const std::size_t k : seen_from(back)) {
     const std::vector<std::size_t> around = seen_from({k});
-    if (std::any_of(around.begin(), around.end(),
-                    [&](std::size_t i) { return before[i] != nullptr; })) {
+    if (std::any_of(around.begin(), around.end(), [&](std::size_t i) { return differs[i] != 0; })) {
       to_judge.push_back(k);
     } else {
       tiles_[k].figures = figures[k];
@@ -301,43 +379,48 @@ void CoupledCorrection::keep_best() {
   }
 }
 
-void CoupledCorrection::read(int slice, const PixelBox& box, std::uint8_t* levels) const {
-  std::fill_n(levels, pixels_of(box), std::uint8_t{0});
-  std::vector<std::uint8_t> part;
-  for (const std::size_t k : tiles_in(box)) {
-    const Tile& tile = tiles_[k];
-    part.resize(pixels_of(tile.box));
-    tile.best->read(plan_.slices - 1 - slice, part.data());
-    copy_common(part.data(), tile.box, levels, box);
-  }
-}
-
-CodedBand CoupledCorrection::levels_of(const PixelBox& box) const {
-  CodedBand band(pixels_of(box));
-  const PatchPlace place(plan_, box);
-  PatchBytes bytes(place, box, sources(box, &Tile::best));
-  std::vector<std::uint8_t> rows(pixels_of(box), 0);
-  for (int index = 0; index < plan_.slices; ++index) {
-    bool changed = index == 0;
-    bytes.go_to(index, [&](std::size_t, std::uint8_t, std::uint8_t) { changed = true; });
-    if (!changed) {
-      band.append_again();
-      continue;
+void CoupledCorrection::read(const PixelBox& box, const LevelSink& sink) const {
+  const std::size_t pixels = pixels_of(box);
+  const std::vector<std::size_t> tiles = tiles_in(box);
+  std::vector<std::uint8_t> slices(pixels * kPieceSlices);
+  for (int first = 0; first < plan_.slices; first += kPieceSlices) {
+    const int past = std::min(plan_.slices, first + kPieceSlices);
+    std::fill(slices.begin(), slices.end(), std::uint8_t{0});
+    for (const std::size_t k : tiles) {
+      if (!tiles_[k].best.pieces[static_cast<std::size_t>(first / kPieceSlices)]) continue;
+      const PixelBox& of = tiles_[k].box;
+      const PixelBox both = common(of, box);
+      TileReader reader(tiles_[k].best);
+      for (int n = past; n-- > first;) {
+        std::uint8_t* const slice = slices.data() + static_cast<std::size_t>(n - first) * pixels;
+        const TileReader::Step step = reader.go_to(n);
+        if (step == TileReader::Step::whole) {
+          copy_common(reader.whole(), of, slice, box);
+          continue;
+        }
+        for (int y = both.y0; y < both.y1; ++y) {
+          const std::size_t at = index_in(box, both.x0, y);
+          std::copy_n(slice + pixels + at, both.width(), slice + at);
+        }
+        if (step == TileReader::Step::same) continue;
+        for (const NonZero& change : reader.changes()) {
+          const Pixel p = pixel_in(of, change.at);
+          if (PatchPlace::holds(both, p)) slice[index_in(box, p.x, p.y)] ^= change.value;
+        }
+      }
     }
-    for (int y = box.y0; y < box.y1; ++y) {
-      std::copy_n(bytes.data() + place.at(box.x0, y), box.width(),
-                  rows.data() + pixels_of({box.x0, box.y0, box.x1, y}));
+    for (int n = first; n < past; ++n) {
+      const std::uint8_t* const slice =
+          slices.data() + static_cast<std::size_t>(n - first) * pixels;
+      sink(n, all_zero(slice, pixels) ? nullptr : slice);
     }
-    band.append(rows.data());
   }
-  return band;
 }
 
 std::vector<Miss> CoupledCorrection::wrong_voxels(std::size_t most) const {
   std::vector<Miss> wrong;
   for (const Tile& tile : tiles_) {
-    if (!tile.best_figures.misses) continue;
-    for (const Miss& miss : *tile.best_figures.misses) {
+    for (const Miss& miss : misses_of(tile.best_figures)) {
       if (wrong.size() == most) return wrong;
       if (miss.wrong) wrong.push_back(miss);
     }
@@ -346,17 +429,18 @@ std::vector<Miss> CoupledCorrection::wrong_voxels(std::size_t most) const {
 }
 
 std::size_t CoupledCorrection::bytes() const {
-  std::size_t sum = 0;
+  std::set<const KeptBytes*> held;
   for (const Tile& tile : tiles_) {
-    const Band bands[] = {tile.coverage, tile.columns, tile.now, tile.best};
-    for (std::size_t k = 0; k < std::size(bands); ++k) {
-      const auto* const before = bands + k;
-      if (*before && std::find(bands, before, *before) == before) sum += (*before)->bytes();
+    for (const KeptTile* const kept :
+         {&tile.coverage, &tile.columns, &tile.now, &tile.best, &tile.left_alone}) {
+      for (const Kept& piece : kept->pieces) held.insert(piece.get());
     }
-    const auto &misses = tile.figures.misses, &of_best = tile.best_figures.misses;
-    if (misses) sum += misses->size() * sizeof(Miss);
-    if (of_best && of_best != misses) sum += of_best->size() * sizeof(Miss);
+    held.insert(tile.figures.misses.get());
+    held.insert(tile.best_figures.misses.get());
   }
+  held.erase(nullptr);
+  std::size_t sum = 0;
+  for (const KeptBytes* const kept : held) sum += kept->size();
   return sum;
 }
 

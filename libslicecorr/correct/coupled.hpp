@@ -16,8 +16,8 @@
 /// depend on the number of threads. Levels are those of the best round so far, by the number of
 /// wrong voxels, then by half the sum of squares of what doses miss: never worse than the columns'.
 ///
-/// Memory: coverage and up to three sets of levels, run-length coded, and the arrays of one patch
-/// per thread.
+/// Memory: `CoupledOptions::memory_bytes` of coverage, up to three sets of levels and places of wrong
+/// voxels, all coded, the rest in a scratch file; and the arrays of one patch per thread.
 ///
 /// How to use: `solve_columns`, then `improve` until it says no more; `read` in any order. For one
 /// caller at a time; it uses threads itself.
@@ -26,9 +26,10 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
+#include <string>
 #include <vector>
 
+#include "base/coded_band.hpp"
 #include "correct/coupled_patch.hpp"
 #include "correct/coupled_plan.hpp"
 #include "slicecorr/parallel.hpp"
@@ -41,6 +42,13 @@ struct CoupledOptions {
   /// How far from 1 doses are aimed at; 0: as levels ask.
   double margin = 0;
   int patch_px = 128;
+  /// Where light is uneven: what pixels get of the plan's light.
+  LightShares shares{};
+  bool hand_on = true;  ///< see `CoupledPlan::hands_on`
+  /// What does not fit into so many bytes is kept in a nameless file in `scratch_folder`; empty: the
+  /// working folder.
+  std::size_t memory_bytes = std::size_t{64} << 20;
+  std::string scratch_folder = {};
 };
 
 /// What is wrong after a round; round 0: the columns alone.
@@ -48,9 +56,10 @@ struct CoupledRound {
   int round = 0;
   std::uint64_t through = 0;  ///< voxels of gaps that cure
   std::uint64_t under = 0;    ///< voxels of features that don't
+  std::uint64_t parted = 0;   ///< layer by layer: voxels of features that part from the layer above
   double loss = 0;            ///< half the sum of squares of what doses miss
   std::uint64_t patches = 0;  ///< that were solved
-  std::uint64_t wrong() const { return through + under; }
+  std::uint64_t wrong() const { return through + under + parted; }
   bool better_than(const CoupledRound& o) const {
     return wrong() != o.wrong() ? wrong() < o.wrong() : loss < o.loss;
   }
@@ -65,47 +74,68 @@ class CoupledCorrection {
                     const CoupledOptions& options = {});
   ~CoupledCorrection();
 
-  /// Takes coverage and edge heights (null: none) of the next layer of a box of rows; as
-  /// `BandCorrector::add_layer`, all `CorrectionPlan::layers` of them, heights perhaps once more.
-  using LayerSink =
-      std::function<void(int layer, const std::uint8_t* coverage, const std::uint8_t* heights)>;
+  /// Takes coverage, edge heights and what is left alone (null: none) of the next layer of a box of
+  /// rows; as `BandCorrector::add_layer`, all `CorrectionPlan::layers` of them, heights perhaps once
+  /// more.
+  using LayerSink = std::function<void(int layer, const std::uint8_t* coverage,
+                                       const std::uint8_t* heights, const std::uint8_t* left)>;
   using DesignReader = std::function<void(const PixelBox& box, const LayerSink& sink)>;
+  /// Levels of columns alone in a box of rows, slices from the last to the first.
+  using ColumnLevels = std::function<CodedBand(const PixelBox& box)>;
   /// Reads the design in boxes of rows, on several threads, solves its columns and judges them.
-  void solve_columns(const DesignReader& read, const ExecutionContext& context);
+  /// `leaves_alone`: something is left alone. `levels`: where columns are solved, if not by the
+  /// plan, as where light is uneven.
+  void solve_columns(const DesignReader& read, bool leaves_alone, const ExecutionContext& context,
+                     const ColumnLevels& levels = {});
 
-  /// One more round, of which `context` hears as the stage "round"; false, with nothing done, where nothing is wrong, no round has gained anything
-  /// for some time, or the rounds are over.
+  /// One more round, of which `context` hears as the stage "round"; false, with nothing done, where
+  /// nothing is wrong, no round has gained anything for some time, or the rounds are over.
   bool improve(const ExecutionContext& context);
   const CoupledRound& columns_alone() const { return first_; }
   const CoupledRound& last() const { return now_; }
   const CoupledRound& best() const { return best_; }
 
-  /// Grey levels of a slice in a box, row by row; black beyond the bounds. Thread-safe.
-  void read(int slice, const PixelBox& box, std::uint8_t* levels) const;
-  /// Bands of slices from the last one to the first, which is faster than slice by slice.
-  CodedBand levels_of(const PixelBox& box) const;
+  /// Takes the grey levels of a slice in a box, row by row; null: black.
+  using LevelSink = std::function<void(int slice, const std::uint8_t* levels)>;
+  /// The best levels of a box, from the first slice to the last; black beyond the bounds.
+  /// Thread-safe.
+  void read(const PixelBox& box, const LevelSink& sink) const;
   /// Wrong voxels of the best levels, patch by patch, at most `most` of them. Of patches with very
   /// many only the first, by slices from the last one on.
   std::vector<Miss> wrong_voxels(std::size_t most) const;
-  /// Bytes of coverage and levels held.
+  /// Bytes of coverage, levels and wrong voxels, in memory and in the scratch file.
   std::size_t bytes() const;
 
  private:
   struct Tile;
-  using Band = std::shared_ptr<const CodedBand>;
-  std::vector<PatchBytes::Source> sources(const PixelBox& box, Band Tile::*which) const;
+  struct Figures;
+  std::vector<PatchBytes::Source> sources(const PixelBox& box, KeptTile Tile::*which) const;
   std::vector<std::size_t> tiles_in(const PixelBox& box) const;
   PatchSources sources_of(const PixelBox& watched) const;
+  /// Solves the columns of some tiles beside each other.
+  /// Where columns alone come from; see `solve_columns`.
+  struct Columns {
+    const DesignReader& read;
+    bool leaves_alone;
+    const ColumnLevels& levels;
+  };
+  void solve_tiles(Tile* tiles, std::size_t count, const Columns& columns,
+                   const ExecutionContext& context);
   void judge(const std::vector<std::size_t>& which, const ExecutionContext& context);
+  std::vector<Miss> misses_of(const Figures& figures) const;
   /// Tiles whose doses feel the light of others, these included.
   std::vector<std::size_t> seen_from(const std::vector<std::size_t>& changed) const;
-  std::optional<PatchTask> task_of(const Tile& tile) const;
+  bool is_first() const { return now_.round == 0; }
+  /// Whether a tile is to be solved in the next round.
+  bool is_wanted(const Tile& tile) const;
+  PatchTask task_of(const Tile& tile) const;
   void keep_best();
 
   CoupledPlan plan_;
   CoupledOptions options_;
   PixelBox bounds_, box_;
   int across_ = 0;
+  std::unique_ptr<BlobStore> store_;  ///< of what tiles hold
   std::vector<Tile> tiles_;
   CoupledRound first_, now_, best_;
   int without_gain_ = 0;

@@ -13,9 +13,9 @@
 #include <cstring>
 #include <vector>
 
-#include "base/coded_band.hpp"
 #include "correct/coupled_kernels.hpp"
 #include "correct/coupled_plan.hpp"
+#include "correct/kept_tile.hpp"
 
 namespace slicecorr::detail {
 
@@ -53,62 +53,84 @@ struct PatchPlace {
   std::size_t stride = 0, rows = 0;
 };
 
-/// Bytes of a patch, of one slice at a time, from the coded bytes of the tiles around it.
+/// Bytes of a patch, of one slice at a time, from the tiles around it.
 class PatchBytes {
  public:
   struct Source {
-    const CodedBand* band;
+    const KeptTile* tile;
     PixelBox box;
   };
-  PatchBytes(const PatchPlace& place, const PixelBox& box, std::vector<Source> sources)
-      : place_(place), box_(box), sources_(std::move(sources)), bytes_(place.size(), 0) {}
+  PatchBytes(const PatchPlace& place, const PixelBox& box, const std::vector<Source>& sources)
+      : place_(place), bytes_(place.size(), 0) {
+    for (const Source& s : sources) {
+      readers_.push_back({TileReader(*s.tile), s.box, PatchPlace::common(s.box, box)});
+    }
+  }
 
   const std::uint8_t* data() const { return bytes_.data(); }
   std::uint8_t operator[](std::size_t at) const { return bytes_[at]; }
 
-  /// Goes to a slice, by its number among the coded ones; one that there is not is black. Tells of
-  /// each byte that is another than before: `changed(at, was, is)`.
+  /// Goes to a slice, from the last ones on; one that there is not is black. Tells of each byte that
+  /// is another than before: `changed(at, was, is)`.
   template <class Changed>
   void go_to(int slice, const Changed& changed) {
-    for (const Source& source : sources_) {
-      const CodedBand& band = *source.band;
-      const bool is = has(band, slice), was = has(band, slice_);
-      if (is == was && (!is || band.same(slice, slice_))) continue;
-      scratch_.resize(band.columns());
-      band.read(slice, scratch_.data());
-      const PixelBox part = PatchPlace::common(source.box, box_);
-      for (int y = part.y0; y < part.y1; ++y) {
-        const std::uint8_t* from = scratch_.data() +
-                                   static_cast<std::size_t>(y - source.box.y0) *
-                                       static_cast<std::size_t>(source.box.width()) +
-                                   static_cast<std::size_t>(part.x0 - source.box.x0);
-        const std::size_t at = place_.at(part.x0, y);
-        const auto count = static_cast<std::size_t>(part.width());
-        std::uint8_t* const to = bytes_.data() + at;
-        for (std::size_t k = 0; k < count; ++k) {
-          if (count - k >= 8 && std::memcmp(to + k, from + k, 8) == 0) {
-            k += 7;
-            continue;
-          }
-          if (to[k] == from[k]) continue;
-          const std::uint8_t old = to[k];
-          to[k] = from[k];
-          changed(at + k, old, from[k]);
-        }
+    for (Reader& r : readers_) {
+      switch (r.reader.go_to(slice)) {
+        case TileReader::Step::same:
+          break;
+        case TileReader::Step::changes:
+          change(r, changed);
+          break;
+        case TileReader::Step::whole:
+          replace(r, changed);
+          break;
       }
     }
-    slice_ = slice;
   }
 
  private:
-  static bool has(const CodedBand& band, int slice) {
-    return slice >= 0 && slice < band.slices() && !band.black(slice);
+  struct Reader {
+    TileReader reader;
+    PixelBox box, part;  ///< of the tile, and what of it is in the patch
+  };
+  template <class Changed>
+  void change(const Reader& r, const Changed& changed) {
+    const auto width = static_cast<std::uint32_t>(r.box.width());
+    for (const NonZero& c : r.reader.changes()) {
+      const Pixel p{r.box.x0 + static_cast<int>(c.at % width),
+                    r.box.y0 + static_cast<int>(c.at / width)};
+      if (!PatchPlace::holds(r.part, p)) continue;
+      const std::size_t at = place_.at(p.x, p.y);
+      const std::uint8_t old = bytes_[at];
+      bytes_[at] ^= c.value;
+      changed(at, old, bytes_[at]);
+    }
+  }
+  template <class Changed>
+  void replace(const Reader& r, const Changed& changed) {
+    for (int y = r.part.y0; y < r.part.y1; ++y) {
+      const std::uint8_t* const from =
+          r.reader.whole() +
+          static_cast<std::size_t>(y - r.box.y0) * static_cast<std::size_t>(r.box.width()) +
+          static_cast<std::size_t>(r.part.x0 - r.box.x0);
+      const std::size_t at = place_.at(r.part.x0, y);
+      const auto count = static_cast<std::size_t>(r.part.width());
+      std::uint8_t* const to = bytes_.data() + at;
+      for (std::size_t k = 0; k < count; ++k) {
+        if (count - k >= 8 && std::memcmp(to + k, from + k, 8) == 0) {
+          k += 7;
+          continue;
+        }
+        if (to[k] == from[k]) continue;
+        const std::uint8_t old = to[k];
+        to[k] = from[k];
+        changed(at + k, old, from[k]);
+      }
+    }
   }
   const PatchPlace& place_;
-  PixelBox box_;
-  std::vector<Source> sources_;
-  std::vector<std::uint8_t> bytes_, scratch_;
-  int slice_ = -1;
+  std::vector<Reader> readers_;
+  std::vector<std::uint8_t> bytes_;
 };
 
 template <class Real>
@@ -129,9 +151,10 @@ class PatchField {
         scattered_(plan.scatter.none() ? 0 : place_.size(), 0),
         levels_(place_.size(), 0) {
     const PixelBox lit = PatchPlace::common(place_.shown, plan.display);
+    find_shares(lit);
     for (int y = lit.y0; y < lit.y1; ++y) {
       for (int x = lit.x0; x < lit.x1; ++x) {
-        shine_[place_.at(x, y)] = static_cast<Real>(plan.shine_of[0]);
+        shine_[place_.at(x, y)] = shine_of(0, place_.at(x, y));
       }
     }
     blur_all();
@@ -202,12 +225,25 @@ class PatchField {
   void begin(int slice) {
     slice_ = slice;
     guides_stepped_ = false;
+    expose(plan_.ratio(slice));
     if (scattered_.empty()) return;
     const auto width = static_cast<std::size_t>(place_.watched.width());
     field_.resize(width * static_cast<std::size_t>(place_.watched.height()));
     copy_watched(dose_, [](Real& from, double& to) { to = from; });
     plan_.scatter.apply(field_.data(), place_.watched);
     copy_watched(scattered_, [](Real& to, double& from) { to = static_cast<Real>(from); });
+  }
+  /// From now on slices are exposed `ratio` times as long as normal ones.
+  void expose(double ratio) {
+    if (ratio == ratio_) return;
+    for (const int k : watched_) wake(k);
+    const double more = ratio / ratio_, shines = plan_.m == 1 ? more : std::pow(more, 1 / plan_.m);
+    for (auto* field : {&shine_, &light_}) {
+      for (Real& v : *field) v *= static_cast<Real>(shines);
+    }
+    for (Real& v : own_) v *= static_cast<Real>(more);
+    ratio_ = ratio;
+    scale_ = plan_.m == 1 ? ratio : std::pow(ratio, 1 / plan_.m);
   }
   /// Shows levels in place of those before.
   void show(const std::vector<Change>& changes) {
@@ -216,7 +252,7 @@ class PatchField {
       for (const Change& c : changes) {
         wake_around(c.at);
         levels_[c.at] = c.level;
-        shine_[c.at] = shine_of(c.level);
+        shine_[c.at] = shine_of(c.level, c.at);
       }
       blur_all();
       return;
@@ -225,7 +261,7 @@ class PatchField {
   }
   void show(std::size_t at, std::uint8_t level) {
     levels_[at] = level;
-    const Real shine = shine_of(level);
+    const Real shine = shine_of(level, at);
     if (shine == shine_[at]) return;
     if (!matters_.empty() && !matters_[static_cast<std::size_t>(square_of(at))]) {
       shine_[at] = shine;
@@ -290,7 +326,23 @@ class PatchField {
   /// What of the doses below reaches the slice.
   const Real* below() const { return scattered_.empty() ? dose_.data() : scattered_.data(); }
 
-  Real shine_of(std::uint8_t level) const { return static_cast<Real>(plan_.shine_of[level]); }
+  /// What a pixel shines at a level, and its light.
+  Real shine_of(std::uint8_t level, std::size_t at) const {
+    const double shine = plan_.shine_of[level] * scale_;
+    return static_cast<Real>(share_.empty() ? shine : shine * share_[at]);
+  }
+  Real light_of(std::uint8_t level, std::size_t at) const {
+    const double light = plan_.light_of[level] * ratio_;
+    if (share_.empty()) return static_cast<Real>(light);
+    return static_cast<Real>(light * (plan_.m == 1 ? share_[at] : std::pow(share_[at], plan_.m)));
+  }
+  /// phi of the level at which a pixel shines so.
+  double phi_at(std::size_t at, double shine) const {
+    const double light = shine / share_at(at);
+    return (plan_.m == 1 ? light : std::pow(light, plan_.m)) / (plan_.unit * ratio_);
+  }
+  /// Share of the plan's light that a pixel gets, to 1/m; 1 where light is even.
+  double share_at(std::size_t at) const { return share_.empty() ? 1 : share_[at]; }
 
   const CoupledPlan& plan_;
   const PatchPlace place_;
@@ -299,11 +351,26 @@ class PatchField {
   std::vector<Real> dose_;         ///< at the node that was come to
   std::vector<Real> guide_, own_;  ///< doses and lights of columns alone; may be empty
   std::vector<Real> seen_, scattered_;
+  std::vector<double> share_;  ///< of light, to 1/m; empty where it is even
   std::vector<std::uint8_t> levels_;
-  bool guides_stepped_ = false;  ///< guides of squares that are awake are at the node above
+  double ratio_ = 1, scale_ = 1;  ///< of the slice's light, and of what shines, to normal ones
+  bool guides_stepped_ = false;   ///< guides of squares that are awake are at the node above
 
  private:
   const Real* taps() const;
+  void find_shares(const PixelBox& lit) {
+    if (!plan_.shares || lit.empty()) return;
+    share_.assign(place_.size(), 1);
+    std::vector<double> shares(static_cast<std::size_t>(lit.width()) *
+                               static_cast<std::size_t>(lit.height()));
+    plan_.shares(lit, shares.data());
+    std::size_t k = 0;
+    for (int y = lit.y0; y < lit.y1; ++y) {
+      for (int x = lit.x0; x < lit.x1; ++x, ++k) {
+        share_[place_.at(x, y)] = plan_.m == 1 ? shares[k] : std::pow(shares[k], 1 / plan_.m);
+      }
+    }
+  }
   void towards(Real* field, const Real* goal, int steps) const {
     if (steps <= 0) return;
     const Real left = kept_[static_cast<std::size_t>(steps)];

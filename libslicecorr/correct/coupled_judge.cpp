@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <tuple>
 #include <utility>
 
@@ -18,10 +17,15 @@ class PatchJudge : public PatchField<double> {
   PatchJudge(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
              std::size_t most_misses)
       : PatchField(plan, PatchPlace::grown(box, plan.halo_x, plan.halo_y)),
+        box_(box),
         most_misses_(most_misses),
+        middle_{plan.middle_below, plan.middle_norm},
         near_(1 - plan.margin),
+        near_at_nodes_(near_ * plan.middle_norm / (1 + plan.middle_below)),
         levels_at_(place(), place().shown, sources.levels),
         coverage_(place(), box, sources.coverage),
+        above_(place(), box, sources.coverage),
+        left_(place(), box, sources.left_alone),
         kind_(place().size(), 0),
         next_(place().size(), 0) {
     for (int y = box.y0; y < box.y1; ++y) {
@@ -32,11 +36,9 @@ class PatchJudge : public PatchField<double> {
     for (int n = plan_.slices; n-- > 0;) judge(n);
     figures_.through = sums_.through;
     figures_.under = sums_.under;
+    figures_.parted = sums_.parted;
     figures_.loss = sums_.loss;
-    if (!misses_.empty()) {
-      misses_.shrink_to_fit();
-      figures_.misses = std::make_shared<const std::vector<Miss>>(std::move(misses_));
-    }
+    figures_.misses = std::move(misses_);
     return std::move(figures_);
   }
 
@@ -44,21 +46,32 @@ class PatchJudge : public PatchField<double> {
   void judge(int n) {
     begin(n);
     changes_.clear();
-    levels_at_.go_to(plan_.slices - 1 - n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
+    levels_at_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
       changes_.push_back({at, is});
     });
     show(changes_);
-    coverage_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
-      kind_[at] = is == 255 ? 1 : is == 0 ? -1 : 0;
+    const auto note = [&](std::size_t at, std::uint8_t, std::uint8_t) {
+      const std::uint8_t cover = coverage_[at];
+      // The platform is a layer to hold on to.
+      const bool holds = plan_.layerwise && (n == 0 || above_[at] == 255);
+      kind_[at] = left_[at] != 0 ? 0 : cover == 255 ? (holds ? 2 : 1) : cover == 0 ? -1 : 0;
       wake(square_of(at));
-    });
+    };
+    if (plan_.layerwise && n > 0) above_.go_to(n - 1, note);
+    coverage_.go_to(n, note);
+    left_.go_to(n, note);
+    if (plan_.layerwise && n == 0) {
+      for (int y = box_.y0; y < box_.y1; ++y) {
+        for (int x = box_.x0; x < box_.x1; ++x) note(place().at(x, y), 0, 0);
+      }
+    }
     for (const int k : watched()) {
       if (square(k).asleep) continue;
       const std::size_t first = first_of(k), stride = place().stride;
       const double* const seen = seen_light(k);
       step_square(next_.data() + first, seen + first, below() + first, stride, plan_.b, plan_.a);
       if (judge_square(next_.data() + first, dose_.data() + first, kind_.data() + first, stride,
-                       plan_.root_a, near_, sums_)) {
+                       middle_, near_, sums_)) {
         collect(n, first);
       }
       for (std::size_t y = 0; y < kSquare; ++y) {
@@ -66,7 +79,8 @@ class PatchJudge : public PatchField<double> {
       }
       const int calm = square(k).touched_at - n;
       if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 &&
-          stays_right(seen + first, dose_.data() + first, kind_.data() + first, stride, near_)) {
+          stays_right(seen + first, dose_.data() + first, kind_.data() + first, stride,
+                      near_at_nodes_)) {
         sleep(k);
       }
     }
@@ -77,7 +91,7 @@ class PatchJudge : public PatchField<double> {
     for (std::size_t y = 0; y < kSquare; ++y) {
       for (std::size_t k = first + y * place().stride; k < first + y * place().stride + kSquare;
            ++k) {
-        const double middle = (next_[k] + plan_.root_a * dose_[k]) / (1 + plan_.root_a);
+        const double middle = middle_.of(next_[k], dose_[k]);
         double excess = 0;
         if (kind_[k] > 0 && next_[k] < 1) excess = next_[k] - 1;
         if (kind_[k] > 0 && middle < 1) excess = std::min(excess, middle - 1);
@@ -85,16 +99,20 @@ class PatchJudge : public PatchField<double> {
         if (kind_[k] < 0 && middle >= near_ && excess <= 0) excess = 1e-9;
         if (excess == 0) continue;
         const Pixel p = place().pixel(k);
-        const bool wrong = kind_[k] > 0 ? middle < 1 : middle >= 1;
+        const bool parted = kind_[k] > 1 && next_[k] < 1;
+        const bool wrong = kind_[k] > 0 ? middle < 1 || parted : middle >= 1;
         misses_.push_back({n, p.x, p.y, static_cast<float>(excess), wrong});
       }
     }
     figures_.all_misses = misses_.size() < most_misses_;
   }
 
+  PixelBox box_;
   std::size_t most_misses_;
-  double near_;
-  PatchBytes levels_at_, coverage_;
+  MiddleRule middle_;
+  double near_;           ///< of the middles of gaps
+  double near_at_nodes_;  ///< where both nodes of a gap's layer are below it, its middle is near_
+  PatchBytes levels_at_, coverage_, above_, left_;
   std::vector<double> kind_, next_;
   std::vector<Change> changes_;
   SquareSums sums_;

@@ -60,7 +60,9 @@ bool passes_bounds(const float* light, const float* below, const float* dose, co
     const std::size_t at = static_cast<std::size_t>(y) * stride;
     for (std::size_t k = at; k < at + kSquare; ++k) {
       const float v = gain * light[k] + kept * below[k];
-      const float least = std::min(bounds.least[k], guide[k]) - slack;
+      const float least =
+          (guide[k] >= bounds.holds ? bounds.least[k] : std::min(bounds.least[k], guide[k])) -
+          slack;
       const float most = std::max(bounds.most[k] - bounds.share[k] * dose[k], guide[k]) + slack;
       any |= static_cast<int>(v < least) | static_cast<int>(v > most);
       if (with_soft) {
@@ -101,7 +103,7 @@ void aim_square(const float* light, const float* below, const float* dose, const
     const std::size_t from = y * stride;
     for (std::size_t k = from; k < from + kSquare; ++k) {
       const float seen = rule.kept * below[k], now = rule.gain * light[k] + seen;
-      float lo = std::min(bounds.least[k], guide[k]);
+      float lo = guide[k] >= bounds.holds ? bounds.least[k] : std::min(bounds.least[k], guide[k]);
       float hi = std::max(bounds.most[k] - bounds.share[k] * dose[k], guide[k]);
       float low = guide[k] - bounds.under_guide[k], high = guide[k] + bounds.over_guide[k];
       float high_weight = soft.high_weight[k];
@@ -166,23 +168,24 @@ Pull pull_of(const float* light, const AimRows& aim, std::size_t at, std::size_t
 
 SLICECORR_CLONES
 bool judge_square(const double* dose, const double* below, const double* kind, std::size_t stride,
-                  double root_a, double near, SquareSums& sums) {
-  const double per = 1 / (1 + root_a);
+                  const MiddleRule& rule, double near, SquareSums& sums) {
+  const double per = 1 / rule.norm, share = rule.below_share;
   int any = 0;
   for (int y = 0; y < kSquare; ++y, dose += stride, below += stride, kind += stride) {
     for (int i = 0; i < kSquare; ++i) {
-      const double middle = (dose[i] + root_a * below[i]) * per;
+      const double middle = (dose[i] + share * below[i]) * per;
       any |= static_cast<int>(kind[i] > 0) &
              (static_cast<int>(middle < 1) | static_cast<int>(dose[i] < 1));
       any |= static_cast<int>(kind[i] < 0) & static_cast<int>(middle >= near);
     }
     if (!any) continue;
     for (int i = 0; i < kSquare; ++i) {
-      const double middle = (dose[i] + root_a * below[i]) * per;
+      const double middle = (dose[i] + share * below[i]) * per;
       if (kind[i] > 0) {
         const double lacks = std::max(0.0, 1 - dose[i]);
         sums.loss += lacks * lacks / 2;
         sums.under += middle < 1;
+        sums.parted += kind[i] > 1 && dose[i] < 1 && middle >= 1;
       } else if (kind[i] < 0 && middle >= 1) {
         sums.loss += (middle - 1) * (middle - 1) / 2;
         ++sums.through;

@@ -27,6 +27,7 @@ void step_square(double* dose, const double* light, const double* below, std::si
 /// What a solve asks of the doses of a square, arrays with a common stride; see `DoseBounds`.
 struct BoundRows {
   float *least, *most, *share, *over_guide, *under_guide, *soft;
+  float holds;  ///< guides from here on do not lower `least`
 };
 /// Whether doses of a square, stepped by its light, pass their bounds by more than `slack`; soft
 /// bounds count where `with_soft`.
@@ -71,17 +72,23 @@ struct Pull {
 Pull pull_of(const float* light, const AimRows& aim, std::size_t at, std::size_t stride,
              const float* taps, int rows, int width);
 
-/// Wrong voxels of a square.
+/// Wrong voxels of a square, and features' nodes that part two layers.
 struct SquareSums {
-  std::uint64_t through = 0, under = 0;
+  std::uint64_t through = 0, under = 0, parted = 0;
   double loss = 0;
 };
-/// Judges a square: `dose` at the upper node, `below` at the lower one, `kind` 1 of features, -1 of
-/// gaps, 0 of what nobody asks for. True when anything misses its aim by more than `near` allows
+/// How the dose in the middle of a layer follows from those of its nodes: (upper + below_share
+/// lower) / norm.
+struct MiddleRule {
+  double below_share, norm;
+  double of(double upper, double lower) const { return (upper + below_share * lower) / norm; }
+};
+/// Judges a square: `dose` at the upper node, `below` at the lower one, `kind` 1 of features (2:
+/// they must not part from the layer above), -1 of gaps, 0 of what nobody asks for. True when anything misses its aim by more than `near` allows
 /// gaps to come near 1.
 bool judge_square(const double* dose, const double* below, const double* kind, std::size_t stride,
-                  double root_a, double near, SquareSums& sums);
-/// Whether doses and lights are all on the right side of 1.
+                  const MiddleRule& rule, double near, SquareSums& sums);
+/// Whether doses and lights are all on the right side of 1, those of gaps below `near`.
 bool stays_right(const double* light, const double* dose, const double* kind, std::size_t stride,
                  double near);
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "correct/coupled_field.hpp"
@@ -14,23 +13,26 @@ namespace slicecorr::detail {
 struct Miss {
   std::int32_t slice = 0, x = 0, y = 0;
   float excess = 0;    ///< dose over what it should be at most, below 0: under what at least
-  bool wrong = false;  ///< in the middle of its layer on the wrong side of 1
+  bool wrong = false;  ///< in the middle of its layer on the wrong side of 1, or parted
 };
 
 /// What of a patch is wrong.
 struct PatchFigures {
   std::uint64_t through = 0, under = 0;  ///< voxels of gaps that cure, of features that don't
+  std::uint64_t parted = 0;  ///< layer by layer: of features that part from the one above
   double loss = 0;
-  /// From the last slice to the first; null: none.
-  std::shared_ptr<const std::vector<Miss>> misses;
+  /// From the last slice to the first.
+  std::vector<Miss> misses;
   bool all_misses = true;  ///< else they are too many, and these the first ones
-  std::uint64_t wrong() const { return through + under; }
+  std::uint64_t wrong() const { return through + under + parted; }
 };
 
-/// Where the coded slices of a patch come from. Coverage: the first slice first; levels: the last
-/// one first.
+/// Where the bytes of a patch come from: coverage of layers, levels of slices.
 struct PatchSources {
   std::vector<PatchBytes::Source> coverage, levels, columns;
+  /// What is left alone, not 0, the first slice first: it is shown as columns show it, and nothing
+  /// is asked of its doses. Empty where nothing is.
+  std::vector<PatchBytes::Source> left_alone;
 };
 
 /// Judges the voxels of `box`, in double precision, and keeps some `most_misses` of their misses.
@@ -50,15 +52,16 @@ std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss
 
 /// What is chosen for a patch in a round.
 struct PatchTask {
-  PixelBox box;                       ///< of the patch
-  const CodedBand* before = nullptr;  ///< its levels after the round before
+  PixelBox box;                      ///< of the patch
+  const KeptTile* before = nullptr;  ///< its levels after the round before
   PixelBox free;  ///< pixels whose levels may change; others, around them, are kept
   /// The first round sets out from the levels of columns, and keeps what it changes of them while
   /// they stay as they are; later ones change what is asked for.
   bool first = true;
   std::vector<Request> requests;
 };
-/// Levels of `task.box`, the last slice first.
-CodedBand solve_patch(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources);
+/// Levels of `task.box`, kept in `store`.
+KeptTile solve_patch(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources,
+                     BlobStore& store);
 
 }  // namespace slicecorr::detail

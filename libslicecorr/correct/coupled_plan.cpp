@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "correct/coupled_kernels.hpp"
+#include "correct/plane_levels.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
@@ -19,43 +21,118 @@ constexpr int kMostNear = 7;
 /// What of a dose beyond a halo may matter where doses are judged, and where light is chosen.
 constexpr double kJudgedShare = 1e-9, kChosenShare = 1e-2;
 
+/// With more levels than these the errors of rounding don't show in the plane.
+constexpr int kFewLevels = 16;
+/// Of light that scatters up to an edge, what is left out of its dose.
+constexpr double kEdgeShare = 1e-4;
+
+/// What lies in the middle of a box that is lit on some sides of it only.
+class LitPart {
+ public:
+  LitPart(const CureModel& model, const LightBlur& blur, const SliceScatter& scatter)
+      : model_(model), blur_(blur), scatter_(scatter) {
+    const int x = blur.reach_x() + scatter.halo_x(model.a, kEdgeShare),
+              y = blur.reach_y() + scatter.halo_y(model.a, kEdgeShare);
+    box_ = {-x, -y, x + 1, y + 1};
+  }
+  /// Slices of full light, `most` at the most, after which the pixel in the middle gels; `lit` tells
+  /// which pixels are. 0: its light does not do for that.
+  template <class Lit>
+  int slices_to_gel(int most, const Lit& lit) const {
+    const double m = model_.m;
+    const double full = std::pow(model_.phi_max(), 1 / m),
+                 black = std::pow(model_.phi_min(), 1 / m);
+    std::vector<double> shown, light, dose;
+    for (int y = box_.y0; y < box_.y1; ++y) {
+      for (int x = box_.x0; x < box_.x1; ++x) shown.push_back(lit(x, y) ? full : black);
+    }
+    light = shown;
+    if (!blur_.none()) blur_.apply(shown.data(), box_, light.data(), box_);
+    for (double& v : light) v = m == 1 ? v : std::pow(std::max(0.0, v), m);
+    const std::size_t middle = light.size() / 2;
+    if (light[middle] <= 1) return 0;
+    dose.assign(light.size(), 0.0);
+    for (int k = 1; k < most; ++k) {
+      if (!scatter_.none()) scatter_.apply(dose.data(), box_);
+      for (std::size_t i = 0; i < dose.size(); ++i) {
+        dose[i] = model_.one_minus_a * light[i] + model_.a * dose[i];
+      }
+      if (dose[middle] >= 1) return k;
+    }
+    return most;
+  }
+
+ private:
+  const CureModel& model_;
+  const LightBlur& blur_;
+  const SliceScatter& scatter_;
+  PixelBox box_;
+};
+
 int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 
 }  // namespace
 
+bool can_couple(const CureModel& model) {
+  return !model.inhibited && model.bath_slices == 0 && model.mirrored_slices == 0;
+}
+
+int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
+                           const SliceScatter& scatter) {
+  const int least = model.slices_to_gel();
+  if (blur.none() && scatter.none()) return least;
+  const int most = std::max(least, static_cast<int>(std::ceil(1 / model.eta)));
+  const LitPart part(model, blur, scatter);
+  int corners = 0, edges = 0;
+  for (const int sx : {-1, 1}) {
+    for (const int sy : {-1, 1}) {
+      corners = std::max(corners, part.slices_to_gel(most, [&](int x, int y) {
+        return sx * x >= 0 && sy * y >= 0;
+      }));
+    }
+    edges = std::max(edges, part.slices_to_gel(most, [&](int x, int) { return sx * x >= 0; }));
+    edges = std::max(edges, part.slices_to_gel(most, [&](int, int y) { return sx * y >= 0; }));
+  }
+  return std::max({least, corners, edges});
+}
+
 CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
                          const SliceScatter& slice_scatter, const PixelBox& display_box,
-                         double dose_margin)
+                         double dose_margin, LightShares light_shares)
     : columns(column_plan),
       blur(light_blur),
       scatter(slice_scatter),
       display(display_box),
+      shares(std::move(light_shares)),
       slices(column_plan.all_layers),
       layers(column_plan.layers),
+      layerwise(column_plan.model.mode == ExposureMode::layerwise),
       a(column_plan.model.a),
       b(column_plan.model.one_minus_a),
-      root_a(column_plan.model.root_a),
       m(column_plan.model.m),
+      middle_below(layerwise ? 0 : column_plan.model.root_a),
+      middle_norm(layerwise ? column_plan.model.root_a : 1 + column_plan.model.root_a),
+      unit(layerwise ? a / b : 1),
       reach_x(light_blur.reach_x()),
       reach_y(light_blur.reach_y()) {
-  if (!columns.model.is_plain()) {
+  if (!can_couple(columns.model)) {
     throw InputError(
-        "light that spreads is corrected in continuous exposure without UV light, in a bath "
-        "without a depth: leave these out, or correct columns alone");
+        "light that spreads is corrected without UV light, in a bath without a depth and before a "
+        "platform that sends no light back: leave these out, or correct columns alone");
   }
   top = columns.levels.size() - 1;
   shine_step = 0;
-  double phi_step = 0;
+  double light_step = 0;
   for (int l = 0; l < 256; ++l) {
     const auto k = static_cast<std::size_t>(l);
-    phi_of[k] = columns.levels.phi(std::min(l, top));
-    shine_of[k] = m == 1 ? phi_of[k] : std::pow(phi_of[k], 1 / m);
+    light_of[k] = unit * columns.levels.phi(std::min(l, top));
+    shine_of[k] = m == 1 ? light_of[k] : std::pow(light_of[k], 1 / m);
     if (l == 0) continue;
     shine_step = std::max(shine_step, shine_of[k] - shine_of[k - 1]);
-    phi_step = std::max(phi_step, phi_of[k] - phi_of[k - 1]);
+    light_step = std::max(light_step, light_of[k] - light_of[k - 1]);
   }
   // Some level steps of a single pixel: rounding to levels spends a part of it.
-  margin = dose_margin > 0 ? dose_margin : std::clamp(1.5 * b * phi_step, 1e-4, 0.02);
+  margin = dose_margin > 0 ? dose_margin : std::clamp(1.5 * b * light_step, 1e-4, 0.02);
 
   taps_rows = 2 * reach_y + 1;
   taps_width = padded(2 * reach_x + 1);
@@ -73,6 +150,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
   }
   taps_single.assign(taps.begin(), taps.end());
 
+  hands_on = columns.levels.size() <= kFewLevels && is_wide(blur);
   const double most = *std::max_element(weights.begin(), weights.end());
   near_x = std::min(1, reach_x);
   near_y = std::min(1, reach_y);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <vector>
 
 #include "cure/light_spread.hpp"
@@ -10,24 +11,42 @@
 
 namespace slicecorr::detail {
 
+/// Whether doses of a model add up from slice to slice, so that columns can be corrected together.
+bool can_couple(const CureModel& model);
+
+/// Shares of light that the pixels of a box get, of that of the plan, row by row.
+using LightShares = std::function<void(const PixelBox& box, double* shares)>;
+
 struct CoupledPlan {
-  /// `column_plan`: of continuous exposure without UV light in a bath that does not end; throws
-  /// `InputError` for others. `display_box`: beyond it it is dark. `dose_margin`: how far from 1
-  /// doses are aimed at; 0: as levels ask. All but the last two must outlive the plan.
+  /// `column_plan`: without UV light, in a bath that does not end, before a platform that sends no
+  /// light back; throws `InputError` for others. `display_box`: beyond it it is dark. `dose_margin`: how far from 1
+  /// doses are aimed at; 0: as levels ask. `light_shares`: empty where light is even. All but the
+  /// last three must outlive the plan.
   CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
-              const SliceScatter& slice_scatter, const PixelBox& display_box, double dose_margin);
+              const SliceScatter& slice_scatter, const PixelBox& display_box, double dose_margin,
+              LightShares light_shares);
 
   const CorrectionPlan& columns;
   const LightBlur& blur;
   const SliceScatter& scatter;
   PixelBox display;
+  LightShares shares;
   int slices, layers;
-  double a, b, root_a, m;
+  bool layerwise;
+  double a, b, m;
+  /// Dose in the middle of a layer: that of its upper node and `middle_below` times that of the
+  /// lower one, over `middle_norm`. Layer by layer nodes are seen from inside their layer.
+  double middle_below, middle_norm;
+  /// Light of phi = 1, so that doses are (1 - a) light + a below in both modes.
+  double unit;
+  /// Light of a slice over that of `light_of`.
+  double ratio(int slice) const { return columns.model.ratio(slice); }
   double margin;
-  std::array<double, 256> shine_of;  ///< by grey level: what is blurred, phi^(1/m)
-  std::array<double, 256> phi_of;    ///< by grey level
+  std::array<double, 256> shine_of;  ///< by grey level: what is blurred, light^(1/m)
+  std::array<double, 256> light_of;  ///< by grey level
   int top;                           ///< the highest grey level
   double shine_step;                 ///< greatest between two neighbouring levels
+  bool hands_on;  ///< what pixels have too much is handed on in the plane: see `levels_of_plane`
 
   int reach_x, reach_y;
   /// What a pixel gives to those around it: rows of `taps_width`, the first 2 reach_x + 1 of which
@@ -48,5 +67,11 @@ struct CoupledPlan {
   double fading;
   int depth;
 };
+
+/// Slices after the last layer of a part in which its corners cure, which get a part of the light
+/// only; where full light does not do for them, its straight edges. At least `slices_to_gel`, and
+/// no more than there are in an absorbance height, from beyond which a tenth of the light is left.
+int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
+                           const SliceScatter& scatter);
 
 }  // namespace slicecorr::detail

@@ -21,6 +21,8 @@ constexpr double kFaded = 0.05;
 /// Added to the curvature of one pixel's change: light is shared out between neighbours, which
 /// keeps it smooth where they want the same.
 constexpr float kSharing = 0.1F;
+/// Changes of light that are worth it, in steps of levels.
+constexpr float kLeastChange = 0.15F;
 /// Weights of what serves later slices, or edges, beside those of voxels.
 constexpr float kGuideWeight = 0.2F, kEdgeWeight = 0.1F, kGreyWeight = 0.2F, kRequestWeight = 0.5F;
 /// Greatest dose wanted of a feature's pixel beside a gap: the outline runs where the dose between
@@ -38,20 +40,23 @@ constexpr std::uint8_t kMayChange = 1, kTried = 2, kTouched = 4;
 
 class PatchSolver : public PatchField<float> {
  public:
-  PatchSolver(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources)
+  PatchSolver(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources,
+              BlobStore& store)
       : PatchField(plan, PatchPlace::grown(task.box, plan.overlap_x, plan.overlap_y)),
         task_(task),
         before_(place(), place().shown, sources.levels),
         columns_(place(), place().watched, sources.columns),
         above_(place(), place().watched, sources.coverage),
+        left_(place(), place().watched, sources.left_alone),
         here_(place().size(), 0),
         next_request_(task.requests.begin()),
-        coded_(static_cast<std::size_t>(task.box.width()) *
-               static_cast<std::size_t>(task.box.height())),
-        row_(coded_.columns()) {
+        row_(static_cast<std::size_t>(task.box.width()) *
+             static_cast<std::size_t>(task.box.height())),
+        coded_(store, row_.size(), plan.slices, TileWriter::From::last, task.before) {
     const std::size_t size = place().size();
     guide_.assign(size, 0);
-    own_.assign(size, static_cast<float>(plan.phi_of[0]));
+    own_.resize(size);
+    for (std::size_t at = 0; at < size; ++at) own_[at] = light_of(0, at);
     for (auto* field : {&least_, &under_guide_, &lo_, &raw_lo_, &looked_at_})
       field->assign(size, 0);
     for (auto* field : {&most_, &share_, &over_guide_, &soft_, &hi_, &low_weight_, &high_weight_,
@@ -71,31 +76,37 @@ class PatchSolver : public PatchField<float> {
       }
       watch_around(std::move(near));
     }
+    if (plan.hands_on) credit_.assign(size, 0);
     marked_.assign(size, 0);
     const PixelBox free = PatchPlace::common(place().watched, task.free);
     for (int y = free.y0; y < free.y1; ++y) {
-      for (int x = free.x0; x < free.x1; ++x) marked_[place().at(x, y)] = kMayChange;
+      for (int x = free.x0; x < free.x1; ++x) {
+        const std::size_t at = place().at(x, y);
+        // Where no light comes nothing can be chosen.
+        if (share_at(at) > 0) marked_[at] = kMayChange;
+      }
     }
     const PixelBox w = PatchPlace::common(place().watched, plan.display);
     for (int y = w.y0; y < w.y1; ++y) {
       for (int x = w.x0; x < w.x1; ++x) asked_.push_back(place().at(x, y));
     }
   }
-  CodedBand run() {
-    // Slices above the last request, and above what it changed, stay.
-    const int end = task_.first || task_.requests.empty()
-                        ? 0
-                        : std::max(0, task_.requests.back().slice - fades_);
+  KeptTile run() {
+    // Pieces above the last request, and above what it changed, stay.
+    const int end =
+        task_.first || task_.requests.empty()
+            ? 0
+            : std::max(0, task_.requests.back().slice - fades_) / kPieceSlices * kPieceSlices;
     for (int n = plan_.slices; n-- > end;) solve(n);
-    for (int n = end; n-- > 0;) coded_.append_of(*task_.before, plan_.slices - 1 - n);
-    coded_.trim();
-    return std::move(coded_);
+    return coded_.finish();
   }
 
  private:
   BoundRows bounds_of(std::size_t first) {
-    return {least_.data() + first,      most_.data() + first,        share_.data() + first,
-            over_guide_.data() + first, under_guide_.data() + first, soft_.data() + first};
+    // Layer by layer the least level that holds a layer is all that columns take.
+    return {least_.data() + first,         most_.data() + first,        share_.data() + first,
+            over_guide_.data() + first,    under_guide_.data() + first, soft_.data() + first,
+            plan_.layerwise ? 1.0F : kFree};
   }
   void set_free(std::size_t at) {
     least_[at] = -kFree;
@@ -135,15 +146,20 @@ class PatchSolver : public PatchField<float> {
   void apply_requests();
   void choose();
   void find_missed(std::vector<std::size_t>& missed);
+  void set_level(std::size_t at, int level);
   void round_to_levels();
+  /// The same for few levels: what a pixel of a feature has too much is handed on to those beside it
+  /// that are not decided, as `levels_of_plane` does, and what it has less than they want it must
+  /// not lack.
+  void hand_on();
   void give(int n);
 
   const PatchTask& task_;
-  PatchBytes before_, columns_, above_;
+  PatchBytes before_, columns_, above_, left_;
   std::vector<std::uint8_t> here_, marked_;
   std::vector<Request>::const_iterator next_request_, requests_from_, requests_to_;
-  CodedBand coded_;
   std::vector<std::uint8_t> row_;
+  TileWriter coded_;
   std::vector<std::size_t> asked_;
 
   /// What is asked of doses, by pixel: at least `least_` (or the guide, if that is less), at most
@@ -153,6 +169,7 @@ class PatchSolver : public PatchField<float> {
   std::vector<float> low_weight_, high_weight_;  ///< of guides
   /// The same of lights of the slice, with some room (`lo_`, `hi_`) and without.
   std::vector<float> lo_, hi_, lo_weight_, hi_weight_, raw_lo_, raw_hi_;
+  std::vector<float> credit_;     ///< light that pixels were handed; empty where none is
   std::vector<float> looked_at_;  ///< lights of pixels that were missed, when they were looked at
 
   std::vector<Change> changes_;
@@ -166,9 +183,8 @@ class PatchSolver : public PatchField<float> {
 };
 
 void PatchSolver::show_slice(int n) {
-  const int index = plan_.slices - 1 - n;
   changes_.clear();
-  before_.go_to(index, [&](std::size_t at, std::uint8_t was, std::uint8_t is) {
+  before_.go_to(n, [&](std::size_t at, std::uint8_t was, std::uint8_t is) {
     int level = is;
     if (task_.first && levels_[at] != was) {
       level = std::clamp(static_cast<int>(levels_[at]) + is - was, 0, plan_.top);
@@ -183,7 +199,7 @@ void PatchSolver::show_slice(int n) {
   }
   shown_changed_ = shown_changed_ || !changes_.empty();
   show(changes_);
-  columns_.go_to(index,
+  columns_.go_to(n,
                  [&](std::size_t at, std::uint8_t, std::uint8_t) { to_classify_.push_back(at); });
 }
 
@@ -204,6 +220,19 @@ void PatchSolver::note_coverage(int n) {
   for (const std::size_t at : coverage_changes_) take(at);
   coverage_changes_.clear();
   if (n > 0) above_.go_to(n - 1, note);
+  left_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
+    if (is != 0) {
+      marked_[at] &= static_cast<std::uint8_t>(~kMayChange);
+      if (levels_[at] != before_[at]) {
+        show(at, before_[at]);
+        shown_changed_ = true;
+      }
+    }
+    if (is == 0 && share_at(at) > 0 && PatchPlace::holds(task_.free, place().pixel(at))) {
+      marked_[at] |= kMayChange;
+    }
+    to_classify_.push_back(at);
+  });
   for (const std::size_t at : to_classify_) {
     if (!square(square_of(at)).watched || !is_asked(at)) continue;
     wake(square_of(at));
@@ -215,9 +244,10 @@ void PatchSolver::note_coverage(int n) {
 void PatchSolver::classify(std::size_t at) {
   const int cover = here_[at], above = above_[at];
   const std::uint8_t level = columns_[at];
-  const auto margin = static_cast<float>(plan_.margin), root_a = static_cast<float>(plan_.root_a);
+  const auto margin = static_cast<float>(plan_.margin);
   set_free(at);
-  own_[at] = static_cast<float>(plan_.phi_of[level]);
+  own_[at] = light_of(level, at);
+  if (left_[at] != 0) return;
   if (cover == 255) {
     least_[at] = above == 255 ? 1 + margin : 1;
     if (above == 0) most_[at] = 1 + 1.5F * margin;
@@ -227,10 +257,10 @@ void PatchSolver::classify(std::size_t at) {
     for_neighbours(at, [&](std::size_t beside) { rim = rim || here_[beside] == 0; });
     if (rim) soft_[at] = std::max(kRimDose, 1 + 4 * margin);
   } else if (cover == 0) {
-    most_[at] = (1 - margin) * (1 + root_a);
-    share_[at] = root_a;
+    most_[at] = (1 - margin) * static_cast<float>(plan_.middle_norm);
+    share_[at] = static_cast<float>(plan_.middle_below);
     if (above == 255) {
-      least_[at] = 1;
+      if (!plan_.layerwise) least_[at] = 1;
     } else if (level > 0) {
       under_guide_[at] = 0;
     }
@@ -243,7 +273,7 @@ void PatchSolver::classify(std::size_t at) {
     // What is mostly covered is mostly a feature.
     low_weight_[at] = cover < 128 ? kGreyWeight / 4 : kGreyWeight;
     high_weight_[at] = cover < 128 ? kGreyWeight : kGreyWeight / 4;
-    if (above == 255) least_[at] = 1;
+    if (above == 255 && !plan_.layerwise) least_[at] = 1;
   }
 }
 
@@ -297,7 +327,7 @@ void PatchSolver::aim(int k) {
   const std::size_t first = first_of(k), stride = place().stride;
   const AimRule rule{static_cast<float>(plan_.b),
                      static_cast<float>(plan_.a),
-                     static_cast<float>(plan_.phi_of[255]),
+                     static_cast<float>(plan_.light_of[255] * ratio_),
                      0.5F * static_cast<float>(plan_.margin / plan_.b),
                      kEdgeWeight,
                      task_.first};
@@ -326,13 +356,11 @@ void PatchSolver::apply_requests() {
     const std::size_t at = place().at(r->x, r->y);
     const float wanted = light_[at] - r->less;
     if (r->less > 0 && wanted < hi_[at]) {
-      hi_[at] = raw_hi_[at] =
-          std::max({wanted, raw_lo_[at], static_cast<float>(plan_.shine_of[0])});
+      hi_[at] = raw_hi_[at] = std::max({wanted, raw_lo_[at], shine_of(0, at)});
       lo_[at] = std::min(lo_[at], hi_[at]);
       hi_weight_[at] = kRequestWeight;
     } else if (r->less < 0 && wanted > lo_[at]) {
-      lo_[at] = raw_lo_[at] =
-          std::min({wanted, raw_hi_[at], static_cast<float>(plan_.shine_of[255])});
+      lo_[at] = raw_lo_[at] = std::min({wanted, raw_hi_[at], shine_of(255, at)});
       hi_[at] = std::max(hi_[at], lo_[at]);
       lo_weight_[at] = kRequestWeight;
     }
@@ -362,9 +390,7 @@ void PatchSolver::find_missed(std::vector<std::size_t>& missed) {
 }
 
 void PatchSolver::choose() {
-  const float dark = static_cast<float>(plan_.shine_of[0]),
-              bright = static_cast<float>(plan_.shine_of[255]),
-              least = 0.15F * static_cast<float>(plan_.shine_step);
+  const float least = kLeastChange * static_cast<float>(plan_.shine_step * scale_);
   const AimRows aim{lo_.data(), hi_.data(), lo_weight_.data(), hi_weight_.data()};
   const std::size_t stride = place().stride;
   const auto near_x = static_cast<std::size_t>(plan_.near_x),
@@ -395,8 +421,8 @@ void PatchSolver::choose() {
       const Pull pull = pull_of(light_.data(), aim, first, stride, plan_.near_taps.data(),
                                 plan_.near_rows, plan_.near_width);
       if (pull.curvature <= 0) continue;
-      const float shine =
-          std::clamp(shine_[j] + pull.slope / (pull.curvature + kSharing), dark, bright);
+      const float shine = std::clamp(shine_[j] + pull.slope / (pull.curvature + kSharing),
+                                     shine_of(0, j), shine_of(255, j));
       const float change = shine - shine_[j];
       if (std::abs(change) < least) continue;
       wake_around(j);
@@ -415,41 +441,103 @@ void PatchSolver::choose() {
   }
 }
 
+void PatchSolver::set_level(std::size_t at, int level) {
+  if (level != levels_[at]) {
+    shown_changed_ = true;
+    levels_[at] = static_cast<std::uint8_t>(level);
+    if (!task_.first) altered_.push_back(at);
+  }
+  const float shine = shine_of(levels_[at], at);
+  if (shine == shine_[at]) return;
+  shine_more(at, shine - shine_[at]);
+  shine_[at] = shine;
+}
+
 void PatchSolver::round_to_levels() {
+  if (plan_.hands_on) return hand_on();
   const LevelTable& table = plan_.columns.levels;
   for (const std::size_t at : touched_) {
     marked_[at] ^= kTouched;
-    double phi = shine_[at];
-    if (plan_.m != 1) phi = std::pow(phi, plan_.m);
+    const double phi = phi_at(at, shine_[at]);
     const auto [below, above] = table.around(phi);
-    const int level = table.phi(above) - phi < phi - table.phi(below) ? above : below;
-    if (level != levels_[at]) {
-      shown_changed_ = true;
-      levels_[at] = static_cast<std::uint8_t>(level);
-      if (!task_.first) altered_.push_back(at);
-    }
-    const float shine = shine_of(levels_[at]);
-    if (shine != shine_[at]) {
-      shine_more(at, shine - shine_[at]);
-      shine_[at] = shine;
-    }
+    set_level(at, table.phi(above) - phi < phi - table.phi(below) ? above : below);
   }
   // Features are not left under their dose by rounding.
   const float room = static_cast<float>(plan_.margin / plan_.b);
   for (const std::size_t at : touched_) {
     if (here_[at] != 255 || light_[at] >= raw_lo_[at] - room || levels_[at] >= plan_.top) continue;
-    if (raw_lo_[at] >= static_cast<float>(plan_.shine_of[255])) continue;
-    ++levels_[at];
-    shown_changed_ = true;
-    if (!task_.first) altered_.push_back(at);
-    shine_more(at, shine_of(levels_[at]) - shine_[at]);
-    shine_[at] = shine_of(levels_[at]);
+    if (raw_lo_[at] >= shine_of(255, at)) continue;
+    set_level(at, levels_[at] + 1);
+  }
+}
+
+void PatchSolver::hand_on() {
+  const LevelTable& table = plan_.columns.levels;
+  const auto phi_of = [&](double shine, std::size_t at) {
+    return phi_at(at, std::max(shine, 0.0));
+  };
+  // Row by row, every second row of the display from its end.
+  std::sort(touched_.begin(), touched_.end(), [&](std::size_t l, std::size_t r) {
+    const Pixel p = place().pixel(l), q = place().pixel(r);
+    if (p.y != q.y) return p.y < q.y;
+    return p.y % 2 == 0 ? p.x < q.x : p.x > q.x;
+  });
+  const std::size_t stride = place().stride;
+  const std::size_t beside[] = {1, stride - 1, stride, stride + 1};
+  const auto weight = [&](std::size_t step) {
+    const bool x = step != stride, y = step != 1;
+    return plan_.near_taps[static_cast<std::size_t>(
+        (plan_.near_y + (y ? 1 : 0)) * plan_.near_width + plan_.near_x + (x ? 1 : 0))];
+  };
+  const auto each_beside = [&](std::size_t at, const auto& each) {
+    for (const std::size_t step : beside) {
+      each(at + step, weight(step));
+      each(at - step, weight(step));
+    }
+  };
+  const float own =
+      plan_.near_taps[static_cast<std::size_t>(plan_.near_y * plan_.near_width + plan_.near_x)];
+  for (const std::size_t at : touched_) {
+    const bool feature = here_[at] == 255;
+    const float wanted = shine_[at];
+    float aimed = wanted - credit_[at], least = shine_of(0, at);
+    credit_[at] = 0;
+    if (feature) {
+      // Not so dark that it, or a pixel beside it that is decided, has less than it needs.
+      const auto needs = [&](std::size_t k, float w) {
+        const float lacks = std::min(raw_lo_[k], shine_of(255, k)) - light_[k];
+        least = std::max(least, wanted + (k == at ? lacks : std::min(0.0F, lacks)) / w);
+      };
+      needs(at, own);
+      each_beside(at, [&](std::size_t k, float w) {
+        if (here_[k] == 255 && !(marked_[k] & kTouched)) needs(k, w);
+      });
+    }
+    marked_[at] ^= kTouched;
+    const double phi = phi_of(aimed, at);
+    const auto [below, above] = table.around(phi);
+    int level = table.phi(above) - phi < phi - table.phi(below) ? above : below;
+    if (feature && shine_of(static_cast<std::uint8_t>(level), at) < least) {
+      level = table.at_least(phi_of(std::min(least, shine_of(255, at)), at));
+    }
+    set_level(at, level);
+    const float surplus = shine_[at] - aimed;
+    if (!feature || surplus <= 0) continue;
+    float all = 0;
+    const auto takes = [&](std::size_t k) {
+      return here_[k] == 255 && (marked_[k] & kTouched) != 0;
+    };
+    each_beside(at, [&](std::size_t k, float w) { all += takes(k) ? w : 0; });
+    if (all <= 0) continue;
+    each_beside(at, [&](std::size_t k, float w) {
+      if (takes(k)) credit_[k] += surplus * w / all;
+    });
   }
 }
 
 void PatchSolver::give(int n) {
   if (!shown_changed_ && n != plan_.slices - 1) {
-    coded_.append_again();
+    coded_.put_again();
     return;
   }
   shown_changed_ = false;
@@ -458,7 +546,7 @@ void PatchSolver::give(int n) {
     std::copy_n(levels_.data() + place().at(task_.box.x0, y), width,
                 row_.data() + static_cast<std::size_t>(y - task_.box.y0) * width);
   }
-  coded_.append(row_.data());
+  coded_.put(row_.data());
 }
 
 void PatchSolver::solve(int n) {
@@ -494,8 +582,9 @@ void PatchSolver::solve(int n) {
 
 }  // namespace
 
-CodedBand solve_patch(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources) {
-  return PatchSolver(plan, task, sources).run();
+KeptTile solve_patch(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources,
+                     BlobStore& store) {
+  return PatchSolver(plan, task, sources, store).run();
 }
 
 }  // namespace slicecorr::detail

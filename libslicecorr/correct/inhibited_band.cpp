@@ -81,14 +81,19 @@ std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
   InhibitedColumn solver(plan_);
   std::vector<Change> levels;
   std::vector<CoverageRun> runs;
+  std::vector<std::uint8_t> most(most_ ? static_cast<std::size_t>(plan_.all_layers) : 0);
   for (std::size_t i = 0; i < changes_.size();) {
     const std::uint32_t column = changes_[i].column;
     i = read_runs(i, runs);
     std::string key = key_of(runs);
+    if (most_) {
+      most_(column, most.data());
+      key.append(most.begin(), most.end());
+    }
     auto found = known.find(key);
     if (found == known.end()) {
       if (known.size() >= plan_.tuning.kept_columns) known.clear();
-      const std::vector<std::uint8_t>& shown = solver.solve(runs);
+      const std::vector<std::uint8_t>& shown = solver.solve(runs, most);
       std::vector<Change> list;
       std::uint8_t before = 0;
       for (int n = plan_.all_layers; n-- > 0;) {

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "base/coded_band.hpp"
@@ -21,6 +22,7 @@ class InhibitedBand final : public BandSolver {
   /// Coverage of the next layer; null: an empty layer.
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
                  const std::uint8_t*) override;
+  void keep_light(BandCorrector::ColumnLevels most) override { most_ = std::move(most); }
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:
@@ -37,6 +39,7 @@ class InhibitedBand final : public BandSolver {
 
   const InhibitedPlan& plan_;
   std::size_t columns_;
+  BandCorrector::ColumnLevels most_;  ///< empty: those of the plan
   CodedBand coded_;
   std::vector<std::uint8_t> before_;
   std::vector<std::uint8_t> last_heights_;  ///< edge heights of the node after the last layer

@@ -16,9 +16,9 @@ struct InhibitedColumn::Impl {
       : plan(p),
         design(p),
         doses(p),
-        rule(p, design, doses),
+        rule(p, design, doses, caps),
         judge(p, design, doses),
-        polish(p, design, doses) {}
+        polish(p, design, doses, caps) {}
 
   /// What came of levels that were tried.
   struct Outcome {
@@ -37,6 +37,7 @@ struct InhibitedColumn::Impl {
   void search();
 
   const InhibitedPlan& plan;
+  std::vector<std::uint8_t> caps;  ///< highest levels, per slice; empty: those of the plan
   ColumnDesign design;
   ColumnDoses doses;
   LevelRule rule;
@@ -189,8 +190,10 @@ void InhibitedColumn::Impl::search() {
 InhibitedColumn::InhibitedColumn(const InhibitedPlan& plan) : impl_(std::make_unique<Impl>(plan)) {}
 InhibitedColumn::~InhibitedColumn() = default;
 
-const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<CoverageRun>& runs) {
+const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<CoverageRun>& runs,
+                                                        std::span<const std::uint8_t> caps) {
   Impl& s = *impl_;
+  s.caps.assign(caps.begin(), caps.end());
   double least_um = std::numeric_limits<double>::infinity();
   for (const double farthest : s.plan.tuning.farthest_edge_layers) {
     s.design.read(runs, farthest);

@@ -18,6 +18,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "correct/inhibited_design.hpp"
@@ -30,9 +31,10 @@ class InhibitedColumn {
  public:
   explicit InhibitedColumn(const InhibitedPlan& plan);
   ~InhibitedColumn();
-  /// `runs`: what is covered, first layer first. Returns the levels of all slices; valid until the
-  /// next call.
-  const std::vector<std::uint8_t>& solve(const std::vector<CoverageRun>& runs);
+  /// `runs`: what is covered, first layer first; `caps`: the highest level of each slice, empty:
+  /// those of the plan. Returns the levels of all slices; valid until the next call.
+  const std::vector<std::uint8_t>& solve(const std::vector<CoverageRun>& runs,
+                                         std::span<const std::uint8_t> caps = {});
 
  private:
   struct Impl;

@@ -60,7 +60,10 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
       layers(target_layers),
       all_layers(all_slices),
       layer_um(model.layer_um),
-      merge_one_slice_gaps(merge) {
+      merge_one_slice_gaps(merge),
+      even(kernel->gap_um() > 0) {
+  // What shines inside features is given: none of it is too much.
+  if (even) tuning.excess_weight = 0;
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
   uniform = uniform && kernel->settings() == 1;
   if (!uniform) {
@@ -75,7 +78,8 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
 void InhibitedPlan::find_levels() {
   for (int s = 0; s < kernel->settings(); ++s) caps.push_back(kernel->highest_usable_level(s));
   const int strongest = kernel->strongest_setting();
-  const int cap = caps[static_cast<std::size_t>(strongest)];
+  const int highest = caps[static_cast<std::size_t>(strongest)];
+  const int cap = even ? std::min(highest, kernel->least_even_level()) : highest;
   steady = cap;
   while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
   inside = tuning.inside_dose * ripple();

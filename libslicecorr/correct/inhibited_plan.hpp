@@ -39,6 +39,9 @@ class ExtraLight {
   std::vector<std::vector<double>> tables_, sums_;
 };
 
+/// Stands for the highest levels of a column that has none of its own.
+inline const std::vector<std::uint8_t> kCapsOfPlan;
+
 /// A lag in slices, from a share of the distance of the kernel's peak.
 inline int lag_of(const InhibitedTuning::Fraction& share, int peak) {
   return std::max(share.times * peak / share.over, 1);
@@ -60,6 +63,11 @@ struct InhibitedPlan {
   }
   /// Highest level in use in a slice.
   int cap_of(int slice) const { return caps[static_cast<std::size_t>(setting_of(slice))]; }
+  /// The same of a column with levels of its own per slice; empty: it has none.
+  int cap_of(int slice, const std::vector<std::uint8_t>& of_column) const {
+    const int cap = cap_of(slice);
+    return of_column.empty() ? cap : std::min<int>(cap, of_column[static_cast<std::size_t>(slice)]);
+  }
 
   InhibitedTuning tuning;
   std::shared_ptr<const InhibitedKernel> kernel;
@@ -73,6 +81,8 @@ struct InhibitedPlan {
   int reach = 0;          ///< slices of full light that lift the dose from 0 to 1
   double layer_um = 0;
   bool merge_one_slice_gaps = false;
+  /// Features get even light inside, not the least that gels (`Process::even_light`).
+  bool even = false;
   bool uniform = true;                         ///< one UV setting and one exposure for all slices
   std::vector<int> lags;                       ///< slices; to be tried in this order
   std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer

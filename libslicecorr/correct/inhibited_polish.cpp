@@ -45,7 +45,7 @@ bool ColumnPolish::improve(int n) {
 
 void ColumnPolish::try_level(int n, int level, Best& best) {
   const int now = doses_.level(n);
-  if (level < 0 || level > plan_.cap_of(n) || level == now) return;
+  if (level < 0 || level > plan_.cap_of(n, caps_) || level == now) return;
   doses_.change(n, level);
   const double cost = cost_around(n);
   doses_.change(n, now);
@@ -53,8 +53,8 @@ void ColumnPolish::try_level(int n, int level, Best& best) {
 }
 
 void ColumnPolish::try_pair(int n, int level, int previous, Best& best) {
-  if (level < 0 || level > plan_.cap_of(n)) return;
-  if (previous < 0 || previous > plan_.cap_of(n - 1)) return;
+  if (level < 0 || level > plan_.cap_of(n, caps_)) return;
+  if (previous < 0 || previous > plan_.cap_of(n - 1, caps_)) return;
   const int now = doses_.level(n), previous_now = doses_.level(n - 1);
   doses_.change(n, level);
   doses_.change(n - 1, previous);

@@ -11,8 +11,10 @@ namespace slicecorr::detail {
 /// doses aimed at) by changing the levels of one or two slices at a time. For one thread.
 class ColumnPolish {
  public:
-  ColumnPolish(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses)
-      : plan_(plan), design_(design), doses_(doses) {}
+  /// `caps`: as for LevelRule.
+  ColumnPolish(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses,
+               const std::vector<std::uint8_t>& caps = kCapsOfPlan)
+      : plan_(plan), design_(design), doses_(doses), caps_(caps) {}
 
   /// Changes the levels of the doses that it was made with. `dip_weight`: weight of dips inside
   /// layers; counts only where the doses are sampled.
@@ -33,6 +35,7 @@ class ColumnPolish {
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
   ColumnDoses& doses_;
+  const std::vector<std::uint8_t>& caps_;
   double dip_weight_ = 0;
 };
 

@@ -24,6 +24,12 @@ bool LevelRule::choose_all(bool again) {
            design_.features[static_cast<std::size_t>(first_feature)].upper > n) {
       --first_feature;
     }
+    if (plan_.even && even_light_fits(n, first_feature)) {
+      same = 0;
+      before = cap_of(n);
+      doses_.add(n, before);
+      continue;
+    }
     Slice slice = level_of(n, first_feature, again);
     deep_until = slice.deep_until;
     if (slice.deep && before > 0 && slice.level < before &&
@@ -41,7 +47,7 @@ bool LevelRule::choose_all(bool again) {
 LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
   Slice slice;
   slice.deep_until = plan_.all_layers;
-  const int cap = plan_.cap_of(n);
+  const int cap = cap_of(n);
   for (int f = first_feature; f >= 0; --f) {
     const Feature& feature = design_.features[static_cast<std::size_t>(f)];
     const int reach = plan_.reach + feature.lag + plan_.tuning.spare_slices;
@@ -69,6 +75,19 @@ LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
     }
   }
   return slice;
+}
+
+/// Whether slice n lies in a feature that gets even light, and its edge towards the platform takes
+/// that light, too: from there on the feature is lit as it would be without flow.
+bool LevelRule::even_light_fits(int n, int first_feature) const {
+  if (first_feature < 0) return false;
+  const Feature& feature = design_.features[static_cast<std::size_t>(first_feature)];
+  if (!feature.full || n >= feature.lower) return false;
+  if (feature.platform) return true;
+  const int k = feature.upper;
+  const double light =
+      plan_.ratio_of(n) * plan_.node_light.one(plan_.setting_of(n), cap_of(n), n - k);
+  return doses_.so_far(k, n) + light <= design_.demand[static_cast<std::size_t>(k)];
 }
 
 /// The level of slice n, at least `level`, with which node k gets `need` more. Its feature's own
@@ -109,7 +128,7 @@ double LevelRule::promised(int n, int level, int k, int from) const {
 
 /// Least level with promised() >= need; the cap when there is none.
 int LevelRule::least_level(int n, int k, double need, int from) const {
-  int low = 0, high = plan_.cap_of(n);
+  int low = 0, high = cap_of(n);
   while (low < high) {
     const int level = (low + high) / 2;
     if (promised(n, level, k, from) >= need) {
@@ -126,13 +145,13 @@ int LevelRule::least_level(int n, int k, double need, int from) const {
 inline double LevelRule::can_still_come(int n, int k, int from, int lag) const {
   const ExtraLight& light = plan_.node_light;
   double can = 0;
-  if (plan_.uniform) {
-    can = light.sum(0, plan_.cap_of(n), std::min(n, std::max(from, k + lag)) - k, n - k);
+  if (plan_.uniform && caps_.empty()) {
+    can = light.sum(0, cap_of(n), std::min(n, std::max(from, k + lag)) - k, n - k);
     if (from < k + lag) can += light.sum(0, plan_.steady, from - k, lag);
     return can;
   }
   for (int i = from; i < n; ++i) {
-    const int cap = plan_.cap_of(i);
+    const int cap = cap_of(i);
     const int l = i >= k + lag ? cap : std::min(plan_.steady, cap);
     can += plan_.ratio_of(i) * light.one(plan_.setting_of(i), l, i - k);
   }

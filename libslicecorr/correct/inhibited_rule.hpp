@@ -14,8 +14,10 @@ namespace slicecorr::detail {
 /// Chooses the levels of a column by the rule. For one thread.
 class LevelRule {
  public:
-  LevelRule(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses)
-      : plan_(plan), design_(design), doses_(doses) {}
+  /// `caps`: highest levels of the column, per slice; empty: those of the plan.
+  LevelRule(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses,
+            const std::vector<std::uint8_t>& caps = kCapsOfPlan)
+      : plan_(plan), design_(design), doses_(doses), caps_(caps) {}
 
   /// Chooses all levels. The light that a feature will get from features nearer to the platform is
   /// not known yet, and taken for none.
@@ -42,10 +44,13 @@ class LevelRule {
   double promised(int n, int level, int k, int from) const;
   int least_level(int n, int k, double need, int from) const;
   double can_still_come(int n, int k, int from, int lag) const;
+  bool even_light_fits(int n, int first_feature) const;
+  int cap_of(int n) const { return plan_.cap_of(n, caps_); }
 
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
   ColumnDoses& doses_;
+  const std::vector<std::uint8_t>& caps_;
   std::vector<std::uint8_t> before_;  ///< levels that choose_again() expects
   bool other_light_ = false;          ///< a node gets light of a feature nearer to the platform
 };

@@ -184,6 +184,8 @@ class PlaneDecision {
 
 }  // namespace
 
+bool is_wide(const LightBlur& blur) { return Spot(blur).wide(); }
+
 PlaneOfLevels levels_of_plane(const LevelTable& levels, const PlaneOfLight& plane,
                               const LightBlur& blur) {
   return PlaneDecision(levels, plane, blur).decide(blur);

@@ -35,6 +35,9 @@ struct PlaneOfLevels {
   bool handed_on = false;            ///< whether light spreads far enough for that
 };
 
+/// Whether light spreads with a sigma of half a pixel or more along both axes.
+bool is_wide(const LightBlur& blur);
+
 /// Light is handed on where the spread has a sigma of half a pixel or more along both axes: below
 /// that pixels stay what they are. Pixels of one feature touch, at their corners or along a side.
 PlaneOfLevels levels_of_plane(const LevelTable& levels, const PlaneOfLight& plane,

@@ -119,6 +119,10 @@ std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std:
 
 }  // namespace
 
+void detail::BandSolver::keep_light(BandCorrector::ColumnLevels) {
+  throw Error("even light needs UV light");
+}
+
 struct BandCorrector::Impl {
   std::unique_ptr<detail::BandSolver> solver;
 };
@@ -133,6 +137,7 @@ void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* 
                               const std::uint8_t* left_alone) {
   impl_->solver->add_layer(coverage, heights, left_alone);
 }
+void BandCorrector::keep_light(ColumnLevels most) { impl_->solver->keep_light(std::move(most)); }
 void BandCorrector::solve(const Sink& sink) { impl_->solver->solve(sink, {}); }
 void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
   if (!impl_->solver->has_tiles()) throw Error("this is not solved in tiles");

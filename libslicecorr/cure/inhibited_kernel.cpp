@@ -114,6 +114,12 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       break;
     }
     case UvKind::patterned: {
+      if (process.even_light) {
+        // The dose beside the part's place in the flow depends on it little: the mean stands for all.
+        for (const double mean : uv.slice_mw_cm2) check(mean, "a slice of the schedule");
+        take_settings(uv.slice_mw_cm2);
+        break;
+      }
       const LevelTable lamp(uv_level_intensities(printer));
       check(uv_for_dead_zone(kinetics_, full, uv.dead_zone_um),
             fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
@@ -152,10 +158,48 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       sources_.push_back({scale_ * profile_->amount(light, front), front});
     }
   }
+  if (process.even_light) {
+    if (mode_ == ExposureMode::layerwise) {
+      throw InputError(
+          "even light is for continuous exposure; layer by layer the part stands still");
+    }
+    count_flow(*process.even_light, level_intensities(printer).back());
+  }
   fine_.resize(static_cast<std::size_t>(settings()));
   fine_made_ = std::make_unique<std::once_flag[]>(fine_.size());
   tables_.resize(static_cast<std::size_t>(settings() * kPlaces));
   for (int s = 0; s < settings(); ++s) tabulate(s);
+}
+
+/// How often the light of the gap counts at each level. Light between the least and the greatest even
+/// light is the even light of its place.
+void InhibitedKernel::count_flow(const EvenLight& light, double full_mw_cm2) {
+  gap_um_ = light.gap_um;
+  near_ = std::max(near_, 2 + static_cast<int>(std::ceil(gap_um_ / layer_um_)));
+  const double least = light.least_blue() / 255.0 * full_mw_cm2,
+               greatest = light.greatest_blue() / 255.0 * full_mw_cm2;
+  while (least_even_level_ + 1 < levels() &&
+         blue_[static_cast<std::size_t>(least_even_level_) + 1] <= least * (1 + 1e-9)) {
+    ++least_even_level_;
+  }
+  for (int s = 0; s < settings(); ++s) {
+    for (int l = 0; l < levels(); ++l) {
+      const double blue = std::clamp(blue_[static_cast<std::size_t>(l)], least, greatest);
+      const double front = profile_->front_um(blue, kinetics_.beta * uv_of(s, l));
+      const double still = scale_ * profile_->amount(blue, front) *
+                           (profile_->rest(-front) - profile_->rest(gap_um_ - front));
+      flow_factor_.push_back(
+          std::clamp(1.0 / std::max(still, 1e-9), 1.0 / kMostFlowFactor, kMostFlowFactor));
+    }
+  }
+}
+
+double InhibitedKernel::rest(int setting, int level, double d_um) const {
+  const double front = source(setting, level).front_um;
+  if (flow_factor_.empty()) return profile_->rest(d_um - front);
+  const double at_gap = profile_->rest(gap_um_ - front);
+  if (d_um >= gap_um_) return profile_->rest(d_um - front);
+  return at_gap + flow_factor(setting, level) * (profile_->rest(d_um - front) - at_gap);
 }
 
 /// One setting for each different intensity.
@@ -197,13 +241,13 @@ void InhibitedKernel::tabulate(int setting) {
       }
       continue;
     }
+    const auto level = static_cast<int>(l);
     double last[4];  // what lies beyond the places one slice and less before
-    std::fill_n(last, 4, profile_->rest(-from.front_um));
+    std::fill_n(last, 4, rest(setting, level, 0));
     for (std::size_t i = 0; i <= 4 * rows; ++i) {
-      const double d = 0.25 * static_cast<double>(i) * layer_um_;
-      const double rest = profile_->rest(d - from.front_um);
-      put(i, from.amount * (last[i % 4] - rest));
-      last[i % 4] = rest;
+      const double beyond = rest(setting, level, 0.25 * static_cast<double>(i) * layer_um_);
+      put(i, from.amount * (last[i % 4] - beyond));
+      last[i % 4] = beyond;
     }
   }
 }
@@ -216,19 +260,20 @@ const float* InhibitedKernel::fine(int setting) const {
     const double step = layer_um_ / kSamples;
     for (std::size_t l = 0; l < count; ++l) {
       const Source& from = source(setting, static_cast<int>(l));
+      const auto level = static_cast<int>(l);
       double last[kSamples];
-      std::fill_n(last, kSamples, profile_->rest(-from.front_um));
+      std::fill_n(last, kSamples, layer_by_layer() ? 0.0 : rest(setting, level, 0));
       for (std::size_t j = 0; j < rows; ++j) {
         float* const out = &table[(j * count + l) * kSamples];
         for (std::size_t i = 0; i < kSamples; ++i) {
-          const double y = static_cast<double>(j * kSamples + i + 1) * step - from.front_um;
+          const double d = static_cast<double>(j * kSamples + i + 1) * step;
           if (layer_by_layer()) {
-            out[i] = static_cast<float>(from.amount * profile_->rate(y));
+            out[i] = static_cast<float>(from.amount * profile_->rate(d - from.front_um));
             continue;
           }
-          const double rest = profile_->rest(y);
-          out[i] = static_cast<float>(from.amount * (last[i] - rest));
-          last[i] = rest;
+          const double beyond = rest(setting, level, d);
+          out[i] = static_cast<float>(from.amount * (last[i] - beyond));
+          last[i] = beyond;
         }
       }
     }
@@ -245,8 +290,7 @@ double InhibitedKernel::exact(int setting, int level, double x, double share) co
   const double begin = std::max(0.0, x - 1.0) * layer_um_;
   const double end = share < 1.0 ? to - (1.0 - share) * layer_um_ : to;
   if (!(end > begin)) return 0;
-  return from.amount *
-         (profile_->rest(begin - from.front_um) - profile_->rest(end - from.front_um));
+  return from.amount * (rest(setting, level, begin) - rest(setting, level, end));
 }
 
 double InhibitedKernel::steady_dose(int setting, int level) const {
@@ -262,11 +306,13 @@ double InhibitedKernel::steady_dose(int setting, int level) const {
 }
 
 double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
+  if (gap_um_ > 0 && level >= least_even_level_) return gap_um_;
   return steady_dead_zone_um(kinetics_, blue_[static_cast<std::size_t>(level)],
                              uv_of(setting, level));
 }
 
 bool InhibitedKernel::level_keeps_dead_zone(int setting, int level) const {
+  if (gap_um_ > 0) return true;
   return keeps_dead_zone(kinetics_, blue_[static_cast<std::size_t>(level)], uv_of(setting, level));
 }
 
@@ -282,7 +328,7 @@ double InhibitedKernel::setting_window_dose(int setting, int level) const {
 
 int InhibitedKernel::highest_usable_level(int setting) const {
   int level = levels() - 1;
-  if (allow_window_cure_) return level;
+  if (allow_window_cure_ || gap_um_ > 0) return level;
   for (; level > 0; --level) {
     const double blue = blue_[static_cast<std::size_t>(level)], uv = uv_of(setting, level);
     // A pattern is made for just its dead zone: rounding must not make it fail.

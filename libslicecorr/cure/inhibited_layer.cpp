@@ -58,7 +58,8 @@ double InhibitedLayer::at(double t) const {
       // Slices that follow each other with the same light are one long one.
       const double begin = std::max(0.0, light.first + t - 1.0) * layer_um;
       const double end = (light.last + t) * layer_um;
-      sum = profile.rest(begin - from.front_um) - profile.rest(end - from.front_um);
+      sum = kernel_.rest(light.setting, light.level, begin) -
+            kernel_.rest(light.setting, light.level, end);
     }
     dose += light.weight * from.amount * sum;
   }

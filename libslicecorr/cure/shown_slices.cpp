@@ -57,6 +57,25 @@ void refuse_recording_under_uv(const SliceSource& source) {
       "are given by verify, probe and section");
 }
 
+namespace {
+
+/// Most light of an image in a slice whose UV image was another.
+double light_under_other_uv(const Recording& recording) {
+  const std::vector<int>& others = recording.other_uv_images;
+  if (others.empty()) return 0;
+  double most = 0;
+  for (int n = 0; n < recording.slices(); ++n) {
+    double light = 0;
+    for (const Recording::Showing& p : recording.of(n)) {
+      if (std::binary_search(others.begin(), others.end(), p.image)) light += p.light;
+    }
+    most = std::max(most, light);
+  }
+  return most;
+}
+
+}  // namespace
+
 ShownSlices::ShownSlices(const SliceSource& stack) : slices_(stack.grid().layers) {
   if (!stack.recording()) return;
   if (lit_under_uv(*stack.recording())) refuse_recording_under_uv(stack);
@@ -76,7 +95,8 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
   const bool stray =
       process_.uv.kind == UvKind::off && lit_under_uv(recording) && resin.inhibition && printer_.uv;
   const bool uv = process_.uv.kind != UvKind::off || stray;
-  if (uv && !recording.other_uv_images.empty()) {
+  if (uv) other_uv_light_ = light_under_other_uv(recording);
+  if (other_uv_light_ > kMostOtherUv) {
     throw InputError(fmt::format(
         "{} UV images of the recording, first that of image {}, are not those that follow from "
         "their slices: what they print can't be predicted",

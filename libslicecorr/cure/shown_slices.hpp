@@ -46,10 +46,14 @@ class ShownSlices {
   static constexpr std::size_t kMostShowings = 256;
   /// Where a slice has more showings than this, their light is taken as spread over the slice.
   static constexpr std::size_t kMostPlaced = 32;
+  /// Light that an image may have in a slice, as a share of what is planned for it, while its UV
+  /// image is another: two displays change their images within milliseconds, not at once.
+  static constexpr double kMostOtherUv = 0.1;
 
   /// Of a stack, recorded or not, that is shown by `printer` and `process`, which for a recording
   /// are those it was made with. Throws `InputError` when a slice of a recording has more than
-  /// `kMostShowings` images that were lit, or its UV images were others than those of its slices.
+  /// `kMostShowings` images that were lit, or its UV images were others than those of its slices for
+  /// more than `kMostOtherUv`.
   ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
               const Process& process);
   /// Without UV light: throws `InputError` when a recording has some.
@@ -67,6 +71,8 @@ class ShownSlices {
   const Process& process() const { return process_; }
   /// UV intensities differ from those of their settings by up to this share.
   double setting_deviation() const { return deviation_; }
+  /// Most light of a slice under a UV image that was another; 0: none.
+  double other_uv_light() const { return other_uv_light_; }
 
  private:
   void take(const Recording& recording, const Resin& resin, double layer_um);
@@ -80,6 +86,7 @@ class ShownSlices {
   Printer printer_;
   Process process_;
   double deviation_ = 0;
+  double other_uv_light_ = 0;
 };
 
 /// The showings of each slice of a recording as a column without a pixel above black sees them.

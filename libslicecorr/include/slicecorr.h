@@ -125,6 +125,8 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  gap_shortfall         how much of a slice it may lose, up to 0.5; 0.18 when not set
  *  surface               mesh, slices: where edges lie whose heights the target knows
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
+ *  slice_speed_mm_h      speed at each slice, at most speed_mm_h; the lamps follow
+ *                        (slicecorr_setup_set_numbers)
  *  resin_depth_um        depth of the resin above the window, instead of the printer's
  *  platform_reflectance  share of light that the platform sends back, instead of the printer's
  *  leave_alone           mesh on the plate, or stack like the target, of what is shown as it is sliced
@@ -132,6 +134,10 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  rounds                most rounds of correcting columns together; 20 when not set
  *  uv_mw_cm2             inhibiting UV light, the same throughout
  *  dead_zone_um          or the dead zone at the window that it is to hold
+ *  gap_um                gap between part and window that suction is judged with, where printer
+ *                        (suction_limit_pa) and resin (viscosity_pa_s) say what they need for it
+ *  even_dead_zone        auto, constant, blue, uv, both: find light with which dose and dead zone are
+ *                        even although resin flows
  *  uv_schedule           constant, per-slice, patterned
  *  window_cure           refuse, allow: when the resin would cure to the window
  *  ramp, ramp_mm         none, lamp-follows, outside; distance in which the stage gets its speed

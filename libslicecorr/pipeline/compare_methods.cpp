@@ -109,6 +109,7 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
                              const CodedBand* edge_heights,
                              const BandPredictor::PixelOfColumn& place) {
       const CorrectionPlan& plan = plans.plan(value);
+      const BandCorrector::ColumnLevels most = plans.even_levels(value, place);
       BandErase erase(columns);
       CodedBand target_rows(columns);
       const BandReader kept = [&](const SliceSource::Sink& sink) {
@@ -125,6 +126,7 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
       CodedBand upwards(columns);
       if (edge_heights) {
         BandCorrector alone(plan, columns);
+        if (most) alone.keep_light(most);
         for (int n = 0; n < plan.layers; ++n) {
           target_rows.read(n, rows.data());
           alone.add_layer(rows.data());
@@ -135,6 +137,7 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
         });
       }
       BandCorrector corrector(plan, columns);
+      if (most) corrector.keep_light(most);
       for (int n = 0; n < plan.layers; ++n) {
         design.coverage.read(n, rows.data());
         corrector.add_layer(rows.data(), design.heights_at(n, heights.data()));

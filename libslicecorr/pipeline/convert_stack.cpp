@@ -5,6 +5,8 @@
 #include "pipeline/bands.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/uv_images.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
@@ -24,9 +26,25 @@ std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels) {
   return uv_of_pixel;
 }
 
-void set_uv_images(StackWriter& writer, const CureModel& model, int levels) {
+void set_uv_images(StackWriter& writer, const CureModel& model, const Setup& setup,
+                   const Grid& images) {
+  if (setup.process.even_light && setup.process.even_light->uv) {
+    // Lives as long as the writer asks it.
+    struct Made {
+      Process process;
+      EvenUvImages images;
+      Made(const Setup& s, const Grid& grid)
+          : process(s.process), images(s.printer, s.resin, process, grid) {}
+    };
+    const auto made = std::make_shared<const Made>(setup, images);
+    writer.set_uv_pattern(made->images.of_black(),
+                          [made](int slice, int y, std::span<std::uint8_t> pixels) {
+                            made->images.make_row(slice, y, pixels);
+                          });
+    return;
+  }
   if (!model.inhibited || model.inhibited->uv_levels().empty()) return;
-  writer.set_uv_pattern(uv_of_pixels(model, levels));
+  writer.set_uv_pattern(uv_of_pixels(model, setup.printer.levels()));
 }
 
 }  // namespace detail
@@ -37,6 +55,11 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
   const Grid& grid = slices.grid();
   refuse_recording(stack);
   StackInfo info = stack.info();
+  if (turned_slices && info.process && info.process->even_light) {
+    throw InputError(
+        "a stack with an even dead zone lies as it was corrected; expected it to be corrected into "
+        "the archive for the printer");
+  }
   info.original_sha256.clear();  // of an archive of another kind
   if (turned_slices) {
     info.grid = grid;
@@ -49,7 +72,8 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
   StackWriter writer(file, grid, context);
   if (info.printer && info.resin && info.process) {
     const PlaceModels models(*info.printer, *info.resin, *info.process, grid, slices.frame());
-    detail::set_uv_images(writer, models.brightest(), info.printer->levels());
+    detail::set_uv_images(writer, models.brightest(),
+                          {*info.printer, *info.resin, *info.process, 0}, grid);
   }
   const SliceSource* edges = slices.edge_heights();
   if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;

@@ -1,6 +1,7 @@
 #include "pipeline/correct_columns.hpp"
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "base/coded_band.hpp"
@@ -31,10 +32,12 @@ void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
 }  // namespace
 
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const CodedBand* left_alone, const BandDoses* doses, const ColumnSinks& out,
+                     const CodedBand* left_alone, const BandDoses* doses,
+                     BandCorrector::ColumnLevels most, const ColumnSinks& out,
                      const ExecutionContext& context) {
   BandCorrector corrector = doses ? BandCorrector(plan, columns, *doses)
                                   : BandCorrector(plan, columns, left_alone != nullptr);
+  if (most) corrector.keep_light(std::move(most));
   LeftAloneRows left_rows(left_alone);
   const bool in_tiles = plan.model.is_plain() && !left_alone && !doses;
   CodedBand heights(columns);

@@ -23,9 +23,10 @@ struct ColumnSinks {
 };
 
 /// Corrects columns and predicts them. `left_alone`: null: nothing; `doses`: null where none are
-/// wanted. Throws `Cancelled`.
+/// wanted; `most`: as for `BandCorrector::keep_light`, empty without even light. Throws `Cancelled`.
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
-                     const CodedBand* left_alone, const BandDoses* doses, const ColumnSinks& out,
+                     const CodedBand* left_alone, const BandDoses* doses,
+                     BandCorrector::ColumnLevels most, const ColumnSinks& out,
                      const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

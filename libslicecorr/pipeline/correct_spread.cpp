@@ -2,11 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <filesystem>
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "pipeline/bands.hpp"
+#include "pipeline/columns_alone.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/target_scan.hpp"
@@ -18,50 +22,71 @@ namespace slicecorr::detail {
 
 namespace {
 
-CoupledOptions options_of(int rounds) {
+CoupledOptions options_of(int rounds, const PlaceModels& models,
+                          const std::string& scratch_folder) {
   CoupledOptions options;
   options.rounds = rounds;
+  options.scratch_folder = scratch_folder;
+  if (models.even()) return options;
+  options.shares = [&models](const PixelBox& box, double* shares) {
+    const LightMap& map = models.map();
+    std::vector<std::uint8_t> values(columns_of(box));
+    map.values(box, values.data());
+    for (std::size_t k = 0; k < values.size(); ++k) shares[k] = map.factor(values[k]);
+  };
   return options;
 }
 
 }  // namespace
 
 TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans& plans, int rounds,
+                                     const std::string& scratch_folder,
                                      const ExecutionContext& context)
     : plans_(plans),
       light_(plans.models(), target.grid(), target.frame()),
       coupled_(plans.plan(), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
-               options_of(rounds)) {
+               options_of(rounds, plans.models(), scratch_folder)) {
+  CoupledCorrection::ColumnLevels alone;
+  if (!plans.even()) {
+    alone = [&](const PixelBox& box) { return levels_alone(target, plans, box); };
+  }
   coupled_.solve_columns(
       [&](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
         const auto heights = edge_heights_of(target, box);
-        read_design(reader_of(target, box), heights ? &*heights : nullptr, Surface::mesh, sink);
+        const auto left_alone = left_alone_of(target, box);
+        LeftAloneRows left(left_alone ? &*left_alone : nullptr);
+        read_design(reader_of(target, box), heights ? &*heights : nullptr, Surface::mesh,
+                    [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
+                      sink(n, rows, its_heights, left.at(n));
+                    });
       },
-      context);
+      target.left_alone() != nullptr, context, alone);
   const auto tell = [&](const CoupledRound& round) {
-    context.tell(fmt::format("round {} of {}: {} voxels of gaps cure, {} of features do not",
-                             round.round, rounds, round.through, round.under));
+    context.tell(fmt::format("round {} of {}: {} voxels of gaps cure, {} of features do not{}",
+                             round.round, rounds, round.through, round.under,
+                             round.parted > 0
+                                 ? fmt::format(", {} part from the layer above", round.parted)
+                                 : std::string()));
   };
   if (rounds > 0) tell(coupled_.columns_alone());
   while (coupled_.improve(context)) tell(coupled_.last());
 }
 
 void TogetherCorrected::read_band(const PixelBox& band, const SliceSource::Sink& sink) const {
-  const CodedBand upwards = coupled_.levels_of(band);
   std::vector<std::uint8_t> pixels(columns_of(band));
-  const int all = plans_.all_layers(), levels = plans_.levels();
-  for (int n = 0; n < all; ++n) {
-    const int at = all - 1 - n;
-    if (upwards.black(at)) {
-      sink(n, nullptr);
-      continue;
-    }
-    upwards.read(at, pixels.data());
-    for (std::uint8_t& pixel : pixels) {
-      pixel = static_cast<std::uint8_t>(pixel_of_level(pixel, levels));
-    }
-    sink(n, pixels.data());
+  std::array<std::uint8_t, 256> pixel_of{};
+  const int levels = plans_.levels();
+  for (int level = 0; level < levels; ++level) {
+    pixel_of[static_cast<std::size_t>(level)] =
+        static_cast<std::uint8_t>(pixel_of_level(level, levels));
   }
+  coupled_.read(band, [&](int n, const std::uint8_t* rows) {
+    if (rows) {
+      std::transform(rows, rows + pixels.size(), pixels.begin(),
+                     [&](std::uint8_t level) { return pixel_of[level]; });
+    }
+    sink(n, rows ? pixels.data() : nullptr);
+  });
 }
 
 Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
@@ -77,7 +102,8 @@ Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
   });
   Correction result;
   scan.fill(result.info);
-  const auto stack = std::make_shared<const CorrectedSlices>(target, setup, context);
+  const auto stack = std::make_shared<const CorrectedSlices>(
+      target, setup, context, std::filesystem::path(file.path).parent_path().string());
   result.slices = stack;
   const Grid& grid = stack->grid();
   StackWriter writer(file, grid, context);

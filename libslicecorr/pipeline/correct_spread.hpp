@@ -1,6 +1,7 @@
 /// The correction where light spreads from column to column.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "correct/coupled.hpp"
@@ -18,10 +19,10 @@ inline bool spreads(const Setup& setup) {
 /// The slices of a target whose columns are corrected together.
 class TogetherCorrected {
  public:
-  /// `plans` of an even display; these and `target` must outlive this. `rounds` 0: columns alone.
-  /// Throws as `correct_stack`.
+  /// `plans` and `target` must outlive this. `rounds` 0: columns alone.
+  /// `scratch_folder` as `CoupledOptions`. Throws as `correct_stack`.
   TogetherCorrected(const SliceSource& target, const PlacePlans& plans, int rounds,
-                    const ExecutionContext& context);
+                    const std::string& scratch_folder, const ExecutionContext& context);
   /// As `SliceSource::read_band`.
   void read_band(const PixelBox& band, const SliceSource::Sink& sink) const;
 

@@ -6,6 +6,7 @@
 
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/columns_alone.hpp"
 #include "pipeline/correct_columns.hpp"
 #include "pipeline/correct_spread.hpp"
 #include "pipeline/design_band.hpp"
@@ -18,6 +19,7 @@
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr {
@@ -29,6 +31,7 @@ using detail::columns_of;
 using detail::correct_columns;
 using detail::DesignReader;
 using detail::GroupedBand;
+using detail::Joiner;
 using detail::LightCounts;
 using detail::pixels_of_columns;
 using detail::PlacePlans;
@@ -58,29 +61,6 @@ std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t b
   }
   return ranges;
 }
-
-/// Joins the columns of groups into rows of a band. Coded bands begin with the last slice.
-class Joiner {
- public:
-  Joiner(const GroupedBand& band, std::size_t columns, std::vector<CodedBand> coded_bands)
-      : band_(band), coded_bands_(std::move(coded_bands)), rows_(columns, 0), part_(columns) {}
-  /// Null where the slice is black. Valid until the next call.
-  const std::uint8_t* at(int index) {
-    bool black = true;
-    for (std::size_t g = 0; g < coded_bands_.size(); ++g) {
-      black = black && coded_bands_[g].black(index);
-      coded_bands_[g].read(index, part_.data());
-      const auto& columns = band_.groups[g].columns;
-      for (std::size_t k = 0; k < columns.size(); ++k) rows_[columns[k]] = part_[k];
-    }
-    return black ? nullptr : rows_.data();
-  }
-
- private:
-  const GroupedBand& band_;
-  std::vector<CodedBand> coded_bands_;
-  std::vector<std::uint8_t> rows_, part_;
-};
 
 Grid with_layers(Grid grid, int layers) {
   grid.layers = layers;
@@ -222,7 +202,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       surface_after_(target.bounds()),
       surface_before_(target.bounds()) {
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
-  detail::set_uv_images(writer_, model(), plans_.levels());
+  detail::set_uv_images(writer_, model(), setup_, grid_);
   if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
   if (ask.volume_cells > 0) {
     volume_.emplace(plans_.models(), target.bounds(), plans_.layers(), plans_.all_layers(),
@@ -287,6 +267,7 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   }
   correct_columns(
       plan, count, design, left_alone, doses ? &wanted_doses : nullptr,
+      whole_.plans_.even_levels(value, place),
       {put_and_measure, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
        watch ? &*watch : nullptr},
       whole_.context_);
@@ -370,6 +351,9 @@ Correction StackCorrection::result() {
 
   result.after = of_whole_image(after_, plans_.all_layers());
   result.after.dead_zones = std::move(dead_zones);
+  if (setup_.process.even_light) {
+    result.after.flow = flow_doses(target_, nullptr, setup_, context_);
+  }
   result.after.regions = regions_;
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
@@ -419,6 +403,10 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
   if (wanted.doses()) detail::check_graded(wanted, setup);
+  if (judges_suction(setup)) {
+    plan_correction(wanted, setup, context);  // what does not fit is refused first
+    judge_suction(target, setup, context);
+  }
   if (detail::spreads(setup))
     return detail::correct_spread_stack(wanted, setup, file, ask, context);
   StackCorrection correction(wanted, setup, file, ask, context);
@@ -431,7 +419,7 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
 }
 
 CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
-                                 const ExecutionContext& context)
+                                 const ExecutionContext& context, const std::string& scratch_folder)
     : alone_(target),
       target_(setup.process.surface == Surface::mesh ? target : alone_),
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
@@ -440,13 +428,12 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_->models(), setup);
   if (!detail::spreads(setup)) return;
   const CureModel& model = plans_->models().brightest();
-  const char* const alone = !plans_->even()        ? "the display's light is uneven"
-                            : target_.left_alone() ? "parts are left alone"
-                            : !model.is_plain()    ? "the exposure is not continuous in deep resin"
-                                                   : nullptr;
+  const char* const alone = model.bath_slices > 0       ? "the resin ends"
+                            : model.mirrored_slices > 0 ? "the platform sends light back"
+                                                        : nullptr;
   if (alone == nullptr) {
     together_ = std::make_unique<const detail::TogetherCorrected>(
-        target_, *plans_, setup.process.spread_rounds, context);
+        target_, *plans_, setup.process.spread_rounds, scratch_folder, context);
   } else if (setup.process.spread_rounds > 0) {
     context.tell(fmt::format("light spreads, and {}: each column is corrected alone", alone));
   }
@@ -456,62 +443,19 @@ CorrectedSlices::~CorrectedSlices() = default;
 
 void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   if (together_) return together_->read_band(band, sink);
-  const std::size_t columns = columns_of(band);
+  const CodedBand upwards = detail::levels_alone(target_, *plans_, band);
+  std::vector<std::uint8_t> pixels(columns_of(band));
   const int all = plans_->all_layers();
-  const BandReader read = detail::reader_of(target_, band);
-  // The solve gives the last slice first.
-  const auto corrected = [&](const CorrectionPlan& plan, std::size_t count,
-                             const BandReader& reader, const CodedBand* heights,
-                             const CodedBand* left_alone, const CodedBand* bytes) {
-    const detail::WantedBand wanted{target_.doses(), bytes};
-    BandCorrector corrector = bytes ? BandCorrector(plan, count, wanted.of_columns())
-                                    : BandCorrector(plan, count, left_alone != nullptr);
-    detail::LeftAloneRows left_rows(left_alone);
-    detail::read_design(reader, heights, Surface::mesh,
-                        [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
-                          corrector.add_layer(rows, its_heights, left_rows.at(n));
-                        });
-    CodedBand upwards(count);
-    std::vector<std::uint8_t> pixels(count);
-    corrector.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
-      for (std::size_t k = 0; k < count; ++k) {
-        pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan.levels.size()));
-      }
-      upwards.append(pixels.data());
-    });
-    return upwards;
-  };
-  const DoseTarget* const doses = target_.doses();
-  if (plans_->even()) {
-    const auto heights = detail::edge_heights_of(target_, band);
-    const auto left_alone = detail::left_alone_of(target_, band);
-    std::optional<CodedBand> bytes;
-    if (doses) bytes = detail::coded_band_of(*doses->images, band);
-    const CodedBand upwards =
-        corrected(plans_->plan(), columns, read, heights ? &*heights : nullptr,
-                  left_alone ? &*left_alone : nullptr, bytes ? &*bytes : nullptr);
-    std::vector<std::uint8_t> pixels(columns);
-    for (int n = 0; n < all; ++n) {
-      const int at = all - 1 - n;
-      upwards.read(at, pixels.data());
-      sink(n, upwards.black(at) ? nullptr : pixels.data());
+  for (int n = 0; n < all; ++n) {
+    const int at = all - 1 - n;
+    if (upwards.black(at)) {
+      sink(n, nullptr);
+      continue;
     }
-    return;
+    upwards.read(at, pixels.data());
+    detail::to_pixels(pixels, plans_->levels());
+    sink(n, pixels.data());
   }
-  std::vector<BandReader> readers;
-  if (doses) readers.push_back(detail::reader_of(*doses->images, band));
-  const std::size_t own = readers.size();
-  readers.push_back(read);
-  const GroupedBand grouped(plans_->models().map(), band,
-                            detail::with_target(std::move(readers), target_, band));
-  std::vector<CodedBand> coded_bands;
-  for (const GroupedBand::Group& g : grouped.groups) {
-    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(own),
-                                    g.heights(), g.left_alone(),
-                                    doses ? g.sources.data() : nullptr));
-  }
-  Joiner joined(grouped, columns, std::move(coded_bands));
-  for (int n = 0; n < all; ++n) sink(n, joined.at(all - 1 - n));
 }
 
 }  // namespace slicecorr

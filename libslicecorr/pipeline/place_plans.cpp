@@ -6,10 +6,13 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
 
+#include "correct/coupled_plan.hpp"
 #include "correct/inhibited_plan.hpp"
 #include "cure/limits.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/correct_spread.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
@@ -191,6 +194,8 @@ class PlaceCheck {
       }
     }
     if (travel_ && all > *travel_) refuse_travel(all);
+    const int edges = layers + slices_for_edges();
+    all = std::max(all, travel_ ? std::min(edges, *travel_) : edges);
     // The part's end may lie half a slice below its last node.
     const bool more = models_.brightest().is_continuous() && !(travel_ && all + 1 > *travel_) &&
                       target_.ends_below_last_node();
@@ -205,6 +210,16 @@ class PlaceCheck {
   }
 
  private:
+  /// Slices that the edges of the last layer ask for where columns are corrected together.
+  int slices_for_edges() const {
+    const CureModel& model = models_.brightest();
+    if (!spreads(setup_) || setup_.process.spread_rounds == 0 || !map_.even() ||
+        !model.is_plain() || target_.left_alone()) {
+      return 0;
+    }
+    const SpreadLight light(models_, target_.grid(), target_.frame());
+    return slices_to_gel_at_edges(model, light.blur(), light.scatter());
+  }
   Verdict verdict_at(std::uint8_t value, bool lit) const {
     return verdict({&models_.model(value), map_.factor(value), lit}, models_.printer_at(value),
                    setup_.process);
@@ -340,6 +355,7 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
                        const ExecutionContext& context)
     : process_(setup.process),
       models_(fitting(setup, target), setup.resin, setup.process, target.grid(), target.frame()),
+      images_(target.grid()),
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {
   refuse_recording(target);
@@ -354,6 +370,28 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
                                                   all_layers_);
   }
   return *made;
+}
+
+BandCorrector::ColumnLevels PlacePlans::even_levels(std::uint8_t value,
+                                                    BandPredictor::PixelOfColumn place) const {
+  if (!process_.even_light) return {};
+  const LevelTable levels(level_intensities(models_.printer_at(value)));
+  const double full = level_intensities(models_.printer()).back();
+  std::array<std::uint8_t, 256> level_of{};
+  for (std::size_t share = 0; share < level_of.size(); ++share) {
+    const double wanted = full * static_cast<double>(share) / 255.0;
+    const auto [below, above] = levels.around(wanted);
+    const bool nearer = wanted - levels.phi(below) <= levels.phi(above) - wanted;
+    level_of[share] = static_cast<std::uint8_t>(nearer ? below : above);
+  }
+  const EvenPixels pixels(*process_.even_light, images_);
+  const auto slices = static_cast<std::size_t>(all_layers_);
+  return [=](std::size_t column, std::uint8_t* most) {
+    const Pixel pixel = place(column);
+    const std::span<std::uint8_t> shares(most, slices);
+    pixels.blue_of(pixel.x, pixel.y, shares);
+    for (std::uint8_t& share : shares) share = level_of[share];
+  };
 }
 
 GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band, const BandReaders& readers) {

@@ -30,12 +30,17 @@ class PlacePlans {
   int levels() const { return levels_; }
   /// The plan of a value of light that occurs in a lit column.
   const CorrectionPlan& plan(std::uint8_t value) const;
+  /// The highest levels of columns of a value of light where light is even over the flow, empty
+  /// elsewhere; to be used while this lives.
+  BandCorrector::ColumnLevels even_levels(std::uint8_t value,
+                                          BandPredictor::PixelOfColumn place) const;
   /// The plan of places that get the light of the calibration: of all where light is even.
   const CorrectionPlan& plan() const { return plan(models_.map().reference()); }
 
  private:
   Process process_;
   PlaceModels models_;
+  Grid images_;
   int layers_, all_layers_ = 0, levels_;
   mutable std::array<std::mutex, 256> making_;
   mutable std::array<std::unique_ptr<const CorrectionPlan>, 256> plans_;
@@ -60,6 +65,29 @@ struct GroupedBand {
   std::vector<Group> groups;
 
   GroupedBand(const LightMap& map, const PixelBox& band, const BandReaders& readers);
+};
+
+/// Joins the columns of groups into rows of a band. Coded bands begin with the last slice.
+class Joiner {
+ public:
+  Joiner(const GroupedBand& band, std::size_t columns, std::vector<CodedBand> coded_bands)
+      : band_(band), coded_bands_(std::move(coded_bands)), rows_(columns, 0), part_(columns) {}
+  /// Null where the slice is black. Valid until the next call.
+  const std::uint8_t* at(int index) {
+    bool black = true;
+    for (std::size_t g = 0; g < coded_bands_.size(); ++g) {
+      black = black && coded_bands_[g].black(index);
+      coded_bands_[g].read(index, part_.data());
+      const auto& columns = band_.groups[g].columns;
+      for (std::size_t k = 0; k < columns.size(); ++k) rows_[columns[k]] = part_[k];
+    }
+    return black ? nullptr : rows_.data();
+  }
+
+ private:
+  const GroupedBand& band_;
+  std::vector<CodedBand> coded_bands_;
+  std::vector<std::uint8_t> rows_, part_;
 };
 
 /// Gives the pixel of each column of a group.

@@ -79,6 +79,12 @@ RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print
   s.info.kind = StackKind::recorded;
   s.info.program = std::string("slicecorr ") + version;
   if (print.process->uv.kind != UvKind::patterned) return;
+  if (print.process->even_light) {
+    throw InputError(
+        path, "",
+        "can't record UV images that go by place; expected a print without an even dead "
+        "zone by UV light");
+  }
   const PlaceModels models(*print.printer, *print.resin, *print.process, grid, image_frame(print));
   s.uv_of_pixel = detail::uv_of_pixels(models.brightest(), print.printer->levels());
 }

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/flow.hpp"
 #include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
@@ -20,6 +21,9 @@ std::vector<double> trimmed(std::vector<double> times) {
   while (times.size() > 1 && times.back() == times[times.size() - 2]) times.pop_back();
   return times;
 }
+
+/// The option of `SetupChoices::slice_speed_mm_h`.
+constexpr std::string_view kSliceSpeeds = "slice-speed-mm-h";
 
 /// A choice as messages name it: --speed-mm-h, or speed_mm_h.
 std::string named(ChoiceNames names, std::string_view option) {
@@ -71,8 +75,10 @@ class Resolver {
   double omega_max() const;
   void resolve_exposure(Process& process, const StackInfo* times) const;
   void resolve_continuous(Process& process) const;
+  void resolve_slice_speeds(Process& process) const;
   void resolve_layerwise(Process& process, const StackInfo* times) const;
   void resolve_uv(Setup& setup) const;
+  void resolve_even_dead_zone(Setup& setup) const;
   bool any_exposure() const {
     return c_.exposure_s > 0 || c_.bottom_exposure_s > 0 || c_.bottom_layers >= 0 ||
            c_.fade_layers >= 0;
@@ -105,6 +111,10 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
     wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
                       o("ramp")));
   }
+  if (layerwise && !c_.slice_speed_mm_h.empty()) {
+    wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
+                      o(kSliceSpeeds)));
+  }
   if (!layerwise && (any_exposure() || !c_.layer_exposure_s.empty())) {
     wrong(fmt::format(
         "exposure times are for layer by layer exposure; expected {} layerwise with them",
@@ -116,6 +126,7 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
     process.speed_mm_h = process.exposure_s = process.bottom_exposure_s = process.ramp_mm = 0;
     process.bottom_layers = process.fade_layers = 0;
     process.layer_exposure_s.clear();
+    process.slice_speed_mm_h.clear();
     process.ramp = Ramp::none;
     process.mode = now;
   }
@@ -129,6 +140,7 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
 void Resolver::resolve_continuous(Process& process) const {
   if (c_.speed_mm_h > 0) process.speed_mm_h = c_.speed_mm_h;
   if (!(process.speed_mm_h > 0)) wrong(o("speed-mm-h") + " is required");
+  resolve_slice_speeds(process);
   if (c_.ramp.empty()) {
     if (c_.ramp_mm > 0) {
       wrong(
@@ -147,6 +159,19 @@ void Resolver::resolve_continuous(Process& process) const {
   if (process.ramp == Ramp::none && c_.ramp_mm > 0) {
     wrong(fmt::format("{} goes with a {}", o("ramp-mm"), o("ramp")));
   }
+}
+
+void Resolver::resolve_slice_speeds(Process& process) const {
+  std::vector<double>& speeds = process.slice_speed_mm_h;
+  if (!c_.slice_speed_mm_h.empty()) speeds = trimmed(c_.slice_speed_mm_h);
+  for (std::size_t n = 0; n < speeds.size(); ++n) {
+    if (speeds[n] > 0 && speeds[n] <= process.speed_mm_h) continue;
+    wrong(
+        fmt::format("{}: slice {} at {:g} mm/h; expected a speed above 0, at most the {:g} mm/h "
+                    "that the light is for ({})",
+                    o(kSliceSpeeds), n, speeds[n], process.speed_mm_h, o("speed-mm-h")));
+  }
+  if (speeds.size() == 1 && speeds.front() == process.speed_mm_h) speeds.clear();
 }
 
 void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const {
@@ -201,6 +226,50 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
     wrong(o("exposure-s") +
           " is required: no exposure times are given, and there are none in an archive");
   }
+}
+
+/// What needs flow needs more of printer and resin than other prints do.
+void Resolver::resolve_even_dead_zone(Setup& setup) const {
+  const std::string option = o("even-dead-zone");
+  if (setup.process.mode != ExposureMode::continuous) {
+    wrong(fmt::format("{}: layer by layer resin comes to rest; expected continuous exposure",
+                      option));
+  }
+  if (c_.uv_mw_cm2 > 0 || c_.dead_zone_um > 0 || !c_.uv_schedule.empty()) {
+    wrong(fmt::format("{} finds the UV light; expected no {}, {} or {} with it", option,
+                      o("uv-mw-cm2"), o("dead-zone-um"), o("uv-schedule")));
+  }
+  if (!setup.resin.inhibition) {
+    wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
+                      option, setup.resin.name));
+  }
+  if (!setup.printer.uv) {
+    wrong(fmt::format("{}: printer '{}' has no [uv] lamp", option, setup.printer.name));
+  }
+  if (!setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0) {
+    wrong(fmt::format(
+        "{}: the light of '{}' with '{}' spreads; expected light that stays in its pixel", option,
+        setup.printer.name, setup.resin.name));
+  }
+  flow_resin(setup.resin);
+  const bool patterned = setup.printer.uv->patterned;
+  const std::string& kind = c_.even_dead_zone;
+  if (!patterned && (kind == "uv" || kind == "both")) {
+    wrong(fmt::format(
+        "{} {}: the UV lamp of printer '{}' floods the window; expected blue or constant", option,
+        kind, setup.printer.name));
+  }
+  Process& process = setup.process;
+  process.even_light.reset();
+  process.even_dead_zone = kind == "constant"            ? EvenDeadZone::constant
+                           : kind == "blue"              ? EvenDeadZone::blue
+                           : kind == "uv"                ? EvenDeadZone::uv
+                           : kind == "both" || patterned ? EvenDeadZone::both
+                                                         : EvenDeadZone::blue;
+  // The light is found with the part; until then all that can be said is what the lamp can do.
+  process.uv = {};
+  process.uv.kind = UvKind::per_slice;
+  process.uv.uv_mw_cm2 = setup.printer.uv->max_mw_cm2();
 }
 
 void Resolver::resolve_uv(Setup& setup) const {
@@ -323,7 +392,15 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
   if (recorded) setup.process = *info->process;
   resolve_exposure(setup.process, times);
-  resolve_uv(setup);
+  if (c_.even_dead_zone.empty()) {
+    resolve_uv(setup);
+  } else {
+    resolve_even_dead_zone(setup);
+  }
+  if (c_.gap_um > kMostGapUm) {
+    wrong(fmt::format("{} is {:g}; expected at most {:g} um", o("gap-um"), c_.gap_um, kMostGapUm));
+  }
+  setup.gap_um = std::max(0.0, c_.gap_um);
   const double cap = omega_max();
   if (!recorded) {
     setup.process.omega_max = cap;
@@ -381,6 +458,13 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
         "is not considered",
         setup.printer.name, named(names, "uv-mw-cm2"), named(names, "dead-zone-um"),
         setup.resin.name));
+  }
+  if (setup.printer.suction_limit_pa > 0 && !(setup.resin.viscosity_pa_s > 0) &&
+      setup.process.mode == ExposureMode::continuous) {
+    notices.push_back(fmt::format(
+        "printer '{}' says what suction it bears (suction_limit_pa); without the viscosity of resin "
+        "'{}' (viscosity_pa_s) nobody knows how much there is",
+        setup.printer.name, setup.resin.name));
   }
   const double depth_um = setup.printer.resin_depth_um;
   if (depth_um > 0 && depth_um < 2 * setup.resin.absorbance_height10_um) {

@@ -1,8 +1,11 @@
 // A setup as text of its own: the block that stacks carry, without a stack.
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/flow.hpp"
 #include "slicecorr/setup.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"
@@ -14,6 +17,19 @@ namespace slicecorr {
 
 namespace {
 constexpr const char* kPictureKey = "flat_field_png";
+constexpr const char* kGapKey = "gap_um";
+
+double gap_of(std::string_view text, const std::string& source) {
+  const auto json = nlohmann::json::parse(text);
+  const auto gap = json.find(kGapKey);
+  if (gap == json.end()) return 0;
+  const double um = gap->is_number() ? gap->get<double>() : -1;
+  if (!(um > 0 && um <= kMostGapUm)) {
+    throw InputError(source, kGapKey,
+                     fmt::format("expected a number above 0, at most {:g}", kMostGapUm));
+  }
+  return um;
+}
 
 void add_picture(nlohmann::ordered_json& json, const Printer& printer) {
   if (!printer.flat_field) return;
@@ -44,8 +60,9 @@ std::string setup_json(const Setup& setup) {
   info.grid.pixel_y_um = setup.printer.pixel_y_um;
   info.grid.layer_um = 1;
   std::string block = detail::setup_block(info);
-  if (!setup.printer.flat_field) return block;
+  if (!setup.printer.flat_field && !(setup.gap_um > 0)) return block;
   auto json = nlohmann::ordered_json::parse(block);
+  if (setup.gap_um > 0) json[kGapKey] = setup.gap_um;
   add_picture(json, setup.printer);
   return json.dump();
 }
@@ -61,7 +78,7 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   if (!info.printer || !info.resin || !info.process) {
     throw InputError(source, "", "has no printer, resin and process; expected all three");
   }
-  return {*info.printer, *info.resin, *info.process};
+  return {*info.printer, *info.resin, *info.process, gap_of(json, source)};
 }
 
 std::string definitions_json(const Printer& printer, const Resin& resin) {

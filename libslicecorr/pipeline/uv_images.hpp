@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "slicecorr/cure.hpp"
+#include "slicecorr/pipeline.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::detail {
@@ -13,8 +14,9 @@ namespace slicecorr::detail {
 /// UV pixel value of each pixel value, where the model's lamp is patterned.
 std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels);
 
-/// Lets the writer make an image in UV light of every slice, where the model's lamp is patterned.
-/// `levels`: grey levels of the printer.
-void set_uv_images(StackWriter& writer, const CureModel& model, int levels);
+/// Lets the writer make an image in UV light of every slice, where the lamp shows patterns: by the
+/// curing light of each pixel, or by place for an even dead zone.
+void set_uv_images(StackWriter& writer, const CureModel& model, const Setup& setup,
+                   const Grid& images);
 
 }  // namespace slicecorr::detail

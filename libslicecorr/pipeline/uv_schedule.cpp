@@ -5,6 +5,7 @@
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
 #include "slicecorr/dead_zone.hpp"
+#include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr {
@@ -23,6 +24,9 @@ double on_ladder(double uv, double greatest, double least) {
 
 Process schedule_uv(const SliceSource& target, const Setup& setup,
                     const ExecutionContext& context) {
+  if (setup.process.even_dead_zone != EvenDeadZone::off) {
+    return find_even_light(target, setup, context);
+  }
   Process process = setup.process;
   if (process.uv.kind != UvKind::per_slice || !process.uv.slice_mw_cm2.empty()) return process;
   // A first correction, with the UV light that full light needs, shows what the brightest pixel of

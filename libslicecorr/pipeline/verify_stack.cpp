@@ -17,6 +17,7 @@
 #include "predict/plane_edges.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr {
@@ -39,6 +40,44 @@ void tell_settings(const detail::ShownSlices& slices, const ExecutionContext& co
   context.tell(
       fmt::format("measured UV light is taken as one of {} intensities, off by up to {:.2g} %",
                   slices.process().uv.slice_mw_cm2.size(), 100 * slices.setting_deviation()));
+}
+
+/// Slices of a recording that were passed faster than their own speed: their light may be right, but
+/// nobody has asked whether resin and vat bear it.
+void tell_speeds(const SliceSource& stack, const Process& process,
+                 const ExecutionContext& context) {
+  if (!stack.recording() || process.slice_speed_mm_h.empty()) return;
+  const double rounding = 1.01;  // of speeds as machines are told and measure them
+  constexpr double mm_h_of_um_s = 3.6;
+  int slices = 0, worst = 0;
+  double worst_mm_h = 0, greatest = rounding;
+  for (int n = 0; n < stack.recording()->slices(); ++n) {
+    double fastest = 0;
+    for (const Recording::Showing& part : stack.recording()->of(n)) {
+      if (part.light > 0) fastest = std::max(fastest, part.speed_um_s * mm_h_of_um_s);
+    }
+    const double ratio = fastest / slice_speed_mm_h(process, n);
+    if (ratio <= rounding) continue;
+    ++slices;
+    if (ratio <= greatest) continue;
+    greatest = ratio;
+    worst = n;
+    worst_mm_h = fastest;
+  }
+  if (slices == 0) return;
+  context.tell(fmt::format(
+      "{} slices were passed faster than at their own speeds, most of all slice {} at {:.4g} mm/h "
+      "in place of {:.4g}",
+      slices, worst, worst_mm_h, slice_speed_mm_h(process, worst)));
+}
+
+/// UV images that were others than those of their slices for so short that it does not count.
+void tell_other_uv(const detail::ShownSlices& slices, const ExecutionContext& context) {
+  if (!(slices.other_uv_light() > 0)) return;
+  context.tell(fmt::format(
+      "for up to {:.2g} % of a slice's light another UV image was shown than the one that goes with "
+      "the blue image; it counts as if it had been that one",
+      100 * slices.other_uv_light()));
 }
 
 /// Grey values of a recorded slice as they would be at the light of the plan.
@@ -296,6 +335,8 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   refuse_recording(target);
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
   if (slices.setting_deviation() > 0) tell_settings(slices, context);
+  tell_other_uv(slices, context);
+  tell_speeds(stack, setup.process, context);
   Verification verification(stack, target, slices, setup.resin, setup.process.surface, context);
   verification.predict_bands();
   Prediction p = verification.result();
@@ -304,6 +345,10 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
                              stack.frame());
     detail::check_doses(*target.doses(), target, models, setup);
     p.regions = detail::measure_doses(stack, target, models, context);
+  }
+  // A recording shows several images a slice: what flowed then is nobody's guess.
+  if (setup.process.even_light && !slices.recorded()) {
+    p.flow = flow_doses(target, &stack, setup, context);
   }
   detail::tell_nothing_prints(p, context);
   if (p.dead_zones && p.dead_zones->cured_pixels > 0) {

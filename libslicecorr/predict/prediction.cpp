@@ -35,7 +35,30 @@ std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model) {
 
 namespace {
 
+using nlohmann::ordered_json;
+
 constexpr double kDoseUnit = 4294967296.0;
+
+ordered_json front_json(const FrontDose& f) {
+  return {{"dose", {{"min", f.min}, {"mean", f.mean}, {"max", f.max}}},
+          {"within_10_percent", f.within_10},
+          {"dead_zone_um", {{"min", f.dead_zone_min_um}, {"max", f.dead_zone_max_um}}},
+          {"window_dose", f.max_window}};
+}
+
+ordered_json flow_json(const FlowDoses& flow) {
+  ordered_json slices = ordered_json::array();
+  for (const FlowDoses::Slice& s : flow.slices) {
+    ordered_json slice{{"slice", s.slice}, {"area_mm2", s.area_mm2}};
+    slice.update(front_json(s.even));
+    slice["without"] = front_json(s.without);
+    slices.push_back(std::move(slice));
+  }
+  return {{"gap_um", flow.gap_um},
+          {"within_10_percent", flow.within_10()},
+          {"without", {{"within_10_percent", flow.within_10_without()}}},
+          {"slices", std::move(slices)}};
+}
 
 unsigned __int128 scaled(double value) {
   return static_cast<std::uint64_t>(std::llround(value * kDoseUnit));
@@ -218,6 +241,7 @@ std::string Prediction::to_json() const {
                       {"gels_further_teeth", layerwise->gels_further_teeth},
                       {"gap_teeth", gap_teeth}};
   }
+  if (flow) j["flow"] = flow_json(*flow);
   if (dead_zones) {
     const auto um = [](double value) {
       return std::isfinite(value) ? ordered_json(value) : ordered_json();

@@ -376,6 +376,14 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   if (const auto vat = root.table("vat")) {
     printer.resin_depth_um = vat->number("depth_um", 0, kMostDepthUm).value_or(0);
     printer.platform_reflectance = vat->number("platform_reflectance", 0, 1, true).value_or(0);
+    if (root.has("suction_limit_pa") && vat->has("suction_limit_pa")) {
+      vat->fail("suction_limit_pa",
+                "is given here and at the top of the file; expected one of them");
+    }
+    printer.suction_limit_pa = vat->number("suction_limit_pa", 0, kMostSuctionPa).value_or(0);
+  }
+  if (const auto limit = root.number("suction_limit_pa", 0, kMostSuctionPa)) {
+    printer.suction_limit_pa = *limit;
   }
   detail::tomography_keys(root, printer);
   return printer;
@@ -406,6 +414,8 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.inhibition_resupply_mj_cm3_s = light.inhibition_resupply_mj_cm3_s;
   resin.dose_diffusion_m2_s = light.dose_diffusion_m2_s;
   resin.scatter_um2_per_um = light.scatter_um2_per_um;
+  resin.viscosity_pa_s = light.viscosity_pa_s;
+  if (light.inhibitor_life_s) resin.inhibitor_life_s = *light.inhibitor_life_s;
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   resolve_dose(cure, overrides.dc_mj_cm3, resin);

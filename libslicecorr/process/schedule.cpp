@@ -10,6 +10,20 @@
 
 namespace slicecorr {
 
+double slice_speed_mm_h(const Process& process, int slice) {
+  const std::vector<double>& speeds = process.slice_speed_mm_h;
+  if (speeds.empty()) return process.speed_mm_h;
+  const auto last = static_cast<int>(speeds.size()) - 1;
+  return speeds[static_cast<std::size_t>(std::clamp(slice, 0, last))];
+}
+
+std::string speeds_in_words(const Process& process) {
+  const std::vector<double>& speeds = process.slice_speed_mm_h;
+  if (speeds.empty()) return fmt::format("{:g} mm/h", process.speed_mm_h);
+  const auto [least, greatest] = std::minmax_element(speeds.begin(), speeds.end());
+  return fmt::format("{:g} to {:g} mm/h from slice to slice", *least, *greatest);
+}
+
 double layer_exposure_s(const Process& process, int layer) {
   if (!process.layer_exposure_s.empty()) {
     const auto last = static_cast<int>(process.layer_exposure_s.size()) - 1;
@@ -26,16 +40,22 @@ double layer_exposure_s(const Process& process, int layer) {
 SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices) {
   if (process.mode == ExposureMode::layerwise) return {layer_exposure_s(process, slice), 1.0};
   const double time_s = units::slice_time_s(layer_um, process.speed_mm_h);
-  if (process.ramp != Ramp::lamp_follows || !(process.ramp_mm > 0)) return {time_s, 1.0};
-  const double from_end = std::min(slice, slices - 1 - slice) + 0.5;
-  const double z_mm = from_end * layer_um * 1e-3;
-  if (z_mm >= process.ramp_mm) return {time_s, 1.0};
-  const double speed = std::sqrt(z_mm / process.ramp_mm);
+  double speed = 1;
+  if (process.ramp == Ramp::lamp_follows && process.ramp_mm > 0) {
+    const double from_end = std::min(slice, slices - 1 - slice) + 0.5;
+    const double z_mm = from_end * layer_um * 1e-3;
+    if (z_mm < process.ramp_mm) speed = std::sqrt(z_mm / process.ramp_mm);
+  }
+  if (!process.slice_speed_mm_h.empty()) {
+    speed = std::min(speed, slice_speed_mm_h(process, slice) / process.speed_mm_h);
+  }
+  if (speed == 1) return {time_s, 1.0};
   return {time_s / speed, m == 1.0 ? speed : std::pow(speed, 1.0 / m)};
 }
 
 double light_on_s(const Process& process, double m, double layer_um, int slices) {
-  if (process.mode == ExposureMode::continuous && process.ramp != Ramp::lamp_follows) {
+  if (process.mode == ExposureMode::continuous && process.ramp != Ramp::lamp_follows &&
+      process.slice_speed_mm_h.empty()) {
     return slices * units::slice_time_s(layer_um, process.speed_mm_h);
   }
   double sum = 0;

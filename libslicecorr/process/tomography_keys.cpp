@@ -199,6 +199,9 @@ LightKeys light_keys(const TomlTable& root, const TomlTable& cure) {
                                  .value_or(0);
   keys.scatter_um2_per_um =
       home("scatter_um2_per_um").number("scatter_um2_per_um", 0, kMostScatter, true).value_or(0);
+  keys.viscosity_pa_s =
+      home("viscosity_pa_s").number("viscosity_pa_s", 0, kMostViscosity).value_or(0);
+  keys.inhibitor_life_s = home("inhibitor_life_s").number("inhibitor_life_s", 0, kMostLifeS, true);
   return keys;
 }
 

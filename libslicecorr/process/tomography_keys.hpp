@@ -1,6 +1,8 @@
 /// What printer and resin files say for tomographic printing.
 #pragma once
 
+#include <optional>
+
 #include "slicecorr/process.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -10,12 +12,13 @@ namespace slicecorr::detail {
 /// and key.
 void tomography_keys(const TomlTable& root, Printer& printer);
 
-/// How a resin takes light up.
+/// How a resin takes light up and flows.
 struct LightKeys {
   double height10_um = 0;  ///< base 10
   double active_absorption_per_cm = 0, n = 0;
   double inhibition_dose_mj_cm3 = 0, inhibition_resupply_mj_cm3_s = 0, dose_diffusion_m2_s = 0;
-  double scatter_um2_per_um = 0;
+  double scatter_um2_per_um = 0, viscosity_pa_s = 0;
+  std::optional<double> inhibitor_life_s;
 };
 /// Each key stands at the top of the file or in `cure`. Throws `InputError` naming file, line and
 /// key, also where absorption and absorbance height contradict each other.

@@ -10,6 +10,7 @@
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/left_alone.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
 #include "support/page/page_style.hpp"
@@ -74,6 +75,12 @@ std::string figures_table(const ReportContent& c) {
       [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   row("Gaps one slice high",
       [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
+  if (c.suction) {
+    const std::string words =
+        fmt::format("{:.4g} kPa, {:.3g} N, slice {}; at most {} mm/h", c.suction->suction_pa * 1e-3,
+                    c.suction->force_n, c.suction->slice, at_most(c.suction->speed_limit_mm_h));
+    row("Greatest suction under the part", [&](const Prediction&) { return words; });
+  }
   if (c.after.left_alone_voxels > 0) {
     row("Voxels left alone",
         [](const Prediction& p) { return fmt::format("{}", p.left_alone_voxels); });
@@ -199,7 +206,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
       escape_markup(c.title), detail::page_page_css);
   html += summary(c);
   html += "<h2>What will print</h2>" + figures_table(c);
-  html += detail::dose_tables(c);
+  html += detail::dose_tables(c) + detail::flow_charts(c);
   if (c.comparison) html += detail::comparison_table(*c.comparison);
   const bool moving = c.volume && c.volume->cells() > 0;
   if (moving) html += detail::page_explorer_html;
@@ -285,6 +292,8 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   for (const RegionDose& r : after.regions)
     c.most_wanted = std::max(c.most_wanted, r.greatest_wanted);
   const PixelBox box = target.bounds();
+  c.suction = print_suction(target, setup.printer, setup.resin, setup.process, setup.gap_um,
+                            detail::silent(context));
   const AsSliced uncorrected(target);
   // One section at a time: those of long prints on wide displays are large.
   const auto add_section = [&](int y) {

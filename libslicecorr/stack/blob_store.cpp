@@ -7,7 +7,12 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
+#include <map>
 #include <mutex>
+#include <optional>
+#include <set>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
@@ -21,6 +26,56 @@ constexpr std::uint64_t kInFile = std::uint64_t{1} << 63;
 
 constexpr std::size_t kLargestChunk = std::size_t{1} << 20;
 
+/// Which parts of a row of bytes are taken. What is given back is joined with free neighbours and
+/// taken again where it fits best.
+class Space {
+ public:
+  /// Takes `size` bytes below `limit`; none where there is no room.
+  std::optional<std::uint64_t> take(std::uint64_t size, std::uint64_t limit) {
+    const auto fits = by_size_.lower_bound({size, 0});
+    if (fits != by_size_.end()) {
+      const auto [found, offset] = *fits;
+      remove(offset, found);
+      if (found > size) add(offset + size, found - size);
+      return offset;
+    }
+    if (size > limit - end_) return std::nullopt;
+    return std::exchange(end_, end_ + size);
+  }
+  void give(std::uint64_t offset, std::uint64_t size) {
+    const auto after = by_offset_.lower_bound(offset);
+    if (after != by_offset_.end() && after->first == offset + size) {
+      size += after->second;
+      remove(after->first, after->second);
+    }
+    const auto next = by_offset_.lower_bound(offset);
+    if (next != by_offset_.begin()) {
+      const auto [first, bytes] = *std::prev(next);
+      if (first + bytes == offset) {
+        remove(first, bytes);
+        offset = first;
+        size += bytes;
+      }
+    }
+    add(offset, size);
+  }
+  /// All that was ever taken lies below.
+  std::uint64_t end() const { return end_; }
+
+ private:
+  void add(std::uint64_t offset, std::uint64_t size) {
+    by_offset_.emplace(offset, size);
+    by_size_.emplace(size, offset);
+  }
+  void remove(std::uint64_t offset, std::uint64_t size) {
+    by_offset_.erase(offset);
+    by_size_.erase({size, offset});
+  }
+  std::uint64_t end_ = 0;
+  std::map<std::uint64_t, std::uint64_t> by_offset_;           ///< sizes of free parts
+  std::set<std::pair<std::uint64_t, std::uint64_t>> by_size_;  ///< size, offset
+};
+
 }  // namespace
 
 struct BlobStore::Impl {
@@ -31,8 +86,7 @@ struct BlobStore::Impl {
   /// Memory for blobs. The table never grows and its chunks never move, so that bytes are copied
   /// outside the lock.
   std::vector<std::unique_ptr<std::uint8_t[]>> chunks;
-  std::uint64_t memory_used = 0;
-  std::uint64_t file_used = 0;
+  Space memory, in_file;
   int file = -1;
   mutable std::mutex mutex;
 
@@ -89,10 +143,9 @@ BlobStore::Blob BlobStore::put(const std::uint8_t* data, std::size_t size) {
   bool first_in_file = false;
   {
     const std::scoped_lock lock(s.mutex);
-    if (s.memory_used + size <= s.budget) {
-      blob.offset = s.memory_used;
-      s.memory_used += size;
-      for (std::size_t i = blob.offset / s.chunk_size; i * s.chunk_size < s.memory_used; ++i) {
+    if (const auto offset = s.memory.take(size, s.budget)) {
+      blob.offset = *offset;
+      for (std::size_t i = blob.offset / s.chunk_size; i * s.chunk_size < blob.offset + size; ++i) {
         if (!s.chunks[i])
           s.chunks[i] = std::make_unique_for_overwrite<std::uint8_t[]>(s.chunk_size);
       }
@@ -101,8 +154,7 @@ BlobStore::Blob BlobStore::put(const std::uint8_t* data, std::size_t size) {
         s.open_file();
         first_in_file = true;
       }
-      blob.offset = s.file_used | kInFile;
-      s.file_used += size;
+      blob.offset = *s.in_file.take(size, kInFile) | kInFile;
     }
   }
   if (first_in_file) {
@@ -126,6 +178,16 @@ BlobStore::Blob BlobStore::put(const std::uint8_t* data, std::size_t size) {
     }
   }
   return blob;
+}
+
+void BlobStore::drop(const Blob& blob) {
+  if (blob.size == 0) return;
+  const std::scoped_lock lock(impl_->mutex);
+  if ((blob.offset & kInFile) != 0) {
+    impl_->in_file.give(blob.offset & ~kInFile, blob.size);
+  } else {
+    impl_->memory.give(blob.offset, blob.size);
+  }
 }
 
 void BlobStore::get(const Blob& blob, std::vector<std::uint8_t>& out) const {
@@ -154,7 +216,7 @@ void BlobStore::get(const Blob& blob, std::vector<std::uint8_t>& out) const {
 
 std::uint64_t BlobStore::scratch_bytes() const {
   const std::scoped_lock lock(impl_->mutex);
-  return impl_->file_used;
+  return impl_->in_file.end();
 }
 
 }  // namespace slicecorr

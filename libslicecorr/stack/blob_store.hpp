@@ -26,8 +26,11 @@ class BlobStore {
   BlobStore(const BlobStore&) = delete;
   BlobStore& operator=(const BlobStore&) = delete;
   Blob put(const std::uint8_t* data, std::size_t size);
+  /// Makes room of a blob for later ones. The blob must not be read any more.
+  void drop(const Blob& blob);
   /// Appends the blob to `out`.
   void get(const Blob& blob, std::vector<std::uint8_t>& out) const;
+  /// Length of the scratch file.
   std::uint64_t scratch_bytes() const;
 
  private:

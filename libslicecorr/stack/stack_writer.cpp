@@ -67,6 +67,7 @@ struct StackWriter::Impl {
   /// Adler-32 of the pieces' grey rows, where the bytes in the PNG are not the grey values.
   std::vector<std::vector<std::uint32_t>> grey_adlers;
   std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
+  UvRows uv_rows;    ///< counts over `uv_of_pixel`, whose first is that of black
   std::mutex mutex;  ///< of beginning a band
 
   Impl(const StackFile& f, const Grid& g, const ExecutionContext& j)
@@ -377,6 +378,11 @@ void StackWriter::set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixe
   impl_->uv_bands.resize(impl_->bands.size());
 }
 
+void StackWriter::set_uv_pattern(std::uint8_t of_black, UvRows rows) {
+  set_uv_pattern({of_black});
+  impl_->uv_rows = std::move(rows);
+}
+
 bool StackWriter::keep_edge_heights() {
   Impl& s = *impl_;
   if (&s.format == &detail::uvj_format()) {
@@ -500,8 +506,14 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
   if (!writer->uv_of_pixel) return;
   const std::size_t stride = raw_stride(rows.width_px);
   make_raw(band, rows);
-  for (std::size_t i = 0; i < raw.size(); ++i) {
-    if (i % stride != 0) raw[i] = (*writer->uv_of_pixel)[raw[i]];
+  const int first_row = static_cast<int>(band) * writer->rows;
+  for (std::size_t i = 0; i < raw.size(); i += stride) {
+    const std::span<std::uint8_t> row(raw.data() + i + 1, stride - 1);
+    if (writer->uv_rows) {
+      writer->uv_rows(slice, first_row + static_cast<int>(i / stride), row);
+    } else {
+      for (std::uint8_t& pixel : row) pixel = (*writer->uv_of_pixel)[pixel];
+    }
   }
   chunk.clear();
   const std::uint32_t adler = uv_encoder.encode(raw, chunk);

@@ -195,14 +195,21 @@ void check_projector(CheckedFile& definition) {
     return node && node->is_string() ? std::string(**node->as_string()) : std::string(fallback);
   };
   const bool patterned = word("uv", "kind", "flood") == "patterned";
-  const toml::table* t = definition.table("projector");
-  if (!t) return;
-  if (t->contains("uv") && !patterned) {
-    definition.add(definition.line_of("projector", "uv"), "projector.uv",
+  // On two displays each has its own channels.
+  const toml::table* other = definition.table("uv_display");
+  if (other && !patterned) {
+    definition.add(other->source().begin.line, "uv_display",
                    "is given; expected kind = \"patterned\" under [uv], too");
   }
+  const toml::table* t = definition.table("projector");
+  if (!t) return;
+  const bool shared = patterned && !other;
+  if (t->contains("uv") && !shared) {
+    definition.add(definition.line_of("projector", "uv"), "projector.uv",
+                   "is given; expected kind = \"patterned\" under [uv], and no [uv_display]");
+  }
   const std::string blue = word("projector", "blue", "blue"), uv = word("projector", "uv", "red");
-  if (patterned && (blue == uv || blue == "all")) {
+  if (shared && (blue == uv || blue == "all")) {
     const std::string key = t->contains("uv") ? "uv" : "blue";
     definition.add(
         definition.line_of("projector", key), "projector." + key,

@@ -43,6 +43,8 @@ std::string to_json(const ResinRecord& r) {
   }
   if (r.resin.dose_diffusion_m2_s > 0) j["dose_diffusion_m2_s"] = r.resin.dose_diffusion_m2_s;
   if (r.resin.scatter_um2_per_um > 0) j["scatter_um2_per_um"] = r.resin.scatter_um2_per_um;
+  if (r.resin.viscosity_pa_s > 0) j["viscosity_pa_s"] = r.resin.viscosity_pa_s;
+  if (std::isfinite(r.resin.inhibitor_life_s)) j["inhibitor_life_s"] = r.resin.inhibitor_life_s;
   const auto dose = [&](double areal, double volumetric, double prime, double prime_volumetric) {
     ordered_json d;
     if (areal > 0) d["mj_cm2"] = areal;
@@ -109,6 +111,9 @@ std::string to_csv(const ResinRecord& r) {
   number("inhibition_resupply_mj_cm3_s", r.resin.inhibition_resupply_mj_cm3_s);
   number("dose_diffusion_m2_s", r.resin.dose_diffusion_m2_s);
   number("scatter_um2_per_um", r.resin.scatter_um2_per_um);
+  number("viscosity_pa_s", r.resin.viscosity_pa_s);
+  const double life_s = r.resin.inhibitor_life_s;
+  cell("inhibitor_life_s", std::isfinite(life_s) ? fmt::format("{}", life_s) : std::string());
   number("beta", f.beta);
   number("huv_um", f.huv_e_um);
   const auto& inhibition = r.resin.inhibition;

@@ -106,6 +106,8 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   number("inhibition_resupply_mj_cm3_s", d.inhibition_resupply_mj_cm3_s);
   number("dose_diffusion_m2_s", d.dose_diffusion_m2_s);
   number("scatter_um2_per_um", d.scatter_um2_per_um);
+  number("viscosity_pa_s", d.viscosity_pa_s);
+  if (d.inhibitor_life_s) out += fmt::format("inhibitor_life_s = {}\n", *d.inhibitor_life_s);
   Resin absorber;
   absorber.absorbance_height10_um = units::height10_from_e(d.height_e_um);
   absorber.active_absorption_per_cm = d.active_absorption_per_cm;

@@ -1,6 +1,7 @@
 /// The readers behind `import_definitions`, one per kind of file.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,7 +46,8 @@ struct ResinDraft {
   double dose_factor = 0;
   double active_absorption_per_cm = 0, n = 0;
   double inhibition_dose_mj_cm3 = 0, inhibition_resupply_mj_cm3_s = 0;
-  double dose_diffusion_m2_s = 0, scatter_um2_per_um = 0;
+  double dose_diffusion_m2_s = 0, scatter_um2_per_um = 0, viscosity_pa_s = 0;
+  std::optional<double> inhibitor_life_s;
   double beta = 0, huv_um = 0, inhibited_m = 0, inhibited_prime = 0;
   std::vector<std::pair<std::string, std::string>> provenance;
   std::vector<std::string> assumptions;

@@ -65,6 +65,11 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
     d.inhibition_resupply_mj_cm3_s = number("inhibition_resupply_mj_cm3_s").value_or(0);
     d.dose_diffusion_m2_s = number("dose_diffusion_m2_s").value_or(0);
     d.scatter_um2_per_um = number("scatter_um2_per_um").value_or(0);
+    d.viscosity_pa_s = number("viscosity_pa_s").value_or(0);
+    if (const auto life_s = table.number(row, "inhibitor_life_s")) {
+      if (!(*life_s >= 0)) table.fail(row, "inhibitor_life_s", "expected a number from 0");
+      d.inhibitor_life_s = life_s;
+    }
     d.beta = number("beta").value_or(0);
     d.huv_um = number("huv_um").value_or(0);
     d.inhibited_m = number("m_uv").value_or(0);

@@ -214,6 +214,12 @@ std::string describe_resin(const ResinRecord& r) {
                 fmt::format("{:.4g} m²/s: {:.3g} um along each axis in a minute (tomographic)",
                             r.resin.dose_diffusion_m2_s, 1e3 * dose_spread_mm(r.resin, 60)));
   }
+  if (r.resin.viscosity_pa_s > 0) {
+    out += line("viscosity", fmt::format("{:.4g} Pa·s", r.resin.viscosity_pa_s));
+  }
+  if (std::isfinite(r.resin.inhibitor_life_s)) {
+    out += line("life of inhibitor", fmt::format("{:.4g} s", r.resin.inhibitor_life_s));
+  }
   if (r.resin.scatter_um2_per_um > 0) {
     out += line("scatter of light",
                 fmt::format("{:g} um² per um: sigma {:.3g} um at the absorbance height (base 10)",
@@ -291,6 +297,9 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
     vat += line("platform",
                 fmt::format("sends back {:.4g} % of the light", 100 * p.platform_reflectance));
   }
+  if (p.suction_limit_pa > 0) {
+    vat += line("suction", fmt::format("at most {:g} Pa under the part", p.suction_limit_pa));
+  }
   if (!vat.empty()) out += "\nVat\n" + vat;
   out += tomography_text(p, in);
   std::map<std::string, std::string> provenance;
@@ -335,6 +344,7 @@ std::string printer_json(const Printer& p, const std::string& path) {
   if (p.travel_mm > 0) j["travel_mm"] = p.travel_mm;
   if (p.resin_depth_um > 0) j["resin_depth_um"] = p.resin_depth_um;
   if (p.platform_reflectance > 0) j["platform_reflectance"] = p.platform_reflectance;
+  if (p.suction_limit_pa > 0) j["suction_limit_pa"] = p.suction_limit_pa;
   if (p.vial) {
     j["vial"] = {{"outer_mm", p.vial->outer_mm},
                  {"inner_mm", p.vial->inner_mm},

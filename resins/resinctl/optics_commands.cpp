@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "fitted.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
@@ -35,9 +36,7 @@ void write_printer(const Arguments& a, const OpticsFit& fit, cli::Console& conso
   const Saved saved = save_definition(
       cli::folder_of(a.write), path.stem().string(), found, "printer", Replace::keep_history,
       fmt::format("optics fitted to {} points of {}", fit.residuals.size(), fit.source));
-  console.say(saved.unchanged ? fmt::format("{}: unchanged", saved.path)
-                              : fmt::format("{}: version {} written, the one before is kept",
-                                            saved.path, saved.version));
+  say_saved(saved, console);
 }
 
 int fit_optics_command(const Arguments& a, cli::Console& console) {
@@ -52,20 +51,7 @@ int fit_optics_command(const Arguments& a, cli::Console& console) {
   OpticsFitOptions options;
   options.keep_outliers = a.keep_outliers;
   options.free.insert(a.free.begin(), a.free.end());
-  for (const std::string& text : a.fixed) {
-    const std::size_t sign = text.find('=');
-    const std::string name = text.substr(0, sign);
-    if (sign == std::string::npos) {
-      options.held.insert(name);
-      continue;
-    }
-    const auto value = cli::number_of(text.substr(sign + 1));
-    if (!value) {
-      throw InputError(
-          fmt::format("--fix {}: expected NAME or NAME=VALUE, such as n=1.4997", text));
-    }
-    options.fixed.emplace(name, *value);
-  }
+  read_fixed(a.fixed, "n=1.4997", options.held, options.fixed);
   const double n = a.resin.empty() ? printer.vial->n_outside > 1.01 ? printer.vial->n_outside : 1.5
                                    : index_of(load_resin(a.resin));
   const OpticsFit fit = fit_optics(read_optics_points(a.points), printer, n, options);

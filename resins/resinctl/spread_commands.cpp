@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "fitted.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -100,9 +101,7 @@ void write(const std::string& path, const std::string& text, const char* kind, c
       fmt::format("{} fitted to {} {} of {}",
                   std::string_view(kind) == "resin" ? "scatter" : "spread", fit.measurements,
                   fit.of_widths ? "widths" : "places at edges", fit.source));
-  console.say(saved.unchanged ? fmt::format("{}: unchanged", saved.path)
-                              : fmt::format("{}: version {} written, the one before is kept",
-                                            saved.path, saved.version));
+  say_saved(saved, console);
 }
 
 SpreadFitOptions options_of(const Arguments& a) {
@@ -111,20 +110,7 @@ SpreadFitOptions options_of(const Arguments& a) {
   o.keep_outliers = a.keep_outliers;
   o.moving = a.moving || a.speed_mm_h > 0;
   o.free.insert(a.free.begin(), a.free.end());
-  for (const std::string& text : a.fixed) {
-    const std::size_t sign = text.find('=');
-    const std::string name = text.substr(0, sign);
-    if (sign == std::string::npos) {
-      o.held.insert(name);
-      continue;
-    }
-    const auto value = cli::number_of(text.substr(sign + 1));
-    if (!value) {
-      throw InputError(
-          fmt::format("--fix {}: expected NAME or NAME=VALUE, such as sigma_um=38", text));
-    }
-    o.fixed.emplace(name, *value);
-  }
+  read_fixed(a.fixed, "sigma_um=38", o.held, o.fixed);
   return o;
 }
 

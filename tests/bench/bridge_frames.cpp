@@ -59,13 +59,14 @@ class Stack {
       : path_(std::filesystem::temp_directory_path() /
               ("slicecorr-bench-" + std::to_string(::getpid()) + "-" +
                std::to_string(size.width_px) + ".uvj")) {
-    const Printer printer = machine_of(size).printer;
+    const Machine machine = machine_of(size);
+    const Printer& printer = machine.printer;
     const MeshSlices target(test::lattice(size.cells_x, size.cells_y, 1, 5, 0.4), printer,
                             SliceOptions{});
     correct_stack(target, {printer, test::resin(230, 1500), test::process(800)}, path_.string(),
                   {});
     reader_ = std::make_unique<StackReader>(path_.string(), path_.parent_path().string());
-    frames_ = make_frame_source(*reader_, printer, false);
+    frames_ = make_frame_source(*reader_, machine, false);
   }
   ~Stack() { std::filesystem::remove(path_); }
   const FrameSource& frames() const { return *frames_; }

@@ -88,6 +88,12 @@ class BandCorrector {
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights = nullptr,
                  const std::uint8_t* left_alone = nullptr);
 
+  /// Writes the highest levels of a column of the band, one for each of `plan.all_layers` slices.
+  using ColumnLevels = std::function<void(std::size_t column, std::uint8_t* levels)>;
+  /// Even light (`Process::even_light`): features get these levels inside, and no slice gets more. To
+  /// be called before `solve`; under UV light only.
+  void keep_light(ColumnLevels most);
+
   /// Gives every slice from the last to the first: its grey levels (0..levels - 1) and the coverage
   /// of its layer; the pointers are valid during the call. `dark` says that the slice is all level
   /// 0 and its coverage all 0. May be called once.

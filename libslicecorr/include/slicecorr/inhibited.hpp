@@ -15,6 +15,11 @@
 /// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
 /// layer. See correct.hpp for what that means for the correction.
 ///
+/// Where light makes the dead zone even although resin flows (`Process::even_light`, continuous), the
+/// part of these values nearer than the gap h counts Omega_f / Omega_still times: that resin was
+/// elsewhere meanwhile. Omega_still = 1/(s D'c) * integral from 0 to h; Omega_f, the dose of resin
+/// that flows, is 1 where light is even light. See docs/even-dead-zone.md.
+///
 /// Immutable and thread-safe once made. Only the constructor throws.
 #pragma once
 
@@ -93,18 +98,34 @@ class InhibitedKernel {
     return sources_[static_cast<std::size_t>(setting * levels() + level)];
   }
   const detail::FrontProfile& profile() const { return *profile_; }
+  /// Continuous: what light of a level gives, relative dose, to what is `d_um` and more away from the
+  /// window, over `source().amount`: differences of it are what slices add.
+  double rest(int setting, int level, double d_um) const;
+  /// Dead zone that even light is for, um; 0 without even light.
+  double gap_um() const { return gap_um_; }
+  /// Omega_f / Omega_still of a level; 1 without even light.
+  double flow_factor(int setting, int level) const {
+    return flow_factor_.empty()
+               ? 1.0
+               : flow_factor_[static_cast<std::size_t>(setting * levels() + level)];
+  }
+  /// The level of the dimmest even light; 0 without even light.
+  int least_even_level() const { return least_even_level_; }
+  /// Bounds of `flow_factor`: beyond them the flow is nothing that still resin could stand for.
+  static constexpr double kMostFlowFactor = 4;
   double layer_um() const { return layer_um_; }
   bool layer_by_layer() const { return mode_ == ExposureMode::layerwise; }
   /// Dose after a long run of slices of this level: the phi of the model without UV.
   double steady_dose(int setting, int level) const;
 
-  /// Steady dead zone at a pixel of a level, um: 0 when the resin cures to the window, infinite
+  /// Steady dead zone at a pixel of a level, um; of even light the gap that it is for: 0 when the resin cures to the window, infinite
   /// when the pixel never gels anything.
   double dead_zone_um(int slice, int level) const {
     return setting_dead_zone_um(setting_of_slice(slice), level);
   }
   double setting_dead_zone_um(int setting, int level) const;
-  /// Whether a dead zone lasts over such a pixel (kinetics.hpp).
+  /// Whether a dead zone lasts over such a pixel (kinetics.hpp). Where light is even, that is decided
+  /// when the light is found, with the dose that flowing resin has at the window.
   bool level_keeps_dead_zone(int setting, int level) const;
   /// Where over such a pixel resin gels first, um above the window.
   double first_gel_um(int slice, int level) const;
@@ -134,6 +155,7 @@ class InhibitedKernel {
   }
   void take_settings(const std::vector<double>& slice_mw_cm2);
   void tabulate(int setting);
+  void count_flow(const EvenLight& light, double full_mw_cm2);
 
   Kinetics kinetics_, gel_;
   ExposureMode mode_;
@@ -151,6 +173,9 @@ class InhibitedKernel {
   std::vector<std::vector<double>> tables_;  ///< [setting * kPlaces + position]
   std::shared_ptr<const detail::FrontProfile> profile_;
   std::vector<Source> sources_;  ///< [setting * levels + level]
+  double gap_um_ = 0;            ///< 0: resin stands still
+  int least_even_level_ = 0;
+  std::vector<double> flow_factor_;  ///< [setting * levels + level]; empty: all 1
   mutable std::vector<std::vector<float>> fine_;
   std::unique_ptr<std::once_flag[]> fine_made_;
 };

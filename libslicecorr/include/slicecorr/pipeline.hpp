@@ -37,6 +37,10 @@ struct Setup {
   Printer printer;
   Resin resin;
   Process process;
+  /// Gap under the part that suction is judged with, um (flow_suction.hpp); 0: by the UV light. Where an
+  /// even dead zone is asked for, that dead zone; 0: the best. Stacks do not keep it: even light has its
+  /// own.
+  double gap_um = 0;
 };
 
 /// Writes a target as a stack of its coverage, with its edge heights where it has some; of archives
@@ -53,7 +57,8 @@ void convert_stack(const StackReader& stack, const StackFile& file,
 
 /// The process with its UV intensity of each slice, where the schedule asks for one per slice and
 /// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a
-/// first correction with the intensity that full light needs. Others come back as they are.
+/// first correction with the intensity that full light needs; with the light for an even dead zone
+/// where that is asked for (`find_even_light`). Others come back as they are.
 Process schedule_uv(const SliceSource& target, const Setup& setup,
                     const ExecutionContext& context = {});
 
@@ -106,6 +111,15 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                         const ExecutionContext& context = {});
 
+/// Looks at how hard `target` pulls at window and vat (`print_suction` in flow_suction.hpp) where the
+/// resin says its viscosity and the print is continuous: tells it in a line, and throws
+/// `InfeasibleError`, naming slice, place and the speed that works, where the printer says what it
+/// bears and that is less. `correct_stack` does so before it corrects.
+void judge_suction(const SliceSource& target, const Setup& setup,
+                   const ExecutionContext& context = {});
+/// Whether there is something to look at.
+bool judges_suction(const Setup& setup);
+
 /// What a part prints with each way of showing its slices.
 struct Comparison {
   Prediction uncorrected;
@@ -155,10 +169,11 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
 /// A target corrected while it is read, without a file: for sections and columns.
 class CorrectedSlices final : public SliceSource {
  public:
-  /// `target` must outlive this. Where light spreads all is corrected at once and kept, coded; else
-  /// bands are corrected while they are read. Throws as `correct_stack`.
+  /// `target` must outlive this. Where light spreads all is corrected at once and kept, coded, what
+  /// the memory should not hold in a nameless file in `scratch_folder` (empty: the working folder);
+  /// else bands are corrected while they are read. Throws as `correct_stack`.
   CorrectedSlices(const SliceSource& target, const Setup& setup,
-                  const ExecutionContext& context = {});
+                  const ExecutionContext& context = {}, const std::string& scratch_folder = {});
   ~CorrectedSlices() override;
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override { return target_.bounds(); }

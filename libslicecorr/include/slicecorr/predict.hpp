@@ -43,6 +43,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/dose.hpp"
+#include "slicecorr/flow_doses.hpp"
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/surface_maps.hpp"
 
@@ -181,6 +182,8 @@ struct Prediction {
   Histogram gap_contrast;             ///< 1 less the least dose of each gap, at least 0
   std::uint64_t gap_teeth = 0;  ///< printed stretches in gaps that touch neither of their edges
   std::optional<LayerwiseFigures> layerwise;
+  /// Where light was made for an even dead zone: doses in resin that flows; as `dead_zones`.
+  std::optional<FlowDoses> flow;
   std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks
   Histogram grey_dose_error;            ///< absolute difference of mid-layer dose and coverage
   /// Least and greatest dose at mid-layer in layers of coverage 1, the greatest in those of

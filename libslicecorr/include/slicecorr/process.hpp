@@ -7,12 +7,14 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "slicecorr/even_light.hpp"
 #include "slicecorr/grid.hpp"
 #include "slicecorr/orientation.hpp"
 
@@ -137,6 +139,9 @@ struct Rotation {
   bool operator==(const Rotation&) const = default;
 };
 
+/// Most that `Printer::suction_limit_pa` may be, Pa: beyond a bar resin cavitates.
+inline constexpr double kMostSuctionPa = 101325;
+
 /// Most that `Printer::resin_depth_um` may be, um.
 inline constexpr double kMostDepthUm = 1e7;
 
@@ -167,6 +172,8 @@ struct Printer {
   double resin_depth_um = 0;
   /// Share of the light that the platform sends back, 0..1.
   double platform_reflectance = 0;
+  /// Most suction under the part that vat and window bear, Pa; 0 when not given.
+  double suction_limit_pa = 0;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -226,11 +233,22 @@ struct Resin {
   /// Scatter of the curing light: at a depth of d um its variance along each axis has grown by so
   /// many um² times d, 0..`kMostScatter`; 0: it goes straight on.
   double scatter_um2_per_um = 0;
+  /// Dynamic viscosity of the liquid resin, Pa·s; 0 when not given. Resin flow needs it.
+  double viscosity_pa_s = 0;
+  /// How long inhibitor that UV light has made stays in liquid resin, s, >= 0; infinite: until blue
+  /// light uses it up. It counts where resin flows.
+  double inhibitor_life_s = std::numeric_limits<double>::infinity();
   bool operator==(const Resin&) const = default;
 };
 
 /// Most that `dose_diffusion_m2_s` may be: a thousand times what small molecules do in water.
 inline constexpr double kMostDiffusion = 1e-6;
+
+/// Most that `viscosity_pa_s` may be: pitch.
+inline constexpr double kMostViscosity = 1e9;
+
+/// Most that `inhibitor_life_s` may be where it is not infinite.
+inline constexpr double kMostLifeS = 1e9;
 
 /// Most that `scatter_um2_per_um` may be: light a millimetre deep is spread over as much again.
 inline constexpr double kMostScatter = 1e3;
@@ -265,7 +283,8 @@ struct UvSchedule {
   double uv_mw_cm2 = 0;     ///< constant: the intensity
   double dead_zone_um = 0;  ///< per_slice, patterned: steady dead zone to hold; 0: not asked
   /// per_slice: intensity of each slice, mW/cm²; the last holds for slices after it. patterned:
-  /// that of a fully lit pixel, where the lamp is not as its calibration says.
+  /// that of a fully lit pixel, where the lamp is not as its calibration says; where `even_light`
+  /// has a pattern of UV light, the mean over what is lit.
   std::vector<double> slice_mw_cm2;
   bool operator==(const UvSchedule&) const = default;
 };
@@ -289,6 +308,11 @@ inline constexpr double kDefaultGapShortfall = 0.18;
 struct Process {
   static constexpr int kDefaultSpreadRounds = 20, kMostSpreadRounds = 1000;
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
+  /// Continuous: speed at each slice where some go slower, each above 0 and at most `speed_mm_h`;
+  /// the last holds for later slices; empty: `speed_mm_h` throughout. The lamps follow: at the speed
+  /// v they give (v / speed_mm_h)^(1/m) of their light, which leaves I^m / v and all doses as they
+  /// are at `speed_mm_h`. Between slices the stage changes its speed in the faster one.
+  std::vector<double> slice_speed_mm_h;
   /// Cap of the relative dose inside features, >= 1; >= 1e300 means none.
   double omega_max = 1e300;
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
@@ -319,12 +343,20 @@ struct Process {
   bool allow_window_cure = false;
   /// Where light spreads: rounds in which columns are corrected together, at most; 0: each alone.
   int spread_rounds = kDefaultSpreadRounds;
+  /// What makes the dead zone even although resin flows, and the light that does. What was asked for
+  /// is known before that light is found (`find_even_light` in even_dead_zone.hpp).
+  EvenDeadZone even_dead_zone = EvenDeadZone::off;
+  std::optional<EvenLight> even_light{};
   bool operator==(const Process&) const = default;
 };
 
 /// What the UV lamp does, in words; empty when it is off.
 std::string uv_in_words(const UvSchedule& uv);
 
+/// Speed at a slice, mm/h (continuous).
+double slice_speed_mm_h(const Process& process, int slice);
+/// Speeds in words: "800 mm/h", "150 to 800 mm/h from slice to slice".
+std::string speeds_in_words(const Process& process);
 /// Exposure of a layer, s (layerwise).
 double layer_exposure_s(const Process& process, int layer);
 /// All of them in words (layerwise): "8 s each; the first layer 20 s, then 3 in steps between".
@@ -338,7 +370,8 @@ struct SliceLight {
 /// Layer by layer the exposure, at full light. Continuous the time in which the stage passes the
 /// slice; where the lamp follows the ramp, with constant acceleration v_n / v = sqrt(z / ramp), z
 /// the distance of the middle of the slice from the nearer end of the print, and the share
-/// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are.
+/// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are; the same where slices go
+/// slower.
 SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices);
 /// Time in which all slices are shown, s: without what lies between them layer by layer.
 double light_on_s(const Process& process, double m, double layer_um, int slices);

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/flow_suction.hpp"
 #include "slicecorr/picture.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/simulate.hpp"
@@ -55,8 +56,9 @@ struct ReportContent {
   std::string title;
   StackInfo info;
   Setup setup;
-  Prediction after;                  ///< of the stack reported
-  std::optional<Prediction> before;  ///< of the target shown as it is
+  Prediction after;                     ///< of the stack reported
+  std::optional<Prediction> before;     ///< of the target shown as it is
+  std::optional<PrintSuction> suction;  ///< under the part, where it is known
   /// Pictures of a section of the target shown as it is, and of the stack.
   struct SectionPictures {
     std::string place;  ///< row_in_words

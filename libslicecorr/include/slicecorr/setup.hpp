@@ -21,15 +21,20 @@ struct SetupChoices {
   std::string printer_toml, resin_toml;  ///< texts of such files, in place of the names
   std::string mode;                      ///< continuous, layerwise
   double speed_mm_h = 0;
+  /// `Process::slice_speed_mm_h`, each > 0; the last holds for later slices.
+  std::vector<double> slice_speed_mm_h;
   double exposure_s = 0, bottom_exposure_s = 0;
   int bottom_layers = -1, fade_layers = -1;
   /// Exposure of each layer, > 0; the last holds for later layers. Alone, without the numbers
   /// above.
   std::vector<double> layer_exposure_s;
   double uv_mw_cm2 = 0, dead_zone_um = 0;
-  std::string uv_schedule;  ///< constant, per-slice, patterned
-  std::string window_cure;  ///< refuse, allow
-  std::string ramp;         ///< none, lamp-follows, outside
+  /// `Setup::gap_um`, at most `kMostGapUm`; with an even dead zone the one aimed at.
+  double gap_um = 0;
+  std::string uv_schedule;     ///< constant, per-slice, patterned
+  std::string even_dead_zone;  ///< auto, constant, blue, uv, both: `Process::even_dead_zone`
+  std::string window_cure;     ///< refuse, allow
+  std::string ramp;            ///< none, lamp-follows, outside
   double ramp_mm = 0;
   std::string omega_max = "inf";             ///< inf, or a number of at least 1
   std::string one_slice_gaps = "open";       ///< open, merge

@@ -15,6 +15,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -192,6 +193,10 @@ class StackWriter {
   /// A second image per slice, uv/%08d.png, made from the first: pixel value v becomes
   /// uv_of_pixel[v], outside of bands, too. To be called before the first encoder is made.
   void set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixel);
+  /// The same where UV light goes by place, too: `rows` gets row `y` of a slice, all of its width, and
+  /// makes UV light of it; a band that is black becomes `of_black`. Called from any thread.
+  using UvRows = std::function<void(int slice, int y, std::span<std::uint8_t> pixels)>;
+  void set_uv_pattern(std::uint8_t of_black, UvRows rows);
   /// Edge heights beside the slices (target.hpp), for encoders to put. Returns whether the archive
   /// has a place for them: if not, that is told, and what is put is dropped. To be called before
   /// the first encoder is made; of a target only.

@@ -101,13 +101,40 @@ std::string doses_table(const Prediction& p) {
   return text;
 }
 
+/// Dose and dead zone in resin that flows, slice by slice; empty where no light was made for it.
+std::string flow_table(const Prediction& p) {
+  if (!p.flow || p.flow->slices.empty()) return {};
+  const FlowDoses& flow = *p.flow;
+  std::string text = fmt::format(
+      "  flow: dead zone of {:.4g} um; {:.1f} % of the sections get their dose within 10 %, with the "
+      "best light that is the same everywhere {:.1f} %\n",
+      flow.gap_um, 100 * flow.within_10(), 100 * flow.within_10_without());
+  text += fmt::format("  {:>7}{:>19}{:>24}{:>24}{:>24}{:>10}\n", "slice", "within 10 %, %",
+                      "dose, min mean max", "dead zone, um", "without, um", "window");
+  // A screen full; all of them are in the JSON.
+  constexpr std::size_t most = 20;
+  const std::size_t step = (flow.slices.size() + most - 1) / most;
+  for (std::size_t i = 0; i < flow.slices.size(); i += step) {
+    const FlowDoses::Slice& s = flow.slices[i];
+    const auto range = [](const FrontDose& f) {
+      return fmt::format("{:.1f} to {:.1f}", f.dead_zone_min_um, f.dead_zone_max_um);
+    };
+    text += fmt::format(
+        "  {:>7}{:>19}{:>24}{:>24}{:>24}{:>10.3f}\n", s.slice,
+        fmt::format("{:.1f} ({:.1f})", 100 * s.even.within_10, 100 * s.without.within_10),
+        fmt::format("{:.3f} {:.3f} {:.3f}", s.even.min, s.even.mean, s.even.max), range(s.even),
+        range(s.without), s.even.max_window);
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
   std::vector<Figures> columns;
   if (before) columns.push_back({"uncorrected", &*before});
   columns.push_back({"corrected", &after});
-  std::string text = figures_table(columns) + doses_table(after);
+  std::string text = figures_table(columns) + doses_table(after) + flow_table(after);
   if (const auto& l = after.layerwise) {
     text += fmt::format(
         "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "

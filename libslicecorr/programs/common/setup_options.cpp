@@ -2,7 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
+#include <cmath>
+#include <utility>
+
 #include "programs/common/program.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/flow.hpp"
+#include "support/text/csv.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::cli {
 
@@ -84,6 +92,23 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   app.add_option("--dead-zone-um", dead_zone_um,
                  "Dead zone at the window that the UV light is to hold, in place of --uv-mw-cm2")
       ->check(number_above_zero());
+  if (correcting) {
+    app.add_option(
+           "--gap-um", gap_um,
+           "Gap between part and window that suction is judged with, where printer and resin "
+           "say what they need for it [by the UV light]")
+        ->check(number_above_zero() & CLI::Range(0.0, kMostGapUm));
+  }
+  if (correcting) {
+    app.add_option(
+           "--even-dead-zone", even_dead_zone,
+           "Find light with which dose and dead zone are even although resin flows: one "
+           "intensity of each lamp per slice (constant), the curing light by place (blue), the "
+           "UV light by place (uv), or both; auto: all that the lamps can. Aims at --gap-um")
+        ->expected(0, 1)
+        ->default_str("auto")
+        ->check(CLI::IsMember({"auto", "constant", "blue", "uv", "both"}));
+  }
   app.add_option("--uv-schedule", uv_schedule,
                  "How the UV light goes: one intensity; one per slice; one per pixel and slice "
                  "[constant, or what the lamp can do for --dead-zone-um]")
@@ -91,6 +116,10 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   app.add_option("--window-cure", window_cure,
                  "What to do when the resin would cure to the window, which ruins the vat [refuse]")
       ->check(CLI::IsMember({"refuse", "allow"}));
+  app.add_option("--slice-speed-mm-h", slice_speeds,
+                 "Table slice,speed_mm_h of slices that go slower than --speed-mm-h (continuous): "
+                 "from that slice on that speed; the lamps follow, so that doses stay")
+      ->check(CLI::ExistingFile);
   app.add_option("--ramp", ramp,
                  "Where the stage speeds up and slows down (continuous): the lamp follows it, or "
                  "outside of the lit slices [none: not said]")
@@ -108,7 +137,55 @@ void SetupOptions::add_surface_to(CLI::App& app) {
 }
 
 Setup SetupOptions::resolve(const StackInfo* info, const StackInfo* times) const {
-  return resolve_setup(*this, info, times, ChoiceNames::options);
+  if (slice_speeds.empty()) return resolve_setup(*this, info, times, ChoiceNames::options);
+  SetupChoices choices = *this;
+  choices.slice_speed_mm_h = read_slice_speeds(slice_speeds);
+  return resolve_setup(choices, info, times, ChoiceNames::options);
+}
+
+std::vector<double> read_slice_speeds(const std::string& path) {
+  constexpr int most_slices = 1000000;
+  CsvReader reader = CsvReader::of_file(path, {.longest_line_bytes = 1000});
+  const auto wrong = [&](const std::string& what) { throw InputError(path, reader.place(), what); };
+  const auto number = [&](const std::string& cell) {
+    double value = 0;
+    const char* const end = cell.data() + cell.size();
+    const auto [stop, error] = std::from_chars(cell.data(), end, value);
+    if (error != std::errc{} || stop != end || !std::isfinite(value)) {
+      wrong(fmt::format("'{}' is no number", text::printable(cell)));
+    }
+    return value;
+  };
+  CsvRow row;
+  std::vector<double> speeds;
+  bool head = true;
+  while (reader.next(row)) {
+    if (row.fault != CsvRow::Fault::none || row.cells.size() != 2) {
+      wrong("expected two columns, slice,speed_mm_h");
+    }
+    if (std::exchange(head, false)) {
+      if (row.cells[0] != "slice" || row.cells[1] != "speed_mm_h") {
+        wrong("expected the head slice,speed_mm_h");
+      }
+      continue;
+    }
+    const double slice = number(row.cells[0]), speed_mm_h = number(row.cells[1]);
+    const auto last = static_cast<double>(speeds.size()) - 1;
+    const bool rises = speeds.empty() ? slice == 0 : slice > last;
+    if (!rises || slice != std::floor(slice) || slice >= most_slices) {
+      wrong(fmt::format(
+          "slice {}; expected {}", row.cells[0],
+          speeds.empty() ? "the first row to be of slice 0"
+                         : fmt::format("a whole number above {:g}, below {}", last, most_slices)));
+    }
+    if (!(speed_mm_h > 0)) {
+      wrong(fmt::format("speed {} mm/h; expected one above 0", row.cells[1]));
+    }
+    if (!speeds.empty()) speeds.resize(static_cast<std::size_t>(slice), speeds.back());
+    speeds.push_back(speed_mm_h);
+  }
+  if (speeds.empty()) throw InputError(path, "", "has no speeds; expected rows slice,speed_mm_h");
+  return speeds;
 }
 
 const std::string& design(const std::string& path) {

@@ -10,6 +10,7 @@
 namespace slicecorr::cli {
 
 struct SetupOptions : SetupChoices {
+  std::string slice_speeds;  ///< a table for `slice_speed_mm_h`
   /// `required`: printer, resin and schedule must be given; else a stack may bring them.
   /// `more_modes`: that the program knows besides those of `SetupChoices`.
   void add_to(CLI::App& app, bool required, bool correcting,
@@ -17,9 +18,13 @@ struct SetupOptions : SetupChoices {
   /// `--surface` alone, for what slices but does not correct; `add_to` has it for what corrects.
   void add_surface_to(CLI::App& app);
   Surface wanted_surface() const { return surface_named(surface); }
-  /// See `resolve_setup`.
+  /// See `resolve_setup`. Throws `InputError` when the table of speeds can't be read, too.
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
 };
+
+/// Speeds of slices from a table with the columns `slice,speed_mm_h`: from that slice on that speed.
+/// The first row is of slice 0, slices rise. Throws `InputError` naming file and line.
+std::vector<double> read_slice_speeds(const std::string& path);
 
 /// A corrected stack shows light, not the design: measured against it, nothing means anything.
 /// Throws `InputError` when `path` is one, gives it back else.

@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "flow.hpp"
 #include "options.hpp"
 #include "programs/common/dose_options.hpp"
 #include "programs/common/make_part.hpp"
@@ -558,9 +559,11 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to look into");
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
+  FlowOptions flow;
   TomoOptions tomo;
   TestPartOptions test_part;
   add_test_part(program, test_part);
+  add_flow(program, flow);
   add_tomo(program, tomo);
 
   return program.run(argc, argv);

@@ -142,7 +142,7 @@ std::string describe_stack(const StackInfo& info) {
     text += fmt::format("process      layer by layer, {}\n", exposures_in_words(*info.process));
   } else if (info.process) {
     text += fmt::format(
-        "process      continuous, {:g} mm/h, dose cap {}\n", info.process->speed_mm_h,
+        "process      continuous, {}, dose cap {}\n", speeds_in_words(*info.process),
         info.process->omega_max >= 1e300 ? "none" : fmt::format("{:g}", info.process->omega_max));
     if (info.process->ramp == Ramp::lamp_follows) {
       text += fmt::format("ramps        over {:g} mm at both ends, the lamp follows the speed\n",
@@ -248,6 +248,9 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     } else {
       j["mode"] = "continuous";
       j["speed_mm_h"] = info.process->speed_mm_h;
+      if (const auto& speeds = info.process->slice_speed_mm_h; !speeds.empty()) {
+        j["slice_speed_mm_h"] = speeds;
+      }
     }
     if (info.process->omega_max >= 1e300) {
       j["omega_max"] = "inf";
@@ -261,6 +264,10 @@ std::string info_json(const StackInfo& info, const std::string& path) {
                  {"schedule", uv.kind == UvKind::constant    ? "constant"
                               : uv.kind == UvKind::per_slice ? "per-slice"
                                                              : "patterned"}};
+    }
+    if (info.process->even_dead_zone != EvenDeadZone::off) {
+      j["even_dead_zone"] = name_of(info.process->even_dead_zone);
+      if (info.process->even_light) j["gap_um"] = info.process->even_light->gap_um;
     }
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
     j["gap_shortfall"] = info.process->gap_shortfall;

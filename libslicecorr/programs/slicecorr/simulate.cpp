@@ -285,7 +285,8 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Executio
     if (!setup.printer.empty() || setup.speed_mm_h > 0 || !setup.mode.empty() ||
         setup.exposure_s > 0 || setup.bottom_exposure_s > 0 || setup.bottom_layers >= 0 ||
         setup.fade_layers >= 0 || setup.dead_zone_um > 0 || !setup.uv_schedule.empty() ||
-        !setup.window_cure.empty() || !setup.ramp.empty() || setup.ramp_mm > 0) {
+        !setup.window_cure.empty() || !setup.ramp.empty() || setup.ramp_mm > 0 ||
+        !setup.slice_speeds.empty()) {
       wrong(
           "a stationary exposure has a resin, intensities and a time; expected no printer, speed, "
           "mode or schedule with --stationary");

@@ -180,6 +180,7 @@ Json printer_json(const Printer& p) {
   }
   if (p.resin_depth_um > 0) json["resin_depth_um"] = p.resin_depth_um;
   if (p.platform_reflectance > 0) json["platform_reflectance"] = p.platform_reflectance;
+  if (p.suction_limit_pa > 0) json["suction_limit_pa"] = p.suction_limit_pa;
   if (p.vial) {
     json["vial"] = {{"outer_mm", p.vial->outer_mm},
                     {"inner_mm", p.vial->inner_mm},
@@ -224,6 +225,8 @@ Json resin_json(const Resin& r) {
   given("inhibition_resupply_mj_cm3_s", r.inhibition_resupply_mj_cm3_s);
   given("dose_diffusion_m2_s", r.dose_diffusion_m2_s);
   given("scatter_um2_per_um", r.scatter_um2_per_um);
+  given("viscosity_pa_s", r.viscosity_pa_s);
+  if (std::isfinite(r.inhibitor_life_s)) json["inhibitor_life_s"] = r.inhibitor_life_s;
   if (r.inhibition) {
     json["inhibition"] = {{"beta", r.inhibition->beta},
                           {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
@@ -275,6 +278,9 @@ Printer read_printer(const Node& node) {
   if (node.has("platform_reflectance")) {
     p.platform_reflectance = node["platform_reflectance"].number(0, 1);
   }
+  if (node.has("suction_limit_pa")) {
+    p.suction_limit_pa = node["suction_limit_pa"].number(0, kMostSuctionPa);
+  }
   return p;
 }
 
@@ -302,6 +308,10 @@ Resin read_resin(const Node& node) {
   r.inhibition_resupply_mj_cm3_s = given("inhibition_resupply_mj_cm3_s", 0, kLargest);
   r.dose_diffusion_m2_s = given("dose_diffusion_m2_s", 0, kMostDiffusion);
   r.scatter_um2_per_um = given("scatter_um2_per_um", 0, kMostScatter);
+  r.viscosity_pa_s = given("viscosity_pa_s", 0, kMostViscosity);
+  if (node.has("inhibitor_life_s")) {
+    r.inhibitor_life_s = node["inhibitor_life_s"].number(0, kMostLifeS);
+  }
   if (node.has("inhibition")) {
     const Node i = node["inhibition"];
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),

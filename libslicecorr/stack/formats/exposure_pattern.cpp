@@ -60,7 +60,7 @@ ExposureSummary exposure_summary(const StackInfo& info) {
   ExposureSummary s;
   if (p.mode == ExposureMode::continuous) {
     s.normal_s = s.bottom_s = units::slice_time_s(info.grid.layer_um, p.speed_mm_h);
-    s.uneven = p.ramp == Ramp::lamp_follows;
+    s.uneven = p.ramp == Ramp::lamp_follows || !p.slice_speed_mm_h.empty();
     if (s.uneven) s.bottom_s = light_of_layer(info, 0).time_s;
     return s;
   }

@@ -8,6 +8,7 @@
 
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
+#include "stack/formats/even_light_json.hpp"
 #include "stack/recording_entry.hpp"
 
 namespace slicecorr::detail {
@@ -66,6 +67,8 @@ int block_format(const StackInfo& info) {
       info.printer && (info.printer->resin_depth_um > 0 || info.printer->platform_reflectance > 0);
   const bool spreads = (info.printer && !info.printer->spread.none()) ||
                        (info.resin && info.resin->scatter_um2_per_um > 0);
+  if (shows_light && info.process && !info.process->slice_speed_mm_h.empty()) return 8;
+  if (info.process && info.process->even_dead_zone != EvenDeadZone::off) return 7;
   if (shows_light && (bath || spreads)) return 6;
   if (info.has_edge_heights) return 5;
   if (info.kind == StackKind::recorded) return 4;
@@ -99,6 +102,9 @@ Json process_json(const Process& p, int format) {
   json["ramp"] = kNamesOfRamps[static_cast<std::size_t>(p.ramp)];
   json["ramp_mm"] = p.ramp_mm;
   json["window_cure"] = p.allow_window_cure ? "allow" : "refuse";
+  if (!p.slice_speed_mm_h.empty()) json["slice_speed_mm_h"] = p.slice_speed_mm_h;
+  if (p.even_dead_zone != EvenDeadZone::off) json["even_dead_zone"] = name_of(p.even_dead_zone);
+  if (p.even_light) json["even_light"] = even_light_json(*p.even_light);
   return json;
 }
 

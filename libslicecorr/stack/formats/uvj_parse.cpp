@@ -8,6 +8,7 @@
 #include "slicecorr/image_size.hpp"
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
+#include "stack/formats/even_light_json.hpp"
 #include "stack/formats/json_node.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/recording_entry.hpp"
@@ -128,6 +129,11 @@ void read_schedule(const Node& node, Process& p) {
   p.ramp = static_cast<Ramp>(node["ramp"].choice(kNamesOfRamps));
   p.ramp_mm = node["ramp_mm"].number(0, 1e9);
   p.allow_window_cure = node["window_cure"].choice({"refuse", "allow"}) == 1;
+  if (!node.has("slice_speed_mm_h")) return;
+  if (layerwise) node["slice_speed_mm_h"].refuse("is for continuous exposure");
+  for (const Node& n : node["slice_speed_mm_h"].list(1, 1000000)) {
+    p.slice_speed_mm_h.push_back(n.positive(p.speed_mm_h));
+  }
 }
 
 Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
@@ -148,6 +154,11 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   }
   p.cap_platform_features = node["platform_features"].choice({"capped", "uncapped"}) == 0;
   if (format >= 2) read_schedule(node, p);
+  if (node.has("even_dead_zone")) {
+    p.even_dead_zone = static_cast<EvenDeadZone>(
+        node["even_dead_zone"].choice({"off", "constant", "blue", "uv", "both"}));
+    if (node.has("even_light")) p.even_light = read_even_light(node["even_light"]);
+  }
   return p;
 }
 

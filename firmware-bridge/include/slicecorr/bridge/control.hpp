@@ -98,6 +98,9 @@ struct FrameRecord {
   /// continuous prints, and for `exposed_s` where the exposure did not end.
   std::optional<double> exposure_s, exposed_s;
   DisplayTimes display = {};
+  /// Where UV images have a display of their own: when the light of this frame's began there, and
+  /// where the stage was then; nothing where it did not come.
+  std::optional<double> uv_shown_s = {}, uv_stage_um = {};
   /// Of a job: its frame, and the angles of the stage between which it was shown, from the index on;
   /// `to_deg` and `exposed_s` not where the print failed meanwhile.
   int job_frame = kBlackFrame;
@@ -146,7 +149,10 @@ struct ControlStep {
   /// Frame to show next, from 0, or `kBlackFrame`; nothing: what is on the display stays. There is
   /// no next one until `Controller::shown` has been told of it, except black on a fault.
   std::optional<int> show;
-  double show_at_s = 0;   ///< when to show it, on the print's clock: its light then begins in time
+  double show_at_s = 0;  ///< when to show it, on the print's clock: its light then begins in time
+  /// The same of the UV display, where there is one.
+  std::optional<int> show_uv;
+  double show_uv_at_s = 0;
   bool finished = false;  ///< the print has ended, well or not: there is no further step
   std::vector<PrintEvent> events;
   std::vector<FrameRecord> records;
@@ -158,6 +164,7 @@ struct FrameReport {
   double shown_at_s = 0;     ///< when its light began, on the print's clock
   bool missing = false;      ///< underrun
   DisplayTimes display = {};
+  bool on_uv_display = false;  ///< else on that of blue images
 };
 
 struct PauseAnswer {
@@ -220,7 +227,8 @@ class Controller {
   Phase phase() const;
   Fault fault() const;
   const std::string& fault_detail() const;
-  int frame() const;  ///< shown last, or `kBlackFrame`
+  int frame() const;     ///< shown last, or `kBlackFrame`
+  int uv_frame() const;  ///< the same on the UV display
   double stage_um() const;
   double fault_stage_um() const;  ///< where the stage was when the fault was found
   double speed_um_s() const;

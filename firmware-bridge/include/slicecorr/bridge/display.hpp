@@ -36,6 +36,10 @@ std::unique_ptr<FrameSink> make_drm_sink(const std::string& card, const std::str
 /// images right after it. When one display is gone, all count as gone; black goes to all.
 std::unique_ptr<FrameSink> make_several_sinks(std::vector<std::unique_ptr<FrameSink>> sinks);
 
+/// What can be said against all of a print's sinks together without opening one: names that are
+/// none, two windows, the same display twice. Throws `InputError`.
+void check_sinks(const std::vector<std::string>& names, bool lockstep);
+
 /// Sinks as they are named on the command line: window[:DISPLAY], drm[:CARD[:CONNECTOR]],
 /// unix:PATH, tcp:HOST:PORT, null. No names mean null. Throws `InputError` and `DeviceError`.
 std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, const Machine& machine,

@@ -21,6 +21,8 @@ struct Frame {
   int width_px = 0, height_px = 0;
   std::vector<std::uint8_t> blue, uv;  ///< 0..255, row by row; uv only where it is patterned
   std::uint32_t crc32 = 0;             ///< of blue, then uv
+  /// What the UV display shows with it, where there is one of its own: its pixels are in `blue`.
+  std::shared_ptr<const Frame> on_uv_display = {};
 };
 
 /// What frames are made from.
@@ -34,9 +36,10 @@ class FrameSource {
   /// Memory that a frame takes, bytes; 0: not known.
   virtual std::size_t frame_bytes() const { return 0; }
 };
-/// The slices of a stack as the printer's display shows them, turned where they show the plate.
-/// `stack` must outlive this.
-std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
+/// The slices of a stack as the printer's displays show them, turned where they show the plate; UV
+/// images beside the blue ones, or, where `machine` has a UV display, for that one. A display that
+/// shows UV images is dark where the stack has none. `stack` must outlive this.
+std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Machine& machine,
                                                bool uv_patterned);
 
 /// The frames of a job, turn after turn, as the printer's display shows them; `turns` >= 1. `job`

@@ -72,6 +72,16 @@ struct Projector {
   std::string output;           ///< name of the display, "HDMI-1"; empty: the only or first one
 };
 
+/// [uv_display]: a display of its own for patterned UV images, whose pixels lie on those of
+/// [display] at the window. What the table does not say is as [display] and [bridge] have it.
+struct UvDisplay {
+  int width_px = 0, height_px = 0;  ///< of what it shows, turned as `orientation` says
+  Orientation orientation;          ///< how the plate lies in its images
+  double latency_s = 0;             ///< from showing an image to its light, 0..1
+  Channel channel = Channel::all;   ///< that carries UV images; all: a grey picture
+  std::string output;               ///< name of the display, "HDMI-2"; empty: the first one
+};
+
 enum class Transport { tcp, rtu };
 enum class WordOrder { big, little };  ///< which register of two holds the higher half
 /// One request that writes and reads, or one to write and one to read holding or input registers.
@@ -150,6 +160,8 @@ struct Machine {
   LampDrive blue, uv;
   MachineLimits limits;
   Projector projector;
+  /// Nothing: UV images are shown in a channel of the one display (`Projector::uv`).
+  std::optional<UvDisplay> uv_display;
   std::optional<RegisterMap> modbus;
   std::string path;  ///< of the file
   /// Sets where the machine is reached: `where` is "tcp:HOST:PORT" or "rtu:DEVICE"; empty: as the
@@ -166,6 +178,13 @@ struct Machine {
 Machine load_machine(const std::string& name_or_path);
 /// The same from the text of a file; `source` names it in messages.
 Machine parse_machine(std::string_view text, const std::string& source);
+
+/// A display of its own for UV images that is in all as the blue one. Throws `InputError` where the
+/// printer's UV light is not patterned.
+UvDisplay uv_display_like_blue(const Machine& machine);
+/// The machine as its UV display sees it: size, orientation, channel and latency are that display's,
+/// and there is no UV light beside. `machine.uv_display` must be there.
+Machine uv_display_machine(const Machine& machine);
 
 /// Name of a signal as in printer files: "stage_um", or "stage_deg" of stages that turn.
 std::string_view name_of(Signal signal, bool turns = false);

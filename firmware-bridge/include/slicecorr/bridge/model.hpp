@@ -31,7 +31,7 @@ struct SimFault {
 SimFault parse_sim_fault(const std::string& text);
 struct SimFaultKind {
   std::string_view name;
-  std::string_view where;  ///< "wire", "machine" or "display"
+  std::string_view where;  ///< "wire", "machine", "display" or "uv display"
   std::string_view value;  ///< what VALUE is; empty: it takes none
   double standard = 0;     ///< VALUE where none is given
   std::string_view what;   ///< in words
@@ -42,6 +42,7 @@ const std::vector<SimFaultKind>& sim_fault_kinds();
 struct SimEvent {
   double at_s = 0;  ///< on the model's clock
   /// "blue on", "blue off", "uv on", "uv off", "stage moves", "stage stops", "frame 17", "black",
+  /// "uv frame 17", "uv black" (of a UV display),
   /// "watchdog", "fault", "reset", "run", "off", "stop", and the names of faults as they begin.
   std::string what;
   double stage_um = 0;  ///< above the window; an arc of a stage that turns
@@ -98,12 +99,17 @@ class PrinterModel {
     bool gone = false;              ///< does not answer any more
   };
   const Display& display() const;
+  /// The same of the UV display (`Machine::uv_display`); images have UV light in `blue`.
+  void show_uv(const std::shared_ptr<const Frame>& frame);
+  const Display& uv_display() const;
 
   /// Whether the wire shall misbehave now, and how; asked once per exchange.
   std::optional<SimFault> wire_fault();
 
   const std::vector<SimEvent>& events() const;
-  /// Told every image that was lit, once, with its place in the order; for recorders.
+  /// Told every image that was lit, once, with its place in the order; for recorders. Where there is
+  /// a UV display, what that showed is in `on_uv_display`, null: black; a new image on either makes
+  /// a new one.
   using ImageSink = std::function<void(int image, const std::shared_ptr<const Frame>&)>;
   void tell_images(ImageSink sink);
   /// Per slice. What was lit before the first slice is counted with the first.

@@ -4,6 +4,7 @@
 /// `plan_turns` throw.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -35,6 +36,9 @@ struct PrintPlan {
   ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0, speed_um_s = 0;  ///< slice height, > 0; print speed, 0 layer by layer
   double m = 1;                         ///< exponent of intensity in the resin's cure law
+  /// Continuous: speed at each slice where some go slower than `speed_um_s`, for which the light is;
+  /// the lamps follow. Empty: `speed_um_s` throughout.
+  std::vector<double> slice_speed_um_s;
   Ramp ramp = Ramp::none;
   double acceleration_um_s2 = 0;  ///< of the ramps: at most the stage's
   double ramp_um = 0;             ///< distance in which the stage reaches its speed
@@ -60,6 +64,17 @@ struct PrintPlan {
   int shown_frame(int n) const { return turns() && n >= 0 ? n % angles : n; }
   /// A place as people read it: um of a line; of a job degrees from the index on.
   std::string place(double stage_um) const;
+  /// Speed at slice `n`, 0..frames - 1; before and after them that of the nearest.
+  double speed_at(int n) const {
+    if (slice_speed_um_s.empty()) return speed_um_s;
+    const int last = static_cast<int>(slice_speed_um_s.size()) - 1;
+    return slice_speed_um_s[static_cast<std::size_t>(std::clamp(n, 0, last))];
+  }
+  double slowest_um_s() const {
+    return slice_speed_um_s.empty()
+               ? speed_um_s
+               : *std::min_element(slice_speed_um_s.begin(), slice_speed_um_s.end());
+  }
   /// What is borne of lateness along the way.
   double max_late_um(const MachineLimits& limits) const {
     return limits.max_late_um > 0 ? limits.max_late_um : layer_um / 2;
@@ -78,7 +93,8 @@ struct PrintPlan {
 double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_s);
 
 /// Throws `InputError` (exit 2) when the stack is damaged (checksums of images, entries, sizes), is
-/// no corrected stack, or was made for another printer (name, display, calibration); and
+/// no corrected stack, or was made for another printer (name, display, calibration, more suction
+/// than its vat bears now); and
 /// `InfeasibleError` (exit 3) when it is too fast or too long for the stage, asks for more light
 /// than the lamps give, has frames with too little UV light for their blue light, or ramps that
 /// the lamps can't follow: the message says what would do. Reads all images once. `path` names the

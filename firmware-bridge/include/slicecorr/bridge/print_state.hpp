@@ -17,10 +17,12 @@ namespace slicecorr::bridge {
 /// Settled before anything moves.
 struct PrintFacts {
   std::string stack, printer, display;
+  std::string uv_display;  ///< empty: UV images have no display of their own
   bool dry_run = false, layerwise = false, uv = false;
   int frames = 0;                                   ///< slices in the stack
   double layer_um = 0;                              ///< slice height
   double speed_um_s = 0;                            ///< planned; 0 layer by layer
+  double slowest_um_s = 0;                          ///< where slices go at speeds of their own
   double start_um = 0, end_um = 0, expected_s = 0;  ///< as in `PrintPlan`
   double max_late_um = 0;                           ///< as in `Limits`
   double tolerance_um = 0;                          ///< as in `Stage`
@@ -39,6 +41,7 @@ struct PrintState {
   Fault fault = Fault::none;
   std::string detail;                     ///< of the fault
   int frame = kBlackFrame;                ///< on the display
+  int uv_frame = kBlackFrame;             ///< on the UV display
   int frames_shown = 0, late_frames = 0;  ///< so far
   int missed_cycles = 0;                  ///< that began more than one cycle late, so far
   double at_s = 0, phase_since_s = 0;     ///< on the print's clock

@@ -42,8 +42,9 @@ class Journal {
 /// thread of its own writes. An earlier one is kept beside it as frames.previous.csv.
 class FrameLog {
  public:
-  /// `start_um`: stage position of the first slice's begin. Throws `DeviceError`.
-  FrameLog(const std::string& path, double start_um, bool turns = false);
+  /// `start_um`: stage position of the first slice's begin; `uv_display`: columns of that one, too.
+  /// Throws `DeviceError`.
+  FrameLog(const std::string& path, double start_um, bool turns = false, bool uv_display = false);
   ~FrameLog();
   void add(const FrameRecord& record);
   /// Waits until all is on the disk.

@@ -51,10 +51,12 @@ struct Ending {
 /// happens, lamps go off first, then the stage stops, then black is shown, then the fault is
 /// latched; this holds for exceptions, too. The caller holds the printer's `PrintLock`. Throws only
 /// for what is wrong before anything was sent: `DeviceError` where nothing can be recorded, and
-/// what making the first frames throws.
+/// what making the first frames throws. `uv_sink`: where the images of `Machine::uv_display` go,
+/// there exactly where the machine has one.
 Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
                  Link& link, FrameSink& sink, BridgeClock& clock, const StateFolder& folder,
-                 const RunOptions& options, const ExecutionContext& context);
+                 const RunOptions& options, const ExecutionContext& context,
+                 FrameSink* uv_sink = nullptr);
 
 /// Asks the printbridge that prints now: "status", "pause", "resume" or "stop". Its answer is JSON;
 /// nothing when none prints. Throws `DeviceError` when it does not answer.

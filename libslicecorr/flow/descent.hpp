@@ -1,0 +1,23 @@
+/// @file descent.hpp
+/// The least of a smooth function of numbers between 0 and 1: projected L-BFGS.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+namespace slicecorr::detail {
+
+struct Descent {
+  std::vector<double> x;
+  double value = 0;
+  int iterations = 0;
+};
+
+/// Value at `x`, and its gradient.
+using Slope = std::function<double(const std::vector<double>& x, std::vector<double>& gradient)>;
+
+/// Goes downhill from `x` until the value falls by less than a millionth in ten steps, or
+/// `iterations` are over.
+Descent descend(std::vector<double> x, const Slope& slope, int iterations);
+
+}  // namespace slicecorr::detail

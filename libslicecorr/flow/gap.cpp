@@ -1,0 +1,33 @@
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/flow.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+FlowResin flow_resin(const Resin& resin) {
+  if (!(resin.viscosity_pa_s > 0)) {
+    throw InputError(
+        resin.name, "viscosity_pa_s",
+        "is missing; resin flow needs the dynamic viscosity of the liquid resin, Pa·s");
+  }
+  return {make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,
+          resin.dose_diffusion_m2_s, resin.inhibitor_life_s};
+}
+
+double flow_share(double q) { return q * q * (3 - 2 * q); }
+
+double flow_share_inverse(double share) {
+  return 0.5 - std::sin(std::asin(std::clamp(1 - 2 * share, -1.0, 1.0)) / 3);
+}
+
+double seconds_under_way(double share_in, double gap_um, double speed_mm_h) {
+  if (share_in <= 0) return std::numeric_limits<double>::infinity();
+  const double q = flow_share_inverse(share_in);
+  const double turns = 1 / (3 * q) - 1.0 / 3 + 2.0 / 9 * std::log((3 - 2 * q) / q);
+  return gap_um / (1e4 * units::cm_s_from_mm_h(speed_mm_h)) * turns;
+}
+
+}  // namespace slicecorr

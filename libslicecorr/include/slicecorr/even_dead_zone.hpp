@@ -1,0 +1,60 @@
+/// @file even_dead_zone.hpp
+/// Light that makes dose and dead zone even although resin flows: found for a target, and judged in
+/// what is shown (flow.md of the dissertation's chapter IV: docs/even-dead-zone.md).
+///
+/// All functions are thread-safe and give the same light and figures for any number of threads.
+/// `InputError` for what does not fit, `InfeasibleError` where no dead zone can last, `Cancelled`.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "slicecorr/flow_doses.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/target.hpp"
+
+namespace slicecorr {
+
+struct Setup;
+
+/// Every so many slices the light is found anew; between them it is linear.
+inline constexpr int kEvenSlices = 20;
+
+/// The process of `setup` with the light that its `even_dead_zone` asks for, and with its UV light;
+/// as it is where nothing is asked for, or the light is there. Slices 0, `every`, 2 `every`, ... and
+/// the last are looked at, those with the same section once, and those too small for the flow's cells
+/// not at all. `setup.gap_um` is the dead zone aimed at; 0: that with which the largest section comes
+/// out best. Tells gap, slices and caps through `context`.
+Process find_even_light(const SliceSource& target, const Setup& setup,
+                        const ExecutionContext& context = {}, int every = kEvenSlices);
+
+/// What the light brings to the front in the slices that it was found for. `shown`: the corrected
+/// slices, whose pixels count; null: the even light itself, in the levels that lamps have. Slices that
+/// show less than half of their section, as before an edge, are left out.
+FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const Setup& setup,
+                     const ExecutionContext& context = {});
+
+/// UV images under even light by place: rows of a slice's grey pixels become the pixels of its UV
+/// image. Where nothing is lit there is just the UV light that keeps black from curing.
+class EvenUvImages {
+ public:
+  /// `process.even_light` must be there with UV light by place, and outlive this.
+  EvenUvImages(const Printer& printer, const Resin& resin, const Process& process,
+               const Grid& images);
+  std::uint8_t of_black() const { return of_black_; }
+  void make_row(int slice, int y, std::span<std::uint8_t> pixels) const;
+
+ private:
+  std::shared_ptr<const EvenLight> blue_light_;  ///< with curing light in place of UV light
+  EvenPixels pixels_, blue_;
+  std::array<double, 256> share_of_{};  ///< by pixel, of full curing light, of 255
+  std::uint8_t of_black_ = 0;
+  std::vector<std::uint8_t> of_share_;  ///< by share of full light, in steps of 1/kSteps of 1/255
+  static constexpr int kSteps = 16;
+};
+
+}  // namespace slicecorr

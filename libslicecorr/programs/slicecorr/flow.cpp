@@ -1,0 +1,312 @@
+#include "flow.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <memory>
+
+#include "flow_text.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/flow_report.hpp"
+#include "slicecorr/limit.hpp"
+#include "slicecorr/load_printer.hpp"
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+/// The slices to look at, and what is said of how they are printed.
+struct FlowInput {
+  std::unique_ptr<const SliceSource> slices;
+  FlowPixels pixels = FlowPixels::coverage;
+  Printer printer;
+  Resin resin;
+  double speed_mm_h = 0;
+  std::optional<double> uv_mw_cm2;
+};
+
+[[noreturn]] void missing(const char* option) {
+  throw InputError(fmt::format("the input does not say how it is printed; expected {}", option));
+}
+
+void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in) {
+  if (!o.printer.empty()) {
+    in.printer = load_printer(o.printer);
+  } else if (info && info->printer) {
+    in.printer = *info->printer;
+  } else {
+    missing("--printer");
+  }
+  if (!o.resin.empty()) {
+    in.resin = load_resin(o.resin);
+  } else if (info && info->resin) {
+    in.resin = *info->resin;
+  } else {
+    missing("--resin");
+  }
+  in.speed_mm_h = o.speed_mm_h;
+  if (in.speed_mm_h <= 0 && info && info->process &&
+      info->process->mode == ExposureMode::continuous) {
+    in.speed_mm_h = info->process->speed_mm_h;
+  }
+  if (!(in.speed_mm_h > 0)) missing("--speed-mm-h");
+  in.uv_mw_cm2 = o.uv_mw_cm2;
+  if (!in.uv_mw_cm2 && info && info->process && info->process->uv.kind == UvKind::constant) {
+    in.uv_mw_cm2 = info->process->uv.uv_mw_cm2;
+  }
+}
+
+FlowInput read_input(const FlowOptions& o, const ExecutionContext& context) {
+  FlowInput in;
+  const std::vector<std::string>& parts = o.mesh.parts;
+  const bool meshes = std::all_of(parts.begin(), parts.end(), is_mesh_name);
+  if (meshes) {
+    if (!(o.mesh.layer_um > 0)) throw InputError("--layer-um is required with meshes");
+    take_process(o, nullptr, in);
+    in.slices = std::make_unique<const MeshSlices>(
+        slice_parts(o.mesh, in.printer, Surface::slices, context));
+    return in;
+  }
+  if (parts.size() != 1) throw InputError("expected meshes, or one stack");
+  const StackInfo info = StackReader::read_info(parts[0]);
+  if (info.kind == StackKind::recorded) {
+    throw InputError(parts[0], "",
+                     "is a recording of a print; expected the stack that was printed");
+  }
+  take_process(o, &info, in);
+  MissingFacts facts;
+  facts.layer_um = o.mesh.layer_um;
+  facts.pixel_x_um = in.printer.pixel_x_um;
+  facts.pixel_y_um = in.printer.pixel_y_um;
+  in.slices = std::make_unique<const StackReader>(parts[0], folder_of(parts[0]), context, facts);
+  if (info.kind == StackKind::corrected) in.pixels = FlowPixels::light;
+  return in;
+}
+
+void check_uv_lamp(const Printer& printer, double uv_mw_cm2) {
+  if (!printer.uv) {
+    throw InputError(fmt::format("--uv-mw-cm2: printer '{}' has no [uv] lamp", printer.name));
+  }
+  if (uv_mw_cm2 > printer.uv->max_mw_cm2()) {
+    throw InfeasibleError(
+        fmt::format("the UV lamp of printer '{}' gives at most {} mW/cm²; {:g} "
+                    "are asked for",
+                    printer.name, at_most(printer.uv->max_mw_cm2()), uv_mw_cm2));
+  }
+}
+
+/// Lights, gap and limits.
+void plan_pull(const FlowOptions& o, const FlowInput& in, FlowFindings& f) {
+  FlowPull& pull = f.pull;
+  if (!(in.resin.viscosity_pa_s > 0)) flow_resin(in.resin);  // says what is missing
+  pull.viscosity_pa_s = in.resin.viscosity_pa_s;
+  pull.speed_mm_h = in.speed_mm_h;
+  pull.every = o.every;
+  f.limit_given = in.printer.suction_limit_pa > 0;
+  pull.limit_pa = f.limit_given ? in.printer.suction_limit_pa : kCavitationPa;
+  pull.gap_um = o.gap_um > 0 ? o.gap_um : kDefaultGapUm;
+  f.gap_words = o.gap_um > 0 ? "as given" : "assumed; --gap-um says it";
+  const bool asked = in.uv_mw_cm2 || o.blue_mw_cm2;
+  if (!asked) return;
+  const double full = in.printer.calibration.back().intensity_mw_cm2;
+  const FlowLight light{o.blue_mw_cm2.value_or(full), in.uv_mw_cm2.value_or(0)};
+  if (light.blue_mw_cm2 > full) {
+    throw InfeasibleError(
+        fmt::format("printer '{}' gives at most {} mW/cm² of blue light; {:g} are "
+                    "asked for",
+                    in.printer.name, at_most(full), light.blue_mw_cm2));
+  }
+  if (light.uv_mw_cm2 > 0 && in.resin.inhibition) check_uv_lamp(in.printer, light.uv_mw_cm2);
+  pull.resin = flow_resin(in.resin);
+  // Refuses lights that leave no dead zone.
+  const double even_um =
+      even_gap_um(pull.resin->kinetics, light.blue_mw_cm2, light.uv_mw_cm2, in.speed_mm_h);
+  pull.light = light;
+  if (o.gap_um > 0) return;
+  pull.gap_um = even_um;
+  f.gap_words = even_um < kThickestGapUm ? "where resin has its dose in the mean"
+                                         : "the thickest: the light is too weak for the speed";
+}
+
+/// The dose in the middle of the slowest slice with inhibitor that lasts for ever, and not at all.
+void compare_lives(const FlowPart& part, FlowFindings& f, const ExecutionContext& context) {
+  const SliceFlow& worst = f.slowest();
+  if (worst.bound) return;
+  const FlowSection section = part.section(worst.mask);
+  const GapPressure pressure = solve_pressure(section, context);
+  const std::size_t middle = section.index(pressure.max_x, pressure.max_y);
+  const double blue = f.pull.light->blue_mw_cm2, uv = f.pull.light->uv_mw_cm2;
+  const auto dose_with = [&](double life_s, double diffusion) {
+    FlowResin resin = *f.pull.resin;
+    resin.inhibitor_life_s = life_s;
+    resin.diffusion_m2_s = diffusion;
+    const SectionSweep sweep(section, pressure, resin, f.pull.speed_mm_h, {&f.pull.gap_um, 1});
+    return sweep.dose({&blue, 1}, {&uv, 1}).front[middle];
+  };
+  f.middle_lasting =
+      dose_with(std::numeric_limits<double>::infinity(), f.pull.resin->diffusion_m2_s);
+  f.middle_fleeting = dose_with(0, 0);
+}
+
+FlowPicture picture_of(const FlowPart& part, const FlowFindings& f, const std::string& name,
+                       const ExecutionContext& context) {
+  FlowPicture p;
+  p.title = fmt::format("{}: suction under the part", name);
+  p.layer_um = f.layer_um;
+  p.speed_mm_h = f.pull.speed_mm_h;
+  p.gap_um = f.pull.gap_um;
+  p.limit_pa = f.pull.limit_pa;
+  p.limit_given = f.limit_given;
+  p.slices = f.slices;
+  p.notes = f.warnings;
+  constexpr std::size_t kMaps = 3;
+  for (const SliceFlow* s : slowest_apart(f, kMaps)) {
+    if (s->bound) continue;
+    FlowMap map{*s, part.section(s->mask), {}};
+    const GapPressure pressure = solve_pressure(map.section, context);
+    for (const double phi_um2 : pressure.phi_um2) {
+      map.suction_pa.push_back(
+          suction_pa(phi_um2, f.pull.viscosity_pa_s, f.pull.speed_mm_h, f.pull.gap_um));
+    }
+    p.maps.push_back(std::move(map));
+  }
+  return p;
+}
+
+void check_outputs(const FlowOptions& o) {
+  std::vector<std::string> taken = o.mesh.parts;
+  for (const std::string& output : {o.json, o.output, o.profile}) {
+    check_output(output, taken);
+    if (!output.empty() && output != "-") taken.push_back(output);
+  }
+  if (o.json == "-" && o.profile == "-") {
+    throw InputError("--json and --profile both go to stdout; expected a file for one of them");
+  }
+  if (o.output.empty()) return;
+  const std::string ending = std::filesystem::path(o.output).extension().string();
+  if (ending != ".svg" && ending != ".png" && ending != ".html") {
+    throw InputError(o.output, "", "expected an output that ends in .svg or .png or .html");
+  }
+}
+
+void write_picture(const FlowPicture& picture, const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  write_text_file(path, ending == ".svg"   ? flow_svg(picture)
+                        : ending == ".png" ? flow_png(picture)
+                                           : flow_page(picture));
+}
+
+int flow(const FlowOptions& o, const ExecutionContext& context, Console& console) {
+  const auto start = std::chrono::steady_clock::now();
+  check_outputs(o);
+  const FlowInput in = read_input(o, context);
+  FlowFindings f;
+  plan_pull(o, in, f);
+  const FlowPart part(
+      *in.slices, {.pitch_um = o.pitch_um, .gap_um = f.pull.gap_um, .pixels = in.pixels}, context);
+  if (part.masks() == 0) {
+    throw InputError(fmt::format(
+        "no cell of {:g} um is lit by half; expected a part that is wider, or a finer --pitch-um",
+        part.grid().pitch_um));
+  }
+  f.layer_um = part.layer_um();
+  f.pitch_um = part.grid().pitch_um;
+  f.columns = part.grid().columns;
+  f.rows = part.grid().rows;
+  f.part_slices = part.slices();
+  f.blind = part.blind();
+  f.slices = part_flow(part, f.pull, context);
+  if (f.slices.empty()) {
+    throw InputError("none of the slices that are looked at is lit; expected a smaller --every");
+  }
+  std::vector<std::size_t> masks;
+  for (const SliceFlow& s : f.slices) masks.push_back(s.mask);
+  std::sort(masks.begin(), masks.end());
+  f.masks = static_cast<std::size_t>(std::unique(masks.begin(), masks.end()) - masks.begin());
+  const FlowGrid& g = part.grid();
+  const bool given = !o.platform_mm.empty();
+  f.platform = platform_flow(part, f.pull, given ? o.platform_mm[0] : g.image_width_um * 1e-3,
+                             given ? o.platform_mm[1] : g.image_height_um * 1e-3, context);
+  if (f.pull.light) compare_lives(part, f, context);
+  f.warnings = flow_warnings(f);
+  for (const std::string& warning : f.warnings) context.tell(warning);
+  if (!o.json.empty()) print_or_write(o.json, flow_json(f));
+  if (!o.profile.empty()) print_or_write(o.profile, flow_profile_csv(f));
+  if (o.json != "-" && o.profile != "-") print_result(flow_table(f));
+  if (!o.output.empty()) {
+    const std::string name = std::filesystem::path(o.mesh.parts[0]).filename().string();
+    write_picture(picture_of(part, f, name, context), o.output);
+    console.say(fmt::format("{}: written", o.output));
+  }
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  console.say(fmt::format("{} masks solved, {:.1f} s, masks in {:.1f} MB", f.masks, took.count(),
+                          static_cast<double>(part.bytes()) * 1e-6));
+  return kDone;
+}
+
+}  // namespace
+
+void add_flow(Program& program, FlowOptions& o) {
+  CLI::App* sub = program.add(
+      "flow",
+      "Show what a part does to the resin under it: suction, force and the speed that each slice "
+      "bears; with UV light the dose and the dead zone",
+      [&o](const ExecutionContext& context, Console& console) {
+        return flow(o, context, console);
+      });
+  sub->add_option("PART", o.mesh.parts,
+                  "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate, or one stack")
+      ->required();
+  sub->add_option("--layer-um", o.mesh.layer_um,
+                  "Slice height, 1 to 1000; of a stack where it says none")
+      ->check(number_in(1, 1000));
+  sub->add_option("--antialias", o.mesh.antialias,
+                  "Area coverage in 256 levels, or the pixel-centre rule")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  o.mesh.add_placement_to(*sub);
+  sub->add_option(
+      "--printer", o.printer,
+      "Printer: a .toml file or a name; its suction_limit_pa is the limit [1 bar, where "
+      "resin cavitates]");
+  sub->add_option("--resin", o.resin, "Resin: a .toml file or a name; it must say viscosity_pa_s");
+  sub->add_option("--speed-mm-h", o.speed_mm_h, "Print speed")->check(number_above_zero());
+  sub->add_option(
+         "--gap-um", o.gap_um,
+         fmt::format("Gap between part and window [with UV light that in which resin takes "
+                     "its dose in the mean; else {:g}]",
+                     kDefaultGapUm))
+      ->check(number_above_zero() & CLI::Range(0.0, kMostGapUm));
+  sub->add_option("--uv-mw-cm2", o.uv_mw_cm2,
+                  "Intensity of inhibiting UV light, even: dose and dead zone are found")
+      ->check(number_in(0, std::numeric_limits<double>::max()));
+  sub->add_option("--blue-mw-cm2", o.blue_mw_cm2,
+                  "Intensity of the curing light, even [full light]")
+      ->check(number_above_zero());
+  sub->add_option("--platform-mm", o.platform_mm,
+                  "W,H: sides of the platform [those of what the display shows]")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(number_in(0.1, 1e4));
+  sub->add_option("--pitch-um", o.pitch_um,
+                  fmt::format("Side of the flow's cells [the greater of the gap and 1/64 of the "
+                              "part, at most {:g}]",
+                              kMostFlowPitchUm))
+      ->check(number_above_zero());
+  sub->add_option("--every", o.every, "Look at every Nth slice, and the last")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("--profile", o.profile,
+                  "Write the speed that each slice bears as CSV to FILE, or - for stdout");
+  sub->add_option("-o,--output", o.output,
+                  "Write a picture or page (.svg, .png, .html): suction over height, maps of the "
+                  "slowest slices");
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,25 @@
+/// The subcommand `flow`: what a part does to the resin under it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "programs/common/mesh_options.hpp"
+#include "programs/common/program.hpp"
+
+namespace slicecorr::cli {
+
+struct FlowOptions {
+  MeshOptions mesh;  ///< meshes, or one stack
+  std::string printer, resin, json, output, profile;
+  double speed_mm_h = 0, gap_um = 0, pitch_um = 0;
+  std::optional<double> uv_mw_cm2, blue_mw_cm2;
+  std::vector<double> platform_mm;
+  int every = 1;
+};
+
+/// Adds `flow`, which keeps what it is told in `options`.
+void add_flow(Program& program, FlowOptions& options);
+
+}  // namespace slicecorr::cli

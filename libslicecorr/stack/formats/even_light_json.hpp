@@ -1,0 +1,15 @@
+/// Even light (even_light.hpp) in our block.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/process.hpp"
+#include "stack/formats/json_node.hpp"
+
+namespace slicecorr::detail {
+
+nlohmann::ordered_json even_light_json(const EvenLight& light);
+/// Every value is checked; throws `InputError` naming the key.
+EvenLight read_even_light(const JsonNode<nlohmann::json>& node);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,22 @@
+/// What the commands share that fit parameters of printers and resins.
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "programs/common/program.hpp"
+#include "slicecorr/resins/database.hpp"
+
+namespace slicecorr::resinctl {
+
+/// What `--fix NAME` holds where it begins, and `--fix NAME=VALUE` at a value. Throws `InputError`
+/// with an `example` of what was expected.
+void read_fixed(const std::vector<std::string>& texts, const char* example,
+                std::set<std::string>& held, std::map<std::string, double>& fixed);
+
+/// Says which version of a definition was written.
+void say_saved(const resins::Saved& saved, cli::Console& console);
+
+}  // namespace slicecorr::resinctl

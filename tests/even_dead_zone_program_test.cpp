@@ -1,0 +1,234 @@
+// An even dead zone through the programs: light found for small parts, judged by a sweep with the
+// images that were written, and what is refused.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "flow_resins.hpp"
+#include "ladder.hpp"
+#include "lattice.hpp"
+#include "meshes.hpp"
+#include "program_fixture.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/even_dead_zone.hpp"
+#include "slicecorr/flow_part.hpp"
+#include "slicecorr/flow_section.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr {
+namespace {
+
+using namespace slicecorr::test;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class EvenDeadZoneProgram : public ProgramFixture {
+ protected:
+  EvenDeadZoneProgram() {
+    options_.timeout = std::chrono::minutes(4);
+    printer("patterned.toml", "patterned");
+    printer("flood.toml", "flood");
+    resin("resin.toml", "viscosity_pa_s = 0.3\ndose_diffusion_m2_s = 1e-10\n", kInhibition);
+    TriangleMesh disc;
+    add_strut(disc, {0, 0, 0}, {0, 0, 2.0}, 4.0, 180);
+    write_stl(folder_ / "disc.stl", disc);
+    // A prism of four sides: its radius is half a diagonal.
+    TriangleMesh square;
+    add_strut(square, {0, 0, 0}, {0, 0, 1.0}, 4.0 * std::sqrt(2.0), 4);
+    write_stl(folder_ / "square.stl", square);
+  }
+
+  static constexpr const char* kInhibition =
+      "[inhibition]\nbeta = 0.799895\nabsorbance_height_um = 38\nabsorbance_base = \"e\"\n";
+  void printer(const std::string& name, const std::string& kind,
+               const std::string& more = "") const {
+    std::ofstream(folder_ / name)
+        << "name = \"vat\"\n"
+        << more
+        << "[display]\nwidth_px = 260\nheight_px = 260\npixel_um = 50\n"
+           "[blue]\ncalibration = [[0, 0.0], [255, 200.0]]\n[uv]\nkind = \""
+        << kind << "\"\ncalibration = [[0, 0.0], [255, 275.0]]\n[stage]\nmax_speed_mm_h = 5000\n";
+  }
+  /// Resin 2 of the dissertation's table 4.1, areal.
+  void resin(const std::string& name, const std::string& more,
+             const std::string& inhibition) const {
+    std::ofstream(folder_ / name)
+        << "name = \"r2\"\n"
+        << more
+        << "[cure]\nmodel = \"jacobs\"\nabsorbance_height_um = 408\nabsorbance_base = \"e\"\n"
+           "critical_dose_mj_cm3 = 1600\n"
+        << inhibition;
+  }
+  void done(const Command& arguments) const {
+    const RunResult r = call(arguments);
+    ASSERT_EQ(r.exit_code, 0) << ::testing::PrintToString(arguments) << r.err;
+  }
+  /// Slices and corrects a part; what `verify` says of it.
+  json print(const std::string& part, const std::string& printer, const std::string& kind,
+             const std::string& gap_um) const {
+    done({"slice", part + ".stl", "-o", part + ".uvj", "--printer", printer, "--layer-um", "50"});
+    done({"correct", part + ".uvj", "-o", "out.uvj", "--printer", printer, "--resin", "resin.toml",
+          "--speed-mm-h", "300", "--even-dead-zone", kind, "--gap-um", gap_um, "--quiet"});
+    const RunResult r =
+        call({"verify", "out.uvj", "--target", part + ".uvj", "--json", "-", "--quiet"});
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return r.exit_code == 0 ? json::parse(r.out) : json();
+  }
+  void bad(int code, const Command& arguments, const std::vector<std::string>& words) const {
+    const RunResult r = call(arguments);
+    EXPECT_EQ(r.exit_code, code) << ::testing::PrintToString(arguments) << r.err;
+    for (const std::string& word : words) EXPECT_THAT(r.err, HasSubstr(word));
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "no.uvj"));
+  }
+};
+
+/// The dose of one slice by a sweep of the test's own, with the light of the images as they lie in the
+/// archive: means over the lit pixels of each cell.
+DoseSummary swept(const std::string& stack_path, const std::string& target_path, int slice,
+                  const std::string& folder) {
+  const StackReader stack(stack_path, folder), target(target_path, folder);
+  const EvenLight& light = *stack.info().process->even_light;
+  FlowPartOptions options;
+  options.pitch_um = light.pitch_um;
+  options.gap_um = light.gap_um;
+  const FlowPart part(target, options);
+  const FlowGrid& cells = part.grid();
+  const Grid& grid = stack.info().grid;
+  const auto pixels = static_cast<std::size_t>(grid.width_px * grid.height_px);
+  std::vector<std::uint8_t> blue(pixels), uv(pixels);
+  stack.read_slice(slice, blue.data());
+  const bool patterned = stack.has_uv_images();
+  if (patterned) stack.read_uv_slice(slice, uv.data());
+  std::vector<double> blue_sum(cells.cells(), 0), uv_sum(blue_sum), count(blue_sum);
+  for (int y = 0; y < grid.height_px; ++y) {
+    for (int x = 0; x < grid.width_px; ++x) {
+      const auto i = static_cast<std::size_t>(y * grid.width_px + x);
+      if (blue[i] == 0) continue;
+      const auto cx = static_cast<int>(((x + 0.5) * 50 - cells.left_um) / cells.pitch_um);
+      const auto cy = static_cast<int>(((y + 0.5) * 50 - cells.top_um) / cells.pitch_um);
+      const auto c = static_cast<std::size_t>(cy * cells.columns + cx);
+      blue_sum[c] += 200.0 * blue[i] / 255;
+      uv_sum[c] += 275.0 * uv[i] / 255;
+      ++count[c];
+    }
+  }
+  const std::vector<double>& schedule = stack.info().process->uv.slice_mw_cm2;
+  for (std::size_t c = 0; c < count.size(); ++c) {
+    if (count[c] > 0) blue_sum[c] /= count[c];
+    uv_sum[c] =
+        patterned
+            ? (count[c] > 0 ? uv_sum[c] / count[c] : 0)
+            : schedule[std::min<std::size_t>(static_cast<std::size_t>(slice), schedule.size() - 1)];
+  }
+  const FlowSection section = part.section(static_cast<std::size_t>(part.mask_of(slice)));
+  const SectionSweep sweep(section, solve_pressure(section), flow_resin_2(), 300,
+                           std::vector{light.gap_um});
+  return summarise(section, sweep.dose(blue_sum, uv_sum));
+}
+
+TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
+  const json j = print("disc", "patterned.toml", "both", "120");
+  const json& flow = j["flow"];
+  EXPECT_EQ(flow["gap_um"], 120);
+  // Slices 0, 20 and the last, which are one section.
+  ASSERT_EQ(flow["slices"].size(), 3U);
+  for (const json& s : flow["slices"]) {
+    // Constant light 17 to 23 % of the radius, both lights by place 91 to 95 % of a part of 10 mm; here
+    // it is area of one of 4 mm, see even_dead_zone_test.
+    EXPECT_GT(s["within_10_percent"], 0.65) << s;
+    EXPECT_LT(s["without"]["within_10_percent"], 0.4) << s;
+    EXPECT_LT(s["window_dose"], 1) << s;
+    EXPECT_NEAR(s["dose"]["mean"].get<double>(), 1, 0.15) << s;
+    // Even dose is an even dead zone.
+    const auto width = [](const json& light) {
+      return light["dead_zone_um"]["max"].get<double>() -
+             light["dead_zone_um"]["min"].get<double>();
+    };
+    EXPECT_LT(width(s), width(s["without"])) << s;
+    // What verify says is what the images of the archive do: cells on the outline alone, of which it
+    // leaves out those that are lit by less than a quarter, may differ.
+    const DoseSummary own =
+        swept(folder_ / "out.uvj", folder_ / "disc.uvj", s["slice"], folder_.path());
+    EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
+    EXPECT_NEAR(own.mean, s["dose"]["mean"].get<double>(), 0.01);
+  }
+  // The part itself is no worse for it: solid, nothing lost.
+  EXPECT_EQ(j["undercure_voxels"], 0);
+  EXPECT_EQ(j["lost_features"], 0);
+  EXPECT_EQ(j["split_features"], 0);
+  // The stack says what it was made with.
+  const RunResult info = call({"info", "out.uvj", "--json", "-", "--quiet"});
+  const json said = json::parse(info.out);
+  EXPECT_EQ(said["even_dead_zone"], "both");
+  EXPECT_EQ(said["gap_um"], 120);
+}
+
+TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
+  const json j = print("square", "flood.toml", "blue", "120");
+  const json& flow = j["flow"];
+  // §8: 77 % with blue by place at this gap in Chebyshev patterns, 20 % with constant light (at 80 um).
+  EXPECT_GT(flow["within_10_percent"], 0.6) << flow;
+  EXPECT_LT(flow["without"]["within_10_percent"], 0.35) << flow;
+  const json& s = flow["slices"][0];
+  const DoseSummary own =
+      swept(folder_ / "out.uvj", folder_ / "square.uvj", s["slice"], folder_.path());
+  EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
+  EXPECT_EQ(j["undercure_voxels"], 0);
+}
+
+TEST_F(EvenDeadZoneProgram, BytesDoNotDependOnThreads) {
+  done({"slice", "square.stl", "-o", "square.uvj", "--printer", "patterned.toml", "--layer-um",
+        "50"});
+  const Command correct{"correct",  "square.uvj", "--printer",        "patterned.toml",
+                        "--resin",  "resin.toml", "--speed-mm-h",     "300",
+                        "--gap-um", "120",        "--even-dead-zone", "constant",
+                        "--quiet"};
+  done(correct + Command{"-o", "one.uvj", "--threads", "1"});
+  done(correct + Command{"-o", "four.uvj", "--threads", "4"});
+  const auto bytes = [&](const char* name) {
+    std::ifstream in(folder_ / name, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  EXPECT_EQ(bytes("one.uvj"), bytes("four.uvj"));
+}
+
+TEST_F(EvenDeadZoneProgram, WhatCannotBeIsRefused) {
+  done({"slice", "square.stl", "-o", "square.uvj", "--printer", "flood.toml", "--layer-um", "50"});
+  resin("thick.toml", "", kInhibition);
+  resin("plain.toml", "viscosity_pa_s = 0.3\n", "");
+  std::ofstream(folder_ / "dark.toml")
+      << "name = \"dark\"\n[display]\nwidth_px = 260\nheight_px = 260\npixel_um = 50\n"
+         "[blue]\ncalibration = [[0, 0.0], [255, 200.0]]\n[stage]\nmax_speed_mm_h = 5000\n";
+  printer("weak.toml", "flood", "suction_limit_pa = 50\n");
+  const auto correct = [](const std::string& printer, const std::string& resin,
+                          const Command& more) {
+    return Command{"correct",   "square.uvj", "-o",      "no.uvj",
+                   "--printer", printer,      "--resin", resin} +
+           more;
+  };
+  const Command even{"--speed-mm-h", "300", "--even-dead-zone", "blue"};
+  bad(2, correct("flood.toml", "thick.toml", even), {"r2", "viscosity_pa_s"});
+  bad(2, correct("flood.toml", "plain.toml", even), {"--even-dead-zone", "[inhibition]"});
+  bad(2, correct("dark.toml", "resin.toml", even), {"--even-dead-zone", "[uv]"});
+  bad(2, correct("flood.toml", "resin.toml", {"--speed-mm-h", "300", "--even-dead-zone", "both"}),
+      {"both", "floods"});
+  bad(2, correct("flood.toml", "resin.toml", even + Command{"--uv-mw-cm2", "200"}),
+      {"--even-dead-zone", "--uv-mw-cm2"});
+  bad(2, correct("flood.toml", "resin.toml", even + Command{"--gap-um", "-3"}), {"--gap-um"});
+  bad(2, correct("flood.toml", "resin.toml", {"--speed-mm-h", "300", "--even-dead-zone", "green"}),
+      {"--even-dead-zone", "green"});
+  bad(2,
+      correct("flood.toml", "resin.toml",
+              {"--mode", "layerwise", "--exposure-s", "2", "--even-dead-zone", "blue"}),
+      {"--even-dead-zone", "layer"});
+  bad(3, correct("weak.toml", "resin.toml", even + Command{"--gap-um", "120"}), {"suction"});
+}
+
+}  // namespace
+}  // namespace slicecorr

@@ -193,9 +193,8 @@ class BridgePrograms : public testing::Test {
                                      "--frames",
                                      "unix:" + (folder / ("f" + n)),
                                      "--record-events",
-                                     sim.events,
-                                     "-o",
-                                     sim.shown};
+                                     sim.events};
+    if (!shown_ending.empty()) command.insert(command.end(), {"-o", sim.shown});
     if (lockstep) command.push_back("--lockstep");
     command.insert(command.end(), more.begin(), more.end());
     sim.child = std::make_unique<Child>(command, folder / ("sim" + n + ".err"));
@@ -287,7 +286,7 @@ class BridgePrograms : public testing::Test {
   }
 
   TemporaryFolder folder;
-  std::string shown_ending = ".uvj";  ///< of what simulators record
+  std::string shown_ending = ".uvj";  ///< of what simulators record; empty: nothing
 
  private:
   int sims_ = 0;

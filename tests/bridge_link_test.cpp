@@ -220,6 +220,33 @@ std::vector<int> addresses(const std::vector<Asked>& asked) {
   return all;
 }
 
+TEST(BridgeLink, InLockstepABusyComputerLosesNoExchange) {
+  // Answers that take five response timeouts: in real time they are lost, in lockstep no time passes.
+  std::atomic<bool> silent{false};
+  Peer peer([&](const Asked&, const Bytes& right) {
+    if (silent) return Reply{};
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    return Reply{right};
+  });
+  Wire w(kGaps, peer.port);
+  w.machine.limits.response_timeout_s = 0.04;
+  const auto link = [&](bool lockstep) {
+    return make_modbus_link(*w.machine.modbus, w.machine.limits, lockstep);
+  };
+  EXPECT_FALSE(link(false)->look());
+  const auto patient = link(true);
+  for (int n = 0; n < 3; ++n) EXPECT_TRUE(patient->look()) << n;
+  // A machine that says nothing at all is waited for once only.
+  silent = true;
+  EXPECT_FALSE(patient->look());
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_FALSE(patient->look());
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(8));
+  silent = false;
+  w.machine.limits.response_timeout_s = 2;
+  EXPECT_TRUE(link(true)->look());
+}
+
 TEST(BridgeLink, LampsGoFirstAndARunThatFailsKeepsNoOtherFromBeingSent) {
   Peer peer([](const Asked& a, const Bytes& right) {
     return Reply{a.address == 4 ? exception(a, 4) : right};

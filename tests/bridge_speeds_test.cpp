@@ -112,6 +112,65 @@ TEST(BridgeSpeeds, EachSliceGetsItsLight) {
   }
 }
 
+/// Light of a slice, 1: as planned.
+double light_of(const Bench& b, const PrintPlan& plan, int n) {
+  double light_s = 0;
+  for (const auto& showing : b.model.exposures()[static_cast<std::size_t>(n)].showings) {
+    if (showing.image != kBlackImage) light_s += showing.light_s;
+  }
+  return light_s / (plan.layer_um / plan.speed_um_s);
+}
+
+TEST(BridgeSpeeds, AnswersThatAreLostWhileTheSpeedChangesCostNoLight) {
+  // The machine is told to speed up at slice 20, does so, and is not heard for 120 ms. Without the
+  // lamp following what was told it would keep a fifth of its light for two thirds of the slice.
+  const Machine m = test_machine();
+  const PrintPlan plan = plan_with(m, false, false, "slow to fast");
+  Bench b(m, plan, {parse_sim_fault("drop=12@frame:20")});
+  b.run();
+  ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
+  const double lag_s = m.limits.cycle_s + m.blue.settle_s;
+  for (int n = 0; n < 40; ++n) {
+    EXPECT_NEAR(light_of(b, plan, n), 1, 0.006 + 0.8 * lag_s * plan.speed_um_s / plan.layer_um)
+        << n;
+  }
+  EXPECT_EQ(b.controller.light_off().slices, 0);
+}
+
+TEST(BridgeSpeeds, LightThatIsOffIsTold) {
+  // A lamp that fades by a fifth in a second and may do so.
+  Machine m = test_machine();
+  m.blue.tolerance = 0.5;
+  PrintPlan plan = plan_with(m, false, false, "a slow stretch");
+  for (const double exponent : {1.0, 0.7}) {
+    SCOPED_TRACE(exponent);
+    plan.m = exponent;
+    Bench b(m, plan, {parse_sim_fault("lamp-drifts=-0.2@frame:22")});
+    b.run();
+    ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
+    // Faded after a second, 5.6 slices: all slices from then on are told, with what they got. Within a
+    // cycle, a twentieth of a slice, the lamp fades by 2e-3.
+    const LightOff& off = b.controller.light_off();
+    EXPECT_NEAR(off.light, std::pow(0.8, exponent), 0.005);
+    EXPECT_GE(off.slice, 22);
+    int dim = 0, told = 0;
+    for (int n = 0; n < 40; ++n) dim += light_of(b, plan, n) < 0.9 ? 1 : 0;
+    for (const PrintEvent& e : b.events) {
+      if (e.what != "light off") continue;
+      ++told;
+      EXPECT_THAT(e.detail, HasSubstr("of its light"));
+    }
+    EXPECT_GE(dim, 12);
+    EXPECT_NEAR(off.slices, dim, 1);
+    EXPECT_EQ(told, off.slices);
+  }
+  // A calm print tells nothing.
+  Bench calm(m, plan);
+  calm.run();
+  EXPECT_EQ(calm.controller.light_off().slices, 0);
+  EXPECT_EQ(calm.event_time("light off"), -1);
+}
+
 TEST(BridgeSpeeds, FramesComeAtTheirPlacesAndUvLightIsEnough) {
   const Machine m = test_machine();
   for (const std::string& name : kProfiles) {

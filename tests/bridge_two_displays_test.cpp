@@ -9,6 +9,8 @@
 #include <map>
 
 #include "bridge_fixture.hpp"
+#include "ladder.hpp"
+#include "meshes.hpp"
 #include "slicecorr/bridge/frames.hpp"
 #include "slicecorr/recording.hpp"
 
@@ -53,9 +55,12 @@ class BridgeTwoDisplays : public BridgePrograms {
     }
     return times;
   }
-  json verify(const std::string& stack, const std::string& target) {
-    const RunResult r = run_program(
-        {program("slicecorr"), "verify", stack, "--target", target, "--json", "-", "--quiet"});
+  json verify(const std::string& stack, const std::string& target,
+              const std::vector<std::string>& more = {}) {
+    std::vector<std::string> command{
+        program("slicecorr"), "verify", stack, "--target", target, "--json", "-", "--quiet"};
+    command.insert(command.end(), more.begin(), more.end());
+    const RunResult r = run_program(command);
     EXPECT_EQ(r.exit_code, 0) << r.err;
     return json::parse(r.out, nullptr, false);
   }
@@ -339,10 +344,12 @@ TEST_F(BridgeTwoDisplays, AProfileOfSpeedsIsFollowedAndTheDoseStays) {
   EXPECT_EQ(sim.child->end(SIGTERM), 0);
   const StackInfo shown = StackReader::read_info(sim.shown);
   ASSERT_TRUE(shown.recording);
+  double least = 1;
   for (int n = 0; n < plain.grid.layers; ++n) {
     double light = 0, fastest = 0;
     for (const auto& part : shown.recording->of(n)) {
-      light += part.light;
+      // The lamp is on behind black before the first slice and after the last one.
+      if (part.image >= 0) light += part.light;
       fastest = std::max(fastest, part.speed_um_s);
     }
     // None faster than its own speed; the steps of the register on top.
@@ -353,12 +360,18 @@ TEST_F(BridgeTwoDisplays, AProfileOfSpeedsIsFollowedAndTheDoseStays) {
          std::abs(slice_speed_mm_h(*info.process, n) - slice_speed_mm_h(*info.process, n - 1))) /
         800;
     EXPECT_NEAR(light, 1, 0.006 + change * 0.015 / (50 * 3.6 / 800)) << n;
+    least = std::min(least, light);
   }
   const std::string target = folder / "part-target.uvj";
   const json planned = verify(stack, target), printed = verify(sim.shown, target);
   EXPECT_EQ(planned["height_error_um"],
             verify(even, folder / "even-target.uvj")["height_error_um"]);
-  EXPECT_EQ(printed["lost_features"], planned["lost_features"]);
+  EXPECT_EQ(planned["lost_features"], 0);
+  // The correction gives features of one slice their dose and no more: those are lost that one slice
+  // leaves short, at most as many as if all slices had as little light as the dimmest.
+  const double dose_mj_cm3 = info.resin->critical_dose_mj_cm3;
+  const json dim = verify(stack, target, {"--dc-mj-cm3", fmt::format("{}", dose_mj_cm3 / least)});
+  EXPECT_LE(printed["lost_features"], dim["lost_features"]);
   EXPECT_NEAR(printed["iou"].get<double>(), planned["iou"].get<double>(), 0.01);
   EXPECT_NEAR(printed["height_error_um"]["mean_abs"].get<double>(),
               planned["height_error_um"]["mean_abs"].get<double>(), 1);
@@ -402,6 +415,48 @@ TEST_F(BridgeTwoDisplays, AProfileOfSpeedsIsFollowedAndTheDoseStays) {
                    "--slice-speed-mm-h", csv, "--quiet"});
   EXPECT_EQ(layerwise.exit_code, 2);
   EXPECT_THAT(layerwise.err, HasSubstr("continuous"));
+}
+
+TEST_F(BridgeTwoDisplays, AnEvenDeadZoneIsPrintedThoughBlueOutweighsUvSomewhere) {
+  // 200 mW/cm² of blue at the outline, where resin stays for a moment only.
+  const std::string printer = make_printer("even", {{"kind = \"flood\"", "kind = \"patterned\""},
+                                                    {"calibration = [[0, 1.0], [255, 100.0]]",
+                                                     "calibration = [[0, 0.0], [255, 200.0]]"}});
+  const std::string resin = folder / "resin.toml";
+  write_file(resin, to_bytes("name = \"r2\"\nviscosity_pa_s = 0.3\ndose_diffusion_m2_s = 1e-10\n"
+                             "[cure]\nmodel = \"jacobs\"\nabsorbance_height_um = 408\n"
+                             "absorbance_base = \"e\"\ncritical_dose_mj_cm3 = 1600\n"
+                             "[inhibition]\nbeta = 0.799895\nabsorbance_height_um = 38\n"
+                             "absorbance_base = \"e\"\n"));
+  const std::string target = folder / "target.uvj", stack_path = folder / "part.uvj";
+  write_stl(folder / "box.stl", box({0, 0, 0}, {4, 2.8, 0.5}));
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"slice", folder / "box.stl", "-o", target, "--layer-um", "50"},
+        {"correct", target, "-o", stack_path, "--resin", resin, "--speed-mm-h", "300", "--ramp",
+         "outside", "--even-dead-zone", "both", "--gap-um", "100"}}) {
+    std::vector<std::string> whole{program("slicecorr")};
+    whole.insert(whole.end(), command.begin(), command.end());
+    whole.insert(whole.end(), {"--printer", printer, "--quiet"});
+    const RunResult made = run_program(whole);
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+  const StackReader stack(stack_path, folder.path());
+  const auto pixels = static_cast<std::size_t>(96 * 64);
+  std::vector<std::uint8_t> blue(pixels), uv(pixels);
+  int outweighed = 0;
+  for (int n = 0; n < stack.grid().layers; ++n) {
+    stack.read_slice(n, blue.data());
+    stack.read_uv_slice(n, uv.data());
+    for (std::size_t i = 0; i < pixels; ++i) {
+      outweighed += blue[i] * 200.0 > 0.799895 * uv[i] * 275.0 ? 1 : 0;
+    }
+  }
+  ASSERT_GT(outweighed, 0);
+  shown_ending = "";  // such prints can't be recorded
+  const Displays d = start(printer);
+  const RunResult r = print(stack_path, printer, d);
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_EQ(d.sim.child->end(SIGTERM), 0);
 }
 
 TEST_F(BridgeTwoDisplays, AStackForAVatThatBearsMoreIsRefused) {

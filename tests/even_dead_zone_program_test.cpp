@@ -89,7 +89,7 @@ class EvenDeadZoneProgram : public ProgramFixture {
 };
 
 /// The dose of one slice by a sweep of the test's own, with the light of the images as they lie in the
-/// archive: means over the lit pixels of each cell.
+/// archive: means over the lit pixels of each cell, by what of them is part.
 DoseSummary swept(const std::string& stack_path, const std::string& target_path, int slice,
                   const std::string& folder) {
   const StackReader stack(stack_path, folder), target(target_path, folder);
@@ -101,21 +101,22 @@ DoseSummary swept(const std::string& stack_path, const std::string& target_path,
   const FlowGrid& cells = part.grid();
   const Grid& grid = stack.info().grid;
   const auto pixels = static_cast<std::size_t>(grid.width_px * grid.height_px);
-  std::vector<std::uint8_t> blue(pixels), uv(pixels);
+  std::vector<std::uint8_t> blue(pixels), uv(pixels), covered(pixels);
   stack.read_slice(slice, blue.data());
+  target.read_slice(slice, covered.data());
   const bool patterned = stack.has_uv_images();
   if (patterned) stack.read_uv_slice(slice, uv.data());
   std::vector<double> blue_sum(cells.cells(), 0), uv_sum(blue_sum), count(blue_sum);
   for (int y = 0; y < grid.height_px; ++y) {
     for (int x = 0; x < grid.width_px; ++x) {
       const auto i = static_cast<std::size_t>(y * grid.width_px + x);
-      if (blue[i] == 0) continue;
+      if (blue[i] == 0 || covered[i] == 0) continue;
       const auto cx = static_cast<int>(((x + 0.5) * 50 - cells.left_um) / cells.pitch_um);
       const auto cy = static_cast<int>(((y + 0.5) * 50 - cells.top_um) / cells.pitch_um);
       const auto c = static_cast<std::size_t>(cy * cells.columns + cx);
-      blue_sum[c] += 200.0 * blue[i] / 255;
-      uv_sum[c] += 275.0 * uv[i] / 255;
-      ++count[c];
+      blue_sum[c] += covered[i] * 200.0 * blue[i] / 255;
+      uv_sum[c] += covered[i] * 275.0 * uv[i] / 255;
+      count[c] += covered[i];
     }
   }
   const std::vector<double>& schedule = stack.info().process->uv.slice_mw_cm2;
@@ -180,6 +181,13 @@ TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
       swept(folder_ / "out.uvj", folder_ / "square.uvj", s["slice"], folder_.path());
   EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
   EXPECT_EQ(j["undercure_voxels"], 0);
+  // People are told whose light a share is of.
+  const RunResult seen = call({"verify", "out.uvj", "--target", "square.uvj"});
+  EXPECT_THAT(seen.out, HasSubstr("by the light that the images show"));
+  const RunResult planned = call({"correct", "square.uvj", "-o", "again.uvj", "--printer",
+                                  "flood.toml", "--resin", "resin.toml", "--speed-mm-h", "300",
+                                  "--even-dead-zone", "constant", "--gap-um", "120"});
+  EXPECT_THAT(planned.err, HasSubstr("by the light that is planned"));
 }
 
 TEST_F(EvenDeadZoneProgram, BytesDoNotDependOnThreads) {
@@ -213,7 +221,7 @@ TEST_F(EvenDeadZoneProgram, WhatCannotBeIsRefused) {
            more;
   };
   const Command even{"--speed-mm-h", "300", "--even-dead-zone", "blue"};
-  bad(2, correct("flood.toml", "thick.toml", even), {"r2", "viscosity_pa_s"});
+  bad(2, correct("flood.toml", "thick.toml", even), {"thick.toml: viscosity_pa_s"});
   bad(2, correct("flood.toml", "plain.toml", even), {"--even-dead-zone", "[inhibition]"});
   bad(2, correct("dark.toml", "resin.toml", even), {"--even-dead-zone", "[uv]"});
   bad(2, correct("flood.toml", "resin.toml", {"--speed-mm-h", "300", "--even-dead-zone", "both"}),

@@ -232,7 +232,7 @@ TEST_F(FlowProgram, WarnsOfWhatIsBeyondTheModel) {
 
 TEST_F(FlowProgram, RefusesWrongInput) {
   resin("thin.toml", "");
-  bad(2, with(Command{"flow"} + kDisc, {"--resin", "thin.toml"}), {"r2", "viscosity_pa_s"});
+  bad(2, with(Command{"flow"} + kDisc, {"--resin", "thin.toml"}), {"thin.toml: viscosity_pa_s"});
   for (const char* value : {"0", "-1", "nan", "inf", "x"}) {
     bad(2, with(Command{"flow"} + kDisc, {"--gap-um", value}), {"--gap-um"});
     bad(2, with(Command{"flow"} + kDisc, {"--pitch-um", value}), {"--pitch-um"});

@@ -169,6 +169,7 @@ double Controller::worst_late_um() const { return impl_->worst_late_um; }
 double Controller::worst_stage_error_um() const { return impl_->worst_stage_error_um; }
 int Controller::frames_shown() const { return impl_->frames_shown; }
 int Controller::late_frames() const { return impl_->late_frames; }
+const LightOff& Controller::light_off() const { return impl_->light_off; }
 bool Controller::begun() const { return impl_->begun; }
 
 Left Controller::left() const {

@@ -52,6 +52,7 @@ void Controller::Impl::take(const Answer& answer) {
   check_state();
   check_stage();
   check_lamps();
+  judge_light();
 }
 
 void Controller::Impl::check_sequence(const Answer& answer) {

@@ -1,5 +1,5 @@
-/// Inside of the controller. Its parts: `judge.cpp` judges what the machine says, `act.cpp` and
-/// `act_layerwise.cpp` say what comes next, `controller.cpp` holds them together.
+/// Inside of the controller. Its parts: `judge.cpp` judges what the machine says, `light.cpp`
+/// the light of slices, `act.cpp`, `act_layerwise.cpp` and `act_fault.cpp` say what comes next, `controller.cpp` holds them together.
 #pragma once
 
 #include <algorithm>
@@ -79,6 +79,7 @@ struct Controller::Impl {
     std::uint16_t sequence;  ///< of the set-points with which it goes out first
     double target_um, speed_um_s, acceleration_um_s2;
     bool new_speed = false;  ///< the motion goes on, at another speed
+    double at_s = 0;         ///< when it was told first
   };
   std::optional<Move> move;  ///< commanded, but not known to be taken over yet
   double move_limit_s = 0;   ///< when it must have arrived
@@ -105,6 +106,13 @@ struct Controller::Impl {
     double at_s, share;
   };
   std::deque<AskedLight> shares;  ///< asked of the blue lamp within its settling time
+  struct Passing {
+    double slices, at_s;
+  };
+  std::optional<Passing> passing;  ///< where the stage was measured last, in slices, and when
+  bool slice_is_whole = false;     ///< the slice there was entered on this way
+  double slice_light = 0;          ///< that it got so far, 1: as planned
+  LightOff light_off;
 
   // The display.
   int frame = kBlackFrame;  ///< on the display
@@ -164,6 +172,10 @@ struct Controller::Impl {
   // judge.cpp
   void take(const Answer& answer);
   void take_reports();
+  // light.cpp
+  /// Adds up the light of the slices that the stage passes.
+  void judge_light();
+  void tell_light(int slice, double light);
   void judge_time();
   void check_sequence(const Answer& answer);
   /// The machine has taken what was written by itself.
@@ -233,6 +245,9 @@ struct Controller::Impl {
   double speed_to_tell();
   /// Tells the stage the speed of its slice.
   void follow_speeds();
+  /// The stage's speed at a time, for the lamps: a new speed that was told counts as taken over, also
+  /// while the answer is not there, because the machine that gets it gets the lamps' light with it.
+  double expected_speed_um_s(double at_s) const;
   /// At the target, within the stage's tolerance.
   bool arrived() const;
   bool has_uv_display() const { return machine.uv_display.has_value(); }

@@ -9,8 +9,9 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// How long a display may take to answer an image, and black.
-constexpr double kAnswerS = 2, kBlackS = 1;
+/// How long a display may take to answer an image, and black; in lockstep, where how busy a computer
+/// is must not count, any of them.
+constexpr double kAnswerS = 2, kBlackS = 1, kLockstepAnswerS = 20;
 
 /// A display that was started a moment ago is waited for.
 WireSocket connect_patiently(const std::string& address) {
@@ -49,7 +50,7 @@ class WireSink final : public FrameSink {
         lockstep_(hello.lockstep),
         socket_(connect_patiently(address_)) {
     const double before = clock_.now_s();
-    const WireMessage answer = ask(message_of(hello), kAnswerS);
+    const WireMessage answer = ask(message_of(hello), answer_s());
     // The other end has a clock of its own.
     offset_s_ = (before + clock_.now_s()) / 2 - answer.at_s;
   }
@@ -58,7 +59,7 @@ class WireSink final : public FrameSink {
     const WireMessage message = message_of(frame.get(), at_s - offset_s_);
     if (!lockstep_) clock_.sleep_until(at_s);
     const double before = clock_.now_s();
-    const WireMessage answer = ask(message, kAnswerS);
+    const WireMessage answer = ask(message, answer_s());
     Shown shown{answer.number, answer.at_s + offset_s_, answer.count, {}};
     if (!lockstep_) shown.at_s = std::clamp(shown.at_s, before, clock_.now_s());
     return shown;
@@ -69,7 +70,7 @@ class WireSink final : public FrameSink {
     WireMessage message;
     message.kind = WireKind::tick;
     message.at_s = at_s - offset_s_;
-    ask(message, kAnswerS);
+    ask(message, answer_s());
   }
 
   void black() noexcept override {
@@ -83,6 +84,8 @@ class WireSink final : public FrameSink {
   std::string describe() const override { return address_; }
 
  private:
+  double answer_s() const { return lockstep_ ? kLockstepAnswerS : kAnswerS; }
+
   WireMessage ask(const WireMessage& message, double timeout_s) {
     if (broken_) throw DeviceError("frame wire: broken");
     // Until it is answered: a message cut short leaves nothing to go on with.

@@ -27,8 +27,8 @@ void put_word(Bytes& bytes, int value) {
 
 class ModbusLink final : public Link {
  public:
-  ModbusLink(const RegisterMap& map, const MachineLimits& limits)
-      : map_(map), runs_(write_runs(map)), wire_(map, limits.response_timeout_s) {}
+  ModbusLink(const RegisterMap& map, const MachineLimits& limits, bool lockstep)
+      : map_(map), runs_(write_runs(map)), wire_(map, limits.response_timeout_s, lockstep) {}
 
   std::optional<Status> exchange(const SetPoints& set_points) override {
     wire_.begin_exchange();
@@ -147,8 +147,9 @@ class ModbusLink final : public Link {
 
 }  // namespace
 
-std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits) {
-  return std::make_unique<ModbusLink>(map, limits);
+std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits,
+                                       bool lockstep) {
+  return std::make_unique<ModbusLink>(map, limits, lockstep);
 }
 
 }  // namespace slicecorr::bridge

@@ -23,6 +23,7 @@ namespace {
 constexpr int kLongestInterval = 16;
 /// Attempts in a row that follow each other without an interval.
 constexpr int kFreeAttempts = 2;
+constexpr double kLongestTimeoutS = 10;
 constexpr std::size_t kTcpHeader = 7;  // transaction, protocol, length, unit
 constexpr std::uint8_t kExceptionBit = 0x80, kWriteRegisters = 16;
 
@@ -78,10 +79,11 @@ struct ModbusWire::Line {
   modbus_t* context;
 };
 
-ModbusWire::ModbusWire(const RegisterMap& map, double response_timeout_s)
+ModbusWire::ModbusWire(const RegisterMap& map, double response_timeout_s, bool lockstep)
     : map_(map),
       timeout_(std::chrono::duration_cast<Time::duration>(
-          std::chrono::duration<double>(std::clamp(response_timeout_s, 1e-3, 10.0)))) {
+          std::chrono::duration<double>(std::clamp(response_timeout_s, 1e-3, kLongestTimeoutS)))),
+      lockstep_(lockstep) {
   if (serial()) {
     line_ = std::make_unique<Line>(map);
   } else {
@@ -360,12 +362,17 @@ ModbusWire::RequestResult ModbusWire::try_once(const Bytes& request, std::size_t
 }
 
 std::optional<Bytes> ModbusWire::ask(const Bytes& request, std::size_t data_bytes) {
-  const auto until = Time::now() + timeout_;
+  const bool patient = lockstep_ && answers_;
+  const auto until = Time::now() + (patient ? std::chrono::duration_cast<Time::duration>(
+                                                  std::chrono::duration<double>(kLongestTimeoutS))
+                                            : timeout_);
   exception_ = 0;
+  answers_ = false;
   for (int attempt = 0; attempt < 2 && connect(until); ++attempt) {
     Bytes data;
     const bool served = served_;
     const RequestResult outcome = try_once(request, data_bytes, until, data);
+    answers_ = outcome == RequestResult::answered || outcome == RequestResult::refused;
     if (outcome == RequestResult::answered) {
       served_ = true;
       return data;

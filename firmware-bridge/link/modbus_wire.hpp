@@ -21,8 +21,9 @@ using Bytes = std::vector<std::uint8_t>;
 /// TCP connection; an exception is an answer and does not.
 class ModbusWire {
  public:
-  /// Throws `InputError` when the host is not found or the device can't be one.
-  ModbusWire(const RegisterMap& map, double response_timeout_s);
+  /// Throws `InputError` when the host is not found or the device can't be one. `lockstep`: as in
+  /// `make_modbus_link`.
+  ModbusWire(const RegisterMap& map, double response_timeout_s, bool lockstep);
   ~ModbusWire();
   ModbusWire(const ModbusWire&) = delete;
   ModbusWire& operator=(const ModbusWire&) = delete;
@@ -36,7 +37,7 @@ class ModbusWire {
   void hurry();
 
   /// Sends a request (function code 3, 4, 16 or 23, and data) and gives its answer's data, without
-  /// the function code, all of it within the response timeout. Nothing: `error` says what
+  /// the function code, all of it in time. Nothing: `error` says what
   /// it does instead ("does not answer: ..."), and `exception` is
   /// the code that the machine answered with, or 0.
   /// `data_bytes`: of a right answer.
@@ -74,7 +75,9 @@ class ModbusWire {
 
   const RegisterMap map_;
   const Time::duration timeout_;
-  struct Line;  ///< the serial device, opened by libmodbus
+  const bool lockstep_;
+  bool answers_ = true;  ///< the request before was answered
+  struct Line;           ///< the serial device, opened by libmodbus
   std::unique_ptr<Line> line_;
   sockaddr_storage address_{};
   socklen_t address_size_ = 0;

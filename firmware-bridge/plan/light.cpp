@@ -97,7 +97,7 @@ void check_uv_range(const PrintPlan& plan, const Machine& machine, double least_
 /// the window. Frames may be planned on any threads at once.
 class FrameLight {
  public:
-  FrameLight(const PrintPlan& plan, const StackReader& stack, const Printer& printer);
+  FrameLight(const PrintPlan& plan, const StackReader& stack, const Machine& machine);
 
   /// Fills in `frame`, the n-th. What is wrong with it in words, else empty.
   std::string plan_frame(int n, FramePlan& frame) const;
@@ -114,6 +114,7 @@ class FrameLight {
   const PrintPlan& plan_;
   const StackReader& stack_;
   const Process& process_;
+  const double uv_tolerance_mw_cm2_;  ///< of the lamp
   const LightMap light_;
   const std::size_t pixels_;
   const std::vector<double> blue_;  ///< mW/cm², by level
@@ -123,14 +124,16 @@ class FrameLight {
   std::array<double, 256> uv_intensity_{};  ///< mW/cm², by pixel value of patterned UV light
 };
 
-FrameLight::FrameLight(const PrintPlan& plan, const StackReader& stack, const Printer& printer)
+FrameLight::FrameLight(const PrintPlan& plan, const StackReader& stack, const Machine& machine)
     : plan_(plan),
       stack_(stack),
       process_(*stack.info().process),
-      light_(printer, stack.info().grid, stack.frame()),
+      uv_tolerance_mw_cm2_(machine.uv.tolerance * plan.uv_max_mw_cm2),
+      light_(machine.printer, stack.info().grid, stack.frame()),
       pixels_(static_cast<std::size_t>(stack.info().grid.width_px) *
               static_cast<std::size_t>(stack.info().grid.height_px)),
-      blue_(level_intensities(printer)) {
+      blue_(level_intensities(machine.printer)) {
+  const Printer& printer = machine.printer;
   for (int v = 0; v < 256; ++v) {
     level_[static_cast<std::size_t>(v)] = level_of_pixel(v, printer.levels());
   }
@@ -179,6 +182,12 @@ std::string FrameLight::plan_frame(int n, FramePlan& frame) const {
                         ? plan_.uv_max_mw_cm2
                         : flood_mw_cm2(process_.uv, *kinetics_, blue_.back() * brightest, n);
   if (!frame.lit || process_.allow_window_cure) return {};
+  if (process_.even_light) {
+    // Found by the dose that flowing resin brings to the window, which may gain some where it stays for
+    // a moment: the light of the stack is what keeps it off.
+    frame.least_uv_mw_cm2 = std::max(0.0, frame.uv_mw_cm2 - uv_tolerance_mw_cm2_);
+    return {};
+  }
   const double ratio = greatest_ratio(n, image, most);
   frame.least_uv_mw_cm2 = uv_for_dead_zone(*kinetics_, ratio, 0);
   const double wanted = uv_for_dead_zone(*kinetics_, ratio, process_.uv.dead_zone_um);
@@ -210,7 +219,7 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   if (printer.uv) plan.uv_max_mw_cm2 = printer.uv->max_mw_cm2();
 
   check_warm_up(plan, info, machine);
-  const FrameLight light(plan, stack, printer);
+  const FrameLight light(plan, stack, machine);
   const double uv_least_share =
       plan.uv ? std::max(machine.uv.min_share, printer.uv->min_mw_cm2() / plan.uv_max_mw_cm2) : 0;
   check_ramps(plan, machine, uv_least_share);

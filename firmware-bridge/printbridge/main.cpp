@@ -202,7 +202,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   const PrintPlan& plan = material.plan;
   console.say(fmt::format("{}: {}, about {}", o.stack, in_words(plan), minutes(plan.expected_s)));
 
-  const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  const auto link = make_modbus_link(*machine.modbus, machine.limits, o.lockstep);
   const Status before = check_alone(*link, *make_real_clock(), machine);
   // Before anything is sent: the first order to be off makes a stopped machine idle.
   if (const auto why = against_start(machine, before, o.machine_is_clear); !why.empty()) {
@@ -234,6 +234,13 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
     console.say(std::string("no page of the print: ") + e.what());
   }
   if (!end.trouble.empty()) console.say("not all was recorded: " + end.trouble);
+  if (end.light_off.slices > 0) {
+    console.say(fmt::format(
+        "{} got light that is off by more than 10 %, slice {} most: {:.0f} % of it; the journal "
+        "names them all",
+        end.light_off.slices == 1 ? "a slice" : fmt::format("{} slices", end.light_off.slices),
+        end.light_off.slice, end.light_off.light * 100));
+  }
   if (end.fault == Fault::none) {
     console.say(fmt::format(
         "printed {} frames in {}{}; at most {} late, the stage at most {} off, {} cycles missed; "

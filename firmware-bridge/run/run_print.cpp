@@ -306,6 +306,7 @@ class Run {
                                                      : controller_->fault_stage_um();
     e.missed_cycles = missed_;
     e.lateness = controller_->lateness();
+    e.light_off = controller_->light_off();
     try {
       if (e.fault != Fault::none && (controller_->begun() || broken_order_)) {
         write_latch(folder_, {e.fault, e.detail, options_.stack, e.frame, e.stage_um,

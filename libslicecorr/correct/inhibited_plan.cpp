@@ -79,14 +79,17 @@ void InhibitedPlan::find_levels() {
   for (int s = 0; s < kernel->settings(); ++s) caps.push_back(kernel->highest_usable_level(s));
   const int strongest = kernel->strongest_setting();
   const int highest = caps[static_cast<std::size_t>(strongest)];
-  const int cap = even ? std::min(highest, kernel->least_even_level()) : highest;
+  // check_feasible() refuses light that never lifts the dose to 1; this only ends the loops.
+  constexpr int never_reaches = 100000;
+  int cap = even ? std::min(highest, kernel->least_even_level()) : highest;
+  // Even light may be so dim somewhere that still resin never gels there: dose flows in from brighter
+  // places, and more slices would not help.
+  while (cap < highest && node_light.sum(strongest, cap, never_reaches) < 1.0) ++cap;
   steady = cap;
   while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
   inside = tuning.inside_dose * ripple();
   holding = steady;
   while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
-  // check_feasible() refuses light that never lifts the dose to 1; this only ends the loop.
-  constexpr int never_reaches = 100000;
   reach = 1;
   while (reach < never_reaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;
 }

@@ -7,10 +7,10 @@
 
 namespace slicecorr {
 
-FlowResin flow_resin(const Resin& resin) {
+FlowResin flow_resin(const Resin& resin, const std::string& source) {
   if (!(resin.viscosity_pa_s > 0)) {
     throw InputError(
-        resin.name, "viscosity_pa_s",
+        source.empty() ? resin.name : source, "viscosity_pa_s",
         "is missing; resin flow needs the dynamic viscosity of the liquid resin, Pa·s");
   }
   return {make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,

@@ -126,16 +126,17 @@ CellLight even_cells(const Setup& setup, std::size_t at) {
   return cells;
 }
 
-std::vector<CellLight> shown_cells(const SliceSource& shown, const EvenSections& sections,
-                                   const Setup& setup, const ExecutionContext& context) {
+std::vector<CellLight> shown_cells(const SliceSource& shown, const SliceSource& target,
+                                   const EvenSections& sections, const Setup& setup,
+                                   const ExecutionContext& context) {
   const EvenLight& light = *setup.process.even_light;
   const FlowGrid& grid = sections.part().grid();
   const Grid& images = shown.grid();
-  // Sums in whole nW/cm²: they are the same in whatever order threads add.
+  // Sums in whole nW/cm² times coverage, 1..255: they are the same in whatever order threads add.
   struct Sums {
     std::vector<std::int64_t> blue, uv, lit;
   };
-  constexpr double kUnit = 1e6;
+  constexpr double kUnit = 1e6, kCovered = 255;
   std::vector<Sums> sums(light.slices.size());
   for (Sums& s : sums) {
     for (auto* v : {&s.blue, &s.uv, &s.lit}) v->assign(grid.cells(), 0);
@@ -155,18 +156,32 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const EvenSections&
   const auto cell_of = [&](double um, double first_um, int cells) {
     return std::clamp(static_cast<int>(std::floor((um - first_um) / grid.pitch_um)), 0, cells - 1);
   };
+  const auto slice_of = [&](int n) {
+    const auto at = std::lower_bound(light.slices.begin(), light.slices.end(), n);
+    const bool solved = at != light.slices.end() && *at == n;
+    return solved ? static_cast<std::size_t>(at - light.slices.begin()) : sums.size();
+  };
   const auto bands = bands_of(images, shown.bounds());
   std::mutex adding;
   parallel_for(context, "look at the light", bands.size(), [&](std::size_t b) {
     const PixelBox& band = bands[b];
     const auto width = static_cast<std::size_t>(band.width());
+    // Light counts where it falls on the part: dim pixels of an outline by what of them is part.
+    std::vector<std::vector<std::uint8_t>> part(sums.size());
+    target.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) context.check_cancelled();
+      const std::size_t i = slice_of(n);
+      if (!rows || i == sums.size()) return;
+      part[i].assign(rows, rows + width * static_cast<std::size_t>(band.y1 - band.y0));
+    });
     shown.read_band(band, [&](int n, const std::uint8_t* rows) {
       if ((n & 63) == 0) context.check_cancelled();
-      const auto at = std::lower_bound(light.slices.begin(), light.slices.end(), n);
-      if (!rows || at == light.slices.end() || *at != n) return;
-      Sums& s = sums[static_cast<std::size_t>(at - light.slices.begin())];
+      const std::size_t i = slice_of(n);
+      if (!rows || i == sums.size() || part[i].empty()) return;
+      Sums& s = sums[i];
       for (int y = band.y0; y < band.y1; ++y) {
-        const std::uint8_t* const row = rows + static_cast<std::size_t>(y - band.y0) * width;
+        const std::size_t begin = static_cast<std::size_t>(y - band.y0) * width;
+        const std::uint8_t *const row = rows + begin, *const covered = part[i].data() + begin;
         std::vector<std::uint8_t> whole;
         if (uv_images) {
           whole.assign(static_cast<std::size_t>(images.width_px), 0);
@@ -177,17 +192,19 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const EvenSections&
         const std::lock_guard lock(adding);
         for (int x = band.x0; x < band.x1; ++x) {
           const std::uint8_t pixel = row[x - band.x0];
-          if (pixel == 0) continue;
+          const std::int64_t share = covered[x - band.x0];
+          if (pixel == 0 || share == 0) continue;
           const int cell_x = cell_of((x + 0.5) * images.pixel_x_um, grid.left_um, grid.columns);
           const std::size_t cell =
               static_cast<std::size_t>(cell_y) * static_cast<std::size_t>(grid.columns) +
               static_cast<std::size_t>(cell_x);
           const double factor = map.even() ? 1.0 : map.factor(map.value(x, y));
-          s.blue[cell] += std::llround(static_cast<double>(of_pixel(intensity, pixel)) * factor);
+          s.blue[cell] +=
+              share * std::llround(static_cast<double>(of_pixel(intensity, pixel)) * factor);
           if (uv_images) {
-            s.uv[cell] += of_pixel(uv_intensity, whole[static_cast<std::size_t>(x)]);
+            s.uv[cell] += share * of_pixel(uv_intensity, whole[static_cast<std::size_t>(x)]);
           }
-          ++s.lit[cell];
+          s.lit[cell] += share;
         }
       }
     });
@@ -212,7 +229,7 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const EvenSections&
       const bool counts = section.cells[c] == FlowCell::part;
       // Cells that are dimmer, before edges that face the platform, have nothing that is to gel yet.
       const bool is_lit =
-          count >= 0.25 * pixels_of_cell && cells.blue.back() >= 0.5 * planned.blue[c];
+          count >= 0.25 * kCovered * pixels_of_cell && cells.blue.back() >= 0.5 * planned.blue[c];
       cells.weight.push_back(counts && is_lit ? 1.0 : 0.0);
       cells.shown.push_back(planned.blue[c] > 0 ? std::min(1.0, cells.blue.back() / planned.blue[c])
                                                 : 0.0);
@@ -272,7 +289,7 @@ FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const 
     throw InputError("the even light of this stack was made for another part");
   }
   std::vector<CellLight> lights;
-  if (shown) lights = shown_cells(*shown, sections, setup, context);
+  if (shown) lights = shown_cells(*shown, target, sections, setup, context);
   const double speed_um_s = units::cm_s_from_mm_h(setup.process.speed_mm_h) * 1e4;
   const Kinetics& kinetics = sections.resin().kinetics;
   // The best intensities that are the same everywhere, by mask.

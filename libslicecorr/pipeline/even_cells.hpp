@@ -57,8 +57,10 @@ struct CellLight {
 /// The even light of a setup on its own cells, in the levels that lamps have; `at`: of which of its
 /// slices.
 CellLight even_cells(const Setup& setup, std::size_t at);
-/// The light that slices show, on the cells of their setup's even light, by its slices.
-std::vector<CellLight> shown_cells(const SliceSource& shown, const EvenSections& sections,
-                                   const Setup& setup, const ExecutionContext& context);
+/// The light that slices show on the part, `target`, on the cells of their setup's even light, by its
+/// slices: the mean over what of each cell is part.
+std::vector<CellLight> shown_cells(const SliceSource& shown, const SliceSource& target,
+                                   const EvenSections& sections, const Setup& setup,
+                                   const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

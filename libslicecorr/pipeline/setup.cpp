@@ -251,7 +251,8 @@ void Resolver::resolve_even_dead_zone(Setup& setup) const {
         "{}: the light of '{}' with '{}' spreads; expected light that stays in its pixel", option,
         setup.printer.name, setup.resin.name));
   }
-  flow_resin(setup.resin);
+  const bool by_name = c_.resin_toml.empty() && !c_.resin.empty();
+  flow_resin(setup.resin, by_name ? find_definition(c_.resin, "resin") : std::string());
   const bool patterned = setup.printer.uv->patterned;
   const std::string& kind = c_.even_dead_zone;
   if (!patterned && (kind == "uv" || kind == "both")) {

@@ -9,6 +9,8 @@
 /// Plain functions, thread-safe. Heights are base e.
 #pragma once
 
+#include <string>
+
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/process.hpp"
 
@@ -23,9 +25,9 @@ struct FlowResin {
   double inhibitor_life_s = std::numeric_limits<double>::infinity();  ///< tau_z, >= 0; 0: the clamp
 };
 
-/// What a resin file says of its flow. Throws `InputError` naming the resin and the key where the
-/// viscosity is missing or the resin has no dose.
-FlowResin flow_resin(const Resin& resin);
+/// What a resin file says of its flow. Throws `InputError` naming `source`, where the resin comes from
+/// (empty: its name alone), and the key where the viscosity is missing or the resin has no dose.
+FlowResin flow_resin(const Resin& resin, const std::string& source = {});
 
 /// F(q), q in 0..1: 0 at the window, 1 at the part.
 double flow_share(double q);

@@ -102,13 +102,15 @@ std::string doses_table(const Prediction& p) {
 }
 
 /// Dose and dead zone in resin that flows, slice by slice; empty where no light was made for it.
-std::string flow_table(const Prediction& p) {
+std::string flow_table(const Prediction& p, FlowLightOf of) {
   if (!p.flow || p.flow->slices.empty()) return {};
   const FlowDoses& flow = *p.flow;
   std::string text = fmt::format(
-      "  flow: dead zone of {:.4g} um; {:.1f} % of the sections get their dose within 10 %, with the "
-      "best light that is the same everywhere {:.1f} %\n",
-      flow.gap_um, 100 * flow.within_10(), 100 * flow.within_10_without());
+      "  flow: dead zone of {:.4g} um; by the light {} {:.1f} % of the sections get their dose within "
+      "10 %, by the best that is the same everywhere {:.1f} %{}\n",
+      flow.gap_um, of == FlowLightOf::plan ? "that is planned" : "that the images show",
+      100 * flow.within_10(), 100 * flow.within_10_without(),
+      of == FlowLightOf::plan ? "; `slicecorr verify` tells what the images bring" : "");
   text += fmt::format("  {:>7}{:>19}{:>24}{:>24}{:>24}{:>10}\n", "slice", "within 10 %, %",
                       "dose, min mean max", "dead zone, um", "without, um", "window");
   // A screen full; all of them are in the JSON.
@@ -130,11 +132,12 @@ std::string flow_table(const Prediction& p) {
 
 }  // namespace
 
-std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
+std::string summary(const Prediction& after, const std::optional<Prediction>& before,
+                    FlowLightOf flow) {
   std::vector<Figures> columns;
   if (before) columns.push_back({"uncorrected", &*before});
   columns.push_back({"corrected", &after});
-  std::string text = figures_table(columns) + doses_table(after) + flow_table(after);
+  std::string text = figures_table(columns) + doses_table(after) + flow_table(after, flow);
   if (const auto& l = after.layerwise) {
     text += fmt::format(
         "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "

@@ -103,7 +103,9 @@ void check_uv_lamp(const Printer& printer, double uv_mw_cm2) {
 /// Lights, gap and limits.
 void plan_pull(const FlowOptions& o, const FlowInput& in, FlowFindings& f) {
   FlowPull& pull = f.pull;
-  if (!(in.resin.viscosity_pa_s > 0)) flow_resin(in.resin);  // says what is missing
+  if (!(in.resin.viscosity_pa_s > 0)) {  // says what is missing
+    flow_resin(in.resin, o.resin.empty() ? o.mesh.parts[0] : find_definition(o.resin, "resin"));
+  }
   pull.viscosity_pa_s = in.resin.viscosity_pa_s;
   pull.speed_mm_h = in.speed_mm_h;
   pull.every = o.every;

@@ -139,7 +139,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console&) {
     write_text_file(a.output, {png.begin(), png.end()});
   }
   if (a.json.empty()) {
-    print_result(summary(p, std::nullopt));
+    print_result(summary(p, std::nullopt, FlowLightOf::images));
   } else {
     print_or_write(a.json, p.to_json());
   }
@@ -200,7 +200,8 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
                                                       before, title_of(a.input), context),
                                         context));
-  console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
+  console.say(
+      fmt::format("{}: written\n{}", a.output, summary(after, before, FlowLightOf::images)));
   return kDone;
 }
 

@@ -128,6 +128,14 @@ struct Lateness {
   void add_ms(double late_ms);
 };
 
+/// Continuous prints: slices whose light was off by more than a tenth of it, as far as it is measured.
+/// That is so where the machine does not answer while the speed changes: lamps can't follow then.
+struct LightOff {
+  int slices = 0;    ///< how many so far
+  int slice = -1;    ///< that which is off most; -1: none
+  double light = 1;  ///< what it got, 1: as planned
+};
+
 /// A status, and when it was true on the print's clock.
 struct Answer {
   Status status;
@@ -243,6 +251,7 @@ class Controller {
   double worst_stage_error_um() const;
   int frames_shown() const;
   int late_frames() const;
+  const LightOff& light_off() const;
   /// What a fault left of lamps and stage.
   Left left() const;
   /// Whether anything was moved or lit: a fault before that needs no latch.

@@ -37,7 +37,10 @@ class Link {
 /// Modbus: input is flushed before each request; an answer that does not come or can't be trusted
 /// closes a TCP connection, which is made anew without blocking, at growing intervals. Throws
 /// `InputError` when the map can't be used.
-std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits);
+/// `lockstep`: time passes by exchanges, so how long a busy computer takes for one must not count. A
+/// machine that answered the request before is waited for 10 s, a silent one as in real time.
+std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits,
+                                       bool lockstep = false);
 
 /// The clock that the bridge goes by. In tests and `--lockstep` it only moves when somebody sleeps.
 class BridgeClock {

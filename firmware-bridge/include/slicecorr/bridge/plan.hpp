@@ -24,7 +24,8 @@ struct FramePlan {
   bool lit = false;      ///< some pixel is above black
   double uv_mw_cm2 = 0;  ///< asked of the UV lamp, >= 0; patterned: of its full light
   /// Least UV light that keeps resin at the window from curing under this frame's brightest pixel,
-  /// at full blue light; patterned: of the lamp's full light. 0: nothing is asked.
+  /// at full blue light; of an even dead zone, what the stack has less the lamp's tolerance;
+  /// patterned: of the lamp's full light. 0: nothing is asked.
   double least_uv_mw_cm2 = 0;
   double exposure_s = 0;  ///< layer by layer, > 0; else 0
 };

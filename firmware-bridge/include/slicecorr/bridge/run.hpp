@@ -42,6 +42,7 @@ struct Ending {
   double stage_um = 0;    ///< measured last, or when the fault was found
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
   Lateness lateness;
+  LightOff light_off;
   bool latched = false;  ///< a latch was written
   Left left;             ///< after a fault: in what state lamps and stage are, as far as is known
   std::string trouble;   ///< what could not be recorded

@@ -23,7 +23,8 @@ void Controller::Impl::judge_light() {
     return;
   }
   const double at_um = machine.has_encoder() ? status.stage_um : stage.position_um(*status_at_s);
-  const Passing here{(at_um - frame_um(0)) / plan.layer_um, *status_at_s};
+  const double light = std::pow(std::max(0.0, status.blue_measured), plan.m);
+  const Passing here{(at_um - frame_um(0)) / plan.layer_um, *status_at_s, light};
   if (!passing) {
     passing = here;
     slice_is_whole = false;
@@ -32,9 +33,12 @@ void Controller::Impl::judge_light() {
   }
   // A stage that is told to be slightly lower than before has not moved.
   const double from = passing->slices, to = std::max(from, here.slices);
-  // The answer comes before lamps follow what came with the question: what they gave until then.
-  double left = std::pow(std::max(0.0, status.blue_measured), plan.m) *
-                std::max(0.0, here.at_s - passing->at_s) * plan.speed_um_s / plan.layer_um;
+  // The answer comes before lamps follow what came with the question: what they gave until then. Over
+  // answers that were lost lamps may have followed what was asked meanwhile.
+  const double time_s = std::max(0.0, here.at_s - passing->at_s);
+  const bool gap = time_s > 1.5 * limits.cycle_s;
+  double left =
+      (gap ? (light + passing->light) / 2 : light) * time_s * plan.speed_um_s / plan.layer_um;
   double at = from;
   for (double edge = std::floor(from) + 1; edge <= to; ++edge) {
     const double share = left * (edge - at) / (to - at);
@@ -45,7 +49,7 @@ void Controller::Impl::judge_light() {
     slice_light = 0;
   }
   slice_light += left;
-  passing = Passing{to, here.at_s};
+  passing = Passing{to, here.at_s, light};
 }
 
 void Controller::Impl::tell_light(int slice, double light) {

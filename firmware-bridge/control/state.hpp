@@ -108,6 +108,7 @@ struct Controller::Impl {
   std::deque<AskedLight> shares;  ///< asked of the blue lamp within its settling time
   struct Passing {
     double slices, at_s;
+    double light;  ///< of the lamp, 1: as calibrated
   };
   std::optional<Passing> passing;  ///< where the stage was measured last, in slices, and when
   bool slice_is_whole = false;     ///< the slice there was entered on this way

@@ -134,12 +134,12 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const SliceSource& 
   const Grid& images = shown.grid();
   // Sums in whole nW/cm² times coverage, 1..255: they are the same in whatever order threads add.
   struct Sums {
-    std::vector<std::int64_t> blue, uv, lit;
+    std::vector<std::int64_t> blue, uv, lit, part;
   };
   constexpr double kUnit = 1e6, kCovered = 255;
   std::vector<Sums> sums(light.slices.size());
   for (Sums& s : sums) {
-    for (auto* v : {&s.blue, &s.uv, &s.lit}) v->assign(grid.cells(), 0);
+    for (auto* v : {&s.blue, &s.uv, &s.lit, &s.part}) v->assign(grid.cells(), 0);
   }
   const std::vector<double> intensity = level_intensities(setup.printer);
   std::optional<EvenUvImages> uv_images;
@@ -166,7 +166,7 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const SliceSource& 
   parallel_for(context, "look at the light", bands.size(), [&](std::size_t b) {
     const PixelBox& band = bands[b];
     const auto width = static_cast<std::size_t>(band.width());
-    // Light counts where it falls on the part: dim pixels of an outline by what of them is part.
+    // Light counts where it falls on the part: pixels of an outline by what of them is part.
     std::vector<std::vector<std::uint8_t>> part(sums.size());
     target.read_band(band, [&](int n, const std::uint8_t* rows) {
       if ((n & 63) == 0) context.check_cancelled();
@@ -193,11 +193,13 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const SliceSource& 
         for (int x = band.x0; x < band.x1; ++x) {
           const std::uint8_t pixel = row[x - band.x0];
           const std::int64_t share = covered[x - band.x0];
-          if (pixel == 0 || share == 0) continue;
+          if (share == 0) continue;
           const int cell_x = cell_of((x + 0.5) * images.pixel_x_um, grid.left_um, grid.columns);
           const std::size_t cell =
               static_cast<std::size_t>(cell_y) * static_cast<std::size_t>(grid.columns) +
               static_cast<std::size_t>(cell_x);
+          s.part[cell] += share;
+          if (pixel == 0) continue;
           const double factor = map.even() ? 1.0 : map.factor(map.value(x, y));
           s.blue[cell] +=
               share * std::llround(static_cast<double>(of_pixel(intensity, pixel)) * factor);
@@ -221,15 +223,13 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const SliceSource& 
     std::size_t lit = 0, part = 0;
     const FlowSection section = sections.section(sections.mask_of(light.slices[i]));
     for (std::size_t c = 0; c < grid.cells(); ++c) {
-      const auto count = static_cast<double>(s.lit[c]);
-      cells.blue.push_back(count > 0 ? static_cast<double>(s.blue[c]) / kUnit / count : 0);
-      cells.uv.push_back(!light.uv   ? per_slice[n]
-                         : count > 0 ? static_cast<double>(s.uv[c]) / kUnit / count
-                                     : 0);
+      const double part_sum = std::max<double>(1, static_cast<double>(s.part[c])) * kUnit;
+      cells.blue.push_back(static_cast<double>(s.blue[c]) / part_sum);
+      cells.uv.push_back(light.uv ? static_cast<double>(s.uv[c]) / part_sum : per_slice[n]);
       const bool counts = section.cells[c] == FlowCell::part;
       // Cells that are dimmer, before edges that face the platform, have nothing that is to gel yet.
-      const bool is_lit =
-          count >= 0.25 * kCovered * pixels_of_cell && cells.blue.back() >= 0.5 * planned.blue[c];
+      const bool is_lit = static_cast<double>(s.lit[c]) >= 0.25 * kCovered * pixels_of_cell &&
+                          cells.blue.back() >= 0.5 * planned.blue[c];
       cells.weight.push_back(counts && is_lit ? 1.0 : 0.0);
       cells.shown.push_back(planned.blue[c] > 0 ? std::min(1.0, cells.blue.back() / planned.blue[c])
                                                 : 0.0);

@@ -69,4 +69,24 @@ inline double value_at(const FlowSection& s, const std::vector<double>& values, 
          v * ((1 - u) * values[s.index(i, j + 1)] + u * values[s.index(i + 1, j + 1)]);
 }
 
+/// At 300 mm/h and a gap of 80 um unless said.
+inline SectionSweep sweep_of(const FlowSection& s, const FlowResin& resin, double gap_um = 80,
+                             int levels = 48, double speed_mm_h = 300) {
+  return {s, solve_pressure(s), resin, speed_mm_h, {&gap_um, 1}, {levels}};
+}
+inline SectionDose even_dose(const SectionSweep& sweep, double blue, double uv) {
+  return sweep.dose({&blue, 1}, {&uv, 1});
+}
+
+/// A ring with a blind hole that is not in the middle, and a corner.
+inline FlowSection odd_section() {
+  FlowSection s = section_where(5e3, 4e3, 250, [](double x, double y) {
+    return std::hypot(x, y) < 4e3 || (x > 0 && std::abs(y) < 2e3);
+  });
+  for (int y = 14; y < 19; ++y) {
+    for (int x = 22; x < 26; ++x) s.cells[s.index(x, y)] = FlowCell::blind;
+  }
+  return s;
+}
+
 }  // namespace slicecorr::test

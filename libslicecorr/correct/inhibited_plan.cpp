@@ -82,9 +82,11 @@ void InhibitedPlan::find_levels() {
   // check_feasible() refuses light that never lifts the dose to 1; this only ends the loops.
   constexpr int never_reaches = 100000;
   int cap = even ? std::min(highest, kernel->least_even_level()) : highest;
-  // Even light may be so dim somewhere that still resin never gels there: dose flows in from brighter
-  // places, and more slices would not help.
-  while (cap < highest && node_light.sum(strongest, cap, never_reaches) < 1.0) ++cap;
+  // Even light may be so dim somewhere that still resin hardly gels there, because dose flows in from
+  // brighter places: more slices would not help. The dimmest light that counts is done within some
+  // three absorbance heights, exp(-3) = 0.05 from its end.
+  constexpr double dimmest = 1.05;
+  while (even && cap < highest && node_light.sum(strongest, cap, never_reaches) < dimmest) ++cap;
   steady = cap;
   while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
   inside = tuning.inside_dose * ripple();

@@ -73,6 +73,8 @@ class InhibitedKernel {
   /// Slices whose doses come from the tables.
   int near() const { return near_; }
   int levels() const { return static_cast<int>(blue_.size()); }
+  /// Blue intensity of a grey level.
+  double level_mw_cm2(int level) const { return blue_[static_cast<std::size_t>(level)]; }
   /// UV settings that have tables of their own: 1 unless the lamp changes from slice to slice.
   int settings() const { return static_cast<int>(setting_uv_.size()); }
   /// 0..settings() - 1; the last slice's for slices after it.

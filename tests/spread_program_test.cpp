@@ -176,10 +176,27 @@ TEST_F(SpreadProgram, WhatCanNotBeIsRefused) {
   write("uv.toml",
         printer_with("[[40.0, 1.0]]",
                      "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, 275.0]]\n"));
+  write("scatters.toml", R"(name = "scatters"
+
+[cure]
+model = "kinetic"
+wavelength_nm = 460
+m = 0.99
+absorbance_height_um = 408.0
+absorbance_base = "e"
+critical_dose_prime = 64.0
+scatter_um2_per_um = 1
+
+[inhibition]
+wavelength_nm = 365
+beta = 0.73
+absorbance_height_um = 37.8
+absorbance_base = "e"
+)");
   bad(2,
-      correct + Command{"--printer", "uv.toml", "--resin", "custom-resin-1", "--speed-mm-h", "300",
+      correct + Command{"--printer", "uv.toml", "--resin", "scatters.toml", "--speed-mm-h", "300",
                         "--uv-mw-cm2", "200"},
-      {"UV light is on", "spreads"});
+      {"scatter_um2_per_um, and UV light is on"});
   bad(2, correct + with("blurred.toml") + Command{"--rounds", "-1"}, {"--rounds"});
   bad(2, correct + with("blurred.toml") + Command{"--spread-correction", "maybe"},
       {"--spread-correction"});

@@ -5,6 +5,7 @@
 
 #include "slicecorr/correct.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/target.hpp"
@@ -51,8 +52,8 @@ constexpr double kTogetherMb = 80;
 }  // namespace
 
 bool corrects_together(const Setup& setup) {
-  const bool spreads = !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
-  return spreads && setup.process.spread_rounds > 0;
+  return light_spreads(setup.printer, setup.resin, setup.process) &&
+         setup.process.spread_rounds > 0;
 }
 
 MemoryNeeds memory_needs(const MemoryFacts& f) {

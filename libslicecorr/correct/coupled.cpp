@@ -80,7 +80,10 @@ struct CoupledCorrection::Figures {
 struct CoupledCorrection::Tile {
   PixelBox box;
   KeptTile coverage, columns, now, best;
-  KeptTile left_alone;            ///< black where nothing is
+  KeptTile left_alone;  ///< black where nothing is
+  // Under UV light only.
+  KeptTile heights;               ///< of edges, at nodes
+  KeptTile wanted;                ///< the light that is to reach columns, as levels
   Figures figures, best_figures;  ///< of `now` and of `best`
   double urgency = kUrgency;
 };
@@ -134,11 +137,12 @@ void CoupledCorrection::solve_tiles(Tile* tiles, std::size_t count, const Column
                                     const ExecutionContext& context) {
   const PixelBox rows =
       common({tiles->box.x0, tiles->box.y0, tiles[count - 1].box.x1, tiles->box.y1}, bounds_);
-  std::vector<TileWriter> coverage, levels, left_alone;
+  std::vector<TileWriter> coverage, levels, left_alone, edges;
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t pixels = pixels_of(tiles[k].box);
     coverage.emplace_back(*store_, pixels, plan_.slices, TileWriter::From::first);
     left_alone.emplace_back(*store_, pixels, plan_.slices, TileWriter::From::first);
+    edges.emplace_back(*store_, pixels, plan_.slices, TileWriter::From::first);
     levels.emplace_back(*store_, pixels, plan_.slices, TileWriter::From::last);
   }
   std::vector<std::uint8_t> part;
@@ -160,6 +164,8 @@ void CoupledCorrection::solve_tiles(Tile* tiles, std::size_t count, const Column
                            const std::uint8_t* left) {
       if ((layer & 63) == 0) context.check_cancelled();
       if (corrector) corrector->add_layer(cover, heights, left);
+      // Heights of the node after the last layer come with a layer more.
+      if (plan_.uv && layer < plan_.slices) put(heights, edges);
       if (layer >= plan_.layers) return;
       put(cover, coverage);
       if (columns.leaves_alone) put(left, left_alone);
@@ -182,7 +188,8 @@ void CoupledCorrection::solve_tiles(Tile* tiles, std::size_t count, const Column
   for (std::size_t k = 0; k < count; ++k) {
     tiles[k].coverage = coverage[k].finish();
     tiles[k].left_alone = left_alone[k].finish();
-    tiles[k].columns = tiles[k].now = tiles[k].best = levels[k].finish();
+    tiles[k].heights = edges[k].finish();
+    tiles[k].columns = tiles[k].wanted = tiles[k].now = tiles[k].best = levels[k].finish();
   }
 }
 
@@ -204,7 +211,7 @@ std::vector<PatchBytes::Source> CoupledCorrection::sources(const PixelBox& box,
   std::vector<PatchBytes::Source> found;
   for (const std::size_t k : tiles_in(box)) {
     const KeptTile& tile = tiles_[k].*which;
-    if (which == &Tile::left_alone && is_black(tile)) continue;
+    if ((which == &Tile::left_alone || which == &Tile::heights) && is_black(tile)) continue;
     found.push_back({&tile, tiles_[k].box});
   }
   return found;
@@ -213,14 +220,15 @@ std::vector<PatchBytes::Source> CoupledCorrection::sources(const PixelBox& box,
 PatchSources CoupledCorrection::sources_of(const PixelBox& watched) const {
   const PixelBox shown = PatchPlace::grown(watched, plan_.reach_x, plan_.reach_y);
   return {sources(watched, &Tile::coverage), sources(shown, &Tile::now),
-          sources(watched, &Tile::columns), sources(watched, &Tile::left_alone)};
+          sources(watched, &Tile::columns), sources(watched, &Tile::left_alone),
+          sources(watched, &Tile::heights)};
 }
 
 void CoupledCorrection::judge(const std::vector<std::size_t>& which,
                               const ExecutionContext& context) {
   parallel_for(context, "judge", which.size(), [&](std::size_t i) {
     Tile& tile = tiles_[which[i]];
-    const PatchFigures found = judge_patch(
+    const PatchFigures found = (plan_.uv ? judge_patch_under_uv : judge_patch)(
         plan_, tile.box, sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)),
         kMostMisses);
     Figures& figures = tile.figures;
@@ -267,7 +275,7 @@ PatchTask CoupledCorrection::task_of(const Tile& tile) const {
   task.free = bounds_;
   // Where too much is wrong to be mended voxel by voxel, it is as in the first round.
   task.first = now_.round == 0 || !tile.figures.all_misses;
-  if (task.first) return task;
+  if (task.first || plan_.uv) return task;
   const PixelBox watched = PatchPlace::grown(tile.box, plan_.overlap_x, plan_.overlap_y);
   std::vector<Miss> misses;
   for (const std::size_t k : tiles_in(watched)) {
@@ -299,6 +307,33 @@ std::vector<std::size_t> CoupledCorrection::seen_from(
   return seen;
 }
 
+/// Under UV light, after the first round: has columns with wrong voxels want other light. What all
+/// tiles wanted before; empty where nothing is changed.
+std::vector<KeptTile> CoupledCorrection::want_again_under_uv(const std::vector<std::size_t>& which,
+                                                             const ExecutionContext& context) {
+  if (!plan_.uv || now_.round == 0) return {};
+  std::vector<KeptTile> before;
+  before.reserve(tiles_.size());
+  for (const Tile& tile : tiles_) before.push_back(tile.wanted);
+  parallel_for(context, "round", which.size(), [&](std::size_t i) {
+    Tile& tile = tiles_[which[i]];
+    std::vector<Pixel> wrong;
+    std::vector<std::uint8_t> listed(pixels_of(tile.box), 0);
+    for (const Miss& miss : misses_of(tile.figures)) {
+      if (!miss.wrong) continue;
+      std::uint8_t& is_listed = listed[index_in(tile.box, miss.x, miss.y)];
+      if (is_listed == 0) wrong.push_back({miss.x, miss.y});
+      is_listed = 1;
+    }
+    if (wrong.empty()) return;
+    PatchSources from = sources_of(tile.box);
+    from.columns =
+        sources(PatchPlace::grown(tile.box, plan_.reach_x, plan_.reach_y), &Tile::columns);
+    tile.wanted = want_again(plan_, tile.box, before[which[i]], wrong, from, *store_);
+  });
+  return before;
+}
+
 bool CoupledCorrection::improve(const ExecutionContext& context) {
   if (now_.wrong() == 0 || now_.round >= options_.rounds || without_gain_ >= kMostWithoutGain) {
     return false;
@@ -310,12 +345,19 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   if (solved.empty()) return false;
   std::vector<KeptTile> next(solved.size());
   const ExecutionContext quiet = silent(context);
+  const std::vector<KeptTile> wanted_before = want_again_under_uv(solved, quiet);
   parallel_for(quiet, "round", solved.size(), [&](std::size_t i) {
     const PatchTask task = task_of(tiles_[solved[i]]);
     const PixelBox watched = PatchPlace::grown(task.box, plan_.overlap_x, plan_.overlap_y);
-    next[i] = !task.first && task.requests.empty()
-                  ? *task.before
-                  : solve_patch(plan_, task, sources_of(watched), *store_);
+    if (plan_.uv) {
+      PatchSources from = sources_of(watched);
+      from.columns = sources(watched, &Tile::wanted);
+      next[i] = solve_patch_under_uv(plan_, task, from, *store_);
+    } else if (!task.first && task.requests.empty()) {
+      next[i] = *task.before;
+    } else {
+      next[i] = solve_patch(plan_, task, sources_of(watched), *store_);
+    }
   });
   std::vector<std::size_t> changed;
   std::vector<KeptTile> before(tiles_.size());  // of tiles that changed
@@ -341,6 +383,7 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
     Tile& tile = tiles_[k];
     if (!tile.figures.gains_on(figures[k])) {
       tile.now = std::move(before[k]);
+      if (!wanted_before.empty()) tile.wanted = wanted_before[k];
       differs[k] = 0;
       tile.urgency *= kLessUrgent;
       back.push_back(k);
@@ -432,7 +475,7 @@ std::size_t CoupledCorrection::bytes() const {
   std::set<const KeptBytes*> held;
   for (const Tile& tile : tiles_) {
     for (const KeptTile* const kept :
-         {&tile.coverage, &tile.columns, &tile.now, &tile.best, &tile.left_alone}) {
+         {&tile.coverage, &tile.columns, &tile.now, &tile.best, &tile.left_alone, &tile.heights}) {
       for (const Kept& piece : kept->pieces) held.insert(piece.get());
     }
     held.insert(tile.figures.misses.get());

@@ -129,6 +129,8 @@ class CoupledCorrection {
   /// Whether a tile is to be solved in the next round.
   bool is_wanted(const Tile& tile) const;
   PatchTask task_of(const Tile& tile) const;
+  std::vector<KeptTile> want_again_under_uv(const std::vector<std::size_t>& which,
+                                            const ExecutionContext& context);
   void keep_best();
 
   CoupledPlan plan_;

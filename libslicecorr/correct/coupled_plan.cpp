@@ -74,7 +74,8 @@ int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 }  // namespace
 
 bool can_couple(const CureModel& model) {
-  return !model.inhibited && model.bath_slices == 0 && model.mirrored_slices == 0;
+  return (!model.inhibited || can_couple_under_uv(model)) && model.bath_slices == 0 &&
+         model.mirrored_slices == 0;
 }
 
 int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
@@ -117,9 +118,10 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
       reach_y(light_blur.reach_y()) {
   if (!can_couple(columns.model)) {
     throw InputError(
-        "light that spreads is corrected without UV light, in a bath without a depth and before a "
-        "platform that sends no light back: leave these out, or correct columns alone");
+        "light that spreads is corrected without patterned UV light, in a bath without a depth and "
+        "before a platform that sends no light back: leave these out, or correct columns alone");
   }
+  if (columns.model.inhibited) uv = std::make_shared<const CoupledUv>(columns);
   top = columns.levels.size() - 1;
   shine_step = 0;
   double light_step = 0;
@@ -150,7 +152,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
   }
   taps_single.assign(taps.begin(), taps.end());
 
-  hands_on = columns.levels.size() <= kFewLevels && is_wide(blur);
+  hands_on = !uv && columns.levels.size() <= kFewLevels && is_wide(blur);
   const double most = *std::max_element(weights.begin(), weights.end());
   near_x = std::min(1, reach_x);
   near_y = std::min(1, reach_y);

@@ -3,23 +3,27 @@
 
 #include <array>
 #include <functional>
+#include <memory>
 #include <vector>
 
+#include "correct/coupled_uv.hpp"
 #include "cure/light_spread.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/grid.hpp"
 
 namespace slicecorr::detail {
 
-/// Whether doses of a model add up from slice to slice, so that columns can be corrected together.
+/// Whether columns can be corrected together: where doses of a model add up from slice to slice, and
+/// under UV light that is not patterned.
 bool can_couple(const CureModel& model);
 
 /// Shares of light that the pixels of a box get, of that of the plan, row by row.
 using LightShares = std::function<void(const PixelBox& box, double* shares)>;
 
 struct CoupledPlan {
-  /// `column_plan`: without UV light, in a bath that does not end, before a platform that sends no
-  /// light back; throws `InputError` for others. `display_box`: beyond it it is dark. `dose_margin`: how far from 1
+  /// `column_plan`: with UV light that is not patterned or without, in a bath that does not end,
+  /// before a platform that sends no light back; throws `InputError` for others. Under UV light no
+  /// light may scatter, nor be uneven. `display_box`: beyond it it is dark. `dose_margin`: how far from 1
   /// doses are aimed at; 0: as levels ask. `light_shares`: empty where light is even. All but the
   /// last three must outlive the plan.
   CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
@@ -27,6 +31,7 @@ struct CoupledPlan {
               LightShares light_shares);
 
   const CorrectionPlan& columns;
+  std::shared_ptr<const CoupledUv> uv;  ///< null without UV light
   const LightBlur& blur;
   const SliceScatter& scatter;
   PixelBox display;

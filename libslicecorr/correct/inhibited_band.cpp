@@ -13,15 +13,6 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// The edge height of a run's end as the solve takes it: rounded, so that neighbours on a slope are
-/// alike and are solved once; none at the node where it is so near that rounding makes it 0.
-std::uint8_t taken_height(const InhibitedPlan& plan, std::uint8_t height) {
-  if (height == 0) return 0;
-  const double steps = plan.tuning.height_steps;
-  const double below = std::round(edge_height_slices(height) * steps) / steps;
-  return below == 0 ? std::uint8_t{0} : edge_height_byte(below);
-}
-
 /// Equal for columns of equal coverage and edge heights, and for no others.
 std::string key_of(const std::vector<CoverageRun>& runs) {
   std::string key;
@@ -93,11 +84,11 @@ std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
     auto found = known.find(key);
     if (found == known.end()) {
       if (known.size() >= plan_.tuning.kept_columns) known.clear();
-      const std::vector<std::uint8_t>& shown = solver.solve(runs, most);
+      const std::vector<Level>& shown = solver.solve(runs, {{}, {most.begin(), most.end()}});
       std::vector<Change> list;
       std::uint8_t before = 0;
       for (int n = plan_.all_layers; n-- > 0;) {
-        const std::uint8_t level = shown[static_cast<std::size_t>(n)];
+        const auto level = static_cast<std::uint8_t>(shown[static_cast<std::size_t>(n)]);
         if (level != before) list.push_back({0, n, level});
         before = level;
       }
@@ -165,9 +156,8 @@ std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
     runs.back().lower_height = height(n + 1);
   }
   InhibitedColumn column(*plan.inhibited);
-  std::vector<std::uint8_t> levels = column.solve(runs);
-  levels.resize(static_cast<std::size_t>(plan.all_layers));
-  return levels;
+  const std::vector<Level>& levels = column.solve(runs);
+  return {levels.begin(), levels.begin() + plan.all_layers};
 }
 
 std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,

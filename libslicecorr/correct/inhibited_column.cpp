@@ -37,16 +37,16 @@ struct InhibitedColumn::Impl {
   void search();
 
   const InhibitedPlan& plan;
-  std::vector<std::uint8_t> caps;  ///< highest levels, per slice; empty: those of the plan
+  std::vector<Level> caps;  ///< highest levels, per slice; empty: those of the plan
   ColumnDesign design;
   ColumnDoses doses;
   LevelRule rule;
   ColumnJudge judge;
   ColumnPolish polish;
 
-  std::vector<std::uint8_t> best_of_all;  ///< for all aims
+  std::vector<Level> best_of_all;  ///< for all aims
   // The best levels for the present aims.
-  std::vector<std::uint8_t> best;
+  std::vector<Level> best;
   std::vector<ColumnJudge::Dip> best_dips;
   double least_um = 0;  ///< their score
   int wrong_voxels = 0;
@@ -190,10 +190,11 @@ void InhibitedColumn::Impl::search() {
 InhibitedColumn::InhibitedColumn(const InhibitedPlan& plan) : impl_(std::make_unique<Impl>(plan)) {}
 InhibitedColumn::~InhibitedColumn() = default;
 
-const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<CoverageRun>& runs,
-                                                        std::span<const std::uint8_t> caps) {
+const std::vector<Level>& InhibitedColumn::solve(const std::vector<CoverageRun>& runs,
+                                                 const ColumnBounds& bounds) {
   Impl& s = *impl_;
-  s.caps.assign(caps.begin(), caps.end());
+  s.caps = bounds.caps;
+  s.doses.set_floors(bounds.floors);
   double least_um = std::numeric_limits<double>::infinity();
   for (const double farthest : s.plan.tuning.farthest_edge_layers) {
     s.design.read(runs, farthest);

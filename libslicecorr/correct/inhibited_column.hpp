@@ -31,10 +31,10 @@ class InhibitedColumn {
  public:
   explicit InhibitedColumn(const InhibitedPlan& plan);
   ~InhibitedColumn();
-  /// `runs`: what is covered, first layer first; `caps`: the highest level of each slice, empty:
-  /// those of the plan. Returns the levels of all slices; valid until the next call.
-  const std::vector<std::uint8_t>& solve(const std::vector<CoverageRun>& runs,
-                                         std::span<const std::uint8_t> caps = {});
+  /// `runs`: what is covered, first layer first. Returns the levels of all slices, within the
+  /// bounds; valid until the next call.
+  const std::vector<Level>& solve(const std::vector<CoverageRun>& runs,
+                                  const ColumnBounds& bounds = {});
 
  private:
   struct Impl;

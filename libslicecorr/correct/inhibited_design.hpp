@@ -17,6 +17,10 @@ struct CoverageRun {
   bool operator==(const CoverageRun&) const = default;
 };
 
+/// The edge height of a run's end as the solve takes it: rounded, so that neighbours on a slope are
+/// alike and are solved once; none at the node where it is so near that rounding makes it 0.
+std::uint8_t taken_height(const InhibitedPlan& plan, std::uint8_t height);
+
 /// Layer n lies between node n, nearer to the platform, and node n + 1. For one thread.
 class ColumnDesign {
  public:

@@ -24,6 +24,8 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
     const int c = design_.coverage(n);
     if (c != 0 && c != 255) continue;
     if ((doses_.middle(n) >= 1.0) == (c == 255)) continue;
+    // What others fill the column can't help.
+    if (c == 0 && doses_.has_floors() && doses_.floor_middle(n) >= 1.0) continue;
     s.perfect = false;
     ++s.wrong_voxels;
     s.um += (c == 255 ? t.lost_voxel_layers : t.grown_voxel_layers) * plan_.layer_um;
@@ -120,7 +122,7 @@ void ColumnJudge::look_inside(int k) {
   inside_.least = std::min({below, half, above});
   if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
   const int end = std::min(k + plan_.near, plan_.all_layers);
-  const double beyond = (plan_.dark_far[static_cast<std::size_t>(k)] + doses_.far(k)) / kernel.a();
+  const double beyond = (doses_.floor_far(k) + doses_.far(k)) / kernel.a();
   // Where all near slices show one level, the layer's least dose follows from that level alone.
   const int level = doses_.level(k);
   bool same = plan_.uniform && inside_.least >= 1.0 && end == k + plan_.near;

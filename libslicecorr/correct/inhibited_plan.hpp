@@ -39,8 +39,17 @@ class ExtraLight {
   std::vector<std::vector<double>> tables_, sums_;
 };
 
+/// A step of a kernel's light: a grey level, or one of the finer steps of `InhibitedKernel::on_ladder`.
+using Level = std::uint16_t;
+
+/// Bounds of the light of a column, per slice; empty: black, and the highest levels of the plan.
+struct ColumnBounds {
+  std::vector<Level> floors;  ///< what others shine into the column
+  std::vector<Level> caps;    ///< not below the floors
+};
+
 /// Stands for the highest levels of a column that has none of its own.
-inline const std::vector<std::uint8_t> kCapsOfPlan;
+inline const std::vector<Level> kCapsOfPlan;
 
 /// A lag in slices, from a share of the distance of the kernel's peak.
 inline int lag_of(const InhibitedTuning::Fraction& share, int peak) {
@@ -64,7 +73,7 @@ struct InhibitedPlan {
   /// Highest level in use in a slice.
   int cap_of(int slice) const { return caps[static_cast<std::size_t>(setting_of(slice))]; }
   /// The same of a column with levels of its own per slice; empty: it has none.
-  int cap_of(int slice, const std::vector<std::uint8_t>& of_column) const {
+  int cap_of(int slice, const std::vector<Level>& of_column) const {
     const int cap = cap_of(slice);
     return of_column.empty() ? cap : std::min<int>(cap, of_column[static_cast<std::size_t>(slice)]);
   }
@@ -74,6 +83,7 @@ struct InhibitedPlan {
   ExtraLight node_light, middle_light;
   std::vector<double> ratio;  ///< per slice; empty: all 1
   int near, levels, layers, all_layers;
+  int per_grey = 1;       ///< levels that stand for one of 256 greys
   std::vector<int> caps;  ///< highest level in use, per setting
   int steady = 0;         ///< lowest level whose steady dose is at least 1, strongest UV setting
   double inside = 1;      ///< dose that nodes inside features demand

@@ -25,14 +25,16 @@ bool ColumnPolish::improve(int n) {
   const double cost = cost_around(n);
   if (cost < t.polish_enough) return false;
   Best best{cost - t.polish_least_gain, level};
-  for (const int step : t.polish_steps) {
+  for (const int steps : t.polish_steps) {
+    const int step = steps * plan_.per_grey;
     try_level(n, level + step, best);
     try_level(n, level - step, best);
   }
-  try_level(n, 0, best);
+  try_level(n, doses_.floor(n), best);
   if (n > 0) {
     const int previous = doses_.level(n - 1);
-    for (const int step : t.polish_moves) {
+    for (const int steps : t.polish_moves) {
+      const int step = steps * plan_.per_grey;
       try_pair(n, level + step, previous - step, best);
       try_pair(n, level - step, previous + step, best);
     }
@@ -45,7 +47,7 @@ bool ColumnPolish::improve(int n) {
 
 void ColumnPolish::try_level(int n, int level, Best& best) {
   const int now = doses_.level(n);
-  if (level < 0 || level > plan_.cap_of(n, caps_) || level == now) return;
+  if (!is_possible(n, level) || level == now) return;
   doses_.change(n, level);
   const double cost = cost_around(n);
   doses_.change(n, now);
@@ -53,8 +55,7 @@ void ColumnPolish::try_level(int n, int level, Best& best) {
 }
 
 void ColumnPolish::try_pair(int n, int level, int previous, Best& best) {
-  if (level < 0 || level > plan_.cap_of(n, caps_)) return;
-  if (previous < 0 || previous > plan_.cap_of(n - 1, caps_)) return;
+  if (!is_possible(n, level) || !is_possible(n - 1, previous)) return;
   const int now = doses_.level(n), previous_now = doses_.level(n - 1);
   doses_.change(n, level);
   doses_.change(n - 1, previous);

@@ -13,7 +13,7 @@ class ColumnPolish {
  public:
   /// `caps`: as for LevelRule.
   ColumnPolish(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses,
-               const std::vector<std::uint8_t>& caps = kCapsOfPlan)
+               const std::vector<Level>& caps = kCapsOfPlan)
       : plan_(plan), design_(design), doses_(doses), caps_(caps) {}
 
   /// Changes the levels of the doses that it was made with. `dip_weight`: weight of dips inside
@@ -28,6 +28,10 @@ class ColumnPolish {
     int previous = -1;  ///< level of the slice before; -1: it keeps its own
   };
   bool improve(int n);
+  /// Whether slice n can have this level.
+  bool is_possible(int n, int level) const {
+    return level >= doses_.floor(n) && level <= plan_.cap_of(n, caps_);
+  }
   void try_level(int n, int level, Best& best);
   void try_pair(int n, int level, int previous, Best& best);
   double cost_around(int n) const;
@@ -35,7 +39,7 @@ class ColumnPolish {
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
   ColumnDoses& doses_;
-  const std::vector<std::uint8_t>& caps_;
+  const std::vector<Level>& caps_;
   double dip_weight_ = 0;
 };
 

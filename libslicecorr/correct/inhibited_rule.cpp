@@ -33,8 +33,8 @@ bool LevelRule::choose_all(bool again) {
     Slice slice = level_of(n, first_feature, again);
     deep_until = slice.deep_until;
     if (slice.deep && before > 0 && slice.level < before &&
-        slice.level >= before - plan_.tuning.calm_levels) {
-      slice.level = before;
+        slice.level >= before - plan_.tuning.calm_levels * plan_.per_grey) {
+      slice.level = within(n, before);
     }
     same = slice.level == before ? same + 1 : 1;
     before = slice.level;
@@ -48,6 +48,7 @@ LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
   Slice slice;
   slice.deep_until = plan_.all_layers;
   const int cap = cap_of(n);
+  slice.level = doses_.floor(n);
   for (int f = first_feature; f >= 0; --f) {
     const Feature& feature = design_.features[static_cast<std::size_t>(f)];
     const int reach = plan_.reach + feature.lag + plan_.tuning.spare_slices;
@@ -57,7 +58,8 @@ LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
     const int begin = std::max(feature.upper, n - reach), end = std::min(feature.lower, n);
     if (feature.full && n > own + plan_.near && n + plan_.near < feature.lower) {
       slice.deep = true;
-      if (plan_.uniform && slice.level == 0) slice.deep_until = own + plan_.near;
+      if (plan_.uniform && !doses_.has_floors() && slice.level == 0)
+        slice.deep_until = own + plan_.near;
     }
     for (int k = end; k >= begin; --k) {
       const double wanted = design_.demand[static_cast<std::size_t>(k)];
@@ -109,7 +111,7 @@ double LevelRule::expected(int n, int k, int from) const {
   double sum = 0;
   for (int i = k; i < std::min(from, n); ++i) {
     const int l = before_[static_cast<std::size_t>(i)];
-    if (l) sum += plan_.ratio_of(i) * plan_.node_light.one(plan_.setting_of(i), l, i - k);
+    if (l) sum += doses_.extra(i, l, i - k);
   }
   return sum;
 }
@@ -118,17 +120,18 @@ double LevelRule::expected(int n, int k, int from) const {
 double LevelRule::promised(int n, int level, int k, int from) const {
   const ExtraLight& light = plan_.node_light;
   const int start = std::min(std::max(from, k), n);
-  if (plan_.uniform) return light.sum(0, level, start - k, n - k + 1);
+  if (plan_.uniform && !doses_.has_floors()) return light.sum(0, level, start - k, n - k + 1);
   double sum = 0;
   for (int i = start; i <= n; ++i) {
-    sum += plan_.ratio_of(i) * light.one(plan_.setting_of(i), level, i - k);
+    sum += doses_.has_floors() ? doses_.extra(i, within(i, level), i - k)
+                               : plan_.ratio_of(i) * light.one(plan_.setting_of(i), level, i - k);
   }
   return sum;
 }
 
 /// Least level with promised() >= need; the cap when there is none.
 int LevelRule::least_level(int n, int k, double need, int from) const {
-  int low = 0, high = cap_of(n);
+  int low = doses_.floor(n), high = std::max(low, cap_of(n));
   while (low < high) {
     const int level = (low + high) / 2;
     if (promised(n, level, k, from) >= need) {
@@ -145,7 +148,7 @@ int LevelRule::least_level(int n, int k, double need, int from) const {
 inline double LevelRule::can_still_come(int n, int k, int from, int lag) const {
   const ExtraLight& light = plan_.node_light;
   double can = 0;
-  if (plan_.uniform && caps_.empty()) {
+  if (plan_.uniform && caps_.empty() && !doses_.has_floors()) {
     can = light.sum(0, cap_of(n), std::min(n, std::max(from, k + lag)) - k, n - k);
     if (from < k + lag) can += light.sum(0, plan_.steady, from - k, lag);
     return can;
@@ -153,7 +156,8 @@ inline double LevelRule::can_still_come(int n, int k, int from, int lag) const {
   for (int i = from; i < n; ++i) {
     const int cap = cap_of(i);
     const int l = i >= k + lag ? cap : std::min(plan_.steady, cap);
-    can += plan_.ratio_of(i) * light.one(plan_.setting_of(i), l, i - k);
+    can += doses_.has_floors() ? doses_.extra(i, within(i, l), i - k)
+                               : plan_.ratio_of(i) * light.one(plan_.setting_of(i), l, i - k);
   }
   return can;
 }

@@ -2,6 +2,7 @@
 /// one on, for several nodes together. inhibited_column.hpp tells the rule and why.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -16,7 +17,7 @@ class LevelRule {
  public:
   /// `caps`: highest levels of the column, per slice; empty: those of the plan.
   LevelRule(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses,
-            const std::vector<std::uint8_t>& caps = kCapsOfPlan)
+            const std::vector<Level>& caps = kCapsOfPlan)
       : plan_(plan), design_(design), doses_(doses), caps_(caps) {}
 
   /// Chooses all levels. The light that a feature will get from features nearer to the platform is
@@ -46,13 +47,17 @@ class LevelRule {
   double can_still_come(int n, int k, int from, int lag) const;
   bool even_light_fits(int n, int first_feature) const;
   int cap_of(int n) const { return plan_.cap_of(n, caps_); }
+  /// The light of slice n when `level` is asked of it.
+  int within(int n, int level) const {
+    return std::clamp(level, doses_.floor(n), std::max(doses_.floor(n), cap_of(n)));
+  }
 
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
   ColumnDoses& doses_;
-  const std::vector<std::uint8_t>& caps_;
-  std::vector<std::uint8_t> before_;  ///< levels that choose_again() expects
-  bool other_light_ = false;          ///< a node gets light of a feature nearer to the platform
+  const std::vector<Level>& caps_;
+  std::vector<Level> before_;  ///< levels that choose_again() expects
+  bool other_light_ = false;   ///< a node gets light of a feature nearer to the platform
 };
 
 }  // namespace slicecorr::detail

@@ -9,6 +9,7 @@
 #include "cure/limits.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/limit.hpp"
@@ -165,10 +166,78 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     }
     count_flow(*process.even_light, level_intensities(printer).back());
   }
+  make_tables();
+}
+
+void InhibitedKernel::make_tables() {
   fine_.resize(static_cast<std::size_t>(settings()));
   fine_made_ = std::make_unique<std::once_flag[]>(fine_.size());
   tables_.resize(static_cast<std::size_t>(settings() * kPlaces));
   for (int s = 0; s < settings(); ++s) tabulate(s);
+}
+
+InhibitedKernel::InhibitedKernel(const InhibitedKernel& of, double first_um, double last_um)
+    : kinetics_(of.kinetics_),
+      gel_(of.gel_),
+      mode_(of.mode_),
+      allow_window_cure_(of.allow_window_cure_),
+      layer_um_(of.layer_um_),
+      scale_(of.scale_),
+      gel_scale_(of.gel_scale_),
+      a_(of.a_),
+      near_(of.near_),
+      blue_(kFronts, 0.0),
+      setting_uv_(1, 0.0),
+      profile_(of.profile_) {
+  const double step_um = (last_um - first_um) / (kFronts - 1);
+  fronts_per_um_ = 1 / step_um;
+  for (int front = 0; front < kFronts; ++front) {
+    sources_.push_back({scale_, first_um + front * step_um});
+  }
+  make_tables();
+}
+
+std::shared_ptr<const InhibitedKernel> InhibitedKernel::by_front(double least_blue_mw_cm2) const {
+  if (gap_um_ > 0) {
+    throw InputError(
+        "light spreads and is made for an even dead zone; expected one of both: the dose of resin "
+        "that flows is known for the light of grey levels");
+  }
+  double most_uv = 0, least_uv = std::numeric_limits<double>::infinity();
+  for (int s = 0; s < settings(); ++s) {
+    for (int level = 0; level < levels(); ++level) {
+      most_uv = std::max(most_uv, uv_of(s, level));
+      least_uv = std::min(least_uv, uv_of(s, level));
+    }
+  }
+  // Behind the window by so much, UV light takes no share of what any point gets.
+  const double behind = std::log(kTailShare) / (1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um);
+  // At the edges of a pattern that spreads there is less UV light than any level gives.
+  const double first =
+      uv_levels_.empty()
+          ? std::max(behind, profile_->front_um(blue_.back(), kinetics_.beta * least_uv))
+          : behind;
+  const double last =
+      profile_->front_um(std::min(least_blue_mw_cm2, blue_.back()), kinetics_.beta * most_uv);
+  // NOLINTNEXTLINE(cppcoreguidelines-owning-memory): the constructor is private
+  return std::shared_ptr<const InhibitedKernel>(
+      new InhibitedKernel(*this, first, std::max(last, first + layer_um_)));
+}
+
+FrontLight InhibitedKernel::front_light(double blue_mw_cm2, double uv_mw_cm2) const {
+  if (!(blue_mw_cm2 > 0)) return {};
+  const double first = sources_.front().front_um;
+  const double exact = profile_->front_um(blue_mw_cm2, kinetics_.beta * uv_mw_cm2);
+  const double step = std::clamp(std::round((exact - first) * fronts_per_um_), 0.0,
+                                 static_cast<double>(levels() - 1));
+  const auto front = static_cast<std::uint16_t>(step);
+  // With the front as rounded, light is exact where no UV light comes.
+  return {static_cast<float>(profile_->amount(blue_mw_cm2, sources_[front].front_um)), front};
+}
+
+double InhibitedKernel::blue_of(const FrontLight& light) const {
+  return std::pow(static_cast<double>(light.amount), 1.0 / kinetics_.m) *
+         std::exp(sources_[light.front].front_um / kinetics_.hb_um);
 }
 
 /// How often the light of the gap counts at each level. Light between the least and the greatest even
@@ -306,6 +375,7 @@ double InhibitedKernel::steady_dose(int setting, int level) const {
 }
 
 double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
+  if (fronts_per_um_ > 0) return std::max(0.0, source(setting, level).front_um);
   if (gap_um_ > 0 && level >= least_even_level_) return gap_um_;
   return steady_dead_zone_um(kinetics_, blue_[static_cast<std::size_t>(level)],
                              uv_of(setting, level));
@@ -313,14 +383,22 @@ double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
 
 bool InhibitedKernel::level_keeps_dead_zone(int setting, int level) const {
   if (gap_um_ > 0) return true;
+  if (fronts_per_um_ > 0) return source(setting, level).front_um > 0;
   return keeps_dead_zone(kinetics_, blue_[static_cast<std::size_t>(level)], uv_of(setting, level));
 }
 
 double InhibitedKernel::first_gel_um(int slice, int level) const {
+  if (fronts_per_um_ > 0) {
+    // The rate is greatest so far above the front.
+    const double above = std::log(kinetics_.hb_um / kinetics_.huv_um) /
+                         (1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um);
+    return std::max(0.0, source(0, level).front_um + above);
+  }
   return first_gel(kinetics_, blue_[static_cast<std::size_t>(level)], uv_mw_cm2(slice, level)).z_um;
 }
 
 double InhibitedKernel::setting_window_dose(int setting, int level) const {
+  if (fronts_per_um_ > 0) return gel_scale_ * profile_->rate(-source(setting, level).front_um);
   const double net =
       blue_[static_cast<std::size_t>(level)] - kinetics_.beta * uv_of(setting, level);
   return net > 0 ? gel_scale_ * std::pow(net, gel_.m) : 0.0;

@@ -34,7 +34,7 @@ class InhibitedWalker final : public DoseWalker {
       level_of_[v] = static_cast<std::uint16_t>((v * (kernel_.levels() - 1) + 127) / 255);
     }
     for (Slot& slot : slots_)
-      slot.shown.push_back({0, 0, std::vector<std::uint16_t>(columns, off())});
+      slot.shown.push_back({0, 0, std::vector<std::uint16_t>(columns, off()), {}});
     table_.resize(static_cast<std::size_t>(kernel_.settings() * InhibitedKernel::kPlaces));
     sums_.resize(table_.size());
   }
@@ -55,6 +55,16 @@ class InhibitedWalker final : public DoseWalker {
       shown.setting = showing.setting;
       shown.weight = showing.light * ratio;
       shown.levels.resize(columns_);
+      if (showing.fronts) {
+        shown.amounts.resize(columns_);
+        for (std::size_t i = 0; i < columns_; ++i) {
+          const FrontLight& light = showing.fronts[i];
+          shown.levels[i] = light.amount > 0 ? light.front : off();
+          shown.amounts[i] = light.amount;
+        }
+        continue;
+      }
+      shown.amounts.clear();
       for (std::size_t i = 0; i < columns_; ++i) shown.levels[i] = level_of_[showing.pixels[i]];
     }
     Shown& now = slot.shown[0];
@@ -67,7 +77,7 @@ class InhibitedWalker final : public DoseWalker {
     const bool jump = !any_ || slot.count > 1 || before.count > 1 || now.setting != last.setting ||
                       now.weight != last.weight;
     for (std::size_t i = 0; i < columns_; ++i) {
-      const bool same = !jump && now.levels[i] == last.levels[i];
+      const bool same = !jump && now.levels[i] == last.levels[i] && now.of(i) == last.of(i);
       same_[i] = same ? static_cast<std::uint16_t>(std::min<std::size_t>(same_[i] + 1U, near_))
                       : std::uint16_t{1};
       // After the same light for `near_` slices the dose can't turn: continuous exposure only
@@ -91,7 +101,7 @@ class InhibitedWalker final : public DoseWalker {
     const Slot& newest = slots_[newest_];
     if (same_[i] >= near_ && newest.shown[0].levels[i] != off() && lower[i] >= 1.0) {
       const Shown& now = newest.shown[0];
-      if (layer_.steady_above(now.setting, now.levels[i], now.weight, far, known)) {
+      if (layer_.steady_above(now.setting, now.levels[i], now.of(i), far, known)) {
         out.crossings.clear();
         out.least = std::min({lower[i], middle[i], upper[i]});
         return;
@@ -103,7 +113,7 @@ class InhibitedWalker final : public DoseWalker {
       const Shown& now = newest.shown[0];
       j = same_[i];
       if (now.levels[i] != off()) {
-        layer_.add(0, static_cast<int>(j) - 1, now.setting, now.levels[i], now.weight);
+        layer_.add(0, static_cast<int>(j) - 1, now.setting, now.levels[i], now.of(i));
       }
     }
     for (; j < near_; ++j) {
@@ -111,7 +121,7 @@ class InhibitedWalker final : public DoseWalker {
       for (std::size_t k = 0; k < slot.count; ++k) {
         const Shown& shown = slot.shown[k];
         if (shown.levels[i] == off()) continue;
-        layer_.add(static_cast<int>(j), shown.setting, shown.levels[i], shown.weight);
+        layer_.add(static_cast<int>(j), shown.setting, shown.levels[i], shown.of(i));
       }
     }
     layer_.sample(lower[i], middle[i], upper[i]);
@@ -124,6 +134,11 @@ class InhibitedWalker final : public DoseWalker {
     int setting = 0;
     double weight = 0;
     std::vector<std::uint16_t> levels;
+    std::vector<float> amounts;  ///< of light by fronts; empty: of grey levels
+    /// How often the light of column i counts.
+    double of(std::size_t i) const {
+      return amounts.empty() ? weight : weight * static_cast<double>(amounts[i]);
+    }
   };
   struct Slot {
     std::vector<Shown> shown;
@@ -175,7 +190,7 @@ class InhibitedWalker final : public DoseWalker {
         const double* const last = table(shown.setting, kept.place) + (near_ - 1) * stride_;
         for (std::size_t i = 0; i < columns_; ++i) {
           // The row of light that is off is 0.
-          tail[i] += shown.weight * last[shown.levels[i]];
+          tail[i] += shown.of(i) * last[shown.levels[i]];
         }
       }
       for (std::size_t i = 0; i < columns_; ++i) tail[i] *= a;
@@ -188,18 +203,18 @@ class InhibitedWalker final : public DoseWalker {
     const Shown& now = newest.shown[0];
     double sum = 0;
     if (now.levels[i] != off()) {
-      sum = now.weight * sums_[index(now.setting, place)][same * stride_ + now.levels[i]];
+      sum = now.of(i) * sums_[index(now.setting, place)][same * stride_ + now.levels[i]];
     }
     for (std::size_t k = 1; k < newest.count; ++k) {
       const Shown& shown = newest.shown[k];
-      sum += shown.weight * table(shown.setting, place)[shown.levels[i]];
+      sum += shown.of(i) * table(shown.setting, place)[shown.levels[i]];
     }
     for (std::size_t j = same; j < near_; ++j) {
       const Slot& slot = slots_[(newest_ + j) % near_];
       for (std::size_t k = 0; k < slot.count; ++k) {
         const Shown& shown = slot.shown[k];
         if (shown.levels[i] == off()) continue;
-        sum += shown.weight * table(shown.setting, place)[j * stride_ + shown.levels[i]];
+        sum += shown.of(i) * table(shown.setting, place)[j * stride_ + shown.levels[i]];
       }
     }
     return sum;

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
 
 namespace slicecorr::detail {
 
@@ -14,6 +15,8 @@ namespace {
 
 /// What of a dose may be left out because it scatters from too far away.
 constexpr double kShareLeftOut = 1e-6;
+/// Under UV light, light dimmer than this share of full light has the front of light that is not.
+constexpr double kDimmest = 1e-7;
 
 PixelBox common(const PixelBox& a, const PixelBox& b) {
   PixelBox box{std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1),
@@ -51,19 +54,32 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
     : models_(models), display_{0, 0, grid.width_px, grid.height_px} {
   const Printer& printer = models.printer();
   const Resin& resin = models.resin();
-  if (printer.spread.none() && resin.scatter_um2_per_um == 0) return;
+  const bool uv_spreads = printer.uv && !printer.uv->spread.none();
+  if (printer.spread.none() && resin.scatter_um2_per_um == 0 && !uv_spreads) return;
   const CureModel& model = models.brightest();
-  if (model.inhibited) {
-    refuse(fmt::format(
-        "light of printer '{}' spreads or resin '{}' scatters it, and UV light is on; expected one "
-        "of both: doses under UV light are those of columns alone",
-        printer.name, resin.name));
-  }
+  if (!model.inhibited && printer.spread.none() && resin.scatter_um2_per_um == 0) return;
   const Grid images = images_of(printer, frame);
   blur_ = LightBlur(printer.spread, images.pixel_x_um, images.pixel_y_um,
                     turn_to_display(frame, printer));
   scatter_ =
       SliceScatter(resin.scatter_um2_per_um, model.layer_um, images.pixel_x_um, images.pixel_y_um);
+  if (model.inhibited) {
+    if (!scatter_.none()) {
+      refuse(fmt::format(
+          "resin '{}' has scatter_um2_per_um, and UV light is on; expected one of both: scattered "
+          "light under UV light does not add up from slice to slice",
+          resin.name));
+    }
+    if (uv_spreads && !model.inhibited->uv_levels().empty()) {
+      uv_blur_ = LightBlur(printer.uv->spread, images.pixel_x_um, images.pixel_y_um,
+                           turn_to_display(frame, printer));
+    }
+    if (!none()) {
+      by_front_ = model;
+      by_front_->inhibited = model.inhibited->by_front(
+          kDimmest * level_intensities(models.printer_at(models.map().greatest())).back());
+    }
+  }
   if (!scatter_.none()) {
     if (model.m != 1.0) {
       refuse(
@@ -101,6 +117,7 @@ PixelBox SpreadLight::grown(const PixelBox& box, int x, int y) const {
 
 std::optional<FinestWidths> SpreadLight::finest() const {
   const CureModel& m = model();
+  if (m.inhibited) return std::nullopt;
   const LightSpread& spread = models_.printer().spread;
   const bool layerwise = m.mode == ExposureMode::layerwise;
   // Layer by layer each layer gels in its own exposure, and black adds up.
@@ -136,9 +153,15 @@ SpreadBand::SpreadBand(const SpreadLight& light, const SliceSource& stack,
   blur(nullptr, field_, dark_);
 }
 
-const std::vector<double>& SpreadBand::intensities(std::uint8_t place) {
+const std::vector<double>& SpreadBand::intensities(std::uint8_t place, int) {
   std::vector<double>& values = intensities_[place];
-  if (values.empty()) {
+  if (values.empty() && light_.under_uv()) {
+    const std::vector<double> of_level = level_intensities(light_.models_.printer_at(place));
+    const int levels = static_cast<int>(of_level.size());
+    for (int v = 0; v < 256; ++v) {
+      values.push_back(of_level[static_cast<std::size_t>(level_of_pixel(v, levels))]);
+    }
+  } else if (values.empty()) {
     const PixelCurve& curve = light_.models_.curve(place);
     const double m = light_.model().m;
     values.assign(curve.begin(), curve.end());
@@ -147,6 +170,28 @@ const std::vector<double>& SpreadBand::intensities(std::uint8_t place) {
     }
   }
   return values;
+}
+
+const std::vector<double>& SpreadBand::uv_intensities(std::uint8_t, int setting) {
+  std::vector<double>& values = uv_intensities_[setting];
+  if (values.empty()) {
+    const InhibitedKernel& kernel = *light_.models_.brightest().inhibited;
+    for (int v = 0; v < 256; ++v) {
+      values.push_back(kernel.setting_uv_mw_cm2(setting, level_of_pixel(v, kernel.levels())));
+    }
+  }
+  return values;
+}
+
+/// UV light over `field_` where the image is black.
+const std::vector<double>& SpreadBand::dark_uv(int setting) {
+  std::vector<double>& dark = dark_uv_[setting];
+  if (!dark.empty()) return dark;
+  dark.assign(columns_of(field_), uv_intensities(0, setting)[0]);
+  if (!light_.uv_blur_.none()) {
+    blur(nullptr, field_, light_.uv_blur_, &SpreadBand::uv_intensities, setting, dark);
+  }
+  return dark;
 }
 
 PixelBox SpreadBand::lit_box(const std::uint8_t* pixels) const {
@@ -167,7 +212,11 @@ PixelBox SpreadBand::lit_box(const std::uint8_t* pixels) const {
 }
 
 void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, std::vector<double>& field) {
-  const LightBlur& spread = light_.blur_;
+  blur(pixels, to, light_.blur_, &SpreadBand::intensities, 0, field);
+}
+
+void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, const LightBlur& spread,
+                      Shine shine, int setting, std::vector<double>& field) {
   const PixelBox from = light_.grown(to, spread.reach_x(), spread.reach_y());
   const LightMap& map = light_.models_.map();
   const auto width = static_cast<std::size_t>(from.width());
@@ -183,16 +232,16 @@ void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, std::vecto
     }
     double* const out = in_.data() + static_cast<std::size_t>(y - from.y0) * width;
     if (map.even()) {
-      const double* const of = intensities(map.reference()).data();
+      const double* const of = (this->*shine)(map.reference(), setting).data();
       for (std::size_t i = 0; i < width; ++i) out[i] = of[row[i]];
     } else {
       map.values({from.x0, y, from.x1, y + 1}, places.data());
-      for (std::size_t i = 0; i < width; ++i) out[i] = intensities(places[i])[row[i]];
+      for (std::size_t i = 0; i < width; ++i) out[i] = (this->*shine)(places[i], setting)[row[i]];
     }
   }
   out_.resize(columns_of(to));
   spread.apply(in_.data(), from, out_.data(), to);
-  if (const double m = light_.model().m; m != 1.0) {
+  if (const double m = light_.model().m; m != 1.0 && !light_.under_uv()) {
     for (double& v : out_) v = std::pow(v, m);
   }
   copy_common(out_, to, field, field_);
@@ -208,6 +257,48 @@ void SpreadBand::show(const std::uint8_t* pixels, Shown& out) {
   const LightBlur& spread = light_.blur_;
   const PixelBox to = common(light_.grown(lit, spread.reach_x(), spread.reach_y()), field_);
   if (!lit.empty() && !to.empty()) blur(pixels, to, out.field);
+}
+
+/// What blue and UV light together give the columns.
+void SpreadBand::show_under_uv(const std::uint8_t* pixels, int setting, Shown& out) {
+  const std::size_t size = columns_of(shown_);
+  if (!out.fronts.empty() && out.setting == setting &&
+      std::memcmp(out.pixels.data(), pixels, size) == 0) {
+    return;
+  }
+  out.pixels.assign(pixels, pixels + size);
+  out.setting = setting;
+  out.field = dark_;
+  out.uv = dark_uv(setting);
+  const PixelBox lit = lit_box(pixels);
+  const auto show = [&](const LightBlur& spread, Shine shine, std::vector<double>& field) {
+    const PixelBox to = common(light_.grown(lit, spread.reach_x(), spread.reach_y()), field_);
+    if (!lit.empty() && !to.empty()) blur(pixels, to, spread, shine, setting, field);
+  };
+  show(light_.blur_, &SpreadBand::intensities, out.field);
+  const bool patterned = uv_intensities(0, setting).front() != uv_intensities(0, setting).back();
+  if (patterned) show(light_.uv_blur_, &SpreadBand::uv_intensities, out.uv);
+
+  const InhibitedKernel& kernel = *light_.model().inhibited;
+  out.fronts.resize(column_count());
+  out.own.assign(column_count(), 0);
+  double blue = -1, uv = -1;
+  FrontLight light;
+  for (std::size_t i = 0; i < out.fronts.size(); ++i) {
+    const std::size_t at = column(i);
+    // Light is the same over much of an image.
+    if (out.field[at] != blue || out.uv[at] != uv) {
+      blue = out.field[at];
+      uv = out.uv[at];
+      light = kernel.front_light(blue, uv);
+    }
+    out.fronts[i] = light;
+    const Pixel p{field_.x0 + static_cast<int>(at % static_cast<std::size_t>(field_.width())),
+                  field_.y0 + static_cast<int>(at / static_cast<std::size_t>(field_.width()))};
+    if (p.x >= shown_.x0 && p.x < shown_.x1 && p.y >= shown_.y0 && p.y < shown_.y1) {
+      out.own[i] = pixels[index(shown_, p)];
+    }
+  }
 }
 
 const double* SpreadBand::of_columns(const std::vector<double>& field,
@@ -252,8 +343,18 @@ std::span<const ImageShowing> SpreadBand::of(int slice) {
   }
   if (kept_.size() < images.size()) kept_.resize(images.size());
   for (std::size_t k = 0; k < images.size(); ++k) {
-    show(images[k].pixels, kept_[k]);
     ImageShowing& showing = showings_.emplace_back(images[k]);
+    if (light_.under_uv()) {
+      const int setting = slices_.recorded()
+                              ? images[k].setting
+                              : light_.models_.brightest().inhibited->setting_of_slice(slice);
+      show_under_uv(images[k].pixels, setting, kept_[k]);
+      showing.pixels = kept_[k].own.data();
+      showing.fronts = kept_[k].fronts.data();
+      showing.setting = 0;
+      continue;
+    }
+    show(images[k].pixels, kept_[k]);
     showing.pixels = nullptr;
     showing.phi = of_columns(kept_[k].field, kept_[k].phi);
   }

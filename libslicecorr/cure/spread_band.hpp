@@ -2,8 +2,10 @@
 /// of each pixel stays in its column.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
@@ -23,19 +25,21 @@ class SpreadLight {
  public:
   /// Of the models' printer and resin, for images of `grid` that lie like `frame`. `models` must
   /// outlive this. Throws `InputError`
-  /// where what spreads can't be counted: under UV light; scatter in a resin whose exponent m is
-  /// not 1, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
+  /// where what spreads can't be counted: light made for an even dead zone; scatter under UV light, in
+  /// a resin whose exponent m is not 1, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
   SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
   /// Light stays where it is.
-  bool none() const { return blur_.none() && scatter_.none(); }
+  bool none() const { return blur_.none() && scatter_.none() && uv_blur_.none(); }
   /// Light from further away than this many pixels changes no dose, or by less than 1e-6 of it.
-  int reach_x() const { return blur_.reach_x() + halo_x_; }
-  int reach_y() const { return blur_.reach_y() + halo_y_; }
+  int reach_x() const { return std::max(blur_.reach_x(), uv_blur_.reach_x()) + halo_x_; }
+  int reach_y() const { return std::max(blur_.reach_y(), uv_blur_.reach_y()) + halo_y_; }
   /// The pixels whose columns light from `box` reaches, and as well those whose light reaches its
   /// columns: of the display.
   PixelBox around(const PixelBox& box) const { return grown(box, reach_x(), reach_y()); }
   const LightBlur& blur() const { return blur_; }
+  /// The spread of the images of a patterned UV lamp.
+  const LightBlur& uv_blur() const { return uv_blur_; }
   const SliceScatter& scatter() const { return scatter_; }
   /// All pixels; beyond them it is dark.
   const PixelBox& display() const { return display_; }
@@ -43,7 +47,9 @@ class SpreadLight {
   /// printer stays where it is.
   std::optional<FinestWidths> finest() const;
   /// The model of all columns: what they get is no longer what their own place of the display gives.
-  const CureModel& model() const { return models_.brightest(); }
+  /// Under UV light its kernel is by fronts.
+  const CureModel& model() const { return by_front_ ? *by_front_ : models_.brightest(); }
+  bool under_uv() const { return by_front_.has_value(); }
 
  private:
   friend class SpreadBand;
@@ -51,7 +57,8 @@ class SpreadLight {
 
   const PlaceModels& models_;
   PixelBox display_;
-  LightBlur blur_;
+  std::optional<CureModel> by_front_;  ///< where light spreads under UV light
+  LightBlur blur_, uv_blur_;
   SliceScatter scatter_;
   int halo_x_ = 0, halo_y_ = 0;  ///< so far around a window doses matter, because they scatter
 };
@@ -67,7 +74,7 @@ class SpreadBand {
   SpreadBand(const SpreadLight& light, const SliceSource& stack, const ShownSlices& slices,
              const PixelBox& window, const std::vector<Pixel>& places);
   /// What slice `slice` shows, each image with the light that it gives the columns of the window, and
-  /// without pixels. Where light scatters one more says what the slices after this one have brought
+  /// without pixels; under UV light with the pixels of the columns, too. Where light scatters one more says what the slices after this one have brought
   /// from column to column. Slices follow each other downwards in number, beginning with the last.
   /// Valid until the next call.
   std::span<const ImageShowing> of(int slice);
@@ -78,13 +85,28 @@ class SpreadBand {
     std::vector<std::uint8_t> pixels;  ///< over `shown_`; empty: none so far
     std::vector<double> field;         ///< the light that it gives, over `field_`
     std::vector<double> phi;           ///< the same of the columns; empty where these are the field
+    // Under UV light, of the columns.
+    int setting = -1;
+    std::vector<double> uv;  ///< over `field_`, mW/cm², as `field` is then
+    std::vector<FrontLight> fronts;
+    std::vector<std::uint8_t> own;  ///< their pixels
   };
+  /// What pixels of a value shine with, at a place of the display.
+  using Shine = const std::vector<double>& (SpreadBand::*)(std::uint8_t place, int setting);
   void show(const std::uint8_t* pixels, Shown& out);
+  void show_under_uv(const std::uint8_t* pixels, int setting, Shown& out);
   /// The pixels above black; empty: none.
   PixelBox lit_box(const std::uint8_t* pixels) const;
   /// What an image gives the columns of `to`, written over `to` in `field`. Null: black.
   void blur(const std::uint8_t* pixels, const PixelBox& to, std::vector<double>& field);
-  const std::vector<double>& intensities(std::uint8_t place);
+  /// The same of light that `shine` tells, as it spreads.
+  void blur(const std::uint8_t* pixels, const PixelBox& to, const LightBlur& spread, Shine shine,
+            int setting, std::vector<double>& field);
+  const std::vector<double>& intensities(std::uint8_t place, int);
+  const std::vector<double>& uv_intensities(std::uint8_t, int setting);
+  const std::vector<double>& dark_uv(int setting);
+  std::size_t column(std::size_t i) const { return columns_.empty() ? i : columns_[i]; }
+  std::size_t column_count() const { return columns_.empty() ? dark_.size() : columns_.size(); }
   void scatter(int slice);
   const double* of_columns(const std::vector<double>& field, std::vector<double>& room) const;
 
@@ -94,8 +116,10 @@ class SpreadBand {
   std::vector<std::size_t> columns_;  ///< in `field_`; empty: all of it
   CodedBand coded_;
   ShownBand images_;
-  /// Relative intensity of each pixel value to the power 1 / m, by value of the display's light.
+  /// Relative intensity of each pixel value to the power 1 / m, by value of the display's light;
+  /// under UV light the intensity.
   std::array<std::vector<double>, 256> intensities_;
+  std::map<int, std::vector<double>> uv_intensities_, dark_uv_;  ///< by setting
   std::vector<double> dark_;          ///< the light of a black image, over `field_`
   std::vector<std::uint8_t> pixels_;  ///< of a slice that shows one image
   std::vector<double> in_, out_;

@@ -7,13 +7,13 @@
 #include "correct/coupled.hpp"
 #include "cure/spread_band.hpp"
 #include "pipeline/place_plans.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr::detail {
 
-/// Whether light goes from column to column.
 inline bool spreads(const Setup& setup) {
-  return !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+  return light_spreads(setup.printer, setup.resin, setup.process);
 }
 
 /// The slices of a target whose columns are corrected together.

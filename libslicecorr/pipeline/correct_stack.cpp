@@ -430,7 +430,10 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
   const CureModel& model = plans_->models().brightest();
   const char* const alone = model.bath_slices > 0       ? "the resin ends"
                             : model.mirrored_slices > 0 ? "the platform sends light back"
-                                                        : nullptr;
+                            : !model.inhibited          ? nullptr
+                            : !plans_->even() ? "the display's light is uneven under UV light"
+                            : !detail::can_couple_under_uv(model) ? "UV light is patterned"
+                                                                  : nullptr;
   if (alone == nullptr) {
     together_ = std::make_unique<const detail::TogetherCorrected>(
         target_, *plans_, setup.process.spread_rounds, scratch_folder, context);

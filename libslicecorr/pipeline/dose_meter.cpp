@@ -8,6 +8,7 @@
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_spreads.hpp"
 
 namespace slicecorr::detail {
 
@@ -28,7 +29,7 @@ void check_graded(const SliceSource& target, const Setup& setup) {
   if (setup.process.uv.kind != UvKind::off) {
     refuse("under UV light; expected continuous exposure without it");
   }
-  if (!setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0) {
+  if (light_spreads(setup.printer, setup.resin, setup.process)) {
     refuse("where light spreads from pixel to pixel; expected a printer and a resin without");
   }
   if (setup.process.omega_max < 1e300) {

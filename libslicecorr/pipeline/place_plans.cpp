@@ -214,9 +214,11 @@ class PlaceCheck {
   int slices_for_edges() const {
     const CureModel& model = models_.brightest();
     if (!spreads(setup_) || setup_.process.spread_rounds == 0 || !map_.even() ||
-        !model.is_plain() || target_.left_alone()) {
+        target_.left_alone()) {
       return 0;
     }
+    if (can_couple_under_uv(model)) return slices_to_gel_at_edges_under_uv(model);
+    if (!model.is_plain()) return 0;
     const SpreadLight light(models_, target_.grid(), target_.frame());
     return slices_to_gel_at_edges(model, light.blur(), light.scatter());
   }

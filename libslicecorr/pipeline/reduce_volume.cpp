@@ -139,7 +139,7 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
   const auto bands = detail::bands_of(stack.grid(), box);
   const AsSliced uncorrected(target);
   const detail::ShownSlices of_target(uncorrected), of_stack(stack);
-  if (!spread.none()) reducer.keep_light();
+  if (!spread.none()) reducer.keep_light(spread.model());
   parallel_for(context, "look", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     if (!spread.none())
@@ -178,6 +178,7 @@ ReducedVolume coarser(const ReducedVolume& fine) {
   v.layers = fine.layers;
   v.least_light = fine.least_light;
   v.greatest_light = fine.greatest_light;
+  v.under_uv = fine.under_uv;
   v.step_x = fine.step_x * 2;
   v.step_y = fine.step_y * 2;
   v.step_z = fine.step_z * 2;

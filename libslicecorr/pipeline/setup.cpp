@@ -8,6 +8,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
@@ -246,7 +247,7 @@ void Resolver::resolve_even_dead_zone(Setup& setup) const {
   if (!setup.printer.uv) {
     wrong(fmt::format("{}: printer '{}' has no [uv] lamp", option, setup.printer.name));
   }
-  if (!setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0) {
+  if (light_spreads(setup.printer, setup.resin, setup.process)) {
     wrong(fmt::format(
         "{}: the light of '{}' with '{}' spreads; expected light that stays in its pixel", option,
         setup.printer.name, setup.resin.name));
@@ -415,7 +416,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     setup.process.cap_platform_features = c_.platform_features == "capped";
     setup.process.surface = surface_named(c_.surface);
     // Without light that spreads there are no rounds, and nothing to say of them.
-    const bool spreads = !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
+    const bool spreads = light_spreads(setup.printer, setup.resin, setup.process);
     if (c_.rounds > Process::kMostSpreadRounds) {
       wrong(fmt::format("{} is {}; expected at most {}", o("rounds"), c_.rounds,
                         Process::kMostSpreadRounds));

@@ -235,19 +235,27 @@ void Verification::predict_spread(const PixelBox& band) {
   detail::PlaneEdges plane(stack_.grid(), field, band, beside_y());
   std::vector<std::uint8_t> coverage(in_field), room(in_field);
   std::vector<ImageShowing> in_band;
+  std::optional<WindowWatch> watch;
+  if (window_) watch.emplace(model, layers_, columns);
   detail::LeftAloneRows left_rows(design.left_alone);
   std::vector<std::uint8_t> outlined(in_field);
   for (int n = all_layers_; n-- > 0;) {
     if ((n & 63) == 0) context_.check_cancelled();
     const std::span<const ImageShowing> showings = light.of(n);
     in_band.assign(showings.begin(), showings.end());
-    for (ImageShowing& showing : in_band) showing.phi += first;
+    for (ImageShowing& showing : in_band) {
+      if (showing.phi) showing.phi += first;
+      if (!showing.fronts) continue;
+      showing.fronts += first;
+      showing.pixels += first;
+    }
     design.coverage.read(n, coverage.data());
     const std::uint8_t* const heights = design.heights_at(n, room.data());
     const std::uint8_t* const left = left_rows.at(n);
     predictor.add_slice(n, in_band, coverage.data() + first, heights ? heights + first : nullptr,
                         left ? left + first : nullptr);
     dose.add_slice(n, showings);
+    if (watch && n < layers_) watch->add_slice(n, in_band);
     // Beside what is left alone features have no outline.
     plane.add(n, dose.middle(),
               design.coverage.black(n) ? nullptr : detail::marked(coverage.data(), left, outlined));
@@ -258,6 +266,7 @@ void Verification::predict_spread(const PixelBox& band) {
   surface_maps_.add(predictor.sides(), place);
   const std::lock_guard lock(merging_);
   total_.merge(figures);
+  if (watch) window_->merge(models_.map().greatest(), *watch);
 }
 
 void Verification::predict_band(const PixelBox& band) {
@@ -308,6 +317,11 @@ ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& inten
                              ? intensity[static_cast<std::size_t>(row.grey)]
                              : std::pow(sum, 1.0 / model.m);
   return row;
+}
+
+/// phi of the light of a single column.
+double phi_of(const CureModel& model, const ImageShowing& light) {
+  return light.fronts ? model.phi(model.inhibited->blue_of(*light.fronts)) : *light.phi;
 }
 
 }  // namespace
@@ -366,13 +380,12 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
   const PixelBox pixel{x, y, x + 1, y + 1};
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
   const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
-  const bool spreads = !setup.printer.spread.none() || setup.resin.scatter_um2_per_um > 0;
-  const CureModel& model = spreads ? models.brightest() : models.model_at(x, y);
   const std::vector<double> intensity =
       level_intensities(models.printer_at(models.map().value(x, y)));
   const CodedBand coded = detail::coded_band_of(stack, pixel);
   detail::ShownBand shown(slices, coded);
   const detail::SpreadLight spread(models, grid, stack.frame());
+  const CureModel& model = spread.none() ? models.model_at(x, y) : spread.model();
   std::optional<detail::SpreadBand> light;
   if (!spread.none()) light.emplace(spread, stack, slices, pixel);
   std::vector<ProbeRow> rows(static_cast<std::size_t>(slices.slices()));
@@ -381,7 +394,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
     ProbeRow& row = rows[static_cast<std::size_t>(n)];
     if (slices.recorded()) {
       const std::span<const ImageShowing> parts = shown.of(n);
-      row = probe_recorded(model, intensity, parts);
+      row = probe_recorded(spread.none() ? model : models.brightest(), intensity, parts);
       if (!light) dose.add_slice(n, parts);
     } else {
       std::uint8_t value = 0;
@@ -394,7 +407,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
     if (light) {
       row.phi = 0;
       const std::span<const ImageShowing> parts = light->of(n);
-      for (const ImageShowing& part : parts) row.phi += part.light * *part.phi;
+      for (const ImageShowing& part : parts) row.phi += part.light * phi_of(model, part);
       row.intensity_mw_cm2 =
           model.critical_intensity_mw_cm2 * std::pow(std::max(0.0, row.phi), 1.0 / model.m);
       dose.add_slice(n, parts);

@@ -288,7 +288,7 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
   // Where light spreads, all columns have one model.
   std::pair<Light, Light> light;
   if (lights) light = lights(places);
-  const PlaceModels one(volume_.models_.brightest());
+  const PlaceModels one(lights ? *volume_.of_light_ : volume_.models_.brightest());
   const PlaceModels& models = lights ? one : volume_.models_;
   PlaceDose dose_before(models, places), dose_after(models, places);
   std::vector<std::uint8_t> rows(cells_.size());
@@ -318,6 +318,7 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
   };
   const auto note_lights = [&](std::span<const ImageShowing> showings,
                                ReducedVolume::LightRuns ReducedVolume::Column::*runs) {
+    if (v.under_uv) return;
     for (std::size_t m = 0; m < size; ++m) {
       double phi = 0;
       for (const ImageShowing& showing : showings) phi += showing.light * showing.phi[m];

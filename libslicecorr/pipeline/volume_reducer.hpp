@@ -29,9 +29,12 @@ class VolumeReducer {
 
   /// Gathers one band; for one thread.
   class Band;
-  /// Light of columns that get it from others is kept, too. Before the first band.
-  void keep_light() {
-    const CureModel& model = models_.brightest();
+  /// Light of columns that get it from others is kept, too, but not under UV light. Before the first
+  /// band. `model`: of that light (`SpreadLight::model`); must outlive this.
+  void keep_light(const CureModel& model) {
+    of_light_ = &model;
+    volume_.under_uv = model.inhibited != nullptr;
+    if (volume_.under_uv) return;
     // Beyond the display's edge light fades, and what scatters adds to it.
     volume_.least_light = model.phi_min() / 16;
     volume_.greatest_light = 2 * model.phi_max();
@@ -61,6 +64,7 @@ class VolumeReducer {
   void settle(int j);
 
   const PlaceModels& models_;
+  const CureModel* of_light_ = nullptr;  ///< see keep_light
   int target_layers_, stack_layers_, levels_;
   ReducedVolume volume_;
   std::vector<CellRank> ranks_;            ///< of the columns that stand so far

@@ -89,6 +89,15 @@ void WindowWatch::add_slice(int slice, std::span<const ImageShowing> showings) {
   for (const ImageShowing& showing : showings) {
     const Lit lit = lit_values(showing.pixels, columns_);
     if (lit.high == 0) continue;
+    if (showing.fronts) {
+      for (std::size_t i = 0; i < columns_; ++i) {
+        if (showing.pixels[i] == 0) continue;
+        const double zone = kernel_.setting_dead_zone_um(0, showing.fronts[i].front);
+        least_um_[n] = std::fmin(least_um_[n], zone);
+        greatest_um_[n] = std::fmax(greatest_um_[n], zone);
+      }
+      continue;
+    }
     low_[n] = std::min(low_[n], lit.low);
     high_[n] = std::max(high_[n], lit.high);
     const auto zone = [&](std::uint8_t value) {
@@ -110,6 +119,7 @@ void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
   };
   std::vector<std::array<Level, 256>> at_window(showings.size());
   for (std::size_t k = 0; k < showings.size(); ++k) {
+    if (showings[k].fronts) continue;
     for (int v = 0; v < 256; ++v) {
       const int level = level_of_pixel(v, kernel_.levels());
       at_window[k][static_cast<std::size_t>(v)] = {
@@ -121,6 +131,15 @@ void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
     double added = 0;
     bool no_dead_zone = false;
     for (std::size_t k = 0; k < showings.size(); ++k) {
+      if (const FrontLight* const fronts = showings[k].fronts) {
+        const FrontLight& light = fronts[i];
+        if (light.amount > 0 && !kernel_.level_keeps_dead_zone(0, light.front)) {
+          added += showings[k].light * static_cast<double>(light.amount) *
+                   kernel_.setting_window_dose(0, light.front);
+          no_dead_zone = true;
+        }
+        continue;
+      }
       const Level& at = at_window[k][showings[k].pixels[i]];
       added += at.dose;
       no_dead_zone = no_dead_zone || at.no_dead_zone;

@@ -195,9 +195,10 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   if (!model.exposure_ratio.empty()) j["ratio"] = model.exposure_ratio;
   const bool uneven = std::any_of(v.columns.begin(), v.columns.end(),
                                   [](const auto& column) { return column.light != 1; });
-  // Uneven light has kernels of its own in each place.
+  // Uneven light has kernels of its own in each place, light that spreads in each column.
   if (model.inhibited) {
-    j["kernel"] = uneven ? nlohmann::ordered_json() : kernel_json(*model.inhibited, v.layers);
+    j["kernel"] =
+        uneven || v.under_uv ? nlohmann::ordered_json() : kernel_json(*model.inhibited, v.layers);
   }
   j["state"] = {base64(states[0]), base64(states[1])};
 

@@ -57,6 +57,13 @@ double added_dose(const CureModel& model, const PrintClock::Moment& moment, int 
   return added_dose_of_light(model, moment, model.level_phi[static_cast<std::size_t>(level)], x);
 }
 
+double added_dose(const CureModel& model, const PrintClock::Moment& moment, const FrontLight& light,
+                  double x) {
+  if (moment.share <= 0 || light.amount == 0) return 0;
+  return model.ratio(moment.slice) * static_cast<double>(light.amount) *
+         model.inhibited->exact(0, light.front, x, moment.share);
+}
+
 double added_dose_of_light(const CureModel& model, const PrintClock::Moment& moment, double phi,
                            double x) {
   const double f = moment.share;

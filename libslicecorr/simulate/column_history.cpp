@@ -10,7 +10,9 @@
 #include <tuple>
 
 #include "cure/returned_light.hpp"
+#include "cure/spread_band.hpp"
 #include "simulate/refuse.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/place_models.hpp"
@@ -234,13 +236,20 @@ class PiecewiseColumn final : public Column {
   std::vector<double> phi_;
 };
 
+/// The light of a slice for an inhibited kernel: of a grey level, or by its front.
+struct SliceLight {
+  int level = 0;  ///< of the kernel
+  double amount = 1;
+};
+
 /// With UV light: what complete slices left is kept at all samples, the present one is added.
 class SampledColumn final : public Column {
  public:
-  SampledColumn(const CureModel& model, const std::vector<std::uint8_t>& pixels)
-      : model_(model), kernel_(*model.inhibited), full_(pixels.size() * kStride, 0.0) {
-    for (const std::uint8_t v : pixels) level_.push_back(level_of_pixel(v, kernel_.levels()));
-  }
+  SampledColumn(const CureModel& model, std::vector<SliceLight> lights)
+      : model_(model),
+        kernel_(*model.inhibited),
+        lights_(std::move(lights)),
+        full_(lights_.size() * kStride, 0.0) {}
 
   void finish_slice(int n) override {
     if (n == finished_) return;
@@ -305,10 +314,10 @@ class SampledColumn final : public Column {
   }
 
   void add(const Moment& now, std::vector<double>& dose) {
+    const SliceLight& light = lights_[static_cast<std::size_t>(now.slice)];
     const std::vector<double>& values =
-        added(kernel_.setting_of_slice(now.slice), level_[static_cast<std::size_t>(now.slice)],
-              now.share);
-    const double ratio = model_.ratio(now.slice);
+        added(kernel_.setting_of_slice(now.slice), light.level, now.share);
+    const double ratio = model_.ratio(now.slice) * light.amount;
     const int near = kernel_.near();
     // Beyond the near slices the share of UV is gone: each further layer gets a times as much.
     const double* const last = &values[static_cast<std::size_t>((near - 1) * kSamplesPerLayer)];
@@ -360,16 +369,34 @@ class SampledColumn final : public Column {
 
   const CureModel& model_;
   const InhibitedKernel& kernel_;
-  std::vector<int> level_;
+  std::vector<SliceLight> lights_;
   std::vector<double> full_, sum_;
   int finished_ = -1;
   std::map<std::tuple<int, int, double>, std::vector<double>> added_;
 };
 
-/// `phi`: relative intensity of each slice, with its exposure; not looked at under UV light.
-ColumnHistory history_of(const CureModel& model, const Process& process,
-                         const std::vector<std::uint8_t>& pixels, std::vector<double> phi,
+/// What a column shows, slice by slice.
+struct ColumnLight {
+  std::vector<std::uint8_t> pixels;
+  std::vector<double> phi;  ///< relative intensity with its exposure; not looked at under UV light
+  std::vector<FrontLight> fronts;  ///< under UV light, where light spreads
+};
+
+/// The light of a column for an inhibited kernel.
+std::vector<SliceLight> lights_of(const ColumnLight& shown, const InhibitedKernel& kernel) {
+  std::vector<SliceLight> lights;
+  for (const FrontLight& light : shown.fronts) {
+    lights.push_back({light.front, static_cast<double>(light.amount)});
+  }
+  if (!lights.empty()) return lights;
+  for (const std::uint8_t v : shown.pixels)
+    lights.push_back({level_of_pixel(v, kernel.levels()), 1});
+  return lights;
+}
+
+ColumnHistory history_of(const CureModel& model, const Process& process, ColumnLight shown,
                          const ColumnOptions& options, const ExecutionContext& context) {
+  const std::vector<std::uint8_t>& pixels = shown.pixels;
   if (pixels.empty()) throw InputError("a column without slices; expected one slice at least");
   if (options.substeps < 0 || options.substeps > 10000) {
     throw InputError(
@@ -396,11 +423,11 @@ ColumnHistory history_of(const CureModel& model, const Process& process,
   history.total_s = clock.total_s();
   std::unique_ptr<Column> column;
   if (model.inhibited) {
-    column = std::make_unique<SampledColumn>(model, pixels);
+    column = std::make_unique<SampledColumn>(model, lights_of(shown, *model.inhibited));
   } else if (model.bath_slices > 0 || model.mirrored_slices > 0) {
-    column = std::make_unique<PiecewiseColumn>(model, std::move(phi));
+    column = std::make_unique<PiecewiseColumn>(model, std::move(shown.phi));
   } else {
-    column = std::make_unique<ClosedColumn>(model, std::move(phi));
+    column = std::make_unique<ClosedColumn>(model, std::move(shown.phi));
   }
   const bool moving = model.mode == ExposureMode::continuous;
   const auto step_to = [&](const Moment& now) {
@@ -434,11 +461,13 @@ ColumnHistory history_of(const CureModel& model, const Process& process,
   if (model.inhibited) {
     const InhibitedKernel& kernel = *model.inhibited;
     const auto none = std::numeric_limits<double>::quiet_NaN();
+    const std::vector<SliceLight> lights = lights_of(shown, kernel);
     for (int n = 0; n < slices; ++n) {
-      const int level = level_of_pixel(pixels[static_cast<std::size_t>(n)], kernel.levels());
-      const double zone = kernel.dead_zone_um(n, level);
-      const double first = kernel.first_gel_um(n, level);
-      const bool lit = level > 0 && std::isfinite(zone);
+      const SliceLight& light = lights[static_cast<std::size_t>(n)];
+      const double zone = kernel.dead_zone_um(n, light.level);
+      const double first = kernel.first_gel_um(n, light.level);
+      const bool lit =
+          pixels[static_cast<std::size_t>(n)] > 0 && light.amount > 0 && std::isfinite(zone);
       history.dead_zone_um.push_back(lit ? zone : none);
       history.first_gel_um.push_back(lit ? first : none);
     }
@@ -457,8 +486,24 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
   for (std::size_t n = 0; n < pixels.size(); ++n) {
     phi.push_back(curve[pixels[n]] * model.ratio(static_cast<int>(n)));
   }
-  return history_of(model, process, pixels, std::move(phi), options, context);
+  return history_of(model, process, {pixels, std::move(phi), {}}, options, context);
 }
+
+namespace {
+
+/// The light of a single column of a stack under UV light, where it spreads.
+std::vector<FrontLight> fronts_at(const SliceSource& stack, const Setup& setup,
+                                  const detail::SpreadLight& light, const Pixel& pixel) {
+  const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
+  detail::SpreadBand band(light, stack, slices, {pixel.x, pixel.y, pixel.x + 1, pixel.y + 1});
+  std::vector<FrontLight> fronts(static_cast<std::size_t>(slices.slices()));
+  for (int n = slices.slices(); n-- > 0;) {
+    fronts[static_cast<std::size_t>(n)] = *band.of(n).front().fronts;
+  }
+  return fronts;
+}
+
+}  // namespace
 
 ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
                               const Setup& setup, int x, int y, const ColumnOptions& options,
@@ -468,18 +513,19 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
-  const CureModel& model = models.model_at(x, y);
-  std::vector<std::uint8_t> pixels;
-  std::vector<double> phi;
+  ColumnLight shown;
   for (const ProbeRow& row : rows) {
-    pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
-    phi.push_back(row.phi);
+    shown.pixels.push_back(
+        static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
+    shown.phi.push_back(row.phi);
   }
   // Where light spreads, what reaches the column is no longer that of its own pixels.
+  const detail::SpreadLight light(models, grid, stack.frame());
+  if (light.under_uv()) shown.fronts = fronts_at(stack, setup, light, {x, y});
   ColumnHistory history =
-      setup.printer.spread.none()
-          ? simulate_column(model, setup.process, pixels, options, context)
-          : history_of(models.brightest(), setup.process, pixels, std::move(phi), options, context);
+      light.none()
+          ? simulate_column(models.model_at(x, y), setup.process, shown.pixels, options, context)
+          : history_of(light.model(), setup.process, std::move(shown), options, context);
   if (target) {
     for (const ProbeRow& row : rows) history.design.push_back(row.target);
   }

@@ -14,6 +14,21 @@
 
 namespace slicecorr {
 
+namespace {
+
+/// The light of a slice that is not over yet, per column: one of both.
+struct UnfinishedLight {
+  std::vector<double> phi;
+  std::vector<FrontLight> fronts;
+};
+
+UnfinishedLight light_of(const ImageShowing& showing, std::size_t columns) {
+  if (showing.fronts) return {{}, {showing.fronts, showing.fronts + columns}};
+  return {{showing.phi, showing.phi + columns}, {}};
+}
+
+}  // namespace
+
 SectionHistory simulate_section(const SliceSource& stack, const SliceSource* target,
                                 const Setup& setup, int y, const std::vector<double>& times_s,
                                 const ExecutionContext& context) {
@@ -28,9 +43,9 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   PixelBox box = stack.bounds();
   if (target) box = box.united(target->bounds());
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
-  const CureModel& model = models.brightest();
-  const PlaceModels one(model);
   const detail::SpreadLight spread(models, grid, stack.frame());
+  const CureModel& model = spread.model();
+  const PlaceModels one(model);
   const detail::ShownSlices slices(stack);
   if (!spread.none()) box = spread.around(box);
   if (box.empty()) throw InputError("nothing is shown in the stack; expected a pixel above black");
@@ -80,7 +95,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
     PlaceDose dose(spread.none() ? models : one, row);
     std::optional<detail::SpreadBand> lights;
     if (!spread.none()) lights.emplace(spread, stack, slices, row);
-    std::vector<double> unfinished(width);  // light of the present slice
+    UnfinishedLight unfinished;  // of the present slice
     const std::uint8_t* shown = pixels.data() + static_cast<std::size_t>(now.slice) * width;
     for (int n = now.slice; n >= 0; --n) {
       if ((n & 63) == 0) context.check_cancelled();
@@ -88,7 +103,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
       if (lights) {
         const std::span<const ImageShowing> shown_light = lights->of(n);
         dose.add_slice(n, n < complete ? shown_light : std::span<const ImageShowing>{});
-        if (n == now.slice) std::copy_n(shown_light.front().phi, width, unfinished.begin());
+        if (n == now.slice) unfinished = light_of(shown_light.front(), width);
       } else {
         dose.add_slice(n, n < complete ? pixels.data() + at : nullptr);
       }
@@ -96,7 +111,9 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
       for (std::size_t x = 0; x < width; ++x) {
         double sum = dose.middle()[x];
         if (!whole && lights) {
-          sum += added_dose_of_light(model, now, unfinished[x], now.slice + 0.5 - n);
+          sum += unfinished.fronts.empty()
+                     ? added_dose_of_light(model, now, unfinished.phi[x], now.slice + 0.5 - n)
+                     : added_dose(model, now, unfinished.fronts[x], now.slice + 0.5 - n);
         } else if (!whole) {
           const auto [entry, is_new] = added.try_emplace({shown[x], light[x]}, 0.0);
           if (is_new) {

@@ -253,7 +253,7 @@ class BandSurface {
       if (!in_image[i]) inside[i] = {window.x0, window.y0};
     }
     detail::SpreadBand light(spread_, stack_, slices_, window, inside);
-    BandDose dose(model_, samples);
+    BandDose dose(spread_.model(), samples);
     std::vector<double> node(samples, 0.0), lower(samples), upper(samples), phi(samples);
     for (int n = slices_.slices(); n-- > 0;) {
       if ((n & 63) == 0) context.check_cancelled();

@@ -27,6 +27,15 @@ namespace detail {
 class DoseWalker;
 }  // namespace detail
 
+/// The light of a column under UV light, where light spreads from column to column: in place of a
+/// grey level, the front that blue and UV light have together and how much blue light there is. See
+/// `InhibitedKernel::by_front`.
+struct FrontLight {
+  float amount = 0;
+  std::uint16_t front = 0;
+  bool operator==(const FrontLight&) const = default;
+};
+
 /// One of the images that were shown while the window passed a slice (recording.hpp).
 struct ImageShowing {
   const std::uint8_t* pixels = nullptr;  ///< 0..255, one per column
@@ -41,6 +50,8 @@ struct ImageShowing {
   /// What the image alone gives each column, relative intensity, where light spreads from column to
   /// column; null: that of its pixel's grey level. Not under UV light.
   const double* phi = nullptr;
+  /// The same under UV light, for models whose kernel is by fronts; null: light of grey levels.
+  const FrontLight* fronts = nullptr;
 };
 
 /// A relative dose that differs from 1 by less counts as 1 where a run might be split. Doses under

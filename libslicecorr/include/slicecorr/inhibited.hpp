@@ -37,6 +37,7 @@ namespace slicecorr {
 namespace detail {
 class FrontProfile;
 }
+struct FrontLight;
 
 class InhibitedKernel {
  public:
@@ -57,10 +58,23 @@ class InhibitedKernel {
                   const Process& process, double layer_um, std::vector<double> level_mw_cm2,
                   const std::vector<double>& brightest_mw_cm2 = {});
 
+  /// A kernel for light that is no grey level's, as where it spreads: its "levels" are
+  /// `kFronts` fronts, evenly spaced, and what it says holds for an amount of light of 1; one UV
+  /// setting. Far from the window such light is exact, UV light counts for it to 0.2 %. `least_blue`
+  /// > 0: dimmer light has the front of that.
+  std::shared_ptr<const InhibitedKernel> by_front(double least_blue_mw_cm2) const;
+  static constexpr int kFronts = 8192;
+  /// The light of two intensities for a kernel by fronts.
+  FrontLight front_light(double blue_mw_cm2, double uv_mw_cm2) const;
+  /// The blue intensity of such light, mW/cm².
+  double blue_of(const FrontLight& light) const;
+
   const Kinetics& kinetics() const { return kinetics_; }
   /// Slices whose doses come from the tables.
   int near() const { return near_; }
   int levels() const { return static_cast<int>(blue_.size()); }
+  /// Blue intensity of a grey level.
+  double level_mw_cm2(int level) const { return blue_[static_cast<std::size_t>(level)]; }
   /// UV settings that have tables of their own: 1 unless the lamp changes from slice to slice.
   int settings() const { return static_cast<int>(setting_uv_.size()); }
   /// 0..settings() - 1; the last slice's for slices after it.
@@ -148,12 +162,14 @@ class InhibitedKernel {
   double critical_intensity_mw_cm2(int setting) const;
 
  private:
+  InhibitedKernel(const InhibitedKernel& of, double first_um, double last_um);
   double uv_of(int setting, int level) const {
     return level_uv_.empty() ? setting_uv_[static_cast<std::size_t>(setting)]
                              : level_uv_[static_cast<std::size_t>(level)] *
                                    setting_share_[static_cast<std::size_t>(setting)];
   }
   void take_settings(const std::vector<double>& slice_mw_cm2);
+  void make_tables();
   void tabulate(int setting);
   void count_flow(const EvenLight& light, double full_mw_cm2);
 
@@ -167,6 +183,7 @@ class InhibitedKernel {
   double a_ = 1;
   int near_ = 1;
   std::vector<double> blue_, setting_uv_, level_uv_;
+  double fronts_per_um_ = 0;           ///< of a kernel by fronts; else 0
   std::vector<double> setting_share_;  ///< patterned: of what the lamp's calibration says
   std::vector<int> uv_levels_;
   std::vector<std::uint16_t> slice_setting_;

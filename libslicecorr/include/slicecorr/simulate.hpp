@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -52,6 +53,9 @@ class PrintClock {
 /// where the window stands at the slice's end: x = slice + 1 - zeta > 0. `level`: grey level of the
 /// pixel.
 double added_dose(const CureModel& model, const PrintClock::Moment& moment, int level, double x);
+/// The same of light that spreads under UV light; the model's kernel is by fronts.
+double added_dose(const CureModel& model, const PrintClock::Moment& moment, const FrontLight& light,
+                  double x);
 /// The same of a slice that gives the column the relative intensity `phi`; without UV light.
 double added_dose_of_light(const CureModel& model, const PrintClock::Moment& moment, double phi,
                            double x);

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/light_spreads.hpp"
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "stack/formats/even_light_json.hpp"
@@ -65,8 +66,8 @@ int block_format(const StackInfo& info) {
   const bool shows_light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
   const bool bath =
       info.printer && (info.printer->resin_depth_um > 0 || info.printer->platform_reflectance > 0);
-  const bool spreads = (info.printer && !info.printer->spread.none()) ||
-                       (info.resin && info.resin->scatter_um2_per_um > 0);
+  const bool spreads = info.printer && info.resin && info.process &&
+                       light_spreads(*info.printer, *info.resin, *info.process);
   if (shows_light && info.process && !info.process->slice_speed_mm_h.empty()) return 8;
   if (info.process && info.process->even_dead_zone != EvenDeadZone::off) return 7;
   if (shows_light && (bath || spreads)) return 6;

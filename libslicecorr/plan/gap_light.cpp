@@ -15,9 +15,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Sorted, with what overlaps put together.
 std::vector<SpeedRange> united(std::vector<SpeedRange> ranges) {
-  std::sort(ranges.begin(), ranges.end(), [](const SpeedRange& a, const SpeedRange& b) {
-    return a.least_mm_h < b.least_mm_h;
-  });
+  std::sort(ranges.begin(), ranges.end(),
+            [](const SpeedRange& a, const SpeedRange& b) { return a.least_mm_h < b.least_mm_h; });
   std::vector<SpeedRange> out;
   for (const SpeedRange& r : ranges) {
     if (!out.empty() && r.least_mm_h <= out.back().greatest_mm_h) {

@@ -56,8 +56,7 @@ struct Findings {
     }
   }
   void gap(double contrast, PlanPlace at) {
-    if (contrast < least_contrast ||
-        (contrast == least_contrast && before(at, contrast_at))) {
+    if (contrast < least_contrast || (contrast == least_contrast && before(at, contrast_at))) {
       least_contrast = contrast;
       contrast_at = at;
     }
@@ -132,7 +131,8 @@ class Trials::Block {
     for (const Edge& e : edges_) {
       if (left_out.contains({e.column, e.node})) continue;
       const int layer = e.upper ? e.node : e.node - 1;
-      f.edge(e.um, place(e.column, layer, layer), trials_.columns_.columns()[which_[e.column]].pixels);
+      f.edge(e.um, place(e.column, layer, layer),
+             trials_.columns_.columns()[which_[e.column]].pixels);
       if (std::abs(e.um) <= ask.tolerance_um + kSameUm) continue;
       ++f.off;
       fails[e.column] = true;
@@ -264,9 +264,9 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
     block.listen(predictor);
     std::optional<WindowWatch> watch;
     if (window) watch.emplace(plan.model, slices, some.size());
-    correct_columns(plan, some.size(), columns_.reader(some), nullptr, nullptr, {},
-                    {[](int, const std::uint8_t*) {}, predictor, nullptr, watch ? &*watch : nullptr},
-                    quiet);
+    correct_columns(
+        plan, some.size(), columns_.reader(some), nullptr, nullptr, {},
+        {[](int, const std::uint8_t*) {}, predictor, nullptr, watch ? &*watch : nullptr}, quiet);
     predictor.finish(0, 0, static_cast<int>(some.size()));
     findings[b] = block.finish(failing ? &failing_of[b] : nullptr);
     if (!watch) return;
@@ -317,9 +317,10 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
   } else if (all.split > 0) {
     fails("split", all.split_at, "a feature prints in two pieces");
   } else if (all.off > 0) {
-    fails("edges", all.worst_at,
-          fmt::format("an edge lies {:.4g} um from where it is designed, where {:g} um are allowed,",
-                      all.worst_um, ask_.tolerance_um));
+    fails(
+        "edges", all.worst_at,
+        fmt::format("an edge lies {:.4g} um from where it is designed, where {:g} um are allowed,",
+                    all.worst_um, ask_.tolerance_um));
   } else {
     point.keeps = true;
   }

@@ -109,29 +109,32 @@ struct PlanPlace {
 
 /// A correction of the part and what it prints.
 struct PlanPoint {
-  double speed_mm_h = 0;   ///< continuous
-  double exposure_s = 0;   ///< layer by layer, of normal layers
-  bool keeps = false;      ///< tolerance and contrast
-  bool prints = false;     ///< there is a correction; else only `why` counts
-  std::string limited_by;  ///< a word: light, black, contrast, edges, lost, split, stage, ...; empty: nothing
-  std::string why;         ///< the same as a sentence
-  PlanPlace place;         ///< of that
+  double speed_mm_h = 0;  ///< continuous
+  double exposure_s = 0;  ///< layer by layer, of normal layers
+  bool keeps = false;     ///< tolerance and contrast
+  bool prints = false;    ///< there is a correction; else only `why` counts
+  std::string
+      limited_by;  ///< a word: light, black, contrast, edges, lost, split, stage, ...; empty: nothing
+  std::string why;                         ///< the same as a sentence
+  PlanPlace place;                         ///< of that
   double max_abs_um = 0, mean_abs_um = 0;  ///< of edges that are planned for; the mean over pixels
   PlanPlace max_abs_at;
   double contrast = 1;  ///< least of the gaps that are planned for
   PlanPlace contrast_at;
-  std::uint64_t lost = 0, split = 0, narrow = 0, off = 0;  ///< columns' runs, gaps and edges that fail
-  int extra_slices = 0;                                    ///< after the part's end
-  double time_s = 0;                                       ///< in which slices are shown
-  bool all_columns = false;                                ///< of the part; else of those that are critical
+  std::uint64_t lost = 0, split = 0, narrow = 0,
+                off = 0;     ///< columns' runs, gaps and edges that fail
+  int extra_slices = 0;      ///< after the part's end
+  double time_s = 0;         ///< in which slices are shown
+  bool all_columns = false;  ///< of the part; else of those that are critical
 };
 
 /// Gaps of one height.
 struct PlanGap {
   int slices = 0;
   bool at_platform = false, left_out = false;
-  std::uint64_t count = 0;  ///< pixels
-  PlanPlace place;          ///< of the first
+  bool beside_grey = false;  ///< a grey layer lies in it: closed forms do not speak of it
+  std::uint64_t count = 0;   ///< pixels
+  PlanPlace place;           ///< of the first
   /// Closed forms, where gaps are planned for and lie between full slices: where the contrast is kept, and
   /// what is best. Continuous exposure without UV light.
   std::vector<SpeedRange> ranges;
@@ -146,10 +149,11 @@ struct PlanFeature {
 
 /// What another input would buy, by the closed forms.
 struct PlanStep {
-  std::string change;                    ///< "absorbance height 20 % lower"
-  std::optional<double> speed_mm_h;      ///< nothing: no speed keeps what is asked for
-  std::optional<SpeedRange> range;       ///< the fastest that does
-  std::optional<BestGap> best;           ///< of the limiting gap
+  std::string change;                ///< "absorbance height 20 % lower"
+  std::optional<double> speed_mm_h;  ///< nothing: no speed keeps what is asked for
+  std::optional<SpeedRange> range;   ///< the fastest that does
+  bool held_back = false;            ///< by stage or suction
+  std::optional<BestGap> best;       ///< of the limiting gap
 };
 
 struct PrintPlan {
@@ -158,18 +162,19 @@ struct PrintPlan {
   Setup setup;  ///< with the speed or exposure found, and the settings chosen
   double layer_um = 0;
   int layers = 0;
-  PlanPoint at;                     ///< what was found
-  std::optional<PlanPoint> faster;  ///< by half a percent: what fails; nothing where a bound forbids it
+  PlanPoint at;  ///< what was found
+  std::optional<PlanPoint>
+      faster;  ///< by half a percent: what fails; nothing where a bound forbids it
   std::optional<PlanPoint> slower;  ///< by a tenth
   std::string limited_by, limit;    ///< a word and a sentence
   PlanPlace limit_place;
-  std::vector<PlanPoint> curve;     ///< rising speeds
-  std::vector<PlanPoint> tried;     ///< all corrections in the order of their making
-  std::optional<PlanLight> light;   ///< of plain models
-  std::vector<SpeedRange> ranges;   ///< closed forms together
-  std::vector<PlanGap> gaps;        ///< the lowest first
+  std::vector<PlanPoint> curve;    ///< rising speeds
+  std::vector<PlanPoint> tried;    ///< all corrections in the order of their making
+  std::optional<PlanLight> light;  ///< of plain models
+  std::vector<SpeedRange> ranges;  ///< closed forms together
+  std::vector<PlanGap> gaps;       ///< the lowest first
   std::vector<PlanFeature> features;
-  std::vector<PlanStep> steps;      ///< the first is the present input
+  std::vector<PlanStep> steps;  ///< the first is the present input
   std::optional<PrintSuction> suction;
   double stage_mm_h = 0;            ///< the stage's own; 0: not given
   double lamp_share = 1;            ///< of the calibration's light

@@ -307,7 +307,7 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
   if (all.narrow > 0) {
     const PlanPlace& at = all.contrast_at;
     fails("contrast", at,
-          fmt::format("a gap of {} keeps a contrast of {:.4g} only, where {:g} is asked for,",
+          fmt::format("a gap of {} keeps a contrast of {:.6g} only, where {:g} is asked for,",
                       height_in_words(at.last - at.first + 1), all.least_contrast,
                       ask_.gap_contrast));
   } else if (all.lost > 0) {

@@ -14,15 +14,8 @@ namespace slicecorr::cli {
 
 namespace {
 
-/// The part, and what its stack says.
-struct PlanInput {
-  StackInfo info;
-  bool stack = false;
-  std::unique_ptr<const SliceSource> slices;
-};
-
 /// Speeds are what is looked for: any will do until then.
-Setup resolve(const PlanOptions& o, const StackInfo* info) {
+Setup resolve(const PlanOptions& o) {
   SetupOptions setup = o.setup;
   const bool layerwise = setup.mode == "layerwise";
   if (setup.speed_mm_h > 0 || setup.exposure_s > 0) {
@@ -33,28 +26,23 @@ Setup resolve(const PlanOptions& o, const StackInfo* info) {
     throw InputError("--slice-speed-mm-h is a choice of speed; expected it not to be given");
   }
   (layerwise ? setup.exposure_s : setup.speed_mm_h) = 1;
-  return setup.resolve(info, nullptr);
+  return setup.resolve(nullptr, nullptr);
 }
 
-PlanInput read_input(const PlanOptions& o, const Printer& printer,
-                     const ExecutionContext& context) {
-  PlanInput in;
+std::unique_ptr<const SliceSource> read_input(const PlanOptions& o, const Printer& printer,
+                                              const ExecutionContext& context) {
   const std::vector<std::string>& parts = o.mesh.parts;
   if (std::all_of(parts.begin(), parts.end(), is_mesh_name)) {
     if (!(o.mesh.layer_um > 0)) throw InputError("--layer-um is required with meshes");
-    in.slices = std::make_unique<const MeshSlices>(
+    return std::make_unique<const MeshSlices>(
         slice_parts(o.mesh, printer, o.setup.wanted_surface(), context));
-    return in;
   }
   if (parts.size() != 1) throw InputError("expected meshes, or one stack");
-  in.stack = true;
-  in.info = StackReader::read_info(design(parts[0]));
   MissingFacts facts;
   facts.layer_um = o.mesh.layer_um;
   facts.pixel_x_um = printer.pixel_x_um;
   facts.pixel_y_um = printer.pixel_y_um;
-  in.slices = std::make_unique<const StackReader>(parts[0], folder_of(parts[0]), context, facts);
-  return in;
+  return std::make_unique<const StackReader>(design(parts[0]), folder_of(parts[0]), context, facts);
 }
 
 void check_outputs(const PlanOptions& o) {
@@ -76,10 +64,10 @@ int plan(const PlanOptions& o, const ExecutionContext& context, Console& console
   for (const std::string& name : o.free) {
     (name == "lamp" ? ask.free.lamp : name == "uv" ? ask.free.uv : ask.free.omega_max) = true;
   }
-  const Setup setup = resolve(o, nullptr);
+  const Setup setup = resolve(o);
   tell_notices(setup, nullptr, context);
-  const PlanInput in = read_input(o, setup.printer, context);
-  const PrintPlan found = plan_print(*in.slices, setup, ask, context);
+  const auto part = read_input(o, setup.printer, context);
+  const PrintPlan found = plan_print(*part, setup, ask, context);
   if (!o.json.empty()) print_or_write(o.json, found.to_json());
   if (o.json != "-") print_result(plan_text(found));
   if (!o.output.empty()) {

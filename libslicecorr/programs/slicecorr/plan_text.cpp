@@ -41,10 +41,10 @@ std::string ranges_in_words(const std::vector<SpeedRange>& ranges) {
 
 std::string gap_in_words(const PrintPlan& plan, const PlanGap& g) {
   std::string text =
-      fmt::format("  {:>3} slices, {:g} um{}{}: {} pixels, first {}, {}, slices {} to {}", g.slices,
-                  g.slices * plan.layer_um, g.at_platform ? ", from the platform" : "",
-                  g.beside_grey ? ", beside grey" : "", g.count, g.place.x, g.place.y,
-                  g.place.first, g.place.last);
+      fmt::format("  {:>3} slice{}, {:g} um{}{}: {} pixels, first {}, {}, slices {} to {}",
+                  g.slices, g.slices == 1 ? " " : "s", g.slices * plan.layer_um,
+                  g.at_platform ? ", from the platform" : "", g.beside_grey ? ", beside grey" : "",
+                  g.count, g.place.x, g.place.y, g.place.first, g.place.last);
   if (g.left_out) return text + "; left out";
   if (!plan.light || g.beside_grey) return text;
   text += "; " + ranges_in_words(g.ranges);
@@ -112,7 +112,6 @@ std::string plan_text(const PrintPlan& plan) {
     }
   }
   for (const std::string& note : plan.notes) text += "note: " + note + "\n";
-  if (!text.empty() && text.back() == '\n') text.pop_back();
   return text;
 }
 

@@ -1,4 +1,5 @@
 /// `slicecorr plan` as people run it.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

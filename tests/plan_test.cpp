@@ -266,9 +266,11 @@ MemorySlices comb(const std::vector<std::vector<std::pair<int, int>>>& columns, 
   return part;
 }
 
-Setup setup_of(double most_mw_cm2 = 100) {
-  Setup s;
-  s.printer = linear_printer(1, most_mw_cm2);
+Setup setup_of(const SliceSource& part) {
+  slicecorr::Setup s;
+  s.printer = linear_printer(1, 100);
+  s.printer.width_px = part.grid().width_px;
+  s.printer.height_px = part.grid().height_px;
   s.resin = resin(576, 2000);
   s.process = process(1);
   return s;
@@ -282,7 +284,7 @@ Prediction printed(const SliceSource& part, const Setup& setup) {
 
 TEST(Plan, ATwoSliceGapGoesAsFastAsItsClosedForm) {
   const MemorySlices part = comb({{{0, 19}, {22, 41}}, {{0, 41}}}, 42);
-  const PrintPlan plan = plan_print(part, setup_of(), {});
+  const PrintPlan plan = plan_print(part, setup_of(part), {});
   // Levels miss the closed form's contrast by what a vernier of three slices takes: the answer is a step
   // or two below, never above.
   EXPECT_LE(plan.at.speed_mm_h, 3389.69);
@@ -296,7 +298,7 @@ TEST(Plan, ATwoSliceGapGoesAsFastAsItsClosedForm) {
   EXPECT_NEAR(plan.ranges[0].greatest_mm_h, 3389.69, 0.005);
 
   // The whole part's own correction and prediction say the same, and that half a percent more fails.
-  Setup at = plan.setup;
+  slicecorr::Setup at = plan.setup;
   EXPECT_EQ(at.process.speed_mm_h, plan.at.speed_mm_h);
   const Prediction keeps = printed(part, at);
   EXPECT_GE(keeps.gap_contrast.least(), 0.05);
@@ -323,13 +325,13 @@ TEST(Plan, EveryPointIsACorrection) {
   const MemorySlices part = comb({{{0, 9}, {13, 25}}, {{3, 8}, {12, 12}, {20, 25}}}, 26);
   PlanAsk ask;
   ask.curve_points = 6;
-  const PrintPlan plan = plan_print(part, setup_of(), ask);
+  const PrintPlan plan = plan_print(part, setup_of(part), ask);
   ASSERT_GE(plan.curve.size(), 6U);
   double before = 0;
   for (const PlanPoint& p : plan.curve) {
     EXPECT_GT(p.speed_mm_h, before);
     before = p.speed_mm_h;
-    Setup at = plan.setup;
+    slicecorr::Setup at = plan.setup;
     at.process.speed_mm_h = p.speed_mm_h;
     const Prediction whole = printed(part, at);
     EXPECT_NEAR(p.contrast, whole.gap_contrast.least(), 1e-12) << p.speed_mm_h;
@@ -361,13 +363,13 @@ TEST(Plan, RandomPartsKeepWhatIsAskedForAndNoMore) {
     ask.least_gap_um = 50;  // that from the platform may have one slice
     PrintPlan plan;
     try {
-      plan = plan_print(part, setup_of(), ask);
+      plan = plan_print(part, setup_of(part), ask);
     } catch (const InfeasibleError& e) {
       // Only a gap of one slice from the platform can do so.
       EXPECT_THAT(std::string(e.what()), HasSubstr("contrast"));
       continue;
     }
-    Setup at = plan.setup;
+    slicecorr::Setup at = plan.setup;
     const Prediction keeps = printed(part, at);
     EXPECT_GE(keeps.gap_contrast.least(), 0.04 - 1e-9);
     EXPECT_LE(keeps.height_error_um.greatest(), 25);
@@ -384,7 +386,7 @@ TEST(Plan, RandomPartsKeepWhatIsAskedForAndNoMore) {
 
 TEST(Plan, AGapOfOneSliceIsLeftOutAndTold) {
   const MemorySlices part = comb({{{0, 19}, {21, 41}}, {{0, 19}, {24, 41}}}, 42);
-  const PrintPlan plan = plan_print(part, setup_of(), {});
+  const PrintPlan plan = plan_print(part, setup_of(part), {});
   ASSERT_EQ(plan.gaps.size(), 2U);
   EXPECT_EQ(plan.gaps[0].slices, 1);
   EXPECT_TRUE(plan.gaps[0].left_out);
@@ -395,14 +397,14 @@ TEST(Plan, AGapOfOneSliceIsLeftOutAndTold) {
   PlanAsk ask;
   ask.least_gap_um = 50;
   try {
-    plan_print(part, setup_of(), ask);
+    plan_print(part, setup_of(part), ask);
     ADD_FAILURE() << "a gap of one slice has no contrast with both edges right";
   } catch (const InfeasibleError& e) {
     EXPECT_THAT(std::string(e.what()),
                 HasSubstr("the gap of 50 um (1 slice) at pixel 0, 0, slices 20 to 20"));
   }
   // What it costs is not counted: the one-slice gap loses its edge, the others don't.
-  Setup at = plan.setup;
+  slicecorr::Setup at = plan.setup;
   EXPECT_GT(printed(part, at).height_error_um.greatest(), plan.at.max_abs_um);
 }
 
@@ -413,7 +415,7 @@ TEST(Plan, NothingFeasibleNamesTheNearestContrast) {
   const BestGap best = best_gap(kF, 2);
   EXPECT_LT(best.contrast, 0.06);
   try {
-    plan_print(part, setup_of(), ask);
+    plan_print(part, setup_of(part), ask);
     ADD_FAILURE() << "no speed has this contrast";
   } catch (const InfeasibleError& e) {
     const std::string text = e.what();
@@ -427,7 +429,7 @@ TEST(Plan, NothingFeasibleNamesTheNearestContrast) {
   ask.gap_contrast = 0.05;
   ask.tolerance_um = 8;  // less than lam times 1 %
   try {
-    plan_print(part, setup_of(), ask);
+    plan_print(part, setup_of(part), ask);
     ADD_FAILURE() << "no speed has this tolerance";
   } catch (const InfeasibleError& e) {
     EXPECT_THAT(std::string(e.what()), HasSubstr("8.68589 um"));
@@ -436,9 +438,10 @@ TEST(Plan, NothingFeasibleNamesTheNearestContrast) {
 
 TEST(Plan, AToleranceBelowWhatLevelsDoNamesTheLeast) {
   // Four levels.
-  Setup coarse = setup_of();
-  coarse.printer = linear_printer(1, 100, 2);
   const MemorySlices part = comb({{{5, 19}, {30, 41}}}, 42);
+  slicecorr::Setup coarse = setup_of(part);
+  coarse.printer.bit_depth = 2;
+  coarse.printer.calibration = {{0, 1}, {3, 100}};
   PlanAsk ask;
   ask.light_error = 0;
   ask.tolerance_um = 0.001;
@@ -459,7 +462,7 @@ TEST(Plan, AToleranceBelowWhatLevelsDoNamesTheLeast) {
 
 TEST(Plan, WithoutGapsTheLightsErrorLimits) {
   const MemorySlices block = comb({{{0, 19}}}, 20);
-  const PrintPlan plan = plan_print(block, setup_of(), {});
+  const PrintPlan plan = plan_print(block, setup_of(block), {});
   EXPECT_EQ(plan.limited_by, "tolerance");
   // P = 1 + lam delta / T.
   const double most = 6250 / (1 + 8.6858896 / 25);
@@ -470,19 +473,21 @@ TEST(Plan, WithoutGapsTheLightsErrorLimits) {
   PlanAsk sure;
   sure.light_error = 0;
   sure.curve_points = 0;
-  EXPECT_EQ(plan_print(block, setup_of(), sure).limited_by, "light");
+  EXPECT_EQ(plan_print(block, setup_of(block), sure).limited_by, "light");
 }
 
 TEST(Plan, TheStageAndTheLamp) {
   const MemorySlices part = comb({{{0, 19}, {22, 41}}}, 42);
-  Setup slow = setup_of();
+  slicecorr::Setup slow = setup_of(part);
   slow.printer.max_speed_mm_h = 800;
   PlanAsk ask;
   ask.curve_points = 3;
   ask.gap_contrast = 0.03;
   const PrintPlan stage = plan_print(part, slow, ask);
   EXPECT_LE(stage.at.speed_mm_h, 800);
-  if (stage.limited_by == "stage") EXPECT_EQ(stage.at.speed_mm_h, 800);
+  if (stage.limited_by == "stage") {
+    EXPECT_EQ(stage.at.speed_mm_h, 800);
+  }
   // Slower is worse: at 300 mm/h black leaves no contrast of 0.05, which starts at 588.67 mm/h.
   slow.printer.max_speed_mm_h = 300;
   ask.gap_contrast = 0.05;
@@ -494,7 +499,7 @@ TEST(Plan, TheStageAndTheLamp) {
   EXPECT_GT(lamp.lamp_share, 300 / 3389.69 * 0.99);
   EXPECT_EQ(lamp.limited_by, "stage");
   // It does what it says: the same part with that share of the light.
-  Setup dim = lamp.setup;
+  slicecorr::Setup dim = lamp.setup;
   dim.printer = dimmed(slow.printer, lamp.lamp_share);
   dim.process.speed_mm_h = 300;
   EXPECT_GE(printed(part, dim).gap_contrast.least(), 0.05 - 1e-5);
@@ -502,7 +507,7 @@ TEST(Plan, TheStageAndTheLamp) {
 
 TEST(Plan, LayerByLayerFindsTheLeastExposure) {
   const MemorySlices part = comb({{{0, 9}, {12, 21}}}, 22);
-  Setup s = setup_of();
+  slicecorr::Setup s = setup_of(part);
   s.resin = resin(576, 110);
   s.process = Process{};
   s.process.mode = ExposureMode::layerwise;
@@ -524,14 +529,13 @@ TEST(Plan, LayerByLayerFindsTheLeastExposure) {
 }
 
 TEST(Plan, LessUvLightGoesFaster) {
-  Setup s;
-  s.printer = linear_printer(1, 100);
+  const MemorySlices part = comb({{{0, 9}, {16, 25}}}, 26);
+  slicecorr::Setup s = setup_of(part);
   s.printer.uv = UvLamp{365, false, {{0, 0}, {255, 275}}};
   s.resin = resin(576, 2000);
   s.resin.inhibition = Inhibition{0.8, 90, 1, 0};
   s.process = process(100);
   s.process.uv = {UvKind::constant, 200, 0, {}};
-  const MemorySlices part = comb({{{0, 9}, {16, 25}}}, 26);
   PlanAsk ask;
   ask.curve_points = 0;
   ask.gap_contrast = 0.02;
@@ -557,10 +561,10 @@ TEST(Plan, ManyColumnsAreAnsweredByAFew) {
   const MemorySlices part = comb(columns, 80);
   PlanAsk ask;
   ask.curve_points = 0;
-  const PrintPlan all = plan_print(part, setup_of(), ask);
+  const PrintPlan all = plan_print(part, setup_of(part), ask);
   EXPECT_EQ(all.judged_columns, columns.size());
   ask.most_columns = 60;
-  const PrintPlan few = plan_print(part, setup_of(), ask);
+  const PrintPlan few = plan_print(part, setup_of(part), ask);
   EXPECT_LT(few.judged_columns, columns.size());
   EXPECT_TRUE(few.at.all_columns);
   const Prediction keeps = printed(part, few.setup);
@@ -574,13 +578,13 @@ TEST(Plan, SameAnswerForAnyNumberOfThreads) {
   ExecutionContext one, two;
   one.threads = 1;
   two.threads = 2;
-  EXPECT_EQ(plan_print(part, setup_of(), {}, one).to_json(),
-            plan_print(part, setup_of(), {}, two).to_json());
+  EXPECT_EQ(plan_print(part, setup_of(part), {}, one).to_json(),
+            plan_print(part, setup_of(part), {}, two).to_json());
 }
 
 TEST(Plan, PictureAndJson) {
   const MemorySlices part = comb({{{0, 19}, {23, 41}}}, 42);
-  const PrintPlan plan = plan_print(part, setup_of(), {});
+  const PrintPlan plan = plan_print(part, setup_of(part), {});
   const auto j = nlohmann::json::parse(plan.to_json());
   EXPECT_EQ(j["speed_mm_h"], plan.at.speed_mm_h);
   EXPECT_EQ(j["limited_by"], "contrast");
@@ -594,20 +598,25 @@ TEST(Plan, PictureAndJson) {
 
 TEST(Plan, BadInput) {
   const MemorySlices part = comb({{{0, 19}, {23, 41}}}, 42);
-  const auto refused = [&](const std::function<void(Setup&, PlanAsk&)>& change) {
-    Setup s = setup_of();
+  const auto refused = [&](const std::function<void(slicecorr::Setup&, PlanAsk&)>& change) {
+    slicecorr::Setup s = setup_of(part);
     PlanAsk ask;
     change(s, ask);
     return refusal([&] { plan_print(part, s, ask); });
   };
-  EXPECT_THAT(refused([](Setup&, PlanAsk& a) { a.tolerance_um = 0; }), HasSubstr("tolerance"));
-  EXPECT_THAT(refused([](Setup&, PlanAsk& a) { a.gap_contrast = 1; }), HasSubstr("contrast"));
-  EXPECT_THAT(refused([](Setup&, PlanAsk& a) { a.light_error = -0.1; }), HasSubstr("error"));
-  EXPECT_THAT(refused([](Setup&, PlanAsk& a) { a.free.uv = true; }), HasSubstr("UV"));
-  EXPECT_THAT(refused([](Setup& s, PlanAsk&) { s.process.even_dead_zone = EvenDeadZone::blue; }),
-              HasSubstr("even dead zone"));
+  EXPECT_THAT(refused([](slicecorr::Setup&, PlanAsk& a) { a.tolerance_um = 0; }),
+              HasSubstr("tolerance"));
+  EXPECT_THAT(refused([](slicecorr::Setup&, PlanAsk& a) { a.gap_contrast = 1; }),
+              HasSubstr("contrast"));
+  EXPECT_THAT(refused([](slicecorr::Setup&, PlanAsk& a) { a.light_error = -0.1; }),
+              HasSubstr("error"));
+  EXPECT_THAT(refused([](slicecorr::Setup&, PlanAsk& a) { a.free.uv = true; }), HasSubstr("UV"));
+  EXPECT_THAT(
+      refused([](slicecorr::Setup& s, PlanAsk&) { s.process.even_dead_zone = EvenDeadZone::blue; }),
+      HasSubstr("even dead zone"));
   const MemorySlices empty = comb({{}}, 5);
-  EXPECT_THAT(refusal([&] { plan_print(empty, setup_of(), {}); }), HasSubstr("coverage"));
+  EXPECT_THAT(refusal([&] { plan_print(empty, setup_of(empty), {}); }),
+              HasSubstr("nothing would print"));
 }
 
 // ------------------------------------------------------------------------- columns

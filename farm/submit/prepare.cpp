@@ -19,6 +19,7 @@
 #include "slicecorr/farm/work.hpp"
 #include "submit/fields.hpp"
 #include "submit/memory.hpp"
+#include "submit/planned.hpp"
 #include "submit/tomographic.hpp"
 
 namespace slicecorr::farm {
@@ -597,6 +598,7 @@ class Preparation {
         e.layers = c.layers;
         e.voxels = j.work.voxels;
         e.seconds = j.expected_s;
+        e.planned = r.planned;
         e.disk_bytes = j.expected_bytes;
         e.memory_mb = j.work.base_memory_mb;
         e.measured = measured;
@@ -634,7 +636,8 @@ class Preparation {
 
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, bool store, const ExecutionContext& context) {
-  return Preparation(requests, folder, queue, user, context).run(store);
+  const std::vector<JobRequest> planned = detail::planned(requests, folder.store, context);
+  return Preparation(planned, folder, queue, user, context).run(store);
 }
 
 Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,

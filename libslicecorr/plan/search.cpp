@@ -11,8 +11,8 @@ namespace {
 double upwards(double good, double bad, double most, const std::function<bool(double)>& keeps) {
   for (;;) {
     while (bad / good > kPaceStep) {
-      const double middle = std::max(std::sqrt(good * bad), good * kPaceStep);
-      if (middle >= bad) break;
+      const double middle = std::min(std::max(std::sqrt(good * bad), good * kPaceStep), most);
+      if (middle >= bad || middle <= good) break;
       (keeps(middle) ? good : bad) = middle;
     }
     // Where ranges have holes a pace beyond one that fails may keep.

@@ -100,6 +100,60 @@ TEST_F(PlanProgram, WhatCantBeHadIsRefused) {
   bad(2, Command{"plan", "out.uvj"} + kProcess, {"out.uvj", "corrected"});
 }
 
+TEST_F(PlanProgram, SlicesThatPullGoSlower) {
+  // A foot of 1 mm below a plate of 4 mm.
+  TriangleMesh mesh;
+  add_box(mesh, {-0.5, -0.5, 0}, {0.5, 0.5, 3});
+  add_box(mesh, {-2, -2, 3}, {2, 2, 4});
+  write_stl(folder_ / "plate.stl", mesh);
+  const std::string display =
+      std::string(kSmallPrinter).substr(std::string("name = \"small\"\n").size());
+  write("vat.toml", "name = \"vat\"\nsuction_limit_pa = 2000\n" + display +
+                        "[stage]\nmax_speed_mm_h = 9000\nacceleration_mm_s2 = 0.5\n");
+  write("change.toml", "name = \"change\"\nsuction_limit_pa = 2000\n" + display +
+                           "[stage]\nmax_speed_mm_h = 9000\nacceleration_mm_s2 = 0.5\n"
+                           "variable_speed = true\n");
+  write("thick.toml",
+        "name = \"thick\"\nviscosity_pa_s = 0.3\n[cure]\nabsorbance_height_um = 2000\n"
+        "critical_dose_mj_cm3 = 576\n");
+  const Command part{"plate.stl",  "--layer-um", "50",    "--resin",
+                     "thick.toml", "--surface",  "slices"};
+  const auto plan_of = [&](const std::string& printer, const Command& more) {
+    return json::parse(
+        good(Command{"plan"} + part +
+             Command{"--printer", printer, "--json", "-", "--quiet", "--points", "0"} + more)
+            .out);
+  };
+  const json uniform = plan_of("vat.toml", {});
+  EXPECT_EQ(uniform["limited_by"], "suction");
+  EXPECT_TRUE(uniform["slice_speed_mm_h"].is_null());
+  const double bears = uniform["suction"]["speed_limit_mm_h"];
+  EXPECT_LE(uniform["speed_mm_h"].get<double>(), bears);
+  const json along = plan_of("change.toml", {"--slice-speeds", "speeds.csv"});
+  EXPECT_EQ(along["limited_by"], "tolerance");
+  const double top = along["speed_mm_h"];
+  EXPECT_GT(top, bears);
+  const auto& speeds = along["slice_speed_mm_h"];
+  ASSERT_EQ(speeds.size(), 81U);
+  EXPECT_EQ(speeds[0], top);
+  EXPECT_LE(speeds[65].get<double>(), bears);
+  EXPECT_NEAR(speeds[65].get<double>(), bears, 0.01 * bears);
+  EXPECT_LT(along["print_time_s"].get<double>(), uniform["print_time_s"].get<double>());
+
+  // `correct` takes the table, and refuses its speed without it.
+  good(Command{"slice", "plate.stl", "-o", "plate.uvj", "--layer-um", "50", "--printer",
+               "change.toml", "--surface", "slices"});
+  const Command correct{
+      "correct",     "plate.uvj", "-o",         "out.uvj",      "--printer",
+      "change.toml", "--resin",   "thick.toml", "--speed-mm-h", fmt::format("{:.17g}", top)};
+  bad(3, correct, {"suction_limit_pa"});
+  good(correct + Command{"--slice-speed-mm-h", "speeds.csv"});
+  bad(2, Command{"plan"} + part + Command{"--printer", "vat.toml", "--slice-speeds", "s.csv"},
+      {"variable_speed"});
+  write("still.toml", "name = \"still\"\n" + display + "[stage]\nvariable_speed = true\n");
+  bad(2, Command{"plan"} + part + Command{"--printer", "still.toml"}, {"acceleration_mm_s2"});
+}
+
 TEST_F(PlanProgram, LayerByLayerAndUvLight) {
   const json layers = plan({"--mode", "layerwise", "--ha-um", "110", "--points", "3"});
   // Figure A.7: 0.07837 s just gel a layer.

@@ -619,6 +619,41 @@ TEST(Plan, BadInput) {
               HasSubstr("nothing would print"));
 }
 
+TEST(PlanSchedule, SpeedsStayWithinLimitsAndAcceleration) {
+  std::mt19937 random(34);
+  std::uniform_real_distribution<double> share(0, 1);
+  for (int round = 0; round < rounds(50); ++round) {
+    std::vector<double> limits;
+    for (int n = 0; n < 60; ++n) {
+      limits.push_back(share(random) < 0.2 ? 200 + 3000 * share(random)
+                                           : std::numeric_limits<double>::infinity());
+    }
+    const double acceleration = 0.02 + 2 * share(random), layer_um = 20 + 80 * share(random);
+    const auto speeds = speeds_within(limits, 3000, acceleration, layer_um);
+    ASSERT_EQ(speeds.size(), limits.size());
+    const double change = 2 * acceleration * layer_um * 1e-3;  // mm²/s²
+    const auto squared = [](double mm_h) { return mm_h * mm_h / (3600.0 * 3600.0); };
+    for (std::size_t n = 0; n < speeds.size(); ++n) {
+      EXPECT_LE(speeds[n], std::min(limits[n], 3000.0));
+      // The greatest such speeds: each is that of some slice's limit, seen from there.
+      double most = 3000;
+      for (std::size_t k = 0; k < limits.size(); ++k) {
+        const double away = std::abs(static_cast<double>(n) - static_cast<double>(k));
+        most =
+            std::min(most, 3600 * std::sqrt(squared(std::min(limits[k], 3000.0)) + away * change));
+      }
+      // Six digits.
+      EXPECT_NEAR(speeds[n], most, 1e-5 * most);
+      if (n > 0) {
+        EXPECT_LE(std::abs(squared(speeds[n]) - squared(speeds[n - 1])),
+                  change + 2e-5 * squared(3000));
+      }
+    }
+  }
+  EXPECT_THAT(refusal([] { speeds_within({100}, 100, 0, 50); }), HasSubstr("acceleration"));
+  EXPECT_THAT(refusal([] { speeds_within({0}, 100, 1, 50); }), HasSubstr("no speed"));
+}
+
 // ------------------------------------------------------------------------- columns
 
 TEST(DesignColumns, AreThoseOfThePart) {

@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <tuple>
 
 #include "parallel/silent.hpp"
 #include "plan/closed.hpp"
@@ -237,8 +238,9 @@ std::vector<PaceRange> paces_of(const std::vector<SpeedRange>& ranges) {
 
 /// Why no speed keeps what is asked for.
 [[noreturn]] void refuse(const PlanAsk& ask, const std::optional<PlanLight>& light,
-                         const PlanGap* gap, const Trials& trials,
+                         const std::vector<PlanGap>& gaps, const Trials& trials,
                          const std::vector<PlanPoint>& tried, const Bound& bound) {
+  const PlanGap* const gap = detail::limiting_gap(gaps);
   std::string text = "no speed prints this part as asked";
   const auto in_gap = [&](const PlanGap& g) {
     return fmt::format("the gap of {} at pixel {}, {}, slices {} to {} ({} pixels have such)",
@@ -262,14 +264,20 @@ std::vector<PaceRange> paces_of(const std::vector<SpeedRange>& ranges) {
         "{:g} um are allowed; expected a greater tolerance, or light that is known better",
         text, 100 * ask.light_error, light->lam_um * ask.light_error, ask.tolerance_um));
   }
+  const auto ranges = light ? detail::closed_ranges(*light, gaps, ask) : std::vector<SpeedRange>{};
+  if (!ranges.empty() && bound.most_mm_h < ranges.front().least_mm_h) {
+    throw InfeasibleError(fmt::format(
+        "{}: edges and gaps keep what is asked for from {} mm/h on, and {}; expected less light "
+        "(the lamp free), a smaller contrast or a greater tolerance",
+        text, at_least(ranges.front().least_mm_h), bound.words));
+  }
+  // What is lost counts most, then edges, then how dark gaps are.
+  const auto misses = [](const PlanPoint& p) {
+    return std::tuple(p.lost + p.split, p.off, -p.contrast, p.max_abs_um);
+  };
   const PlanPoint* nearest = nullptr;
   for (const PlanPoint& p : tried) {
-    if (!p.prints || p.keeps) continue;
-    const auto misses = [](const PlanPoint& q) { return q.lost + q.split; };
-    if (!nearest || misses(p) < misses(*nearest) ||
-        (misses(p) == misses(*nearest) && p.narrow + p.off < nearest->narrow + nearest->off)) {
-      nearest = &p;
-    }
+    if (p.prints && !p.keeps && (!nearest || misses(p) < misses(*nearest))) nearest = &p;
   }
   if (nearest) {
     text += fmt::format(": nearest is {}, where {}",
@@ -346,6 +354,21 @@ Setup of_columns(Setup setup, std::vector<std::string>& notes) {
   return setup;
 }
 
+/// Slices that draw more than the vat bears go slower.
+void hold_back(const SliceSource& target, PrintPlan& plan, const ExecutionContext& context) {
+  Process& p = plan.setup.process;
+  const auto limits = slice_speed_limits(target, plan.setup.printer, plan.setup.resin, p,
+                                         plan.setup.gap_um, detail::silent(context));
+  p.slice_speed_mm_h = plan.slice_speed_mm_h =
+      speeds_within(limits, plan.at.speed_mm_h, plan.ask.stage.acceleration_mm_s2, plan.layer_um);
+  const double uniform_s = plan.at.time_s * plan.at.speed_mm_h / plan.suction->speed_limit_mm_h;
+  plan.at.time_s = light_on_s(p, 1, plan.layer_um, plan.layers + plan.at.extra_slices);
+  plan.notes.push_back(fmt::format(
+      "{} from slice to slice, for what the vat bears: {:.4g} s, where one speed for all, {} mm/h, takes "
+      "{:.4g} s",
+      speeds_in_words(p), plan.at.time_s, at_most(plan.suction->speed_limit_mm_h), uniform_s));
+}
+
 double pace_of(const PlanPoint& p) { return p.speed_mm_h > 0 ? p.speed_mm_h : 1 / p.exposure_s; }
 
 }  // namespace
@@ -385,9 +408,14 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
       plan.suction = print_suction(target, fast.printer, fast.resin, fast.process, fast.gap_um,
                                    detail::silent(context));
     }
-    if (plan.suction && plan.suction->limit_given) {
+    if (plan.suction && plan.suction->limit_given && !ask.stage.variable_speed) {
       bound.take(rounded_down(plan.suction->speed_limit_mm_h, kPaceDigits), "suction",
                  suction_in_words(*plan.suction, plan.suction->speed_limit_mm_h));
+    }
+    if (ask.stage.variable_speed && !(plan.suction && plan.suction->limit_given)) {
+      plan.notes.emplace_back(
+          "speeds that change along z: doses are those of one speed, which the light limits; slices "
+          "go slower only where the printer's suction_limit_pa and the resin's viscosity_pa_s ask for it");
     }
     if (!plan.suction) {
       plan.notes.emplace_back(
@@ -427,12 +455,12 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
       // Slices whose edges have heights of their own have gaps between whole slices.
       const bool proven = !columns.has_heights();
       if (closed.empty() && proven) {
-        if (c.words.empty()) refuse(ask, light, gap, trials, plan.tried, bound);
+        if (c.words.empty()) refuse(ask, light, heights.gaps, trials, plan.tried, bound);
         continue;
       }
       if (!closed.empty()) ranges = paces_of(closed);
       const auto tolerated = tolerated_speeds(*planner.light(), ask.tolerance_um, ask.light_error);
-      if (!tolerated) refuse(ask, light, gap, trials, plan.tried, bound);
+      if (!tolerated) refuse(ask, light, heights.gaps, trials, plan.tried, bound);
       most = std::min(most, tolerated->greatest_mm_h);
     }
     std::optional<PlanPoint> point = planner.fastest(ranges, most);
@@ -458,7 +486,7 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
     }
     if (faster) best = std::move(found);
   }
-  if (!best) refuse(ask, light, gap, trials, plan.tried, bound);
+  if (!best) refuse(ask, light, heights.gaps, trials, plan.tried, bound);
 
   Planner& planner = *best->planner;
   plan.at = best->at;
@@ -486,7 +514,7 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
   } else if (continuous && bound.most_mm_h <= best->most * (1 + 1e-9)) {
     plan.limited_by = bound.word;
     plan.limit = bound.words;
-  } else if (plan.light &&
+  } else if (plan.light && ask.light_error > 0 &&
              next > plan.light->smax_mm_h /
                         (1 + plan.light->lam_um * ask.light_error / ask.tolerance_um)) {
     plan.limited_by = "tolerance";
@@ -528,6 +556,10 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
     for (const double p : paces) {
       if (p <= planner.gels().greatest) plan.curve.push_back(planner.at(p));
     }
+  }
+  if (ask.stage.variable_speed && plan.suction && plan.suction->limit_given &&
+      plan.at.speed_mm_h > plan.suction->speed_limit_mm_h) {
+    hold_back(target, plan, context);
   }
   plan.judged_columns = planner.judged();
   context.report("plan", 1);

@@ -136,6 +136,8 @@ std::string PrintPlan::to_json() const {
                     {"gap_um", suction->gap.gap_um}};
   }
   j["stage_mm_h"] = stage_mm_h > 0 ? ordered_json(stage_mm_h) : ordered_json();
+  j["slice_speed_mm_h"] =
+      slice_speed_mm_h.empty() ? ordered_json() : ordered_json(slice_speed_mm_h);
   j["chosen"] = chosen;
   j["notes"] = notes;
   j["columns"] = {

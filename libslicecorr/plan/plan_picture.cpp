@@ -124,7 +124,7 @@ std::string PrintPlan::svg(const std::string& title) const {
   panel.vertical(found, "");
   points_of(panel, d, &PlanPoint::max_abs_um, 1);
   picture.add(panel);
-  picture.note(fmt::format("{:g} {}: {}.", found, unit, limit));
+  picture.note(fmt::format("What limits it: {}.", limit));
   return picture.svg();
 }
 

@@ -83,6 +83,20 @@ std::optional<SpeedRange> tolerated_speeds(const PlanLight& light, double tolera
 
 // ------------------------------------------------------------------------- of a part
 
+/// What a printer file says of a stage whose speed may change while it prints.
+struct StageChange {
+  bool variable_speed = false;    ///< `[stage] variable_speed`
+  double acceleration_mm_s2 = 0;  ///< `[stage] acceleration_mm_s2`
+};
+/// Of a printer by its name or file. Throws `InputError` naming file, line and key.
+StageChange load_stage_change(const std::string& name_or_path);
+
+/// The greatest speed of each slice that is within its limit, at most `most_mm_h`, and changes by no more
+/// than the acceleration allows: |change of s²| <= 2 A hs from slice to slice. Limits > 0, mm/h, may be
+/// infinite. Throws `InputError` for an acceleration or a limit that is not above 0.
+std::vector<double> speeds_within(const std::vector<double>& limits_mm_h, double most_mm_h,
+                                  double acceleration_mm_s2, double layer_um);
+
 /// Settings that planning may choose besides the speed.
 struct PlanFree {
   bool lamp = false;       ///< less of the curing light, where stage or suction keep the print slow
@@ -97,6 +111,9 @@ struct PlanAsk {
   /// Gaps lower than this are told and left out; 0: those of one slice, which can't have both edges right.
   double least_gap_um = 0;
   PlanFree free;
+  /// Slices that suction holds back go slower than others, where the stage can change its speed: the
+  /// lamps follow, and doses stay as they are (`Process::slice_speed_mm_h`).
+  StageChange stage;
   int curve_points = 9;  ///< of the curve over speed; 0: none
   /// Most columns that are looked at before a result is tried on all of them; > 0.
   int most_columns = 6000;
@@ -176,11 +193,15 @@ struct PrintPlan {
   std::vector<PlanFeature> features;
   std::vector<PlanStep> steps;  ///< the first is the present input
   std::optional<PrintSuction> suction;
-  double stage_mm_h = 0;            ///< the stage's own; 0: not given
-  double lamp_share = 1;            ///< of the calibration's light
+  double stage_mm_h = 0;  ///< the stage's own; 0: not given
+  double lamp_share = 1;  ///< of the calibration's light
+  std::vector<double>
+      slice_speed_mm_h;  ///< where slices go slower than `at`; the last holds on; else empty
   std::vector<std::string> chosen;  ///< free settings and what became of them
   std::vector<std::string> notes;   ///< what is not counted
   std::uint64_t part_columns = 0, distinct_columns = 0, judged_columns = 0;
+  /// `slice_speed_mm_h` as a table slice,speed_mm_h, which `correct --slice-speed-mm-h` takes.
+  std::string slice_speeds_csv() const;
   std::string to_json() const;
   /// Speed against contrast and edge errors as SVG.
   std::string svg(const std::string& title) const;

@@ -47,7 +47,7 @@ std::unique_ptr<const SliceSource> read_input(const PlanOptions& o, const Printe
 
 void check_outputs(const PlanOptions& o) {
   std::vector<std::string> taken = o.mesh.parts;
-  for (const std::string& output : {o.json, o.output}) {
+  for (const std::string& output : {o.json, o.output, o.slice_speeds}) {
     check_output(output, taken);
     if (!output.empty() && output != "-") taken.push_back(output);
   }
@@ -65,11 +65,23 @@ int plan(const PlanOptions& o, const ExecutionContext& context, Console& console
     (name == "lamp" ? ask.free.lamp : name == "uv" ? ask.free.uv : ask.free.omega_max) = true;
   }
   const Setup setup = resolve(o);
+  ask.stage = load_stage_change(o.setup.printer);
+  if (!o.slice_speeds.empty() && !ask.stage.variable_speed) {
+    throw InputError(o.setup.printer, "",
+                     "has no [stage] variable_speed = true; expected it with --slice-speeds");
+  }
   tell_notices(setup, nullptr, context);
   const auto part = read_input(o, setup.printer, context);
   const PrintPlan found = plan_print(*part, setup, ask, context);
   if (!o.json.empty()) print_or_write(o.json, found.to_json());
   if (o.json != "-") print_result(plan_text(found));
+  if (!o.slice_speeds.empty()) {
+    if (found.slice_speed_mm_h.empty()) {
+      console.say(fmt::format("{}: not written, all slices have one speed", o.slice_speeds));
+    } else {
+      print_or_write(o.slice_speeds, found.slice_speeds_csv());
+    }
+  }
   if (!o.output.empty()) {
     const std::string name = std::filesystem::path(o.mesh.parts[0]).filename().string();
     write_text_file(o.output, found.svg(fmt::format("How fast {} can print", name)));
@@ -128,6 +140,10 @@ void add_plan(Program& program, PlanOptions& o) {
       ->check(CLI::Range(0, 200))
       ->capture_default_str();
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option(
+      "--slice-speeds", o.slice_speeds,
+      "Write the speed of each slice as CSV to FILE, where the printer's stage may change "
+      "its speed and suction holds slices back");
   sub->add_option("-o,--output", o.output, "Draw speed against contrast and errors (.svg)");
 }
 

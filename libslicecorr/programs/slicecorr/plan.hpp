@@ -16,7 +16,7 @@ struct PlanOptions {
   PlanAsk ask;
   double light_error_percent = 1;
   std::vector<std::string> free;
-  std::string json, output;
+  std::string json, output, slice_speeds;
 };
 
 /// Adds `plan`, which keeps what it is told in `options`.

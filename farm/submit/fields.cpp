@@ -223,6 +223,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"omega_max", set_omega_max},
       {"one_slice_gaps", word(SLICEFARM_FIELD(setup.one_slice_gaps), {"open", "merge"})},
       {"gap_shortfall", number(SLICEFARM_FIELD(setup.gap_shortfall), 0, 0.5, true)},
+      {"edge_aim_um", number(SLICEFARM_FIELD(setup.edge_aim_um), 0, kMostEdgeAimUm, true)},
       {"platform_features", word(SLICEFARM_FIELD(setup.platform_features), {"capped", "uncapped"})},
       {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, kMost, true)},
       {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},

@@ -80,6 +80,7 @@ std::string signature(const JobRequest& r) {
   text += fmt::format("|{}|{}|{}|{}", s.resin_depth_um, s.platform_reflectance, s.spread_correction,
                       s.rounds);
   if (!s.even_dead_zone.empty()) text += "|e" + s.even_dead_zone;
+  if (s.edge_aim_um > 0) text += fmt::format("|a{}", s.edge_aim_um);
   if (s.gap_um > 0) text += fmt::format("|g{}", s.gap_um);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,

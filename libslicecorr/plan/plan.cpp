@@ -321,6 +321,13 @@ std::vector<Candidate> candidates(const Setup& setup, const PlanFree& free) {
       all.back().setup.process.omega_max = cap;
     }
   }
+  if (free.edge_aim) {
+    constexpr std::array<double, 4> aims_um{0.2, 0.5, 1, 2};
+    for (const double aim_um : aims_um) {
+      all.push_back({setup, fmt::format("edges aimed at to {:g} um", aim_um)});
+      all.back().setup.process.edge_aim_um = aim_um;
+    }
+  }
   if (free.uv) {
     for (const double share : {0.9, 0.8, 0.7, 0.6, 0.5}) {
       const double uv = rounded_down(share * setup.process.uv.uv_mw_cm2, 4);
@@ -491,6 +498,7 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
   Planner& planner = *best->planner;
   plan.at = best->at;
   plan.lamp_share = best->lamp_share;
+  plan.with = best->words;
   plan.light = planner.light();
   plan.setup = best->setup;
   plan.setup.printer = asked.printer;

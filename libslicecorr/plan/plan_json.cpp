@@ -81,6 +81,8 @@ std::string PrintPlan::to_json() const {
   j["lamp_share"] = lamp_share;
   j["omega_max"] = setup.process.omega_max >= 1e300 ? ordered_json("inf")
                                                     : ordered_json(setup.process.omega_max);
+  j["edge_aim_um"] =
+      setup.process.edge_aim_um > 0 ? ordered_json(setup.process.edge_aim_um) : ordered_json();
   j["uv_mw_cm2"] = setup.process.uv.kind == UvKind::constant
                        ? ordered_json(setup.process.uv.uv_mw_cm2)
                        : ordered_json();
@@ -138,6 +140,7 @@ std::string PrintPlan::to_json() const {
   j["stage_mm_h"] = stage_mm_h > 0 ? ordered_json(stage_mm_h) : ordered_json();
   j["slice_speed_mm_h"] =
       slice_speed_mm_h.empty() ? ordered_json() : ordered_json(slice_speed_mm_h);
+  j["with"] = with;
   j["chosen"] = chosen;
   j["notes"] = notes;
   j["columns"] = {

@@ -62,7 +62,11 @@ int plan(const PlanOptions& o, const ExecutionContext& context, Console& console
   PlanAsk ask = o.ask;
   ask.light_error = o.light_error_percent / 100;
   for (const std::string& name : o.free) {
-    (name == "lamp" ? ask.free.lamp : name == "uv" ? ask.free.uv : ask.free.omega_max) = true;
+    bool& chosen = name == "lamp"       ? ask.free.lamp
+                   : name == "uv"       ? ask.free.uv
+                   : name == "edge-aim" ? ask.free.edge_aim
+                                        : ask.free.omega_max;
+    chosen = true;
   }
   const Setup setup = resolve(o);
   ask.stage = load_stage_change(o.setup.printer);
@@ -133,9 +137,10 @@ void add_plan(Program& program, PlanOptions& o) {
   sub->add_option(
          "--free", o.free,
          "What may be chosen besides the speed: lamp (less curing light, where stage or "
-         "suction keep the print slow), omega-max (the cap of the dose), uv (less UV light)")
+         "suction keep the print slow), omega-max (the cap of the dose), edge-aim (edges placed less "
+         "finely, low gaps darker), uv (less UV light)")
       ->delimiter(',')
-      ->check(CLI::IsMember({"lamp", "omega-max", "uv"}));
+      ->check(CLI::IsMember({"lamp", "omega-max", "edge-aim", "uv"}));
   sub->add_option("--points", o.ask.curve_points, "Points of the curve over speed; 0: none")
       ->check(CLI::Range(0, 200))
       ->capture_default_str();

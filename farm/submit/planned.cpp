@@ -71,6 +71,7 @@ void plan(JobRequest& r, const std::string& scratch_folder, const ExecutionConte
                                      : fmt::format("{:g} mm/h", found.at.speed_mm_h);
   (layerwise ? r.setup.exposure_s : r.setup.speed_mm_h) =
       layerwise ? found.at.exposure_s : found.at.speed_mm_h;
+  r.setup.edge_aim_um = found.setup.process.edge_aim_um;
   r.planned = fmt::format("{}, limited by {}", pace, found.limited_by);
   r.labels.push_back("planned " + pace);
 }

@@ -286,7 +286,7 @@ std::vector<PaceRange> paces_of(const std::vector<SpeedRange>& ranges) {
                         nearest->why);
     double contrast = 0, um = std::numeric_limits<double>::infinity();
     for (const PlanPoint& p : tried) {
-      if (!p.prints || p.lost + p.split > 0) continue;
+      if (!p.prints || p.keeps || p.lost + p.split > 0) continue;
       if (p.off == 0) contrast = std::max(contrast, p.contrast);
       if (p.narrow == 0) um = std::min(um, p.max_abs_um);
     }
@@ -310,6 +310,13 @@ struct Candidate {
   Setup setup;
   std::string words;  ///< empty: as it is
 };
+void add_aims(const Setup& setup, std::vector<Candidate>& all) {
+  constexpr std::array<double, 4> aims_um{0.2, 0.5, 1, 2};
+  for (const double aim_um : aims_um) {
+    all.push_back({setup, fmt::format("edges aimed at to {:g} um", aim_um)});
+    all.back().setup.process.edge_aim_um = aim_um;
+  }
+}
 std::vector<Candidate> candidates(const Setup& setup, const PlanFree& free) {
   std::vector<Candidate> all{{setup, ""}};
   if (free.omega_max) {
@@ -321,13 +328,7 @@ std::vector<Candidate> candidates(const Setup& setup, const PlanFree& free) {
       all.back().setup.process.omega_max = cap;
     }
   }
-  if (free.edge_aim) {
-    constexpr std::array<double, 4> aims_um{0.2, 0.5, 1, 2};
-    for (const double aim_um : aims_um) {
-      all.push_back({setup, fmt::format("edges aimed at to {:g} um", aim_um)});
-      all.back().setup.process.edge_aim_um = aim_um;
-    }
-  }
+  if (free.edge_aim) add_aims(setup, all);
   if (free.uv) {
     for (const double share : {0.9, 0.8, 0.7, 0.6, 0.5}) {
       const double uv = rounded_down(share * setup.process.uv.uv_mw_cm2, 4);
@@ -442,7 +443,16 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
   std::unique_ptr<Found> best;
   const PlanGap* gap = detail::limiting_gap(heights.gaps);
   std::optional<PlanLight> light;
-  for (const Candidate& c : candidates(setup, ask.free)) {
+  std::vector<Candidate> all = candidates(setup, ask.free);
+  bool aims = ask.free.edge_aim || setup.process.edge_aim_um > 0;
+  for (std::size_t i = 0;; ++i) {
+    if (i == all.size() && !best && light && !aims) {
+      // Closed forms know a speed, and levels that place edges so finely spoil it.
+      aims = true;
+      add_aims(setup, all);
+    }
+    if (i == all.size()) break;
+    const Candidate c = all[i];
     auto found = std::make_unique<Found>();
     try {
       found->planner = std::make_unique<Planner>(target, columns, heights, trials, c.setup, ask,
@@ -480,7 +490,8 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
       }
     }
     if (!point) {
-      if (!c.words.empty()) plan.chosen.push_back(c.words + ": no speed keeps what is asked for");
+      plan.chosen.push_back((c.words.empty() ? std::string("as it is") : c.words) +
+                            ": no speed that was tried keeps what is asked for");
       continue;
     }
     found->at = *point;

@@ -65,7 +65,13 @@ std::string plan_text(const PrintPlan& plan) {
       pace(plan.at), continuous ? "fastest" : "least exposure", plan.ask.tolerance_um,
       plan.ask.gap_contrast, plan.limited_by, plan.limit, time_in_words(plan.at.time_s),
       plan.at.extra_slices);
-  if (!plan.with.empty()) text += "with " + plan.with + "\n";
+  if (!plan.with.empty()) {
+    text += "with " + plan.with;
+    if (plan.setup.process.edge_aim_um > 0) {
+      text += fmt::format(": correct takes --edge-aim-um {:g}", plan.setup.process.edge_aim_um);
+    }
+    text += "\n";
+  }
   if (plan.lamp_share < 1) {
     text += fmt::format(
         "lamp: {:.4g} of its light; the calibration of the printer file times this share\n",

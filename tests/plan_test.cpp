@@ -384,6 +384,37 @@ TEST(Plan, RandomPartsKeepWhatIsAskedForAndNoMore) {
   EXPECT_GT(limited, 3);
 }
 
+TEST(Plan, EdgesAimedAtLessFinelyLeaveGapsDarker) {
+  const MemorySlices part = comb({{{0, 19}, {22, 41}}}, 42);
+  slicecorr::Setup at = setup_of(part);
+  int finely = 0;
+  for (double speed = 600; speed < 3380; speed *= 1.05) {
+    at.process.speed_mm_h = speed;
+    at.process.edge_aim_um = 0;
+    finely += printed(part, at).gap_contrast.least() >= 0.05;
+    at.process.edge_aim_um = 0.5;
+    const Prediction p = printed(part, at);
+    // All of the closed form's interval, with edges as near as was asked for.
+    EXPECT_GE(p.gap_contrast.least(), 0.05) << speed;
+    EXPECT_LE(p.height_error_um.greatest(), 0.5 + 1e-6) << speed;
+  }
+  EXPECT_LT(finely, 30);
+  PlanAsk ask;
+  ask.curve_points = 0;
+  ask.free.edge_aim = true;
+  const PrintPlan plan = plan_print(part, setup_of(part), ask);
+  EXPECT_GE(plan.at.speed_mm_h, 3389.69 / 1.005);
+  EXPECT_EQ(plan.chosen.size(), 4U);
+  EXPECT_GE(printed(part, plan.setup).gap_contrast.least(), 0.05);
+  // Near the most that the gap can have, only these speeds keep it: they are tried unasked.
+  ask.free.edge_aim = false;
+  ask.gap_contrast = 0.0543;
+  const PrintPlan unasked = plan_print(part, setup_of(part), ask);
+  EXPECT_THAT(unasked.with, HasSubstr("edges aimed at"));
+  EXPECT_GT(unasked.setup.process.edge_aim_um, 0);
+  EXPECT_GE(printed(part, unasked.setup).gap_contrast.least(), 0.0543 - 1e-9);
+}
+
 TEST(Plan, AGapOfOneSliceIsLeftOutAndTold) {
   const MemorySlices part = comb({{{0, 19}, {21, 41}}, {{0, 19}, {24, 41}}}, 42);
   const PrintPlan plan = plan_print(part, setup_of(part), {});

@@ -311,7 +311,7 @@ struct Candidate {
   std::string words;  ///< empty: as it is
 };
 void add_aims(const Setup& setup, std::vector<Candidate>& all) {
-  constexpr std::array<double, 4> aims_um{0.2, 0.5, 1, 2};
+  constexpr std::array<double, 4> aims_um{0.5, 0.2, 1, 2};
   for (const double aim_um : aims_um) {
     all.push_back({setup, fmt::format("edges aimed at to {:g} um", aim_um)});
     all.back().setup.process.edge_aim_um = aim_um;
@@ -444,14 +444,15 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
   const PlanGap* gap = detail::limiting_gap(heights.gaps);
   std::optional<PlanLight> light;
   std::vector<Candidate> all = candidates(setup, ask.free);
-  bool aims = ask.free.edge_aim || setup.process.edge_aim_um > 0;
+  bool aims = ask.free.edge_aim || setup.process.edge_aim_um > 0, unasked = false;
   for (std::size_t i = 0;; ++i) {
     if (i == all.size() && !best && light && !aims) {
       // Closed forms know a speed, and levels that place edges so finely spoil it.
-      aims = true;
+      aims = unasked = true;
       add_aims(setup, all);
     }
-    if (i == all.size()) break;
+    // Nobody waits for the best of what was not asked for.
+    if (i == all.size() || (unasked && best)) break;
     const Candidate c = all[i];
     auto found = std::make_unique<Found>();
     try {

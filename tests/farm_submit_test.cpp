@@ -258,6 +258,7 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
   differs("speed", [](JobRequest& r) { r.setup.speed_mm_h = 700.0000000001; });
   differs("omega max", [](JobRequest& r) { r.setup.omega_max = "2"; });
   differs("gaps", [](JobRequest& r) { r.setup.one_slice_gaps = "merge"; });
+  differs("edge aim", [](JobRequest& r) { r.setup.edge_aim_um = 0.5; });
   differs("shortfall", [](JobRequest& r) { r.setup.gap_shortfall = 0.2; });
   differs("resin depth", [](JobRequest& r) { r.setup.resin_depth_um = 5000; });
   differs("platform", [](JobRequest& r) { r.setup.platform_reflectance = 0.2; });
@@ -388,6 +389,40 @@ TEST_F(Prepare, AllThatIsWrongIsToldAndNothingQueued) {
       << fmt::format("{}", fmt::join(errors, "\n"));
   EXPECT_EQ(queue->unfinished(), 0);
   EXPECT_EQ(files_in(folder.store), 0u);
+}
+
+TEST_F(Prepare, SpeedsAreFoundWherePlanIsAsked) {
+  JobRequest r = request(make_part(1));
+  r.plan = true;
+  r.setup.speed_mm_h = 0;
+  const Submission s = prepared({r});
+  ASSERT_EQ(s.jobs.size(), 1u);
+  const double speed = json::parse(s.jobs[0].work.setup_json)["process"]["speed_mm_h"];
+  EXPECT_GT(speed, 10);
+  EXPECT_THAT(s.estimates[0].planned, HasSubstr(fmt::format("{:g} mm/h, limited by", speed)));
+  EXPECT_THAT(s.jobs[0].labels, ElementsAre(fmt::format("planned {:g} mm/h", speed)));
+  // The same work as if the speed had been said.
+  JobRequest said = request(r.parts[0]);
+  said.setup.speed_mm_h = speed;
+  EXPECT_EQ(key_of(said), s.jobs[0].work.key);
+  // More light error or contrast than any speed keeps is refused like other physics.
+  JobRequest far = r;
+  far.tolerance_um = 0.01;
+  far.where = "far";
+  JobRequest both = r;
+  both.where = "both";
+  both.said["speed_mm_h"] = {"both", false};
+  const std::vector<std::string> errors = refused({r, far, both});
+  ASSERT_EQ(errors.size(), 2u);
+  EXPECT_THAT(errors[0], HasSubstr("far: no speed prints this part as asked"));
+  EXPECT_THAT(errors[1], HasSubstr("both: speed_mm_h is what plan finds"));
+  const auto jobs = parse_jobs_toml(
+      "[[job]]\npart = \"a.stl\"\nplan = true\ntolerance_um = 12.5\ngap_contrast = 0.03\n",
+      "jobs.toml");
+  ASSERT_EQ(jobs.size(), 1u);
+  EXPECT_TRUE(jobs[0].plan);
+  EXPECT_EQ(jobs[0].tolerance_um, 12.5);
+  EXPECT_EQ(jobs[0].gap_contrast, 0.03);
 }
 
 TEST_F(Prepare, OutputsMustNotMeet) {

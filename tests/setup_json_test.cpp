@@ -38,6 +38,7 @@ TEST(SetupJson, ContinuousComesBack) {
   c.omega_max = "1.37";
   c.one_slice_gaps = "merge";
   c.gap_shortfall = 0.31;
+  c.edge_aim_um = 0.37;
   expect_same_again(resolved(c));
 }
 

@@ -96,7 +96,8 @@ std::string table_of(const Submission& s) {
   std::vector<std::vector<std::string>> rows;
   double seconds = 0, bytes = 0;
   for (const Estimate& e : s.estimates) {
-    const char* note = e.cached ? "from the cache" : e.duplicate ? "with another job" : "";
+    std::string note = e.cached ? "from the cache" : e.duplicate ? "with another job" : "";
+    if (!e.planned.empty()) note = e.planned + (note.empty() ? "" : "; ") + note;
     rows.push_back({text::clipped(text::printable(e.name), 60), std::to_string(e.layers),
                     text::duration(e.seconds), text::bytes(static_cast<double>(e.disk_bytes)),
                     fmt::format("{} MB", e.memory_mb), note});
@@ -130,6 +131,8 @@ std::string json_of(const Submission& s, const std::vector<JobId>& ids) {
     job["expected_bytes"] = e.disk_bytes;
     job["memory_mb"] = e.memory_mb;
     job["measured"] = e.measured;
+    job["planned"] =
+        e.planned.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(e.planned);
     job["cached"] = e.cached;
     job["duplicate"] = e.duplicate;
     json["jobs"].push_back(std::move(job));
@@ -209,6 +212,15 @@ void add_submit_commands(cli::Program& program) {
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);
+  sub->add_flag("--plan", a->request.plan,
+                "Find the fastest speed (layer by layer: the least exposure) for each part, as "
+                "slicecorr plan does");
+  sub->add_option("--tolerance-um", a->request.tolerance_um,
+                  "With --plan: how far edges may lie from the design [25]")
+      ->check(cli::number_above_zero());
+  sub->add_option("--gap-contrast", a->request.gap_contrast,
+                  "With --plan: 1 less the least dose that every gap is to have [0.05]")
+      ->check(cli::number_in(0, 1, true));
   sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
   sub->add_option("--format", a->request.format,
                   "Format of the archives, or its ending [uvj; archives keep theirs]");

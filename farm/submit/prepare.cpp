@@ -19,6 +19,7 @@
 #include "slicecorr/farm/work.hpp"
 #include "submit/fields.hpp"
 #include "submit/memory.hpp"
+#include "submit/planned.hpp"
 #include "submit/tomographic.hpp"
 
 namespace slicecorr::farm {
@@ -79,6 +80,7 @@ std::string signature(const JobRequest& r) {
   text += fmt::format("|{}|{}|{}|{}", s.resin_depth_um, s.platform_reflectance, s.spread_correction,
                       s.rounds);
   if (!s.even_dead_zone.empty()) text += "|e" + s.even_dead_zone;
+  if (s.edge_aim_um > 0) text += fmt::format("|a{}", s.edge_aim_um);
   if (s.gap_um > 0) text += fmt::format("|g{}", s.gap_um);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
@@ -597,6 +599,7 @@ class Preparation {
         e.layers = c.layers;
         e.voxels = j.work.voxels;
         e.seconds = j.expected_s;
+        e.planned = r.planned;
         e.disk_bytes = j.expected_bytes;
         e.memory_mb = j.work.base_memory_mb;
         e.measured = measured;
@@ -634,7 +637,8 @@ class Preparation {
 
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, bool store, const ExecutionContext& context) {
-  return Preparation(requests, folder, queue, user, context).run(store);
+  const std::vector<JobRequest> planned = detail::planned(requests, folder.store, context);
+  return Preparation(planned, folder, queue, user, context).run(store);
 }
 
 Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,

@@ -19,9 +19,10 @@ namespace {
 constexpr double kUmPerMm = 1000, kUmSPerMmH = 1000.0 / 3600;
 
 Stage parse_stage(const TomlTable& t) {
-  constexpr std::array<std::string_view, 8> known{
-      "max_speed_mm_h", "travel_mm", "acceleration_mm_s2", "tolerance_um",
-      "home_mm",        "lift_mm",   "lift_speed_mm_h",    "settle_s"};
+  // Whether the speed may change is for who plans prints.
+  constexpr std::array<std::string_view, 9> known{
+      "max_speed_mm_h", "travel_mm",       "acceleration_mm_s2", "tolerance_um",  "home_mm",
+      "lift_mm",        "lift_speed_mm_h", "settle_s",           "variable_speed"};
   detail::only_keys(t, known);
   Stage s;
   s.max_speed_um_s = t.required_number("max_speed_mm_h", 0, 1e6) * kUmSPerMmH;

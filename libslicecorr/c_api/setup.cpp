@@ -64,6 +64,8 @@ const std::vector<Setting>& settings() {
        {"open", "merge"}},
       {"gap_shortfall", &C::gap_shortfall,
        "what the feature above an open gap one slice high may lose, in slices, at most 0.5"},
+      {"edge_aim_um", &C::edge_aim_um,
+       "how near edges are aimed at, um; more leaves low gaps darker; some 0.05 when not set"},
       {"platform_features",
        &C::platform_features,
        "whether omega_max holds for features on the platform: capped or uncapped",

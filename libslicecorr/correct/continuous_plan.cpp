@@ -19,7 +19,7 @@ std::vector<double> distinct(const std::vector<double>& level_phi) {
 
 /// The tolerance of edges aimed at is `kTargetUm`, which is finer than any printer or measurement.
 /// With `kMany` levels or more it is at least 1 / `kOfStep` of what a level step moves an edge by,
-/// but for that no more than a hundredth of a slice.
+/// but for that no more than a hundredth of a slice; and as much as the process asks for.
 constexpr double kTargetUm = 0.05, kOfStep = 25;
 constexpr int kMany = 128;
 
@@ -153,7 +153,9 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
       count >= kMany ? std::min(model.level_step_um() / kOfStep, layer_um / 100) : 0.0;
   const double target =
       exact ? 1e-13
-            : std::min(kWidest, std::max(std::max(kTargetUm, vernier) / layer_um, 1.0 / 1000));
+            : std::min(kWidest,
+                       std::max(std::max({kTargetUm, vernier, process.edge_aim_um}) / layer_um,
+                                1.0 / 1000));
   const double first = exact ? 1e-4 : target;
   tolerance[0] = target;
   for (int r = 1; r < kRungs; ++r) {

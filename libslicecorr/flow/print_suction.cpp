@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_suction.hpp"
@@ -78,9 +79,12 @@ PrintGap print_gap(const Printer& printer, const Resin& resin, const Process& pr
   return {kDefaultGapUm, "assumed"};
 }
 
-std::optional<PrintSuction> print_suction(const SliceSource& target, const Printer& printer,
-                                          const Resin& resin, const Process& process,
-                                          double given_gap_um, const ExecutionContext& context) {
+namespace {
+
+/// The part on the flow's cells; nothing where the print is not judged.
+std::optional<FlowPart> judged_part(const SliceSource& target, const Resin& resin,
+                                    const Process& process, const PrintGap& gap,
+                                    const ExecutionContext& context) {
   const bool judged = resin.viscosity_pa_s > 0 && process.mode == ExposureMode::continuous;
   if (!judged || target.bounds().empty()) return std::nullopt;
   const Grid& g = target.grid();
@@ -89,26 +93,89 @@ std::optional<PrintSuction> print_suction(const SliceSource& target, const Print
       3 * std::max(g.pixel_x_um, g.pixel_y_um)) {
     return std::nullopt;
   }
-  PrintSuction print;
-  print.gap = print_gap(printer, resin, process, given_gap_um);
   // The slowest slice is a wide one: cells may be coarser than where all are looked at.
   constexpr double kMostPitchUm = 500;
-  const FlowPart part(target, {.most_pitch_um = kMostPitchUm, .gap_um = print.gap.gap_um}, context);
-  if (part.masks() == 0) return std::nullopt;
-  const SlowestSlice slowest = slowest_slice(part, context);
-  const auto [x_mm, y_mm] = part.grid().place_mm(slowest.phi.cell);
+  std::optional<FlowPart> part;
+  part.emplace(target, FlowPartOptions{.most_pitch_um = kMostPitchUm, .gap_um = gap.gap_um},
+               context);
+  if (part->masks() == 0) return std::nullopt;
+  return part;
+}
+
+double limit_pa(const Printer& printer) {
+  return printer.suction_limit_pa > 0 ? printer.suction_limit_pa : kCavitationPa;
+}
+
+std::vector<SliceFlow> flow_of_slices(const FlowPart& part, const Printer& printer,
+                                      const Resin& resin, const Process& process,
+                                      const PrintGap& gap, const ExecutionContext& context) {
+  FlowPull pull;
+  pull.viscosity_pa_s = resin.viscosity_pa_s;
+  pull.speed_mm_h = process.speed_mm_h;
+  pull.gap_um = gap.gap_um;
+  pull.limit_pa = limit_pa(printer);
+  return part_flow(part, pull, context);
+}
+
+}  // namespace
+
+std::optional<PrintSuction> print_suction(const SliceSource& target, const Printer& printer,
+                                          const Resin& resin, const Process& process,
+                                          double given_gap_um, const ExecutionContext& context) {
+  const bool judged = resin.viscosity_pa_s > 0 && process.mode == ExposureMode::continuous;
+  if (!judged) return std::nullopt;
+  PrintSuction print;
+  print.gap = print_gap(printer, resin, process, given_gap_um);
+  const auto part = judged_part(target, resin, process, print.gap, context);
+  if (!part) return std::nullopt;
+  print.limit_given = printer.suction_limit_pa > 0;
+  print.limit_pa = limit_pa(printer);
+  print.speed_mm_h = process.speed_mm_h;
+  if (!process.slice_speed_mm_h.empty()) {
+    const auto share = [&](const SliceFlow& s) {
+      return slice_speed_mm_h(process, s.slice) / s.speed_limit_mm_h;
+    };
+    const auto slices = flow_of_slices(*part, printer, resin, process, print.gap, context);
+    const SliceFlow& s = *std::max_element(
+        slices.begin(), slices.end(),
+        [&](const SliceFlow& a, const SliceFlow& b) { return share(a) < share(b); });
+    print.slice = s.slice;
+    print.z_mm = (s.slice + 0.5) * part->layer_um() * 1e-3;
+    print.x_mm = s.x_mm;
+    print.y_mm = s.y_mm;
+    print.speed_mm_h = slice_speed_mm_h(process, s.slice);
+    print.suction_pa = s.suction_pa * print.speed_mm_h / process.speed_mm_h;
+    print.force_n = s.force_n * print.speed_mm_h / process.speed_mm_h;
+    print.speed_limit_mm_h = s.speed_limit_mm_h;
+    return print;
+  }
+  const SlowestSlice slowest = slowest_slice(*part, context);
+  const auto [x_mm, y_mm] = part->grid().place_mm(slowest.phi.cell);
   print.slice = slowest.slice;
-  print.z_mm = (slowest.slice + 0.5) * part.layer_um() * 1e-3;
+  print.z_mm = (slowest.slice + 0.5) * part->layer_um() * 1e-3;
   print.x_mm = x_mm;
   print.y_mm = y_mm;
-  print.limit_given = printer.suction_limit_pa > 0;
-  print.limit_pa = print.limit_given ? printer.suction_limit_pa : kCavitationPa;
   const double mu = resin.viscosity_pa_s, h_um = print.gap.gap_um, speed = process.speed_mm_h;
   print.suction_pa = suction_pa(slowest.phi.max_phi_um2, mu, speed, h_um);
   print.force_n = suction_force_n(slowest.phi.integral_um4, mu, speed, h_um);
   print.speed_limit_mm_h =
       suction_speed_limit_mm_h(slowest.phi.max_phi_um2, mu, h_um, print.limit_pa);
   return print;
+}
+
+std::vector<double> slice_speed_limits(const SliceSource& target, const Printer& printer,
+                                       const Resin& resin, const Process& process,
+                                       double given_gap_um, const ExecutionContext& context) {
+  if (!(resin.viscosity_pa_s > 0)) return {};
+  const PrintGap gap = print_gap(printer, resin, process, given_gap_um);
+  const auto part = judged_part(target, resin, process, gap, context);
+  if (!part) return {};
+  std::vector<double> limits(static_cast<std::size_t>(target.grid().layers) + 1,
+                             std::numeric_limits<double>::infinity());
+  for (const SliceFlow& s : flow_of_slices(*part, printer, resin, process, gap, context)) {
+    limits.at(static_cast<std::size_t>(s.slice)) = s.speed_limit_mm_h;
+  }
+  return limits;
 }
 
 std::string suction_in_words(const PrintSuction& s, double speed_mm_h) {

@@ -123,6 +123,7 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  omega_max             cap of the dose inside features, in critical doses: inf, or 1 and more
  *  one_slice_gaps        open (the upper feature loses some height), merge
  *  gap_shortfall         how much of a slice it may lose, up to 0.5; 0.18 when not set
+ *  edge_aim_um           how near edges are aimed at, um, at most 100; some 0.05 when not set
  *  surface               mesh, slices: where edges lie whose heights the target knows
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
  *  slice_speed_mm_h      speed at each slice, at most speed_mm_h; the lamps follow

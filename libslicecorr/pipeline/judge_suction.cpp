@@ -13,8 +13,8 @@ void judge_suction(const SliceSource& target, const Setup& setup, const Executio
   const auto suction =
       print_suction(target, setup.printer, setup.resin, setup.process, setup.gap_um, context);
   if (!suction) return;
-  check_suction(*suction, setup.printer, setup.process.speed_mm_h);
-  context.tell(suction_in_words(*suction, setup.process.speed_mm_h));
+  check_suction(*suction, setup.printer, suction->speed_mm_h);
+  context.tell(suction_in_words(*suction, suction->speed_mm_h));
 }
 
 }  // namespace slicecorr

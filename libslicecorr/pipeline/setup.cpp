@@ -413,6 +413,11 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
                         c_.gap_shortfall));
     }
     if (c_.gap_shortfall > 0) setup.process.gap_shortfall = c_.gap_shortfall;
+    if (c_.edge_aim_um > kMostEdgeAimUm) {
+      wrong(fmt::format("{} is {:g}; expected at most {:g} um", o("edge-aim-um"), c_.edge_aim_um,
+                        kMostEdgeAimUm));
+    }
+    setup.process.edge_aim_um = std::max(0.0, c_.edge_aim_um);
     setup.process.cap_platform_features = c_.platform_features == "capped";
     setup.process.surface = surface_named(c_.surface);
     // Without light that spreads there are no rounds, and nothing to say of them.

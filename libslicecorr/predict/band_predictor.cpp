@@ -9,6 +9,8 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
 BandPredictor::~BandPredictor() = default;
 
 void BandPredictor::tell_edges(EdgeSink sink) { state_->edge_sink_ = std::move(sink); }
+void BandPredictor::tell_runs(RunSink sink) { state_->run_sink_ = std::move(sink); }
+void BandPredictor::tell_gaps(GapSink sink) { state_->gap_sink_ = std::move(sink); }
 void BandPredictor::tell_states(StateSink sink) { state_->state_sink_ = std::move(sink); }
 void BandPredictor::aim_at_heights() { state_->prediction_.at_heights = true; }
 void BandPredictor::keep_sides() { state_->keep_sides(); }

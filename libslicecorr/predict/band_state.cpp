@@ -93,6 +93,7 @@ void BandPredictor::State::error(std::size_t i, int node, std::uint8_t height, b
 void BandPredictor::State::lose(std::size_t i, int top) {
   const Column& c = columns_[i];
   ++prediction_.runs;
+  if (run_sink_) run_sink_(i, top, c.lower - 1, !c.any_printed, c.split);
   if (c.split) {
     ++prediction_.split_features;
     split_.add({0, static_cast<int>(i), top, c.lower - 1});
@@ -115,6 +116,7 @@ void BandPredictor::State::close_gap(std::size_t i, int top) {
     ++prediction_.gaps;
     prediction_.one_slice_gaps += c.gap_layers == 1;
     if (histograms_) prediction_.gap_contrast.add(std::max(0.0, 1.0 - least_[i]));
+    if (gap_sink_) gap_sink_(i, top, c.gap_end - 1, least_[i]);
     if (least_[i] >= 1.0) {
       ++prediction_.merged_features;
       merged_.add({0, static_cast<int>(i), top, c.gap_end - 1});

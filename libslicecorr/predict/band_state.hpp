@@ -114,6 +114,8 @@ struct BandPredictor::State {
   double worst_ = -1, worst_so_far_ = -1;
   std::size_t worst_column_ = 0;
   EdgeSink edge_sink_;
+  RunSink run_sink_;
+  GapSink gap_sink_;
   StateSink state_sink_;
   bool histograms_ = true;
   EdgeSides sides_;  ///< empty: not kept

@@ -322,6 +322,10 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
      .high = 1e5,
      .what = "of ramps; needed to print"},
     {.table = "stage",
+     .key = "variable_speed",
+     .type = truth,
+     .what = "the speed may change while it prints: slicecorr plan; false without it"},
+    {.table = "stage",
      .key = "tolerance_um",
      .type = number,
      .high = 1e4,
@@ -690,6 +694,8 @@ std::string expected_of(const KeyRule& r) {
       return "texts, numbers, dates, lists of texts";
     case parts:
       return "numbers " + range();
+    case truth:
+      return "true or false";
     case anything:
       return "anything";
   }

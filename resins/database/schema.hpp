@@ -21,6 +21,7 @@ enum class KeyType {
   calibration,  ///< [[level, mW/cm²], ...] or the name of a .csv file
   spread,       ///< [[sigma um, weight], ...] or the name of a picture
   mirror,       ///< true, false or one of `choices`
+  truth,        ///< true or false
   file,         ///< name of a file beside this one
   notes,        ///< any keys: texts, numbers, dates, lists of texts
   parts,        ///< any keys: numbers from `low` to `high`

@@ -343,6 +343,9 @@ class Checker : private CheckedFile {
       case KeyType::mirror:
         if (!node.is_boolean()) check_choice(*r, key, node);
         break;
+      case KeyType::truth:
+        if (!node.is_boolean()) add(line, key, "expected true or false");
+        break;
       case KeyType::notes:
         check_notes(key, node);
         break;

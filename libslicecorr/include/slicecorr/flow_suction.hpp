@@ -40,11 +40,13 @@ struct PrintGap {
 PrintGap print_gap(const Printer& printer, const Resin& resin, const Process& process,
                    double given_um);
 
-/// The slowest slice of a print.
+/// The slowest slice of a print; where slices have speeds of their own, the one that comes nearest to the
+/// speed that it bears.
 struct PrintSuction {
   int slice = 0;
+  double speed_mm_h = 0;                ///< at which it is printed
   double z_mm = 0, x_mm = 0, y_mm = 0;  ///< its middle, from the platform; where on the plate
-  double suction_pa = 0, force_n = 0;   ///< at the print's speed
+  double suction_pa = 0, force_n = 0;   ///< at `speed_mm_h`
   double speed_limit_mm_h = 0;          ///< at which suction is `limit_pa`
   double limit_pa = 0;                  ///< the printer's, or 1 bar
   bool limit_given = false;             ///< by the printer
@@ -56,6 +58,12 @@ std::optional<PrintSuction> print_suction(const SliceSource& target, const Print
                                           const Resin& resin, const Process& process,
                                           double given_gap_um,
                                           const ExecutionContext& context = {});
+/// The speed that each slice of a target bears, mm/h, at the printer's limit or 1 bar; infinite where
+/// nothing is lit. One more than the target has slices: the last holds for those after it. Nothing where
+/// `print_suction` has nothing to say.
+std::vector<double> slice_speed_limits(const SliceSource& target, const Printer& printer,
+                                       const Resin& resin, const Process& process,
+                                       double given_gap_um, const ExecutionContext& context = {});
 /// One line: how much suction and force, where, and the speed that works.
 std::string suction_in_words(const PrintSuction& suction, double speed_mm_h);
 /// Throws `InfeasibleError`, naming slice, place and the speed that works, when the printer says what

@@ -233,6 +233,13 @@ class BandPredictor {
   /// platform, and its signed height error.
   using EdgeSink = std::function<void(std::size_t column, int node, bool upper, double um)>;
   void tell_edges(EdgeSink sink);
+  /// Told every run: its column, its first and last layer, whether nothing of it prints, and whether it
+  /// prints in more than one piece.
+  using RunSink = std::function<void(std::size_t column, int first, int last, bool lost, bool split)>;
+  void tell_runs(RunSink sink);
+  /// Told every gap (`Prediction::gaps`): its column, its first and last layer, and its least dose.
+  using GapSink = std::function<void(std::size_t column, int first, int last, double least_dose)>;
+  void tell_gaps(GapSink sink);
   /// Told of the voxels of a column at which something changes on the way from the last slice to
   /// the first, and of all grey ones: the slice, its coverage, whether it prints in its middle, and
   /// whether it prints at its upper node. A voxel that is not told has the coverage of the one told

@@ -39,6 +39,7 @@ struct SetupChoices {
   std::string omega_max = "inf";             ///< inf, or a number of at least 1
   std::string one_slice_gaps = "open";       ///< open, merge
   double gap_shortfall = 0;                  ///< `Process::gap_shortfall`, at most 0.5
+  double edge_aim_um = 0;                    ///< `Process::edge_aim_um`, at most `kMostEdgeAimUm`
   std::string platform_features = "capped";  ///< capped, uncapped
   std::string surface = "mesh";              ///< slices, mesh: `Process::surface`
   std::string spread_correction = "on";      ///< on; off: no rounds, each column alone

@@ -72,6 +72,10 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
                    "Open gaps one slice high: how much of a slice the feature above may lose, up "
                    "to 0.5; the more, the less the gap cures (continuous) [0.18]")
         ->check(number_above_zero() & CLI::Range(0.0, 0.5));
+    app.add_option("--edge-aim-um", edge_aim_um,
+                   "How near edges are aimed at; more leaves gaps of two and three slices darker "
+                   "(continuous) [as near as levels lead, some 0.05]")
+        ->check(number_above_zero() & CLI::Range(0.0, kMostEdgeAimUm));
     app.add_option("--platform-features", platform_features,
                    "Whether --omega-max holds for features on the platform, which have nothing "
                    "behind them to protect")

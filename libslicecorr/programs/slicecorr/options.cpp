@@ -271,6 +271,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     }
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
     j["gap_shortfall"] = info.process->gap_shortfall;
+    j["edge_aim_um"] = info.process->edge_aim_um;
     j["surface"] = info.process->surface == Surface::mesh ? "mesh" : "slices";
     j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
   }

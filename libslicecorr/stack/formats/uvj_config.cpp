@@ -56,6 +56,7 @@ int block_format(const Process& p) {
   plain.omega_max = p.omega_max;
   plain.one_slice_gaps = p.one_slice_gaps;
   plain.gap_shortfall = p.gap_shortfall;
+  plain.edge_aim_um = p.edge_aim_um;
   plain.surface = p.surface;
   plain.spread_rounds = p.spread_rounds;
   plain.cap_platform_features = p.cap_platform_features;
@@ -87,6 +88,7 @@ Json process_json(const Process& p, int format) {
   }
   json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
   if (p.gap_shortfall != kDefaultGapShortfall) json["gap_shortfall"] = p.gap_shortfall;
+  if (p.edge_aim_um > 0) json["edge_aim_um"] = p.edge_aim_um;
   if (p.spread_rounds != Process::kDefaultSpreadRounds) json["spread_rounds"] = p.spread_rounds;
   if (p.surface == Surface::mesh) json["surface"] = "mesh";
   json["platform_features"] = p.cap_platform_features ? "capped" : "uncapped";

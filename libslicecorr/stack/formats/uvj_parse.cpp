@@ -146,6 +146,7 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
   if (node.has("gap_shortfall")) p.gap_shortfall = node["gap_shortfall"].number(0, 0.5);
+  if (node.has("edge_aim_um")) p.edge_aim_um = node["edge_aim_um"].number(0, kMostEdgeAimUm);
   if (node.has("spread_rounds")) {
     p.spread_rounds = node["spread_rounds"].integer(0, Process::kMostSpreadRounds);
   }

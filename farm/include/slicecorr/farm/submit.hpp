@@ -41,6 +41,10 @@ struct JobRequest {
   /// Meshes and stacks of what is shown as it is sliced beside the part (left_alone.hpp).
   std::vector<std::string> leave_alone;
   SetupChoices setup;  ///< mode also "tomography"
+  /// The speed, or layer by layer the exposure, is found for each part (plan.hpp): `prepare` does so.
+  bool plan = false;
+  double tolerance_um = 0, gap_contrast = 0;  ///< as `PlanAsk`; 0: its defaults
+  std::string planned;  ///< what was found, in words; empty before and without `plan`
   /// Of tomographic prints; 0 and empty: not given.
   std::vector<std::string> inserts;  ///< what turns with the part: meshes, or volumes
   double voxel_mm = 0;
@@ -105,6 +109,7 @@ struct Estimate {
   std::int64_t memory_mb = 0;   ///< at one thread
   bool cached = false;          ///< the result is there already
   bool duplicate = false;       ///< the same work as an earlier job of this submission
+  std::string planned;          ///< `JobRequest::planned`
   bool measured = false;        ///< by rates that this farm measured, else by a guess
 };
 

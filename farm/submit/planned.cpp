@@ -1,0 +1,102 @@
+#include "submit/planned.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "programs/common/mesh_options.hpp"
+#include "slicecorr/plan.hpp"
+#include "slicecorr/stack.hpp"
+#include "submit/fields.hpp"
+
+namespace slicecorr::farm::detail {
+
+namespace {
+
+/// What messages call a field of the request.
+std::string named(const JobRequest& r, std::string key) {
+  if (!r.as_options) return key;
+  std::replace(key.begin(), key.end(), '_', '-');
+  return "--" + key;
+}
+
+std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& setup,
+                                           const std::string& scratch_folder,
+                                           const ExecutionContext& context) {
+  if (std::all_of(r.parts.begin(), r.parts.end(), is_mesh_name)) {
+    if (r.layer_um <= 0) throw InputError(named(r, "layer_um") + " is missing");
+    cli::MeshOptions o;
+    o.parts = r.parts;
+    o.layer_um = r.layer_um;
+    o.antialias = r.antialias;
+    o.center_mm = r.center_mm;
+    o.units = r.units;
+    o.scale = r.scale;
+    o.rotate_deg = r.rotate_deg;
+    return std::make_unique<const MeshSlices>(
+        cli::slice_parts(o, setup.printer, setup.process.surface, context));
+  }
+  if (r.parts.size() != 1) throw InputError("expected meshes, or one archive of slices");
+  check_design(StackReader::read_info(r.parts[0]), r.parts[0]);
+  MissingFacts facts;
+  facts.layer_um = r.layer_um;
+  facts.pixel_x_um = setup.printer.pixel_x_um;
+  facts.pixel_y_um = setup.printer.pixel_y_um;
+  return std::make_unique<const StackReader>(r.parts[0], scratch_folder, context, facts);
+}
+
+void plan(JobRequest& r, const std::string& scratch_folder, const ExecutionContext& context) {
+  if (kind_of(r) != JobKind::slices) {
+    throw InputError(named(r, "plan") + " has no place in a tomographic print");
+  }
+  const bool layerwise = r.setup.mode == "layerwise";
+  for (const char* key : {"speed_mm_h", "exposure_s"}) {
+    if (r.said.contains(key)) {
+      throw InputError(fmt::format("{} is what {} finds; expected one of them", named(r, key),
+                                   named(r, "plan")));
+    }
+  }
+  SetupChoices choices = r.setup;
+  (layerwise ? choices.exposure_s : choices.speed_mm_h) = 1;
+  const Setup setup = resolve_setup(choices, nullptr, nullptr,
+                                    r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+  PlanAsk ask;
+  ask.curve_points = 0;
+  if (r.tolerance_um > 0) ask.tolerance_um = r.tolerance_um;
+  if (r.gap_contrast > 0) ask.gap_contrast = r.gap_contrast;
+  const PrintPlan found =
+      plan_print(*part_of(r, setup, scratch_folder, context), setup, ask, context);
+  const std::string pace = layerwise ? fmt::format("{:g} s", found.at.exposure_s)
+                                     : fmt::format("{:g} mm/h", found.at.speed_mm_h);
+  (layerwise ? r.setup.exposure_s : r.setup.speed_mm_h) =
+      layerwise ? found.at.exposure_s : found.at.speed_mm_h;
+  r.setup.edge_aim_um = found.setup.process.edge_aim_um;
+  r.planned = fmt::format("{}, limited by {}", pace, found.limited_by);
+  r.labels.push_back("planned " + pace);
+}
+
+}  // namespace
+
+std::vector<JobRequest> planned(const std::vector<JobRequest>& requests,
+                                const std::string& scratch_folder,
+                                const ExecutionContext& context) {
+  std::vector<JobRequest> out = requests;
+  std::vector<SubmitError> errors;
+  for (JobRequest& r : out) {
+    if (!r.plan) continue;
+    try {
+      plan(r, scratch_folder, context);
+    } catch (const Cancelled&) {
+      throw;
+    } catch (const InfeasibleError& e) {
+      errors.push_back({r.where, e.what(), Reason::infeasible});
+    } catch (const Error& e) {
+      errors.push_back({r.where, e.what(), Reason::bad_input});
+    }
+  }
+  if (!errors.empty()) throw SubmitErrors(std::move(errors));
+  return out;
+}
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,41 @@
+/// One correction of some of a part's columns at one speed, and whether it keeps what is asked for.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "plan/design_columns.hpp"
+#include "slicecorr/plan.hpp"
+
+namespace slicecorr::detail {
+
+/// What all trials of a plan share. Thread-safe.
+class Trials {
+ public:
+  /// `target` and `columns` must outlive this. Reads nothing of the target but its size and frame.
+  Trials(const SliceSource& target, const DesignColumns& columns, const PlanAsk& ask);
+
+  /// Corrects and predicts the columns `which`. Columns that fail are added to `failing` where that is
+  /// not null. What `PlacePlans` refuses comes back as a point that does not print.
+  PlanPoint correct(const Setup& setup, std::span<const std::uint32_t> which,
+                    std::vector<std::uint32_t>* failing, const ExecutionContext& context) const;
+
+  /// Gaps from run to run below this many slices are left out.
+  int least_gap_slices() const { return least_gap_slices_; }
+  /// "50 um (1 slice)".
+  std::string height_in_words(int slices) const;
+
+ private:
+  PlanPoint correct_evenly(const Setup& setup, std::span<const std::uint32_t> which,
+                           std::vector<std::uint32_t>* failing,
+                           const ExecutionContext& context) const;
+  class Block;
+
+  const SliceSource& target_;
+  const DesignColumns& columns_;
+  const PlanAsk ask_;
+  int least_gap_slices_;
+};
+
+}  // namespace slicecorr::detail

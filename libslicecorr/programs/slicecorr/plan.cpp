@@ -1,0 +1,155 @@
+#include "plan.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+/// Speeds are what is looked for: any will do until then.
+Setup resolve(const PlanOptions& o) {
+  SetupOptions setup = o.setup;
+  const bool layerwise = setup.mode == "layerwise";
+  if (setup.speed_mm_h > 0 || setup.exposure_s > 0) {
+    throw InputError(fmt::format("{} is what plan finds; expected it not to be given",
+                                 setup.speed_mm_h > 0 ? "--speed-mm-h" : "--exposure-s"));
+  }
+  if (!setup.slice_speeds.empty()) {
+    throw InputError("--slice-speed-mm-h is a choice of speed; expected it not to be given");
+  }
+  (layerwise ? setup.exposure_s : setup.speed_mm_h) = 1;
+  return setup.resolve(nullptr, nullptr);
+}
+
+std::unique_ptr<const SliceSource> read_input(const PlanOptions& o, const Printer& printer,
+                                              const ExecutionContext& context) {
+  const std::vector<std::string>& parts = o.mesh.parts;
+  if (std::all_of(parts.begin(), parts.end(), is_mesh_name)) {
+    if (!(o.mesh.layer_um > 0)) throw InputError("--layer-um is required with meshes");
+    return std::make_unique<const MeshSlices>(
+        slice_parts(o.mesh, printer, o.setup.wanted_surface(), context));
+  }
+  if (parts.size() != 1) throw InputError("expected meshes, or one stack");
+  MissingFacts facts;
+  facts.layer_um = o.mesh.layer_um;
+  facts.pixel_x_um = printer.pixel_x_um;
+  facts.pixel_y_um = printer.pixel_y_um;
+  return std::make_unique<const StackReader>(design(parts[0]), folder_of(parts[0]), context, facts);
+}
+
+void check_outputs(const PlanOptions& o) {
+  std::vector<std::string> taken = o.mesh.parts;
+  for (const std::string& output : {o.json, o.output, o.slice_speeds}) {
+    check_output(output, taken);
+    if (!output.empty() && output != "-") taken.push_back(output);
+  }
+  if (!o.output.empty() && std::filesystem::path(o.output).extension() != ".svg") {
+    throw InputError(o.output, "", "expected a picture that ends in .svg");
+  }
+}
+
+int plan(const PlanOptions& o, const ExecutionContext& context, Console& console) {
+  const auto start = std::chrono::steady_clock::now();
+  check_outputs(o);
+  PlanAsk ask = o.ask;
+  ask.light_error = o.light_error_percent / 100;
+  for (const std::string& name : o.free) {
+    bool& chosen = name == "lamp"       ? ask.free.lamp
+                   : name == "uv"       ? ask.free.uv
+                   : name == "edge-aim" ? ask.free.edge_aim
+                                        : ask.free.omega_max;
+    chosen = true;
+  }
+  const Setup setup = resolve(o);
+  ask.stage = load_stage_change(o.setup.printer);
+  if (!o.slice_speeds.empty() && !ask.stage.variable_speed) {
+    throw InputError(o.setup.printer, "",
+                     "has no [stage] variable_speed = true; expected it with --slice-speeds");
+  }
+  tell_notices(setup, nullptr, context);
+  const auto part = read_input(o, setup.printer, context);
+  const PrintPlan found = plan_print(*part, setup, ask, context);
+  if (!o.json.empty()) print_or_write(o.json, found.to_json());
+  if (o.json != "-") print_result(plan_text(found));
+  if (!o.slice_speeds.empty()) {
+    if (found.slice_speed_mm_h.empty()) {
+      console.say(fmt::format("{}: not written, all slices have one speed", o.slice_speeds));
+    } else {
+      print_or_write(o.slice_speeds, found.slice_speeds_csv());
+    }
+  }
+  if (!o.output.empty()) {
+    const std::string name = std::filesystem::path(o.mesh.parts[0]).filename().string();
+    write_text_file(o.output, found.svg(fmt::format("How fast {} can print", name)));
+    console.say(fmt::format("{}: written", o.output));
+  }
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  console.say(fmt::format("{} corrections of {} columns, {:.1f} s", found.tried.size(),
+                          found.judged_columns, took.count()));
+  return kDone;
+}
+
+}  // namespace
+
+void add_plan(Program& program, PlanOptions& o) {
+  CLI::App* sub = program.add(
+      "plan",
+      "Find how fast a part can be printed (layer by layer: the least exposure) with edges and gaps "
+      "as asked for, and what limits it",
+      [&o](const ExecutionContext& context, Console& console) {
+        return plan(o, context, console);
+      });
+  sub->add_option("PART", o.mesh.parts,
+                  "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate, or one stack "
+                  "of the design")
+      ->required();
+  sub->add_option("--layer-um", o.mesh.layer_um,
+                  "Slice height, 1 to 1000; of a stack where it says none")
+      ->check(number_in(1, 1000));
+  sub->add_option("--antialias", o.mesh.antialias,
+                  "Area coverage in 256 levels, or the pixel-centre rule")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  o.mesh.add_placement_to(*sub);
+  o.setup.add_to(*sub, true, true);
+  sub->add_option("--tolerance-um", o.ask.tolerance_um, "How far edges may lie from the design")
+      ->check(number_above_zero())
+      ->capture_default_str();
+  sub->add_option("--gap-contrast", o.ask.gap_contrast,
+                  "1 less the least dose that every gap is to have, 0 to below 1")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  sub->add_option("--light-error-percent", o.light_error_percent,
+                  "Error of the light that must not move edges by more than the tolerance; 0: none")
+      ->check(number_in(0, 99))
+      ->capture_default_str();
+  sub->add_option("--least-gap-um", o.ask.least_gap_um,
+                  "Gaps lower than this are left out, and told [those of one slice]")
+      ->check(number_above_zero());
+  sub->add_option(
+         "--free", o.free,
+         "What may be chosen besides the speed: lamp (less curing light, where stage or "
+         "suction keep the print slow), omega-max (the cap of the dose), edge-aim (edges placed less "
+         "finely, low gaps darker), uv (less UV light)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"lamp", "omega-max", "edge-aim", "uv"}));
+  sub->add_option("--points", o.ask.curve_points, "Points of the curve over speed; 0: none")
+      ->check(CLI::Range(0, 200))
+      ->capture_default_str();
+  sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option(
+      "--slice-speeds", o.slice_speeds,
+      "Write the speed of each slice as CSV to FILE, where the printer's stage may change "
+      "its speed and suction holds slices back");
+  sub->add_option("-o,--output", o.output, "Draw speed against contrast and errors (.svg)");
+}
+
+}  // namespace slicecorr::cli

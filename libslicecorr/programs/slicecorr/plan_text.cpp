@@ -1,0 +1,125 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "plan.hpp"
+#include "slicecorr/limit.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+std::string time_in_words(double s) {
+  const long total = std::lround(s);
+  return total >= 3600 ? fmt::format("{} h {} min", total / 3600, total % 3600 / 60)
+         : total >= 60 ? fmt::format("{} min {} s", total / 60, total % 60)
+                       : fmt::format("{:.1f} s", s);
+}
+
+std::string pace(const PlanPoint& p) {
+  return p.exposure_s > 0 ? fmt::format("{:g} s", p.exposure_s)
+                          : fmt::format("{:g} mm/h", p.speed_mm_h);
+}
+
+std::string row(const PlanPoint& p) {
+  if (!p.prints) return fmt::format("  {:>12}  {}", pace(p), p.limited_by);
+  return fmt::format("  {:>12}  {:>8.3f}  {:>8.3f}  {:>8}  {:>12}  {}", pace(p), p.mean_abs_um,
+                     p.max_abs_um,
+                     p.contrast_at.x >= 0 ? fmt::format("{:.4f}", p.contrast) : std::string("-"),
+                     time_in_words(p.time_s), p.keeps ? "keeps all" : p.limited_by);
+}
+
+std::string ranges_in_words(const std::vector<SpeedRange>& ranges) {
+  std::string text;
+  for (const SpeedRange& r : ranges) {
+    text += fmt::format("{}{:.2f} to {:.2f}", text.empty() ? "" : " and ", r.least_mm_h,
+                        r.greatest_mm_h);
+  }
+  return text.empty() ? "none" : text + " mm/h";
+}
+
+std::string gap_in_words(const PrintPlan& plan, const PlanGap& g) {
+  std::string text =
+      fmt::format("  {:>3} slice{}, {:g} um{}{}: {} pixels, first {}, {}, slices {} to {}",
+                  g.slices, g.slices == 1 ? " " : "s", g.slices * plan.layer_um,
+                  g.at_platform ? ", from the platform" : "", g.beside_grey ? ", beside grey" : "",
+                  g.count, g.place.x, g.place.y, g.place.first, g.place.last);
+  if (g.left_out) return text + "; left out";
+  if (!plan.light || g.beside_grey) return text;
+  text += "; " + ranges_in_words(g.ranges);
+  if (g.best) {
+    text += fmt::format(", best {:.4f} at {:.2f} mm/h", g.best->contrast, g.best->speed_mm_h);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string plan_text(const PrintPlan& plan) {
+  const bool continuous = plan.mode == ExposureMode::continuous;
+  std::string text = fmt::format(
+      "{}: the {} with edges within {:g} um and a contrast of {:g} in gaps\n"
+      "limited by {}: {}\n"
+      "print {}, {} slices after the part's end\n",
+      pace(plan.at), continuous ? "fastest" : "least exposure", plan.ask.tolerance_um,
+      plan.ask.gap_contrast, plan.limited_by, plan.limit, time_in_words(plan.at.time_s),
+      plan.at.extra_slices);
+  if (!plan.with.empty()) {
+    text += "with " + plan.with;
+    if (plan.setup.process.edge_aim_um > 0) {
+      text += fmt::format(": correct takes --edge-aim-um {:g}", plan.setup.process.edge_aim_um);
+    }
+    text += "\n";
+  }
+  if (plan.lamp_share < 1) {
+    text += fmt::format(
+        "lamp: {:.4g} of its light; the calibration of the printer file times this share\n",
+        plan.lamp_share);
+  }
+  if (plan.light) {
+    const PlanLight& l = *plan.light;
+    const double s = plan.at.speed_mm_h * std::pow(plan.lamp_share, -1.0);
+    text += fmt::format(
+        "light: full {:.4g} and black {:.4g} times what gels; full light gels up to {:.2f}, black "
+        "below {:.2f} mm/h\n",
+        l.full(s), l.black(s), l.smax_mm_h, l.smin_mm_h);
+    text += fmt::format("closed forms: {}\n", ranges_in_words(plan.ranges));
+  }
+  if (plan.faster) {
+    text += fmt::format("half a percent faster, {}: {}\n", pace(*plan.faster),
+                        plan.faster->keeps ? "keeps all" : plan.faster->why);
+  }
+  if (plan.slower) {
+    text += fmt::format("a tenth slower, {}: {}\n", pace(*plan.slower),
+                        plan.slower->keeps ? "keeps all" : plan.slower->why);
+  }
+  for (const std::string& words : plan.chosen) text += "tried: " + words + "\n";
+  if (!plan.gaps.empty()) {
+    text += "gaps, the lowest:\n";
+    constexpr std::size_t kMost = 6;
+    for (std::size_t i = 0; i < std::min(kMost, plan.gaps.size()); ++i) {
+      text += gap_in_words(plan, plan.gaps[i]) + "\n";
+    }
+  }
+  if (!plan.curve.empty()) {
+    text +=
+        fmt::format("  {:>12}  {:>8}  {:>8}  {:>8}  {:>12}\n", continuous ? "speed" : "exposure",
+                    "mean, um", "most, um", "contrast", "time");
+    for (const PlanPoint& p : plan.curve) text += row(p) + "\n";
+  }
+  if (!plan.steps.empty()) {
+    text += "the next step, by closed forms:\n";
+    for (const PlanStep& s : plan.steps) {
+      text += fmt::format(
+          "  {:<32} {}{}{}\n", s.change,
+          s.speed_mm_h ? fmt::format("{:.2f} mm/h", *s.speed_mm_h) : std::string("no speed"),
+          s.held_back ? " (held back by stage or suction)" : "",
+          s.best ? fmt::format("; best contrast {:.4f}", s.best->contrast) : "");
+    }
+  }
+  for (const std::string& note : plan.notes) text += "note: " + note + "\n";
+  return text;
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,165 @@
+/// `slicecorr plan` as people run it.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "ladder.hpp"
+#include "program_fixture.hpp"
+#include "real_files.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+/// Two tall blocks that are `gap_mm` apart, held by a rail.
+TriangleMesh blocks(double gap_mm) {
+  TriangleMesh mesh;
+  add_box(mesh, {-2, -1, 0}, {-1, 1, 4 + gap_mm});
+  add_box(mesh, {-0.95, -1, 0}, {1, 1, 2});
+  add_box(mesh, {-0.95, -1, 2 + gap_mm}, {1, 1, 4 + gap_mm});
+  return mesh;
+}
+
+class PlanProgram : public ProgramFixture {
+ protected:
+  PlanProgram() {
+    write_stl(folder_ / "gap.stl", blocks(0.1));
+    write("small.toml", kSmallPrinter);
+  }
+  json plan(const Command& more) const {
+    const RunResult r = good(kPlan + more + Command{"--json", "-", "--quiet"});
+    return r.exit_code == 0 ? json::parse(r.out) : json();
+  }
+  const Command kProcess{"--printer", "small.toml", "--resin", "figure-2-2", "--surface", "slices"};
+  const Command kPlan = Command{"plan", "gap.stl", "--layer-um", "50"} + kProcess;
+};
+
+TEST_F(PlanProgram, SaysTheFastestSpeedAndTheNextFails) {
+  const json j = plan({"--points", "4"});
+  const double speed = j["speed_mm_h"];
+  EXPECT_LE(speed, 3389.69);
+  EXPECT_GE(speed, 3389.69 / 1.01);
+  EXPECT_EQ(j["limited_by"], "contrast");
+  EXPECT_GE(j["curve"].size(), 5U);
+  EXPECT_NEAR(j["gaps"][0]["ranges_mm_h"][0][0].get<double>(), 588.67, 0.005);
+  EXPECT_NEAR(j["gaps"][0]["ranges_mm_h"][0][1].get<double>(), 3389.69, 0.005);
+
+  // `correct` and `verify` say the same of the speed, and of the next.
+  good(Command{"slice", "gap.stl", "-o", "gap.uvj", "--layer-um", "50", "--printer", "small.toml",
+               "--surface", "slices"});
+  const auto contrast = [&](double at) {
+    good(
+        Command{"correct", "gap.uvj", "-o", "out.uvj", "--speed-mm-h", fmt::format("{:.17g}", at)} +
+        kProcess);
+    return figures("out.uvj", "gap.uvj")["gap_contrast"]["min"].get<double>();
+  };
+  EXPECT_GE(contrast(speed), 0.05);
+  EXPECT_NEAR(contrast(speed), j["at"]["contrast"].get<double>(), 1e-9);
+  EXPECT_LT(contrast(j["faster"]["speed_mm_h"]), 0.05);
+  // A stack of the design is planned like the mesh.
+  const RunResult stack =
+      good(Command{"plan", "gap.uvj", "--points", "4", "--json", "-", "--quiet"} + kProcess);
+  EXPECT_EQ(json::parse(stack.out)["speed_mm_h"], j["speed_mm_h"]);
+}
+
+TEST_F(PlanProgram, TextPictureAndProgress) {
+  const RunResult r = good(kPlan + Command{"-o", "plan.svg", "--json", "plan.json"});
+  EXPECT_THAT(r.out, HasSubstr("mm/h: the fastest with edges within 25 um"));
+  EXPECT_THAT(r.out, HasSubstr("588.67 to 3389.69 mm/h"));
+  EXPECT_THAT(r.out, HasSubstr("absorbance height 20 % lower"));
+  EXPECT_THAT(r.err, HasSubstr("plan: done"));
+  EXPECT_THAT(to_text(read_file(folder_ / "plan.svg")), HasSubstr("<svg"));
+  EXPECT_NO_THROW(json::parse(to_text(read_file(folder_ / "plan.json"))));
+}
+
+TEST_F(PlanProgram, SameBytesForAnyNumberOfThreads) {
+  const RunResult one = good(kPlan + Command{"--json", "-", "--threads", "1"});
+  const RunResult two = good(kPlan + Command{"--json", "-", "--threads", "2"});
+  EXPECT_EQ(one.out, two.out);
+}
+
+TEST_F(PlanProgram, WhatCantBeHadIsRefused) {
+  bad(3, kPlan + Command{"--gap-contrast", "0.2"},
+      {"100 um (2 slices)", "at most 0.05486", "slices 40 to 41"});
+  bad(3, kPlan + Command{"--tolerance-um", "5"}, {"8.68589 um", "greater tolerance"});
+  bad(2, kPlan + Command{"--speed-mm-h", "500"}, {"--speed-mm-h is what plan finds"});
+  bad(2, kPlan + Command{"--free", "uv"}, {"UV"});
+  bad(2, kPlan + Command{"--tolerance-um", "0"}, {"--tolerance-um"});
+  bad(2, kPlan + Command{"--tolerance-um", "nan"}, {"--tolerance-um"});
+  bad(2, kPlan + Command{"-o", "plan.pdf"}, {".svg"});
+  bad(2, kPlan + Command{"--json", "gap.stl"}, {"gap.stl"});
+  bad(2, Command{"plan", "none.stl", "--layer-um", "50"} + kProcess, {"none.stl"});
+  bad(2, Command{"plan", "gap.stl"} + kProcess, {"--layer-um"});
+  good(Command{"slice", "gap.stl", "-o", "gap.uvj", "--layer-um", "50", "--printer", "small.toml"});
+  good(Command{"correct", "gap.uvj", "-o", "out.uvj", "--speed-mm-h", "1000"} + kProcess);
+  bad(2, Command{"plan", "out.uvj"} + kProcess, {"out.uvj", "corrected"});
+}
+
+TEST_F(PlanProgram, SlicesThatPullGoSlower) {
+  // A foot of 1 mm below a plate of 4 mm.
+  TriangleMesh mesh;
+  add_box(mesh, {-0.5, -0.5, 0}, {0.5, 0.5, 3});
+  add_box(mesh, {-2, -2, 3}, {2, 2, 4});
+  write_stl(folder_ / "plate.stl", mesh);
+  const std::string display =
+      std::string(kSmallPrinter).substr(std::string("name = \"small\"\n").size());
+  write("vat.toml", "name = \"vat\"\nsuction_limit_pa = 2000\n" + display +
+                        "[stage]\nmax_speed_mm_h = 9000\nacceleration_mm_s2 = 0.5\n");
+  write("change.toml", "name = \"change\"\nsuction_limit_pa = 2000\n" + display +
+                           "[stage]\nmax_speed_mm_h = 9000\nacceleration_mm_s2 = 0.5\n"
+                           "variable_speed = true\n");
+  write("thick.toml",
+        "name = \"thick\"\nviscosity_pa_s = 0.3\n[cure]\nabsorbance_height_um = 2000\nabsorbance_base = 10\n"
+        "critical_dose_mj_cm3 = 576\n");
+  const Command part{"plate.stl",  "--layer-um", "50",    "--resin",
+                     "thick.toml", "--surface",  "slices"};
+  const auto plan_of = [&](const std::string& printer, const Command& more) {
+    return json::parse(
+        good(Command{"plan"} + part +
+             Command{"--printer", printer, "--json", "-", "--quiet", "--points", "0"} + more)
+            .out);
+  };
+  const json uniform = plan_of("vat.toml", {});
+  EXPECT_EQ(uniform["limited_by"], "suction");
+  EXPECT_TRUE(uniform["slice_speed_mm_h"].is_null());
+  const double bears = uniform["suction"]["speed_limit_mm_h"];
+  EXPECT_LE(uniform["speed_mm_h"].get<double>(), bears);
+  const json along = plan_of("change.toml", {"--slice-speeds", "speeds.csv"});
+  EXPECT_EQ(along["limited_by"], "tolerance");
+  const double top = along["speed_mm_h"];
+  EXPECT_GT(top, bears);
+  const auto& speeds = along["slice_speed_mm_h"];
+  ASSERT_EQ(speeds.size(), 81U);
+  EXPECT_EQ(speeds[0], top);
+  EXPECT_LE(speeds[65].get<double>(), bears);
+  EXPECT_NEAR(speeds[65].get<double>(), bears, 0.01 * bears);
+  EXPECT_LT(along["print_time_s"].get<double>(), uniform["print_time_s"].get<double>());
+
+  // `correct` takes the table, and refuses its speed without it.
+  good(Command{"slice", "plate.stl", "-o", "plate.uvj", "--layer-um", "50", "--printer",
+               "change.toml", "--surface", "slices"});
+  const Command correct{
+      "correct",     "plate.uvj", "-o",         "out.uvj",      "--printer",
+      "change.toml", "--resin",   "thick.toml", "--speed-mm-h", fmt::format("{:.17g}", top)};
+  bad(3, correct, {"suction_limit_pa"});
+  good(correct + Command{"--slice-speed-mm-h", "speeds.csv"});
+  bad(2, Command{"plan"} + part + Command{"--printer", "vat.toml", "--slice-speeds", "s.csv"},
+      {"variable_speed"});
+  write("still.toml", "name = \"still\"\n" + display + "[stage]\nvariable_speed = true\n");
+  bad(2, Command{"plan"} + part + Command{"--printer", "still.toml"}, {"acceleration_mm_s2"});
+}
+
+TEST_F(PlanProgram, LayerByLayerAndUvLight) {
+  const json layers = plan({"--mode", "layerwise", "--ha-um", "110", "--points", "3"});
+  // Figure A.7: 0.07837 s just gel a layer.
+  EXPECT_NEAR(layers["exposure_s"].get<double>(), 0.07837, 0.0001);
+  EXPECT_FALSE(layers.contains("speed_mm_h"));
+}
+
+}  // namespace
+}  // namespace slicecorr::test

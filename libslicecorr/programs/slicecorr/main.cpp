@@ -12,12 +12,14 @@
 #include "options.hpp"
 #include "programs/common/dose_options.hpp"
 #include "programs/common/make_part.hpp"
+#include "programs/common/uncertain_options.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
+#include "slicecorr/uncertain_print.hpp"
 #include "slicecorr/version.hpp"
 #include "test_part.hpp"
 #include "tomo.hpp"
@@ -29,9 +31,10 @@ namespace {
 struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
+  UncertainOptions uncertain;
   DoseOptions doses;
   SimulateOptions simulate;
-  std::string input, output, format, target, json;
+  std::string input, output, format, target, json, uncertain_map;
   std::vector<std::string> leave_alone;
   double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
@@ -84,7 +87,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   check_output(a.output, a.doses.inputs());
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
-  Setup setup = a.setup.resolve(nullptr, &times);
+  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
   tell_notices(setup, &times, context);
   // What a slicer wrote besides the slices stays.
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
@@ -107,7 +110,7 @@ struct StackAndDesign {
   StackAndDesign(const Arguments& a, const std::string& folder, const std::string& target_folder,
                  const ExecutionContext& context)
       : stack(a.open(a.input, folder, context)),
-        setup(a.setup.resolve(&stack.info(), &stack.info())),
+        setup(a.uncertain.put(a.setup.resolve(&stack.info(), &stack.info()), a.setup)),
         read(a.open(design(a.target), target_folder, context)),
         fitted(FittedSlices::like(stack, read, target_folder, context)),
         target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context) {
@@ -128,6 +131,11 @@ struct StackAndDesign {
 int verify(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input, a.target});
   check_output(a.output, {a.input, a.target});
+  check_output(a.uncertain_map, {a.input, a.target});
+  if (!a.uncertain_map.empty() && a.uncertain.uncertain.empty()) {
+    throw InputError(
+        "--uncertain-map shows how sure edges are; expected --uncertain, as in --uncertain ha=8%");
+  }
   const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.target), context);
@@ -137,6 +145,13 @@ int verify(const Arguments& a, const ExecutionContext& context, Console&) {
     const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
                                              surface_picture(*p.maps, false, scale_um)));
     write_text_file(a.output, {png.begin(), png.end()});
+  }
+  if (!a.uncertain_map.empty()) {
+    const double scale_um = given.stack.grid().layer_um;
+    const SurfaceMaps& maps = *p.uncertain->maps;
+    const auto png = encode_png(side_by_side(sensitivity_picture(maps, true, scale_um),
+                                             sensitivity_picture(maps, false, scale_um)));
+    write_text_file(a.uncertain_map, {png.begin(), png.end()});
   }
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
@@ -290,7 +305,7 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
     check_output(path, a.with_left_alone(a.mesh.parts));
     check_output(path, a.doses.inputs());
   }
-  const Setup setup = a.setup.resolve(nullptr, nullptr);
+  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, nullptr), a.setup);
   tell_notices(setup, nullptr, context);
   MeshesLeftAlone place;
   const MeshSlices slices =
@@ -463,6 +478,7 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "IN", "Stack of coverage images");
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
+  a.uncertain.add_to(*sub, true);
   doses_of_stack(sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
@@ -471,7 +487,12 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
+  a.uncertain.add_to(*sub, false);
   doses_of_stack(sub);
+  sub->add_option("--uncertain-map", a.uncertain_map,
+                  "Write a map of how sure edges are to FILE (.png): upper and lower edges, the "
+                  "darker the wider the band of 95 %, black at a slice either way")
+      ->type_name("FILE");
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--map", a.output,
                   "Write a map of the surface to FILE (.png): from below and from above, red where "
@@ -504,6 +525,7 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
+  a.uncertain.add_to(*sub, false);
   doses_of_stack(sub);
   sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
 
@@ -535,6 +557,7 @@ int run_program(int argc, char** argv) {
   a.mesh.add_to(*sub);
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
+  a.uncertain.add_to(*sub, true);
   a.doses.add_to(*sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 

@@ -48,7 +48,7 @@ LightGradient light_gradient(const CureModel& model, double phi, double referenc
 DoseGradient step_gradient(const CureModel& model, const LightGradient& light,
                            const DoseGradient& below, double t) {
   const double exponent = -t * model.eta * units::kLn10;
-  const double e = std::exp(exponent), gone = -std::expm1(exponent);
+  const double gone = -std::expm1(exponent), e = 1.0 - gone;
   DoseGradient out;
   if (model.mode == ExposureMode::layerwise) {
     const double near = light.phi + below.dose;
@@ -127,10 +127,14 @@ BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, co
     : model_(model), wanted_(wanted) {
   check_derivatives(model);
   const PixelCurve curve = pixel_curve(model);
+  const bool more = wanted.stray || wanted.m;
   for (std::size_t v = 0; v < curve.size(); ++v) {
-    table_[v] = light_gradient(model, curve[v], wanted.reference_mw_cm2);
+    const LightGradient light = more ? light_gradient(model, curve[v], wanted.reference_mw_cm2)
+                                     : LightGradient{curve[v], 0, 0};
+    phi_of_[v] = light.phi;
+    stray_of_[v] = light.stray;
+    m_of_[v] = light.m;
   }
-  table_.back() = {};
   const auto make = [&](std::vector<double>& values, bool is_wanted) {
     if (is_wanted) values.assign(columns, 0.0);
   };
@@ -149,19 +153,19 @@ BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, co
 void BandDerivatives::take_light(int slice, const std::uint8_t* pixels) {
   const double ratio = model_.ratio(slice);
   const std::size_t columns = light_.phi.size();
-  const auto fill = [&](std::vector<double>& out, double LightGradient::*of) {
+  const auto fill = [&](std::vector<double>& out, const PixelCurve& of) {
     if (out.empty()) return;
     if (!pixels) {
       std::fill(out.begin(), out.end(), 0.0);
       return;
     }
-    double values[256];
-    for (std::size_t v = 0; v < 256; ++v) values[v] = table_[v].*of * ratio;
-    for (std::size_t i = 0; i < columns; ++i) out[i] = values[pixels[i]];
+    for (std::size_t i = 0; i < columns; ++i) out[i] = of[pixels[i]];
+    if (ratio == 1) return;
+    for (double& value : out) value *= ratio;
   };
-  fill(light_.phi, &LightGradient::phi);
-  fill(light_.stray, &LightGradient::stray);
-  fill(light_.m, &LightGradient::m);
+  fill(light_.phi, phi_of_);
+  fill(light_.stray, stray_of_);
+  fill(light_.m, m_of_);
 }
 
 namespace {

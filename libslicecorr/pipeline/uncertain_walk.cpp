@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
@@ -33,6 +36,27 @@ void check_uncertain(const Setup& setup) {
   }
 }
 
+namespace {
+
+/// Where parts of so many columns begin that anything is designed in.
+std::vector<std::size_t> starts_of_parts(const CodedBand& coverage, std::size_t columns,
+                                         std::size_t width) {
+  std::vector<bool> designed((columns + width - 1) / width, false);
+  std::vector<NonZero> lit;
+  for (int n = 0; n < coverage.slices(); ++n) {
+    if (n > 0 && coverage.same(n, n - 1)) continue;
+    coverage.read_nonzero(n, lit);
+    for (const NonZero& pixel : lit) designed[pixel.at / width] = true;
+  }
+  std::vector<std::size_t> starts;
+  for (std::size_t p = 0; p < designed.size(); ++p) {
+    if (designed[p]) starts.push_back(p * width);
+  }
+  return starts;
+}
+
+}  // namespace
+
 UncertainTotal::UncertainTotal(const Setup& setup, const PixelBox& box)
     : uncertainty_(*setup.uncertainty), maps_(box) {
   check_uncertainty(uncertainty_);
@@ -44,20 +68,53 @@ void UncertainTotal::add(const CureModel& model, std::size_t columns, const Show
                          const CodedDesign& design, int all_layers, bool at_heights,
                          const BandPredictor::PixelOfColumn& place,
                          const ExecutionContext& context) {
-  UncertainBand band(model, uncertainty_, all_layers, columns);
-  if (at_heights) band.aim_at_heights();
-  LeftAloneRows left_alone(design.left_alone);
-  std::vector<std::uint8_t> coverage(columns), heights(columns), room;
-  room.resize(columns);
-  for (int n = all_layers; n-- > 0;) {
-    if ((n & 63) == 0) context.check_cancelled();
-    design.coverage.read(n, coverage.data());
-    band.add_slice(n, shown(n), marked(coverage.data(), left_alone.at(n), room),
-                   design.heights_at(n, heights.data()));
-  }
+  // A few columns at a time, so that what is known of them stays in the nearest caches; their slices
+  // are read some at a time.
+  constexpr std::size_t width = 256;
+  constexpr int most = 32;
+  const std::vector<std::size_t> starts = starts_of_parts(design.coverage, columns, width);
   UncertainPrint figures;
-  band.finish(place, figures);
-  maps_.add(band.sides(), place);
+  std::vector<UncertainBand> bands;
+  for (const std::size_t from : starts) {
+    bands.emplace_back(model, uncertainty_, all_layers, std::min(width, columns - from));
+    bands.back().add_to(figures);
+    if (at_heights) bands.back().aim_at_heights();
+  }
+  LeftAloneRows left_alone(design.left_alone);
+  std::vector<std::uint8_t> row(columns), room(columns);
+  struct Rows {
+    bool none = true;
+    std::vector<std::uint8_t> bytes;
+    void take(const std::uint8_t* from, std::size_t n) {
+      none = from == nullptr;
+      if (from) bytes.assign(from, from + n);
+    }
+    const std::uint8_t* at(std::size_t column) const { return none ? nullptr : &bytes[column]; }
+  };
+  std::vector<Rows> pixels(most), coverage(most), heights(most);
+  for (int end = all_layers; end > 0; end -= most) {
+    context.check_cancelled();
+    const int first = std::max(0, end - most);
+    for (int n = first; n < end; ++n) {
+      const auto k = static_cast<std::size_t>(n - first);
+      pixels[k].take(shown(n), columns);
+      design.coverage.read(n, row.data());
+      coverage[k].take(marked(row.data(), left_alone.at(n), room), columns);
+      heights[k].take(design.heights_at(n, row.data()), columns);
+    }
+    for (std::size_t b = 0; b < bands.size(); ++b) {
+      for (int n = end; n-- > first;) {
+        const auto k = static_cast<std::size_t>(n - first);
+        bands[b].add_slice(n, pixels[k].at(starts[b]), coverage[k].at(starts[b]),
+                           heights[k].at(starts[b]));
+      }
+    }
+  }
+  for (std::size_t b = 0; b < bands.size(); ++b) {
+    const auto place_in_part = [&](std::size_t column) { return place(starts[b] + column); };
+    bands[b].finish(place_in_part, figures);
+    maps_.add(bands[b].sides(), place_in_part);
+  }
   const std::lock_guard lock(merging_);
   total_.merge(figures);
 }

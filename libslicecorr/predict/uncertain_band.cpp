@@ -8,39 +8,49 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
 #include "slicecorr/uncertain_print.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
 namespace {
 
-/// Doses more of their standard deviations away from 1 are not looked at: a share of 3e-6.
-constexpr double kClearSds = 4.5;
+/// Doses more of their standard deviations away from 1 are on one side of it: a share of 3e-6.
+constexpr double kFarSds = 4.5;
+/// Doses more of them away are on one side of 1 in all prints that are looked at.
+constexpr double kClearSds = 2.0;
 /// Weak, nominal and strong print, in this order.
 constexpr std::array<double, 3> kSds = {-kSdsOf95, 0.0, kSdsOf95};
 constexpr std::size_t kPrints = 3;
 
-/// What the dose at a point says without a look: it may go either way, prints, or doesn't.
-enum Clear : std::uint8_t { near = 0, prints = 1, open = 2 };
+/// What the dose at a point says without a look: prints differ, all print, or none does; `far`: by
+/// kFarSds.
+enum Clear : std::uint8_t { near = 0, prints = 1, open = 2, side = 3, far = 4 };
 enum Class : std::uint8_t { gap = 0, run = 1, grey = 2 };
 
 Class class_of(std::uint8_t coverage) {
   return coverage == 0 ? Class::gap : coverage == 255 ? Class::run : Class::grey;
 }
 
-/// Where a dose is so far from 1 that its standard deviation does not matter: sd(ln Omega) times
-/// kClearSds is less than |ln Omega|, of which Omega - 1 (above) and Omega (1 - Omega) (below) bound
+/// Where a dose is so far from 1 that its standard deviation does not matter: sd(ln Omega) times a
+/// number is less than |ln Omega|, of which Omega - 1 (above) and Omega (1 - Omega) (below) bound
 /// Omega |ln Omega| from below. `q`: the variance of Omega.
 SLICECORR_CLONES
 void find_clear(const double* __restrict dose, const double* __restrict q,
                 std::uint8_t* __restrict clear, std::size_t n) {
-  for (std::size_t i = 0; i < n; ++i) {
-    const double reach = kClearSds * kClearSds * q[i];
-    const double d = dose[i];
-    const double above = d - 1.0, below = d * (1.0 - d);
-    const bool is_above = d > 1.0 && above * above > reach;
-    const bool is_below = d < 1.0 && below * below >= reach;
-    clear[i] =
-        static_cast<std::uint8_t>((is_above ? Clear::prints : 0) | (is_below ? Clear::open : 0));
+  constexpr std::size_t block = 64;
+  constexpr double near_reach = kClearSds * kClearSds, far_reach = kFarSds * kFarSds;
+  for (std::size_t b = 0; b < n; b += block) {
+    const std::size_t size = std::min(block, n - b);
+    std::int64_t code[block];  // as wide as the doses: compared and narrowed apart
+    for (std::size_t i = 0; i < size; ++i) {
+      const double d = dose[b + i], excess = d - 1.0;
+      const double away = d > 1.0 ? excess : -d * excess;
+      const double square = away * away;
+      const std::int64_t which = d > 1.0 ? Clear::prints : Clear::open;
+      const std::int64_t is_near = square >= near_reach * q[b + i] ? which : 0;
+      code[i] = is_near | (square >= far_reach * q[b + i] ? Clear::far : 0);
+    }
+    for (std::size_t i = 0; i < size; ++i) clear[b + i] = static_cast<std::uint8_t>(code[i]);
   }
 }
 
@@ -93,12 +103,14 @@ void find_needs(const std::uint8_t* __restrict coverage, const std::uint8_t* __r
   for (std::size_t i = 0; i < n; ++i) {
     const std::uint8_t c = coverage[i];
     const std::uint8_t now = c == 0 ? Class::gap : c == 255 ? Class::run : Class::grey;
-    const std::uint8_t l = lower[i];
+    const std::uint8_t l = lower[i] & Clear::side, u = upper[i] & Clear::side;
     const std::uint8_t wants = now == Class::run ? Clear::prints : Clear::open;
-    const std::uint8_t looks = static_cast<std::uint8_t>(
-        (l ^ upper[i]) | (l ^ state[i]) | (now ^ before[i]) | (l == Clear::near ? 1 : 0));
+    const std::uint8_t is_far = lower[i] & upper[i] & Clear::far;
+    const std::uint8_t known = certain[i] | is_far | (now == Class::grey ? 1 : 0);
+    const auto looks = static_cast<std::uint8_t>((l ^ u) | (l ^ state[i]) | (now ^ before[i]) |
+                                                 (l == Clear::near ? 1 : 0) | (known == 0 ? 1 : 0));
     need[i] = looks;
-    certain[i] |= static_cast<std::uint8_t>(looks == 0 && l == wants ? 1 : 0);
+    certain[i] |= static_cast<std::uint8_t>(looks == 0 && is_far != 0 && l == wants ? 1 : 0);
   }
 }
 
@@ -111,8 +123,8 @@ struct UncertainBand::State {
         derivatives_(model, columns, variance_.wanted()),
         layerwise_(model.mode == ExposureMode::layerwise),
         variances_{std::vector<double>(columns), std::vector<double>(columns)},
-        clear_{std::vector<std::uint8_t>(columns, Clear::open),
-               std::vector<std::uint8_t>(columns, Clear::open)},
+        clear_{std::vector<std::uint8_t>(columns, Clear::open | Clear::far),
+               std::vector<std::uint8_t>(columns, Clear::open | Clear::far)},
         classes_(columns, Class::gap),
         state_(columns, Clear::open),
         certain_(columns, 0),
@@ -122,7 +134,7 @@ struct UncertainBand::State {
         columns_(columns),
         empty_(columns, 0),
         lower_heights_(columns, 0) {
-    figures_.inputs = uncertainty;
+    own_.inputs = uncertainty;
     for (Column& c : columns_) c.lower = all_layers;
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     sides_.below_um.assign(columns, none);
@@ -205,7 +217,8 @@ struct UncertainBand::State {
   EdgeSink edge_sink_;
   DoubtSink doubt_sink_;
   EdgeSides sides_;
-  UncertainPrint figures_;
+  UncertainPrint own_;
+  UncertainPrint* figures_ = &own_;
   /// Places whose y is the column, until `finish` knows where it lies.
   DoubtfulPlaces doubts_;
 };
@@ -233,6 +246,11 @@ void UncertainBand::State::find_variances(const BandDerivatives::Fields& f,
 /// chord where that is inside (Illinois).
 double UncertainBand::State::crossing(std::size_t i, std::size_t print, double at_lower,
                                       double at_upper) const {
+  if (kSds[print] == 0) {
+    if (!layerwise_) return model_.crossing(derivatives_.phi(i), derivatives_.lower().dose[i]);
+    return std::clamp(std::log(derivatives_.lower().dose[i]) / (model_.eta * units::kLn10), 0.0,
+                      1.0);
+  }
   constexpr double least = -50;  // of a dose of 0: any will do
   double a = 0, b = 1;
   double fa = std::max(at_lower, least), fb = std::max(at_upper, least);
@@ -285,7 +303,7 @@ void UncertainBand::State::complete(std::size_t i, Edge& edge, bool upper) {
   if (edge_sink_) edge_sink_(band);
   const double um = model_.layer_um;
   const double half = std::max(0.0, 0.5 * (band.strong - band.weak)) * um;
-  EdgeBands& out = upper ? figures_.upper : figures_.lower;
+  EdgeBands& out = upper ? figures_->upper : figures_->lower;
   ++out.edges;
   out.half_width_um.add(half);
   out.weak_um.add(band.weak * um);
@@ -312,14 +330,14 @@ void UncertainBand::State::close_class(std::size_t i, int top) {
   const double length = c.lower - top;
   const auto doubt = [&](double p) {
     if (doubt_sink_) doubt_sink_(i, cls == Class::gap, top, c.lower - 1, p);
-    (cls == Class::gap ? figures_.filled : figures_.lost).add(p);
+    (cls == Class::gap ? figures_->filled : figures_->lost).add(p);
     if (p < 0.025) return;
-    ++(cls == Class::gap ? figures_.may_join : figures_.may_vanish);
-    if (p >= 0.975) ++(cls == Class::gap ? figures_.surely_filled : figures_.surely_lost);
+    ++(cls == Class::gap ? figures_->may_join : figures_->may_vanish);
+    if (p >= 0.975) ++(cls == Class::gap ? figures_->surely_filled : figures_->surely_lost);
     doubts_.add({p, cls == Class::gap, {0, static_cast<int>(i), top, c.lower - 1}});
   };
   if (cls == Class::run) {
-    ++figures_.runs;
+    ++figures_->runs;
     doubt(normal_below(-c.extreme));
     for (std::size_t p = 0; p < kPrints; ++p) {
       if (c.lower_edge.seeks[p]) c.lower_edge.error[p] = -length;
@@ -333,7 +351,7 @@ void UncertainBand::State::close_class(std::size_t i, int top) {
   }
   // A gap between two runs, or between the platform and a run.
   if (cls == Class::gap && c.run_below) {
-    ++figures_.gaps;
+    ++figures_->gaps;
     doubt(normal_below(c.extreme));
   }
 }
@@ -470,6 +488,7 @@ void UncertainBand::add_slice(int slice, const std::uint8_t* pixels, const std::
                               const std::uint8_t* heights) {
   state_->add_slice(slice, pixels, coverage, heights);
 }
+void UncertainBand::add_to(UncertainPrint& figures) { state_->figures_ = &figures; }
 void UncertainBand::aim_at_heights() { state_->at_heights_ = true; }
 void UncertainBand::tell_edges(EdgeSink sink) { state_->edge_sink_ = std::move(sink); }
 void UncertainBand::tell_doubts(DoubtSink sink) { state_->doubt_sink_ = std::move(sink); }
@@ -482,9 +501,9 @@ void UncertainBand::finish(const BandPredictor::PixelOfColumn& place, UncertainP
     const Pixel at = place(static_cast<std::size_t>(d.where.y));
     d.where.x = at.x;
     d.where.y = at.y;
-    s.figures_.places.add(d);
+    s.figures_->places.add(d);
   }
-  into.merge(s.figures_);
+  if (s.figures_ == &s.own_) into.merge(s.own_);
 }
 
 }  // namespace slicecorr

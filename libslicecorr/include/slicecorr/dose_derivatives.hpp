@@ -28,7 +28,6 @@
 /// are `InputError`: of models whose derivatives aren't known (`check_derivatives`).
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -137,7 +136,7 @@ class BandDerivatives {
   void step_layerwise();
   const CureModel& model_;
   Wanted wanted_;
-  std::array<LightGradient, 257> table_;  ///< by pixel; the last: light off
+  PixelCurve phi_of_, stray_of_, m_of_;  ///< by pixel
   Lights light_;
   Fields lower_, upper_;
 };

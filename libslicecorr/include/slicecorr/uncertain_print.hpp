@@ -178,6 +178,9 @@ class UncertainBand {
   /// As for `BandPredictor`. What is left alone comes as grey coverage.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
                  const std::uint8_t* heights = nullptr);
+  /// Figures are added to these while slices come, and not by `finish`: several bands that are walked
+  /// by one thread share their histograms. Before the first slice.
+  void add_to(UncertainPrint& figures);
   /// Height errors are measured from edge heights. Before the first slice.
   void aim_at_heights();
 
@@ -196,7 +199,7 @@ class UncertainBand {
       std::function<void(std::size_t column, bool gap, int first, int last, double p)>;
   void tell_doubts(DoubtSink sink);
 
-  /// After slice 0: adds the figures to `into`.
+  /// After slice 0: adds the figures to `into`, which are those of `add_to` where that was called.
   void finish(const BandPredictor::PixelOfColumn& place, UncertainPrint& into);
   /// Of `finish`: half widths per column, um; NaN without such an edge.
   const EdgeSides& sides() const;

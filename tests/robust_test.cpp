@@ -31,8 +31,8 @@ Uncertainty off_by(const std::string& text, bool robust = true) {
   return u;
 }
 
-// The same corner from printer, resin and process.
-CureModel corner_of_figure_2_2(double share, bool weak) {
+// The same case from printer, resin and process.
+CureModel case_of_figure_2_2(double share, bool weak) {
   const double sign = weak ? -1 : 1;
   const double ha_um = 2000 * std::exp(sign * share);
   const double areal = units::areal_from_volumetric(576, units::height_e_from_10(2000));
@@ -43,29 +43,29 @@ CureModel corner_of_figure_2_2(double share, bool weak) {
 
 TEST(Robust, CornersAreModelsOfTheirOwn) {
   for (const bool weak : {true, false}) {
-    const CureModel corner = detail::corner_model(figure_2_2(), off_by("ha=5%,dc=5%"), weak);
-    const CureModel made = corner_of_figure_2_2(0.05, weak);
-    EXPECT_NEAR(corner.eta, made.eta, 1e-15);
-    EXPECT_NEAR(corner.a, made.a, 1e-15);
+    const CureModel off = detail::case_model(figure_2_2(), off_by("ha=5%,dc=5%"), weak);
+    const CureModel made = case_of_figure_2_2(0.05, weak);
+    EXPECT_NEAR(off.eta, made.eta, 1e-15);
+    EXPECT_NEAR(off.a, made.a, 1e-15);
     for (std::size_t l = 0; l < 256; ++l) {
-      EXPECT_NEAR(corner.level_phi[l], made.level_phi[l], 1e-12 * made.level_phi[l]);
+      EXPECT_NEAR(off.level_phi[l], made.level_phi[l], 1e-12 * made.level_phi[l]);
     }
   }
   // Light and stray light.
-  const CureModel lit = detail::corner_model(figure_2_2(), off_by("light=4%,stray=0.5"), false);
+  const CureModel lit = detail::case_model(figure_2_2(), off_by("light=4%,stray=0.5"), false);
   EXPECT_NEAR(lit.level_phi[0], (1 * std::exp(0.04) + 0.5) / 16, 1e-12);
   EXPECT_NEAR(lit.level_phi[255], (100 * std::exp(0.04) + 0.5) / 16, 1e-12);
 }
 
-// Doses of figure 2.2's ladder in both corners, computed apart.
+// Doses of figure 2.2's ladder in both cases, computed apart.
 TEST(Robust, DosesOfFigure22InTheCorners) {
   const auto plan = plan_for(figure_2_2(), process(1000), 50);
   const auto phi = solve_column_exactly(plan, column(50, {{11, 20}, {31, 40}}));
   const auto doses = [&](bool weak) {
-    const CureModel corner = detail::corner_model(plan.model, off_by("ha=5%,dc=5%"), weak);
+    const CureModel off = detail::case_model(plan.model, off_by("ha=5%,dc=5%"), weak);
     std::vector<double> changed;
-    for (const double p : phi) changed.push_back(p * corner.level_phi[255] / plan.model.phi_max());
-    return node_doses(corner, changed);
+    for (const double p : phi) changed.push_back(p * off.level_phi[255] / plan.model.phi_max());
+    return node_doses(off, changed);
   };
   const auto weak = doses(true), strong = doses(false);
   const double expected[4][3] = {{11, 0.90750, 1.10026},
@@ -118,7 +118,7 @@ struct Failures {
   int runs = 0, gaps = 0, lost = 0, filled = 0;
 };
 
-/// What fails in the corners, found apart from the correction.
+/// What fails in the cases, found apart from the correction.
 Failures failures(const detail::CodedBand& upwards,
                   const std::vector<std::vector<std::uint8_t>>& columns, const CorrectionPlan& plan,
                   double share) {
@@ -128,8 +128,8 @@ Failures failures(const detail::CodedBand& upwards,
   for (std::size_t n = 0; n < all; ++n) {
     upwards.read(static_cast<int>(all - 1 - n), rows[n].data());
   }
-  const CureModel weak = corner_of_figure_2_2(share, true);
-  const CureModel strong = corner_of_figure_2_2(share, false);
+  const CureModel weak = case_of_figure_2_2(share, true);
+  const CureModel strong = case_of_figure_2_2(share, false);
   for (std::size_t i = 0; i < columns.size(); ++i) {
     std::vector<double> weak_phi, strong_phi;
     for (std::size_t n = 0; n < all; ++n) {
@@ -176,7 +176,7 @@ TEST(Robust, FeaturesAndGapsOfRandomColumnsHold) {
   EXPECT_GT(made.figures.moved_edges, 0U);
 }
 
-// A fit's errors go by the first order: nothing fails in the corners of the same box, each apart.
+// A fit's errors go by the first order: nothing fails in the cases of the same box, each apart.
 TEST(Robust, CovarianceOfAFitGivesMargins) {
   const auto columns = random_columns(60, 37);
   CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 60);
@@ -278,7 +278,7 @@ TEST(Robust, IsBetterAtTheEndsOfTheRange) {
       const double ha_um = 2000 * std::exp(sign * 0.05);
       off.resin = test::resin(576 * std::exp(-sign * 0.05) * 2000 / ha_um, ha_um);
       const Prediction p = verify_stack(slices, target, off);
-      // In the weak corner features count, in the strong one gaps.
+      // In the weak case features count, in the strong one gaps.
       sum += sign < 0 ? p.lost_features : p.merged_features;
     }
     return sum;
@@ -310,7 +310,7 @@ TEST(Robust, WhatCannotBeIsRefused) {
   setup = setup_of(off_by("ha=5%"));
   setup.printer.platform_reflectance = 0.3;
   EXPECT_THAT(refusal(setup, target), HasSubstr("platform"));
-  // Light that just gels, and does not in the weak corner.
+  // Light that just gels, and does not in the weak case.
   setup = setup_of(off_by("ha=5%,dc=5%"));
   setup.process.speed_mm_h = 5800;
   EXPECT_THAT(refusal(setup, target), HasSubstr("weak side"));

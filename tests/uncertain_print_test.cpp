@@ -286,6 +286,8 @@ TEST(UncertainPrint, BandsOfFigure22Cover95Percent) {
     Coverage c;
     double expected_off = 0;
     draw(f.model, f.coverage, f.pixels, ha, 4000, random, c, &expected_off);
+    RecordProperty("share_at_" + std::to_string(static_cast<int>(std::lround(100 * ha))),
+                   std::to_string(c.share()));
     // One draw moves all four edges: 4000 draws count, of which four standard deviations.
     EXPECT_NEAR(c.share(), 0.95, 4 * std::sqrt(0.95 * 0.05 / 4000)) << ha;
     // Half a normal distribution to either side: right to some percent of its mean.
@@ -306,6 +308,8 @@ TEST(UncertainPrint, BandsOfRandomColumnsCover95Percent) {
       const ExactColumn f(plan, design);
       draw(f.model, f.coverage, f.pixels, ha, 100, random, c);
     }
+    RecordProperty("share_at_" + std::to_string(static_cast<int>(std::lround(100 * ha))),
+                   std::to_string(c.share()));
     EXPECT_GT(c.share(), least) << ha;
     EXPECT_LT(c.share(), 0.965) << ha;
   }

@@ -369,7 +369,7 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
     robust_ = setup.uncertainty;
   }
   all_layers_ = PlaceCheck(target, models_, setup, context).all_layers();
-  if (robust_) check_corners(models_.brightest(), *robust_);
+  if (robust_) check_cases(models_.brightest(), *robust_);
 }
 
 const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {

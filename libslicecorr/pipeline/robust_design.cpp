@@ -35,10 +35,10 @@ double most_aim(const CureModel& model) {
   return std::min(1.0 + kPasses * kAimStep, 0.5 * (1.0 + model.phi_max()));
 }
 
-/// Doses of a band in both corners, at the nodes of each layer.
-class CornerDoses {
+/// Doses of a band in both cases, at the nodes of each layer.
+class CaseDoses {
  public:
-  CornerDoses(const CureModel& model, const Uncertainty& u, std::size_t columns)
+  CaseDoses(const CureModel& model, const Uncertainty& u, std::size_t columns)
       : variance_(u, model.m), chi_(chi_of(u.inputs.size())) {
     if (u.from_fit) {
       derivatives_ = std::make_unique<BandDerivatives>(model, columns, variance_.wanted());
@@ -46,13 +46,13 @@ class CornerDoses {
         dose->assign(columns, 0.0);
       return;
     }
-    weak_model_ = corner_model(model, u, true);
-    strong_model_ = corner_model(model, u, false);
+    weak_model_ = case_model(model, u, true);
+    strong_model_ = case_model(model, u, false);
     weak_dose_ = std::make_unique<BandDose>(weak_model_, columns);
     strong_dose_ = std::make_unique<BandDose>(strong_model_, columns);
   }
-  CornerDoses(const CornerDoses&) = delete;
-  CornerDoses& operator=(const CornerDoses&) = delete;
+  CaseDoses(const CaseDoses&) = delete;
+  CaseDoses& operator=(const CaseDoses&) = delete;
 
   void add_slice(int slice, const std::uint8_t* pixels) {
     if (!derivatives_) {
@@ -92,7 +92,7 @@ Kind kind_of(std::uint8_t coverage) {
   return coverage == 0 ? Kind::gap : coverage == 255 ? Kind::run : Kind::grey;
 }
 
-/// A feature that is lost in the weak corner, or a gap that fills in the strong one: the layers
+/// A feature that is lost in the weak case, or a gap that fills in the strong one: the layers
 /// between two nodes.
 struct Trouble {
   std::size_t column;
@@ -100,7 +100,7 @@ struct Trouble {
   int top, bottom;
 };
 
-/// Finds what fails in the corners, slices from the last to the first.
+/// Finds what fails in the cases, slices from the last to the first.
 class Watch {
  public:
   Watch(const CorrectionPlan& plan, const Uncertainty& u, std::size_t columns)
@@ -146,7 +146,7 @@ class Watch {
     }
   }
   const bool merged_;  ///< gaps of one slice are to fill
-  CornerDoses doses_;
+  CaseDoses doses_;
   std::vector<Column> columns_;
   std::vector<Trouble> troubles_;
 };
@@ -477,31 +477,31 @@ void check_robust(const Setup& setup, const SliceSource& target) {
   }
 }
 
-CureModel corner_model(const CureModel& model, const Uncertainty& u, bool weak) {
+CureModel case_model(const CureModel& model, const Uncertainty& u, bool weak) {
   const double sign = weak ? -1.0 : 1.0;
   const auto more = [&](UncertainInput input) { return std::exp(sign * u.sd(input)); };
   const auto less = [&](UncertainInput input) { return std::exp(-sign * u.sd(input)); };
-  CureModel corner = model;
+  CureModel off = model;
   const double ha = more(UncertainInput::ha);
-  corner.eta = model.eta / ha;
-  corner.a = std::exp(-corner.eta * units::kLn10);
-  corner.one_minus_a = -std::expm1(-corner.eta * units::kLn10);
-  corner.root_a = std::exp(-0.5 * corner.eta * units::kLn10);
+  off.eta = model.eta / ha;
+  off.a = std::exp(-off.eta * units::kLn10);
+  off.one_minus_a = -std::expm1(-off.eta * units::kLn10);
+  off.root_a = std::exp(-0.5 * off.eta * units::kLn10);
   // The areal dose is what stays: phi grows with ha.
   const double dose =
       ha / (less(UncertainInput::dc) * less(UncertainInput::aim) * less(UncertainInput::speed));
   const double light = more(UncertainInput::light) * std::exp(sign * u.flat);
   const double stray = sign * u.sd(UncertainInput::stray) / model.critical_intensity_mw_cm2;
-  for (double& phi : corner.level_phi) {
+  for (double& phi : off.level_phi) {
     const double intensity = std::pow(phi, 1.0 / model.m) * light + stray;
     phi = dose * std::pow(std::max(0.0, intensity), model.m);
   }
-  return corner;
+  return off;
 }
 
-void check_corners(const CureModel& model, const Uncertainty& u) {
+void check_cases(const CureModel& model, const Uncertainty& u) {
   if (u.from_fit) return;
-  const CureModel weak = corner_model(model, u, true), strong = corner_model(model, u, false);
+  const CureModel weak = case_model(model, u, true), strong = case_model(model, u, false);
   if (weak.phi_max() <= 1) {
     throw InfeasibleError(fmt::format(
         "with {} off to the weak side full light comes to {:.4g} of the dose to aim at and never gels "

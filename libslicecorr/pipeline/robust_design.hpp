@@ -1,10 +1,10 @@
 /// Corrections that keep features above and gaps below gelling although inputs are off.
 ///
 /// Every dose rises and falls with each of ln ha, ln areal Dc, ln light, ln speed and stray light, so
-/// that of all inputs off by no more than so much two corners decide: the *weak* one, where all say
+/// that of all inputs off by no more than so much two cases decide: the *weak* one, where all say
 /// less dose, and the *strong* one. A feature survives if its greatest dose is 1 or more in the weak
-/// corner, a gap if its least is below 1 in the strong one. Of errors that are off together (a fit) the
-/// corners are ln Omega -+ chi sd(ln Omega), to first order.
+/// case, a gap if its least is below 1 in the strong one. Of errors that are off together (a fit) the
+/// cases are ln Omega -+ chi sd(ln Omega), to first order.
 ///
 /// Column by column, where one of these fails: correct; both edges of a feature that is lost aim at 1 %
 /// more dose, both beside a gap that fills at 1 % less, none that is wanted both ways; at most 15
@@ -36,9 +36,9 @@ void check_robust(const Setup& setup, const SliceSource& target);
 
 /// The model of a print with all inputs off at once, by their standard deviation each, towards less
 /// dose (`weak`) or more. `model`: plain.
-CureModel corner_model(const CureModel& model, const Uncertainty& uncertainty, bool weak);
-/// Throws `InfeasibleError` where light never gels in the weak corner, or black gels in the strong one.
-void check_corners(const CureModel& model, const Uncertainty& uncertainty);
+CureModel case_model(const CureModel& model, const Uncertainty& uncertainty, bool weak);
+/// Throws `InfeasibleError` where light never gels in the weak case, or black gels in the strong one.
+void check_cases(const CureModel& model, const Uncertainty& uncertainty);
 
 /// Slices more that must be shown so that lower edges of the last layer can aim higher.
 int robust_slices(const CureModel& model);

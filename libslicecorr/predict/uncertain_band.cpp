@@ -41,16 +41,18 @@ void find_clear(const double* __restrict dose, const double* __restrict q,
   constexpr double near_reach = kClearSds * kClearSds, far_reach = kFarSds * kFarSds;
   for (std::size_t b = 0; b < n; b += block) {
     const std::size_t size = std::min(block, n - b);
-    std::int64_t code[block];  // as wide as the doses: compared and narrowed apart
+    double code[block];  // as wide as the doses: compared here, and narrowed apart
     for (std::size_t i = 0; i < size; ++i) {
       const double d = dose[b + i], excess = d - 1.0;
-      const double away = d > 1.0 ? excess : -d * excess;
+      const double away = excess > 0 ? excess : -d * excess;
       const double square = away * away;
-      const std::int64_t which = d > 1.0 ? Clear::prints : Clear::open;
-      const std::int64_t is_near = square >= near_reach * q[b + i] ? which : 0;
-      code[i] = is_near | (square >= far_reach * q[b + i] ? Clear::far : 0);
+      const double which = excess > 0 ? double{Clear::prints} : double{Clear::open};
+      code[i] = (square >= near_reach * q[b + i] ? which : 0.0) +
+                (square >= far_reach * q[b + i] ? double{Clear::far} : 0.0);
     }
-    for (std::size_t i = 0; i < size; ++i) clear[b + i] = static_cast<std::uint8_t>(code[i]);
+    for (std::size_t i = 0; i < size; ++i) {
+      clear[b + i] = static_cast<std::uint8_t>(static_cast<std::int32_t>(code[i]));
+    }
   }
 }
 
@@ -168,7 +170,13 @@ struct UncertainBand::State {
   };
   struct Column {
     std::int32_t lower = 0;  ///< node where the present class begins
-    bool run_below = false;  ///< of a gap: it ends at a run further down
+    bool run_below = false;  ///< there is a run further down
+    /// What lies above that run: layers of coverage 0, maybe greys between.
+    struct Gap {
+      bool seen = false;
+      int bottom = 0;
+      double least = std::numeric_limits<double>::infinity();  ///< ln Omega / sd
+    } gap;
     std::array<bool, kPrints> printed{};
     std::array<double, kPrints> last{};  ///< where each print changed last, slices
     std::array<bool, kPrints> any{};     ///< changed in the present class
@@ -182,6 +190,8 @@ struct UncertainBand::State {
   void look(std::size_t i, int slice, Class now, bool enters);
   void enter(std::size_t i, int node, std::uint8_t height, Class next, const DoseGradient& at_node);
   void close_class(std::size_t i, int top);
+  void close_gap(std::size_t i, int top);
+  void doubt(std::size_t i, bool gap, int top, int bottom, double p);
   void pass(Column& c, std::size_t print, double zeta);
   void complete(std::size_t i, Edge& edge, bool upper);
   void note_extreme(Column& c, Class cls, double sds) const {
@@ -323,37 +333,45 @@ void UncertainBand::State::complete(std::size_t i, Edge& edge, bool upper) {
 void UncertainBand::State::close_class(std::size_t i, int top) {
   Column& c = columns_[i];
   const auto cls = static_cast<Class>(classes_[i]);
-  if (certain_[i]) {
-    constexpr double far = std::numeric_limits<double>::infinity();
-    c.extreme = cls == Class::run ? far : -far;
-  }
+  constexpr double far = std::numeric_limits<double>::infinity();
+  if (certain_[i]) c.extreme = cls == Class::run ? far : -far;
   const double length = c.lower - top;
-  const auto doubt = [&](double p) {
-    if (doubt_sink_) doubt_sink_(i, cls == Class::gap, top, c.lower - 1, p);
-    (cls == Class::gap ? figures_->filled : figures_->lost).add(p);
-    if (p < 0.025) return;
-    ++(cls == Class::gap ? figures_->may_join : figures_->may_vanish);
-    if (p >= 0.975) ++(cls == Class::gap ? figures_->surely_filled : figures_->surely_lost);
-    doubts_.add({p, cls == Class::gap, {0, static_cast<int>(i), top, c.lower - 1}});
-  };
   if (cls == Class::run) {
     ++figures_->runs;
-    doubt(normal_below(-c.extreme));
+    doubt(i, false, top, c.lower, normal_below(-c.extreme));
     for (std::size_t p = 0; p < kPrints; ++p) {
       if (c.lower_edge.seeks[p]) c.lower_edge.error[p] = -length;
     }
     complete(i, c.lower_edge, false);
+    c.run_below = true;
+    c.gap = {};
+    c.gap.bottom = top;
   } else if (cls == Class::gap) {
     for (std::size_t p = 0; p < kPrints; ++p) {
       if (c.upper.seeks[p]) c.upper.error[p] = length;
     }
     complete(i, c.upper, true);
+    c.gap.seen = true;
+    c.gap.least = std::min(c.gap.least, c.extreme);
   }
-  // A gap between two runs, or between the platform and a run.
-  if (cls == Class::gap && c.run_below) {
-    ++figures_->gaps;
-    doubt(normal_below(c.extreme));
-  }
+}
+
+/// What lies between the run below and a run, or the platform, at `top`.
+void UncertainBand::State::close_gap(std::size_t i, int top) {
+  const Column& c = columns_[i];
+  if (!c.run_below || !c.gap.seen) return;
+  ++figures_->gaps;
+  doubt(i, true, top, c.gap.bottom, normal_below(c.gap.least));
+}
+
+/// A run (or gap) of the layers between two nodes is lost (filled) with the probability `p`.
+void UncertainBand::State::doubt(std::size_t i, bool gap, int top, int bottom, double p) {
+  if (doubt_sink_) doubt_sink_(i, gap, top, bottom - 1, p);
+  (gap ? figures_->filled : figures_->lost).add(p);
+  if (p < 0.025) return;
+  ++(gap ? figures_->may_join : figures_->may_vanish);
+  if (p >= 0.975) ++(gap ? figures_->surely_filled : figures_->surely_lost);
+  doubts_.add({p, gap, {0, static_cast<int>(i), top, bottom - 1}});
 }
 
 /// The class changes at `node`, to `next` above it.
@@ -362,9 +380,8 @@ void UncertainBand::State::enter(std::size_t i, int node, std::uint8_t height, C
   Column& c = columns_[i];
   const auto before = static_cast<Class>(classes_[i]);
   const double length = c.lower - node;
-  // Without runs on both sides it is no gap in a part.
-  if (before == Class::gap && next == Class::grey) c.run_below = false;
   close_class(i, node);
+  if (next == Class::run) close_gap(i, node);
   const bool edge =
       (before == Class::gap && next == Class::run) || (before == Class::run && next == Class::gap);
   if (edge) {
@@ -392,7 +409,6 @@ void UncertainBand::State::enter(std::size_t i, int node, std::uint8_t height, C
     }
     (upper ? c.upper : c.lower_edge) = made;
   }
-  c.run_below = next == Class::gap && before == Class::run;
   c.lower = node;
   c.any = {};
   classes_[i] = next;
@@ -496,7 +512,10 @@ const EdgeSides& UncertainBand::sides() const { return state_->sides_; }
 
 void UncertainBand::finish(const BandPredictor::PixelOfColumn& place, UncertainPrint& into) {
   State& s = *state_;
-  for (std::size_t i = 0; i < s.columns_.size(); ++i) s.close_class(i, 0);
+  for (std::size_t i = 0; i < s.columns_.size(); ++i) {
+    s.close_class(i, 0);
+    if (s.classes_[i] != Class::run) s.close_gap(i, 0);
+  }
   for (DoubtfulPlace& d : s.doubts_.sorted()) {
     const Pixel at = place(static_cast<std::size_t>(d.where.y));
     d.where.x = at.x;

@@ -182,6 +182,18 @@ double UncertainPrint::bad_mean_abs_um() const {
          static_cast<double>(edges);
 }
 
+double UncertainPrint::map_scale_um() const {
+  double widest = 0.01;
+  for (const EdgeBands* b : {&upper, &lower}) {
+    if (b->edges) widest = std::max(widest, b->half_width_um.quantile(0.95));
+  }
+  const double unit = std::pow(10.0, std::floor(std::log10(widest)));
+  for (const double times : {1.0, 1.5, 2.0, 3.0, 5.0, 7.5}) {
+    if (times * unit >= widest) return times * unit;
+  }
+  return 10 * unit;
+}
+
 void UncertainPrint::merge(const UncertainPrint& o) {
   if (inputs.text.empty() && inputs.inputs.empty()) inputs = o.inputs;
   upper.merge(o.upper);
@@ -255,6 +267,13 @@ std::string UncertainPrint::to_json() const {
   return j.dump(2);
 }
 
+std::string place_in_words(const DoubtfulPlace& p) {
+  const std::string slices = p.where.first == p.where.last
+                                 ? fmt::format("slice {}", p.where.first)
+                                 : fmt::format("slices {} to {}", p.where.first, p.where.last);
+  return fmt::format("the {} in {}", p.gap ? "gap" : "feature", slices);
+}
+
 std::string uncertainty_in_words(const UncertainPrint& p) {
   std::string text = fmt::format("  how sure, with {}{}:\n", p.inputs.text,
                                  p.inputs.from_fit ? " (errors of a fit, together)" : "");
@@ -297,9 +316,8 @@ std::string uncertainty_in_words(const UncertainPrint& p) {
   const std::vector<DoubtfulPlace> worst = p.places.sorted();
   for (std::size_t i = 0; i < std::min<std::size_t>(3, worst.size()); ++i) {
     const DoubtfulPlace& w = worst[i];
-    text += fmt::format("    {:.1f} %: the {} in slices {} to {} of pixel {}, {} {}\n",
-                        100 * w.probability, w.gap ? "gap" : "feature", w.where.first, w.where.last,
-                        w.where.x, w.where.y, w.gap ? "fills" : "is lost");
+    text += fmt::format("    {:.1f} %: {} of pixel {}, {} {}\n", 100 * w.probability,
+                        place_in_words(w), w.where.x, w.where.y, w.gap ? "fills" : "is lost");
   }
   return text;
 }

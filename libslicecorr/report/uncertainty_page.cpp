@@ -47,6 +47,13 @@ std::string uncertainty_section(const ReportContent& c) {
   row("Gaps that may fill (2.5 % or more)",
       fmt::format("{} of {}; {:.1f} filled in the mean", p.may_join, p.gaps, p.filled.value()), "",
       "");
+  if (p.robust) {
+    const RobustFigures& r = *p.robust;
+    row("Robust: features lost, gaps filled in the range",
+        fmt::format("{}, {}; without {}, {}", r.lost, r.filled, r.features, r.gaps), "", "");
+    row("Robust: mean height error, inputs as they are said",
+        fmt::format("{:.3g} um; without {:.3g} um", r.mean_abs_um, r.plain_mean_abs_um), "", "");
+  }
   html += "</tbody></table></div>";
   const auto worst = p.places.sorted();
   if (!worst.empty()) {
@@ -54,14 +61,13 @@ std::string uncertainty_section(const ReportContent& c) {
     html += "<p class=\"dim\">Most doubtful: ";
     for (std::size_t i = 0; i < std::min(most, worst.size()); ++i) {
       const DoubtfulPlace& w = worst[i];
-      html += fmt::format("{}{} in slices {} to {} of pixel {}, {} ({:.3g} %)", i ? "; " : "",
-                          w.gap ? "gap" : "feature", w.where.first, w.where.last, w.where.x,
-                          w.where.y, 100 * w.probability);
+      html += fmt::format("{}{} of pixel {}, {} ({:.3g} %)", i ? "; " : "", place_in_words(w),
+                          w.where.x, w.where.y, 100 * w.probability);
     }
     html += ".</p>";
   }
   if (!p.maps || !any) return html;
-  const double scale_um = c.info.grid.layer_um;
+  const double scale_um = p.map_scale_um();
   html += fmt::format(
       R"(<p class="key dim">Where edges are sure, as the images lie: the widest band of each column, from pale (sure) to black ({:.3g} um and more either way).</p><div class="pair">)",
       scale_um);

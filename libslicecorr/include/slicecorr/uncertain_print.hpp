@@ -113,6 +113,9 @@ struct DoubtfulPlace {
   FeatureExample where;
 };
 
+/// "the gap in slices 3 to 5".
+std::string place_in_words(const DoubtfulPlace& place);
+
 /// The most doubtful places, whatever the order of adding.
 class DoubtfulPlaces {
  public:
@@ -158,6 +161,8 @@ struct UncertainPrint {
   /// off by more, where errors are shared.
   double bad_mean_abs_um() const;
   void merge(const UncertainPrint& other);
+  /// A round number of um that the half widths of 95 % of the edges of each kind stay below: for maps.
+  double map_scale_um() const;
   /// The figures of "uncertainty" in the JSON of a prediction.
   std::string to_json() const;
 };

@@ -1,6 +1,10 @@
 #include "programs/common/uncertain_options.hpp"
 
+#include <fmt/format.h>
+
 #include "slicecorr/error.hpp"
+#include "slicecorr/report.hpp"
+#include "slicecorr/uncertain_print.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::cli {
@@ -18,12 +22,35 @@ void UncertainOptions::add_to(CLI::App& app, bool correcting) {
       "by so much either way, where that is possible (continuous, without UV light)");
 }
 
+void UncertainOptions::add_map_to(CLI::App& app) {
+  app.add_option(
+         "--uncertain-map", map,
+         "Write a map of how sure edges are to FILE (.png): upper and lower edges, the darker "
+         "the wider the band of 95 %")
+      ->type_name("FILE");
+}
+
+void UncertainOptions::write_map(const Prediction& p, Console& console) const {
+  if (map.empty()) return;
+  const double scale_um = p.uncertain->map_scale_um();
+  const SurfaceMaps& maps = *p.uncertain->maps;
+  const auto png = encode_png(side_by_side(sensitivity_picture(maps, true, scale_um),
+                                           sensitivity_picture(maps, false, scale_um)));
+  write_text_file(map, {png.begin(), png.end()});
+  console.say(fmt::format(
+      "{}: upper edges left, lower ones right; black: {:g} um and more either way", map, scale_um));
+}
+
 Setup UncertainOptions::put(Setup setup, const SetupChoices& choices) const {
   if (uncertain.empty()) {
     if (robust) {
       throw InputError(
           "--robust needs to know by how much inputs may be off; expected --uncertain, as in "
           "--uncertain ha=5%,dc=5%");
+    }
+    if (!map.empty()) {
+      throw InputError(
+          "--uncertain-map shows how sure edges are; expected --uncertain, as in --uncertain ha=8%");
     }
     return setup;
   }

@@ -19,7 +19,6 @@
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
-#include "slicecorr/uncertain_print.hpp"
 #include "slicecorr/version.hpp"
 #include "test_part.hpp"
 #include "tomo.hpp"
@@ -34,7 +33,7 @@ struct Arguments {
   UncertainOptions uncertain;
   DoseOptions doses;
   SimulateOptions simulate;
-  std::string input, output, format, target, json, uncertain_map;
+  std::string input, output, format, target, json;
   std::vector<std::string> leave_alone;
   double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
@@ -128,14 +127,10 @@ struct StackAndDesign {
   const LeftAloneFiles target;
 };
 
-int verify(const Arguments& a, const ExecutionContext& context, Console&) {
+int verify(const Arguments& a, const ExecutionContext& context, Console& console) {
   check_output(a.json, {a.input, a.target});
   check_output(a.output, {a.input, a.target});
-  check_output(a.uncertain_map, {a.input, a.target});
-  if (!a.uncertain_map.empty() && a.uncertain.uncertain.empty()) {
-    throw InputError(
-        "--uncertain-map shows how sure edges are; expected --uncertain, as in --uncertain ha=8%");
-  }
+  check_output(a.uncertain.map, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.target), context);
@@ -146,13 +141,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console&) {
                                              surface_picture(*p.maps, false, scale_um)));
     write_text_file(a.output, {png.begin(), png.end()});
   }
-  if (!a.uncertain_map.empty()) {
-    const double scale_um = given.stack.grid().layer_um;
-    const SurfaceMaps& maps = *p.uncertain->maps;
-    const auto png = encode_png(side_by_side(sensitivity_picture(maps, true, scale_um),
-                                             sensitivity_picture(maps, false, scale_um)));
-    write_text_file(a.uncertain_map, {png.begin(), png.end()});
-  }
+  a.uncertain.write_map(p, console);
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
   } else {
@@ -489,10 +478,7 @@ int run_program(int argc, char** argv) {
   a.setup.add_to(*sub, false, true);
   a.uncertain.add_to(*sub, false);
   doses_of_stack(sub);
-  sub->add_option("--uncertain-map", a.uncertain_map,
-                  "Write a map of how sure edges are to FILE (.png): upper and lower edges, the "
-                  "darker the wider the band of 95 %, black at a slice either way")
-      ->type_name("FILE");
+  a.uncertain.add_map_to(*sub);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--map", a.output,
                   "Write a map of the surface to FILE (.png): from below and from above, red where "

@@ -5,6 +5,7 @@
 
 #include "pipeline/design_band.hpp"
 #include "pipeline/dose_meter.hpp"
+#include "pipeline/robust_design.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose_target.hpp"
 
@@ -13,9 +14,14 @@ namespace slicecorr::detail {
 namespace {
 
 /// The solve gives the last slice first. Null pointers: none.
-CodedBand levels_of(const CorrectionPlan& plan, std::size_t columns, const BandReader& reader,
-                    const CodedBand* heights, const CodedBand* left_alone, const DoseTarget* doses,
-                    const CodedBand* dose_bytes, BandCorrector::ColumnLevels most) {
+CodedBand levels_of(const CorrectionPlan& plan, const Uncertainty* robust, std::size_t columns,
+                    const BandReader& reader, const CodedBand* heights, const CodedBand* left_alone,
+                    const DoseTarget* doses, const CodedBand* dose_bytes,
+                    BandCorrector::ColumnLevels most) {
+  if (robust) {
+    const CodedDesign design(columns, reader, heights, Surface::mesh, left_alone);
+    return robust_levels(plan, *robust, design, {}).levels;
+  }
   const WantedBand wanted{doses, dose_bytes};
   BandCorrector corrector = dose_bytes ? BandCorrector(plan, columns, wanted.of_columns())
                                        : BandCorrector(plan, columns, left_alone != nullptr);
@@ -43,7 +49,7 @@ CodedBand levels_alone(const SliceSource& target, const PlacePlans& plans, const
     const auto left_alone = left_alone_of(target, band);
     std::optional<CodedBand> bytes;
     if (doses) bytes = coded_band_of(*doses->images, band);
-    return levels_of(plans.plan(), columns, read, heights ? &*heights : nullptr,
+    return levels_of(plans.plan(), plans.robust(), columns, read, heights ? &*heights : nullptr,
                      left_alone ? &*left_alone : nullptr, doses, bytes ? &*bytes : nullptr,
                      plans.even_levels(plans.models().map().reference(), pixels_of_columns(band)));
   }
@@ -56,8 +62,8 @@ CodedBand levels_alone(const SliceSource& target, const PlacePlans& plans, const
   std::vector<CodedBand> coded_bands;
   for (const GroupedBand::Group& g : grouped.groups) {
     coded_bands.push_back(
-        levels_of(plans.plan(g.value), g.columns.size(), g.reader(own), g.heights(), g.left_alone(),
-                  doses, doses ? g.sources.data() : nullptr,
+        levels_of(plans.plan(g.value), plans.robust(), g.columns.size(), g.reader(own), g.heights(),
+                  g.left_alone(), doses, doses ? g.sources.data() : nullptr,
                   plans.even_levels(g.value, pixels_of_columns(band, g.columns))));
   }
   Joiner joined(grouped, columns, std::move(coded_bands));

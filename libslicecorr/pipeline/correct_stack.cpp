@@ -12,9 +12,11 @@
 #include "pipeline/design_band.hpp"
 #include "pipeline/dose_meter.hpp"
 #include "pipeline/place_plans.hpp"
+#include "pipeline/robust_design.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/surface_collector.hpp"
 #include "pipeline/target_scan.hpp"
+#include "pipeline/uncertain_walk.hpp"
 #include "pipeline/uv_images.hpp"
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/dead_zone.hpp"
@@ -85,6 +87,7 @@ class StackCorrection {
   /// Once, after all bands: the figures, and what the stack says of itself.
   Correction result();
   void tell_shortcomings(const Prediction& p) const {
+    if (plans_.robust()) tell_robust(p);
     detail::tell_shortcomings(p, model(), setup_.process, plans_.levels(), context_);
   }
   void write(const StackInfo& info) { writer_.finish(info, scan_.picture()); }
@@ -92,6 +95,14 @@ class StackCorrection {
  private:
   class Band;
 
+  void tell_robust(const Prediction& p) const {
+    const RobustFigures& r = *p.uncertain->robust;
+    context_.tell(fmt::format(
+        "robust against {}: {} features lost and {} gaps filled somewhere in its range, {} and {} "
+        "without; nominally the mean height error is {:.3f} um, {:.3f} um without",
+        plans_.robust()->text, r.lost, r.filled, r.features, r.gaps, r.mean_abs_um,
+        r.plain_mean_abs_um));
+  }
   const CureModel& model() const { return plans_.models().brightest(); }
   Prediction of_whole_image(const Prediction& in_bands, int slices) const {
     return plans_.even() ? whole_image(in_bands, model(), grid_, slices, bands_)
@@ -112,11 +123,13 @@ class StackCorrection {
   std::optional<VolumeReducer> volume_;  ///< where the reduced volume is asked for
 
   detail::SurfaceCollector surface_after_, surface_before_;
+  std::optional<detail::UncertainTotal> uncertain_;  ///< where it is asked how sure it is
   // Merging does not depend on the order of bands, and a band's histograms are large.
   std::mutex merging_;
-  Prediction after_, before_;
+  Prediction after_, before_, plain_;
   LightCounts grouped_columns_{};    ///< where the display's light is uneven
   std::vector<RegionDose> regions_;  ///< where doses are wanted
+  RobustFigures robust_;             ///< where the correction is robust
 };
 
 /// A band on its way through the correction.
@@ -175,6 +188,13 @@ class StackCorrection::Band {
                const CodedBand* doses, const BandPredictor::PixelOfColumn& place,
                const PutPixels& put_pixels);
 
+  /// The same where features and gaps are to hold although inputs are off. `design` is filled by
+  /// `read`.
+  /// Gives what the plain correction shows, first slice first.
+  CodedBand correct_robust(const CorrectionPlan& plan, const Uncertainty& robust,
+                           const DesignReader& read, detail::CodedDesign& design,
+                           const PutPixels& put_pixels);
+
   StackCorrection& whole_;
   const PixelBox& box_;
   const std::size_t columns_;
@@ -182,6 +202,7 @@ class StackCorrection::Band {
   CodedBand design_, upwards_;  ///< for the reduced volume; `upwards_` has the last slice first
   StackWriter::BandEncoder encoder_;
   Prediction after_, before_;
+  Prediction plain_;  ///< of what is corrected robustly: the plain correction
   LightCounts counts_{};
   std::vector<RegionDose> regions_;
 };
@@ -202,6 +223,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       surface_after_(target.bounds()),
       surface_before_(target.bounds()) {
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
+  if (setup_.uncertainty) uncertain_.emplace(setup_, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
   if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
   if (ask.volume_cells > 0) {
@@ -240,7 +262,8 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   if (whole_.window_) watch.emplace(plan.model, slices, count);
   // Slices that are shown as they are have the greys of gentle slopes, which a design with edge
   // heights has not: they are kept, and predicted apart.
-  const bool apart = heights && whole_.with_before_;
+  const Uncertainty* const robust = whole_.plans_.robust();
+  const bool apart = (heights || robust) && whole_.with_before_;
   CodedBand as_shown(count), as_read(apart || doses ? count : 0);
   std::vector<std::uint8_t> sliced(count);
   detail::LeftAloneRows left_rows(left_alone);
@@ -251,26 +274,53 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
       sink(n, rows);
     });
   };
+  // Where it is asked how sure the print is, design and slices are kept to be walked once more.
+  const bool uncertain = whole_.uncertain_.has_value();
+  detail::CodedDesign looked_at(
+      count, [](const SliceSource::Sink&) {}, nullptr, Surface::mesh, left_alone);
+  if (uncertain && heights) looked_at.heights.emplace(count);
+  CodedBand shown_upwards(uncertain ? count : 0);
   const DesignReader design = [&](const detail::DesignSink& sink) {
-    detail::read_design(kept, heights, Surface::mesh, sink);
+    detail::read_design(kept, heights, Surface::mesh,
+                        [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
+                          if (uncertain) looked_at.coverage.append(rows);
+                          if (uncertain && heights) looked_at.heights->append(its_heights);
+                          sink(n, rows, its_heights);
+                        });
   };
   const detail::WantedBand wanted{whole_.target_.doses(), doses};
   const BandDoses wanted_doses = doses ? wanted.of_columns() : BandDoses{};
   std::optional<detail::DoseMeter> meter;
   PutPixels put_and_measure = put_pixels;
-  if (doses) {
+  if (doses || uncertain) {
     put_and_measure = [&](int n, const std::uint8_t* pixels) {
-      if (!meter) meter.emplace(wanted, plan.model, as_read);
-      meter->add_slice(n, pixels);
+      if (doses && !meter) meter.emplace(wanted, plan.model, as_read);
+      if (meter) meter->add_slice(n, pixels);
+      if (uncertain) shown_upwards.append(pixels);
       put_pixels(n, pixels);
     };
   }
-  correct_columns(
-      plan, count, design, left_alone, doses ? &wanted_doses : nullptr,
-      whole_.plans_.even_levels(value, place),
-      {put_and_measure, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
-       watch ? &*watch : nullptr},
-      whole_.context_);
+  if (robust) {
+    const CodedBand plain = correct_robust(plan, *robust, design, looked_at, put_and_measure);
+    // What prints is measured against the design itself, not against what was aimed at.
+    CodedBand shown(count);
+    for (int n = 0; n < slices; ++n) shown.append_of(shown_upwards, slices - 1 - n);
+    detail::predict_shown(predict_after, true, shown, slices, looked_at, predicted, nullptr,
+                          whole_.context_);
+    BandPredictor predict_plain(plan.model, curve, predicted, count);
+    if (heights) predict_plain.aim_at_heights();
+    predict_plain.go_on_from(std::move(plain_));
+    detail::predict_shown(predict_plain, true, plain, slices, looked_at, predicted, nullptr,
+                          whole_.context_);
+    plain_ = predict_plain.finish(place);
+  } else {
+    correct_columns(
+        plan, count, design, left_alone, doses ? &wanted_doses : nullptr,
+        whole_.plans_.even_levels(value, place),
+        {put_and_measure, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
+         watch ? &*watch : nullptr},
+        whole_.context_);
+  }
   if (apart) {
     const detail::CodedDesign sharp(count, detail::reader_of(as_read), heights, Surface::mesh,
                                     left_alone);
@@ -278,6 +328,16 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
                           predicted, nullptr, whole_.context_);
   }
   if (meter) detail::merge_regions(regions_, meter->regions());
+  if (uncertain) {
+    std::vector<std::uint8_t> pixels(count);
+    const auto shown_at = [&](int n) -> const std::uint8_t* {
+      if (n >= slices) return nullptr;
+      shown_upwards.read(slices - 1 - n, pixels.data());
+      return pixels.data();
+    };
+    whole_.uncertain_->add(plan.model, count, shown_at, looked_at, predicted, heights != nullptr,
+                           place, whole_.context_);
+  }
   after_ = predict_after.finish(place);
   before_ = predict_before.finish(place);
   whole_.surface_after_.add(predict_after.sides(), place);
@@ -285,6 +345,29 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   if (!watch) return;
   const std::lock_guard lock(whole_.merging_);
   whole_.window_->merge(value, *watch);
+}
+
+CodedBand StackCorrection::Band::correct_robust(const CorrectionPlan& plan,
+                                                const Uncertainty& robust, const DesignReader& read,
+                                                detail::CodedDesign& design,
+                                                const PutPixels& put_pixels) {
+  read([](int, const std::uint8_t*, const std::uint8_t*) {});
+  const detail::RobustLevels made = detail::robust_levels(plan, robust, design, whole_.context_);
+  const int slices = plan.all_layers;
+  std::vector<std::uint8_t> pixels(made.levels.columns());
+  const auto pixels_at = [&](const CodedBand& levels, int n) -> const std::uint8_t* {
+    const int at = slices - 1 - n;
+    if (levels.black(at)) return nullptr;
+    levels.read(at, pixels.data());
+    detail::to_pixels(pixels, plan.levels.size());
+    return pixels.data();
+  };
+  CodedBand plain(pixels.size());
+  for (int n = 0; n < slices; ++n) plain.append(pixels_at(made.plain, n));
+  for (int n = slices; n-- > 0;) put_pixels(n, pixels_at(made.levels, n));
+  const std::lock_guard lock(whole_.merging_);
+  whole_.robust_.merge(made.figures);
+  return plain;
 }
 
 void StackCorrection::Band::correct_by_light() {
@@ -318,6 +401,7 @@ void StackCorrection::Band::finish() {
   const std::lock_guard lock(whole_.merging_);
   whole_.after_.merge(after_);
   if (whole_.with_before_) whole_.before_.merge(before_);
+  if (whole_.plans_.robust()) whole_.plain_.merge(plain_);
   if (!regions_.empty()) detail::merge_regions(whole_.regions_, regions_);
   for (std::size_t v = 0; v < counts_.size(); ++v) whole_.grouped_columns_[v] += counts_[v];
 }
@@ -355,6 +439,15 @@ Correction StackCorrection::result() {
     result.after.flow = flow_doses(target_, nullptr, setup_, context_);
   }
   result.after.regions = regions_;
+  if (uncertain_) {
+    std::optional<RobustFigures> robust;
+    if (plans_.robust()) {
+      robust = robust_;
+      robust->mean_abs_um = result.after.height_error_um.mean();
+      robust->plain_mean_abs_um = plain_.height_error_um.mean();
+    }
+    result.after.uncertain = uncertain_->result(robust);
+  }
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
   result.before = of_whole_image(before_, plans_.layers());
@@ -403,6 +496,7 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
   if (wanted.doses()) detail::check_graded(wanted, setup);
+  if (setup.uncertainty) detail::check_uncertain(setup);
   if (judges_suction(setup)) {
     plan_correction(wanted, setup, context);  // what does not fit is refused first
     judge_suction(target, setup, context);

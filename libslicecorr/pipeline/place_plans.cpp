@@ -13,6 +13,7 @@
 #include "cure/limits.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/correct_spread.hpp"
+#include "pipeline/robust_design.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
@@ -200,6 +201,10 @@ class PlaceCheck {
     const bool more = models_.brightest().is_continuous() && !(travel_ && all + 1 > *travel_) &&
                       target_.ends_below_last_node();
     if (more) ++all;
+    if (setup_.uncertainty && setup_.uncertainty->robust) {
+      const int robust = all + robust_slices(models_.brightest());
+      all = travel_ ? std::max(all, std::min(robust, *travel_)) : robust;
+    }
     if (all - layers > kLongest) {
       throw InfeasibleError(fmt::format(
           "the part's end does not cure: light of black comes too close to full light for any "
@@ -361,7 +366,12 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {
   refuse_recording(target);
+  if (setup.uncertainty && setup.uncertainty->robust) {
+    check_robust(setup, target);
+    robust_ = setup.uncertainty;
+  }
   all_layers_ = PlaceCheck(target, models_, setup, context).all_layers();
+  if (robust_) check_cases(models_.brightest(), *robust_);
 }
 
 const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "base/coded_band.hpp"
@@ -30,6 +31,8 @@ class PlacePlans {
   int levels() const { return levels_; }
   /// The plan of a value of light that occurs in a lit column.
   const CorrectionPlan& plan(std::uint8_t value) const;
+  /// What the correction is to allow for; null: nothing.
+  const Uncertainty* robust() const { return robust_ ? &*robust_ : nullptr; }
   /// The highest levels of columns of a value of light where light is even over the flow, empty
   /// elsewhere; to be used while this lives.
   BandCorrector::ColumnLevels even_levels(std::uint8_t value,
@@ -39,6 +42,7 @@ class PlacePlans {
 
  private:
   Process process_;
+  std::optional<Uncertainty> robust_;
   PlaceModels models_;
   Grid images_;
   int layers_, all_layers_ = 0, levels_;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "pipeline/vanished.hpp"
+#include "slicecorr/uncertain_print.hpp"
 
 namespace slicecorr::detail {
 
@@ -14,6 +15,11 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "{} voxels will still cure through and {} stay undercured where light from beside reaches "
         "them; this light prints no line below {:.3g} um and no gap below {:.3g} um",
         p.cure_through_voxels, p.undercure_voxels, p.finest->line_um, p.finest->gap_um));
+  } else if (p.cure_through_voxels + p.undercure_voxels > 0 && p.uncertain && p.uncertain->robust) {
+    context.tell(fmt::format(
+        "{} voxels cure through and {} stay undercured with the inputs as they are said: edges beside "
+        "thin features and gaps give way so that these hold when inputs are off",
+        p.cure_through_voxels, p.undercure_voxels));
   } else if (p.cure_through_voxels + p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "

@@ -13,6 +13,7 @@
 #include "pipeline/dose_meter.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/surface_collector.hpp"
+#include "pipeline/uncertain_walk.hpp"
 #include "pipeline/vanished.hpp"
 #include "predict/plane_edges.hpp"
 #include "slicecorr/dead_zone.hpp"
@@ -93,21 +94,28 @@ void mix(std::span<const ImageShowing> parts, std::size_t columns, std::uint8_t*
 class Verification {
  public:
   Verification(const SliceSource& stack, const SliceSource& target,
-               const detail::ShownSlices& slices, const Resin& resin, Surface surface,
+               const detail::ShownSlices& slices, const Setup& setup,
                const ExecutionContext& context)
       : stack_(stack),
         target_(target),
         context_(context),
-        surface_(surface),
+        surface_(setup.process.surface),
         slices_(slices),
         recorded_(slices.recorded() ? &slices : nullptr),
-        models_(slices.printer(), resin, slices.process(), stack.grid(), stack.frame()),
+        models_(slices.printer(), setup.resin, slices.process(), stack.grid(), stack.frame()),
         layers_(slices.slices()),
         all_layers_(std::max(layers_, target.grid().layers + (target.edge_heights() ? 1 : 0))),
         spread_(models_, stack.grid(), stack.frame()),
         bands_(bands_of_all()),
         surface_maps_(target.bounds()) {
     if (models_.brightest().inhibited) window_.emplace(models_, layers_);
+    if (!setup.uncertainty) return;
+    if (recorded_) {
+      throw InputError(
+          "how sure a recorded print is can't be said: its light was measured; expected a stack that "
+          "is no recording for --uncertain");
+    }
+    uncertain_.emplace(setup, stack.bounds().united(target.bounds()));
   }
 
   void predict_bands() {
@@ -122,6 +130,7 @@ class Verification {
             ? detail::whole_image(total_, models_.brightest(), grid, layers_, bands_, recorded_)
             : detail::whole_image(total_, models_, grid, layers_, grouped_columns_, recorded_);
     if (window_) p.dead_zones = window_->result();
+    if (uncertain_) p.uncertain = uncertain_->result();
     if (const auto finest = spread_.finest()) p.finest = {finest->line_um, finest->gap_um};
     p.maps = std::make_shared<const SurfaceMaps>(surface_maps_.maps());
     return p;
@@ -171,6 +180,7 @@ class Verification {
   std::optional<detail::PlaceWindows> window_;  ///< where UV light keeps a dead zone
 
   detail::SurfaceCollector surface_maps_;
+  std::optional<detail::UncertainTotal> uncertain_;  ///< where it is asked how sure it is
   std::mutex merging_;
   Prediction total_;
   detail::LightCounts grouped_columns_{};  ///< where the display's light is uneven
@@ -194,6 +204,16 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
   }
   figures = predictor.finish(place);
   surface_maps_.add(predictor.sides(), place);
+  if (uncertain_) {
+    std::vector<std::uint8_t> pixels(columns);
+    const auto shown_at = [&](int n) -> const std::uint8_t* {
+      if (n >= layers_) return nullptr;
+      shown.read(n, pixels.data());
+      return pixels.data();
+    };
+    uncertain_->add(model, columns, shown_at, design, all_layers_,
+                    surface_ == Surface::mesh && target_.edge_heights(), place, context_);
+  }
   if (!watch) return;
   const std::lock_guard lock(merging_);
   window_->merge(value, *watch);
@@ -351,7 +371,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   if (slices.setting_deviation() > 0) tell_settings(slices, context);
   tell_other_uv(slices, context);
   tell_speeds(stack, setup.process, context);
-  Verification verification(stack, target, slices, setup.resin, setup.process.surface, context);
+  Verification verification(stack, target, slices, setup, context);
   verification.predict_bands();
   Prediction p = verification.result();
   if (target.doses()) {

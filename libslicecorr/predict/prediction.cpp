@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/predict.hpp"
+#include "slicecorr/uncertain_print.hpp"
 
 namespace slicecorr {
 
@@ -182,6 +183,12 @@ std::string Prediction::to_json() const {
                           {"edges", height_error_um.count()},
                           {"max_overreach", or_null(edges, greatest_overreach_um)},
                           {"max_shortfall", or_null(edges, greatest_shortfall_um)}};
+  if (uncertain && edges) {
+    const EdgeBands &upper = uncertain->upper, &lower = uncertain->lower;
+    const double count = static_cast<double>(upper.edges + lower.edges);
+    j["height_error_um"]["band95"] = {(upper.weak_um.value() + lower.weak_um.value()) / count,
+                                      (upper.strong_um.value() + lower.strong_um.value()) / count};
+  }
   const bool surface = surface_error_um.count() > 0;
   j["surface_error_um"] = {{"mean_abs", or_null(surface, surface_error_um.mean())},
                            {"p95_abs", or_null(surface, surface_error_um.quantile(0.95))},
@@ -255,6 +262,7 @@ std::string Prediction::to_json() const {
                          {"by_slice", slices}};
     j["window_cured_pixels"] = dead_zones->cured_pixels;
   }
+  if (uncertain) j["uncertainty"] = ordered_json::parse(uncertain->to_json());
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);
 }

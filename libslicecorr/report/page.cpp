@@ -205,6 +205,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
       R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}</style></head><body><main><h1>{0}</h1>)",
       escape_markup(c.title), detail::page_page_css);
   html += summary(c);
+  html += detail::uncertainty_section(c);
   html += "<h2>What will print</h2>" + figures_table(c);
   html += detail::dose_tables(c) + detail::flow_charts(c);
   if (c.comparison) html += detail::comparison_table(*c.comparison);

@@ -21,6 +21,8 @@ std::string dose_tables(const ReportContent& content);
 /// Dose and dead zone in resin that flows, slice by slice, beside those with even light; empty where no
 /// light was made for it.
 std::string flow_charts(const ReportContent& content);
+/// How sure the prediction is; empty where nobody asked.
+std::string uncertainty_section(const ReportContent& content);
 std::string comparison_table(const ComparisonTable& comparison);
 
 /// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made

@@ -116,35 +116,55 @@ ColourImage dose_picture(const Section& s, bool wanted, double most, double pixe
   return draw(s, pixel_x_um, layer_um, most_px, colour, [](std::size_t) { return 0; });
 }
 
-ColourImage surface_picture(const SurfaceMaps& maps, bool from_below, double scale_um) {
-  const std::vector<float>& um = from_below ? maps.below_um : maps.above_um;
+namespace {
+
+/// Cells as squares, small maps enlarged; empty where there is nothing.
+template <typename ColourOf>
+ColourImage draw_cells(const SurfaceMaps& maps, const std::vector<float>& um, ColourOf colour) {
   constexpr int least_side = 320;
   const int times = std::max(1, least_side / std::max({1, maps.width, maps.height}));
   ColourImage image{std::max(1, maps.width * times), std::max(1, maps.height * times), {}};
   image.rgb.assign(
       static_cast<std::size_t>(image.width_px) * static_cast<std::size_t>(image.height_px) * 3,
       255);
-  const auto colour = [&](float value) {
-    if (std::isnan(value)) return kEmpty;
-    const double share = std::clamp(value / scale_um, -1.0, 1.0);
-    const Colour& end = share > 0 ? kCureThrough : kUndercure;
-    Colour c;
-    for (std::size_t k = 0; k < c.size(); ++k) {
-      c[k] = static_cast<std::uint8_t>(
-          std::lround(kGreyEmpty[k] + std::abs(share) * (end[k] - kGreyEmpty[k])));
-    }
-    return c;
-  };
   for (int y = 0; y < maps.height * times; ++y) {
     for (int x = 0; x < maps.width * times; ++x) {
       const auto cell = static_cast<std::size_t>(y / times) * static_cast<std::size_t>(maps.width) +
                         static_cast<std::size_t>(x / times);
-      const Colour c = colour(um[cell]);
+      const Colour c = std::isnan(um[cell]) ? kEmpty : colour(um[cell]);
       std::copy(c.begin(), c.end(),
                 image.rgb.begin() + 3 * (static_cast<std::ptrdiff_t>(y) * image.width_px + x));
     }
   }
   return image;
+}
+
+Colour between(const Colour& from, const Colour& to, double share) {
+  Colour c;
+  for (std::size_t k = 0; k < c.size(); ++k) {
+    c[k] = static_cast<std::uint8_t>(std::lround(from[k] + share * (to[k] - from[k])));
+  }
+  return c;
+}
+
+}  // namespace
+
+ColourImage surface_picture(const SurfaceMaps& maps, bool from_below, double scale_um) {
+  return draw_cells(maps, from_below ? maps.below_um : maps.above_um, [&](float value) {
+    const double share = std::clamp(value / scale_um, -1.0, 1.0);
+    return between(kGreyEmpty, share > 0 ? kCureThrough : kUndercure, std::abs(share));
+  });
+}
+
+ColourImage sensitivity_picture(const SurfaceMaps& maps, bool upper, double scale_um) {
+  // From pale yellow over orange to black: the order of the brightness is that of the width.
+  constexpr std::array<Colour, 4> scale = {Colour{255, 247, 205}, Colour{245, 160, 55},
+                                           Colour{160, 40, 60}, Colour{25, 5, 30}};
+  return draw_cells(maps, upper ? maps.below_um : maps.above_um, [&](float value) {
+    const double at = std::clamp(value / scale_um, 0.0, 1.0) * (scale.size() - 1);
+    const auto from = std::min(static_cast<std::size_t>(at), scale.size() - 2);
+    return between(scale[from], scale[from + 1], at - static_cast<double>(from));
+  });
 }
 
 ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int most_px) {

@@ -24,6 +24,7 @@
 #include "slicecorr/process.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/target.hpp"
+#include "slicecorr/uncertainty.hpp"
 
 namespace slicecorr {
 
@@ -41,6 +42,9 @@ struct Setup {
   /// even dead zone is asked for, that dead zone; 0: the best. Stacks do not keep it: even light has its
   /// own.
   double gap_um = 0;
+  /// By how much the inputs may be off: predictions then say how sure they are, and corrections allow
+  /// for it where that is asked for (`Uncertainty::robust`). Stacks do not keep it.
+  std::optional<Uncertainty> uncertainty{};
 };
 
 /// Writes a target as a stack of its coverage, with its edge heights where it has some; of archives

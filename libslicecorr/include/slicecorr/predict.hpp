@@ -49,6 +49,8 @@
 
 namespace slicecorr {
 
+struct UncertainPrint;
+
 /// Counts of positive numbers in bins of at most 0.1 % of their value, for quantiles of any number
 /// of samples in bounded memory.
 class Histogram {
@@ -199,6 +201,9 @@ struct Prediction {
   std::vector<RegionDose> regions;  ///< where doses are wanted; not merged, set for whole stacks
   /// Not merged, set for whole stacks; null where nobody asked.
   std::shared_ptr<const SurfaceMaps> maps;
+  /// How sure all of this is (uncertain_print.hpp); not merged, set for whole stacks; null where
+  /// nobody asked.
+  std::shared_ptr<const UncertainPrint> uncertain;
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.
   int worst_x = -1, worst_y = -1;
 

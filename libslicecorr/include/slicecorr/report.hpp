@@ -44,6 +44,11 @@ std::string dose_colour(double dose, double most);
 /// it is right; white is empty. Small maps are enlarged. `scale_um`: > 0.
 ColourImage surface_picture(const SurfaceMaps& maps, bool from_below, double scale_um);
 
+/// How sure edges are, `maps` being those of an uncertain print (uncertain_print.hpp): of upper edges
+/// or of lower ones, the darker the wider the band of 95 %, darkest where it reaches `scale_um` or
+/// more either way; white is empty. Small maps are enlarged. `scale_um`: > 0.
+ColourImage sensitivity_picture(const SurfaceMaps& maps, bool upper, double scale_um);
+
 /// A table of this correction beside other ways to do it.
 struct ComparisonTable {
   std::vector<std::string> columns;            ///< heads

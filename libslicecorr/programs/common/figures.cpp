@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "slicecorr/uncertain_print.hpp"
+
 namespace slicecorr::cli {
 
 std::string figures_table(const std::vector<Figures>& columns) {
@@ -137,7 +139,9 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
   std::vector<Figures> columns;
   if (before) columns.push_back({"uncorrected", &*before});
   columns.push_back({"corrected", &after});
-  std::string text = figures_table(columns) + doses_table(after) + flow_table(after, flow);
+  // What can be relied on comes before what is computed from inputs as if they were right.
+  std::string text = after.uncertain ? uncertainty_in_words(*after.uncertain) : std::string();
+  text += figures_table(columns) + doses_table(after) + flow_table(after, flow);
   if (const auto& l = after.layerwise) {
     text += fmt::format(
         "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "

@@ -13,6 +13,7 @@
 #include "plan.hpp"
 #include "programs/common/dose_options.hpp"
 #include "programs/common/make_part.hpp"
+#include "programs/common/uncertain_options.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -30,6 +31,7 @@ namespace {
 struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
+  UncertainOptions uncertain;
   DoseOptions doses;
   SimulateOptions simulate;
   std::string input, output, format, target, json;
@@ -85,7 +87,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   check_output(a.output, a.doses.inputs());
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
-  Setup setup = a.setup.resolve(nullptr, &times);
+  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
   tell_notices(setup, &times, context);
   // What a slicer wrote besides the slices stays.
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
@@ -108,7 +110,7 @@ struct StackAndDesign {
   StackAndDesign(const Arguments& a, const std::string& folder, const std::string& target_folder,
                  const ExecutionContext& context)
       : stack(a.open(a.input, folder, context)),
-        setup(a.setup.resolve(&stack.info(), &stack.info())),
+        setup(a.uncertain.put(a.setup.resolve(&stack.info(), &stack.info()), a.setup)),
         read(a.open(design(a.target), target_folder, context)),
         fitted(FittedSlices::like(stack, read, target_folder, context)),
         target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context) {
@@ -126,9 +128,10 @@ struct StackAndDesign {
   const LeftAloneFiles target;
 };
 
-int verify(const Arguments& a, const ExecutionContext& context, Console&) {
+int verify(const Arguments& a, const ExecutionContext& context, Console& console) {
   check_output(a.json, {a.input, a.target});
   check_output(a.output, {a.input, a.target});
+  check_output(a.uncertain.map, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.target), context);
@@ -139,6 +142,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console&) {
                                              surface_picture(*p.maps, false, scale_um)));
     write_text_file(a.output, {png.begin(), png.end()});
   }
+  a.uncertain.write_map(p, console);
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt, FlowLightOf::images));
   } else {
@@ -292,7 +296,7 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
     check_output(path, a.with_left_alone(a.mesh.parts));
     check_output(path, a.doses.inputs());
   }
-  const Setup setup = a.setup.resolve(nullptr, nullptr);
+  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, nullptr), a.setup);
   tell_notices(setup, nullptr, context);
   MeshesLeftAlone place;
   const MeshSlices slices =
@@ -465,6 +469,7 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "IN", "Stack of coverage images");
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
+  a.uncertain.add_to(*sub, true);
   doses_of_stack(sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
@@ -473,7 +478,9 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
+  a.uncertain.add_to(*sub, false);
   doses_of_stack(sub);
+  a.uncertain.add_map_to(*sub);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--map", a.output,
                   "Write a map of the surface to FILE (.png): from below and from above, red where "
@@ -506,6 +513,7 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, false, true);
+  a.uncertain.add_to(*sub, false);
   doses_of_stack(sub);
   sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
 
@@ -537,6 +545,7 @@ int run_program(int argc, char** argv) {
   a.mesh.add_to(*sub);
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
+  a.uncertain.add_to(*sub, true);
   a.doses.add_to(*sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 

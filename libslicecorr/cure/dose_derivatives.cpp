@@ -1,0 +1,264 @@
+#include "slicecorr/dose_derivatives.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "base/kernels.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+void check_derivatives(const CureModel& model) {
+  const auto refuse = [](const char* where) {
+    throw InputError(std::string("how the dose changes with its inputs is not known ") + where);
+  };
+  if (model.inhibited) refuse("under UV light; expected exposure without it");
+  if (model.bath_slices > 0) {
+    refuse("where the resin ends above the window; expected a printer without vat.depth_um");
+  }
+  if (model.mirrored_slices > 0) {
+    refuse(
+        "below a platform that sends light back; expected a printer without "
+        "vat.platform_reflectance");
+  }
+}
+
+LightGradient light_gradient(const CureModel& model, double phi, double reference_mw_cm2) {
+  LightGradient light{phi, 0, 0};
+  const double of_level = model.m / model.critical_intensity_mw_cm2;
+  if (model.m == 1.0) {
+    light.stray = of_level;
+  } else if (phi > 0) {
+    light.stray = of_level * std::pow(phi, 1.0 - 1.0 / model.m);
+  } else if (model.m < 1) {
+    light.stray = std::numeric_limits<double>::infinity();
+  }
+  if (phi > 0) {
+    const double ln_intensity =
+        std::log(model.critical_intensity_mw_cm2 / reference_mw_cm2) + std::log(phi) / model.m;
+    const bool layerwise = model.mode == ExposureMode::layerwise;
+    light.m = phi * (ln_intensity - (layerwise ? 0.0 : 1.0 / model.m));
+  }
+  return light;
+}
+
+DoseGradient step_gradient(const CureModel& model, const LightGradient& light,
+                           const DoseGradient& below, double t) {
+  const double exponent = -t * model.eta * units::kLn10;
+  const double gone = -std::expm1(exponent), e = 1.0 - gone;
+  DoseGradient out;
+  if (model.mode == ExposureMode::layerwise) {
+    const double near = light.phi + below.dose;
+    const double by_depth = -exponent * e * near;
+    out.dose = e * near;
+    out.ln_ha = e * below.ln_ha + by_depth;
+    out.stray = e * (light.stray + below.stray);
+    out.m = e * (light.m + below.m) - by_depth / model.m;
+    out.variance = e * e * (light.phi * light.phi + below.variance);
+    return out;
+  }
+  const double by_depth = -exponent * e * (below.dose - light.phi);
+  out.dose = light.phi * gone + e * below.dose;
+  out.ln_ha = light.phi * gone + e * below.ln_ha + by_depth;
+  out.stray = light.stray * gone + e * below.stray;
+  out.m = light.m * gone + e * below.m - by_depth / model.m;
+  const double own = light.phi * gone;
+  out.variance = own * own + e * e * below.variance;
+  return out;
+}
+
+double dose_per_um(const CureModel& model, double phi) {
+  const double per_um = model.eta * units::kLn10 / model.layer_um;
+  return model.mode == ExposureMode::layerwise ? per_um : per_um * (1.0 - phi);
+}
+
+ColumnGradient::ColumnGradient(const CureModel& model, const std::vector<double>& phi,
+                               double reference_mw_cm2)
+    : model_(model), nodes_(phi.size() + 1) {
+  check_derivatives(model);
+  light_.reserve(phi.size());
+  for (std::size_t n = 0; n < phi.size(); ++n) {
+    LightGradient light = light_gradient(model, phi[n], reference_mw_cm2);
+    const double ratio = model.ratio(static_cast<int>(n));
+    for (double* value : {&light.phi, &light.stray, &light.m}) *value *= ratio;
+    light_.push_back(light);
+  }
+  for (std::size_t k = phi.size(); k-- > 0;) {
+    nodes_[k] = step_gradient(model_, light_[k], nodes_[k + 1]);
+  }
+}
+
+namespace {
+
+std::vector<double> phi_of(const CureModel& model, const std::vector<std::uint8_t>& pixels) {
+  const PixelCurve curve = pixel_curve(model);
+  std::vector<double> phi(pixels.size());
+  for (std::size_t n = 0; n < phi.size(); ++n) {
+    phi[n] = curve[pixels[n]];
+  }
+  return phi;
+}
+
+}  // namespace
+
+ColumnGradient::ColumnGradient(const CureModel& model, const std::vector<std::uint8_t>& pixels,
+                               double reference_mw_cm2)
+    : ColumnGradient(model, phi_of(model, pixels), reference_mw_cm2) {}
+
+DoseGradient ColumnGradient::at(double z) const {
+  const double lower = std::clamp(std::ceil(z), 0.0, static_cast<double>(slices()));
+  const auto node = static_cast<std::size_t>(lower);
+  if (node == 0) return nodes_[0];
+  return step_gradient(model_, light_[node - 1], nodes_[node], lower - z);
+}
+
+double ColumnGradient::edge_um(double z, double change, bool from_above) const {
+  const double whole = std::floor(z);
+  const bool at_node = z == whole;
+  const auto layer = static_cast<int>(whole) - (at_node && from_above ? 1 : 0);
+  const double light = layer >= 0 && layer < slices() ? phi(layer) : 0.0;
+  return -change / dose_per_um(model_, light);
+}
+
+BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted)
+    : model_(model), wanted_(wanted) {
+  check_derivatives(model);
+  const PixelCurve curve = pixel_curve(model);
+  const bool more = wanted.stray || wanted.m;
+  for (std::size_t v = 0; v < curve.size(); ++v) {
+    const LightGradient light = more ? light_gradient(model, curve[v], wanted.reference_mw_cm2)
+                                     : LightGradient{curve[v], 0, 0};
+    phi_of_[v] = light.phi;
+    stray_of_[v] = light.stray;
+    m_of_[v] = light.m;
+  }
+  const auto make = [&](std::vector<double>& values, bool is_wanted) {
+    if (is_wanted) values.assign(columns, 0.0);
+  };
+  make(light_.phi, true);
+  make(light_.stray, wanted.stray);
+  make(light_.m, wanted.m);
+  for (Fields* fields : {&lower_, &upper_}) {
+    make(fields->dose, true);
+    make(fields->ln_ha, true);
+    make(fields->stray, wanted.stray);
+    make(fields->m, wanted.m);
+    make(fields->variance, wanted.noise);
+  }
+}
+
+void BandDerivatives::take_light(int slice, const std::uint8_t* pixels) {
+  const double ratio = model_.ratio(slice);
+  const std::size_t columns = light_.phi.size();
+  const auto fill = [&](std::vector<double>& out, const PixelCurve& of) {
+    if (out.empty()) return;
+    if (!pixels) {
+      std::fill(out.begin(), out.end(), 0.0);
+      return;
+    }
+    for (std::size_t i = 0; i < columns; ++i) out[i] = of[pixels[i]];
+    if (ratio == 1) return;
+    for (double& value : out) value *= ratio;
+  };
+  fill(light_.phi, phi_of_);
+  fill(light_.stray, stray_of_);
+  fill(light_.m, m_of_);
+}
+
+namespace {
+
+struct StepFactors {
+  double a, gone, by_depth;  ///< 10^-eta, 1 - a, a L
+};
+
+SLICECORR_CLONES
+void step_dose(const double* __restrict phi, const double* __restrict w, const double* __restrict h,
+               double* __restrict dose, double* __restrict ln_ha, StepFactors f, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const double own = phi[i] * f.gone;
+    dose[i] = own + f.a * w[i];
+    ln_ha[i] = own + f.a * h[i] + f.by_depth * (w[i] - phi[i]);
+  }
+}
+SLICECORR_CLONES
+void step_linear(const double* __restrict light, const double* __restrict below,
+                 double* __restrict above, StepFactors f, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) above[i] = light[i] * f.gone + f.a * below[i];
+}
+SLICECORR_CLONES
+void step_variance(const double* __restrict phi, const double* __restrict below,
+                   double* __restrict above, StepFactors f, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const double own = phi[i] * f.gone;
+    above[i] = own * own + f.a * f.a * below[i];
+  }
+}
+
+}  // namespace
+
+void BandDerivatives::step_continuous() {
+  std::swap(lower_, upper_);
+  const std::size_t n = light_.phi.size();
+  const StepFactors f{model_.a, model_.one_minus_a, model_.a * model_.eta * units::kLn10};
+  step_dose(light_.phi.data(), lower_.dose.data(), lower_.ln_ha.data(), upper_.dose.data(),
+            upper_.ln_ha.data(), f, n);
+  if (wanted_.stray) {
+    step_linear(light_.stray.data(), lower_.stray.data(), upper_.stray.data(), f, n);
+  }
+  if (wanted_.m) {
+    step_linear(light_.m.data(), lower_.m.data(), upper_.m.data(), f, n);
+    const double by_m = f.by_depth / model_.m;
+    for (std::size_t i = 0; i < n; ++i) upper_.m[i] -= by_m * (lower_.dose[i] - light_.phi[i]);
+  }
+  if (wanted_.noise) {
+    step_variance(light_.phi.data(), lower_.variance.data(), upper_.variance.data(), f, n);
+  }
+}
+
+void BandDerivatives::step_layerwise() {
+  const std::size_t n = light_.phi.size();
+  const double a = model_.a, depth = model_.eta * units::kLn10;
+  for (std::size_t i = 0; i < n; ++i) {
+    lower_.dose[i] = light_.phi[i] + upper_.dose[i];
+    lower_.ln_ha[i] = upper_.ln_ha[i];
+    upper_.dose[i] = a * lower_.dose[i];
+    upper_.ln_ha[i] = a * lower_.ln_ha[i] + depth * upper_.dose[i];
+  }
+  if (wanted_.stray) {
+    for (std::size_t i = 0; i < n; ++i) {
+      lower_.stray[i] = light_.stray[i] + upper_.stray[i];
+      upper_.stray[i] = a * lower_.stray[i];
+    }
+  }
+  if (wanted_.m) {
+    for (std::size_t i = 0; i < n; ++i) {
+      lower_.m[i] = light_.m[i] + upper_.m[i];
+      upper_.m[i] = a * lower_.m[i] - depth / model_.m * upper_.dose[i];
+    }
+  }
+  if (wanted_.noise) {
+    for (std::size_t i = 0; i < n; ++i) {
+      lower_.variance[i] = light_.phi[i] * light_.phi[i] + upper_.variance[i];
+      upper_.variance[i] = a * a * lower_.variance[i];
+    }
+  }
+}
+
+void BandDerivatives::add_slice(int slice, const std::uint8_t* pixels) {
+  take_light(slice, pixels);
+  model_.mode == ExposureMode::layerwise ? step_layerwise() : step_continuous();
+}
+
+DoseGradient BandDerivatives::at(std::size_t i, double t) const {
+  const auto value = [i](const std::vector<double>& of) { return of.empty() ? 0.0 : of[i]; };
+  const DoseGradient below{lower_.dose[i], lower_.ln_ha[i], value(lower_.stray), value(lower_.m),
+                           value(lower_.variance)};
+  // Layer by layer the light of the slice is in the doses at its window already.
+  if (model_.mode == ExposureMode::layerwise) return step_gradient(model_, {}, below, t);
+  return step_gradient(model_, {light_.phi[i], value(light_.stray), value(light_.m)}, below, t);
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,43 @@
+/// How sure a prediction is: bands walked once more, beside their prediction.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+
+#include "pipeline/design_band.hpp"
+#include "pipeline/surface_collector.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/uncertain_print.hpp"
+
+namespace slicecorr::detail {
+
+/// Throws `InputError`, naming it, where a setup has something under which it is not known how the
+/// dose changes: UV light, light that spreads, resin that ends, a platform that sends light back.
+void check_uncertain(const Setup& setup);
+
+/// What is seen of a slice: its pixels; null: light off.
+using ShownSlice = std::function<const std::uint8_t*(int slice)>;
+
+/// What all bands add up to. Thread-safe; the order of bands does not matter.
+class UncertainTotal {
+ public:
+  /// `box`: pixels that may have edges. Throws as `check_uncertain`.
+  UncertainTotal(const Setup& setup, const PixelBox& box);
+  /// Columns that share a model: `all_layers` slices of `shown` and `design`. `at_heights`: as
+  /// `UncertainBand::aim_at_heights`.
+  void add(const CureModel& model, std::size_t columns, const ShownSlice& shown,
+           const CodedDesign& design, int all_layers, bool at_heights,
+           const BandPredictor::PixelOfColumn& place, const ExecutionContext& context);
+  /// Once, after all bands.
+  std::shared_ptr<const UncertainPrint> result(
+      const std::optional<RobustFigures>& robust = std::nullopt) const;
+
+ private:
+  const Uncertainty uncertainty_;
+  SurfaceCollector maps_;
+  std::mutex merging_;
+  UncertainPrint total_;
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,73 @@
+#include "programs/common/uncertain_options.hpp"
+
+#include <fmt/format.h>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/report.hpp"
+#include "slicecorr/uncertain_print.hpp"
+#include "support/toml/toml_table.hpp"
+
+namespace slicecorr::cli {
+
+void UncertainOptions::add_to(CLI::App& app, bool correcting) {
+  app.add_option(
+      "--uncertain", uncertain,
+      "By how much inputs may be off, as standard deviations: ha=8%,dc=10%,light=3%,speed=1%, the "
+      "areal dose meant; also m=0.02, aim=5%, stray=0.1 (mW/cm²), time (layerwise), flat, noise; fit "
+      "for what the measurements in the resin's file say. The prediction then says how sure it is");
+  if (!correcting) return;
+  app.add_flag(
+      "--robust", robust,
+      "Keep features above and gaps below gelling for all that --uncertain names, each off "
+      "by so much either way, where that is possible (continuous, without UV light)");
+}
+
+void UncertainOptions::add_map_to(CLI::App& app) {
+  app.add_option(
+         "--uncertain-map", map,
+         "Write a map of how sure edges are to FILE (.png): upper and lower edges, the darker "
+         "the wider the band of 95 %")
+      ->type_name("FILE");
+}
+
+void UncertainOptions::write_map(const Prediction& p, Console& console) const {
+  if (map.empty()) return;
+  const double scale_um = p.uncertain->map_scale_um();
+  const SurfaceMaps& maps = *p.uncertain->maps;
+  const auto png = encode_png(side_by_side(sensitivity_picture(maps, true, scale_um),
+                                           sensitivity_picture(maps, false, scale_um)));
+  write_text_file(map, {png.begin(), png.end()});
+  console.say(fmt::format(
+      "{}: upper edges left, lower ones right; black: {:g} um and more either way", map, scale_um));
+}
+
+Setup UncertainOptions::put(Setup setup, const SetupChoices& choices) const {
+  if (uncertain.empty()) {
+    if (robust) {
+      throw InputError(
+          "--robust needs to know by how much inputs may be off; expected --uncertain, as in "
+          "--uncertain ha=5%,dc=5%");
+    }
+    if (!map.empty()) {
+      throw InputError(
+          "--uncertain-map shows how sure edges are; expected --uncertain, as in --uncertain ha=8%");
+    }
+    return setup;
+  }
+  ResinText resin{choices.resin_toml, "the resin"};
+  if (resin.text.empty() && !choices.resin.empty()) {
+    resin.source = find_definition(choices.resin, "resin");
+    resin.text = read_text_file(resin.source);
+  }
+  setup.uncertainty = parse_uncertainty(uncertain, setup.process.mode,
+                                        setup.printer.calibration.back().intensity_mw_cm2, resin);
+  if (setup.uncertainty->from_fit && (choices.ha_um > 0 || choices.dc_mj_cm3 > 0)) {
+    throw InputError(
+        "--uncertain fit says how sure the file's own height and dose are, and another is given by "
+        "--ha-um or --dc-mj-cm3; expected its error by hand, as in ha=8%");
+  }
+  setup.uncertainty->robust = robust;
+  return setup;
+}
+
+}  // namespace slicecorr::cli

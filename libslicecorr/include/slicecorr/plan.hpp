@@ -198,7 +198,7 @@ struct PrintPlan {
   double lamp_share = 1;  ///< of the calibration's light
   std::vector<double>
       slice_speed_mm_h;  ///< where slices go slower than `at`; the last holds on; else empty
-  std::string with;                 ///< which of the free settings was chosen; empty: as `setup` said
+  std::string with;      ///< which of the free settings was chosen; empty: as `setup` said
   std::vector<std::string> chosen;  ///< free settings and what became of them
   std::vector<std::string> notes;   ///< what is not counted
   std::uint64_t part_columns = 0, distinct_columns = 0, judged_columns = 0;

@@ -232,6 +232,7 @@ struct Bound {
 
 std::vector<PaceRange> paces_of(const std::vector<SpeedRange>& ranges) {
   std::vector<PaceRange> paces;
+  paces.reserve(ranges.size());
   for (const SpeedRange& r : ranges) paces.push_back({r.least_mm_h, r.greatest_mm_h});
   return paces;
 }

@@ -198,7 +198,7 @@ struct PrintPlan {
   double lamp_share = 1;  ///< of the calibration's light
   std::vector<double>
       slice_speed_mm_h;  ///< where slices go slower than `at`; the last holds on; else empty
-  std::string with;                 ///< which of the free settings was chosen; empty: as `setup` said
+  std::string with;      ///< which of the free settings was chosen; empty: as `setup` said
   std::vector<std::string> chosen;  ///< free settings and what became of them
   std::vector<std::string> notes;   ///< what is not counted
   std::uint64_t part_columns = 0, distinct_columns = 0, judged_columns = 0;
@@ -209,11 +209,12 @@ struct PrintPlan {
   std::string svg(const std::string& title) const;
 };
 
-/// The fastest print of `target`, or layer by layer the one with the least exposure. The speed or
-/// exposure of `setup` does not count. Throws `InfeasibleError` where no speed keeps what is asked for,
-/// naming the nearest contrast or tolerance with gap and place; `InputError` for targets whose columns are
-/// not alone (light that spreads, uneven light, doses, what is left alone).
-PrintPlan plan_print(const SliceSource& target, const Setup& setup, const PlanAsk& ask,
+/// The fastest print of `whole_target`, or layer by layer the one with the least exposure. The speed or
+/// exposure that `asked` says does not count. Throws `InfeasibleError` where no speed keeps what is asked
+/// for, naming the nearest contrast or tolerance with gap and place; `InputError` for wanted doses, what is
+/// left alone, UV light that changes and light for an even dead zone. Where light spreads columns are
+/// planned as if they stood alone, and where it is uneven for the least and the most light of the part.
+PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const PlanAsk& ask,
                      const ExecutionContext& context = {});
 
 }  // namespace slicecorr

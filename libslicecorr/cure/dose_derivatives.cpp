@@ -252,7 +252,8 @@ void BandDerivatives::add_slice(int slice, const std::uint8_t* pixels) {
   model_.mode == ExposureMode::layerwise ? step_layerwise() : step_continuous();
 }
 
-DoseGradient BandDerivatives::at(std::size_t i, double t) const {
+DoseGradient BandDerivatives::at(std::size_t column, double t) const {
+  const std::size_t i = column;
   const auto value = [i](const std::vector<double>& of) { return of.empty() ? 0.0 : of[i]; };
   const DoseGradient below{lower_.dose[i], lower_.ln_ha[i], value(lower_.stray), value(lower_.m),
                            value(lower_.variance)};

@@ -249,6 +249,7 @@ void solve(const CorrectionPlan& plan, std::size_t columns, Rows rows, Sink sink
 
 std::vector<std::uint8_t> pixels_of_levels(const CorrectionPlan& plan) {
   std::vector<std::uint8_t> pixels;
+  pixels.reserve(static_cast<std::size_t>(plan.levels.size()));
   for (int level = 0; level < plan.levels.size(); ++level) {
     pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(level, plan.levels.size())));
   }
@@ -364,6 +365,7 @@ void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<Colum
   std::vector<std::uint8_t> whole(all);
   for (int pass = 0; pass <= kPasses && !active.empty(); ++pass) {
     std::vector<const Column*> moved;
+    moved.reserve(active.size());
     for (const std::size_t i : active) moved.push_back(&columns[i]);
     const auto design_row = [&](int n, std::uint8_t* out) {
       design_.coverage.read(n, whole.data());
@@ -430,6 +432,7 @@ RobustLevels RobustBand::run() {
     std::vector<Column> columns;
     repair(part, columns, own);
     std::vector<const Column*> moved;
+    moved.reserve(columns.size());
     for (const Column& c : columns) moved.push_back(&c);
     MovedColumns rows(moved, [&](int n, std::uint8_t* out) {
       design_.coverage.read(n, room.data());

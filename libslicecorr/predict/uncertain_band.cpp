@@ -41,15 +41,21 @@ void find_clear(const double* __restrict dose, const double* __restrict q,
   constexpr double near_reach = kClearSds * kClearSds, far_reach = kFarSds * kFarSds;
   for (std::size_t b = 0; b < n; b += block) {
     const std::size_t size = std::min(block, n - b);
-    double code[block];  // as wide as the doses: compared here, and narrowed apart
+    // One comparison a loop, all as wide as the doses: loops that compilers do in vectors.
+    double square[block], code[block];
     for (std::size_t i = 0; i < size; ++i) {
-      const double d = dose[b + i], excess = d - 1.0;
-      const double away = excess > 0 ? excess : -d * excess;
-      const double square = away * away;
-      const double which = excess > 0 ? double{Clear::prints} : double{Clear::open};
-      code[i] = (square >= near_reach * q[b + i] ? which : 0.0) +
-                (square >= far_reach * q[b + i] ? double{Clear::far} : 0.0);
+      const double excess = dose[b + i] - 1.0, below = -dose[b + i] * excess;
+      const double away = excess > below ? excess : below;
+      square[i] = away * away;
     }
+    for (std::size_t i = 0; i < size; ++i) code[i] = dose[b + i] > 1.0 ? 1.0 : 2.0;
+    for (std::size_t i = 0; i < size; ++i) {
+      code[i] = square[i] >= near_reach * q[b + i] ? code[i] : 0.0;
+    }
+    for (std::size_t i = 0; i < size; ++i) {
+      code[i] += square[i] >= far_reach * q[b + i] ? 4.0 : 0.0;
+    }
+    static_assert(Clear::prints == 1 && Clear::open == 2 && Clear::far == 4);
     for (std::size_t i = 0; i < size; ++i) {
       clear[b + i] = static_cast<std::uint8_t>(static_cast<std::int32_t>(code[i]));
     }
@@ -265,12 +271,12 @@ double UncertainBand::State::crossing(std::size_t i, std::size_t print, double a
   double a = 0, b = 1;
   double fa = std::max(at_lower, least), fb = std::max(at_upper, least);
   int side = 0;
-  for (int k = 0; k < 100 && b - a > 1e-9; ++k) {
+  for (int k = 0; k < 100 && b - a > 1e-8; ++k) {
     double t = (a * fb - b * fa) / (fb - fa);
     if (!(t > a && t < b)) t = 0.5 * (a + b);
     const double f = std::max(ln_dose(derivatives_.at(i, t)).seen(print), least);
-    // 1e-10 of a dose: less than a millionth of a slice.
-    if (std::abs(f) < 1e-10) return t;
+    // Of a dose: some 1e-5 um of an edge.
+    if (std::abs(f) < 1e-8) return t;
     if ((f >= 0) == (fb >= 0)) {
       b = t;
       fb = f;

@@ -88,7 +88,7 @@ std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
       std::vector<Change> list;
       std::uint8_t before = 0;
       for (int n = plan_.all_layers; n-- > 0;) {
-        const auto level = static_cast<std::uint8_t>(shown[static_cast<std::size_t>(n)]);
+        const Level level = shown[static_cast<std::size_t>(n)];
         if (level != before) list.push_back({0, n, level});
         before = level;
       }

@@ -59,7 +59,6 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
       levels(kernel->levels()),
       layers(target_layers),
       all_layers(all_slices),
-      per_grey(std::max(1, (levels + 128) / 256)),
       layer_um(model.layer_um),
       merge_one_slice_gaps(merge),
       even(kernel->gap_um() > 0) {

@@ -39,8 +39,8 @@ class ExtraLight {
   std::vector<std::vector<double>> tables_, sums_;
 };
 
-/// A step of a kernel's light: a grey level, or one of the finer steps of `InhibitedKernel::on_ladder`.
-using Level = std::uint16_t;
+/// A grey level.
+using Level = std::uint8_t;
 
 /// Bounds of the light of a column, per slice; empty: black, and the highest levels of the plan.
 struct ColumnBounds {
@@ -83,7 +83,6 @@ struct InhibitedPlan {
   ExtraLight node_light, middle_light;
   std::vector<double> ratio;  ///< per slice; empty: all 1
   int near, levels, layers, all_layers;
-  int per_grey = 1;       ///< levels that stand for one of 256 greys
   std::vector<int> caps;  ///< highest level in use, per setting
   int steady = 0;         ///< lowest level whose steady dose is at least 1, strongest UV setting
   double inside = 1;      ///< dose that nodes inside features demand

@@ -25,16 +25,14 @@ bool ColumnPolish::improve(int n) {
   const double cost = cost_around(n);
   if (cost < t.polish_enough) return false;
   Best best{cost - t.polish_least_gain, level};
-  for (const int steps : t.polish_steps) {
-    const int step = steps * plan_.per_grey;
+  for (const int step : t.polish_steps) {
     try_level(n, level + step, best);
     try_level(n, level - step, best);
   }
   try_level(n, doses_.floor(n), best);
   if (n > 0) {
     const int previous = doses_.level(n - 1);
-    for (const int steps : t.polish_moves) {
-      const int step = steps * plan_.per_grey;
+    for (const int step : t.polish_moves) {
       try_pair(n, level + step, previous - step, best);
       try_pair(n, level - step, previous + step, best);
     }

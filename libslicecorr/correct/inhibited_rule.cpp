@@ -33,7 +33,7 @@ bool LevelRule::choose_all(bool again) {
     Slice slice = level_of(n, first_feature, again);
     deep_until = slice.deep_until;
     if (slice.deep && before > 0 && slice.level < before &&
-        slice.level >= before - plan_.tuning.calm_levels * plan_.per_grey) {
+        slice.level >= before - plan_.tuning.calm_levels) {
       slice.level = within(n, before);
     }
     same = slice.level == before ? same + 1 : 1;

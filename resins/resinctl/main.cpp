@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
   resinctl::add_fit(program);
   resinctl::add_optics(program);
   resinctl::add_spread(program);
+  resinctl::add_tune(program);
   resinctl::add_plot(program);
   resinctl::add_design(program);
   return program.run(argc, argv);

@@ -8,7 +8,7 @@
 namespace slicecorr::cli {
 
 struct TestPartOptions {
-  std::string printer, output, format, form, picture;
+  std::string printer, output, format, form, picture, kind = "spread", resin, sheet;
   double layer_um = 50, height_um = 500;
 };
 void add_test_part(Program& program, TestPartOptions& options);

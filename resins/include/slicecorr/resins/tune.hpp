@@ -1,0 +1,108 @@
+/// @file tune.hpp
+/// What measured test parts say of resin and light, with what was known before as the prior.
+///
+/// Unknowns are x = (ln ha, kappa, stray): the absorbance height with the areal dose held, kappa =
+/// ln(light / areal Dc), which prints can't tell apart, and light on top of all levels, mW/cm²; all
+/// as changes of what the files say. With the covariance S0 before and measurements of standard
+/// deviation sigma whose derivatives by x are J, the information after is
+///
+///     A = inv(S0) + J'J / sigma²,     gain = 1/2 ln(det S0 det A)   in nat
+///
+/// Plain values; functions are thread-safe. Errors are `InputError`.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "slicecorr/process.hpp"
+
+namespace slicecorr::resins {
+
+inline constexpr std::size_t kTuned = 3;
+using TuneVector = std::array<double, kTuned>;
+using TuneMatrix = std::array<TuneVector, kTuned>;
+
+/// A plug that cured on the window, or an edge of a print: `upper` where a feature begins, seen from
+/// the platform, `lower` where it ends.
+enum class MeasuredKind { plug, upper, lower };
+struct MeasuredEdge {
+  std::string name;
+  MeasuredKind kind = MeasuredKind::plug;
+  double designed_um = 0;       ///< from the platform; not of plugs
+  double exposure_s = 0;        ///< of plugs
+  double intensity_mw_cm2 = 0;  ///< of plugs, as the printer file says it
+  double measured_um = 0;       ///< height of a plug, distance from the platform; NaN: not measured
+};
+
+/// What was measured on one part.
+struct MeasuredPart {
+  std::string source;
+  std::vector<MeasuredEdge> edges;
+  /// Light of each slice of the column that was measured, as printed and as the printer file says
+  /// it, mW/cm²; empty where there are plugs alone.
+  std::vector<double> intensity_mw_cm2;
+  Process process;      ///< continuous
+  double layer_um = 0;  ///< > 0
+};
+
+/// A table as `slicecorr testpart` makes it, filled in. Its part has no light yet.
+struct TuningTable {
+  MeasuredPart part;
+  std::string kind;                 ///< "comb", "staircase"
+  int width_px = 0, height_px = 0;  ///< of the images
+  int x_px = 0, y_px = 0;           ///< of the column that is measured
+};
+/// Throws `InputError` with line and column for what is no number, for rows that are not those of
+/// the part that the table names, and for other units.
+TuningTable read_tuning_table(const std::string& path);
+
+struct TunePrior {
+  TuneMatrix covariance{};
+  std::string text;  ///< where it comes from, in words
+};
+/// ha 10 %, kappa 10 %, stray light 0.3 mW/cm².
+TunePrior default_prior();
+/// The covariance in the resin's file and 3 % of the light where it has one, else the default.
+TunePrior prior_of(const std::string& resin_text, const std::string& resin_source);
+/// Throws unless it is symmetric and all eigenvalues are above 0, naming the pair at fault.
+void check_prior(const TunePrior& prior);
+
+/// Resin and printer as x says them: the change of light is given to the resin's dose.
+Resin tuned_resin(const Resin& resin, const TuneVector& x);
+Printer tuned_printer(const Printer& printer, double m, const TuneVector& x);
+
+/// Where the edges of a part lie if x is so, um; NaN where there is none: the feature is lost or has
+/// grown together with its neighbour. Derivatives by x where `jacobian` is not null. Throws for
+/// models without derivatives, and layer by layer, where only plugs can be predicted.
+std::vector<double> predict_edges(const MeasuredPart& part, const Printer& printer,
+                                  const Resin& resin, const TuneVector& x,
+                                  std::vector<TuneVector>* jacobian = nullptr);
+
+/// Gain in nat of measuring with these derivatives, and the covariance after.
+struct TuneGain {
+  double nat = 0;
+  TuneMatrix covariance{};
+};
+TuneGain gain_of(const TuneMatrix& prior, const std::vector<TuneVector>& jacobian, double sigma_um);
+
+struct TuneResult {
+  TuneVector x{};
+  TuneMatrix covariance{};
+  double gain_nat = 0, rms_um = 0;
+  std::size_t used = 0;
+  std::vector<std::string> missing;   ///< edges that were not measured, or that are not predicted
+  std::vector<std::string> outliers;  ///< left out: more than 4 standard deviations away
+  std::vector<std::string> remarks;   ///< results beyond 3 standard deviations of the prior
+  std::string to_text(const Resin& resin, const TunePrior& prior) const;
+};
+/// The most probable x. `sigma_um`: of a measured edge, > 0. Throws where nothing was measured, for
+/// edges that are in the wrong order, and for lengths that are a thousand times off.
+TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
+                const TunePrior& prior, double sigma_um);
+
+/// The resin's file with what was found, and its covariance for the next time.
+std::string resin_with_tuning(const std::string& text, const std::string& source,
+                              const TuneResult& result);
+
+}  // namespace slicecorr::resins

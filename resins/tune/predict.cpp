@@ -1,0 +1,129 @@
+// Where edges of measured parts lie.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "slicecorr/dose_derivatives.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
+#include "slicecorr/resins/tune.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// Doses so close to 1 are 1: edges of corrections lie on nodes, but for rounding.
+constexpr double kRounding = 1e-11;
+
+struct Crossing {
+  bool rises = false;  ///< away from the platform: a feature begins
+  double z_um = 0;
+  TuneVector by{};
+};
+
+std::vector<Crossing> crossings(const ColumnGradient& column, const CureModel& model,
+                                double stray) {
+  std::vector<Crossing> found;
+  const double fall = units::kLn10 * model.eta;
+  for (int n = 0; n < column.slices(); ++n) {
+    const double upper = column.at_node(n).dose, lower = column.at_node(n + 1).dose;
+    const bool begins = lower >= 1 - kRounding, was = upper >= 1 - kRounding;
+    if (begins == was) continue;
+    const double phi = column.phi(n);
+    const double t = std::clamp(std::log((lower - phi) / (1 - phi)) / fall, 0.0, 1.0);
+    const double z = n + 1 - t;
+    const LightGradient light = light_gradient(model, phi);
+    const DoseGradient g = step_gradient(model, light, column.at_node(n + 1), t);
+    const double slope = dose_per_um(model, phi);
+    found.push_back(
+        {begins,
+         z * model.layer_um,
+         {-g.ln_ha / slope, -(model.m * g.dose - stray * g.stray) / slope, -g.stray / slope}});
+  }
+  return found;
+}
+
+/// Of the edges that want the same crossing the nearest gets it.
+void match(const MeasuredPart& part, const std::vector<Crossing>& found, std::vector<double>& z,
+           std::vector<TuneVector>& by) {
+  std::vector<double> away(found.size(), std::numeric_limits<double>::infinity());
+  std::vector<std::size_t> owner(found.size(), 0);
+  for (std::size_t i = 0; i < part.edges.size(); ++i) {
+    const MeasuredEdge& e = part.edges[i];
+    if (e.kind == MeasuredKind::plug) continue;
+    std::size_t best = found.size();
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      const double d = std::abs(found[k].z_um - e.designed_um);
+      if (found[k].rises != (e.kind == MeasuredKind::upper) || d >= least) continue;
+      best = k;
+      least = d;
+    }
+    if (best == found.size() || least >= away[best]) continue;
+    if (std::isfinite(away[best])) z[owner[best]] = kNone;
+    away[best] = least;
+    owner[best] = i;
+    z[i] = found[best].z_um;
+    by[i] = found[best].by;
+  }
+}
+
+}  // namespace
+
+Resin tuned_resin(const Resin& resin, const TuneVector& x) {
+  Resin r = resin;
+  const double height = std::exp(x[0]), areal = std::exp(-resin.m * x[1]);
+  r.absorbance_height10_um *= height;
+  r.active_absorption_per_cm /= height;
+  r.critical_dose_mj_cm3 *= areal / height;
+  r.gel_dose_mj_cm3 *= areal / height;
+  r.critical_dose_prime *= areal;
+  return r;
+}
+
+Printer tuned_printer(const Printer& printer, double /*m*/, const TuneVector& x) {
+  Printer p = printer;
+  // Light counts exp(kappa) times: stray light is added to what the file says.
+  for (CalibrationPoint& c : p.calibration) {
+    c.intensity_mw_cm2 = std::max(0.0, c.intensity_mw_cm2 + x[2] * std::exp(-x[1]));
+  }
+  return p;
+}
+
+std::vector<double> predict_edges(const MeasuredPart& part, const Printer& printer,
+                                  const Resin& resin, const TuneVector& x,
+                                  std::vector<TuneVector>* jacobian) {
+  std::vector<double> z(part.edges.size(), kNone);
+  std::vector<TuneVector> by(part.edges.size(), TuneVector{});
+  const Resin changed = tuned_resin(resin, {x[0], 0, 0});
+  const double brighter = std::exp(x[1]);
+  for (std::size_t i = 0; i < part.edges.size(); ++i) {
+    const MeasuredEdge& e = part.edges[i];
+    if (e.kind != MeasuredKind::plug) continue;
+    const Kinetics k = make_kinetics(changed, false, false);
+    const double light = e.intensity_mw_cm2 * brighter + x[2];
+    const double height = light > 0 ? cured_height_um(k, light, e.exposure_s) : 0;
+    if (!(height > 0)) continue;
+    z[i] = height;
+    by[i] = {height, k.hb_um * (1 - x[2] / light), k.hb_um / light};
+  }
+  if (!part.intensity_mw_cm2.empty()) {
+    if (part.process.mode != ExposureMode::continuous) {
+      throw InputError(part.source, "",
+                       "has edges of a print layer by layer; expected one that was printed "
+                       "continuously, or plugs");
+    }
+    const CureModel model = make_cure_model(printer, changed, part.process, part.layer_um);
+    std::vector<double> phi;
+    for (const double light : part.intensity_mw_cm2) {
+      phi.push_back(model.phi(std::max(0.0, light * brighter + x[2])));
+    }
+    match(part, crossings(ColumnGradient(model, phi), model, x[2]), z, by);
+  }
+  if (jacobian) *jacobian = by;
+  return z;
+}
+
+}  // namespace slicecorr::resins

@@ -113,9 +113,10 @@ TEST_F(PlanProgram, SlicesThatPullGoSlower) {
   write("change.toml", "name = \"change\"\nsuction_limit_pa = 2000\n" + display +
                            "[stage]\nmax_speed_mm_h = 9000\nacceleration_mm_s2 = 0.5\n"
                            "variable_speed = true\n");
-  write("thick.toml",
-        "name = \"thick\"\nviscosity_pa_s = 0.3\n[cure]\nabsorbance_height_um = 2000\nabsorbance_base = 10\n"
-        "critical_dose_mj_cm3 = 576\n");
+  write(
+      "thick.toml",
+      "name = \"thick\"\nviscosity_pa_s = 0.3\n[cure]\nabsorbance_height_um = 2000\nabsorbance_base = 10\n"
+      "critical_dose_mj_cm3 = 576\n");
   const Command part{"plate.stl",  "--layer-um", "50",    "--resin",
                      "thick.toml", "--surface",  "slices"};
   const auto plan_of = [&](const std::string& printer, const Command& more) {

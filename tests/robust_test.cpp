@@ -301,7 +301,7 @@ std::string refusal(const slicecorr::Setup& setup, const SliceSource& target) {
 TEST(Robust, WhatCannotBeIsRefused) {
   const MemorySlices target = stack_of(random_columns(4, 47));
   slicecorr::Setup setup = setup_of(off_by("ha=5%,m=0.02"));
-  EXPECT_THAT(refusal(setup, target), HasSubstr("--uncertain fit"));
+  EXPECT_THAT(refusal(setup, target), HasSubstr("errors from a fit"));
   setup = setup_of(off_by("ha=5%"));
   setup.process.mode = ExposureMode::layerwise;
   setup.process.exposure_s = 1;

@@ -128,13 +128,14 @@ TEST_F(UncertainProgram, WhatCannotBeIsRefusedByName) {
   bad(2,
       {"run", "part.stl", "-o", "out.uvj", "--layer-um", "50", "--printer", "p.toml", "--resin",
        "by-hand.toml", "--speed-mm-h", "1000", "--uncertain", "fit"},
-      {"by-hand.toml", "--uncertain ha=8%"});
+      {"by-hand.toml", "by hand: ha=8%"});
   bad(2, run({"--uncertain", "ha=5%", "--platform-reflectance", "0.2"}), {"platform"});
   bad(3, run({"--uncertain", "ha=5%,dc=5%", "--robust"}, "5900"), {"weak"});
   fine(run({}));
   fine({"slice", "part.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "p.toml"});
   // A stack knows its resin, but not how it was measured.
-  bad(2, {"verify", "out.uvj", "--target", "target.uvj", "--uncertain", "fit"}, {"--resin"});
+  bad(2, {"verify", "out.uvj", "--target", "target.uvj", "--uncertain", "fit"},
+      {"file of the resin"});
   bad(2, {"verify", "out.uvj", "--target", "target.uvj", "--uncertain-map", "m.png"},
       {"--uncertain"});
 }

@@ -71,7 +71,7 @@ TEST(Uncertainty, WhatCannotBeIsRefused) {
   EXPECT_THAT(refusal("fit", {"name = \"r\"\n[cure]\ncritical_dose_mj_cm3 = 5\n"
                               "absorbance_height_um = 500\n",
                               "r.toml"}),
-              testing::AllOf(HasSubstr("r.toml"), HasSubstr("--uncertain ha=8%")));
+              testing::AllOf(HasSubstr("r.toml"), HasSubstr("by hand: ha=8%")));
 }
 
 // Six doses from 1.5 to 9 gel doses: correlation 0.90492 of ln ha and ln Dc.

@@ -467,16 +467,16 @@ void check_robust(const Setup& setup, const SliceSource& target) {
   };
   check_uncertain(setup);
   if (setup.process.mode == ExposureMode::layerwise) {
-    refuse("layer by layer; expected continuous exposure for --robust");
+    refuse("layer by layer; expected continuous exposure");
   }
-  if (target.doses()) refuse("where doses are wanted; expected --robust without graded doses");
+  if (target.doses()) refuse("where doses are wanted; expected a part without them");
   if (target.left_alone()) {
-    refuse("beside what is left alone; expected the part by itself for --robust");
+    refuse("beside what is left alone; expected the part by itself");
   }
   if (!setup.uncertainty->from_fit && setup.uncertainty->sd(UncertainInput::m) > 0) {
     refuse(
         "against an exponent that is off by itself, since doses rise with it here and fall there; "
-        "expected --uncertain fit, or no error of m");
+        "expected its errors from a fit, or no error of m");
   }
 }
 

@@ -63,7 +63,7 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Resin*
     x_px_ = x + spine + side_x / 2;
     y_px_ = y + side_y / 2;
   } else {
-    if (!resin) throw InputError("a staircase needs --resin, which says how long its plugs take");
+    if (!resin) throw InputError("a staircase needs a resin, which says how long its plugs take");
     const Kinetics k = make_kinetics(*resin, false, false);
     const double light = printer.calibration.back().intensity_mw_cm2;
     if (!(light > 0)) throw InputError("the printer's full light is 0; expected more");

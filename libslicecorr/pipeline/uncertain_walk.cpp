@@ -14,25 +14,25 @@ void check_uncertain(const Setup& setup) {
     throw InputError(fmt::format("how sure a print is can't be said {}", where));
   };
   if (setup.process.uv.kind != UvKind::off) {
-    refuse("under UV light; expected --uncertain without it");
+    refuse("under UV light; expected no errors of inputs with it");
   }
   if (!setup.printer.spread.none()) {
     refuse(
-        "where light spreads from pixel to pixel; expected a printer without blue.spread for "
-        "--uncertain");
+        "where light spreads from pixel to pixel; expected a printer without "
+        "blue.spread");
   }
   if (setup.resin.scatter_um2_per_um > 0) {
-    refuse("where light scatters in the resin; expected a resin without it for --uncertain");
+    refuse("where light scatters in the resin; expected a resin without it");
   }
   if (setup.printer.resin_depth_um > 0) {
     refuse(
-        "where the resin ends above the window; expected a printer without vat.depth_um for "
-        "--uncertain");
+        "where the resin ends above the window; expected a printer without "
+        "vat.depth_um");
   }
   if (setup.printer.platform_reflectance > 0) {
     refuse(
         "below a platform that sends light back; expected a printer without "
-        "vat.platform_reflectance for --uncertain");
+        "vat.platform_reflectance");
   }
 }
 

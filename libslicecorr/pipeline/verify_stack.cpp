@@ -113,7 +113,7 @@ class Verification {
     if (recorded_) {
       throw InputError(
           "how sure a recorded print is can't be said: its light was measured; expected a stack that "
-          "is no recording for --uncertain");
+          "is no recording");
     }
     uncertain_.emplace(setup, stack.bounds().united(target.bounds()));
   }

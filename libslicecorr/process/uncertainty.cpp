@@ -47,7 +47,9 @@ void for_parts(std::string_view text, Take take) {
   }
 }
 
-[[noreturn]] void fail(const std::string& message) { throw InputError("--uncertain", "", message); }
+[[noreturn]] void fail(const std::string& message) {
+  throw InputError("uncertain inputs", "", message);
+}
 
 /// What `resinctl fit` wrote of a covariance: "h_um, dc_mj_cm2: [[4.1, 0.2], [0.2, 0.03]]".
 struct WrittenCovariance {
@@ -90,12 +92,12 @@ WrittenCovariance read_covariance(const TomlTable& provenance) {
 /// Takes ha, dc and m from the covariance in a resin's file.
 void take_fit(const ResinText& resin, Uncertainty& out) {
   const char* const without =
-      "expected a resin that resinctl fit wrote, or its errors by hand: --uncertain "
+      "expected a resin that resinctl fit wrote, or its errors by hand: "
       "ha=8%,dc=10%";
   if (resin.text.empty()) {
     fail(fmt::format(
         "fit asks for the covariance in the resin's file, and there is none here; name the "
-        "file by --resin, or {}",
+        "file of the resin, or {}",
         without));
   }
   const toml::table root_table = parse_toml(resin.text, resin.source);
@@ -105,7 +107,7 @@ void take_fit(const ResinText& resin, Uncertainty& out) {
       provenance->text("covariance", "") == "unknown") {
     throw InputError(
         resin.source, "provenance.covariance",
-        fmt::format("missing, which --uncertain fit needs: the resin was not fitted to "
+        fmt::format("missing, which errors from the fit need: the resin was not fitted to "
                     "measurements here; {}",
                     without));
   }

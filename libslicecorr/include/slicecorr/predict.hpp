@@ -240,7 +240,8 @@ class BandPredictor {
   void tell_edges(EdgeSink sink);
   /// Told every run: its column, its first and last layer, whether nothing of it prints, and whether it
   /// prints in more than one piece.
-  using RunSink = std::function<void(std::size_t column, int first, int last, bool lost, bool split)>;
+  using RunSink =
+      std::function<void(std::size_t column, int first, int last, bool lost, bool split)>;
   void tell_runs(RunSink sink);
   /// Told every gap (`Prediction::gaps`): its column, its first and last layer, and its least dose.
   using GapSink = std::function<void(std::size_t column, int first, int last, double least_dose)>;

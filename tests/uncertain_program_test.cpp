@@ -135,7 +135,7 @@ TEST_F(UncertainProgram, WhatCannotBeIsRefusedByName) {
   fine({"slice", "part.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "p.toml"});
   // A stack knows its resin, but not how it was measured.
   bad(2, {"verify", "out.uvj", "--target", "target.uvj", "--uncertain", "fit"},
-      {"file of the resin"});
+      {"resin's file, which is not given"});
   bad(2, {"verify", "out.uvj", "--target", "target.uvj", "--uncertain-map", "m.png"},
       {"--uncertain"});
 }

@@ -67,7 +67,7 @@ TEST(Uncertainty, WhatCannotBeIsRefused) {
   EXPECT_THAT(refusal(""), HasSubstr("no input"));
   EXPECT_THAT(refusal("time=3%"), HasSubstr("expected speed"));
   EXPECT_THAT(refusal("speed=3%", {}, ExposureMode::layerwise), HasSubstr("expected time"));
-  EXPECT_THAT(refusal("fit"), HasSubstr("--resin"));
+  EXPECT_THAT(refusal("fit"), HasSubstr("resin's file, which is not given"));
   EXPECT_THAT(refusal("fit", {"name = \"r\"\n[cure]\ncritical_dose_mj_cm3 = 5\n"
                               "absorbance_height_um = 500\n",
                               "r.toml"}),

@@ -95,10 +95,8 @@ void take_fit(const ResinText& resin, Uncertainty& out) {
       "expected a resin that resinctl fit wrote, or its errors by hand: "
       "ha=8%,dc=10%";
   if (resin.text.empty()) {
-    fail(fmt::format(
-        "fit asks for the covariance in the resin's file, and there is none here; name the "
-        "file of the resin, or {}",
-        without));
+    fail(fmt::format("fit asks for the covariance in the resin's file, which is not given here; {}",
+                     without));
   }
   const toml::table root_table = parse_toml(resin.text, resin.source);
   const TomlTable root(root_table, resin.source);

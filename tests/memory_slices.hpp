@@ -21,6 +21,7 @@ class MemorySlices final : public SliceSource {
     });
   }
   MemorySlices(const MemorySlices&) = default;
+  MemorySlices& operator=(const MemorySlices&) = default;
 
   std::uint8_t& at(int slice, int x, int y) {
     return pixels_[static_cast<std::size_t>(slice) * area() +

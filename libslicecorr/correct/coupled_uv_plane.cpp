@@ -56,7 +56,7 @@ class UvPlane {
       }
       for (int y = box.y0; y < box.y1; ++y) {
         std::copy_n(level_.begin() + static_cast<std::ptrdiff_t>(place_.at(box.x0, y)), width,
-                    rows.begin() + (y - box.y0) * box.width());
+                    rows.begin() + static_cast<std::ptrdiff_t>(y - box.y0) * box.width());
       }
       writer.put(rows.data());
     }

@@ -11,7 +11,7 @@ namespace {
 
 /// How long a display may take to answer an image, and black; in lockstep, where how busy a computer
 /// is must not count, any of them.
-constexpr double kAnswerS = 2, kBlackS = 1, kLockstepAnswerS = 20;
+constexpr double kAnswerS = 2, kBlackS = 1, kLockstepAnswerS = 5;
 
 /// A display that was started a moment ago is waited for.
 WireSocket connect_patiently(const std::string& address) {

@@ -24,6 +24,8 @@ constexpr int kLongestInterval = 16;
 /// Attempts in a row that follow each other without an interval.
 constexpr int kFreeAttempts = 2;
 constexpr double kLongestTimeoutS = 10;
+/// In lockstep a machine that has just answered in time may take so long once: the computer is busy.
+constexpr std::chrono::steady_clock::duration kPatience = std::chrono::seconds(1);
 constexpr std::size_t kTcpHeader = 7;  // transaction, protocol, length, unit
 constexpr std::uint8_t kExceptionBit = 0x80, kWriteRegisters = 16;
 
@@ -363,16 +365,16 @@ ModbusWire::RequestResult ModbusWire::try_once(const Bytes& request, std::size_t
 
 std::optional<Bytes> ModbusWire::ask(const Bytes& request, std::size_t data_bytes) {
   const bool patient = lockstep_ && answers_;
-  const auto until = Time::now() + (patient ? std::chrono::duration_cast<Time::duration>(
-                                                  std::chrono::duration<double>(kLongestTimeoutS))
-                                            : timeout_);
+  const auto start = Time::now();
+  const auto until = start + (patient ? std::max(timeout_, kPatience) : timeout_);
   exception_ = 0;
   answers_ = false;
   for (int attempt = 0; attempt < 2 && connect(until); ++attempt) {
     Bytes data;
     const bool served = served_;
     const RequestResult outcome = try_once(request, data_bytes, until, data);
-    answers_ = outcome == RequestResult::answered || outcome == RequestResult::refused;
+    answers_ = (outcome == RequestResult::answered || outcome == RequestResult::refused) &&
+               Time::now() - start <= timeout_;
     if (outcome == RequestResult::answered) {
       served_ = true;
       return data;

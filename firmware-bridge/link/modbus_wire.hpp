@@ -76,7 +76,7 @@ class ModbusWire {
   const RegisterMap map_;
   const Time::duration timeout_;
   const bool lockstep_;
-  bool answers_ = true;  ///< the request before was answered
+  bool answers_ = true;  ///< the request before was answered in time
   struct Line;           ///< the serial device, opened by libmodbus
   std::unique_ptr<Line> line_;
   sockaddr_storage address_{};

@@ -38,7 +38,7 @@ class Link {
 /// closes a TCP connection, which is made anew without blocking, at growing intervals. Throws
 /// `InputError` when the map can't be used.
 /// `lockstep`: time passes by exchanges, so how long a busy computer takes for one must not count. A
-/// machine that answered the request before is waited for 10 s, a silent one as in real time.
+/// machine that answered the request before in time is waited for 1 s, others as in real time.
 std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits,
                                        bool lockstep = false);
 

@@ -169,10 +169,12 @@ TEST(SpreadUnderUv, DosesAreThoseOfTheRateEquationOfBlurredLight) {
         for (std::size_t n = 0; n < rows.size(); ++n) {
           // Weights below 1e-6 are cut, and amounts of light are single numbers.
           EXPECT_NEAR(rows[n].intensity_mw_cm2, blue[n], 3e-6 * 100);
-          const double zeta = static_cast<double>(n);
-          EXPECT_NEAR(rows[n].dose_middle, integrated(s, blue, uv, zeta + 0.5), kDoseError * 2)
+          const double zeta = static_cast<double>(n),
+                       middle = integrated(s, blue, uv, zeta + 0.5),
+                       node = integrated(s, blue, uv, zeta + 1e-9);
+          EXPECT_NEAR(rows[n].dose_middle, middle, kDoseError * (1 + middle))
               << layerwise << patterned << " " << p.x << " " << n;
-          EXPECT_NEAR(rows[n].dose, integrated(s, blue, uv, zeta + 1e-9), kDoseError * 2);
+          EXPECT_NEAR(rows[n].dose, node, kDoseError * (1 + node));
         }
       }
     }
@@ -313,7 +315,8 @@ TEST(CoupledUnderUv, WallsOverhangsAndChannelsPrint) {
     RecordProperty(layerwise ? "layerwise_together" : "together", std::to_string(wrong(together)));
     // Columns alone lose the pixels of all walls, which get a part of their light.
     EXPECT_GT(wrong(alone), 5000U);
-    EXPECT_LT(wrong(together), wrong(alone) / 10);
+    // Layer by layer each layer's light must reach its own edges, which leaves some voxels wrong.
+    EXPECT_LE(wrong(together), layerwise ? wrong(alone) / 10 : 0);
     EXPECT_EQ(together.lost_features, 0U);
     EXPECT_LT(together.plane_error_um.mean(), alone.plane_error_um.mean() / 2);
   }

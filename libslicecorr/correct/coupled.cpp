@@ -31,15 +31,6 @@ constexpr int kMostWithoutGain = 5;
 
 PixelBox common(const PixelBox& a, const PixelBox& b) { return PatchPlace::common(a, b); }
 
-std::size_t pixels_of(const PixelBox& box) {
-  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
-}
-
-/// Where a pixel is among those of a box, row by row.
-std::size_t index_in(const PixelBox& box, int x, int y) {
-  return static_cast<std::size_t>(y - box.y0) * static_cast<std::size_t>(box.width()) +
-         static_cast<std::size_t>(x - box.x0);
-}
 Pixel pixel_in(const PixelBox& box, std::size_t index) {
   const auto width = static_cast<std::size_t>(box.width());
   return {box.x0 + static_cast<int>(index % width), box.y0 + static_cast<int>(index / width)};

@@ -12,6 +12,8 @@
 /// the levels as they are; from the second round on only patches with wrong voxels are solved again,
 /// and what is wrong asks the slices below it for more or less light.
 ///
+/// Under UV light patches are solved in another way (coupled_uv.hpp); the rest is the same.
+///
 /// A round reads what the one before it left, and sums are taken in a fixed order: results do not
 /// depend on the number of threads. Levels are those of the best round so far, by the number of
 /// wrong voxels, then by half the sum of squares of what doses miss: never worse than the columns'.

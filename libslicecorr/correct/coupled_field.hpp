@@ -19,6 +19,16 @@
 
 namespace slicecorr::detail {
 
+inline std::size_t pixels_of(const PixelBox& box) {
+  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
+}
+/// Where a pixel is among those of a box, row by row.
+inline std::size_t index_in(const PixelBox& box, int x, int y) {
+  return static_cast<std::size_t>(y - box.y0) * static_cast<std::size_t>(box.width()) +
+         static_cast<std::size_t>(x - box.x0);
+}
+inline std::size_t index_in(const PixelBox& box, const Pixel& p) { return index_in(box, p.x, p.y); }
+
 /// Where the pixels of a patch are in its arrays: those `watched`, around them those that shine on
 /// them (`shown`), and room for weights around these.
 struct PatchPlace {

@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cure/spread_band.hpp"
 #include "slicecorr/dose.hpp"
 
 namespace slicecorr::detail {
 
 namespace {
-
-/// Light dimmer than this share of full light has the front of light that is not.
-constexpr double kDimmest = 1e-7;
 
 /// Light in the plane is off by about a per cent where it changes from pixel to pixel: edges keep so
 /// far from the middles of layers, in layers, and nodes inside features so far above 1, that voxels

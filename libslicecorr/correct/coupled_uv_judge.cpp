@@ -44,14 +44,6 @@ class UvPatchJudge {
   }
 
  private:
-  static std::size_t pixels_of(const PixelBox& box) {
-    return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
-  }
-  static std::size_t index_in(const PixelBox& box, const Pixel& p) {
-    return static_cast<std::size_t>(p.y - box.y0) * static_cast<std::size_t>(box.width()) +
-           static_cast<std::size_t>(p.x - box.x0);
-  }
-
   void blur() {
     before_.swap(light_);
     light_.resize(before_.size());

@@ -9,14 +9,6 @@ namespace slicecorr::detail {
 
 namespace {
 
-std::size_t pixels_of(const PixelBox& box) {
-  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
-}
-std::size_t index_in(const PixelBox& box, const Pixel& p) {
-  return static_cast<std::size_t>(p.y - box.y0) * static_cast<std::size_t>(box.width()) +
-         static_cast<std::size_t>(p.x - box.x0);
-}
-
 /// Bytes of all slices of some pixels of a box, pixel by pixel.
 class ByColumn {
  public:

@@ -15,8 +15,6 @@ namespace {
 
 /// What of a dose may be left out because it scatters from too far away.
 constexpr double kShareLeftOut = 1e-6;
-/// Under UV light, light dimmer than this share of full light has the front of light that is not.
-constexpr double kDimmest = 1e-7;
 
 PixelBox common(const PixelBox& a, const PixelBox& b) {
   PixelBox box{std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1),

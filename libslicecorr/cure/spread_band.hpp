@@ -19,6 +19,9 @@
 
 namespace slicecorr::detail {
 
+/// Under UV light, light dimmer than this share of full light has the front of light that is not.
+inline constexpr double kDimmest = 1e-7;
+
 /// How the light of a printer spreads over images and in a resin. Immutable; may be shared between
 /// threads.
 class SpreadLight {

@@ -16,6 +16,7 @@
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
@@ -165,7 +166,10 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   } catch (const InputError& e) {
     throw OutputInvalid(e.what());
   }
-  return {spec.ending, "html", "json"};
+  std::vector<std::string> endings{spec.ending, "html", "json"};
+  // Formats of one binary file have their record beside them.
+  if (fs::exists(record_beside(file.path))) endings.push_back(spec.ending + ".slicecorr");
+  return endings;
 }
 
 /// The work itself; fills in what is known of the result.

@@ -47,8 +47,8 @@ Printer printer_for_file(const Printer& printer, const StackFile& file, const Gr
   if (format.container() != detail::ContainerKind::binary) return printer;
   detail::LayerCodecPtr codec = format.new_codec(grid);
   if (!file.keep_from.empty()) {
-    const auto kept = detail::open_container(file.keep_from,
-                                             std::filesystem::temp_directory_path().string());
+    const auto kept =
+        detail::open_container(file.keep_from, std::filesystem::temp_directory_path().string());
     codec = format.read(*kept).codec;
   }
   if (!codec || holds_levels(codec->shown(), printer.levels())) return printer;
@@ -58,10 +58,11 @@ Printer printer_for_file(const Printer& printer, const StackFile& file, const Gr
   if (in_file == 2) {
     throw InputError(
         path, "",
-        fmt::format("holds black and white only, but the correction needs grey, of which printer {} "
-                    "has {} levels; expected a file that the slicer exports with anti-aliasing, or a "
-                    "printer file with bit_depth = 1 where black and white is meant",
-                    printer.name, printer.levels()));
+        fmt::format(
+            "holds black and white only, but the correction needs grey, of which printer {} "
+            "has {} levels; expected a file that the slicer exports with anti-aliasing, or a "
+            "printer file with bit_depth = 1 where black and white is meant",
+            printer.name, printer.levels()));
   }
   Printer few = printer;
   do {
@@ -70,13 +71,13 @@ Printer printer_for_file(const Printer& printer, const StackFile& file, const Gr
   few.calibration.clear();
   for (int level = 0; level < few.levels(); ++level) {
     const int value = shown[static_cast<std::size_t>(pixel_of(level, few.levels()))];
-    few.calibration.push_back(
-        {static_cast<double>(level), intensity_at(printer, value * (printer.levels() - 1) / 255.0)});
+    few.calibration.push_back({static_cast<double>(level),
+                               intensity_at(printer, value * (printer.levels() - 1) / 255.0)});
   }
-  context.tell(fmt::format("{}: the format {} holds {} grey levels: corrected with {} of printer {}'s "
-                           "{}; what is rounded goes into the next slices",
-                           path, format.name(), in_file, few.levels(), printer.name,
-                           printer.levels()));
+  context.tell(
+      fmt::format("{}: the format {} holds {} grey levels: corrected with {} of printer {}'s "
+                  "{}; what is rounded goes into the next slices",
+                  path, format.name(), in_file, few.levels(), printer.name, printer.levels()));
   return few;
 }
 

@@ -434,13 +434,18 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
         file.path, "",
         fmt::format("the format {} has no place for UV images; expected UVJ", format.name()));
   }
+  if (info.kind == StackKind::recorded) {
+    throw InputError(file.path, "",
+                     fmt::format("the format {} has no place for a recording; expected UVJ",
+                                 format.name()));
+  }
   if (info.kind == StackKind::corrected && info.printer &&
       !file_holds_levels(codec->shown(), *info.printer)) {
-    throw InputError(file.path, "",
-                     fmt::format("the stack was corrected with {} grey levels, of which the format {} "
-                                 "holds {}; expected the part to be corrected into this format",
-                                 info.printer->levels(), format.name(),
-                                 detail::levels_of(codec->shown())));
+    throw InputError(
+        file.path, "",
+        fmt::format("the stack was corrected with {} grey levels, of which the format {} "
+                    "holds {}; expected the part to be corrected into this format",
+                    info.printer->levels(), format.name(), detail::levels_of(codec->shown())));
   }
   CodedPieces coded = encode_layers(static_cast<std::size_t>(info.grid.layers));
   coded.layers.append = [&](std::size_t piece, std::vector<std::uint8_t>& out) {
@@ -489,8 +494,7 @@ void StackWriter::Impl::check_rewritten(const std::string& written, const StackI
     now = detail::read_contents(*archive).info;
     // Times of corrected stacks were compared while reading.
     if (info.kind == StackKind::foreign) {
-      detail::check_times(changes_exposures(info) ? info : kept_contents.info,
-                          now, written);
+      detail::check_times(changes_exposures(info) ? info : kept_contents.info, now, written);
     }
   } catch (const InputError& e) {
     std::string text = e.what();

@@ -391,7 +391,8 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
   if (!a.kept.empty()) {
     check_output(a.output, {a.kept});
     file.keep_from = a.kept;
-    context.tell(a.kept + ": its settings and pictures stay, its layers become those of " + a.input);
+    context.tell(a.kept + ": its settings and pictures stay, its layers become those of " +
+                 a.input);
   }
   // For a printer whose display is known the images are turned to it.
   Printer printer;
@@ -572,9 +573,10 @@ int run_program(int argc, char** argv) {
   sub = add("convert", "Write the slices of an archive in another format", convert);
   stack_input(sub, "IN", "Archive to convert");
   stack_output(sub, "Archive to write");
-  sub->add_option("--template", a.kept,
-                  "A file of the output's format, made for the same printer: all but its layers, their "
-                  "number and, where IN says some, exposures stays");
+  sub->add_option(
+      "--template", a.kept,
+      "A file of the output's format, made for the same printer: all but its layers, their "
+      "number and, where IN says some, exposures stays");
   sub->add_option(
       "--printer", a.setup.printer,
       "Printer to convert for: its display turns images of the plate, its pixel size counts where "

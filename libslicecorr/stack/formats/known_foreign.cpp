@@ -128,8 +128,8 @@ void refuse_known_file(const std::string& path) {
   for (const Closed& closed : kClosed) {
     if (closed.bytes.empty() ? ending == closed.ending : bytes.starts_with(closed.bytes)) {
       throw InputError(path, "",
-                       "is " + std::string(closed.what) + ", and is not opened; expected another: " +
-                           std::string(closed.instead));
+                       "is " + std::string(closed.what) +
+                           ", and is not opened; expected another: " + std::string(closed.instead));
     }
   }
   // These are recognised by their contents, whatever their names end in.

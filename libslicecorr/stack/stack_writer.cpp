@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cstring>
 #include <map>
 #include <mutex>
@@ -17,11 +16,11 @@
 #include "slicecorr/stack.hpp"
 #include "stack/blob_store.hpp"
 #include "stack/block_check.hpp"
-#include "stack/container/binary_file.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/png_archive.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "stack/layer_encoding.hpp"
 #include "stack/png/png.hpp"
 #include "stack/recording_entry.hpp"
 
@@ -160,14 +159,7 @@ struct StackWriter::Impl {
                      (!codec || detail::exposure_summary(info).normal_s > 0));
   }
   void write_archive(const StackInfo& info, const GreyImage& preview);
-  void read_pixels(std::size_t slice, std::vector<std::uint8_t>& code, std::uint8_t* pixels) const;
-  struct CodedPieces {
-    std::vector<BlobStore::Blob> pieces;
-    std::vector<std::uint32_t> adlers;
-    detail::CodedLayers layers;
-    std::uint64_t rounded_pixels = 0;
-  };
-  CodedPieces encode_layers(std::size_t count);
+  void read_pixels(std::size_t slice, std::uint8_t* pixels) const;
   void write_binary(const StackInfo& info, const GreyImage& preview);
   void check_rewritten(const std::string& written, const StackInfo& info) const;
 };
@@ -358,11 +350,10 @@ void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage
 }
 
 /// The image of a slice, from the runs of its bands.
-void StackWriter::Impl::read_pixels(std::size_t slice, std::vector<std::uint8_t>& code_bytes,
-                                    std::uint8_t* pixels) const {
+void StackWriter::Impl::read_pixels(std::size_t slice, std::uint8_t* pixels) const {
   const auto width = static_cast<std::size_t>(grid.width_px);
   std::memset(pixels, 0, width * static_cast<std::size_t>(grid.height_px));
-  std::vector<std::uint8_t> some;
+  std::vector<std::uint8_t> code_bytes, some;
   for (std::size_t band = 0; band < bands.size(); ++band) {
     if (bands[band].empty() || bands[band][slice].size == 0) continue;
     code_bytes.clear();
@@ -380,54 +371,6 @@ void StackWriter::Impl::read_pixels(std::size_t slice, std::vector<std::uint8_t>
   }
 }
 
-/// Codes all layers. A layer that shows what the kept file shows keeps its code, whoever made that.
-StackWriter::Impl::CodedPieces StackWriter::Impl::encode_layers(std::size_t count) {
-  const auto pieces = static_cast<std::size_t>(codec->pieces());
-  CodedPieces coded{std::vector<BlobStore::Blob>(count * pieces),
-                    std::vector<std::uint32_t>(count),
-                    {.codec = *codec},
-                    0};
-  coded.layers.sizes.resize(count * pieces);
-  coded.layers.lit_pixels.resize(count);
-  std::atomic<std::uint64_t> rounded_pixels{0};
-  parallel_for(context, "pack", count, [&](std::size_t slice) {
-    std::vector<std::uint8_t> pixels(codec->pixel_count()), code_bytes, old_pixels;
-    std::vector<std::vector<std::uint8_t>> made, old(pieces);
-    read_pixels(slice, code_bytes, pixels.data());
-    std::uint64_t lit = 0, rounded = 0;
-    const detail::ShownGrey& shown = codec->shown();
-    detail::each_pixel_run(pixels.data(), pixels.size(), [&](std::uint8_t& v, std::size_t n) {
-      const std::uint8_t to = shown[v];
-      if (to != 0) lit += n;
-      if (to == v) return;
-      rounded += n;
-      std::memset(&v, to, n);
-    });
-    rounded_pixels += rounded;
-    coded.adlers[slice] =
-        detail::adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.data()});
-    codec->encode(static_cast<int>(slice), pixels.data(), made);
-    if (slice * pieces < kept_contents.places.size()) {
-      for (std::size_t p = 0; p < pieces; ++p) {
-        const ArchiveContents::Place& place = kept_contents.places[slice * pieces + p];
-        detail::binary_file(*kept).read_at(place.offset, place.size, old[p], "layer");
-      }
-      if (old != made) {
-        old_pixels.resize(pixels.size());
-        codec->decode(old, old_pixels.data(), {file.keep_from, static_cast<int>(slice)});
-        if (old_pixels == pixels) made = std::move(old);
-      }
-    }
-    coded.layers.lit_pixels[slice] = lit;
-    for (std::size_t p = 0; p < pieces; ++p) {
-      coded.layers.sizes[slice * pieces + p] = made[p].size();
-      coded.pieces[slice * pieces + p] = store.put(made[p].data(), made[p].size());
-    }
-  });
-  coded.rounded_pixels = rounded_pixels;
-  return coded;
-}
-
 void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& preview) {
   if (uv_of_pixel) {
     throw InputError(
@@ -435,9 +378,9 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
         fmt::format("the format {} has no place for UV images; expected UVJ", format.name()));
   }
   if (info.kind == StackKind::recorded) {
-    throw InputError(file.path, "",
-                     fmt::format("the format {} has no place for a recording; expected UVJ",
-                                 format.name()));
+    throw InputError(
+        file.path, "",
+        fmt::format("the format {} has no place for a recording; expected UVJ", format.name()));
   }
   if (info.kind == StackKind::corrected && info.printer &&
       !file_holds_levels(codec->shown(), *info.printer)) {
@@ -447,7 +390,10 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
                     "holds {}; expected the part to be corrected into this format",
                     info.printer->levels(), format.name(), detail::levels_of(codec->shown())));
   }
-  CodedPieces coded = encode_layers(static_cast<std::size_t>(info.grid.layers));
+  detail::EncodedLayers coded = detail::encode_layers(
+      *codec, grid, static_cast<std::size_t>(info.grid.layers),
+      [this](std::size_t slice, std::uint8_t* pixels) { read_pixels(slice, pixels); },
+      kept ? &detail::binary_file(*kept) : nullptr, kept_contents, store, context);
   coded.layers.append = [&](std::size_t piece, std::vector<std::uint8_t>& out) {
     store.get(coded.pieces[piece], out);
   };

@@ -133,6 +133,47 @@ void read_layers(const BinaryFile& file, CtbFile& ctb, std::vector<NamedSpan>& s
   }
 }
 
+/// Whether the sets of each layer light ever fewer pixels, or ever more, where `record_of` says that
+/// they stand.
+template <class RecordOf>
+bool are_nested(const std::vector<std::uint64_t>& lit, std::size_t layers, std::size_t sets,
+                bool ever_fewer, const RecordOf& record_of) {
+  for (std::size_t n = 0; n < layers; ++n) {
+    for (std::size_t s = 1; s < sets; ++s) {
+      const std::uint64_t before = lit[record_of(n, s - 1)], now = lit[record_of(n, s)];
+      if (ever_fewer ? now > before : now < before) return false;
+    }
+  }
+  return true;
+}
+
+/// Which of a layer's sets is lit most, and whether the table has the sets one after another, as
+/// printers read it, and not those of each layer together.
+void check_sets(const BinaryFile& file, CtbFile& ctb) {
+  if (ctb.sets < 2) return;
+  std::vector<std::uint64_t> lit;
+  std::vector<std::uint8_t> code;
+  for (const CtbFile::Layer& r : ctb.records) {
+    file.read_at(r.offset, r.bytes, code, "layer");
+    lit.push_back(lit_in_bit_set(code));
+  }
+  const auto set_by_set = [&](std::size_t n, std::size_t s) { return ctb.record(n, s); };
+  const auto layer_by_layer = [&](std::size_t n, std::size_t s) { return n * ctb.sets + s; };
+  const auto nested = [&](bool ever_fewer, const auto& record_of) {
+    return are_nested(lit, ctb.layers, ctb.sets, ever_fewer, record_of);
+  };
+  if (nested(true, set_by_set)) return;
+  if (nested(false, set_by_set)) {
+    ctb.set_order = SetOrder::least_lit_first;
+    return;
+  }
+  if (nested(true, layer_by_layer) || nested(false, layer_by_layer)) {
+    ctb.table.fail(0,
+                   "the sets of each layer follow each other, which printers do not read: they "
+                   "expect all layers of a set, then those of the next");
+  }
+}
+
 }  // namespace
 
 const CtbFields& ctb_fields(CtbFamily family) {
@@ -235,6 +276,7 @@ CtbFile read_ctb(const BinaryFile& file, CtbFamily family) {
   read_settings(file, ctb, spans);
   read_layers(file, ctb, spans);
   check_spans(file, std::move(spans), ctb.key == 0);
+  check_sets(file, ctb);
   return ctb;
 }
 

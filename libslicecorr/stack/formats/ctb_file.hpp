@@ -40,6 +40,7 @@ struct CtbFile {
   CtbFields fields{};
   std::uint32_t version = 0;
   std::uint32_t width_px = 0, height_px = 0, layers = 0, sets = 1, key = 0;
+  SetOrder set_order = SetOrder::most_lit_first;
   BinaryBlock head;
   std::vector<CtbPreview> previews;
   std::optional<BinaryBlock> print, slicer, v4, resin;

@@ -29,7 +29,7 @@ void add_facts(const CtbFile& ctb, ArchiveContents& contents) {
   add("version", std::to_string(ctb.version));
   add("display", fmt::format("{:g} x {:g} mm, {:g} mm high", head.f32(f.bed_mm),
                              head.f32(f.bed_mm + 4), head.f32(f.bed_mm + 8)));
-  add("print time", fmt::format("{} s", head.u32(f.print_time_s)));
+  add("time shown", fmt::format("{} s", head.u32(f.print_time_s)));
   add("light off", fmt::format("{:g} s", head.f32(f.light_off_s)));
   if (ctb.version >= 2) {
     add("light",
@@ -63,7 +63,7 @@ LayerCodecPtr codec_of(const CtbFile& ctb) {
     case CtbFamily::fdg:
       return phz_code(width, height, ctb.key, PhzCipher::fdg);
     default:
-      return bit_sets_code(width, height, static_cast<int>(ctb.sets), false);
+      return bit_sets_code(width, height, static_cast<int>(ctb.sets), false, ctb.set_order);
   }
 }
 

@@ -111,7 +111,7 @@ void add_facts(const GooFile& goo, const BinaryFile& file, ArchiveContents& cont
   add("program", head.text(kProgram, 32) + " " + head.text(kProgramVersion, 24));
   add("display", fmt::format("{:g} x {:g} mm, {:g} mm high", head.f32(kDisplay),
                              head.f32(kDisplay + 4), head.f32(kDisplay + 8)));
-  add("print time", fmt::format("{} s", head.u32(kPrintTime)));
+  add("time shown", fmt::format("{} s", head.u32(kPrintTime)));
   add(head.u8(kMode) == 0 ? "light off" : "waits instead of light off",
       fmt::format("{:g} s", head.f32(kLightOff)));
   add("light",

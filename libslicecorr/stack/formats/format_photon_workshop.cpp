@@ -159,7 +159,7 @@ void add_facts(const WorkshopFile& w, bool pw0, ArchiveContents& contents) {
     add("display", fmt::format("{:g} x {:g} mm, {:g} mm high", w.machine->f32(0x88),
                                w.machine->f32(0x8c), w.machine->f32(0x90)));
   }
-  if (w.version >= 516) add("print time", fmt::format("{} s", h.u32(kPrintTime)));
+  if (w.version >= 516) add("time shown", fmt::format("{} s", h.u32(kPrintTime)));
   add("wait before light", fmt::format("{:g} s", h.f32(kWait)));
   add("lift", fmt::format("{:g} mm at {:g} mm/s, back at {:g} mm/s", h.f32(kLift), h.f32(kSpeed),
                           h.f32(kBackSpeed)));

@@ -12,10 +12,11 @@ constexpr std::size_t kMostRun = 0x7d;
 
 class BitSetsCode final : public LayerCodec {
  public:
-  BitSetsCode(int width_px, int height_px, int sets, bool in_one_piece)
+  BitSetsCode(int width_px, int height_px, int sets, bool in_one_piece, SetOrder order)
       : LayerCodec(width_px, height_px, grey_in_steps(sets + 1)),
         sets_(sets),
-        in_one_piece_(in_one_piece) {
+        in_one_piece_(in_one_piece),
+        order_(order) {
     for (int lit = 0; lit <= sets; ++lit) {
       grey_of_lit_.push_back(static_cast<std::uint8_t>((2 * lit * 255 + sets) / (2 * sets)));
     }
@@ -45,10 +46,10 @@ class BitSetsCode final : public LayerCodec {
               std::vector<std::vector<std::uint8_t>>& pieces) const override {
     pieces.resize(static_cast<std::size_t>(this->pieces()));
     for (std::vector<std::uint8_t>& piece : pieces) piece.clear();
-    // The set that is lit most comes first, as in files of slicers.
     for (int s = 0; s < sets_; ++s) {
       std::vector<std::uint8_t>& out = pieces[in_one_piece_ ? 0 : static_cast<std::size_t>(s)];
-      const std::uint8_t least = grey_of_lit_[static_cast<std::size_t>(s) + 1];
+      const std::uint8_t least = grey_of_lit_[static_cast<std::size_t>(
+          order_ == SetOrder::most_lit_first ? s + 1 : sets_ - s)];
       std::size_t waiting = 0;
       bool lit = false;
       each_pixel_run(pixels, pixel_count(), [&](std::uint8_t grey, std::size_t count) {
@@ -94,13 +95,21 @@ class BitSetsCode final : public LayerCodec {
 
   int sets_;
   bool in_one_piece_;
+  SetOrder order_;
   std::vector<std::uint8_t> grey_of_lit_;
 };
 
 }  // namespace
 
-LayerCodecPtr bit_sets_code(int width_px, int height_px, int sets, bool in_one_piece) {
-  return std::make_shared<BitSetsCode>(width_px, height_px, sets, in_one_piece);
+std::uint64_t lit_in_bit_set(const std::vector<std::uint8_t>& code) {
+  std::uint64_t lit = 0;
+  for (const std::uint8_t byte : code) lit += byte & 0x80 ? byte & 0x7f : 0;
+  return lit;
+}
+
+LayerCodecPtr bit_sets_code(int width_px, int height_px, int sets, bool in_one_piece,
+                            SetOrder order) {
+  return std::make_shared<BitSetsCode>(width_px, height_px, sets, in_one_piece, order);
 }
 
 }  // namespace slicecorr::detail

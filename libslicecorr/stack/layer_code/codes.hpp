@@ -15,7 +15,12 @@ LayerCodecPtr ctb_code(int width_px, int height_px, std::uint32_t key);
 
 /// cbddlp and photon: `sets` images of one bit; a pixel is as bright as sets light it. In one piece
 /// each, or all in one, as Photon Workshop's PWS has them.
-LayerCodecPtr bit_sets_code(int width_px, int height_px, int sets, bool in_one_piece);
+/// The set that most pixels are lit in comes first, or the one that fewest are lit in.
+enum class SetOrder { most_lit_first, least_lit_first };
+LayerCodecPtr bit_sets_code(int width_px, int height_px, int sets, bool in_one_piece,
+                            SetOrder order = SetOrder::most_lit_first);
+/// Lit pixels of one set by its code, whatever is wrong with it.
+std::uint64_t lit_in_bit_set(const std::vector<std::uint8_t>& code);
 
 /// PHZ and FDG: values of 7 bits of which 7C is the brightest, then how often they repeat.
 enum class PhzCipher { phz, fdg };

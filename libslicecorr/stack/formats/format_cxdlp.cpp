@@ -168,7 +168,10 @@ CxdlpFile read_cxdlp(const BinaryFile& file) {
   }
   c.layers_end = in.at;
   const std::string end = in.text("end", false);
-  if (end != magic) throw InputError(file.path(), "end", "is not the mark of the format");
+  // Files that start with CXSW3DV2 end with either.
+  if (end != "CXSW3D" && end != "CXSW3DV2") {
+    throw InputError(file.path(), "end", "is not the mark of the format");
+  }
   c.check_at = in.at;
   if (c.version >= 2) in.take(4, "checksum");
   if (in.at != file.size()) {

@@ -96,12 +96,20 @@ std::vector<float> power_of(const PhaseDisplay& display, const HologramOptics& o
       1 / std::sqrt(static_cast<double>(width) * height * static_cast<double>(wide) * high));
   fft.along_rows(context, plane.data(), Way::forward, scale, lit_rows.data());
   fft.along_columns(context, plane.data(), Way::forward, 1);
-  std::vector<float> power(wide * high);
+  const HologramGeometry g = geometry_of(display, optics);
+  std::vector<float> of_column(wide), power(wide * high);
+  for (std::size_t x = 0; x < wide; ++x) {
+    of_column[x] = static_cast<float>(fall_off(
+        display, optics, from_axis(x, wide) * g.pixel_x_mm / look.padding + look.dx_mm, 0));
+  }
   over_rows(context, high, [&](std::size_t y) {
     const Complex* row =
         &plane[detail::unwound(turned ? detail::mirrored(y, high) : y, high) * wide];
+    const auto of_row = static_cast<float>(fall_off(
+        display, optics, 0, -from_axis(y, high) * g.pixel_y_mm / look.padding + look.dy_mm));
     for (std::size_t x = 0; x < wide; ++x) {
       power[y * wide + x] =
+          of_row * of_column[x] *
           std::norm(row[detail::unwound(turned ? detail::mirrored(x, wide) : x, wide)]);
     }
   });
@@ -113,12 +121,11 @@ struct Sums {
 };
 
 /// `wanted` at these samples: each pixel of the target is `padding` of them wide.
-Sums judge(const PhaseDisplay& display, const HologramOptics& optics, const HologramPlane& plane,
-           const std::vector<float>& power, int padding) {
+Sums judge(const PhaseDisplay& display, const HologramPlane& plane, const std::vector<float>& power,
+           int padding) {
   const auto width = static_cast<std::size_t>(display.width_px);
   const auto height = static_cast<std::size_t>(display.height_px);
   const std::size_t wide = width * padding, high = height * padding;
-  const HologramGeometry g = geometry_of(display, optics);
   Sums s;
   double wanted_sum = 0, ratio = 0, ratio2 = 0;
   std::size_t count = 0;
@@ -128,11 +135,7 @@ Sums judge(const PhaseDisplay& display, const HologramOptics& optics, const Holo
       const std::size_t py = height / 2 + y / padding - high / 2 / padding;
       for (std::size_t x = 0; x < wide; ++x) {
         const std::size_t px = width / 2 + x / padding - wide / 2 / padding;
-        double p = power[y * wide + x];
-        if (display.fill) {
-          p *= fall_off(display, optics, from_axis(x, wide) * g.pixel_x_mm / padding + plane.dx_mm,
-                        -from_axis(y, high) * g.pixel_y_mm / padding + plane.dy_mm);
-        }
+        const double p = power[y * wide + x];
         const bool inside = py < height && px < width;
         use(p, inside ? static_cast<double>(plane.power[py * width + px]) : 0.0);
       }
@@ -186,7 +189,7 @@ ImageFigures figures_of(const PhaseDisplay& display, const HologramOptics& optic
         power[i] += one[i] / static_cast<float>(phases_rad.size());
       }
     }
-    const Sums s = judge(display, optics, plane, power, padding);
+    const Sums s = judge(display, plane, power, padding);
     if (padding == 1) {
       figures.efficiency = s.all > 0 ? s.on_target / s.all : 0;
       figures.rms_error = s.error;

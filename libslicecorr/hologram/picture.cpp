@@ -65,7 +65,7 @@ std::string hologram_picture(const PhaseDisplay& display, const HologramOptics& 
     const ImageFigures f = figures_of(display, optics, p, phases_rad, context);
     y += detail::Canvas::kLine;
     canvas->text(kEdge, y - 6, "wanted: " + name_of(p));
-    canvas->text(2 * kEdge + kSide, y - 6, "in its plane, looked at twice as finely");
+    canvas->text(2 * kEdge + kSide, y - 6, "what falls into its plane");
     const float most = *std::max_element(p.power.begin(), p.power.end());
     canvas->image(kEdge, y, picture_of(p.power, display.width_px, most));
     std::vector<float> power;
@@ -82,11 +82,12 @@ std::string hologram_picture(const PhaseDisplay& display, const HologramOptics& 
     canvas->image(2 * kEdge + kSide, y,
                   picture_of(power, 2 * static_cast<std::size_t>(display.width_px), white));
     y += kSide + detail::Canvas::kLine;
-    canvas->text(
-        kEdge, y - 4,
-        fmt::format("{:.1f} % of the light on target; RMS error {:.3f}, between pixels {:.3f}; "
-                    "speckle {:.3f}",
-                    100 * f.efficiency, f.rms_error, f.rms_error_padded, f.speckle_contrast));
+    canvas->text(kEdge, y - 4,
+                 fmt::format("{:.1f} % of the light on target, RMS error {:.3f}",
+                             100 * f.efficiency, f.rms_error));
+    canvas->text(2 * kEdge + kSide, y - 4,
+                 fmt::format("between pixels {:.3f}, speckle {:.3f}", f.rms_error_padded,
+                             f.speckle_contrast));
     y += kEdge;
   }
   canvas->text(kEdge, y + 8,

@@ -111,7 +111,7 @@ std::vector<float> phase_of_grey(const PhaseDisplay& display, const GreyImage& s
 std::vector<std::uint8_t> encode_phase_png(const GreyImage& shown, const std::string& made);
 
 /// Power in a plane `dz_mm` behind the focal plane, on `padding` times as many pixels each way
-/// (of a `padding`th of the size), all of it 1. By the angular spectrum, which is the display's
+/// (of a `padding`th of the size), of light that is 1 before it falls off. By the angular spectrum, which is the display's
 /// field: each of its points is a plane wave. Waves that would leave the field are left out.
 std::vector<float> power_at(const PhaseDisplay& display, const HologramOptics& optics,
                             const std::vector<float>& phase_rad, double dz_mm, int padding,

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <fstream>
 #include <map>
+#include <system_error>
 
 #include "slicecorr/error.hpp"
 #include "support/text/csv.hpp"
@@ -110,6 +112,9 @@ std::string form_text(const MeasuringForm& form) {
 }
 
 std::optional<MeasuringForm> read_form(const std::string& path) {
+  std::error_code error;
+  // What is read once only, a pipe, is left to those who read all of it.
+  if (!std::filesystem::is_regular_file(path, error)) return std::nullopt;
   std::string first(1 << 12, '\0');
   {
     std::ifstream in(path, std::ios::binary);

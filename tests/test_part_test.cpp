@@ -65,7 +65,7 @@ TEST(TestPart, TheFormNamesThemAll) {
   EXPECT_EQ(form.rows.size(), 48U);
   EXPECT_EQ(form.rows[0], (std::vector<std::string>{"upright line 1 px", "line", "50"}));
   EXPECT_EQ(form.rows[36], (std::vector<std::string>{"level gap 1 px", "gap", "40"}));
-  const std::string page = part.sheet("form.csv");
+  const std::string page = part.sheet("form.csv", "p.toml");
   for (const auto& row : form.rows) EXPECT_THAT(page, HasSubstr(row[0]));
 }
 

@@ -363,6 +363,8 @@ TEST_F(TestPartsProgram, WhatDoesNotBelongIsRefused) {
   bad(2, Command{"tune", "far.csv", "-o", "r.toml"} + with, {"r.toml"});
   EXPECT_THAT(call({"tune", "--help"}).out, HasSubstr("--printer-output"));
   EXPECT_THAT(call({"--help"}).out, HasSubstr("tune"));
+  // Options may come before the command, too.
+  EXPECT_EQ(call(Command{"--quiet", "tune", "far.csv", "-o", "t.toml"} + with).err, "");
 }
 
 }  // namespace

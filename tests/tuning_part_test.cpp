@@ -199,8 +199,9 @@ TEST(TuningPart, SheetsSayWhatToMeasure) {
   const Resin r = resin();
   for (const TuningPartKind kind : kAll) {
     const TuningPart p = part(kind, plate(), r);
-    const std::string page = p.sheet("my <form>.csv");
+    const std::string page = p.sheet("my <form>.csv", "the-printer.toml");
     EXPECT_THAT(page, HasSubstr("my &lt;form&gt;.csv"));
+    EXPECT_THAT(page, HasSubstr("--printer the-printer.toml"));
     for (const TuningPart::Row& row : p.rows()) EXPECT_THAT(page, HasSubstr(row.name));
     EXPECT_THAT(page, testing::AnyOf(HasSubstr("slicecorr tune "), HasSubstr("resinctl ")));
   }

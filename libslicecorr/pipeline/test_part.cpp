@@ -138,7 +138,8 @@ MeasuringForm SpreadTestPart::form() const {
   return f;
 }
 
-std::string SpreadTestPart::sheet(const std::string& form_file) const {
+std::string SpreadTestPart::sheet(const std::string& form_file,
+                                  const std::string& printer_file) const {
   detail::PartSheet s;
   s.title = "Lines and gaps, " + printer_name_;
   s.about =
@@ -176,7 +177,7 @@ std::string SpreadTestPart::sheet(const std::string& form_file) const {
       "did not measure.",
       escape_markup(form_file));
   s.commands = {fmt::format("resinctl fit-spread {} --printer {} --plot widths.svg", form_file,
-                            printer_name_)};
+                            printer_file)};
   return detail::sheet_page(s);
 }
 

@@ -1,6 +1,8 @@
 // What to measure on the parts of tuning_part.hpp, in words.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "pipeline/part_sheet.hpp"
 #include "slicecorr/tuning_part.hpp"
 #include "support/text/escape.hpp"
@@ -18,6 +20,12 @@ constexpr const char* kGauge =
 constexpr const char* kWell =
     "A glass slide with a wall around it, with resin 2 mm deeper than the highest plug, on the "
     "window; or the window itself, with the platform taken away";
+/// A sixtieth of a second more or less, which displays make, is then less than a sixth.
+constexpr double kShortImage = 0.1;
+constexpr const char* kShort =
+    "<b>Times are short</b> for a display, whose images last for whole sixtieths of a second or so. "
+    "Turn the lamp down if you can, write the light that you then measure into a copy of the printer "
+    "file, and make the part again for it.";
 constexpr const char* kWash =
     "Drain and wash with isopropanol for as long as your prints; don't scrape. Let it dry, don't "
     "cure it any further before you have measured.";
@@ -52,7 +60,7 @@ std::string seconds(double s) { return fmt::format("{:.4g} s", s); }
 
 }  // namespace
 
-std::string TuningPart::sheet(const std::string& form_file) const {
+std::string TuningPart::sheet(const std::string& form_file, const std::string& printer_file) const {
   using enum TuningPartKind;
   PartSheet s;
   const auto rows = [&](const auto& cells) {
@@ -105,7 +113,7 @@ std::string TuningPart::sheet(const std::string& form_file) const {
       s.commands = {
           fmt::format("slicecorr tune {} --printed print.uvj --printer {} --resin "
                       "my-resin.toml -o tuned.toml",
-                      form_file, printer_name_)};
+                      form_file, printer_file)};
       break;
     case staircase: {
       s.title = "Working-curve staircase";
@@ -131,7 +139,7 @@ std::string TuningPart::sheet(const std::string& form_file) const {
       });
       s.commands = {
           fmt::format("slicecorr tune {} --printer {} --resin my-resin.toml -o tuned.toml",
-                      form_file, printer_name_),
+                      form_file, printer_file),
           fmt::format("resinctl fit {} --model kinetic -o new-resin.toml   # a resin that has no "
                       "file yet",
                       form_file)};
@@ -156,7 +164,7 @@ std::string TuningPart::sheet(const std::string& form_file) const {
       });
       s.commands = {
           fmt::format("slicecorr tune {} --printer {} --resin my-resin.toml -o tuned.toml",
-                      form_file, printer_name_),
+                      form_file, printer_file),
           fmt::format(
               "resinctl fit {} --model jacobs -o new-resin.toml   # a resin that has no file "
               "yet",
@@ -214,8 +222,11 @@ std::string TuningPart::sheet(const std::string& form_file) const {
       s.commands = {
           fmt::format("resinctl import {} --format flat-field --printer {} --name "
                       "my-printer --replace",
-                      form_file, printer_name_)};
+                      form_file, printer_file)};
       break;
+  }
+  if (!image_s_.empty() && *std::min_element(image_s_.begin(), image_s_.end()) < kShortImage) {
+    s.steps.insert(s.steps.begin(), kShort);
   }
   s.title += ", " + printer_name_;
   return sheet_page(s);

@@ -40,8 +40,9 @@ class SpreadTestPart final : public SliceSource {
   const PixelBox& square() const { return square_; }
   /// A table for `resinctl fit-spread`, to fill in.
   MeasuringForm form() const;
-  /// A page to print: what to measure where with which tool. `form_file`: what that table is called.
-  std::string sheet(const std::string& form_file) const;
+  /// A page to print: what to measure where with which tool. `form_file`: what that table is called,
+  /// `printer_file`: what the printer's file is.
+  std::string sheet(const std::string& form_file, const std::string& printer_file) const;
 
  private:
   std::string printer_name_;

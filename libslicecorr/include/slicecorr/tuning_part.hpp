@@ -65,8 +65,8 @@ class TuningPart final : public SliceSource {
   /// The table to fill in.
   MeasuringForm form() const;
   /// A page to print: what to show, what to measure where with which tool, and what to do with the
-  /// table, whose file is called `form_file`.
-  std::string sheet(const std::string& form_file) const;
+  /// table, whose file is called `form_file`; the printer's is called `printer_file`.
+  std::string sheet(const std::string& form_file, const std::string& printer_file) const;
 
  private:
   struct Block {

@@ -30,7 +30,7 @@ void add_tune(Program& program, char** argv) {
            "Find what resin and light really are from test parts that were measured (resinctl does "
            "it)",
            [argv](const ExecutionContext&, Console&) -> int { become("resinctl", argv); })
-      ->prefix_command();
+      ->allow_extras();
 }
 
 int own_arguments(int argc, char** argv) {

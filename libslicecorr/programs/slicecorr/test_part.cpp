@@ -87,7 +87,7 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   const std::string form = form_text(part.form());
   beside.check(form);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  beside.write(form, part.sheet(beside.form_name()));
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
   const StackInfo info = write_target(*fitted, file, context);
   console.say(fmt::format("{}: {} images, {} places to measure; fill in {}, print {}", o.output,
                           info.grid.layers, part.rows().size(), beside.form, beside.sheet));
@@ -109,7 +109,7 @@ int test_part(const TestPartOptions& o, const ExecutionContext& context, Console
   beside.check(form);
   const FittedSlices shown = FittedSlices::for_display(part, printer, folder_of(o.output), context);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  beside.write(form, part.sheet(beside.form_name()));
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
   if (!o.picture.empty()) {
     const auto png = encode_png(picture_of(*shown));
     write_text_file(o.picture, {png.begin(), png.end()});

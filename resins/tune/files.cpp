@@ -81,6 +81,7 @@ std::string printer_with_tuning(const std::string& text, const std::string& sour
     points += fmt::format("{}[{:g}, {}]", points.empty() ? "" : ", ", c.level,
                           toml_number(c.intensity_mw_cm2));
   }
+  edit.set("", "name", toml_text(printer.name));
   edit.set("blue", "calibration", "[" + points + "]");
   edit.set_comment("blue", "calibration",
                    fmt::format("# Measured light and {:+.4g} mW/cm2 of stray light at all levels, "

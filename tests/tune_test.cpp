@@ -344,14 +344,18 @@ TEST(Tune, FilesSayWhatWasFound) {
   const Printer printer = parse_printer(kPrinterFile, "p.toml");
   const Resin resin = parse_resin(kResinFile, "r.toml");
   const TuneResult r = found_so({0.05, -0.08, 0.2});
-  const std::string resin_file = resin_with_tuning(kResinFile, "r.toml", printer, r);
+  const std::string resin_file = resin_with_tuning(kResinFile, "r.toml", "tuned", printer, r);
   const std::string printer_file = printer_with_tuning(kPrinterFile, "p.toml", printer, r);
   const Resin tuned = parse_resin(resin_file, "r.toml");
+  EXPECT_EQ(tuned.name, "tuned");
+  EXPECT_EQ(name_in_file("a/my-resin.toml", "r"), "my-resin");
+  EXPECT_EQ(name_in_file("a/My Resin.toml", "r"), "r");
   const Printer shines = parse_printer(printer_file, "p.toml");
   EXPECT_NEAR(tuned.absorbance_height10_um, 2000 * std::exp(0.05), 1e-3);
   EXPECT_NEAR(tuned.critical_dose_mj_cm3, 576 * std::exp(0.08 - 0.05), 1e-3);
   EXPECT_NEAR(shines.calibration[0].intensity_mw_cm2, 1 + 0.2 * std::exp(0.08), 1e-6);
-  EXPECT_NEAR(shines.calibration[1].intensity_mw_cm2, 100 + 0.2 * std::exp(0.08), 1e-5);
+  EXPECT_NEAR(shines.calibration[1].intensity_mw_cm2, 100 + 0.2 * std::exp(0.08),
+              5.1e-5);  // seven digits
   // A part prints by the new files as it does by the old ones and x.
   const MeasuredPart part = printed(comb(), printer, resin, false);
   MeasuredPart again = part;
@@ -388,7 +392,7 @@ TEST(Tune, RoundsAddUp) {
   }
   const TuneResult both = tune(parts, printer, resin, default_prior(), 10);
   const TuneResult first = tune({parts[0]}, printer, resin, default_prior(), 10);
-  const std::string file = resin_with_tuning(kResinFile, "r.toml", printer, first);
+  const std::string file = resin_with_tuning(kResinFile, "r.toml", "tuned", printer, first);
   const Printer shines =
       parse_printer(printer_with_tuning(kPrinterFile, "p.toml", printer, first), "p.toml");
   MeasuredPart second = parts[1];

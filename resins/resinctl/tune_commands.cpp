@@ -7,8 +7,6 @@
 #include <memory>
 
 #include "commands.hpp"
-#include "database/schema.hpp"
-#include "database/toml_edit.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_map.hpp"
@@ -104,12 +102,6 @@ void copy_its_files(const std::string& from, const std::string& to) {
   }
 }
 
-/// What is written to a file is called like it, as all definitions are; "" for no such name.
-std::string name_of_file(const std::string& path) {
-  const std::string stem = fs::path(path).stem().string();
-  return is_stable_name(stem) ? stem : std::string();
-}
-
 int tune_command(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   const std::string resin_path = find_definition(a.resin, "resin");
   const std::string printer_path = find_definition(a.printer, "printer");
@@ -150,13 +142,11 @@ int tune_command(const Arguments& a, const ExecutionContext& context, cli::Conso
   }
   const TuneResult found = tune(parts, printer, resin, prior, a.sigma_um);
   Printer renamed = printer;
-  if (const std::string name = name_of_file(printer_output); !name.empty()) renamed.name = name;
+  if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);
   if (!a.output.empty()) {
-    TomlEdit edit(resin_with_tuning(text, resin_path, renamed, found), resin_path);
-    if (const std::string name = name_of_file(a.output); !name.empty()) {
-      edit.set("", "name", toml_text(name));
-    }
-    cli::write_text_file(a.output, edit.text());
+    cli::write_text_file(
+        a.output,
+        resin_with_tuning(text, resin_path, name_in_file(a.output, resin.name), renamed, found));
   }
   if (!printer_output.empty()) {
     copy_its_files(printer_path, printer_output);

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
+#include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
@@ -19,9 +21,16 @@ std::string tuned_with(const Printer& printer) {
                      printer.calibration.back().intensity_mw_cm2);
 }
 
+std::string name_in_file(const std::string& path, const std::string& before) {
+  const std::string stem = std::filesystem::path(path).stem().string();
+  return is_stable_name(stem) ? stem : before;
+}
+
 std::string resin_with_tuning(const std::string& text, const std::string& source,
-                              const Printer& printer, const TuneResult& result) {
+                              const std::string& name, const Printer& printer,
+                              const TuneResult& result) {
   TomlEdit edit(text, source);
+  edit.set("", "name", toml_text(name));
   const toml::table parsed = parse_toml(text, source);
   const TomlTable root(parsed, source);
   const Resin before = parse_resin(text, source);

@@ -108,10 +108,14 @@ struct TuneResult {
 TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
                 const TunePrior& prior, double sigma_um);
 
-/// The resin's file with what was found, and its covariance for the next time. `printer`: before, by
-/// the name that it will have.
+/// The name of a definition that is written to `path`: as the file is called, where that is a name,
+/// else `before`.
+std::string name_in_file(const std::string& path, const std::string& before);
+/// The resin's file with what was found and a new name, and its covariance for the next time.
+/// `printer`: before, by the name that it will have.
 std::string resin_with_tuning(const std::string& text, const std::string& source,
-                              const Printer& printer, const TuneResult& result);
+                              const std::string& name, const Printer& printer,
+                              const TuneResult& result);
 /// The printer's file with the stray light that was found on top of its calibration. `printer` is
 /// what that file says, its name that of the new one; a calibration in a file of its own becomes part
 /// of it.

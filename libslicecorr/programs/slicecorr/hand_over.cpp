@@ -25,16 +25,20 @@ void become(const std::string& program, char** argv) {
 }
 
 void add_tune(Program& program, char** argv) {
-  program
-      .add("tune",
-           "Find what resin and light really are from test parts that were measured (resinctl does "
-           "it)",
-           [argv](const ExecutionContext&, Console&) -> int { become("resinctl", argv); })
-      ->allow_extras();
+  program.add(
+      "tune",
+      "Find what resin and light really are from test parts that were measured (resinctl does "
+      "it)",
+      [argv](const ExecutionContext&, Console&) -> int { become("resinctl", argv); });
 }
 
 int own_arguments(int argc, char** argv) {
-  return argc > 1 && std::string_view(argv[1]) == "tune" ? 2 : argc;
+  int at = 1;
+  // What may stand before a command.
+  while (at < argc && std::string_view(argv[at]).starts_with("--")) {
+    at += std::string_view(argv[at]) == "--threads" ? 2 : 1;
+  }
+  return at < argc && std::string_view(argv[at]) == "tune" ? at + 1 : argc;
 }
 
 }  // namespace slicecorr::cli

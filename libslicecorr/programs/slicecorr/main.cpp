@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "flow.hpp"
+#include "hand_over.hpp"
 #include "hologram.hpp"
 #include "options.hpp"
 #include "plan.hpp"
@@ -597,8 +598,8 @@ int run_program(int argc, char** argv) {
   add_plan(program, plan);
   add_tomo(program, tomo);
   add_hologram(program, hologram);
-
-  return program.run(argc, argv);
+  add_tune(program, argv);
+  return program.run(own_arguments(argc, argv), argv);
 }
 
 }  // namespace

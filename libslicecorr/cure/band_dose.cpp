@@ -260,6 +260,7 @@ class LayerwiseWalker final : public detail::DoseWalker {
 
 std::unique_ptr<detail::DoseWalker> make_walker(const CureModel& model, std::size_t columns) {
   if (model.inhibited) return detail::make_inhibited_walker(model, columns);
+  if (model.gel_time) return detail::make_gel_time_walker(model, columns);
   std::unique_ptr<detail::DoseWalker> walker;
   if (model.mode == ExposureMode::layerwise) {
     walker = std::make_unique<LayerwiseWalker>(model, columns);

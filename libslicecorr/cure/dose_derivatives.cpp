@@ -16,6 +16,7 @@ void check_derivatives(const CureModel& model) {
     throw InputError(std::string("how the dose changes with its inputs is not known ") + where);
   };
   if (model.inhibited) refuse("under UV light; expected exposure without it");
+  if (model.gel_time) refuse("with a time to gel; expected a resin of another model");
   if (model.bath_slices > 0) {
     refuse("where the resin ends above the window; expected a printer without vat.depth_um");
   }

@@ -29,6 +29,9 @@ void check_graded(const SliceSource& target, const Setup& setup) {
   if (setup.process.uv.kind != UvKind::off) {
     refuse("under UV light; expected continuous exposure without it");
   }
+  if (setup.resin.has_gel_time()) {
+    refuse("with a resin of model \"gel-time\"; expected one of another model (resinctl derive)");
+  }
   if (light_spreads(setup.printer, setup.resin, setup.process)) {
     refuse("where light spreads from pixel to pixel; expected a printer and a resin without");
   }

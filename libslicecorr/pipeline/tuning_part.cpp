@@ -73,7 +73,9 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Resin*
       blocks_.push_back({{left, y, left + side_x, y + side_y}, 0, n + 1});
       const double dose = 1.5 * std::pow(6.0, n / (kPlugs - 1.0));
       rows_.push_back({fmt::format("plug {}", n + 1), "plug", 0,
-                       dose * k.critical_dose_prime / std::pow(light, k.m), light});
+                       k.has_gel_time() ? dose * gel_time_s(k.gel_time, light)
+                                        : dose * k.critical_dose_prime / std::pow(light, k.m),
+                       light});
     }
   }
   for (const Block& b : blocks_) bounds_ = bounds_.united(b.box);

@@ -16,6 +16,9 @@ void check_uncertain(const Setup& setup) {
   if (setup.process.uv.kind != UvKind::off) {
     refuse("under UV light; expected no errors of inputs with it");
   }
+  if (setup.resin.has_gel_time()) {
+    refuse("with a resin of model \"gel-time\"; expected one of another model (resinctl derive)");
+  }
   if (!setup.printer.spread.none()) {
     refuse(
         "where light spreads from pixel to pixel; expected a printer without "

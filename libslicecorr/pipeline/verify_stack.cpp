@@ -327,7 +327,7 @@ ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& inten
     const auto level = static_cast<std::size_t>(grey);
     if (part.light > most) row.grey = grey;
     most = std::max(most, part.light);
-    sum += part.light * std::pow(intensity[level], model.m);
+    sum += part.light * (model.gel_time ? intensity[level] : std::pow(intensity[level], model.m));
     row.phi += part.light * (model.inhibited ? model.inhibited->steady_dose(part.setting, grey)
                                              : model.level_phi[level]);
   }
@@ -428,8 +428,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
       row.phi = 0;
       const std::span<const ImageShowing> parts = light->of(n);
       for (const ImageShowing& part : parts) row.phi += part.light * phi_of(model, part);
-      row.intensity_mw_cm2 =
-          model.critical_intensity_mw_cm2 * std::pow(std::max(0.0, row.phi), 1.0 / model.m);
+      row.intensity_mw_cm2 = model.intensity_mw_cm2(std::max(0.0, row.phi));
       dose.add_slice(n, parts);
     }
     row.slice = n;

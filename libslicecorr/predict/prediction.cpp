@@ -28,7 +28,9 @@ std::vector<FeatureExample> FeatureExamples::sorted() const {
 }
 
 std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model) {
-  if (model.mode != ExposureMode::layerwise || model.inhibited) return std::nullopt;
+  if (model.mode != ExposureMode::layerwise || model.inhibited || model.gel_time) {
+    return std::nullopt;
+  }
   const double longest = model.greatest_ratio();
   return LayerwiseFigures{model.cut_through_um(), model.cut_through_um(longest),
                           model.heterogeneity(), model.gels_further_teeth(longest)};

@@ -83,7 +83,10 @@ std::string exposures_in_words(const Process& p) {
 }
 
 std::string dose_in_words(const Resin& resin) {
-  std::string text = resin.critical_dose_prime > 0
+  std::string text = resin.has_gel_time()
+                         ? fmt::format("{:.4g} mJ/cm² and {:.4g} sqrt(mW/cm²)·s",
+                                       resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s)
+                     : resin.critical_dose_prime > 0
                          ? fmt::format("{:.4g} (mW/cm²)^{:g}·s", resin.critical_dose_prime, resin.m)
                          : fmt::format("{:.4g} mJ/cm³", resin.critical_dose_mj_cm3);
   if (resin.gel_dose_mj_cm3 > 0) {

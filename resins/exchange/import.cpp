@@ -96,7 +96,7 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   text("notes", d.notes);
   out += "\n[cure]\n";
   text("model", d.model);
-  number("m", d.m);
+  if (d.model != "gel-time") number("m", d.m);
   number("wavelength_nm", d.wavelength_nm);
   number("absorbance_height_um", d.height_e_um);
   text("absorbance_base", "e");
@@ -120,6 +120,8 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   areal("gel_dose_mj_cm2", d.gel_mj_cm2);
   areal("critical_dose_mj_cm2", d.aim_mj_cm2);
   number("critical_dose_prime", d.critical_dose_prime);
+  number("gel_a_mj_cm2", d.gel_a);
+  number("gel_b_sqrt_mw_cm2_s", d.gel_b);
   number("dose_factor", d.dose_factor);
   if (d.beta > 0) {
     out += "\n[inhibition]\n";

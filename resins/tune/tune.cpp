@@ -199,6 +199,11 @@ TuneGain gain_of(const TuneMatrix& prior, const std::vector<TuneVector>& jacobia
 
 TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
                 const TunePrior& prior, double sigma_um) {
+  if (resin.has_gel_time()) {
+    throw InputError(resin.name, "cure.model",
+                     "is \"gel-time\"; parts tune a resin of one law of dose: expected one that "
+                     "resinctl derive made for the intensities of the printer");
+  }
   check_prior(prior);
   if (!(sigma_um > 0) || !std::isfinite(sigma_um)) {
     throw InputError(fmt::format("edges are measured to {:g} um; expected more than 0", sigma_um));

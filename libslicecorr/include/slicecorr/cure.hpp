@@ -40,7 +40,8 @@
 /// times what it were without, and the dose that to the power of m (`returned`). Sums and recursions
 /// stay those above; what they give is multiplied. Inside a layer the dose may then have a minimum.
 ///
-/// Under inhibiting UV light none of this holds near the window: see inhibited.hpp.
+/// Under inhibiting UV light none of this holds near the window: see inhibited.hpp. Nor does it for
+/// resins of which a time to gel is known: see gel_time.hpp.
 ///
 /// Models and tables are immutable once made and may be shared between threads; functions are pure
 /// and thread-safe. What throws says so.
@@ -55,6 +56,7 @@
 
 namespace slicecorr {
 
+class GelTimeKernel;
 class InhibitedKernel;
 
 /// A printer, a resin and an exposure schedule in dimensionless form.
@@ -74,9 +76,13 @@ struct CureModel {
   std::vector<double> exposure_ratio;
   /// The dose under UV light; null without it.
   std::shared_ptr<const InhibitedKernel> inhibited;
-  /// Continuous without UV light: (A.32) describes the dose, where the bath ends with what slices
-  /// count for in it.
-  bool is_continuous() const { return mode == ExposureMode::continuous && !inhibited; }
+  /// Of a resin whose time to gel counts (gel_time.hpp): phi is then the dose after a long run of
+  /// slices, layer by layer that of one exposure at the window, and `eta` and `a` are those of light.
+  /// Null for other resins.
+  std::shared_ptr<const GelTimeKernel> gel_time;
+  /// Continuous, neither under UV light nor with a time to gel: (A.32) describes the dose, where the
+  /// bath ends with what slices count for in it.
+  bool is_continuous() const { return mode == ExposureMode::continuous && !inhibited && !gel_time; }
   /// Whether the recursion (A.32) describes the dose as it stands.
   bool is_plain() const { return is_continuous() && bath_slices == 0 && mirrored_slices == 0; }
   /// Depth of the resin above the window, in whole slices; 0: what is beyond it doesn't matter.
@@ -104,8 +110,9 @@ struct CureModel {
   double phi_min() const { return level_phi.front(); }
   double phi_max() const { return level_phi.back(); }
 
-  /// phi of an intensity at the window.
+  /// phi of an intensity at the window, and the intensity of a phi >= 0.
   double phi(double intensity_mw_cm2) const;
+  double intensity_mw_cm2(double phi) const;
 
   /// Dose one node above `below` = Omega(k + 1) after a slice of intensity `phi`.
   double step(double phi, double below) const { return phi * one_minus_a + a * below; }

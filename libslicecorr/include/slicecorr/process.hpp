@@ -189,7 +189,9 @@ Turn turn_to_display(const ImageFrame& frame, const Printer& printer);
 /// are 0.
 Grid images_of(const Printer& printer, const ImageFrame& frame);
 
-enum class CureModelKind { jacobs, kinetic };
+enum class CureModelKind { jacobs, kinetic, gel_time };
+/// "jacobs", "kinetic", "gel-time".
+const char* name_of(CureModelKind model);
 
 /// Dose that the correction aims at over the gel dose, where nothing else is said (dissertation
 /// §2.3.2).
@@ -208,12 +210,17 @@ struct Inhibition {
 struct Resin {
   std::string name;
   CureModelKind model = CureModelKind::jacobs;
-  double m = 1.0;                     ///< exponent of intensity, 0 < m <= 2
+  double m = 1.0;  ///< exponent of intensity, 0 < m <= 2; 1 where a time to gel counts
   double absorbance_height10_um = 0;  ///< base 10: intensity falls to 1/10
   /// Volumetric dose that the correction aims at, mJ/cm³ (m = 1).
   double critical_dose_mj_cm3 = 0;
   /// Areal dose analogue D'c of kinetic fits, (mW/cm²)^m·s; 0 when the volumetric dose counts.
   double critical_dose_prime = 0;
+  /// Of a resin of model gel-time: A and B of t_gel = A/i + B/sqrt(i) (gel_time.hpp) times
+  /// `dose_factor`, mJ/cm² and sqrt(mW/cm²)·s, both above 0; 0 for other models. No other dose counts
+  /// then. (A file with B = 0 is read as Jacobs' law, one with A = 0 as the kinetic one of m = 1/2.)
+  double gel_a_mj_cm2 = 0, gel_b_sqrt_mw_cm2_s = 0;
+  bool has_gel_time() const { return model == CureModelKind::gel_time; }
   /// Measured gel dose, mJ/cm³, kept beside the dose aimed at; 0 when not given.
   double gel_dose_mj_cm3 = 0;
   /// Dose aimed at over gel dose; 1 when the file gives the dose aimed at.

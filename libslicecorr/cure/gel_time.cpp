@@ -62,15 +62,19 @@ Range range_of(const GelTime& g, double from, double to, int points) {
   return r;
 }
 
-NearestLaw law_of(const Range& r, double m) {
+NearestLaw law_of(const GelTime& g, const Range& r, double m) {
   NearestLaw law;
   law.m = m;
   const double ln_dose = r.mean_t + m * r.mean_i;
   law.critical_dose_prime = std::exp(ln_dose);
   for (std::size_t k = 0; k < r.ln_i.size(); ++k) {
-    const double off = std::expm1(ln_dose - m * r.ln_i[k] - r.ln_t[k]);
-    law.worst_error = std::max(law.worst_error, std::abs(off));
+    const double ln_off = ln_dose - m * r.ln_i[k] - r.ln_t[k];
+    law.worst_error = std::max(law.worst_error, std::expm1(std::abs(ln_off)));
   }
+  // The speed over the height at which full light just gels: i = A r + (B r / 2)².
+  const double i = std::exp(r.ln_i.back()), b = g.B * std::sqrt(i);
+  const double rate = 2.0 * i / (g.A + std::sqrt(g.A * g.A + b * b));
+  law.continuous_dose = std::exp(m * r.ln_i.back() - ln_dose) / (m * rate);
   return law;
 }
 
@@ -89,11 +93,11 @@ NearestLaw nearest_kinetic(const GelTime& g, double from, double to, int points)
     both += di * (r.ln_t[k] - r.mean_t);
     square += di * di;
   }
-  return law_of(r, -both / square);
+  return law_of(g, r, -both / square);
 }
 
 NearestLaw nearest_jacobs(const GelTime& g, double from, double to, int points) {
-  return law_of(range_of(g, from, to, points), 1.0);
+  return law_of(g, range_of(g, from, to, points), 1.0);
 }
 
 GelTimeKernel::GelTimeKernel(const GelTime& g, double height_e_um, const Process& process,

@@ -22,12 +22,12 @@ namespace {
 using namespace resins;
 namespace fs = std::filesystem;
 
-/// A law of one exponent that is off by no more is taken for the resin itself: what heights of a
-/// usual resin miss by then is less than a tenth of its absorbance height.
+/// A law of one exponent whose times and doses are off by no more is taken for the resin itself:
+/// heights then miss by less than a tenth of the absorbance height over its exponent.
 constexpr double kGoodEnough = 0.1;
 
 struct Arguments {
-  std::string resin, printer, as = "advice", output, json;
+  std::string resin, printer, as = "advice", mode = "continuous", output, json;
   double from = 0, to = 0, depth_um = 0;
   int points = kPointsOfRange;
 };
@@ -88,9 +88,14 @@ int derive_command(const Arguments& a, cli::Console& console) {
   const Range range = range_of(a, record.resin);
   const NearestLaw kinetic = nearest_kinetic(g, range.from, range.to, a.points),
                    jacobs = nearest_jacobs(g, range.from, range.to, a.points);
-  const CureModelKind advice = jacobs.worst_error <= kGoodEnough    ? CureModelKind::jacobs
-                               : kinetic.worst_error <= kGoodEnough ? CureModelKind::kinetic
-                                                                    : CureModelKind::gel_time;
+  const bool layerwise = a.mode == "layerwise";
+  const auto good = [&](const NearestLaw& law) {
+    return law.worst_error <= kGoodEnough &&
+           (layerwise || std::abs(law.continuous_dose - 1) <= kGoodEnough);
+  };
+  const CureModelKind advice = good(jacobs)    ? CureModelKind::jacobs
+                               : good(kinetic) ? CureModelKind::kinetic
+                                               : CureModelKind::gel_time;
   nlohmann::ordered_json j;
   j["resin"] = record.name;
   j["from_mw_cm2"] = range.from;
@@ -101,34 +106,38 @@ int derive_command(const Arguments& a, cli::Console& console) {
   j["m"] = kinetic.m;
   j["critical_dose_prime"] = kinetic.critical_dose_prime;
   j["worst_error"] = kinetic.worst_error;
-  j["jacobs"] = {{"dc_mj_cm2", jacobs.critical_dose_prime}, {"worst_error", jacobs.worst_error}};
+  j["continuous_dose"] = kinetic.continuous_dose;
+  j["jacobs"] = {{"dc_mj_cm2", jacobs.critical_dose_prime},
+                 {"worst_error", jacobs.worst_error},
+                 {"continuous_dose", jacobs.continuous_dose}};
   j["local_m"] = {{"from", local_exponent(g, range.from)}, {"to", local_exponent(g, range.to)}};
   j["advice"] = name_of(advice);
   std::string text = fmt::format(
       "{} gels after {:.5g}/i + {:.5g}/sqrt(i) s. In the range printed in, {}:\n"
-      "  exact              model gel-time; the exponent goes from {:.3f} to {:.3f}\n"
-      "  kinetic            m {:.5f}, D'c {:.6g} (mW/cm²)^m·s; times off by up to {:.1f} %\n"
-      "  Jacobs             Dc {:.6g} mJ/cm²; times off by up to {:.1f} %\n",
+      "  exact     model gel-time; the exponent goes from {:.3f} to {:.3f}\n"
+      "  kinetic   m {:.5f}, D'c {:.6g} (mW/cm²)^m·s; times off by up to {:.1f} %\n"
+      "  Jacobs    Dc {:.6g} mJ/cm²; times off by up to {:.1f} %\n"
+      "That is said of constant light. In continuous printing bright light comes first and is spent on "
+      "the\ninhibitor: inside a part that just gels the kinetic law sees a dose of {:.3f}, Jacobs' one of "
+      "{:.3f}.\n",
       record.name, g.A, g.B, range.words, local_exponent(g, range.from),
       local_exponent(g, range.to), kinetic.m, kinetic.critical_dose_prime,
-      100 * kinetic.worst_error, jacobs.critical_dose_prime, 100 * jacobs.worst_error);
+      100 * kinetic.worst_error, jacobs.critical_dose_prime, 100 * jacobs.worst_error,
+      kinetic.continuous_dose, jacobs.continuous_dose);
+  const char* const where = layerwise ? "Layer by layer" : "In continuous printing";
   switch (advice) {
     case CureModelKind::jacobs:
-      text += "Jacobs' law is good enough here: doses alone count.\n";
+      text += fmt::format("{} Jacobs' law is good enough: doses alone count.\n", where);
       break;
     case CureModelKind::kinetic:
-      text += "The kinetic law is good enough here, Jacobs' is not.\n";
+      text += fmt::format("{} the kinetic law is good enough, Jacobs' is not.\n", where);
       break;
     case CureModelKind::gel_time:
       text += fmt::format(
-          "No single exponent is good enough here (both are off by more than {:.0f} %): print with "
-          "model gel-time.\n",
+          "{} no single exponent is good enough (to {:.0f} %): print with model gel-time.\n", where,
           100 * kGoodEnough);
       break;
   }
-  text +=
-      "Where light changes while a place cures, as in continuous printing, laws of one dose miss "
-      "more than that: bright light first spends itself on the inhibitor.\n";
   if (!a.output.empty()) {
     CureLaw law;
     law.model = a.as == "advice"    ? advice
@@ -197,6 +206,9 @@ void add_derive(cli::Program& program) {
       ->check(cli::number_above_zero());
   app->add_option("--points", a->points, "Intensities at which laws are compared")
       ->check(CLI::Range(2, 100000))
+      ->capture_default_str();
+  app->add_option("--mode", a->mode, "How is it printed? The advice is for that")
+      ->check(CLI::IsMember({"continuous", "layerwise"}))
       ->capture_default_str();
   app->add_option("--as", a->as, "Model of the resin that -o writes; advice: the one advised")
       ->check(CLI::IsMember({"advice", "jacobs", "kinetic", "gel-time"}))

@@ -61,7 +61,10 @@ inline constexpr int kPointsOfRange = 41;
 struct NearestLaw {
   double m = 1;
   double critical_dose_prime = 0;  ///< (mW/cm²)^m·s
-  double worst_error = 0;          ///< greatest of |t_law / t_gel - 1| in the range
+  double worst_error = 0;          ///< greatest factor between its times and t_gel, less 1
+  /// The dose that it gives the inside of a part that is printed continuously, in light of the
+  /// greatest intensity, at the speed at which that just gels: 1 where it is right.
+  double continuous_dose = 1;
 };
 /// Kinetic: least squares of ln t over ln i at `points` intensities from `from` to `to`, spaced evenly
 /// in ln i. Throws `InputError` unless 0 < from < to, both finite, and points >= 2.

@@ -232,7 +232,12 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   if (info.resin) {
     j["resin"] = info.resin->name;
     j["absorbance_height10_um"] = info.resin->absorbance_height10_um;
-    j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
+    if (info.resin->has_gel_time()) {
+      j["gel_a_mj_cm2"] = info.resin->gel_a_mj_cm2;
+      j["gel_b_sqrt_mw_cm2_s"] = info.resin->gel_b_sqrt_mw_cm2_s;
+    } else {
+      j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
+    }
     if (info.resin->critical_dose_prime > 0) {
       j["critical_dose_prime"] = info.resin->critical_dose_prime;
     }

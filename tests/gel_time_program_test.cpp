@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "ladder.hpp"
@@ -66,6 +68,22 @@ TEST_F(GelTimeProgram, PrintsAsDesignedAndEverythingLooksAtIt) {
   good(Command{"correct", "target.uvj", "-o", "layers.uvj", "--printer", "small.toml", "--resin",
                "clear.toml", "--mode", "layerwise", "--exposure-s", "3"});
   EXPECT_EQ(figures("layers.uvj", "target.uvj")["undercure_voxels"], 0);
+}
+
+TEST_F(GelTimeProgram, CommandsOfItsPageRun) {
+  const std::filesystem::path page = SLICECORR_SOURCE_DIR "/docs/gel-time.md";
+  std::ifstream lines(page);
+  std::filesystem::create_directories(folder_ / "build");
+  std::filesystem::create_directory_symlink(SLICECORR_BIN_DIR, folder_ / "build/bin");
+  std::filesystem::copy_file(folder_ / "ladder.stl", folder_ / "part.stl");
+  int commands = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with("    build/bin/")) continue;
+    ++commands;
+    const RunResult r = run_program({"/bin/sh", "-c", line}, options_);
+    EXPECT_EQ(r.exit_code, 0) << line << r.err;
+  }
+  EXPECT_EQ(commands, 4);
 }
 
 TEST_F(GelTimeProgram, ThreadsChangeNothing) {

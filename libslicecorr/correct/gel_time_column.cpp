@@ -117,8 +117,18 @@ double GelTimeColumn::at_upper_edge(int n) {
   return dose(n - 1, -below);
 }
 
+double GelTimeColumn::lower_edge_up(int n) const {
+  if (cover(n + 1) != 0) return 0.0;
+  const double below = edge_below(n + 1);
+  // A gap of one slice keeps dark, and the feature above it gives way.
+  const bool slit = cover(n + 2) == kFull;
+  return std::clamp(slit ? plan_.shortfall - below : -below, 0.0, kFarthest);
+}
+
 bool GelTimeColumn::prints(int n) const {
   if (middle(n) < 1.0 + kMargin) return false;
+  const double up = lower_edge_up(n);
+  if (up > 0 && dose(n, up) < 1.0 + kMargin) return false;
   if (edge_above(n)) return true;
   return upper(n) >= (cover(n - 1) == kFull ? kInside : 1.0 + kMargin);
 }
@@ -169,33 +179,28 @@ int GelTimeColumn::least_level(int n, int least, int guess, Enough enough) {
   return low;
 }
 
-int GelTimeColumn::nearest_to_edge(int n, int least, int guess) {
-  const int over = least_level(n, least, guess, [&] { return at_upper_edge(n) >= 1.0; });
-  const double more = std::abs(at_upper_edge(n) - 1.0);
-  if (over > least) {
-    set(n, over - 1);
-    if (std::abs(at_upper_edge(n) - 1.0) < more) return over - 1;
-    set(n, over);
-  }
-  return over;
+int GelTimeColumn::level_to_edge(int n, int least, int guess) {
+  return least_level(n, least, guess, [&] { return at_upper_edge(n) >= 1.0 + kMargin; });
 }
 
 int GelTimeColumn::full_level(int n) {
   const int printing = least_level(n, 0, before_, [&] { return prints(n); });
-  return edge_above(n) ? nearest_to_edge(n, printing, printing) : printing;
+  return edge_above(n) ? level_to_edge(n, printing, printing) : printing;
 }
 
 void GelTimeColumn::find_asks(int n) {
   asks_.clear();
   int u = above_[static_cast<std::size_t>(n)];
-  // A gap of one slice keeps dark, and the feature above it gives way.
-  const bool slit = u == n - 1 && cover(n) == 0 && cover(n + 1) == kFull;
   for (bool grey = false; u >= 0 && cover(u) != 0; --u) {
     if (cover(u) == kFull) {
-      double below = grey ? -0.5 : slit ? -plan_.shortfall : edge_below(u + 1);
-      if (slit) below = std::max(-kFarthest, below + edge_below(u + 1));
-      const int layer = below > 0 ? u + 1 : u;
-      asks_.push_back({layer, below > 0 ? 1.0 - below : -below, 1.0 + kMargin});
+      const double inside = grey ? 0.5 : lower_edge_up(u);
+      const double below = grey || inside > 0 ? 0.0 : std::max(0.0, edge_below(u + 1));
+      const bool slit = !grey && cover(u + 2) == kFull;
+      if (below > 0 && !slit) {
+        asks_.push_back({u + 1, 1.0 - below, 1.0 + kMargin});
+      } else {
+        asks_.push_back({u, inside, 1.0 + kMargin});
+      }
       return;
     }
     grey = true;
@@ -254,7 +259,7 @@ int GelTimeColumn::layerwise_level(int n) {
     return least_level(n, 0, before_, [&] { return upper(n) >= 1.0 + kMargin; });
   }
   const int printing = least_level(n, 0, before_, [&] { return middle(n) >= 1.0 + kMargin; });
-  return nearest_to_edge(n, printing, printing);
+  return level_to_edge(n, printing, printing);
 }
 
 int GelTimeColumn::level_of(int n) {
@@ -274,7 +279,7 @@ int GelTimeColumn::level_of(int n) {
 /// nearer to 1 than the last slice alone brings it.
 void GelTimeColumn::place_edge(int n) {
   if (plan_.kernel->layer_by_layer() || cover(n) != kFull || !edge_above(n)) return;
-  double least = std::abs(at_upper_edge(n) - 1.0);
+  double least = at_upper_edge(n) - 1.0;
   if (least <= plan_.edge_dose) return;
   int last = n;
   while (last + 1 < n + plan_.together && cover(last + 1) == kFull) ++last;
@@ -285,9 +290,9 @@ void GelTimeColumn::place_edge(int n) {
   const auto move = [&](auto&& self, int slice) -> bool {
     if (slice == n) {
       const int printing = least_level(n, 0, best.front(), [&] { return prints(n); });
-      const int level = nearest_to_edge(n, printing, best.front());
-      const double off = std::abs(at_upper_edge(n) - 1.0);
-      if (off < least) {
+      const int level = level_to_edge(n, printing, best.front());
+      const double off = at_upper_edge(n) - 1.0;
+      if (off >= 0 && off < least) {
         least = off;
         std::copy(levels_.begin() + n, levels_.begin() + last + 1, best.begin());
         best.front() = static_cast<Level>(level);
@@ -304,7 +309,7 @@ void GelTimeColumn::place_edge(int n) {
     }
     return false;
   };
-  move(move, std::min(last, n + 2));
+  move(move, last);
   for (int slice = last; slice >= n; --slice) {
     set(slice, best[static_cast<std::size_t>(slice - n)]);
   }

@@ -8,8 +8,8 @@
 /// - Before a feature, in the gap below it, a slice stays black as long as full light from the next one on
 ///   still brings the feature's lower edge where it belongs; else it gets the least level that does:
 ///   the burst.
-/// - The level at a feature's upper edge is the one that puts the edge nearest to where it belongs, and
-///   then the levels of slices before it are moved by a few to put it there exactly.
+/// - At a feature's upper edge it is the least level with which the edge does not lie inside the feature,
+///   and then the levels of slices before it are moved by a few to put it where it belongs.
 /// - Layer by layer each slice has only its own layer to gel.
 #pragma once
 
@@ -106,8 +106,11 @@ class GelTimeColumn final : public ColumnSolver {
   /// where none does. `guess`: where to look first. Leaves that level set.
   template <typename Enough>
   int least_level(int n, int least, int guess, Enough enough);
-  /// Of the levels from `least` on the one whose dose at the upper edge of layer n is nearest to 1.
-  int nearest_to_edge(int n, int least, int guess);
+  /// The least level from `least` on with which the upper edge of layer n does not lie inside the
+  /// feature: there the dose is flat, and a little less of it would move the edge far.
+  int level_to_edge(int n, int least, int guess);
+  /// How far above its lower end the layer of a feature must print, slices; 0: where it begins.
+  double lower_edge_up(int n) const;
   void place_edge(int n);
 
   const GelTimePlan& plan_;

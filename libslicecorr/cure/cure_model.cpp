@@ -67,12 +67,16 @@ double CureModel::level_step_um() const {
   if (gel_time) {
     // What a level adds to X, of which Omega takes no more; from an edge on the dose falls at least half
     // as fast as light does, from the window of the layer on (layer by layer).
-    for (int l = 1; l < gel_time->levels() && level_phi[static_cast<std::size_t>(l) - 1] < 1.0;
-         ++l) {
-      step = std::max(step, gel_time->light(l).x - gel_time->light(l - 1).x);
+    const bool layerwise = mode == ExposureMode::layerwise;
+    const double ratio = greatest_ratio();
+    const auto gels = [&](int l) {
+      return layerwise ? gel_time->dose_through_layer(gel_time->level_mw_cm2(l), ratio) >= 1.0
+                       : level_phi[static_cast<std::size_t>(l)] >= 1.0;
+    };
+    for (int l = 1; l < gel_time->levels() && !gels(l - 1); ++l) {
+      step = std::max(step, ratio * (gel_time->light(l).x - gel_time->light(l - 1).x));
     }
-    return layer_um * step * (mode == ExposureMode::layerwise ? a : one_minus_a) /
-           (0.5 * units::kLn10 * eta);
+    return layer_um * step * (layerwise ? a : one_minus_a) / (0.5 * units::kLn10 * eta);
   }
   if (mode == ExposureMode::layerwise) {
     const double ratio = greatest_ratio();

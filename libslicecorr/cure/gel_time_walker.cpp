@@ -8,7 +8,8 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// The nodes that matter are kept in a ring of rows, one value per column each.
+/// Of each column the pixels of the slices that matter are kept, and the state of the recursions at every
+/// 16th node; what lies between is computed anew where a cut is looked for.
 class GelTimeWalker final : public DoseWalker {
  public:
   GelTimeWalker(const CureModel& model, std::size_t columns)
@@ -16,24 +17,24 @@ class GelTimeWalker final : public DoseWalker {
         kernel_(*model.gel_time),
         cut_(kernel_),
         columns_(columns),
-        rows_(static_cast<std::size_t>(kernel_.reach()) + 2),
-        state_(rows_),
-        light_(rows_),
+        slots_(static_cast<std::size_t>(kernel_.reach()) + 2 * kStride),
+        marks_(slots_.size() / kStride + 2),
+        own_(columns),
+        state_(columns),
         same_(columns, 0),
         alike_(columns, kForEver),
         hint_(2 * columns, 0) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
     turning.assign(layerwise() ? 0 : columns, 0);
-    own_.resize(columns);
     // The node after the last slice, without light.
-    state_.front().assign(columns, {});
-    light_.front().assign(columns, {});
+    marks_[mark_at(node_)].assign(columns, {});
     for (int v = 0; v < 256; ++v) {
       curve_[v] = kernel_.light(level_of_pixel(v, kernel_.levels()));
     }
   }
 
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
+    before_.swap(own_);
     take_light(showings, model_.ratio(slice));
     if (!layerwise()) lower.swap(upper);
     for (std::size_t i = 0; i < columns_; ++i) {
@@ -46,7 +47,7 @@ class GelTimeWalker final : public DoseWalker {
         hint_[2 * i] = hint_[2 * i - 2];
         hint_[2 * i + 1] = hint_[2 * i - 1];
       } else {
-        const Below below{*this, i};
+        const Below below(*this, i, node_);
         int& near = hint_[2 * i];
         int& far = hint_[2 * i + 1];
         if (layerwise()) lower[i] = cut_.dose(own_[i], {1, 1}, below, near);
@@ -55,7 +56,8 @@ class GelTimeWalker final : public DoseWalker {
       }
       if (!layerwise()) {
         // Under one light all along to its cut the dose only goes to where that light would have it.
-        same_[i] = own_[i] == row(light_, 0)[i] ? same_[i] + 1 : 1;
+        const bool same = node_ != kLast && own_[i] == before_[i];
+        same_[i] = same ? std::min(same_[i] + 1, kForEver) : 1;
         turning[i] = same_[i] <= hint_[2 * i + 1] + 1;
       }
     }
@@ -65,29 +67,85 @@ class GelTimeWalker final : public DoseWalker {
   void inside(std::size_t i, double, InsideLayer& out) const override;
 
  private:
-  static constexpr int kForEver = 1 << 30;
+  static constexpr int kForEver = 1 << 29;
   static constexpr int kSamples = 16;
-  using Row = std::vector<CutLight>;
+  /// Nodes are counted from the last one down, which has this number.
+  static constexpr int kLast = 1 << 30;
+  static constexpr int kStride = 16;
+  static_assert(kLast % kStride == 0);
 
-  /// What lies below the layer that was added last; before `push`, with `lag` 0.
-  struct Below {
-    const GelTimeWalker& walker;
-    std::size_t column;
-    int lag = 0;
-    int count() const { return walker.known_ - lag; }
-    double x(int j) const { return walker.row(walker.state_, j + lag)[column].x; }
-    double y(int j) const { return walker.row(walker.state_, j + lag)[column].y; }
-    CutLight light(int j) const { return walker.row(walker.light_, j + lag)[column]; }
+  /// What a slice showed: pixels and how often they count, or where there are more images, or light that
+  /// spreads, what it comes to.
+  struct Slot {
+    std::vector<std::uint8_t> pixels;
+    std::vector<CutLight> light;
+    double weight = 0;
+  };
+
+  /// The nodes below a layer, the first of which is `node`.
+  class Below {
+   public:
+    Below(const GelTimeWalker& walker, std::size_t column, int node)
+        : walker_(walker), column_(column), node_(node) {}
+    int count() const {
+      return std::min(kLast - node_, static_cast<int>(walker_.slots_.size()) - 2 * kStride) + 1;
+    }
+    double x(int j) const { return state(j).x; }
+    double y(int j) const { return state(j).y; }
+    CutLight light(int j) const { return walker_.light(node_ + j, column_); }
+
+   private:
+    const CutLight& state(int j) const {
+      const int node = node_ + j, mark = (node + kStride - 1) / kStride * kStride;
+      if (mark != mark_) compute(mark);
+      return states_[mark - node];
+    }
+    /// The states between a mark and the one before it, as far as there are.
+    void compute(int mark) const {
+      mark_ = mark;
+      states_[0] = walker_.marks_[walker_.mark_at(mark)][column_];
+      for (int q = 1; q < kStride && mark - q >= node_; ++q) {
+        states_[q] = walker_.cut_.step(walker_.light(mark - q, column_), states_[q - 1]);
+      }
+    }
+
+    const GelTimeWalker& walker_;
+    std::size_t column_;
+    int node_;
+    mutable int mark_ = -1;
+    mutable CutLight states_[kStride];
   };
 
   bool layerwise() const { return kernel_.layer_by_layer(); }
-  const Row& row(const std::vector<Row>& ring, int j) const {
-    const std::size_t at = newest_ + static_cast<std::size_t>(j);
-    return ring[at < rows_ ? at : at - rows_];
+  std::size_t slot_at(int slice) const { return static_cast<std::size_t>(slice) % slots_.size(); }
+  std::size_t mark_at(int node) const {
+    return static_cast<std::size_t>(node / kStride) % marks_.size();
+  }
+  CutLight light(int slice, std::size_t column) const {
+    const Slot& slot = slots_[slot_at(slice)];
+    if (!slot.light.empty()) return slot.light[column];
+    if (slot.pixels.empty()) return {};
+    const CutLight& l = curve_[slot.pixels[column]];
+    return {slot.weight * l.x, slot.weight * l.y};
   }
 
+  /// Fills `own_` and the slot of the slice above `node_`.
   void take_light(std::span<const ImageShowing> showings, double ratio) {
-    std::fill(own_.begin(), own_.end(), CutLight{});
+    Slot& slot = slots_[slot_at(node_ - 1)];
+    slot.pixels.clear();
+    slot.light.clear();
+    own_.assign(columns_, CutLight{});
+    if (showings.empty()) return;
+    if (showings.size() == 1 && !showings.front().phi) {
+      const ImageShowing& whole = showings.front();
+      slot.weight = whole.light * ratio;
+      slot.pixels.assign(whole.pixels, whole.pixels + columns_);
+      for (std::size_t i = 0; i < columns_; ++i) {
+        const CutLight& l = curve_[slot.pixels[i]];
+        own_[i] = {slot.weight * l.x, slot.weight * l.y};
+      }
+      return;
+    }
     for (const ImageShowing& showing : showings) {
       const double times = showing.light * ratio;
       for (std::size_t i = 0; i < columns_; ++i) {
@@ -97,42 +155,39 @@ class GelTimeWalker final : public DoseWalker {
         own_[i].y += times * l.y;
       }
     }
+    slot.light = own_;
   }
 
   /// Makes the slice that was added last the first of those below.
   void push() {
-    const std::size_t before = newest_;
-    newest_ = newest_ == 0 ? rows_ - 1 : newest_ - 1;
-    Row &state = state_[newest_], &light = light_[newest_];
-    state.resize(columns_);
-    light.resize(columns_);
+    --node_;
     for (std::size_t i = 0; i < columns_; ++i) {
-      state[i] = cut_.step(own_[i], state_[before][i]);
-      light[i] = own_[i];
+      state_[i] = cut_.step(own_[i], state_[i]);
       if (i == 0) continue;
-      const bool alike = state[i] == state[i - 1] && light[i] == light[i - 1];
+      const bool alike = state_[i] == state_[i - 1] && own_[i] == own_[i - 1];
       alike_[i] = alike ? std::min(alike_[i] + 1, kForEver) : 0;
     }
-    known_ = std::min(known_ + 1, static_cast<int>(rows_) - 1);
+    if (node_ % kStride == 0) marks_[mark_at(node_)] = state_;
   }
 
   const CureModel& model_;
   const GelTimeKernel& kernel_;
   GelTimeCut cut_;
-  std::size_t columns_, rows_;
-  std::vector<Row> state_, light_;  ///< by node, and by the slice below it, from `newest_` on
-  std::size_t newest_ = 0;
-  int known_ = 1;           ///< nodes in the ring
-  Row own_;                 ///< of the slice that was added last
-  std::vector<int> same_;   ///< slices for which a column has had one light
-  std::vector<int> alike_;  ///< nodes for which it is as the column before it
-  std::vector<int> hint_;   ///< cuts, of the middle and the upper node
+  std::size_t columns_;
+  std::vector<Slot> slots_;                   ///< by slice
+  std::vector<std::vector<CutLight>> marks_;  ///< states by node, every `kStride`
+  int node_ = kLast;                          ///< the lower one of the layer that comes next
+  std::vector<CutLight> own_, before_;        ///< light of the slices that were added last
+  std::vector<CutLight> state_;               ///< at `node_`
+  std::vector<int> same_;                     ///< slices for which a column has had one light
+  std::vector<int> alike_;                    ///< nodes for which it is as the column before it
+  std::vector<int> hint_;                     ///< cuts, of the middle and the upper node
   CutLight curve_[256];
 };
 
 void GelTimeWalker::inside(std::size_t i, double, InsideLayer& out) const {
   // The slice has been pushed: what lies below its layer begins one node further down.
-  const Below below{*this, i, 1};
+  const Below below(*this, i, node_ + 1);
   int hint = hint_[2 * i];
   const auto at = [&](double t) { return cut_.dose(own_[i], kernel_.fade(t), below, hint); };
   out.crossings.clear();

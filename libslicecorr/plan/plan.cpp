@@ -14,7 +14,9 @@
 #include "plan/closed.hpp"
 #include "plan/search.hpp"
 #include "plan/trial.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/limit.hpp"
 
@@ -78,6 +80,11 @@ PaceRange gelling(const Setup& setup, double layer_um) {
     const int s = kernel.strongest_setting();
     lit = kernel.steady_dose(s, kernel.highest_usable_level(s));
     black = kernel.steady_dose(0, 0);
+  } else if (model.gel_time && !continuous) {
+    const GelTimeKernel& kernel = *model.gel_time;
+    lit = kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1), 1);
+    const std::vector<std::uint8_t> dark(2 * static_cast<std::size_t>(kernel.reach()), 0);
+    black = column_dose(model, dark).lower.front();
   } else if (!continuous) {
     lit = model.phi_max() * model.a;
     black = model.phi_min() / model.one_minus_a;

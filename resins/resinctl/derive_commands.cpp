@@ -11,6 +11,7 @@
 #include "new_resin.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"

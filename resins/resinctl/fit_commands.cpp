@@ -96,6 +96,10 @@ void take_blue_law(const FitArguments& a, FitModel model, FitOptions& o, Console
                     a.model));
   }
   const Resin resin = load_resin(a.resin);
+  if (resin.has_gel_time()) {
+    throw InputError(resin.name, "cure.model",
+                     "is \"gel-time\"; dead zones follow the kinetic law: expected a resin of it");
+  }
   const Kinetics k = make_kinetics(resin, false, false);
   o.hb_um = k.hb_um;
   o.critical_dose_prime = k.critical_dose_prime;

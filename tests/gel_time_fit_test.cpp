@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "fit/heights.hpp"
 #include "gel_time_models.hpp"
 #include "real_files.hpp"
 #include "slicecorr/error.hpp"
@@ -171,16 +172,25 @@ TEST(GelTimeFit, FindsWhatWorkingCurvesWereMadeOf) {
 }
 
 TEST(GelTimeFit, DerivativesOfTheHeight) {
-  // By differences, in the fit's own law.
-  const GelTime g{12, 7};
-  const auto height = [](double h, const GelTime& at, double i, double t) {
-    return h * std::log(i / gel_intensity_mw_cm2(at, t));
-  };
-  FitResult r;
-  r.model = FitModel::gel_time;
-  r.hb_um = 200;
-  r.parameters = {{"h_um", "", 200}, {"gel_a_mj_cm2", "", 12}, {"gel_b_sqrt_mw_cm2_s", "", 7}};
-  EXPECT_NEAR(predict_um(r, 30, 0, 4), height(200, g, 30, 4), 1e-9);
+  // By central differences, whose error is of the square of the step.
+  for (const GelTime& g : {GelTime{12, 7}, {60, 0.1}, {0.1, 9}}) {
+    Slots law{};
+    law[kHeight] = 200;
+    law[kGelA] = g.A;
+    law[kGelB] = g.B;
+    const Exposure e{std::log(30.0), 0, std::log(4.0)};
+    const Height z = cured_height(law, e);
+    EXPECT_NEAR(z.um, 200 * std::log(30 / gel_intensity_mw_cm2(g, 4)), 1e-9);
+    for (const Slot slot : {kHeight, kGelA, kGelB}) {
+      constexpr double step = 1e-5;
+      Slots more = law, less = law;
+      more[slot] *= 1 + step;
+      less[slot] *= 1 - step;
+      const double slope =
+          (cured_height(more, e).um - cured_height(less, e).um) / (2 * step * law[slot]);
+      EXPECT_NEAR(z.by[slot] / slope, 1, 1e-7) << slot;
+    }
+  }
 }
 
 TEST(GelTimeRecord, FilesOfFitsAndLawsAreReadAsTheyWereMade) {

@@ -98,7 +98,7 @@ std::string to_csv(const ResinRecord& r) {
     return at == r.provenance.end() ? "" : at->second;
   };
   const bool kinetic = r.resin.m != 1.0;
-  const bool has_gel = f.gel_prime > 0;
+  const bool has_gel = f.gel_prime > 0 || r.resin.has_gel_time();
   cell("resin", r.product.empty() ? r.name : r.product);
   cell("name", r.name);
   cell("maker", r.maker);

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "process/chemistry_keys.hpp"
 #include "process/flat_field_keys.hpp"
 #include "process/spread_keys.hpp"
 #include "process/tomography_keys.hpp"
@@ -421,6 +422,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resolve_dose(cure, overrides.dc_mj_cm3, resin);
   if (overrides.dose_factor) scale_dose(resin, *overrides.dose_factor);
   if (const auto table = root.table("inhibition")) resin.inhibition = inhibition_of(*table, resin);
+  resin.chemistry = detail::chemistry_keys(root, cure, resin.viscosity_pa_s);
   return resin;
 }
 

@@ -172,17 +172,18 @@ CorrectedPattern correct_pattern(const Chemistry& c, const LightPattern& target,
   }
   CorrectedPattern found;
   found.used_up_by_s = correction.used_up_by_s > 0 ? correction.used_up_by_s : kTimeToSpare * least;
-  if (found.used_up_by_s < least) {
-    A.set_time(found.used_up_by_s);
-    std::vector<double> u(inside.begin(), inside.end());
-    A.apply(u, context);
+  A.set_time(found.used_up_by_s);
+  std::vector<double> u(inside.begin(), inside.end());
+  A.apply(u, context);
+  // What is left of it at T is used up soon after, while light is on; but much is more than a correction
+  // can even out.
+  if (extremes(u, inside).least_inside < 1 - 2 * correction.margin) {
     throw InfeasibleError(fmt::format(
         "{:g} mW/cm² do not use up oxygen in the whole target within {:.4g} s; they would within "
         "{:.4g} s, or {:.4g} mW/cm² would",
         setup.intensity_mw_cm2, found.used_up_by_s, least,
         setup.intensity_mw_cm2 / extremes(u, inside).least_inside));
   }
-  A.set_time(found.used_up_by_s);
   std::vector<double> light = search(A, inside, correction.margin, correction.steps, context);
   found.light.width = target.width;
   found.light.height = target.height;
@@ -195,7 +196,7 @@ CorrectedPattern correct_pattern(const Chemistry& c, const LightPattern& target,
   const Extremes e = extremes(light, inside);
   found.least_inside = e.least_inside;
   found.most_outside = e.most_outside;
-  if (e.most_outside < 1) return found;
+  if (e.most_outside < std::min(1.0, e.least_inside)) return found;
   // Brighter light for a shorter time leaves oxygen less time to come from the sides.
   for (double brighter = 2; brighter <= 64; brighter *= 2) {
     PatternSetup more = setup;
@@ -207,7 +208,8 @@ CorrectedPattern correct_pattern(const Chemistry& c, const LightPattern& target,
     B.set_time(T);
     std::vector<double> tried = search(B, inside, correction.margin, 100, context);
     B.apply(tried, context);
-    if (extremes(tried, inside).most_outside >= 1) continue;
+    const Extremes t = extremes(tried, inside);
+    if (t.most_outside >= std::min(1.0, t.least_inside)) continue;
     throw InfeasibleError(fmt::format(
         "with {:g} mW/cm² and oxygen used up by {:.4g} s something outside of the target gels as "
         "well; {:g} mW/cm² for {:.4g} s would do",

@@ -5,13 +5,13 @@
 #include <functional>
 #include <vector>
 
+#include "fourier/fft.hpp"
 #include "slicecorr/chemistry_pattern.hpp"
 
 namespace slicecorr::detail {
 
-/// Multiplies each wave of a field by a real number, the same for waves that run the other way. With
-/// walls the field is mirrored at its sides. Not thread-safe; results are the same for any number of
-/// threads of `context`.
+/// Multiplies each wave of a field by a real number, the same for waves that run the other way; with
+/// walls the waves are cosines. Not thread-safe; results are the same for any number of threads.
 class PlaneFilter {
  public:
   PlaneFilter(int width, int height, Sides sides);
@@ -21,9 +21,10 @@ class PlaneFilter {
   void apply(std::vector<double>& field, const ExecutionContext& context);
 
  private:
-  int width_, height_;
+  std::size_t width_, height_;
   bool walls_;
-  int nx_, ny_;  ///< of what is transformed: twice the field's where it is mirrored
+  PlaneFft<double> periodic_;
+  PlaneDct<double> between_walls_;
   std::vector<double> factor_;
   std::vector<std::complex<double>> waves_;
 };

@@ -107,13 +107,15 @@ class Walk {
         note(run, time, light.intensity_mw_cm2, keep);
         if (until_gel && std::isfinite(run.gel_time_s)) return run;
         h = step_.h * std::clamp(0.9 / std::sqrt(std::max(error, 1e-12)), 0.3, 2.0);
+        // Between moments there are straight lines.
+        if (keep) h = std::min(h, light.seconds / kLeastSteps);
       }
     }
     return run;
   }
 
  private:
-  static constexpr double kLeastStep = 1e-13;
+  static constexpr double kLeastStep = 1e-13, kLeastSteps = 300;
 
   detail::StepError scales() const {
     detail::StepError e;

@@ -247,6 +247,17 @@ TEST(ChemistryPattern, ConvergesWithTheStep) {
   EXPECT_LT(fine, coarse / 8 + 2e-7);
 }
 
+TEST(ChemistryPattern, ReactionsAreOfSecondOrder) {
+  const LightPattern p{1, 1, {1.0F}};
+  const auto gel = [&](double step_s) {
+    return run_pattern(hydrogel(), p, setup_of(5, 100, 1.76, step_s)).gel_time_s[0];
+  };
+  // Half a step leaves a quarter of the error, also across the end of inhibition.
+  const double exact = gel(0.00025), coarse = gel(0.004) - exact, fine = gel(0.002) - exact;
+  EXPECT_NEAR(coarse / fine, 4, 0.6);
+  EXPECT_LT(std::abs(coarse), 3e-5);
+}
+
 TEST(ChemistryPattern, SameForAnyNumberOfThreads) {
   LightPattern p = dark(50, 37);
   light_box(p, 10, 9, 21, 13);

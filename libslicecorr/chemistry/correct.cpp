@@ -171,7 +171,8 @@ CorrectedPattern correct_pattern(const Chemistry& c, const LightPattern& target,
                     setup.intensity_mw_cm2));
   }
   CorrectedPattern found;
-  found.used_up_by_s = correction.used_up_by_s > 0 ? correction.used_up_by_s : kTimeToSpare * least;
+  found.used_up_by_s = correction.used_up_by_s > 0 ? correction.used_up_by_s
+                                                   : std::min(kTimeToSpare * least, setup.light_s);
   A.set_time(found.used_up_by_s);
   std::vector<double> u(inside.begin(), inside.end());
   A.apply(u, context);

@@ -104,7 +104,8 @@ PatternFigures figures_of(const PatternRun& run, const LightPattern& target);
 
 /// How an image is made with which all that is meant to gel uses up its oxygen at the same time.
 struct PatternCorrection {
-  /// T, by when oxygen is used up in the whole target; 0: a quarter more than full light needs.
+  /// T, by when oxygen is used up in the whole target; 0: a quarter more than full light needs, but no
+  /// longer than the light is on.
   double used_up_by_s = 0;
   /// Share of its oxygen that everything else keeps at least until T, 0..1.
   double margin = 0.15;

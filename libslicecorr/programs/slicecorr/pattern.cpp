@@ -60,10 +60,11 @@ void check_memory(int width, int height, const Chemistry& c, Console& console) {
 }
 
 /// What light can't gel however it is shaped, before anything is reckoned.
-void check_feasible(const Chemistry& c, const PatternSetup& s) {
+void check_feasible(const Chemistry& c, const PatternSetup& s, bool corrects) {
   const double mean = mean_light_share(c, s.film_um), i = s.intensity_mw_cm2 * mean;
   const std::string never = never_gels(c, i, s.supply_per_s);
   if (!never.empty()) throw InfeasibleError(never);
+  if (corrects) return;  // the correction looks at it more closely
   const GelTime g = gel_time_of(c);
   // The closed form is good to half a percent.
   constexpr double sure = 0.98;
@@ -172,7 +173,7 @@ int pattern_command(const PatternOptions& o, const ExecutionContext& context, Co
                     "mean.",
                     100 * takes));
   }
-  check_feasible(c, s);
+  check_feasible(c, s, !o.correct.empty());
 
   std::optional<CorrectedPattern> corrected;
   if (!o.correct.empty()) {
@@ -181,6 +182,9 @@ int pattern_command(const PatternOptions& o, const ExecutionContext& context, Co
     k.margin = o.margin;
     k.steps = o.steps;
     corrected = correct_pattern(c, target, s, k, context);
+    // Curing goes on after oxygen has gone; both images are followed until the best is past.
+    constexpr double past = 2.5;
+    s.light_s = std::max(s.light_s, past * corrected->used_up_by_s);
   }
   const PatternRun even = run_pattern(c, target, s, context);
   const PatternRun run = corrected ? run_pattern(c, corrected->light, s, context) : even;
@@ -265,8 +269,9 @@ void add_pattern(Program& program, PatternOptions& o) {
   sub->add_option("--correct", o.correct,
                   "Find the image with which all that is lit gels together and nothing else, and "
                   "write it here (.png)");
-  sub->add_option("--oxygen-used-up-by-s", o.used_up_by_s,
-                  "When that image has used up all oxygen there [a quarter after full light would]")
+  sub->add_option(
+         "--oxygen-used-up-by-s", o.used_up_by_s,
+         "When that image has used up all oxygen there [a quarter after full light would, and by --time-s]")
       ->check(number_above_zero());
   sub->add_option("--margin", o.margin, "Share of their oxygen that dark places keep until then")
       ->check(number_in(0.001, 0.999))

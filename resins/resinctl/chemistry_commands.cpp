@@ -30,13 +30,13 @@ struct Arguments {
 /// "100:1.6" is 100 mW/cm² for 1.6 s.
 LightStep light_step(const std::string& text) {
   const std::size_t colon = text.find(':');
-  const auto i = cli::number_of(text.substr(0, colon));
-  const auto s = colon == std::string::npos ? std::nullopt : cli::number_of(text.substr(colon + 1));
-  if (!i || !s || !(*i >= 0) || !(*s > 0)) {
-    throw InputError(
-        fmt::format("--light {}: expected mW/cm² and seconds, as in 100:1.6 or 0:5", text));
+  if (colon != std::string::npos) {
+    const double i = cli::number_of(text.substr(0, colon)).value_or(-1);
+    const double s = cli::number_of(text.substr(colon + 1)).value_or(-1);
+    if (i >= 0 && s > 0) return {s, i};
   }
-  return {*s, *i};
+  throw InputError(
+      fmt::format("--light {}: expected mW/cm² and seconds, as in 100:1.6 or 0:5", text));
 }
 
 nlohmann::ordered_json number(double value) {

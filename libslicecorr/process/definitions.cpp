@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "process/chemistry_keys.hpp"
 #include "process/flat_field_keys.hpp"
 #include "process/spread_keys.hpp"
 #include "process/tomography_keys.hpp"
@@ -501,6 +502,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
     }
     resin.inhibition = inhibition_of(*table, resin);
   }
+  resin.chemistry = detail::chemistry_keys(root, cure, resin.viscosity_pa_s);
   return resin;
 }
 

@@ -49,7 +49,8 @@ ResinRecord parse_record(std::string_view text, const std::string& source) {
   record.version = root.integer("version", 1, 1000000000, 1);
   record.maker = root.text("maker", "");
   record.product = root.text("product", "");
-  record.chemistry = root.text("chemistry", "");
+  record.chemistry =
+      record.resin.chemistry ? record.resin.chemistry->family : root.text("chemistry", "");
   record.colour = root.text("colour", "");
   record.notes = root.text("notes", "");
   record.wavelength_nm = root.required_table("cure").number("wavelength_nm", 100, 2000).value_or(0);

@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/chemistry.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/vial.hpp"
@@ -203,6 +204,59 @@ std::string aim_text(const ResinRecord& r) {
   return gel_is_known(r) ? fmt::format("{} ({:.4g} x gel)", dose, f.dose_factor) : dose;
 }
 
+namespace {
+
+std::string chemistry_text(const Chemistry& c) {
+  std::string out = "\nChemistry\n";
+  out += line("end groups", fmt::format("{:.4g} mol/l; gels when {:.4g} % of them are used up",
+                                        c.groups_mol_l, 100 * c.gel_conversion));
+  out += line("initiator",
+              fmt::format("{:.4g} mol/l, {:.4g} l/(mol cm) base 10 at {:g} nm, quantum yield {:g}",
+                          c.initiator_mol_l, c.absorptivity_l_mol_cm / units::kLn10,
+                          c.wavelength_nm, c.quantum_yield));
+  out += line("oxygen", fmt::format("{:.4g} mol/l", c.oxygen_mol_l));
+  if (c.inhibitor_mol_l > 0)
+    out += line("inhibitor", fmt::format("{:.4g} mol/l", c.inhibitor_mol_l));
+  out += line("rates, l/(mol s)",
+              fmt::format("initiation {:.4g}, propagation {:.4g}, termination {:.4g} (of pairs: "
+                          "chains vanish at twice this)",
+                          c.initiation_l_mol_s, c.propagation_l_mol_s, c.termination_l_mol_s));
+  out += line(
+      "", fmt::format(
+              "chains with oxygen {:.4g}{}{}", c.oxygen_l_mol_s,
+              c.initiator_oxygen_l_mol_s > 0
+                  ? fmt::format(", initiator with oxygen {:.4g}", c.initiator_oxygen_l_mol_s)
+                  : "",
+              c.inhibitor_mol_l > 0 ? fmt::format(", with inhibitor {:.4g}", c.inhibitor_l_mol_s)
+                                    : ""));
+  const auto d = [](const char* what, const std::optional<double>& um2_s) {
+    return um2_s ? fmt::format("{} {:.4g}", what, *um2_s) : fmt::format("{} not given", what);
+  };
+  out += line("diffusion, um²/s",
+              fmt::format("{}, {}, {}{} at {:g} K", d("oxygen", c.oxygen_um2_s),
+                          d("initiator", c.initiator_um2_s), d("its radicals", c.radical_um2_s),
+                          c.inhibitor_mol_l > 0 ? ", " + d("inhibitor", c.inhibitor_um2_s) : "",
+                          c.temperature_k));
+  out += line("dims light", fmt::format("to 1/e over {} um", figure(light_height_um(c))));
+  const GelTime g = gel_time_of(c);
+  out += line("time to gel, s", fmt::format("{:.4g} / I + {:.4g} / sqrt(I), I in mW/cm²: oxygen "
+                                            "first, then chains",
+                                            g.A, g.B));
+  for (const double i : {1.0, 10.0, 100.0}) {
+    out += line("", fmt::format("at {:g} mW/cm² {} s, of which {} s inhibited; local m = {:.3f}", i,
+                                figure(gel_time_s(g, i)), figure(inhibition_time_s(c, i)),
+                                local_exponent(g, i)));
+  }
+  if (inhibition_time_used_up_s(c, 1) > 1e300) {
+    out += line("", fmt::format("it never gels: radicals of all initiator do not use up oxygen and "
+                                "inhibitor; {:.4g} mol/l would",
+                                least_initiator_mol_l(c)));
+  }
+  return out;
+}
+
+}  // namespace
+
 std::string describe_resin(const ResinRecord& r) {
   const ResinFigures f = figures_of(r.resin);
   const double m = r.resin.m;
@@ -269,6 +323,7 @@ std::string describe_resin(const ResinRecord& r) {
     }
     out += line("dead zone from", fmt::format("UV above {:.4g} times blue", 1 / f.beta));
   }
+  if (r.resin.chemistry) out += chemistry_text(*r.resin.chemistry);
   out += in_plain_words(r, f);
   return out + provenance_text(r.provenance);
 }

@@ -16,5 +16,6 @@ int main(int argc, char** argv) {
   resinctl::add_tune(program);
   resinctl::add_plot(program);
   resinctl::add_design(program);
+  resinctl::add_chemistry(program);
   return program.run(argc, argv);
 }

@@ -17,6 +17,7 @@
 #include "slicecorr/even_light.hpp"
 #include "slicecorr/grid.hpp"
 #include "slicecorr/orientation.hpp"
+#include "slicecorr/resin_chemistry.hpp"
 
 namespace slicecorr {
 
@@ -245,6 +246,8 @@ struct Resin {
   /// How long inhibitor that UV light has made stays in liquid resin, s, >= 0; infinite: until blue
   /// light uses it up. It counts where resin flows.
   double inhibitor_life_s = std::numeric_limits<double>::infinity();
+  /// What light starts in it (chemistry.hpp); nothing where the file does not say it.
+  std::optional<Chemistry> chemistry{};
   bool operator==(const Resin&) const = default;
 };
 

@@ -10,6 +10,7 @@
 
 #include "flow.hpp"
 #include "options.hpp"
+#include "pattern.hpp"
 #include "plan.hpp"
 #include "programs/common/dose_options.hpp"
 #include "programs/common/make_part.hpp"
@@ -571,11 +572,13 @@ int run_program(int argc, char** argv) {
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
   FlowOptions flow;
+  PatternOptions pattern;
   PlanOptions plan;
   TomoOptions tomo;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
+  add_pattern(program, pattern);
   add_plan(program, plan);
   add_tomo(program, tomo);
 

@@ -153,8 +153,8 @@ class Finder {
     const detail::PlannedImages images(target_, planned, alone_);
     const EvenSections sections(detail::LitPart(target_, images), planned, cells(), context_);
     Found found{chosen_slices(sections), {}};
-    if (found.slices.empty())
-      return found_.slices.empty() ? starting_light(design_.slices_of(every_)) : found_;
+    // Nothing is lit that is wide enough: light stays as it is.
+    if (found.slices.empty()) return found_;
     Sought sought;
     for (const auto& some : detail::in_parts(found.slices, sections.part().grid())) {
       const auto shown =
@@ -237,7 +237,8 @@ class Finder {
       std::vector<int> worse;
       std::vector<SectionGoal> goals;
       for (const FlowDoses::Slice& s : doses.slices) {
-        if (s.even.within_10 >= s.without.within_10) continue;
+        const bool sticks = s.even.max_window >= 1 && s.without.max_window < 1;
+        if (s.even.within_10 >= s.without.within_10 && !sticks) continue;
         const auto i = std::lower_bound(some.begin(), some.end(), s.slice) - some.begin();
         worse.push_back(s.slice);
         goals.push_back(goal_);

@@ -52,7 +52,7 @@ ordered_json front_json(const FrontDose& f) {
 ordered_json flow_json(const FlowDoses& flow) {
   ordered_json slices = ordered_json::array();
   for (const FlowDoses::Slice& s : flow.slices) {
-    ordered_json slice{{"slice", s.slice}, {"area_mm2", s.area_mm2}};
+    ordered_json slice{{"slice", s.slice}, {"area_mm2", s.area_mm2}, {"lit_share", s.lit}};
     slice.update(front_json(s.even));
     slice["without"] = front_json(s.without);
     slices.push_back(std::move(slice));

@@ -32,7 +32,7 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& correction_p
 
 int slices_with_burst(const CureModel& model, int target_layers, int last_lit) {
   if (model.inhibited) return detail::inhibited_slices(model, target_layers, last_lit);
-  return std::max(target_layers, last_lit + 1 + model.slices_to_gel());
+  return std::max(target_layers, last_lit + 1 + model.slices_to_gel(last_lit + 1));
 }
 
 }  // namespace slicecorr

@@ -37,7 +37,7 @@ TEST(DerivativesUnderUv, AreTheElasticitiesOfTheSteadyDose) {
   const Uv at;
   const CureModel model = at.model();
   const NearbyModels near = nearby_models(at.printer, at.resin, at.process, 50, 1);
-  BandDerivatives band(model, 1, {true, true, false, true, 1}, &near);
+  BandDerivatives band(model, 1, {true, true, false, 1, true}, &near);
   EXPECT_TRUE(band.by_differences());
   const std::uint8_t full = 255;
   const int slices = 200;  // 25 absorbance heights
@@ -63,8 +63,8 @@ TEST(DerivativesUnderUv, WithHardlyAnyUvLightAreTheRecursions) {
   off.uv = {};
   const CureModel plain = make_cure_model(at.printer, at.resin, off, 50);
   const NearbyModels near = nearby_models(at.printer, at.resin, at.process, 50, 0);
-  BandDerivatives by_difference(model, 1, {true, false, false, true, 1}, &near);
-  BandDerivatives recursion(plain, 1, {true, false, false, false, 1});
+  BandDerivatives by_difference(model, 1, {true, false, false, 1, true}, &near);
+  BandDerivatives recursion(plain, 1, {true, false, false, 1, false});
   std::vector<std::uint8_t> pixels(60);
   for (std::size_t n = 0; n < pixels.size(); ++n) {
     pixels[n] = static_cast<std::uint8_t>(n % 20 < 8 ? 10 : 200 + n % 7);

@@ -286,7 +286,6 @@ bool LevelSearch::aim(const EdgeCorners& at) {
 }
 
 bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_t* out) const {
-  const ContinuousPlan& p = plan_;
   double dose[kMost + 1];
   LevelRange range[kMost];
   int at[kMost];
@@ -322,7 +321,6 @@ bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_
 }
 
 bool LevelSearch::survivors(double below, std::uint8_t* out) {
-  const ContinuousPlan& p = plan_;
   kept_.assign(1, {below, -1, 0});
   begin_.assign(1, 0);
   for (int k = 0; k < count_; ++k) {

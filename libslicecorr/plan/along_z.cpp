@@ -13,6 +13,8 @@ constexpr int kLowerings = 30, kRaisings = 48, kRepairs = 12;
 constexpr double kLower = 0.94;
 /// Away from edges full light must just gel, with some room.
 constexpr double kGels = 1.02;
+/// Slices after the end with speeds of their own, at most, and how they go slower.
+constexpr double kMostAfter = 1000, kSlowerAfter = 0.8;
 
 class Search {
  public:
@@ -22,6 +24,7 @@ class Search {
         light_(light),
         bounds_(bounds),
         layer_um_(light.layer_um),
+        layers_(bounds.most_mm_h.size()),
         most_(most(columns, ask)),
         limits_(guess(heights, ask)) {}
 
@@ -41,7 +44,7 @@ class Search {
  private:
   /// The greatest speed of each slice that gels it and that an error of the light leaves edges at.
   std::vector<double> most(const DesignColumns& columns, const PlanAsk& ask) const {
-    std::vector<bool> beside(bounds_.most_mm_h.size(), false);
+    std::vector<bool> beside(layers_, false);
     const auto mark = [&](int slice) {
       if (slice >= 0 && slice < static_cast<int>(beside.size())) {
         beside[static_cast<std::size_t>(slice)] = true;
@@ -53,24 +56,31 @@ class Search {
         mark(e.layer);
       }
     }
+    mark(static_cast<int>(layers_) - 1);
     const auto tolerated = tolerated_speeds(light_, ask.tolerance_um, ask.light_error);
     const double at_edges = tolerated ? tolerated->greatest_mm_h : bounds_.uniform_mm_h;
     std::vector<double> most = bounds_.most_mm_h;
-    for (std::size_t n = 0; n < most.size(); ++n) {
-      most[n] = std::min(
-          most[n], std::min(light_.smax_mm_h / kGels, beside[n] ? at_edges : light_.smax_mm_h));
+    for (std::size_t n = 0; n < layers_; ++n) {
+      const double light = beside[n] ? at_edges : light_.smax_mm_h;
+      most[n] = std::min({most[n], light_.smax_mm_h / kGels, light});
       most[n] = std::max(most[n], bounds_.uniform_mm_h);
     }
+    // After the part's end only the burst counts, which takes the less time the slower it is passed.
+    const double burst = light_.burst_um(bounds_.uniform_mm_h) / layer_um_;
+    most.resize(layers_ + static_cast<std::size_t>(std::ceil(std::min(burst, kMostAfter))) + 1,
+                std::max(at_edges, bounds_.uniform_mm_h));
     return most;
   }
   std::vector<double> guess(const PartHeights& heights, const PlanAsk& ask) const {
     std::vector<double> limits = most_;
+    std::fill(limits.begin() + static_cast<std::ptrdiff_t>(layers_), limits.end(),
+              bounds_.uniform_mm_h);
     const auto hold = [&](std::size_t n, const std::vector<SpeedRange>& ranges) {
       const double fastest = ranges.empty() ? bounds_.uniform_mm_h : ranges.back().greatest_mm_h;
       limits[n] =
           std::clamp(limits[n], bounds_.uniform_mm_h, std::max(bounds_.uniform_mm_h, fastest));
     };
-    for (std::size_t n = 0; ask.gap_contrast > 0 && n < limits.size(); ++n) {
+    for (std::size_t n = 0; ask.gap_contrast > 0 && n < layers_; ++n) {
       if (const int gap = heights.gap_at[n]; gap > 0) {
         hold(n, gap_speeds(light_, gap, ask.gap_contrast));
       }
@@ -116,7 +126,8 @@ class Search {
     }
     return false;
   }
-  /// Whether the slices [first, past) can go faster by this factor; if so, they do.
+  /// Whether a print is faster and keeps everything with this factor on the limits of the slices
+  /// [first, past); if so, they have it.
   bool faster(std::size_t first, std::size_t past, double factor, int& left) {
     std::vector<double> limits = limits_;
     for (std::size_t n = first; n < past; ++n) limits[n] = std::min(most_[n], factor * limits[n]);
@@ -131,7 +142,16 @@ class Search {
   }
   void raise() {
     int left = kRaisings;
-    const std::size_t slices = limits_.size();
+    // What lies after the end, slower by ever more, or else faster.
+    const std::size_t all = limits_.size();
+    bool slower = false;
+    while (limits_.back() * kSlowerAfter > 2 * light_.smin_mm_h &&
+           faster(layers_, all, kSlowerAfter, left)) {
+      slower = true;
+    }
+    while (!slower && faster(layers_, all, 1 / kSlowerAfter, left)) {
+    }
+    const std::size_t slices = layers_;
     for (std::size_t size = slices; size > 0 && left > 0; size /= 2) {
       for (std::size_t first = 0; first < slices && left > 0; first += size) {
         const std::size_t past = std::min(slices, first + size);
@@ -146,6 +166,7 @@ class Search {
   const PlanLight light_;
   const AlongZBounds& bounds_;
   const double layer_um_;
+  const std::size_t layers_;
   const std::vector<double> most_;
   std::vector<double> limits_;
   double time_s_ = 0;

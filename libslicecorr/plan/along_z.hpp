@@ -10,13 +10,15 @@
 namespace slicecorr::detail {
 
 struct AlongZ {
-  std::vector<double> speed_mm_h;  ///< of each slice of the part; the last holds for later ones
-  PlanPoint point;                 ///< with all columns
+  /// Of each slice of the part and some after it; the last holds for later ones.
+  std::vector<double> speed_mm_h;
+  PlanPoint point;  ///< with all columns
 };
 
 /// What bounds the speeds of slices.
 struct AlongZBounds {
-  double uniform_mm_h = 0;        ///< what the part keeps everything at: no slice goes slower
+  double uniform_mm_h =
+      0;  ///< what the part keeps everything at: no slice of it goes slower by light
   std::vector<double> most_mm_h;  ///< of each slice, whatever the light
   double acceleration_mm_s2 = 0;  ///< > 0
 };

@@ -295,11 +295,11 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
       if (!tolerated) refuse_plan(ask, light, heights.gaps, trials, plan.tried, bound);
       most = std::min(most, tolerated->greatest_mm_h);
     }
-    std::optional<PlanPoint> point = planner.fastest(ranges, most, ask.tolerance_um);
+    std::optional<PlanPoint> point = planner.fastest(ranges, most);
     found->setup = c.setup;
     if (!point && continuous && ask.free.lamp && std::isfinite(bound.most_mm_h)) {
       // Less light at the speed of the bound does what more speed would do.
-      point = planner.fastest(ranges, gels.greatest, ask.tolerance_um);
+      point = planner.fastest(ranges, gels.greatest);
       if (point && point->speed_mm_h > bound.most_mm_h) {
         found->lamp_share = std::pow(bound.most_mm_h / point->speed_mm_h, 1 / planner.m());
       }

@@ -77,24 +77,30 @@ Planner::Planner(const SliceSource& target, const DesignColumns& columns,
   }
 }
 
-std::optional<PlanPoint> Planner::fastest(const std::vector<PaceRange>& ranges, double most,
-                                          double tolerance_um) {
-  const auto keeps = [&](const PlanPoint& p) { return keeps_within(p, tolerance_um); };
+std::optional<PlanPoint> Planner::fastest(const std::vector<PaceRange>& ranges, double most) {
   // Each round adds columns that fail, and what failed stays so: there is an end.
   for (;;) {
-    const auto pace = fastest_pace(ranges, most, [&](double p) { return keeps(at(p)); });
+    const auto pace = fastest_pace(ranges, most, [&](double p) { return at(p).keeps; });
     if (!pace) return std::nullopt;
     PlanPoint found = at(*pace);
     if (found.all_columns) return found;
     std::vector<std::uint32_t> failing;
-    const PlanPoint whole = trials_.correct(at_pace(setup_, *pace), everything(),
-                                            {&failing, nullptr, tolerance_um}, quiet_);
+    const PlanPoint whole =
+        trials_.correct(at_pace(setup_, *pace), everything(), {&failing, nullptr}, quiet_);
     note(whole);
     points_[key(*pace)] = whole;
-    if (keeps(whole)) return whole;
+    if (whole.keeps) return whole;
     if (failing.empty()) return std::nullopt;  // the window, of all columns together
     grow(std::move(failing));
   }
+}
+
+std::optional<PlanPoint> Planner::fastest_within(const std::vector<PaceRange>& ranges, double most,
+                                                 double tolerance_um) {
+  const auto pace =
+      fastest_pace(ranges, most, [&](double p) { return keeps_within(at(p), tolerance_um); });
+  if (!pace) return std::nullopt;
+  return at(*pace);
 }
 
 const PlanPoint& Planner::at(double pace) {
@@ -126,7 +132,7 @@ Setup Planner::with_speeds(const std::vector<double>& speeds_mm_h) const {
 
 Planner::Speeds Planner::at_speeds(const std::vector<double>& speeds_mm_h) {
   Speeds s;
-  s.point = trials_.correct(with_speeds(speeds_mm_h), which_, {nullptr, &s.failing, 0}, quiet_);
+  s.point = trials_.correct(with_speeds(speeds_mm_h), which_, {nullptr, &s.failing}, quiet_);
   note(s.point);
   return s;
 }
@@ -134,8 +140,7 @@ Planner::Speeds Planner::at_speeds(const std::vector<double>& speeds_mm_h) {
 Planner::Speeds Planner::at_speeds_in_all(const std::vector<double>& speeds_mm_h) {
   Speeds s;
   std::vector<std::uint32_t> failing;
-  s.point =
-      trials_.correct(with_speeds(speeds_mm_h), everything(), {&failing, &s.failing, 0}, quiet_);
+  s.point = trials_.correct(with_speeds(speeds_mm_h), everything(), {&failing, &s.failing}, quiet_);
   note(s.point);
   if (!failing.empty()) grow(std::move(failing));
   return s;

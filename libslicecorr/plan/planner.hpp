@@ -36,10 +36,12 @@ class Planner {
   const PaceRange& gels() const { return gels_; }
   std::size_t judged() const { return which_.size(); }
 
-  /// The fastest with all columns, at most `most` (a pace), edges within `tolerance_um`; `ranges`: where
-  /// to look first.
-  std::optional<PlanPoint> fastest(const std::vector<PaceRange>& ranges, double most,
-                                   double tolerance_um);
+  /// The fastest with all columns, at most `most` (a pace), edges within the tolerance; `ranges`: where to
+  /// look first.
+  std::optional<PlanPoint> fastest(const std::vector<PaceRange>& ranges, double most);
+  /// The same of another tolerance, by the columns that are looked at.
+  std::optional<PlanPoint> fastest_within(const std::vector<PaceRange>& ranges, double most,
+                                          double tolerance_um);
   /// The point of a pace, by the columns that are looked at.
   const PlanPoint& at(double pace);
 

@@ -55,7 +55,7 @@ PlanTolerance at_tolerance(Planner& planner, PlanAsk ask, const std::vector<Plan
     most = bound.most_mm_h;
     word = bound.word;
   }
-  t.at = planner.fastest(ranges, most, ask.tolerance_um);
+  t.at = planner.fastest_within(ranges, most, ask.tolerance_um);
   if (!t.at) {
     t.limited_by = planner.at(most).limited_by;
     return t;

@@ -111,8 +111,7 @@ class Trials::Block {
   }
 
   /// `failing`, `places`: as in `TrialAsk`.
-  Findings finish(double tolerance_um, std::vector<std::uint32_t>* failing,
-                  std::vector<PlanPlace>* places) const {
+  Findings finish(std::vector<std::uint32_t>* failing, std::vector<PlanPlace>* places) const {
     const PlanAsk& ask = trials_.ask_;
     Findings f;
     std::vector<bool> fails(which_.size(), false);
@@ -140,7 +139,7 @@ class Trials::Block {
       const int layer = e.upper ? e.node : e.node - 1;
       const PlanPlace at = place(e.column, layer, layer);
       f.edge(e.um, at, trials_.columns_.columns()[which_[e.column]].pixels);
-      if (std::abs(e.um) <= tolerance_um + kSameUm) continue;
+      if (std::abs(e.um) <= ask.tolerance_um + kSameUm) continue;
       ++f.off;
       fail(e.column, at);
     }
@@ -237,7 +236,6 @@ PlanPoint Trials::correct(const Setup& setup, std::span<const std::uint32_t> whi
 
 PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32_t> which,
                                  const TrialAsk& ask, const ExecutionContext& context) const {
-  const double tolerance_um = ask.tolerance_um > 0 ? ask.tolerance_um : ask_.tolerance_um;
   PlanPoint point;
   const bool continuous = setup.process.mode == ExposureMode::continuous;
   (continuous ? point.speed_mm_h : point.exposure_s) =
@@ -280,8 +278,8 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
         plan, some.size(), columns_.reader(some), nullptr, nullptr, {},
         {[](int, const std::uint8_t*) {}, predictor, nullptr, watch ? &*watch : nullptr}, quiet);
     predictor.finish(0, 0, static_cast<int>(some.size()));
-    findings[b] = block.finish(tolerance_um, ask.failing ? &failing_of[b] : nullptr,
-                               ask.places ? &places_of[b] : nullptr);
+    findings[b] =
+        block.finish(ask.failing ? &failing_of[b] : nullptr, ask.places ? &places_of[b] : nullptr);
     if (!watch) return;
     const std::lock_guard lock(merging);
     window->merge(*watch);
@@ -336,7 +334,7 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
     fails(
         "edges", all.worst_at,
         fmt::format("an edge lies {:.4g} um from where it is designed, where {:g} um are allowed,",
-                    all.worst_um, tolerance_um));
+                    all.worst_um, ask_.tolerance_um));
   } else {
     point.keeps = true;
   }

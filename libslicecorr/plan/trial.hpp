@@ -17,7 +17,6 @@ bool keeps_within(const PlanPoint& point, double tolerance_um);
 struct TrialAsk {
   std::vector<std::uint32_t>* failing = nullptr;  ///< takes the columns that fail; null: not asked
   std::vector<PlanPlace>* places = nullptr;       ///< takes what of them fails; null: not asked
-  double tolerance_um = 0;                        ///< beyond which edges fail; 0: that of the plan
 };
 
 /// What all trials of a plan share. Thread-safe.

@@ -125,8 +125,8 @@ class BandDerivatives {
   /// What besides ln ha is wanted: the rest stays 0.
   struct Wanted {
     bool stray = false, m = false, noise = false;
-    bool light = false;           ///< the curing light apart from Omega: under UV light
     double reference_mw_cm2 = 1;  ///< Iref
+    bool light = false;           ///< the curing light apart from Omega: under UV light
   };
   /// `model` must outlive this, and `nearby`, which models with UV light need and no others look at.
   /// Throws as `check_derivatives`; noise is not known under UV light.

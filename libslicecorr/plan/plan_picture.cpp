@@ -42,12 +42,15 @@ void add_tolerances(chart::Picture& picture, const PrintPlan& plan, bool continu
     tolerances.push_back(t.tolerance_um);
     if (!t.at) continue;
     paces.push_back(continuous ? t.at->speed_mm_h : t.at->exposure_s);
-    times.push_back(t.at->time_s / 60);
+    times.push_back(t.at->time_s);
     speed.push_back({t.tolerance_um, paces.back()});
     time.push_back({t.tolerance_um, times.back()});
   }
   if (speed.size() < 2) return;
-  const chart::Axis x = chart::axis_over("tolerance of edges, um", true, tolerances);
+  const bool minutes = *std::max_element(times.begin(), times.end()) >= 600;
+  for (std::size_t k = 0; minutes && k < times.size(); ++k) time[k].y = times[k] /= 60;
+  const chart::Axis x =
+      chart::axis_over("tolerance of edges, um (dotted: the one asked for)", true, tolerances);
   const auto add = [&](const chart::Axis& y, const std::vector<Point>& points, bool last) {
     Panel panel(x, y, kHigh * 0.7, last);
     panel.line(points, Style::series, 2);
@@ -58,13 +61,15 @@ void add_tolerances(chart::Picture& picture, const PrintPlan& plan, bool continu
         ++k;
       }
     }
-    panel.vertical(plan.ask.tolerance_um, last ? "" : "asked for");
+    panel.vertical(plan.ask.tolerance_um, "");
     picture.add(panel);
   };
   add(chart::axis_over(continuous ? "fastest speed, mm/h" : "least exposure, s", false, paces,
                        true),
       speed, false);
-  add(chart::axis_over("time of all slices, min", false, times, true), time, true);
+  add(chart::axis_over(minutes ? "time of all slices, min" : "time of all slices, s", false, times,
+                       true),
+      time, true);
 }
 
 /// Speeds of slices against their height.

@@ -212,6 +212,12 @@ void add_submit_commands(cli::Program& program) {
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);
+  sub->add_option(
+      "--uncertain", a->request.uncertain,
+      "By how much inputs may be off, as for slicecorr: ha=5%,dc=5%, or fit; the figures of "
+      "each job then say how sure they are");
+  sub->add_flag("--robust", a->request.robust,
+                "Keep features and gaps for all that --uncertain names, where that is possible");
   sub->add_flag("--plan", a->request.plan,
                 "Find the fastest speed (layer by layer: the least exposure) for each part, as "
                 "slicecorr plan does");

@@ -114,7 +114,13 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
                                     Reporter& reporter, const ExecutionContext& context,
                                     WorkOutcome& outcome) {
   const WorkSpec& spec = order.spec;
-  const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
+  Setup setup = parse_setup_json(order.setup_json, "the job's setup");
+  if (const WorkSpec& s = order.spec; !s.uncertain.empty()) {
+    SetupChoices resin;
+    resin.resin_toml = s.uncertain_resin_toml;
+    setup.uncertainty = chosen_uncertainty(s.uncertain, setup, resin, ChoiceNames::options);
+    setup.uncertainty->robust = s.robust;
+  }
   for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
     context.tell(text);
   }

@@ -79,7 +79,8 @@ void check_uv_range(const PrintPlan& plan, const Machine& machine, double least_
   double least = plan.frames.front().uv_mw_cm2, greatest = least;
   for (std::size_t n = 0; n < plan.frames.size(); ++n) {
     // It follows the speed as blue light does.
-    const double share = lamp_share(plan, LampDrive{}, plan.speed_at(static_cast<int>(n)));
+    const double share =
+        lamp_share(plan, LampDrive{}, plan.speed_at(static_cast<int>(n)), static_cast<int>(n));
     least = std::min(least, plan.frames[n].uv_mw_cm2 * (plan.slice_speed_um_s.empty() ? 1 : share));
     greatest = std::max(greatest, plan.frames[n].uv_mw_cm2);
   }

@@ -38,7 +38,7 @@ int slices_with_burst(const CureModel& model, int target_layers, int last_lit) {
   if (model.inhibited) return detail::inhibited_slices(model, target_layers, last_lit);
   // With a time to gel, an edge half a slice after its node takes one more.
   const int spare = model.gel_time && model.mode == ExposureMode::continuous ? 1 : 0;
-  return std::max(target_layers, last_lit + 1 + model.slices_to_gel() + spare);
+  return std::max(target_layers, last_lit + 1 + model.slices_to_gel(last_lit + 1) + spare);
 }
 
 }  // namespace slicecorr

@@ -42,7 +42,7 @@ void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
     passed.emplace_back(run.edge, run.node);
     const auto node = static_cast<std::size_t>(n);
     const std::uint8_t height = node < heights.size() ? heights[node] : std::uint8_t{0};
-    run.edge = edges.next(run.edge, n - run.node, c, height != 0 ? height : kEdgeAtNode);
+    run.edge = edges.next(run.edge, n - run.node, c, height != 0 ? height : kEdgeAtNode, n);
     run.node = n;
   }
   double omega = 0;

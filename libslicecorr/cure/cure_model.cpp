@@ -8,6 +8,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -30,11 +31,23 @@ double CureModel::crossing(double phi, double below) const {
   return std::clamp(d, 0.0, 1.0);
 }
 
-int CureModel::slices_to_gel() const {
+int CureModel::slices_to_gel(int first) const {
   if (mode == ExposureMode::layerwise) return 0;
   if (gel_time) {
     const double slices = gel_time->slices_to_gel(gel_time->level_mw_cm2(gel_time->levels() - 1));
     return static_cast<int>(std::min(1e9, std::ceil(slices)));
+  }
+  if (!exposure_ratio.empty()) {
+    double dose = 0, left = one_minus_a;
+    const auto own = static_cast<int>(exposure_ratio.size());
+    int slices = 0;
+    for (; first + slices < own && dose < 1.0 - 1e-12; ++slices, left *= a) {
+      dose += left * phi_max() * ratio(first + slices);
+    }
+    if (dose >= 1.0 - 1e-12) return slices;
+    // What is missing comes from slices alike.
+    const double lit = phi_max() * exposure_ratio.back(), share = (1.0 - dose) * one_minus_a / left;
+    return slices + static_cast<int>(std::ceil(std::log10(lit / (lit - share)) / eta - 1e-12));
   }
   const double slices = std::log10(phi_max() / (phi_max() - 1.0)) / eta;
   // A part in 1e9 less than a whole number is that number: the margin of the solve covers it.
@@ -56,6 +69,11 @@ double CureModel::with_returned(double zeta) const {
 double CureModel::greatest_ratio() const {
   return exposure_ratio.empty() ? 1.0
                                 : *std::max_element(exposure_ratio.begin(), exposure_ratio.end());
+}
+
+double CureModel::least_ratio() const {
+  return exposure_ratio.empty() ? 1.0
+                                : *std::min_element(exposure_ratio.begin(), exposure_ratio.end());
 }
 
 double CureModel::cut_through_um(double exposure) const {
@@ -246,6 +264,21 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s / cures;
   }
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
+  if (slices_differ(process)) {
+    const char* const where = process.uv.kind != UvKind::off ? "under UV light"
+                              : light_spreads(printer, resin, process)
+                                  ? "where light spreads from pixel to pixel"
+                                  : nullptr;
+    if (where) {
+      throw InputError(fmt::format(
+          "slices that get more light where they go slower are not computed {}; expected lamps that "
+          "follow the speed",
+          where));
+    }
+    for (const double v : process.slice_speed_mm_h) {
+      model.exposure_ratio.push_back(process.speed_mm_h / v);
+    }
+  }
   if (process.uv.kind == UvKind::off) {
     end_bath(printer, model);
     mirror(printer, model);

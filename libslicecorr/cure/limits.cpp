@@ -112,7 +112,9 @@ Doses doses_of(const CureModel& model) {
     return {model.phi_max() * model.ratio(weakest_layer(model)) * model.a,
             most_black(model, model.exposure_ratio).dose};
   }
-  return {model.steady(model.phi_max()), model.steady(model.phi_min()) * model.returned(0)};
+  // Where slices count for more than others, whatever their order.
+  return {model.steady(model.phi_max()) * model.least_ratio(),
+          model.steady(model.phi_min()) * model.greatest_ratio() * model.returned(0)};
 }
 
 bool is_plain_layerwise(const CureModel& model) {

@@ -223,7 +223,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       surface_after_(target.bounds()),
       surface_before_(target.bounds()) {
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
-  if (setup_.uncertainty) uncertain_.emplace(setup_, target.bounds());
+  if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
   if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
   if (ask.volume_cells > 0) {

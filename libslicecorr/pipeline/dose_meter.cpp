@@ -47,6 +47,9 @@ void check_doses(const DoseTarget& doses, const SliceSource& target, const Place
   if (model.bath_slices > 0) {
     refuse("in resin that ends above the window; expected deeper resin, or no depth at all");
   }
+  if (model.is_continuous() && !model.exposure_ratio.empty()) {
+    refuse("where slices get more light than others; expected lamps that follow the speed");
+  }
   if (!model.is_plain()) {
     refuse("below a platform that sends light back; expected one that takes it up");
   }

@@ -306,6 +306,12 @@ enum class Ramp {
   outside,       ///< the stage ramps before the first and after the last lit slice
 };
 
+/// What the lamps do where slices have speeds of their own (continuous).
+enum class SliceLamps {
+  follow,  ///< they follow the speed: I^m / s stays the same, and with it all doses
+  stay,    ///< they stay as they are: a slice at half the speed gets twice the dose
+};
+
 /// The dose that a resin is aimed at and the one at which it gels, in words: "230 mJ/cm³", "320
 /// (mW/cm²)^0.99·s, 5 times its gel dose".
 std::string dose_in_words(const Resin& resin);
@@ -322,10 +328,14 @@ struct Process {
   static constexpr int kDefaultSpreadRounds = 20, kMostSpreadRounds = 1000;
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
   /// Continuous: speed at each slice where some go slower, each above 0 and at most `speed_mm_h`;
-  /// the last holds for later slices; empty: `speed_mm_h` throughout. The lamps follow: at the speed
-  /// v they give (v / speed_mm_h)^(1/m) of their light, which leaves I^m / v and all doses as they
-  /// are at `speed_mm_h`. Between slices the stage changes its speed in the faster one.
+  /// the last holds for later slices; empty: `speed_mm_h` throughout. Between slices the stage
+  /// changes its speed in the faster one.
   std::vector<double> slice_speed_mm_h;
+  /// follow: at the speed v lamps give (v / speed_mm_h)^(1/m) of their light, which leaves I^m / v and
+  /// all doses as they are at `speed_mm_h`. stay: a slice of the speed v counts for speed_mm_h / v of
+  /// what it does at `speed_mm_h`, black as well as full light; while the stage changes its speed
+  /// within a slice the lamps follow that of the slice.
+  SliceLamps slice_lamps = SliceLamps::follow;
   /// Cap of the relative dose inside features, >= 1; >= 1e300 means none.
   double omega_max = 1e300;
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
@@ -372,6 +382,8 @@ std::string uv_in_words(const UvSchedule& uv);
 
 /// Speed at a slice, mm/h (continuous).
 double slice_speed_mm_h(const Process& process, int slice);
+/// Whether slices count for more where they go slower.
+bool slices_differ(const Process& process);
 /// Speeds in words: "800 mm/h", "150 to 800 mm/h from slice to slice".
 std::string speeds_in_words(const Process& process);
 /// Exposure of a layer, s (layerwise).
@@ -388,7 +400,7 @@ struct SliceLight {
 /// slice; where the lamp follows the ramp, with constant acceleration v_n / v = sqrt(z / ramp), z
 /// the distance of the middle of the slice from the nearer end of the print, and the share
 /// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are; the same where slices go
-/// slower.
+/// slower and the lamps follow. Where they stay the share is that of the ramp alone.
 SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices);
 /// Time in which all slices are shown, s: without what lies between them layer by layer.
 double light_on_s(const Process& process, double m, double layer_um, int slices);

@@ -255,6 +255,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       j["speed_mm_h"] = info.process->speed_mm_h;
       if (const auto& speeds = info.process->slice_speed_mm_h; !speeds.empty()) {
         j["slice_speed_mm_h"] = speeds;
+        j["slice_lamps"] = slices_differ(*info.process) ? "stay" : "follow";
       }
     }
     if (info.process->omega_max >= 1e300) {

@@ -268,7 +268,8 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     const char* const where = process.uv.kind != UvKind::off ? "under UV light"
                               : light_spreads(printer, resin, process)
                                   ? "where light spreads from pixel to pixel"
-                                  : nullptr;
+                              : resin.has_gel_time() ? "with a resin of model \"gel-time\""
+                                                     : nullptr;
     if (where) {
       throw InputError(fmt::format(
           "slices that get more light where they go slower are not computed {}; expected lamps that "

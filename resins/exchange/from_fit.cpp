@@ -218,6 +218,8 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
     note(prefix + "covariance", covariance_of(fit));
   };
   if (cure) record(*cure, "");
+  // A tuning was of the numbers before.
+  if (cure) edit.remove("provenance", "tuning");
   if (zone && zone != cure) record(*zone, "dead_zone_");
   parse_resin(edit.text(), name + ".toml");
   return edit.text();

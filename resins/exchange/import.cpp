@@ -38,7 +38,9 @@ std::string format_of(const ImportSource& source) {
   if (text.find('\0') != std::string::npos) {
     throw InputError(source.path, "", "is neither text nor a PNG image");
   }
-  if (holds("uvSensorData")) return "flat-field";
+  if (holds("uvSensorData") || text.starts_with("# slicecorr testpart,flat-field")) {
+    return "flat-field";
+  }
   if (holds("depth_penetration_curve")) return "anycubic";
   if (holds("[sla_material:") || (holds("sla_material_settings_id") && holds("exposure_time"))) {
     return "prusaslicer";

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "flow.hpp"
+#include "hand_over.hpp"
 #include "options.hpp"
 #include "pattern.hpp"
 #include "plan.hpp"
@@ -581,8 +582,8 @@ int run_program(int argc, char** argv) {
   add_pattern(program, pattern);
   add_plan(program, plan);
   add_tomo(program, tomo);
-
-  return program.run(argc, argv);
+  add_tune(program, argv);
+  return program.run(own_arguments(argc, argv), argv);
 }
 
 }  // namespace

@@ -90,6 +90,12 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& a
         "a part '{}' needs a resin, which says how long its plugs take; expected --resin",
         word_of(kind)));
   }
+  if (ask.resin && ask.resin->has_gel_time()) {
+    throw InputError(fmt::format(
+        "resin '{}' has the model \"gel-time\", by which the times of a part '{}' are not reckoned; "
+        "expected one of another model (resinctl derive makes one of it)",
+        ask.resin->name, word_of(kind)));
+  }
   if (kind != comb && !(printer.calibration.back().intensity_mw_cm2 > 0)) {
     throw InputError(fmt::format("printer '{}' has no light at full level", printer.name));
   }

@@ -10,6 +10,7 @@
 
 #include "flow.hpp"
 #include "hand_over.hpp"
+#include "hologram.hpp"
 #include "options.hpp"
 #include "pattern.hpp"
 #include "plan.hpp"
@@ -576,12 +577,14 @@ int run_program(int argc, char** argv) {
   PatternOptions pattern;
   PlanOptions plan;
   TomoOptions tomo;
+  HologramArguments hologram;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
   add_pattern(program, pattern);
   add_plan(program, plan);
   add_tomo(program, tomo);
+  add_hologram(program, hologram);
   add_tune(program, argv);
   return program.run(own_arguments(argc, argv), argv);
 }

@@ -228,7 +228,7 @@ void add_submit_commands(cli::Program& program) {
                   "With --plan: 1 less the least dose that every gap is to have [0.05]")
       ->check(cli::number_in(0, 1, true));
   sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
-  sub->add_option("--format", a->request.format,
+  sub->add_option("--format,--out-format", a->request.format,
                   "Format of the archives, or its ending [uvj; archives keep theirs]");
   sub->add_option("--name", a->request.name, "Name of the outputs, without ending [the part's]");
   sub->add_option("--copies", a->request.copies, "NAME, NAME-2 and so on: the work is done once")

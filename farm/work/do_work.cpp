@@ -19,6 +19,7 @@
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
@@ -171,7 +172,10 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   } catch (const InputError& e) {
     throw OutputInvalid(e.what());
   }
-  return {spec.ending, "html", "json"};
+  std::vector<std::string> endings{spec.ending, "html", "json"};
+  // Formats of one binary file have their record beside them.
+  if (fs::exists(record_beside(file.path))) endings.push_back(spec.ending + ".slicecorr");
+  return endings;
 }
 
 /// The work itself; fills in what is known of the result.

@@ -9,6 +9,7 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/display_text.hpp"
 
@@ -288,6 +289,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   if (info.kind == StackKind::target) j["edge_heights"] = info.has_edge_heights;
   if (!info.program.empty()) j["program"] = info.program;
   if (info.kind != StackKind::foreign) j["parameters_checked"] = info.parameters_checked;
+  for (const auto& [name, value] : print_file_facts(path)) j["archive"][name] = value;
   // Names come from archives, and need not be UTF-8.
   return j.dump(2, ' ', false, ordered_json::error_handler_t::replace);
 }

@@ -12,19 +12,6 @@
 
 namespace slicecorr {
 
-double gel_time_s(const GelTime& g, double i) { return g.A / i + g.B / std::sqrt(i); }
-
-double gel_intensity_mw_cm2(const GelTime& g, double t) {
-  const double b = g.B;
-  const double root = (b + std::sqrt(b * b + 4.0 * g.A * t)) / (2.0 * t);
-  return root * root;
-}
-
-double local_exponent(const GelTime& g, double i) {
-  const double pairs = g.B * std::sqrt(i);
-  return (g.A + 0.5 * pairs) / (g.A + pairs);
-}
-
 namespace {
 
 /// What light gives in the time in which the window moves an absorbance height, and two of them.

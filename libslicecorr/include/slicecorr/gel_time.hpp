@@ -30,24 +30,10 @@
 
 #include <vector>
 
+#include "slicecorr/chemistry.hpp"
 #include "slicecorr/process.hpp"
 
 namespace slicecorr {
-
-/// A and B.
-struct GelTime {
-  double A = 0;  ///< >= 0
-  double B = 0;  ///< sqrt(mW/cm²)·s, >= 0; not both 0
-  bool operator==(const GelTime&) const = default;
-};
-
-/// Time to gel under a constant intensity.
-double gel_time_s(const GelTime& g, double mw_cm2);
-/// The intensity that gels in just `time_s` (> 0): ig = ((B + sqrt(B² + 4 A t)) / (2 t))².
-double gel_intensity_mw_cm2(const GelTime& g, double time_s);
-/// -d ln t_gel / d ln i, from 1 (inhibition rules) to 1/2 (termination in pairs rules): the exponent
-/// of the kinetic law that holds around an intensity.
-double local_exponent(const GelTime& g, double mw_cm2);
 
 /// The dose of a point while the window moves away from it for good under a constant intensity: what
 /// continuous printing gives the inside of a part. The intensity at which it is 1 is A s/h + (B s/(2

@@ -3,6 +3,6 @@
 # package, and those of the others refuse to load unless command-line tools are installed too.
 set(SLICECORR_LINKED_PACKAGES Threads TBB OpenMesh Lib3MF LibArchive LibZip ISAL LibDeflate hwy ZLIB fmt pugixml)
 # Headers only, used while building and not seen by consumers.
-set(SLICECORR_BUILD_PACKAGES nlohmann_json TomlPlusPlus CLI11 Boost Eigen3)
+set(SLICECORR_BUILD_PACKAGES nlohmann_json TomlPlusPlus CLI11 Boost Eigen3 KissFFT)
 # Used by programs and by the modules (images, windows) only.
 set(SLICECORR_PROGRAM_PACKAGES OpenImageIO Ceres SQLite3 OpenSSL Httplib Modbus SDL2 LibDRM X11)

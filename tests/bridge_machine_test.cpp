@@ -166,7 +166,7 @@ TEST(Machine, CommandsAndStatesHaveTheirOwnValues) {
 }
 
 TEST(Machine, TheExampleOfTheDocumentsCanBeRead) {
-  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/bridge.md");
+  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-files.md");
   const auto begin = document.find("```toml\n"), end = document.find("```\n", begin + 8);
   ASSERT_NE(end, std::string::npos);
   const std::string example = document.substr(begin + 8, end - begin - 8);
@@ -186,7 +186,7 @@ TEST(Machine, TheExampleOfTheDocumentsCanBeRead) {
 }
 
 TEST(Machine, TheDocumentsListAllKeysAndSignals) {
-  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/bridge.md");
+  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-files.md");
   for (int i = 0; i <= static_cast<int>(Signal::machine_time_s); ++i) {
     const std::string name(name_of(static_cast<Signal>(i)));
     EXPECT_THAT(document, HasSubstr("`" + name + "`"));

@@ -569,7 +569,7 @@ TEST(Fault, IsReadAsItIsWritten) {
 }
 
 TEST(Fault, AllAreInTheDocuments) {
-  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/bridge.md");
+  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-sim.md");
   for (const SimFaultKind& kind : sim_fault_kinds()) {
     EXPECT_THAT(document, HasSubstr("| `" + std::string(kind.name) + "` |"));
   }

@@ -1,4 +1,4 @@
-// A machine written in another language from docs/bridge.md alone (docs_machine.py): prints with
+// A machine written in another language from docs/printer-files.md alone (docs_machine.py): prints with
 // faults, judged by its own log, and the bench for a controller.
 
 #include <gmock/gmock.h>

@@ -348,12 +348,12 @@ TEST_F(FarmLocal, GarbageIsWhatAKilledSubmissionCopied) {
   EXPECT_EQ(run_all().exit_code, 0);
 }
 
-/// The commands of docs/farm.md on backup and repair, as somebody would type them.
+/// The commands of docs/farm-backup.md on backup and repair, as somebody would type them.
 TEST_F(FarmLocal, DocsOnBackupAndRepairRun) {
   if (!fs::exists("/usr/bin/sqlite3")) GTEST_SKIP() << "sqlite3 is not installed";
   std::vector<std::string> blocks;
   {
-    std::ifstream page(std::string(SLICECORR_SOURCE_DIR) + "/docs/farm.md");
+    std::ifstream page(std::string(SLICECORR_SOURCE_DIR) + "/docs/farm-backup.md");
     bool here = false, block = false;
     for (std::string line; std::getline(page, line);) {
       if (line.starts_with("## ")) here = line == "## Backup and repair";

@@ -716,7 +716,7 @@ TEST(Docs, CurlExamplesRun) {
   if (!fs::exists("/usr/bin/curl") || !fs::exists("/usr/bin/jq")) {
     GTEST_SKIP() << "curl or jq is not installed";
   }
-  std::ifstream in(std::string(SLICECORR_SOURCE_DIR) + "/docs/farm.md");
+  std::ifstream in(std::string(SLICECORR_SOURCE_DIR) + "/docs/farm-api.md");
   std::string script = "set -e\n";
   int commands = 0;
   bool open = false;

@@ -102,8 +102,8 @@ TEST(TomoJobsFile, ValuesOutOfRangeHaveTheirLine) {
 }
 
 TEST(TomoJobsFile, TheExampleOfTheDocsIsRead) {
-  const std::string page = text_of_file(SLICECORR_SOURCE_DIR "/docs/farm.md");
-  std::size_t at = page.find("    [defaults]", page.find("## Tomographic prints"));
+  const std::string page = text_of_file(SLICECORR_SOURCE_DIR "/docs/farm-tomography.md");
+  std::size_t at = page.find("    [defaults]");
   ASSERT_NE(at, page.npos);
   std::string text;
   // Up to the first line that is not indented.
@@ -113,7 +113,7 @@ TEST(TomoJobsFile, TheExampleOfTheDocsIsRead) {
     if (!line.empty() && !line.starts_with("    ")) break;
     text += (line.empty() ? line : line.substr(4)) + "\n";
   }
-  const auto jobs = parse_jobs_toml(text, "docs/farm.md");
+  const auto jobs = parse_jobs_toml(text, "docs/farm-tomography.md");
   ASSERT_EQ(jobs.size(), 4U);
   EXPECT_EQ(jobs[0].max_time_s, 600);
   EXPECT_THAT(jobs[1].inserts, ElementsAre("shaft.stl"));

@@ -1,4 +1,4 @@
-// The kernel's DRM/KMS, by way of libdrm. Never run on hardware by us: docs/bridge.md.
+// The kernel's DRM/KMS, by way of libdrm. Never run on hardware by us: docs/bridge-displays.md.
 
 #include "display/drm_calls.hpp"
 

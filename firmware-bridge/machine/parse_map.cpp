@@ -282,7 +282,7 @@ void only_keys(const TomlTable& table, std::span<const std::string_view> known) 
     const std::string_view name = key.str();
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
     const std::string near = nearest(name, known);
-    table.fail(name, near.empty() ? "unknown key; docs/bridge.md lists those known"
+    table.fail(name, near.empty() ? "unknown key; docs/printer-files.md lists those known"
                                   : fmt::format("unknown key; did you mean '{}'?", near));
   }
 }

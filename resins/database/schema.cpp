@@ -654,7 +654,7 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
     {.table = "modbus",
      .key = "*",
      .type = anything,
-     .what = "register map (docs/bridge.md); its reader checks it"},
+     .what = "register map (docs/printer-files.md); its reader checks it"},
     {.table = "provenance", .key = "*", .type = notes, .what = "where the figures come from"},
 });
 

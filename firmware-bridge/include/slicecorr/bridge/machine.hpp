@@ -2,7 +2,7 @@
 /// What the bridge knows of a machine, besides the optics in `Printer`: how its stage moves, what
 /// its lamps can do, how it is spoken to. All of it is data in the printer file, so that another
 /// machine needs no code: tables [stage], [lamps], [bridge], [projector] and [modbus]
-/// (docs/bridge.md has the ranges). Plain values; all functions are thread-safe.
+/// (docs/printer-files.md has the ranges). Plain values; all functions are thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -130,7 +130,7 @@ struct Register {
   int address = 0;  ///< as on the wire, 0..65535
   RegisterType type = RegisterType::u16;
   int bit = 0;  ///< 0..15, of `RegisterType::bit`
-  /// In the signal's unit (its name, docs/bridge.md); of angles in um of arc.
+  /// In the signal's unit (its name, docs/printer-files.md); of angles in um of arc.
   double scale = 1, offset = 0;
   /// How many registers of 16 bits it takes.
   int registers() const { return type == RegisterType::u32 || type == RegisterType::i32 ? 2 : 1; }

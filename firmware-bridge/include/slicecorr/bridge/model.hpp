@@ -19,7 +19,7 @@
 
 namespace slicecorr::bridge {
 
-/// A fault on demand: WHAT[=VALUE][@TIMEs|@frame:N]; docs/bridge.md lists them. Without a moment it
+/// A fault on demand: WHAT[=VALUE][@TIMEs|@frame:N]; docs/printer-sim.md lists them. Without a moment it
 /// is there from the beginning.
 struct SimFault {
   std::string what;

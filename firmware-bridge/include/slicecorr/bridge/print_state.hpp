@@ -71,7 +71,7 @@ struct PrintAround {
 /// Seconds until the end of the last slice, at the planned pace; nothing after it and on a fault.
 std::optional<double> left_s(const PrintFacts& facts, const PrintState& state);
 
-/// One JSON object (docs/bridge.md). The same text in `status`, in status.json and, the facts
+/// One JSON object (docs/bridge-watching.md). The same text in `status`, in status.json and, the facts
 /// alone, in the journal's first line.
 std::string state_json(const PrintFacts& facts, const PrintState& state, const PrintAround& around);
 std::string facts_json(const PrintFacts& facts);

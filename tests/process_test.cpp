@@ -488,7 +488,7 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"NameNumber", "name = \"r-1\"", "name = 1", "line 2: name: ", "text in quotes"},
         Wrong{"CureMissing", "[cure]", "[cures]", "line 1: cure: ", "missing; expected a table"},
         Wrong{"ModelUnknown", kModelLine, "model = \"magic\"",
-              "line 4: cure.model: ", "is 'magic'; expected \"jacobs\" or \"kinetic\""},
+              "line 4: cure.model: ", "is 'magic'; expected \"jacobs\", \"kinetic\" or \"gel-time\""},
         Wrong{"ModelNumber", kModelLine, "model = 1", "line 4: cure.model: ", "text in quotes"},
         Wrong{"JacobsWithM", "m = 1.0", "m = 0.8", "line 5: cure.m: ", "Jacobs model has m = 1"},
         Wrong{"MText", "m = 1.0", "m = \"1\"", "line 5: cure.m: ", "expected a number"},

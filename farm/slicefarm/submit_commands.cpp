@@ -212,6 +212,12 @@ void add_submit_commands(cli::Program& program) {
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);
+  sub->add_option(
+      "--uncertain", a->request.uncertain,
+      "By how much inputs may be off, as for slicecorr: ha=5%,dc=5%, or fit; the figures of "
+      "each job then say how sure they are");
+  sub->add_flag("--robust", a->request.robust,
+                "Keep features and gaps for all that --uncertain names, where that is possible");
   sub->add_flag("--plan", a->request.plan,
                 "Find the fastest speed (layer by layer: the least exposure) for each part, as "
                 "slicecorr plan does");
@@ -222,7 +228,7 @@ void add_submit_commands(cli::Program& program) {
                   "With --plan: 1 less the least dose that every gap is to have [0.05]")
       ->check(cli::number_in(0, 1, true));
   sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
-  sub->add_option("--format", a->request.format,
+  sub->add_option("--format,--out-format", a->request.format,
                   "Format of the archives, or its ending [uvj; archives keep theirs]");
   sub->add_option("--name", a->request.name, "Name of the outputs, without ending [the part's]");
   sub->add_option("--copies", a->request.copies, "NAME, NAME-2 and so on: the work is done once")

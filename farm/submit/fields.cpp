@@ -203,6 +203,8 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"max_time_s", number(SLICEFARM_FIELD(max_time_s), 0, kMost, true)},
       {"beyond_reach", flag(SLICEFARM_FIELD(beyond_reach))},
       {"plan", flag(SLICEFARM_FIELD(plan))},
+      {"uncertain", text(SLICEFARM_FIELD(uncertain), "errors of inputs, as in ha=5%,dc=5%")},
+      {"robust", flag(SLICEFARM_FIELD(robust))},
       {"tolerance_um", number(SLICEFARM_FIELD(tolerance_um), 0, kMost, true)},
       {"gap_contrast", number(SLICEFARM_FIELD(gap_contrast), 0, 1, true)},
       {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, kMost, true)},

@@ -21,6 +21,7 @@
 #include "submit/memory.hpp"
 #include "submit/planned.hpp"
 #include "submit/tomographic.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::farm {
 
@@ -82,6 +83,9 @@ std::string signature(const JobRequest& r) {
   if (!s.even_dead_zone.empty()) text += "|e" + s.even_dead_zone;
   if (s.edge_aim_um > 0) text += fmt::format("|a{}", s.edge_aim_um);
   if (s.gap_um > 0) text += fmt::format("|g{}", s.gap_um);
+  for (const double v : s.slice_speed_mm_h) text += fmt::format("|v{}", v);
+  if (!s.slice_lamps.empty()) text += "|w" + s.slice_lamps;
+  if (!r.uncertain.empty()) text += fmt::format("|u{}|{}", r.uncertain, r.robust);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
                       r.iterations, r.max_time_s, r.beyond_reach);
@@ -459,6 +463,21 @@ class Preparation {
       input_format_[r.parts[0]] = info.format;
       w.setup = resolve_setup(r.setup, nullptr, &info,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+    }
+    if (r.robust && r.uncertain.empty()) {
+      throw InputError(fmt::format(
+          "{} needs to know by how much inputs may be off; expected {}, as "
+          "in ha=5%,dc=5%",
+          r.as_options ? "--robust" : "robust", r.as_options ? "--uncertain" : "uncertain"));
+    }
+    if (!r.uncertain.empty()) {
+      w.setup.uncertainty = chosen_uncertainty(
+          r.uncertain, w.setup, r.setup, r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+      w.setup.uncertainty->robust = w.spec.robust = r.robust;
+      w.spec.uncertain = r.uncertain;
+      if (w.setup.uncertainty->from_fit) {
+        w.spec.uncertain_resin_toml = read_text_file(find_definition(r.setup.resin, "resin"));
+      }
     }
     w.setup_json = setup_json(w.setup);
     w.setup_hash = sha256_of_text(w.setup_json);

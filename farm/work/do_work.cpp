@@ -19,6 +19,7 @@
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
@@ -114,7 +115,13 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
                                     Reporter& reporter, const ExecutionContext& context,
                                     WorkOutcome& outcome) {
   const WorkSpec& spec = order.spec;
-  const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
+  Setup setup = parse_setup_json(order.setup_json, "the job's setup");
+  if (const WorkSpec& s = order.spec; !s.uncertain.empty()) {
+    SetupChoices resin;
+    resin.resin_toml = s.uncertain_resin_toml;
+    setup.uncertainty = chosen_uncertainty(s.uncertain, setup, resin, ChoiceNames::options);
+    setup.uncertainty->robust = s.robust;
+  }
   for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
     context.tell(text);
   }
@@ -165,7 +172,10 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   } catch (const InputError& e) {
     throw OutputInvalid(e.what());
   }
-  return {spec.ending, "html", "json"};
+  std::vector<std::string> endings{spec.ending, "html", "json"};
+  // Formats of one binary file have their record beside them.
+  if (fs::exists(record_beside(file.path))) endings.push_back(spec.ending + ".slicecorr");
+  return endings;
 }
 
 /// The work itself; fills in what is known of the result.

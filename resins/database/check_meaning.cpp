@@ -40,6 +40,10 @@ std::optional<double> dose_height_e(const CheckedFile& definition) {
 }
 
 void check_doses(CheckedFile& definition) {
+  const toml::table* table = definition.table("cure");
+  const toml::node* law = table ? table->get("model") : nullptr;
+  // Its keys are checked when it is read.
+  if (law && law->value_or(std::string()) == "gel-time") return;
   const auto gel3 = definition.number("cure", "gel_dose_mj_cm3"),
              gel2 = definition.number("cure", "gel_dose_mj_cm2");
   const auto aim3 = definition.number("cure", "critical_dose_mj_cm3"),

@@ -12,6 +12,7 @@
 #include "database/flat_field.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
+#include "exchange/flat_field_form.hpp"
 #include "exchange/import.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
@@ -348,7 +349,10 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   image.stem = made.name + "-flat-field";
   image.extension = ".png";
   const bool png = source.text.starts_with("\x89PNG");
-  if (!png) {
+  const bool plugs = source.text.find("# slicecorr testpart") < 8;
+  if (plugs) {
+    field = flat_field_of(light_of_plugs(source.path, options.height_um, say), source.path);
+  } else if (!png) {
     const SensorReadings sensors(source);
     field = flat_field_of(sensors.image(), source.path);
     say.push_back(
@@ -378,7 +382,12 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   say.emplace_back(
       "Its brightest place is taken to get the intensities of the calibration; where they were "
       "measured elsewhere, write the picture's value there as flat_field_reference (1 to 255).");
-  set_frame(edit, field.image, source.path, made);
+  if (plugs) {
+    edit.remove("display", "flat_field_reference");
+    edit.set("display", "flat_field_frame", toml_text("plate"));
+  } else {
+    set_frame(edit, field.image, source.path, made);
+  }
   edit.set("display", "flat_field", toml_text(image.stem + image.extension));
   std::string comment = fmt::format("# Relative intensity over the display, from {}.", source.file);
   for (const std::string& a : say) comment += "\n# - " + a;

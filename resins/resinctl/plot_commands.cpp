@@ -95,7 +95,8 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
                                        "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um"
                                      : "no cured heights; expected a column cured_height_um"));
   }
-  if (draw_zones && (model == FitModel::jacobs || model == FitModel::kinetic)) {
+  if (draw_zones &&
+      (model == FitModel::jacobs || model == FitModel::kinetic || model == FitModel::gel_time)) {
     throw InputError(fmt::format(
         "--model {} says nothing of dead zones; expected deadzone-steady, deadzone-transient or "
         "joint",
@@ -165,7 +166,10 @@ Drawn draw_record(const Arguments& a, const ExecutionContext& context, cli::Cons
   const Measurements data = read_measurements(paths, context);
   for (const std::string& w : data.warnings) console.say("warning: " + w);
   return draw_measurements(data, a, {&record.resin, record.name},
-                           kinetic && has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
+                           !has_intensities(data)        ? FitModel::jacobs
+                           : record.resin.has_gel_time() ? FitModel::gel_time
+                           : kinetic                     ? FitModel::kinetic
+                                                         : FitModel::jacobs,
                            dead_zone_model(record), context);
 }
 
@@ -204,8 +208,8 @@ void add_plot(cli::Program& program) {
   app->add_option("--model", a->model,
                   "Model to fit [that of the resin; for CSV files kinetic when there are several "
                   "intensities, else jacobs; deadzone-steady]")
-      ->check(
-          CLI::IsMember({"jacobs", "kinetic", "deadzone-steady", "deadzone-transient", "joint"}));
+      ->check(CLI::IsMember(
+          {"jacobs", "kinetic", "gel-time", "deadzone-steady", "deadzone-transient", "joint"}));
   app->add_option("--resin", a->resin,
                   "CSV files of dead zones: the resin whose blue parameters they stand on");
   app->add_option("--blue-mw-cm2", a->blue_mw_cm2, "fronts: curing light at the window [100]")

@@ -10,6 +10,7 @@
 
 #include "post/files.hpp"
 #include "programs/common/program.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/report.hpp"
 #include "support/files/sha256.hpp"
 #include "support/files/temporary.hpp"
@@ -157,6 +158,7 @@ class Reports {
       const Correction& c = outcome.correction;
       Setup setup = outcome.setup;
       setup.process = *c.info.process;
+      setup.printer = *c.info.printer;  // with as many levels as the file has
       std::shared_ptr<const SliceSource> corrected = c.slices;
       if (!corrected) corrected = std::make_shared<const CorrectedSlices>(target, setup);
       cli::write_text_file(
@@ -266,7 +268,7 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     }
     reports.publish(outcome.written);
     outcome.identity = identity_of(made).value();
-    rename_file(made, real);
+    rename_with_record(made, real);
     detail::sync_folder(folder);
     return outcome;
   });
@@ -282,7 +284,7 @@ void undo(const std::string& path, const PostRequest& request, const ExecutionCo
     }
     const std::string backup = backup_of(real, request);
     check_belongs(info, real, backup, context);
-    rename_file(backup, real);
+    rename_with_record(backup, real);
     detail::sync_folder(detail::path_parts(real).folder);
   });
 }

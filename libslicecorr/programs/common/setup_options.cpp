@@ -122,8 +122,13 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
       ->check(CLI::IsMember({"refuse", "allow"}));
   app.add_option("--slice-speed-mm-h", slice_speeds,
                  "Table slice,speed_mm_h of slices that go slower than --speed-mm-h (continuous): "
-                 "from that slice on that speed; the lamps follow, so that doses stay")
+                 "from that slice on that speed")
       ->check(CLI::ExistingFile);
+  app.add_option(
+         "--slice-lamps", slice_lamps,
+         "What the lamps do there: they follow the speed, so that doses stay, or they stay as "
+         "they are, so that a slice at half the speed gets twice the dose [follow]")
+      ->check(CLI::IsMember({"follow", "stay"}));
   app.add_option("--ramp", ramp,
                  "Where the stage speeds up and slows down (continuous): the lamp follows it, or "
                  "outside of the lit slices [none: not said]")

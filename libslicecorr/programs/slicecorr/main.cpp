@@ -9,6 +9,8 @@
 #include <nlohmann/json.hpp>
 
 #include "flow.hpp"
+#include "hand_over.hpp"
+#include "hologram.hpp"
 #include "options.hpp"
 #include "pattern.hpp"
 #include "plan.hpp"
@@ -18,10 +20,12 @@
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
+#include "support/text/display_text.hpp"
 #include "test_part.hpp"
 #include "tomo.hpp"
 
@@ -35,7 +39,7 @@ struct Arguments {
   UncertainOptions uncertain;
   DoseOptions doses;
   SimulateOptions simulate;
-  std::string input, output, format, target, json;
+  std::string input, output, format, target, json, kept;
   std::vector<std::string> leave_alone;
   double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
@@ -387,6 +391,12 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
   check_output(a.output, {a.input});
   const StackReader stack = a.open(a.input, folder_of(a.output), context);
   if (stack.info().format == format) file.keep_from = a.input;
+  if (!a.kept.empty()) {
+    check_output(a.output, {a.kept});
+    file.keep_from = a.kept;
+    context.tell(a.kept + ": its settings and pictures stay, its layers become those of " +
+                 a.input);
+  }
   // For a printer whose display is known the images are turned to it.
   Printer printer;
   if (!a.setup.printer.empty()) {
@@ -412,7 +422,11 @@ int info(const Arguments& a, const ExecutionContext& context, Console&) {
                            g.pixel_y_um * g.layer_um * 1e-9;
   }
   if (a.json.empty()) {
-    print_result(describe_stack(info));
+    std::string text = describe_stack(info);
+    for (const auto& [name, value] : print_file_facts(a.input)) {
+      text += fmt::format("{:<12} {}\n", name, text::printable(value));
+    }
+    print_result(text);
   } else {
     print_or_write(a.json, info_json(info, a.input));
   }
@@ -563,6 +577,10 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "IN", "Archive to convert");
   stack_output(sub, "Archive to write");
   sub->add_option(
+      "--template", a.kept,
+      "A file of the output's format, made for the same printer: all but its layers, their "
+      "number and, where IN says some, exposures stays");
+  sub->add_option(
       "--printer", a.setup.printer,
       "Printer to convert for: its display turns images of the plate, its pixel size counts where "
       "the archive says none");
@@ -575,14 +593,16 @@ int run_program(int argc, char** argv) {
   PatternOptions pattern;
   PlanOptions plan;
   TomoOptions tomo;
+  HologramArguments hologram;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
   add_pattern(program, pattern);
   add_plan(program, plan);
   add_tomo(program, tomo);
-
-  return program.run(argc, argv);
+  add_hologram(program, hologram);
+  add_tune(program, argv);
+  return program.run(own_arguments(argc, argv), argv);
 }
 
 }  // namespace

@@ -271,7 +271,7 @@ Chemistry read_chemistry(const Node& node) {
 
 Json resin_json(const Resin& r) {
   Json json = {{"name", r.name},
-               {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
+               {"model", name_of(r.model)},
                {"m", r.m},
                {"absorbance_height10_um", r.absorbance_height10_um},
                {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
@@ -281,6 +281,8 @@ Json resin_json(const Resin& r) {
   const auto given = [&](const char* key, double value) {
     if (value > 0) json[key] = value;
   };
+  given("gel_a_mj_cm2", r.gel_a_mj_cm2);
+  given("gel_b_sqrt_mw_cm2_s", r.gel_b_sqrt_mw_cm2_s);
   given("active_absorption_per_cm", r.active_absorption_per_cm);
   given("n", r.n);
   given("inhibition_dose_mj_cm3", r.inhibition_dose_mj_cm3);
@@ -350,14 +352,18 @@ Printer read_printer(const Node& node) {
 Resin read_resin(const Node& node) {
   Resin r;
   r.name = node["name"].string();
-  r.model = node["model"].choice({"jacobs", "kinetic"}) == 1 ? CureModelKind::kinetic
-                                                             : CureModelKind::jacobs;
+  constexpr CureModelKind models[] = {CureModelKind::jacobs, CureModelKind::kinetic,
+                                      CureModelKind::gel_time};
+  r.model = models[node["model"].choice({"jacobs", "kinetic", "gel-time"})];
   r.m = node["m"].positive(2);
   r.absorbance_height10_um = node["absorbance_height10_um"].positive();
   r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, kLargest);
   r.critical_dose_prime = node["critical_dose_prime"].number(0, kLargest);
   r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, kLargest);
-  if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
+  if (r.has_gel_time()) {
+    r.gel_a_mj_cm2 = node["gel_a_mj_cm2"].positive();
+    r.gel_b_sqrt_mw_cm2_s = node["gel_b_sqrt_mw_cm2_s"].positive();
+  } else if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
     node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
   }
   if (node.has("dose_factor")) r.dose_factor = node["dose_factor"].positive();

@@ -44,6 +44,10 @@ struct JobRequest {
   /// The speed, or layer by layer the exposure, is found for each part (plan.hpp): `prepare` does so.
   bool plan = false;
   double tolerance_um = 0, gap_contrast = 0;  ///< as `PlanAsk`; 0: its defaults
+  /// By how much inputs may be off, as `slicecorr --uncertain` takes it, and whether corrections allow
+  /// for it; empty: not said.
+  std::string uncertain;
+  bool robust = false;
   std::string planned;  ///< what was found, in words; empty before and without `plan`
   /// Of tomographic prints; 0 and empty: not given.
   std::vector<std::string> inserts;  ///< what turns with the part: meshes, or volumes

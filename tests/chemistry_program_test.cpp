@@ -62,7 +62,7 @@ TEST_F(ChemistryProgram, SaysTimesAndDrawsThem) {
                 "cell.csv", "-o", "cell.svg", "--light", "100:1.6", "0:1"});
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const json j = json::parse(r.out);
-  EXPECT_NEAR(j["t_inh_s"].get<double>(), 1.193, 0.003);
+  EXPECT_NEAR(j["t_inh_s"].get<double>(), 1.192963, 1e-5);
   EXPECT_NEAR(j["t_gel_s"].get<double>(), 1.67257, 1e-4);
   EXPECT_NEAR(j["A"].get<double>(), 119.238, 1e-3);
   EXPECT_NEAR(j["B"].get<double>(), 4.82633, 1e-4);

@@ -72,6 +72,7 @@ class Walk {
       : c_(c), q_(q), state_(cell_at_start(c)), block_(state_), step_(detail::reaction_of(c)) {
     step_.supply_per_s = q.supply_per_s;
     step_.outside_mol_l = c.oxygen_mol_l;
+    found_ = c.oxygen_mol_l + c.inhibitor_mol_l;
   }
 
   /// `until_gel`: stops when the resin has gelled. `keep`: all moments, else the last alone.
@@ -86,7 +87,6 @@ class Walk {
       const detail::StepError scale = scales();
       // After a switch everything begins anew, within millionths of a second.
       double h = std::min(light.seconds, 1e-6);
-      double taken_before = std::numeric_limits<double>::quiet_NaN();
       while (time < end) {
         context.check_cancelled();
         const bool last = h >= end - time;
@@ -102,7 +102,7 @@ class Walk {
         const double from = time;
         time = last ? end : time + step_.h;
         watch_gel(run, before, from, time);
-        taken_before = watch_inhibition(run, before, kd, from, time, taken_before);
+        watch_inhibition(run, before, from, time);
         ++run.steps;
         note(run, time, light.intensity_mw_cm2, keep);
         if (until_gel && std::isfinite(run.gel_time_s)) return run;
@@ -140,25 +140,14 @@ class Walk {
     }
   }
 
-  /// The share of new radicals that oxygen and inhibitor take, in this step.
-  double watch_inhibition(CellRun& run, const CellState& before, double kd, double from, double to,
-                          double taken_before) const {
-    const double born = 2 * (before.I - state_.I);
-    if (!(kd > 0) || !(born > 0)) return std::numeric_limits<double>::quiet_NaN();
-    const double supplied =
-        step_.supply_per_s * (to - from) * (c_.oxygen_mol_l - (before.O + state_.O) / 2);
-    const double taken = (before.O + before.Q - state_.O - state_.Q + supplied) / born;
-    const bool through = taken_before > 0.5 && taken <= 0.5;
-    if (!std::isfinite(run.inhibition_time_s)) {
-      if (through) {
-        // Shares belong to the middle of their steps; half a step is within the tolerance.
-        run.inhibition_time_s =
-            from + (to - from) * 0.5 * (taken_before - 0.5) / std::max(taken_before - taken, 1e-12);
-      } else if (c_.oxygen_mol_l + c_.inhibitor_mol_l == 0) {
-        run.inhibition_time_s = 0;
-      }
+  /// Radicals set free so far, less what takes them first.
+  void watch_inhibition(CellRun& run, const CellState& before, double from, double to) {
+    const double ahead = born_ - found_;
+    born_ += 2 * (before.I - state_.I);
+    found_ += step_.supply_per_s * (to - from) * (c_.oxygen_mol_l - (before.O + state_.O) / 2);
+    if (ahead <= 0 && born_ > found_ && !std::isfinite(run.inhibition_time_s)) {
+      run.inhibition_time_s = from + (to - from) * ahead / (ahead - (born_ - found_));
     }
-    return taken;
   }
 
   const Chemistry& c_;
@@ -167,6 +156,8 @@ class Walk {
   Block block_;
   detail::ReactionStep step_;
   double steady_ = 0;
+  /// Radicals of the initiator, and oxygen and inhibitor with what came from outside, mol/l.
+  double born_ = 0, found_ = 0;
 };
 
 }  // namespace

@@ -49,8 +49,8 @@ struct CellMoment {
 struct CellRun {
   /// Every step from time 0 on; where light is switched, a moment under the light before.
   std::vector<CellMoment> moments;
-  /// When oxygen and inhibitor came to take less than half of the radicals that light sets free, and
-  /// when the resin had gelled; infinite where they did not.
+  /// When radicals set free came to outnumber oxygen and inhibitor, with what came from outside, and when
+  /// the resin had gelled; infinite where they did not.
   double inhibition_time_s = std::numeric_limits<double>::infinity();
   double gel_time_s = std::numeric_limits<double>::infinity();
   /// By how much P0 + P1 + P2 + P3 has come to differ, over P0(0).

@@ -97,9 +97,9 @@ std::vector<JobRequest> planned(const std::vector<JobRequest>& requests,
     } catch (const Cancelled&) {
       throw;
     } catch (const InfeasibleError& e) {
-      errors.push_back({r.where, e.what(), Reason::infeasible});
+      errors.push_back({r.where, e.what(), Reason::infeasible, &r - out.data()});
     } catch (const Error& e) {
-      errors.push_back({r.where, e.what(), Reason::bad_input});
+      errors.push_back({r.where, e.what(), Reason::bad_input, &r - out.data()});
     }
   }
   if (!errors.empty()) throw SubmitErrors(std::move(errors));

@@ -134,10 +134,14 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const std::ptrdiff_t parts = std::ssize(paths) - spec.left_alone;
   const std::vector<std::string> left_alone(paths.begin() + parts, paths.end());
   MeshesLeftAlone place;
+  cli::PartFacts facts;
   if (spec.kind == "run") {
     mesh.emplace(
         cli::slice_parts(detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}),
-                         setup.printer, setup.process.surface, left_alone, place, context));
+                         setup.printer, setup.process.surface, left_alone, place, context, &facts));
+    for (const std::string& text : facts.defects) {
+      outcome.message += (outcome.message.empty() ? "" : "; ") + text;
+    }
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);
@@ -278,6 +282,8 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   context.progress = [&](std::string_view, double done) { reporter.progress(done); };
   try {
     make_result(order, folder, reporter, context, outcome);
+    // Not why it failed, but what was wrong with its inputs.
+    outcome.message = in_names_of_user(outcome.message, order);
   } catch (const Cancelled&) {
     end(cli::kInterrupted, Reason::stopped, "asked to stop");
   } catch (const InputGone& e) {

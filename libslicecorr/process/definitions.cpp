@@ -15,6 +15,7 @@
 #include "slicecorr/units.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/csv.hpp"
+#include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
 
 #ifndef SLICECORR_INSTALLED_DB
@@ -379,9 +380,16 @@ std::string find_definition(const std::string& name, std::string_view kind) {
     looked += (looked.empty() ? "" : ", ") + folder;
   }
   std::string known;
-  for (const Definition& d : list_definitions(kind)) known += (known.empty() ? "" : ", ") + d.name;
-  throw InputError(fmt::format("no {0} '{1}'; looked for {1}.toml in {2}; known {0}s: {3}", kind,
-                               name, looked, known.empty() ? "none" : known));
+  const std::vector<Definition> definitions = list_definitions(kind);
+  std::vector<std::string_view> names;
+  for (const Definition& d : definitions) {
+    known += (known.empty() ? "" : ", ") + d.name;
+    names.push_back(d.name);
+  }
+  const std::string near = nearest(name, names);
+  throw InputError(fmt::format("no {0} '{1}'; {4}looked for {1}.toml in {2}; known {0}s: {3}", kind,
+                               name, looked, known.empty() ? "none" : known,
+                               near.empty() ? "" : fmt::format("did you mean '{}'? ", near)));
 }
 
 Printer parse_printer(std::string_view text, const std::string& source) {

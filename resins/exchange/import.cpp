@@ -11,6 +11,7 @@
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
+#include "exchange/light_readings.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/ascii.hpp"
@@ -52,6 +53,7 @@ std::string format_of(const ImportSource& source) {
   const std::string ending = lower_case(fs::path(source.path).extension().string());
   if (ending == ".lut") return "lut";
   if (ending == ".csv") {
+    if (is_light_readings(text, source.path)) return "flat-field";
     const CsvTable table(text, source.path, CsvTable::Header::optional);
     if (table.header().size() == 1) return "lut";
     return table.has("dp_um") || table.has("ec_mj_cm2") ? "table" : "calibration";

@@ -10,6 +10,7 @@
 
 #include "post/files.hpp"
 #include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/report.hpp"
 #include "support/files/sha256.hpp"
@@ -252,9 +253,11 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     file.original_sha256 = cli::sha256_of_contents(source);
     outcome.setup = decision.setup;
     const Reports reports(work, name_for_user(real, request), decision.settings.report);
-    outcome.correction = correct_stack(
-        target, decision.setup, file,
-        {.before = true, .volume_cells = reports.wants("html") ? kReportCells : 0}, context);
+    outcome.correction = cli::with_dose_words(decision.setup, [&] {
+      return correct_stack(
+          target, decision.setup, file,
+          {.before = true, .volume_cells = reports.wants("html") ? kReportCells : 0}, context);
+    });
     reports.make(target, outcome, context);
     detail::copy_mode(real, made);
 

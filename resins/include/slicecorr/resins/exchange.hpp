@@ -45,6 +45,11 @@ struct ImportOptions {
   double wavelength_nm = 0;
   double height_um = 0;      ///< absorbance height, base e, where a profile can't give it
   std::string printer = "";  ///< calibration, lut, flat-field: the printer file it belongs to
+  /// flat-field: where its picture or readings lie, "plate" or "image"; empty: readings on the plate,
+  /// pictures as their shape says.
+  std::string frame = "";
+  /// flat-field: x and y, mm, of the place where the calibration was measured; empty: the brightest.
+  std::vector<double> calibrated_at_mm = {};
 };
 
 /// Reads what users have: PrusaSlicer .ini with [sla_material:...] sections (or one exported

@@ -10,7 +10,7 @@
 ///
 /// Phases are found by the iteration of R. W. Gerchberg and W. O. Saxton (Optik 35, 1972), for
 /// several planes by weighted superposition. All functions are thread-safe and give the same bits
-/// for any number of threads. Memory: 20 bytes per pixel of the display and plane, and 40 per pixel
+/// for any number of threads. Memory: 20 bytes per pixel of the display and plane, and 16 per pixel
 /// of a padded plane that is looked at.
 #pragma once
 

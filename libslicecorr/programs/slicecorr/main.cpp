@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "flow.hpp"
+#include "hologram.hpp"
 #include "options.hpp"
 #include "plan.hpp"
 #include "programs/common/dose_options.hpp"
@@ -573,11 +574,13 @@ int run_program(int argc, char** argv) {
   FlowOptions flow;
   PlanOptions plan;
   TomoOptions tomo;
+  HologramArguments hologram;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
   add_plan(program, plan);
   add_tomo(program, tomo);
+  add_hologram(program, hologram);
 
   return program.run(argc, argv);
 }

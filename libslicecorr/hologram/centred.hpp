@@ -1,0 +1,17 @@
+/// Planes with the axis in the middle, and the order in which transforms want them.
+#pragma once
+
+#include <cstddef>
+
+namespace slicecorr::detail {
+
+/// Where transforms have what lies at `i` of `n`, when index n/2 is the origin.
+inline std::size_t unwound(std::size_t i, std::size_t n) { return (i + n - n / 2) % n; }
+/// The same as a distance from the origin.
+inline double from_axis(std::size_t i, std::size_t n) {
+  return static_cast<double>(i) - static_cast<double>(n / 2);
+}
+/// The mirror image of index `i` about the axis.
+inline std::size_t mirrored(std::size_t i, std::size_t n) { return (2 * (n / 2) + n - i) % n; }
+
+}  // namespace slicecorr::detail

@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "new_resin.hpp"
+#include "slicecorr/chemistry.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/kinetics.hpp"
@@ -72,13 +73,14 @@ Range range_of(const Arguments& a, const Resin& resin) {
   return r;
 }
 
-/// A and B of a resin, from its file.
+/// A and B of a resin: those of its file, else what its chemistry gives.
 GelTime gel_time_of_resin(const Resin& resin) {
   if (resin.has_gel_time()) return make_kinetics(resin, false, false).gel_time;
+  if (resin.chemistry) return gel_time_of(*resin.chemistry);
   throw InputError(resin.name, "cure.model",
                    "gives no time to gel from which laws could be derived; expected model = "
                    "\"gel-time\" with gel_a_mj_cm2 and gel_b_sqrt_mw_cm2_s (resinctl fit --model "
-                   "gel-time finds them from measured times or heights)");
+                   "gel-time finds them from measured times or heights), or a [chemistry]");
 }
 
 int derive_command(const Arguments& a, cli::Console& console) {
@@ -193,7 +195,9 @@ void add_derive(cli::Program& program) {
       "Which law a resin with a time to gel wants in the light that it is printed in: Jacobs', one "
       "exponent, or the time to gel itself.",
       [a](const ExecutionContext&, cli::Console& console) { return derive_command(*a, console); });
-  app->add_option("RESIN", a->resin, "A resin of model gel-time (name or .toml file)")->required();
+  app->add_option("RESIN", a->resin,
+                  "A resin of model gel-time or with a [chemistry] (name or .toml file)")
+      ->required();
   app->add_option(
          "--from,--from-mw-cm2", a->from,
          "Least intensity in mW/cm² that cures [full light, three absorbance heights deep]")

@@ -161,7 +161,7 @@ TEST(ChemistryPattern, ALineAgreesWithCvode) {
   for (double& i : intensity) i *= 100;
   CvodePeer peer(hydrogel(), intensity, 2.5, 0, 1e-7);
   const double known = peer.gel_time(63, 3);
-  EXPECT_NEAR(known, 1.975, 5e-4);  // as worked out
+  EXPECT_NEAR(known, 1.975, 1e-3);  // worked out to a millisecond by another solver
   double last = 0;
   for (const double step : {0.005, 0.0025}) {
     PatternSetup s = setup_of(2.5, 100, 2.2, step);

@@ -92,6 +92,7 @@ std::string csv_of(const PatternRun& run, const LightPattern& target) {
                          run.used_up[k], run.oxygen_left[k]);
     }
   }
+  out.pop_back();  // who writes it ends the last line
   return out;
 }
 

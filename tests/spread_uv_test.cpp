@@ -169,8 +169,7 @@ TEST(SpreadUnderUv, DosesAreThoseOfTheRateEquationOfBlurredLight) {
         for (std::size_t n = 0; n < rows.size(); ++n) {
           // Weights below 1e-6 are cut, and amounts of light are single numbers.
           EXPECT_NEAR(rows[n].intensity_mw_cm2, blue[n], 3e-6 * 100);
-          const double zeta = static_cast<double>(n),
-                       middle = integrated(s, blue, uv, zeta + 0.5),
+          const double zeta = static_cast<double>(n), middle = integrated(s, blue, uv, zeta + 0.5),
                        node = integrated(s, blue, uv, zeta + 1e-9);
           EXPECT_NEAR(rows[n].dose_middle, middle, kDoseError * (1 + middle))
               << layerwise << patterned << " " << p.x << " " << n;

@@ -302,8 +302,9 @@ Machine parse_machine(std::string_view text, const std::string& source) {
 
 void Machine::connect_to(const std::string& where) {
   if (!modbus) {
-    throw InputError(path, "modbus",
-                     "is missing; expected the register map of this printer (docs/printer-files.md)");
+    throw InputError(
+        path, "modbus",
+        "is missing; expected the register map of this printer (docs/printer-files.md)");
   }
   if (where.empty()) return;
   const auto colon = where.rfind(':');

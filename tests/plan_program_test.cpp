@@ -175,10 +175,15 @@ TEST_F(PlanProgram, SpeedsByLightGoThroughCorrectVerifyAndSimulate) {
 
   good(Command{"slice", "gap.stl", "-o", "gap.uvj", "--layer-um", "50", "--printer", "change.toml",
                "--surface", "slices"});
-  const Command correct =
-      Command{"correct", "gap.uvj", "-o", "out.uvj", "--speed-mm-h", fmt::format("{:.17g}", most),
-              "--slice-speed-mm-h", "speeds.csv"} +
-      process;
+  const Command correct = Command{"correct",
+                                  "gap.uvj",
+                                  "-o",
+                                  "out.uvj",
+                                  "--speed-mm-h",
+                                  fmt::format("{:.17g}", most),
+                                  "--slice-speed-mm-h",
+                                  "speeds.csv"} +
+                          process;
   good(correct + Command{"--slice-lamps", "stay"});
   const json stayed = figures("out.uvj", "gap.uvj");
   EXPECT_NEAR(stayed["gap_contrast"]["min"].get<double>(), j["along_z"]["contrast"].get<double>(),
@@ -196,17 +201,17 @@ TEST_F(PlanProgram, SpeedsByLightGoThroughCorrectVerifyAndSimulate) {
        process);
   EXPECT_LT(figures("follow.uvj", "gap.uvj")["gap_contrast"]["min"].get<double>(), 0.05);
 
-  bad(2, Command{"correct", "gap.uvj", "-o", "no.uvj", "--speed-mm-h", "1000", "--slice-lamps",
-                 "stay"} +
-             process,
+  bad(2,
+      Command{"correct", "gap.uvj", "-o", "no.uvj", "--speed-mm-h", "1000", "--slice-lamps",
+              "stay"} +
+          process,
       {"--slice-lamps", "--slice-speed-mm-h"});
 }
 
 TEST_F(PlanProgram, TheWayThatPrintsInTheLeastTimeIsChosen) {
-  const json j = json::parse(
-      good(kPlan + Command{"--orientations", "0,0,0", "90,0,0", "--points", "0", "--json", "-",
-                           "--quiet"})
-          .out);
+  const json j = json::parse(good(kPlan + Command{"--orientations", "0,0,0", "90,0,0", "--points",
+                                                  "0", "--json", "-", "--quiet"})
+                                 .out);
   ASSERT_EQ(j["orientations"].size(), 2U);
   // On its side the block is 2 mm high and has no gaps between features: it prints sooner.
   EXPECT_FALSE(j["orientations"][0]["chosen"].get<bool>());

@@ -121,6 +121,37 @@ double light_of(const Bench& b, const PrintPlan& plan, int n) {
   return light_s / (plan.layer_um / plan.speed_um_s);
 }
 
+TEST(BridgeSpeeds, LampsThatStayGiveEachSliceTheLightOfItsOwnSpeed) {
+  const Machine m = test_machine();
+  for (const std::string& name : kProfiles) {
+    for (const double exponent : {1.0, 0.7}) {
+      SCOPED_TRACE(fmt::format("{} m {}", name, exponent));
+      PrintPlan plan = plan_with(m, false, false, name);
+      plan.m = exponent;
+      plan.light_of_slices = true;
+      Bench b(m, plan);
+      b.run();
+      ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
+      const auto& slices = b.model.exposures();
+      ASSERT_GE(slices.size(), 40U);
+      for (int n = 0; n < 40; ++n) {
+        double light_s = 0;
+        for (const auto& showing : slices[static_cast<std::size_t>(n)].showings) {
+          if (showing.image != kBlackImage) light_s += showing.light_s;
+        }
+        // As where lamps follow, and once more: where the stage has changed its speed in the faster
+        // slice, the slower one begins with a lamp that was dimmed, or the faster with one that was not.
+        double change = 0;
+        for (const int k : {n - 1, n + 1}) change += std::abs(plan.speed_at(k) - plan.speed_at(n));
+        const double lag_s = m.limits.cycle_s + m.blue.settle_s;
+        EXPECT_NEAR(light_s / (plan.layer_um / plan.speed_at(n)), 1,
+                    0.006 + 2 * change * lag_s / plan.layer_um)
+            << n;
+      }
+    }
+  }
+}
+
 TEST(BridgeSpeeds, AnswersThatAreLostWhileTheSpeedChangesCostNoLight) {
   // The machine is told to speed up at slice 20, does so, and is not heard for 120 ms. Without the
   // lamp following what was told it would keep a fifth of its light for two thirds of the slice.
@@ -245,9 +276,14 @@ TEST(BridgeSpeeds, LampsAreToldTheShareOfTheSpeed) {
   EXPECT_EQ(plan.speed_at(-3), 25);
   EXPECT_EQ(plan.speed_at(7), 100);
   EXPECT_EQ(plan.slowest_um_s(), 25);
-  EXPECT_DOUBLE_EQ(lamp_share(plan, LampDrive{}, 25), 0.25);
+  EXPECT_DOUBLE_EQ(lamp_share(plan, LampDrive{}, 25, 0), 0.25);
   plan.m = 0.5;
-  EXPECT_DOUBLE_EQ(lamp_share(plan, LampDrive{}, 25), 0.0625);
+  EXPECT_DOUBLE_EQ(lamp_share(plan, LampDrive{}, 25, 0), 0.0625);
+  // Where each slice has light for its own speed the lamps are told how far the stage is from that.
+  plan.light_of_slices = true;
+  EXPECT_DOUBLE_EQ(lamp_share(plan, LampDrive{}, 25, 0), 1);
+  EXPECT_DOUBLE_EQ(lamp_share(plan, LampDrive{}, 25, 1), 0.25);
+  EXPECT_DOUBLE_EQ(lamp_share(plan, LampDrive{}, 50, 2), 0.25);
 }
 
 }  // namespace

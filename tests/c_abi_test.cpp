@@ -105,6 +105,49 @@ TEST(CAbi, NothingIsFreedWithoutHarm) {
 int any_source(void*, int, uint8_t*) { return 0; }
 int any_sink(void*, int, int, const uint8_t*) { return 0; }
 
+TEST(CAbi, PlansAndSaysHowSureAPrintIs) {
+  const TemporaryFolder folder;
+  const std::string printer = printer_toml(96, 64), path = folder / "target.uvj";
+  write_ladder(path, printer);
+  const SetupHandle setup = c_setup(ladder_settings(printer));
+  slicecorr_setup* const s = setup.get();
+  StackHandle stack = open_stack(path);
+  const auto set = [&](const char* name, const char* value) {
+    EXPECT_EQ(slicecorr_setup_set_text(s, name, value), SLICECORR_OK) << slicecorr_error_text();
+  };
+  // How sure.
+  set("uncertain", "ha=3%,dc=2%");
+  FiguresHandle figures;
+  ASSERT_EQ(slicecorr_predict(stack.get(), s, nullptr, out(figures)), SLICECORR_OK)
+      << slicecorr_error_text();
+  double value = 0;
+  EXPECT_EQ(slicecorr_figures_number(figures.get(), "height_error_um.band95.0", &value),
+            SLICECORR_OK)
+      << slicecorr_error_text();
+  set("uncertain", "ha=99%");
+  EXPECT_EQ(slicecorr_predict(stack.get(), s, nullptr, out(figures)), SLICECORR_BAD_INPUT);
+  set("uncertain", "");
+  set("robust", "on");
+  EXPECT_EQ(slicecorr_predict(stack.get(), s, nullptr, out(figures)), SLICECORR_BAD_INPUT);
+  set("robust", "");
+  // How fast.
+  EXPECT_EQ(slicecorr_plan(stack.get(), s, nullptr, out(figures)), SLICECORR_BAD_INPUT);
+  EXPECT_NE(std::string(slicecorr_error_text()).find("speed_mm_h"), std::string::npos);
+  set("speed_mm_h", "");
+  set("tolerance_um", "30");
+  ASSERT_EQ(slicecorr_plan(stack.get(), s, nullptr, out(figures)), SLICECORR_OK)
+      << slicecorr_error_text();
+  EXPECT_EQ(slicecorr_figures_number(figures.get(), "speed_mm_h", &value), SLICECORR_OK);
+  EXPECT_GT(value, 1);
+  EXPECT_EQ(slicecorr_figures_number(figures.get(), "curve.0.max_abs_um", &value), SLICECORR_OK)
+      << slicecorr_error_text();
+  slicecorr_summary summary{};
+  summary.struct_size = sizeof summary;
+  EXPECT_EQ(slicecorr_figures_summary(figures.get(), &summary), SLICECORR_BAD_CALL);
+  set("gap_contrast", "0.9");
+  EXPECT_EQ(slicecorr_plan(stack.get(), s, nullptr, out(figures)), SLICECORR_INFEASIBLE);
+}
+
 /// Calls with one argument missing at a time, the others as good as they can be.
 TEST(CAbi, NullIsABadCallThatNamesTheArgument) {
   const TemporaryFolder folder;
@@ -194,6 +237,9 @@ TEST(CAbi, NullIsABadCallThatNamesTheArgument) {
   bad(slicecorr_predict(nullptr, s, j, &new_figures), "target");
   bad(slicecorr_predict(t, nullptr, j, &new_figures), "setup");
   bad(slicecorr_predict(t, s, j, nullptr), "figures");
+  bad(slicecorr_plan(nullptr, s, j, &new_figures), "target");
+  bad(slicecorr_plan(t, nullptr, j, &new_figures), "setup");
+  bad(slicecorr_plan(t, s, j, nullptr), "figures");
   bad(slicecorr_convert(nullptr, made.c_str(), j), "stack");
   bad(slicecorr_convert(t, nullptr, j), "path");
 

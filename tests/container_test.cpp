@@ -613,16 +613,20 @@ TEST(KnownForeign, BinaryPrintFilesByTheirFirstBytes) {
     EXPECT_THAT(message, HasSubstr(folder / name));
   };
   using namespace std::string_literals;
-  refused("a.bin", "\x19\x00\xfd\x12"s, ".cbddlp or .photon");
-  refused("a.uvj", "\x86\x00\xfd\x12"s, ".ctb");
-  refused("b", "\x06\x01\xfd\x12"s, "version 4");
-  refused("c.zip", "\x07\x01\xfd\x12"s, "encrypted .ctb");
-  refused("d.sl1", "ANYCUBIC\0\0\0\0"s, "Photon Workshop");
-  refused("e", "V3.0\x07\0\0\0DLP\0"s, ".goo");
+  const auto known = [&](const std::string& name, const std::string& start) {
+    test::write_file(folder / name, test::to_bytes(start + std::string(100, '\0')));
+    EXPECT_EQ(detail::container_kind(folder / name), ContainerKind::binary) << name;
+  };
+  known("a.bin", "\x19\x00\xfd\x12"s);
+  known("a.uvj", "\x86\x00\xfd\x12"s);
+  known("b", "\x06\x01\xfd\x12"s);
+  known("d.sl1", "ANYCUBIC\0\0\0\0"s);
+  known("e", "V3.0\x07\0\0\0DLP\0"s);
+  known("f.lys", "Longer3D"s);
   // Of unknown versions the name tells.
   for (const std::string name : {"x.ctb", "x.CBDDLP", "x.photon", "x.pwmx", "x.pwmo", "x.goo",
                                  "x.lys", "x.pm3m", "x.phz", "x.cxdlp"}) {
-    refused(name, "something new", "whose binary layers can't be read");
+    refused(name, "something new", "whose layers can't be read");
   }
   // Archives are taken for what they are, and names that only look alike are none.
   test::write_file(folder / "zip.photon", test::to_bytes("PK\x03\x04"));

@@ -5,6 +5,7 @@
 
 #include "real_files.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/turned.hpp"
 #include "stack_fixture.hpp"
 
@@ -24,7 +25,16 @@ std::string file_of(const FormatInfo& format) {
 }
 
 class EveryFormat : public testing::TestWithParam<FormatInfo> {};
-INSTANTIATE_TEST_SUITE_P(Convert, EveryFormat, testing::ValuesIn(archive_formats()),
+/// Those that are made from nothing and hold all grey values; the others are in print_files_test.
+std::vector<FormatInfo> whole_formats() {
+  std::vector<FormatInfo> formats = archive_formats();
+  std::erase_if(formats, [](const FormatInfo& f) {
+    const FormatLimits limits = limits_of_format(f.name);
+    return !limits.made_new || limits.levels < 256;
+  });
+  return formats;
+}
+INSTANTIATE_TEST_SUITE_P(Convert, EveryFormat, testing::ValuesIn(whole_formats()),
                          [](const testing::TestParamInfo<FormatInfo>& info) {
                            std::string name = info.param.name;
                            std::replace_if(
@@ -238,16 +248,13 @@ TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
     try {
       const StackReader reader(path.string(), scratch.path(), context, {50, 50, 50});
       EXPECT_GT(reader.pixel_sum(), 0u) << name;
-      ++read;
+      read += path.parent_path().filename() != "binary";
     } catch (const InputError& e) {
       error = e.what();
       EXPECT_EQ(error.rfind(path.string(), 0), 0u) << error;
     }
-    // Formats that no archive of images is, some of them packed once more.
-    if (path.parent_path().filename() == "binary") {
-      EXPECT_FALSE(error.empty()) << name;
-      continue;
-    }
+    // In print_files_test; some of them are packed once more.
+    if (path.parent_path().filename() == "binary") continue;
     const auto expected = refused.find(name);
     EXPECT_EQ(error.empty(), expected == refused.end()) << name << ": " << error;
     if (expected != refused.end()) {

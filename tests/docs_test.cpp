@@ -166,6 +166,61 @@ TEST(Docs, CommandsOfSpreadFitsRun) {
   fs::remove_all(folder);
 }
 
+/// Fills in the last column of a table of a test part: plugs by Jacobs' law, edges as designed.
+void fill_in(const fs::path& form, const Resin& resin) {
+  const Kinetics k = make_kinetics(resin, false, false);
+  std::istringstream lines(text_of(form));
+  std::string text;
+  for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string> cells;
+    std::istringstream row(line);
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    const bool numbers = cells.size() > 2 && std::isdigit(static_cast<unsigned char>(cells[2][0]));
+    if (numbers && line.rfind("#", 0) != 0) {
+      const bool edge = cells[1] == "upper" || cells[1] == "lower";
+      line += fmt::format("{:.1f}",
+                          edge ? std::stod(cells[2])
+                               : cured_height_um(k, std::stod(cells[1]), std::stod(cells[2])));
+    }
+    text += line + "\n";
+  }
+  std::ofstream(form) << text;
+}
+
+TEST(Docs, CommandsOfTuningRun) {
+  const fs::path folder =
+      fs::path(::testing::TempDir()) / ("slicecorr-tuning-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  for (const auto& [from, to] :
+       {std::pair{"printers/dual-wavelength-dlp", "my-printer"}, {"db/benchy-resin", "my-resin"}}) {
+    fs::copy_file(kSource / "resins" / (from + std::string(".toml")),
+                  folder / (to + std::string(".toml")));
+  }
+  const Resin resin = load_resin((folder / "my-resin.toml").string());
+  test::RunOptions options;
+  options.folder = folder.string();
+  options.environment = {{"HOME", folder.string()}, {"XDG_CONFIG_HOME", ""}, {"SLICECORR_DB", ""}};
+  std::istringstream lines(text_of(kSource / "docs" / "tuning.md"));
+  int commands = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind("    slicecorr ", 0) != 0 || line.find("KIND") != std::string::npos) continue;
+    line.erase(0, line.find_first_not_of(' '));
+    ++commands;
+    if (line.rfind("slicecorr tune ", 0) == 0) {
+      const std::string form = line.substr(15, line.find(' ', 15) - 15);
+      fill_in(folder / form, resin);
+    }
+    const std::string command = kBin.string() + "/" + line;
+    const auto result = test::run_program({"/bin/sh", "-c", command}, options);
+    EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
+  }
+  EXPECT_EQ(commands, 5);
+  // What was measured was no news.
+  EXPECT_NEAR(load_resin((folder / "tuned-2.toml").string()).absorbance_height10_um,
+              resin.absorbance_height10_um, 2);
+  fs::remove_all(folder);
+}
+
 TEST(Docs, CommandsOfCalibrationRun) {
   const fs::path folder =
       fs::path(::testing::TempDir()) / ("slicecorr-calibration-" + std::to_string(::getpid()));

@@ -9,6 +9,7 @@
 #include "meshes.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/turned.hpp"
 #include "stack_fixture.hpp"
 
@@ -178,7 +179,7 @@ TEST_F(EdgeArchive, ConversionsKeepOrLoseThem) {
     EXPECT_FALSE(copy.edge_heights_changed());
   }
   for (const FormatInfo& format : archive_formats()) {
-    if (format.name == "uvj") continue;
+    if (format.name == "uvj" || !limits_of_format(format.name).made_new) continue;
     SCOPED_TRACE(format.name);
     StackFile file(folder_ / ("copy" + (format.endings.empty() ? "" : format.endings[0])));
     file.format = format.name;

@@ -122,15 +122,15 @@ TEST(EvenDeadZone, ADiscBecomesEvenWithBothLights) {
       print(disc, flow_setup(flow_printer(180, true), EvenDeadZone::both, 120), folder.path());
   tell("disc", p);
   EXPECT_EQ(p.seen.gap_um, 120);
-  // Slices 0, 20 and the last, which are one section.
-  ASSERT_EQ(p.seen.slices.size(), 3U);
+  // Slices 0, 20 and the last, and those half way between; they are one section.
+  ASSERT_EQ(p.seen.slices.size(), 5U);
   // Chapter IV: constant light 17 to 23 % of the radius, both lights by place 91 to 95 % of it, which is
   // 83 to 90 % of the area; the ring of cells on the outline, 125 um of 4 mm wide, more or less.
   const double ring = 1 - std::pow(1 - 0.125 / 4, 2);
-  ASSERT_EQ(p.told.slices.size(), 3U);
+  ASSERT_EQ(p.told.slices.size(), 5U);
   const double planned = p.told.slices[0].even.within_10;
   EXPECT_GT(planned, 0.91 * 0.91 - ring);
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < 5; ++i) {
     const FlowDoses::Slice& s = p.seen.slices[i];
     // One section has one light: planned it is the same in all slices.
     EXPECT_EQ(p.told.slices[i].even.within_10, planned);
@@ -162,7 +162,7 @@ TEST(EvenDeadZone, OfOneSectionAllSlicesGetOneLight) {
   const Printed p = print(disc, flow_setup(flow_printer(180, true), EvenDeadZone::both, 120),
                           folder.path(), false);
   tell("disc without grey", p);
-  ASSERT_EQ(p.seen.slices.size(), 3U);
+  ASSERT_EQ(p.seen.slices.size(), 5U);
   for (const FlowDoses::Slice& s : p.seen.slices) {
     EXPECT_EQ(s.even.within_10, p.seen.slices[0].even.within_10);
     EXPECT_EQ(s.even.mean, p.seen.slices[0].even.mean);
@@ -195,9 +195,10 @@ void real_part(const std::string& name, double scale, int pixels, EvenDeadZone e
   const Printed p = print(read_mesh(path, placement),
                           flow_setup(flow_printer(pixels, true), even, 120), folder.path());
   tell(name, p);
-  // The planned light; of what images show, edges that face the platform leave much dark where walls
-  // are thin against the absorbance height.
-  EXPECT_GT(p.told.within_10(), p.told.within_10_without() + 0.3);
+  // What images show is clearly better than without, and what was told beforehand, but for what the
+  // polish of columns changes.
+  EXPECT_GT(p.seen.within_10(), 1.5 * p.seen.within_10_without());
+  EXPECT_NEAR(p.told.within_10(), p.seen.within_10(), 0.1);
   EXPECT_EQ(p.print.undercure_voxels, 0U);
   EXPECT_EQ(p.print.lost_features, 0U);
 }

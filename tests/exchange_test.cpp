@@ -302,6 +302,9 @@ TEST_F(Exchange, EveryShippedResinSurvivesExportAndImport) {
     same(x.aim_prime, y.aim_prime);
     same(x.aim_mj_cm3, y.aim_mj_cm3);
     same(x.beta, y.beta);
+    EXPECT_EQ(b.resin.model == CureModelKind::gel_time, r.resin.has_gel_time());
+    same(r.resin.gel_a_mj_cm2, b.resin.gel_a_mj_cm2);
+    same(r.resin.gel_b_sqrt_mw_cm2_s, b.resin.gel_b_sqrt_mw_cm2_s);
     same(x.huv10_um, y.huv10_um);
     EXPECT_THAT(export_record(r, "json", 0, 0), HasSubstr("\"name\": \"" + r.name + "\""));
     EXPECT_THROW(export_record(r, "xml", 0, 0), InputError);

@@ -391,6 +391,25 @@ TEST_F(Prepare, AllThatIsWrongIsToldAndNothingQueued) {
   EXPECT_EQ(files_in(folder.store), 0u);
 }
 
+TEST_F(Prepare, HowSureGoesWithTheJob) {
+  JobRequest r = request(make_part(1));
+  const std::string plain = key_of(r);
+  r.uncertain = "ha=5%,dc=5%";
+  const Submission s = prepared({r});
+  ASSERT_EQ(s.jobs.size(), 1u);
+  EXPECT_NE(s.jobs[0].work.key, plain);
+  const WorkSpec spec = parse_spec(s.jobs[0].work.spec_json);
+  EXPECT_EQ(spec.uncertain, "ha=5%,dc=5%");
+  EXPECT_FALSE(spec.robust);
+  JobRequest robust = r;
+  robust.robust = true;
+  EXPECT_NE(key_of(robust), key_of(r));
+  robust.uncertain.clear();
+  EXPECT_THAT(refused({robust}), ElementsAre(HasSubstr("robust")));
+  r.uncertain = "ha=99%";
+  EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("30 %")));
+}
+
 TEST_F(Prepare, SpeedsAreFoundWherePlanIsAsked) {
   JobRequest r = request(make_part(1));
   r.plan = true;

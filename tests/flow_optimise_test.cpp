@@ -60,6 +60,63 @@ TEST(OptimiseSection, ConstantLightOfADisc) {
   EXPECT_NEAR(dr.summary.within_10, 0.225, 0.02);
 }
 
+TEST(OptimiseSection, KnowsWhatImagesShow) {
+  const FlowSection s = full_section(24, 24, 250);
+  const SectionGoal plain = chapter_goal(FlowPattern::both, 120, 120);
+  const auto image_of = [&](double own, double beside, double grey) {
+    auto image = std::make_shared<ImageLight>();
+    image->uv = true;
+    image->blue_mw_cm2.assign(s.size(), 0.0);
+    image->uv_mw_cm2.assign(s.size(), 0.0);
+    for (std::size_t i = 0; i < s.size(); ++i) {
+      auto& shares = image->shares.emplace_back();
+      shares.fill(static_cast<float>(beside / 8));
+      shares[4] = static_cast<float>(own);
+      if (i % 5 != 0) continue;
+      // Some cells show half of what they are asked for, and dim light of their own.
+      for (float& share : shares) share *= static_cast<float>(1 - grey);
+      image->blue_mw_cm2[i] = 20 * grey;
+      image->uv_mw_cm2[i] = 30 * grey;
+    }
+    return image;
+  };
+  // Images that show all of it change nothing.
+  SectionGoal all = plain;
+  all.image = image_of(1, 0, 0);
+  const SectionOptimum without = optimum(s, plain), with = optimum(s, all);
+  EXPECT_NEAR(with.summary.mean_square, without.summary.mean_square, 1e-3);
+  // What is told is the dose of what is shown.
+  SectionGoal smooth = plain;
+  smooth.image = image_of(0.6, 0.4, 0.5);
+  const SectionOptimum o = optimum(s, smooth);
+  const double gap = 120;
+  const SectionSweep sweep(s, solve_pressure(s), chapter_r2(), kSpeed, {&gap, 1});
+  const auto shown = [&](const SectionOptimum& asked) {
+    return summarise(s, sweep.dose(smooth.image->of_blue(s, asked.blue_mw_cm2),
+                                   smooth.image->of_uv(s, asked.uv_mw_cm2)));
+  };
+  EXPECT_NEAR(shown(o).mean_square, o.summary.mean_square, 1e-9);
+  // And less is missed than with light that does not know of it.
+  EXPECT_LT(shown(o).mean_square, 0.8 * shown(without).mean_square);
+  // Grey cells have their part in constant light, too.
+  SectionGoal constant = chapter_goal(FlowPattern::constant, 120, 120);
+  constant.image = smooth.image;
+  const SectionOptimum even = optimum(s, constant);
+  EXPECT_NEAR(shown(even).mean_square, even.summary.mean_square, 1e-9);
+  for (const double factor : {0.97, 1.03}) {
+    SectionOptimum other = even;
+    for (double& v : other.blue_mw_cm2) v *= factor;
+    EXPECT_GT(shown(other).mean_square, even.summary.mean_square);
+  }
+  SectionGoal wrong = plain;
+  wrong.image = image_of(0.9, 0.4, 0);
+  EXPECT_THROW(optimum(s, wrong), InputError);
+  auto short_of = image_of(1, 0, 0);
+  short_of->uv_mw_cm2.pop_back();
+  wrong.image = short_of;
+  EXPECT_THROW(optimum(s, wrong), InputError);
+}
+
 TEST(OptimiseSection, PatternsOfASquare) {
   const FlowSection s = full_section(32, 32, 250);
   // Shares of area: 20, 77, 93 percent with 15 patterns a light and a sweep of the first order, which

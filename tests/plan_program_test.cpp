@@ -155,6 +155,77 @@ TEST_F(PlanProgram, SlicesThatPullGoSlower) {
   bad(2, Command{"plan"} + part + Command{"--printer", "still.toml"}, {"acceleration_mm_s2"});
 }
 
+TEST_F(PlanProgram, SpeedsByLightGoThroughCorrectVerifyAndSimulate) {
+  const std::string display =
+      std::string(kSmallPrinter).substr(std::string("name = \"small\"\n").size());
+  write("change.toml", "name = \"change\"\n" + display +
+                           "[stage]\nmax_speed_mm_h = 9000\nacceleration_mm_s2 = 2\n"
+                           "variable_speed = true\n");
+  const Command process{"--printer", "change.toml", "--resin", "figure-2-2", "--surface", "slices"};
+  const RunResult text = good(Command{"plan", "gap.stl", "--layer-um", "50", "--points", "0",
+                                      "--slice-speeds", "speeds.csv", "--json", "plan.json"} +
+                              process);
+  EXPECT_THAT(text.out, HasSubstr("lamps as they are"));
+  EXPECT_THAT(text.out, HasSubstr("--slice-lamps stay"));
+  const json j = json::parse(to_text(read_file(folder_ / "plan.json")));
+  ASSERT_TRUE(j["along_z"].is_object());
+  EXPECT_EQ(j["along_z"]["lamps"], "stay");
+  EXPECT_LT(j["print_time_s"].get<double>(), 0.98 * j["along_z"]["uniform_time_s"].get<double>());
+  const double most = j["along_z"]["speed_mm_h"];
+
+  good(Command{"slice", "gap.stl", "-o", "gap.uvj", "--layer-um", "50", "--printer", "change.toml",
+               "--surface", "slices"});
+  const Command correct = Command{"correct",
+                                  "gap.uvj",
+                                  "-o",
+                                  "out.uvj",
+                                  "--speed-mm-h",
+                                  fmt::format("{:.17g}", most),
+                                  "--slice-speed-mm-h",
+                                  "speeds.csv"} +
+                          process;
+  good(correct + Command{"--slice-lamps", "stay"});
+  const json stayed = figures("out.uvj", "gap.uvj");
+  EXPECT_NEAR(stayed["gap_contrast"]["min"].get<double>(), j["along_z"]["contrast"].get<double>(),
+              1e-9);
+  EXPECT_NEAR(stayed["height_error_um"]["max_abs"].get<double>(),
+              j["along_z"]["max_abs_um"].get<double>(), 1e-6);
+  const json info = json::parse(good({"info", "out.uvj", "--json", "-"}).out);
+  EXPECT_EQ(info["slice_lamps"], "stay");
+  EXPECT_NEAR(info["print_time_s"].get<double>(), j["print_time_s"].get<double>(), 1e-6);
+  good({"simulate", "out.uvj", "--x", "8", "--y", "8", "-o", "column.svg"});
+  good({"probe", "out.uvj", "--target", "gap.uvj", "--x", "8", "--y", "8"});
+  // With lamps that follow, the same speeds are those of another print: the gap is lost there.
+  good(Command{"correct", "gap.uvj", "-o", "follow.uvj", "--speed-mm-h",
+               fmt::format("{:.17g}", most), "--slice-speed-mm-h", "speeds.csv"} +
+       process);
+  EXPECT_LT(figures("follow.uvj", "gap.uvj")["gap_contrast"]["min"].get<double>(), 0.05);
+
+  bad(2,
+      Command{"correct", "gap.uvj", "-o", "no.uvj", "--speed-mm-h", "1000", "--slice-lamps",
+              "stay"} +
+          process,
+      {"--slice-lamps", "--slice-speed-mm-h"});
+}
+
+TEST_F(PlanProgram, TheWayThatPrintsInTheLeastTimeIsChosen) {
+  const json j = json::parse(good(kPlan + Command{"--orientations", "0,0,0", "90,0,0", "--points",
+                                                  "0", "--json", "-", "--quiet"})
+                                 .out);
+  ASSERT_EQ(j["orientations"].size(), 2U);
+  // On its side the block is 2 mm high and has no gaps between features: it prints sooner.
+  EXPECT_FALSE(j["orientations"][0]["chosen"].get<bool>());
+  EXPECT_TRUE(j["orientations"][1]["chosen"].get<bool>());
+  EXPECT_EQ(j["orientations"][1]["layers"], 40);
+  EXPECT_EQ(j["layers"], 40);
+  EXPECT_LT(j["print_time_s"].get<double>(), j["orientations"][0]["print_time_s"].get<double>());
+  bad(2, kPlan + Command{"--orientations", "0,0"}, {"--orientations '0,0'", "X,Y,Z"});
+  bad(2, kPlan + Command{"--orientations", "0,0,0", "--rotate-deg", "1,2,3"}, {"--rotate-deg"});
+  bad(3, kPlan + Command{"--orientations", "0,0,0", "0,0,90", "--gap-contrast", "0.2"},
+      {"no orientation", "orientation 0,0,0"});
+  bad(2, kPlan + Command{"--dose-factors", "0.5"}, {"--dose-factors"});
+}
+
 TEST_F(PlanProgram, LayerByLayerAndUvLight) {
   const json layers = plan({"--mode", "layerwise", "--ha-um", "110", "--points", "3"});
   // Figure A.7: 0.07837 s just gel a layer.

@@ -56,6 +56,8 @@ TEST(SetupJson, TomographyComesBack) {
   setup.resin.dose_diffusion_m2_s = 5e-12;
   setup.resin.viscosity_pa_s = 0.3;
   setup.resin.inhibitor_life_s = 3;
+  setup.resin.chemistry =
+      load_resin(std::string(SLICECORR_DB_DIR "/model-hydrogel.toml")).chemistry;
   setup.printer.suction_limit_pa = 2e4;
   expect_same_again(setup);
   // More than absorbs in all, and light from inside the vial.

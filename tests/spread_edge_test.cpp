@@ -375,14 +375,13 @@ TEST(SpreadProgram, ATestPartIsMadeMeasuredAndFitted) {
   }
   ASSERT_EQ(runs.size(), 2U);
   std::map<std::string, std::size_t> done;
-  bool upright = false;
   for (std::string line; std::getline(form, line);) {
-    if (line.rfind("#", 0) == 0) upright = line.find("upright") != std::string::npos;
-    const std::string kind = line.substr(0, line.find(','));
-    if (upright && runs.contains(kind)) {
+    const std::string name = line.substr(0, line.find(','));
+    const std::string kind = name.find("line") != std::string::npos ? "line" : "gap";
+    if (line.starts_with("upright ")) {
       const auto& [a, b] = runs[kind][done[kind]++];
       const double width = width_in_row(rows[kind], 50, 45, 3.2, 25.0 * (a + b), kind == "gap");
-      line = fmt::format("{},{},{},", kind, 50 * (b - a), width);
+      line = fmt::format("{},{},{},{},", name, kind, 50 * (b - a), width);
     }
     filled << line << "\n";
   }

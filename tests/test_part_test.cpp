@@ -61,10 +61,12 @@ TEST(TestPart, LinesAndGapsStandFreeOfEachOther) {
 TEST(TestPart, TheFormNamesThemAll) {
   const SpreadTestPart part(test::printer(1280, 800, 50, 40), 50, 20);
   EXPECT_EQ(part.grid().layers, 1);
-  EXPECT_THAT(part.form(), HasSubstr("kind,designed_um,printed_um,depth_um\n# upright lines, from "
-                                     "left to right\nline,50,,\nline,100,,\n"));
-  EXPECT_THAT(part.form(), HasSubstr("# level gaps, from the top down\ngap,40,,\n"));
-  EXPECT_EQ(std::ranges::count(part.form(), '\n'), 3 + 4 + 48);
+  const MeasuringForm form = part.form();
+  EXPECT_EQ(form.rows.size(), 48U);
+  EXPECT_EQ(form.rows[0], (std::vector<std::string>{"upright line 1 px", "line", "50"}));
+  EXPECT_EQ(form.rows[36], (std::vector<std::string>{"level gap 1 px", "gap", "40"}));
+  const std::string page = part.sheet("form.csv", "p.toml");
+  for (const auto& row : form.rows) EXPECT_THAT(page, HasSubstr(row[0]));
 }
 
 TEST(TestPart, ADisplayThatIsTooSmallIsRefused) {

@@ -24,7 +24,8 @@ const Printer kPrinter = test::linear_printer(1, 100);
 const Resin kResin = test::resin(576, 2000);
 const Process kProcess = test::process(1000);
 
-/// 20 dark, teeth 10, gaps 4, 6, 8, 12, 16, 24.
+/// 20 dark, teeth of 10, each with its gap behind it: 4, 6, 8, 12, 16; the last one's is given where
+/// the part is made.
 Runs comb() {
   Runs runs;
   int at = 20;
@@ -47,9 +48,11 @@ MeasuredPart edges_of(const Runs& runs) {
 }
 
 /// A part, corrected by what is believed of printer and resin; `exact`: as if levels were endless.
-MeasuredPart printed(const Runs& runs, const Printer& printer, const Resin& resin, bool exact) {
+/// `behind`: dark slices after the last feature.
+MeasuredPart printed(const Runs& runs, const Printer& printer, const Resin& resin, bool exact,
+                     int behind = 0) {
   MeasuredPart part = edges_of(runs);
-  const int layers = runs.back().second + 1;
+  const int layers = runs.back().second + 1 + behind;
   const CureModel model = make_cure_model(printer, resin, kProcess, 50);
   const CorrectionPlan plan = test::plan_for(model, kProcess, layers);
   if (exact) {
@@ -80,9 +83,9 @@ std::vector<double> staircase() {
   return doses;
 }
 
-std::vector<TuneVector> derivatives(const MeasuredPart& part) {
+std::vector<TuneVector> derivatives(const MeasuredPart& part, const TuneVector& x = {}) {
   std::vector<TuneVector> by;
-  predict_edges(part, kPrinter, kResin, {}, &by);
+  predict_edges(part, kPrinter, kResin, x, &by);
   return by;
 }
 
@@ -94,7 +97,8 @@ void expect_gain(const std::vector<TuneVector>& by, double nat, double ha, doubl
   EXPECT_NEAR(100 * std::sqrt(gain.covariance[1][1]), kappa, 0.0051);
 }
 
-/// The figures take light of plugs as known but for kappa: stray light, 0.3 of 100 mW/cm², is left out.
+/// The figures take the light of plugs as measured with all that is stray: 0.3 of 100 mW/cm² more
+/// would be a column of 8.7 um per mW/cm².
 std::vector<TuneVector> without_stray(std::vector<TuneVector> by) {
   for (TuneVector& row : by) row[2] = 0;
   return by;
@@ -116,9 +120,80 @@ TEST(Tune, GainsOfAFeature) {
   expect_gain({feature[1]}, 0.662, 9.97, 5.22);
 }
 
+// The comb of the figures ends with its last gap, 24 dark slices: stray light adds up there, too, so
+// that kappa is told less well than ha. Edges of corrections lie on nodes, where lower ones have two
+// slopes if their burst is a single slice; the figures have those of edges that recede.
+constexpr int kLastGap = 24;
+constexpr TuneVector kALittleLess = {0, -1e-8, 0};
+
+std::vector<TuneVector> upper_ones(const std::vector<TuneVector>& by) {
+  std::vector<TuneVector> upper;
+  for (std::size_t i = 0; i < by.size(); i += 2) upper.push_back(by[i]);
+  return upper;
+}
+
+TEST(Tune, GainsOfTheComb) {
+  const MeasuredPart part = printed(comb(), kPrinter, kResin, true, kLastGap);
+  const auto by = derivatives(part, kALittleLess);
+  expect_gain(by, 4.690, 2.19, 2.53);
+  expect_gain(upper_ones(by), 4.615, 2.32, 2.64);
+  auto all = without_stray(derivatives(plugs(staircase())));
+  all.insert(all.end(), by.begin(), by.end());
+  expect_gain(all, 7.199, 0.71, 1.01);
+  // With the other slopes, and without dark slices at the end: sums of a program of its own.
+  expect_gain(derivatives(part), 4.703, 2.18, 2.53);
+  const MeasuredPart short_one = printed(comb(), kPrinter, kResin, true);
+  expect_gain(derivatives(short_one), 4.740, 2.53, 2.09);
+  expect_gain(derivatives(short_one, kALittleLess), 4.727, 2.53, 2.09);
+  expect_gain(upper_ones(derivatives(short_one)), 4.649, 2.65, 2.22);
+}
+
+// Where stray light is on plugs, too, as in tune, the same with its column; with the same program.
+TEST(Tune, GainsWithStrayLightOnPlugs) {
+  expect_gain(derivatives(plugs({1.5})), 2.244, 9.28, 3.89);
+  expect_gain(derivatives(plugs(staircase())), 5.634, 0.76, 1.13);
+  auto all = derivatives(plugs(staircase()));
+  const auto by = derivatives(printed(comb(), kPrinter, kResin, true, kLastGap), kALittleLess);
+  all.insert(all.end(), by.begin(), by.end());
+  expect_gain(all, 7.048, 0.71, 1.07);
+}
+
+// 40 dark slices, 20 lit ones, as they are: the upper edge is where light from them has cured to.
+TEST(Tune, GainOfAnUncorrectedBlock) {
+  MeasuredPart part;
+  part.process = kProcess;
+  part.layer_um = 50;
+  part.edges = {{"begin", MeasuredKind::upper, 700}};
+  part.intensity_mw_cm2.assign(40, 1);
+  part.intensity_mw_cm2.resize(60, 100);
+  std::vector<TuneVector> by;
+  const auto z = predict_edges(part, kPrinter, kResin, {}, &by);
+  EXPECT_NEAR(z[0], 695.2, 0.1);
+  expect_gain(by, 2.996, 4.73, 8.86);
+}
+
+// Black light after a plug counts: as much dose, as high a plug.
+TEST(Tune, BlackLightAfterAPlugCounts) {
+  MeasuredPart part = plugs({3});
+  MeasuredEdge& e = part.edges[0];
+  const double before = predict_edges(part, kPrinter, kResin, {})[0];
+  e.dark_s = 20 * e.exposure_s;
+  e.dark_mw_cm2 = 1;
+  e.exposure_s *= 0.8;  // 20 times 1 mW/cm² is a fifth of 100
+  EXPECT_NEAR(predict_edges(part, kPrinter, kResin, {})[0], before, 1e-9 * before);
+  // Stray light is on it for all of the time.
+  std::vector<TuneVector> by;
+  predict_edges(part, kPrinter, kResin, {}, &by);
+  EXPECT_NEAR(by[0][2], 868.589 * 20.8 / 100, 0.01);
+  EXPECT_NEAR(by[0][1], 868.589, 0.01);
+}
+
 // Derivatives against differences of the edges themselves.
 TEST(Tune, DerivativesAreThoseOfTheEdges) {
-  for (const MeasuredPart& part : {printed(comb(), kPrinter, kResin, false), plugs({1.5, 4})}) {
+  MeasuredPart dark = plugs({1.5, 4});
+  dark.edges[0].dark_s = 30;
+  dark.edges[0].dark_mw_cm2 = 1;
+  for (const MeasuredPart& part : {printed(comb(), kPrinter, kResin, false), dark}) {
     const TuneVector x = {0.01, 0.02, 0.1};
     std::vector<TuneVector> by;
     predict_edges(part, kPrinter, kResin, x, &by);
@@ -228,6 +303,10 @@ TEST(Tune, WhatCantBeIsRefused) {
   EXPECT_THAT(refusal({metres}), testing::HasSubstr("lengths in um"));
   EXPECT_THAT(refusal({none}), testing::HasSubstr("nothing was measured"));
   EXPECT_THAT(refusal({part}, 0), testing::HasSubstr("more than 0"));
+  MeasuredPart stairs = plugs(staircase());
+  measure(stairs, {}, random, 10);
+  std::swap(stairs.edges[1].measured_um, stairs.edges[4].measured_um);
+  EXPECT_THAT(refusal({stairs}), testing::HasSubstr("swapped"));
   TunePrior prior = default_prior();
   prior.covariance[0][1] = prior.covariance[1][0] = 0.02;
   EXPECT_THROW(check_prior(prior), InputError);
@@ -244,6 +323,143 @@ TEST(Tune, OutliersAndFarResultsAreTold) {
   MeasuredPart far = plugs(staircase());
   measure(far, {0, 0.5, 0}, random, 5);
   EXPECT_EQ(tune({far}, kPrinter, kResin, default_prior(), 10).remarks.size(), 1u);
+}
+
+constexpr const char* kResinFile =
+    "name = \"r\"\n[cure]\nmodel = \"jacobs\"\nabsorbance_height_um = 2000.0\n"
+    "absorbance_base = 10\ngel_dose_mj_cm3 = 115.2\ndose_factor = 5.0\n";
+constexpr const char* kPrinterFile =
+    "name = \"p\"\n[display]\nwidth_px = 16\nheight_px = 16\npixel_um = 50.0\n[blue]\n"
+    "calibration = [[0, 1.0], [255, 100.0]]\n";
+
+TuneResult found_so(const TuneVector& x) {
+  TuneResult r;
+  r.x = x;
+  r.covariance = {{{1e-4, -5e-5, 1e-4}, {-5e-5, 2e-4, -2e-4}, {1e-4, -2e-4, 1e-2}}};
+  return r;
+}
+
+// The files say together what was found, and the next round begins with what the last one knew.
+TEST(Tune, FilesSayWhatWasFound) {
+  const Printer printer = parse_printer(kPrinterFile, "p.toml");
+  const Resin resin = parse_resin(kResinFile, "r.toml");
+  const TuneResult r = found_so({0.05, -0.08, 0.2});
+  const std::string resin_file = resin_with_tuning(kResinFile, "r.toml", "tuned", printer, r);
+  const std::string printer_file = printer_with_tuning(kPrinterFile, "p.toml", printer, r);
+  const Resin tuned = parse_resin(resin_file, "r.toml");
+  EXPECT_EQ(tuned.name, "tuned");
+  EXPECT_EQ(name_in_file("a/my-resin.toml", "r"), "my-resin");
+  EXPECT_EQ(name_in_file("a/My Resin.toml", "r"), "r");
+  const Printer shines = parse_printer(printer_file, "p.toml");
+  EXPECT_NEAR(tuned.absorbance_height10_um, 2000 * std::exp(0.05), 1e-3);
+  EXPECT_NEAR(tuned.critical_dose_mj_cm3, 576 * std::exp(0.08 - 0.05), 1e-3);
+  EXPECT_NEAR(shines.calibration[0].intensity_mw_cm2, 1 + 0.2 * std::exp(0.08), 1e-6);
+  EXPECT_NEAR(shines.calibration[1].intensity_mw_cm2, 100 + 0.2 * std::exp(0.08),
+              5.1e-5);  // seven digits
+  // A part prints by the new files as it does by the old ones and x.
+  const MeasuredPart part = printed(comb(), printer, resin, false);
+  MeasuredPart again = part;
+  for (double& light : again.intensity_mw_cm2) light += 0.2 * std::exp(0.08);
+  const auto before = predict_edges(part, printer, resin, r.x);
+  const auto after = predict_edges(again, shines, tuned, {});
+  for (std::size_t i = 0; i < before.size(); ++i) EXPECT_NEAR(before[i], after[i], 0.01) << i;
+
+  const TunePrior next = prior_of(resin_file, "r.toml", shines);
+  EXPECT_THAT(next.text, testing::HasSubstr("tuning before"));
+  const double stray = std::exp(0.08);
+  for (std::size_t i = 0; i < kTuned; ++i) {
+    for (std::size_t j = 0; j < kTuned; ++j) {
+      const double unit = (i == 2 ? stray : 1) * (j == 2 ? stray : 1);
+      EXPECT_NEAR(next.covariance[i][j], unit * r.covariance[i][j], 1e-7 * unit) << i << j;
+    }
+  }
+  // With another printer, or before its file was changed, only what a fit would know.
+  const TunePrior other = prior_of(resin_file, "r.toml", printer);
+  EXPECT_THAT(other.text, testing::HasSubstr("another printer or calibration"));
+  EXPECT_NEAR(other.covariance[0][0], 1e-4, 1e-8);
+  EXPECT_NEAR(other.covariance[1][1], 2e-4 + 9e-4, 1e-8);
+}
+
+// Two rounds, one after the other by files, know as much as both together.
+TEST(Tune, RoundsAddUp) {
+  const Printer printer = parse_printer(kPrinterFile, "p.toml");
+  const Resin resin = parse_resin(kResinFile, "r.toml");
+  std::mt19937 random(3);
+  std::vector<MeasuredPart> parts;
+  for (int n = 0; n < 2; ++n) {
+    parts.push_back(printed(comb(), printer, resin, false));
+    measure(parts.back(), {0.02, -0.03, 0.05}, random, 10);
+  }
+  const TuneResult both = tune(parts, printer, resin, default_prior(), 10);
+  const TuneResult first = tune({parts[0]}, printer, resin, default_prior(), 10);
+  const std::string file = resin_with_tuning(kResinFile, "r.toml", "tuned", printer, first);
+  const Printer shines =
+      parse_printer(printer_with_tuning(kPrinterFile, "p.toml", printer, first), "p.toml");
+  MeasuredPart second = parts[1];
+  for (double& light : second.intensity_mw_cm2) light += first.x[2] * std::exp(-first.x[1]);
+  const TuneResult then =
+      tune({second}, shines, parse_resin(file, "r.toml"), prior_of(file, "r.toml", shines), 10);
+  // The model is not quite linear: a twentieth of a standard deviation.
+  for (std::size_t i = 0; i < 2; ++i) {
+    const double sd = std::sqrt(both.covariance[i][i]);
+    EXPECT_NEAR(first.x[i] + then.x[i], both.x[i], 0.05 * sd) << i;
+    EXPECT_NEAR(std::sqrt(then.covariance[i][i]), sd, 0.02 * sd) << i;
+  }
+}
+
+TEST(Tune, CovariancesThatAreNoneAreRefused) {
+  const Printer printer = parse_printer(kPrinterFile, "p.toml");
+  const std::string begin =
+      std::string(kResinFile) +
+      "[provenance]\ntuning = \"p, 1 to 100 mW/cm2: ha, light, stray_mw_cm2: ";
+  const auto says = [&](const std::string& matrix) {
+    try {
+      prior_of(begin + matrix + "\"\n", "r.toml", printer);
+    } catch (const InputError& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(says("[[1e-4, 0, 0], [0, 1e-4, 0], [0, 0, 1e-2]]"), "");
+  EXPECT_THAT(says("[[1e-4, 2e-4, 0], [2e-4, 1e-4, 0], [0, 0, 1e-2]]"),
+              testing::AllOf(testing::HasSubstr("r.toml"), testing::HasSubstr("light and ha")));
+  EXPECT_THAT(says("[[-1e-4, 0, 0], [0, 1e-4, 0], [0, 0, 1e-2]]"), testing::HasSubstr("ha and ha"));
+  EXPECT_THAT(says("[[1e-4, 1e-5, 0], [0, 1e-4, 0], [0, 0, 1e-2]]"),
+              testing::HasSubstr("symmetric"));
+  EXPECT_THAT(says("[[1e-4, 0], [0, 1e-4]]"), testing::HasSubstr("3 x 3"));
+  EXPECT_THAT(says("[[1e-4, 0, x], [0, 1e-4, 0], [0, 0, 1e-2]]"), testing::HasSubstr("3 x 3"));
+}
+
+// What each kind of part would tell; of ha and light as much as the derivatives of its places say.
+TEST(Tune, NextParts) {
+  Printer printer = test::linear_printer(1, 100);
+  printer.width_px = 1280;
+  printer.height_px = 800;
+  TuneResult nothing;
+  nothing.covariance = default_prior().covariance;
+  const auto next = next_parts(printer, kResin, nothing, kProcess, 50, 10);
+  ASSERT_EQ(next.size(), 6U);
+  EXPECT_TRUE(std::is_sorted(next.begin(), next.begin() + 3,
+                             [](const auto& a, const auto& b) { return a.nat > b.nat; }));
+  const auto of = [&](const std::string& part) {
+    return *std::find_if(next.begin(), next.end(), [&](const auto& n) { return n.part == part; });
+  };
+  // With levels, so that edges lie where these put them.
+  EXPECT_NEAR(of("comb").nat, 4.74, 0.1);
+  // Three staircases at once tell more than one (5.63), less than three independent halves.
+  EXPECT_GT(of("staircase").nat, 6.2);
+  EXPECT_LT(of("staircase").nat, 8.5);
+  EXPECT_GT(of("wedge").nat, 5);
+  EXPECT_FALSE(of("flat-field").tuned);
+  // 5 % before, 10 um of 868.6 um: per place half of ln(1 + 4.34²); 8 x 5 places.
+  EXPECT_NEAR(of("flat-field").nat, 40 * 0.5 * std::log1p(std::pow(0.05 * 86.8589, 2)), 0.01);
+  EXPECT_GT(of("spread").nat, 1);
+  EXPECT_THAT(of("dead-zone").text, testing::HasSubstr("no [inhibition]"));
+  // The more is known, the less a part tells.
+  TuneResult known = nothing;
+  known.covariance = gain_of(nothing.covariance, derivatives(plugs(staircase())), 10).covariance;
+  const auto later = next_parts(printer, kResin, known, kProcess, 50, 10);
+  EXPECT_LT(later[0].nat, next[0].nat);
 }
 
 }  // namespace

@@ -281,11 +281,19 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
   }
   end_attempt(token, end);
   const std::string files = detail::files_json(result.files);
+  std::string message = end.message;
+  if (from_cache) {
+    // What was wrong with the inputs when the result was made; the same inputs have the same.
+    Rows rows = db_->query(
+        "SELECT message FROM jobs WHERE key = ?1 AND state = 'done' AND message <> '' LIMIT 1",
+        key);
+    if (rows.next()) message = rows.text(0);
+  }
   db_->run(
-      "UPDATE jobs SET state = 'done', token = '', reason = '', message = '', ended_ms = ?2, "
+      "UPDATE jobs SET state = 'done', token = '', reason = '', message = ?5, ended_ms = ?2, "
       "from_cache = ?3, files = ?4 WHERE id = ?1",
       id, now, from_cache,
-      detail::files_json(result.delivered.empty() ? result.files : result.delivered));
+      detail::files_json(result.delivered.empty() ? result.files : result.delivered), message);
   if (from_cache) {
     db_->run("UPDATE results SET used_ms = ?2 WHERE key = ?1", key, now);
   } else {

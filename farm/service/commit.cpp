@@ -48,6 +48,8 @@ detail::Settled detail::give_up_attempt(const FarmFolder& folder, Queue& queue, 
 detail::Settled detail::commit_result(const FarmFolder& folder, Queue& queue, const Job& job,
                                       const Attempt& attempt, const WorkOutcome& outcome) {
   AttemptEnd end = end_of(outcome);
+  // Of a result: what was wrong with its inputs.
+  end.message = outcome.message;
   if (!queue.begin_commit(attempt.token)) {
     end.reason = Reason::cancelled;
     end.message = "cancelled when it was done";

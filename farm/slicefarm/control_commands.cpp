@@ -3,6 +3,7 @@
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/service.hpp"
 #include "views/moment_text.hpp"
 
@@ -23,6 +24,8 @@ Queue queue_of(const ControlArguments& a) { return Queue(a.farm.existing().datab
 /// Settings may come before the first job.
 Queue new_queue_of(const ControlArguments& a) { return Queue(a.farm.open().database()); }
 
+std::string queue_folder(const ControlArguments& a) { return a.farm.existing().database(); }
+
 int cancel_command(const ControlArguments& a, cli::Console& console) {
   Queue queue = queue_of(a);
   std::string unknown;
@@ -34,9 +37,16 @@ int cancel_command(const ControlArguments& a, cli::Console& console) {
       case CancelOutcome::asked:
         console.say(fmt::format("job {}: its worker is being ended", id));
         break;
-      case CancelOutcome::too_late:
-        console.say(fmt::format("job {}: is finished, or being finished", id));
+      case CancelOutcome::too_late: {
+        const auto job = ReadModel(queue_folder(a)).job(id);
+        const JobState state = job ? job->state : JobState::running;
+        console.say(fmt::format("job {}: {}; nothing was cancelled", id,
+                                state == JobState::done        ? "is done already"
+                                : state == JobState::failed    ? "has failed already"
+                                : state == JobState::cancelled ? "was cancelled already"
+                                                               : "is just being finished"));
         break;
+      }
       case CancelOutcome::unknown:
         unknown += fmt::format("{}{}", unknown.empty() ? "" : ", ", id);
         break;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "commands.hpp"
 #include "programs/common/mesh_options.hpp"
@@ -25,7 +26,7 @@ struct SubmitArguments {
   const CLI::App* app = nullptr;
   JobRequest request;
   std::string store, json;
-  bool dry_run = false;
+  bool dry_run = false, skip_bad = false;
 };
 
 /// The fields of jobs that options on the command line set.
@@ -55,6 +56,7 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   common.antialias = mesh.antialias;
   common.units = mesh.units;
   common.scale = mesh.scale;
+  common.fit_mm = mesh.fit_mm;
   common.center_mm = mesh.center_mm;
   common.rotate_deg = mesh.rotate_deg;
   common.inserts = a.tomo.inserts;
@@ -140,14 +142,35 @@ std::string json_of(const Submission& s, const std::vector<JobId>& ids) {
   return json.dump(2);
 }
 
+/// Takes what can't be done out of `requests` and says so; false where nothing would be left, or an
+/// error is of no job in particular.
+bool skip(const SubmitErrors& e, std::vector<JobRequest>& requests, cli::Console& console) {
+  std::set<std::ptrdiff_t> bad;
+  for (const SubmitError& error : e.errors()) {
+    if (error.request < 0) return false;
+    bad.insert(error.request);
+  }
+  if (bad.size() >= requests.size()) return false;
+  for (const SubmitError& error : e.errors()) {
+    console.say(fmt::format("skipped: {}: {}", error.where, error.message));
+  }
+  for (auto i = bad.rbegin(); i != bad.rend(); ++i) requests.erase(requests.begin() + *i);
+  return true;
+}
+
 /// What physics alone forbids has an exit code of its own.
-Submission checked(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const ExecutionContext& context) {
-  try {
-    return prepare(requests, folder, queue, user, store, context);
-  } catch (const SubmitErrors& e) {
-    if (e.all_infeasible()) throw InfeasibleError(e.what());
-    throw;
+Submission checked(std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
+                   const std::string& user, const SubmitArguments& a,
+                   const ExecutionContext& context, cli::Console& console) {
+  for (;;) {
+    try {
+      return prepare(requests, folder, queue, user, !a.dry_run, context);
+    } catch (const SubmitErrors& e) {
+      // What is left is looked at again: what was wrong with one may have hidden another's fault.
+      if (a.skip_bad && skip(e, requests, console)) continue;
+      if (e.all_infeasible()) throw InfeasibleError(e.what());
+      throw;
+    }
   }
 }
 
@@ -156,8 +179,8 @@ int submit_command(const SubmitArguments& a, const ExecutionContext& context,
   const FarmFolder folder = a.store.empty() ? a.farm.open() : a.farm.open(a.store);
   Queue queue(folder.database());
   const std::string user = user_name();
-  const std::vector<JobRequest> requests = requests_of(a);
-  const Submission submission = checked(requests, folder, queue, user, !a.dry_run, context);
+  std::vector<JobRequest> requests = requests_of(a);
+  const Submission submission = checked(requests, folder, queue, user, a, context, console);
   if (a.dry_run) {
     if (a.json.empty()) {
       cli::print_result(table_of(submission));
@@ -212,6 +235,12 @@ void add_submit_commands(cli::Program& program) {
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);
+  sub->add_option(
+      "--uncertain", a->request.uncertain,
+      "By how much inputs may be off, as for slicecorr: ha=5%,dc=5%, or fit; the figures of "
+      "each job then say how sure they are");
+  sub->add_flag("--robust", a->request.robust,
+                "Keep features and gaps for all that --uncertain names, where that is possible");
   sub->add_flag("--plan", a->request.plan,
                 "Find the fastest speed (layer by layer: the least exposure) for each part, as "
                 "slicecorr plan does");
@@ -222,7 +251,7 @@ void add_submit_commands(cli::Program& program) {
                   "With --plan: 1 less the least dose that every gap is to have [0.05]")
       ->check(cli::number_in(0, 1, true));
   sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
-  sub->add_option("--format", a->request.format,
+  sub->add_option("--format,--out-format", a->request.format,
                   "Format of the archives, or its ending [uvj; archives keep theirs]");
   sub->add_option("--name", a->request.name, "Name of the outputs, without ending [the part's]");
   sub->add_option("--copies", a->request.copies, "NAME, NAME-2 and so on: the work is done once")
@@ -232,6 +261,9 @@ void add_submit_commands(cli::Program& program) {
                   "HH:MM or YYYY-MM-DD HH:MM: among equal priorities the earlier comes first");
   sub->add_option("--label", a->request.labels, "Words for filters and clusters; may be repeated");
   sub->add_option("--user", a->request.user, "Whose jobs they are [who calls]");
+  sub->add_flag("--skip-bad", a->skip_bad,
+                "Queue the jobs that can be done, and name those that can't, in place of queueing "
+                "none");
   sub->add_flag("--dry-run", a->dry_run, "Check, and say what the jobs will take; queue nothing");
   sub->add_option("--json", a->json, "Write the jobs as JSON to FILE, or - for stdout");
 }

@@ -323,7 +323,8 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
 
 void remove_delivery_parts(const std::string& output_folder, const std::string& name,
                            const std::string& format, const std::string& token) {
-  for (const std::string& ending : {format, std::string("html"), std::string("json")}) {
+  for (const std::string& ending :
+       {format, std::string("html"), std::string("json"), format + ".slicecorr"}) {
     ::unlink(part_of_delivery(output_folder, name, ending, token).c_str());
   }
 }

@@ -188,6 +188,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"surface", word(SLICEFARM_FIELD(setup.surface), {"slices", "mesh"})},
       {"units", word(SLICEFARM_FIELD(units), {"auto", "mm", "inch", "m"})},
       {"scale", number(SLICEFARM_FIELD(scale), 0, kMost, true)},
+      {"fit_mm", number(SLICEFARM_FIELD(fit_mm), 0, kMost, true)},
       {"center_mm", numbers(SLICEFARM_FIELD(center_mm), 2)},
       {"rotate_deg", numbers(SLICEFARM_FIELD(rotate_deg), 3)},
       {"mode", word(SLICEFARM_FIELD(setup.mode), {"continuous", "layerwise", kTomographyMode})},
@@ -203,6 +204,8 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"max_time_s", number(SLICEFARM_FIELD(max_time_s), 0, kMost, true)},
       {"beyond_reach", flag(SLICEFARM_FIELD(beyond_reach))},
       {"plan", flag(SLICEFARM_FIELD(plan))},
+      {"uncertain", text(SLICEFARM_FIELD(uncertain), "errors of inputs, as in ha=5%,dc=5%")},
+      {"robust", flag(SLICEFARM_FIELD(robust))},
       {"tolerance_um", number(SLICEFARM_FIELD(tolerance_um), 0, kMost, true)},
       {"gap_contrast", number(SLICEFARM_FIELD(gap_contrast), 0, 1, true)},
       {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, kMost, true)},
@@ -249,7 +252,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
 const std::set<std::string, std::less<>> kOfAll{
     "part", "parts",  "printer",  "resin",    "layer_um", "mode", "name",
     "out",  "copies", "priority", "ready_by", "labels",   "user", "format"};
-const std::set<std::string, std::less<>> kOfMeshes{"units", "scale", "rotate_deg"};
+const std::set<std::string, std::less<>> kOfMeshes{"units", "scale", "fit_mm", "rotate_deg"};
 const std::set<std::string, std::less<>> kOfTomography{
     "voxel_mm",   "method",       "window", "angles",     "iterations",
     "max_time_s", "beyond_reach", "insert", "clip_sigma", "stop_error"};

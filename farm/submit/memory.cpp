@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "slicecorr/correct.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -36,7 +37,8 @@ constexpr int kLampSettings = 30;
 /// Rows of a band at most, and what is kept of each of its columns where they are solved slice by
 /// slice: where it stands, and, of each slice in the bath, what the correction, the corrected and the
 /// uncorrected prediction hold. Searches of a plan, and the plan.
-constexpr double kBandRows = 32, kColumnBytes = 320, kBathBytes = 3, kSearchBytes = 256 * 1024;
+constexpr double kBandRows = 32, kColumnBytes = 320, kCutBytes = 200, kBathBytes = 3,
+                 kSearchBytes = 256 * 1024;
 
 /// Tables of all models of a display: `PlaceModels` lets up to 64 neighbouring values share one
 /// where they would take more than 256 MiB.
@@ -68,6 +70,10 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
     thread += f.width_px * kBandRows * column / kMb + f.mirrored_slices * kSearchBytes / kMb;
     models += f.mirrored_slices * kPlanBytes / kMb;
   }
+  if (f.cut_slices > 0) {
+    // Both predictions walk the band: a byte for each slice that matters, and a state for every 16th.
+    thread += 2 * f.width_px * kBandRows * (2.0 * f.cut_slices + kCutBytes) / kMb;
+  }
   if (f.lights > 1) {
     models += 2 * f.lights * (kPlanBytes + kPlanBytesPerSlice * f.slices) / kMb;
     thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
@@ -90,6 +96,7 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
   facts.stepwise = continuous && (facts.left_alone || !plan.model.is_plain());
   facts.bath_slices = plan.model.bath_slices;
   facts.mirrored_slices = continuous ? std::min(plan.model.mirrored_slices, plan.all_layers) : 0;
+  if (plan.model.gel_time) facts.cut_slices = std::min(plan.model.gel_time->reach(), facts.slices);
   if (!plan.model.inhibited) return;
   facts.tables_bytes = plan.model.inhibited->table_bytes();
   const UvSchedule& uv = process.uv;

@@ -26,6 +26,7 @@ struct MemoryFacts {
   bool left_alone = false;  ///< something is left alone beside the part
   bool stepwise = false;    ///< columns are solved slice by slice: not plain, continuous
   int bath_slices = 0;      ///< of resin above the window; 0: without end
+  int cut_slices = 0;       ///< slices in which cuts of light are looked for, with a time to gel
   int mirrored_slices = 0;  ///< below the platform, with plans of their own
   bool together = false;    ///< light spreads: columns are corrected together
 };

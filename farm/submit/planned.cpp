@@ -62,16 +62,23 @@ void plan(JobRequest& r, const std::string& scratch_folder, const ExecutionConte
   const Setup setup = resolve_setup(choices, nullptr, nullptr,
                                     r.as_options ? ChoiceNames::options : ChoiceNames::fields);
   PlanAsk ask;
-  ask.curve_points = 0;
+  ask.curve_points = ask.tolerance_points = 0;
+  ask.stage = load_stage_change(r.setup.printer);
   if (r.tolerance_um > 0) ask.tolerance_um = r.tolerance_um;
   if (r.gap_contrast > 0) ask.gap_contrast = r.gap_contrast;
   const PrintPlan found =
       plan_print(*part_of(r, setup, scratch_folder, context), setup, ask, context);
-  const std::string pace = layerwise ? fmt::format("{:g} s", found.at.exposure_s)
-                                     : fmt::format("{:g} mm/h", found.at.speed_mm_h);
+  const std::string pace =
+      layerwise ? fmt::format("{:g} s", found.at.exposure_s) : speeds_in_words(found.setup.process);
   (layerwise ? r.setup.exposure_s : r.setup.speed_mm_h) =
       layerwise ? found.at.exposure_s : found.at.speed_mm_h;
   r.setup.edge_aim_um = found.setup.process.edge_aim_um;
+  if (!found.slice_speed_mm_h.empty()) {
+    const Process& process = found.setup.process;
+    r.setup.speed_mm_h = process.speed_mm_h;
+    r.setup.slice_speed_mm_h = process.slice_speed_mm_h;
+    r.setup.slice_lamps = process.slice_lamps == SliceLamps::stay ? "stay" : "follow";
+  }
   r.planned = fmt::format("{}, limited by {}", pace, found.limited_by);
   r.labels.push_back("planned " + pace);
 }
@@ -90,9 +97,9 @@ std::vector<JobRequest> planned(const std::vector<JobRequest>& requests,
     } catch (const Cancelled&) {
       throw;
     } catch (const InfeasibleError& e) {
-      errors.push_back({r.where, e.what(), Reason::infeasible});
+      errors.push_back({r.where, e.what(), Reason::infeasible, &r - out.data()});
     } catch (const Error& e) {
-      errors.push_back({r.where, e.what(), Reason::bad_input});
+      errors.push_back({r.where, e.what(), Reason::bad_input, &r - out.data()});
     }
   }
   if (!errors.empty()) throw SubmitErrors(std::move(errors));

@@ -21,6 +21,7 @@
 #include "submit/memory.hpp"
 #include "submit/planned.hpp"
 #include "submit/tomographic.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::farm {
 
@@ -82,6 +83,9 @@ std::string signature(const JobRequest& r) {
   if (!s.even_dead_zone.empty()) text += "|e" + s.even_dead_zone;
   if (s.edge_aim_um > 0) text += fmt::format("|a{}", s.edge_aim_um);
   if (s.gap_um > 0) text += fmt::format("|g{}", s.gap_um);
+  for (const double v : s.slice_speed_mm_h) text += fmt::format("|v{}", v);
+  if (!s.slice_lamps.empty()) text += "|w" + s.slice_lamps;
+  if (!r.uncertain.empty()) text += fmt::format("|u{}|{}", r.uncertain, r.robust);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
                       r.iterations, r.max_time_s, r.beyond_reach);
@@ -177,10 +181,10 @@ void check_meshes(const JobRequest& r, const Setup& setup, const std::string& sc
   o.scale = r.scale;
   o.rotate_deg = r.rotate_deg;
   MeshesLeftAlone place;
-  std::size_t triangles = 0;
-  const MeshSlices slices = cli::slice_parts(o, setup.printer, Surface::slices, r.leave_alone,
-                                             place, context, &triangles);
-  c.memory.triangles = triangles;
+  cli::PartFacts facts;
+  const MeshSlices slices =
+      cli::slice_parts(o, setup.printer, Surface::slices, r.leave_alone, place, context, &facts);
+  c.memory.triangles = facts.triangles;
   plan(slices, setup, !r.leave_alone.empty(), context, c);
   const LeftAloneFiles target(slices, r.leave_alone, place, setup.printer, scratch_folder, context);
   const PixelBox box = (*target).bounds();
@@ -311,7 +315,10 @@ class Preparation {
       std::stable_sort(errors_.begin(), errors_.end(),
                        [](const auto& a, const auto& b) { return a.first < b.first; });
       std::vector<SubmitError> list;
-      for (auto& [index, error] : errors_) list.push_back(std::move(error));
+      for (auto& [index, error] : errors_) {
+        error.request = index;
+        list.push_back(std::move(error));
+      }
       throw SubmitErrors(std::move(list));
     }
     if (!store) {
@@ -459,6 +466,21 @@ class Preparation {
       input_format_[r.parts[0]] = info.format;
       w.setup = resolve_setup(r.setup, nullptr, &info,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+    }
+    if (r.robust && r.uncertain.empty()) {
+      throw InputError(fmt::format(
+          "{} needs to know by how much inputs may be off; expected {}, as "
+          "in ha=5%,dc=5%",
+          r.as_options ? "--robust" : "robust", r.as_options ? "--uncertain" : "uncertain"));
+    }
+    if (!r.uncertain.empty()) {
+      w.setup.uncertainty = chosen_uncertainty(
+          r.uncertain, w.setup, r.setup, r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+      w.setup.uncertainty->robust = w.spec.robust = r.robust;
+      w.spec.uncertain = r.uncertain;
+      if (w.setup.uncertainty->from_fit) {
+        w.spec.uncertain_resin_toml = read_text_file(find_definition(r.setup.resin, "resin"));
+      }
     }
     w.setup_json = setup_json(w.setup);
     w.setup_hash = sha256_of_text(w.setup_json);
@@ -635,9 +657,39 @@ class Preparation {
 
 }  // namespace
 
+namespace {
+
+/// With `fit_mm` made a scale.
+std::vector<JobRequest> with_scales(std::vector<JobRequest> requests) {
+  std::vector<SubmitError> errors;
+  for (JobRequest& r : requests) {
+    if (r.fit_mm <= 0 || !std::all_of(r.parts.begin(), r.parts.end(), is_mesh_name)) continue;
+    try {
+      if (r.scale != 1) {
+        throw InputError(r.as_options ? "--fit-mm and --scale exclude each other"
+                                      : "fit_mm and scale exclude each other");
+      }
+      cli::MeshOptions o;
+      o.parts = r.parts;
+      o.units = r.units;
+      o.rotate_deg = r.rotate_deg;
+      o.fit_mm = r.fit_mm;
+      r.scale = o.placement().scale;
+    } catch (const InputError& e) {
+      errors.push_back({r.where, e.what(), Reason::bad_input, &r - requests.data()});
+    }
+  }
+  if (!errors.empty()) throw SubmitErrors(std::move(errors));
+  return requests;
+}
+
+}  // namespace
+
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, bool store, const ExecutionContext& context) {
-  const std::vector<JobRequest> planned = detail::planned(requests, folder.store, context);
+  // Jobs are recorded with a scale, whatever was said.
+  const std::vector<JobRequest> fitted = with_scales(requests);
+  const std::vector<JobRequest> planned = detail::planned(fitted, folder.store, context);
   return Preparation(planned, folder, queue, user, context).run(store);
 }
 

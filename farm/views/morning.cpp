@@ -276,6 +276,22 @@ void read_worst(Database& db, const MorningOptions& options, MorningReport& r) {
   while (rows.next()) r.tomographic.push_back(detail::read_job(rows));
 }
 
+void read_jobs(Database& db, const MorningOptions& options, MorningReport& r) {
+  {
+    Rows rows = db.query(
+        "SELECT count(*) FROM jobs WHERE state = 'done' AND message <> '' AND ended_ms >= ?1 "
+        "AND ended_ms < ?2 AND (?3 = 0 OR batch = ?3)",
+        r.from_ms, r.until_ms, r.batch);
+    if (rows.next()) r.with_defects = rows.integer(0);
+  }
+  Rows rows = db.query(detail::kSelectJobs +
+                           "WHERE j.state IN ('done', 'failed', 'cancelled') AND j.ended_ms >= ?1 "
+                           "AND j.ended_ms < ?2 AND (?3 = 0 OR j.batch = ?3) "
+                           "ORDER BY j.ended_ms DESC, j.id DESC LIMIT ?4",
+                       r.from_ms, r.until_ms, r.batch, options.most_jobs);
+  while (rows.next()) r.jobs.push_back(detail::read_job(rows));
+}
+
 }  // namespace
 
 std::int64_t moment_of(const std::string& text, std::int64_t now_ms, const std::string& option) {
@@ -367,6 +383,7 @@ MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
   }
   read_failures(folder, db, model, options, r);
   read_worst(db, options, r);
+  read_jobs(db, options, r);
   db.execute("COMMIT");
   return r;
 }

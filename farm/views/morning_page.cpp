@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/farm/morning.hpp"
@@ -85,6 +87,9 @@ std::string figures(const MorningReport& r) {
                         : "done",
        r.done > 0 ? "good" : "");
   tile(text::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
+  if (r.with_defects > 0) {
+    tile(text::count(r.with_defects), "done, but with something wrong in their inputs", "bad");
+  }
   if (r.cancelled > 0) tile(text::count(r.cancelled), "cancelled");
   tile(text::count(left + running),
        running > 0 ? fmt::format("still to do, {} running", text::count(running)) : "still to do");
@@ -181,6 +186,123 @@ std::string tomographic(const MorningReport& r, const LinkTo& links) {
   return html + "</tbody></table></div>" + how_many(r.tomographic, r.tomographic_done);
 }
 
+/// A column of the table of all jobs, and the order that a reader may ask for.
+struct JobColumn {
+  const char *name, *title;
+  std::function<std::string(const Job&)> cell;
+  /// Smaller comes first.
+  std::function<double(const Job&)> rank;
+};
+
+double state_rank(const Job& j) {
+  if (j.state == JobState::failed) return 0;
+  if (j.state == JobState::cancelled) return 1;
+  return j.message.empty() ? 3 : 2;
+}
+
+std::vector<JobColumn> job_columns(const MorningReport& r, const LinkTo& links) {
+  // Prints without a figure come last.
+  const auto worst_first = [](const Job& j, double value) {
+    return j.figures ? -value : std::numeric_limits<double>::infinity();
+  };
+  const auto largest = [](const Job& j) { return j.figures ? j.figures->height_max_um : 0.0; };
+  const auto lost = [](const Job& j) {
+    return j.figures ? static_cast<double>(j.figures->lost_features + j.figures->merged_features)
+                     : 0.0;
+  };
+  const auto seconds = [](const Job& j) {
+    return j.started_ms > 0 ? static_cast<double>(j.ended_ms - j.started_ms) / 1000 : 0.0;
+  };
+  const bool heights = std::any_of(r.jobs.begin(), r.jobs.end(),
+                                   [](const Job& j) { return j.figures && !j.figures->tomo; });
+  std::vector<JobColumn> columns{
+      {"job", "job", [](const Job& j) { return std::to_string(j.id); },
+       [](const Job& j) { return static_cast<double>(j.id); }},
+      {"part", "part", [&links](const Job& j) { return report_link(j, links); }, {}},
+      {"state", "how it ended",
+       [](const Job& j) {
+         if (j.state == JobState::done) {
+           return j.message.empty() ? std::string("done")
+                                    : "<b class=\"warn\">done</b>, but " + shown(j.message);
+         }
+         return fmt::format("<b class=\"bad\">{}</b> {}", name_of(j.state), shown(j.message));
+       },
+       state_rank},
+      {"ended", "ended", [&r](const Job& j) { return time_of_day(r, j.ended_ms); },
+       [](const Job& j) { return -static_cast<double>(j.ended_ms); }},
+      {"took", "took",
+       [seconds](const Job& j) {
+         return j.from_cache     ? std::string("cache")
+                : seconds(j) > 0 ? text::duration(seconds(j))
+                                 : std::string("-");
+       },
+       [seconds](const Job& j) { return -seconds(j); }}};
+  if (heights) {
+    columns.push_back({"error", "largest height error",
+                       [largest](const Job& j) {
+                         return j.figures && !j.figures->tomo ? text::figure(largest(j)) + " um"
+                                                              : std::string("-");
+                       },
+                       [=](const Job& j) { return worst_first(j, largest(j)); }});
+    columns.push_back({"lost", "lost and merged",
+                       [lost](const Job& j) {
+                         return j.figures && !j.figures->tomo
+                                    ? text::count(static_cast<std::int64_t>(lost(j)))
+                                    : std::string("-");
+                       },
+                       [=](const Job& j) { return worst_first(j, lost(j)); }});
+  }
+  columns.push_back({"user", "user", [](const Job& j) { return shown(j.user); }, {}});
+  return columns;
+}
+
+/// All jobs of the time in a table that sorts without a script: each row has its rank in every
+/// order, and the order that is chosen picks one of them.
+std::string all_jobs(const MorningReport& r, const LinkTo& links) {
+  if (r.jobs.empty()) return {};
+  const std::vector<JobColumn> columns = job_columns(r, links);
+  const std::int64_t ended = r.done + r.failed + r.cancelled;
+  std::string html = fmt::format("<h2 id=\"jobs\">All {} that ended</h2>",
+                                 ended == 1 ? "jobs" : text::count(ended) + " jobs");
+  std::string style = fmt::format(".all{{grid-template-columns:repeat({},auto)}}", columns.size());
+  std::string choices, head;
+  std::vector<std::string> ranks(r.jobs.size());
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    const JobColumn& column = columns[c];
+    head += fmt::format("<span role=\"columnheader\">{}</span>", column.title);
+    std::vector<std::size_t> order(r.jobs.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      if (column.rank) return column.rank(r.jobs[a]) < column.rank(r.jobs[b]);
+      return column.cell(r.jobs[a]) < column.cell(r.jobs[b]);
+    });
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      ranks[order[i]] += fmt::format("--{}:{};", column.name, i + 1);
+    }
+    choices += fmt::format(R"(<label><input type="radio" name="order" id="by-{0}"{1}> {2}</label>)",
+                           column.name, column.name == std::string("state") ? " checked" : "",
+                           column.title);
+    style += fmt::format(".sorted:has(#by-{0}:checked) .row>span{{order:var(--{0})}}", column.name);
+  }
+  std::string rows;
+  for (std::size_t i = 0; i < r.jobs.size(); ++i) {
+    style += fmt::format(".j{}{{{}}}", i, ranks[i]);
+    rows += fmt::format("<div class=\"row j{}\" role=\"row\">", i);
+    for (const JobColumn& column : columns) {
+      rows += fmt::format("<span role=\"cell\">{}</span>", column.cell(r.jobs[i]));
+    }
+    rows += "</div>";
+  }
+  html += fmt::format(
+      R"(<style>{}</style><div class="sorted"><fieldset><legend>Sort by</legend>{}</fieldset><div class="scroll" tabindex="0" role="region" aria-label="All jobs"><div class="all" role="table"><div class="row head" role="row">{}</div>{}</div></div></div>)",
+      style, choices, head, rows);
+  if (ended > std::ssize(r.jobs)) {
+    html +=
+        fmt::format("<p class=\"dim\">The last {} of {}.</p>", r.jobs.size(), text::count(ended));
+  }
+  return html;
+}
+
 /// Throughput and cores over the time, one below the other.
 std::string charts(const MorningReport& r) {
   using chart::Point;
@@ -266,6 +388,7 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
   html += failures(r);
   html += worst(r, links);
   html += tomographic(r, links);
+  html += all_jobs(r, links);
   if (r.attempts == 0 && r.done == 0)
     return html + "<h2>Disk</h2>" + disk(r) + "</main></body></html>";
   html += fmt::format(
@@ -311,6 +434,9 @@ std::string morning_json(const MorningReport& r) {
   for (const Job& j : r.worst) json["worst"].push_back(Json::parse(job_json(j)));
   json["tomographic"] = Json::array();
   for (const Job& j : r.tomographic) json["tomographic"].push_back(Json::parse(job_json(j)));
+  json["jobs"] = Json::array();
+  for (const Job& j : r.jobs) json["jobs"].push_back(Json::parse(job_json(j)));
+  json["with_defects"] = r.with_defects;
   json["slot_ms"] = r.slot_ms;
   json["slots"] = Json::array();
   for (const auto& s : r.slots) {

@@ -19,6 +19,7 @@
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
@@ -114,7 +115,13 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
                                     Reporter& reporter, const ExecutionContext& context,
                                     WorkOutcome& outcome) {
   const WorkSpec& spec = order.spec;
-  const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
+  Setup setup = parse_setup_json(order.setup_json, "the job's setup");
+  if (const WorkSpec& s = order.spec; !s.uncertain.empty()) {
+    SetupChoices resin;
+    resin.resin_toml = s.uncertain_resin_toml;
+    setup.uncertainty = chosen_uncertainty(s.uncertain, setup, resin, ChoiceNames::options);
+    setup.uncertainty->robust = s.robust;
+  }
   for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
     context.tell(text);
   }
@@ -127,10 +134,14 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const std::ptrdiff_t parts = std::ssize(paths) - spec.left_alone;
   const std::vector<std::string> left_alone(paths.begin() + parts, paths.end());
   MeshesLeftAlone place;
+  cli::PartFacts facts;
   if (spec.kind == "run") {
     mesh.emplace(
         cli::slice_parts(detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}),
-                         setup.printer, setup.process.surface, left_alone, place, context));
+                         setup.printer, setup.process.surface, left_alone, place, context, &facts));
+    for (const std::string& text : facts.defects) {
+      outcome.message += (outcome.message.empty() ? "" : "; ") + text;
+    }
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);
@@ -165,7 +176,10 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   } catch (const InputError& e) {
     throw OutputInvalid(e.what());
   }
-  return {spec.ending, "html", "json"};
+  std::vector<std::string> endings{spec.ending, "html", "json"};
+  // Formats of one binary file have their record beside them.
+  if (fs::exists(record_beside(file.path))) endings.push_back(spec.ending + ".slicecorr");
+  return endings;
 }
 
 /// The work itself; fills in what is known of the result.
@@ -268,6 +282,8 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   context.progress = [&](std::string_view, double done) { reporter.progress(done); };
   try {
     make_result(order, folder, reporter, context, outcome);
+    // Not why it failed, but what was wrong with its inputs.
+    outcome.message = in_names_of_user(outcome.message, order);
   } catch (const Cancelled&) {
     end(cli::kInterrupted, Reason::stopped, "asked to stop");
   } catch (const InputGone& e) {

@@ -44,6 +44,10 @@ Json json_of(const WorkSpec& s, bool with_names) {
   json["format"] = s.format;
   json["ending"] = s.ending;
   json["name"] = s.name;
+  if (!s.uncertain.empty()) {
+    json["uncertain"] = {
+        {"text", s.uncertain}, {"resin_toml", s.uncertain_resin_toml}, {"robust", s.robust}};
+  }
   if (s.tomo) {
     const TomoWork& t = *s.tomo;
     json["tomo"] = {{"volume", t.volume},
@@ -77,6 +81,12 @@ WorkSpec spec_of(const Json& json) {
   s.format = json.at("format");
   s.ending = json.at("ending");
   s.name = json.at("name");
+  if (json.contains("uncertain")) {
+    const Json& u = json.at("uncertain");
+    s.uncertain = u.at("text");
+    s.uncertain_resin_toml = u.at("resin_toml");
+    s.robust = u.at("robust");
+  }
   if (json.contains("tomo")) {
     const Json& t = json.at("tomo");
     s.tomo =

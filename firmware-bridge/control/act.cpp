@@ -124,13 +124,6 @@ void Controller::Impl::follow_speeds() {
   move->at_s = now_s;
 }
 
-double Controller::Impl::expected_speed_um_s(double at_s) const {
-  if (!move || !move->new_speed) return stage.speed_um_s(at_s);
-  StageEstimate then = stage;
-  then.change_speed(move->speed_um_s, move->acceleration_um_s2, move->at_s);
-  return then.speed_um_s(at_s);
-}
-
 void Controller::Impl::show(int number, double planned_um, double light_at_s) {
   light_at_s = std::max(light_at_s, now_s + latency_s());
   show_blue(number, planned_um, light_at_s);
@@ -349,7 +342,7 @@ void Controller::Impl::go_printing() {
         return turn_to(Act::show_first);
       }
       // While the display shows black.
-      out.blue_share = lamp_share(plan, machine.blue, plan.speed_at(0));
+      out.blue_share = lamp_share(plan, machine.blue, plan.speed_at(0), 0);
       rising = true;
       return turn_to(Act::blue_settle);
     case Act::blue_settle:
@@ -411,12 +404,22 @@ void Controller::Impl::plan_next_frame() {
 
 void Controller::Impl::follow() {
   const auto share_at = [&](double at_s) {
-    return lamp_share(plan, machine.blue, std::max(0.0, expected_speed_um_s(at_s)));
+    // A new speed that was told counts as taken over, also while the answer is not there, because the
+    // machine that gets it gets the lamps' light with it.
+    std::optional<StageEstimate> changed;
+    if (move && move->new_speed) {
+      changed = stage;
+      changed->change_speed(move->speed_um_s, move->acceleration_um_s2, move->at_s);
+    }
+    const StageEstimate& then = changed ? *changed : stage;
+    const int slice =
+        static_cast<int>(std::floor((then.position_um(at_s) - frame_um(0)) / plan.layer_um));
+    return lamp_share(plan, machine.blue, std::max(0.0, then.speed_um_s(at_s)), slice);
   };
   const bool run_up = !plan.lamps_follow() && phase == Phase::printing && frame < 0 &&
                       next_frame <= 1 && stage.position_um(now_s) < frame_um(0);
   // Half a cycle ahead: the middle of the time for which the set-point holds.
-  const double first_share = lamp_share(plan, machine.blue, plan.speed_at(0));
+  const double first_share = lamp_share(plan, machine.blue, plan.speed_at(0), 0);
   const double share = run_up ? first_share : share_at(now_s + limits.cycle_s / 2);
   out.blue_share = share;
   if (!plan.uv) return;

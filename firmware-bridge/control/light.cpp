@@ -37,8 +37,7 @@ void Controller::Impl::judge_light() {
   // answers that were lost lamps may have followed what was asked meanwhile.
   const double time_s = std::max(0.0, here.at_s - passing->at_s);
   const bool gap = time_s > 1.5 * limits.cycle_s;
-  double left =
-      (gap ? (light + passing->light) / 2 : light) * time_s * plan.speed_um_s / plan.layer_um;
+  double left = (gap ? (light + passing->light) / 2 : light) * time_s / plan.layer_um;
   double at = from;
   for (double edge = std::floor(from) + 1; edge <= to; ++edge) {
     const double share = left * (edge - at) / (to - at);
@@ -52,8 +51,9 @@ void Controller::Impl::judge_light() {
   passing = Passing{to, here.at_s, light};
 }
 
-void Controller::Impl::tell_light(int slice, double light) {
+void Controller::Impl::tell_light(int slice, double light_s_um) {
   if (!slice_is_whole || slice < 0 || slice >= frames) return;
+  const double light = light_s_um * plan.light_speed_at(slice);
   if (!plan.frames[static_cast<std::size_t>(slice)].lit) return;
   if (std::abs(light - 1) <= kBorneLight) return;
   ++light_off.slices;

@@ -112,7 +112,7 @@ struct Controller::Impl {
   };
   std::optional<Passing> passing;  ///< where the stage was measured last, in slices, and when
   bool slice_is_whole = false;     ///< the slice there was entered on this way
-  double slice_light = 0;          ///< that it got so far, 1: as planned
+  double slice_light = 0;          ///< that it got so far, s/um
   LightOff light_off;
 
   // The display.
@@ -176,7 +176,8 @@ struct Controller::Impl {
   // light.cpp
   /// Adds up the light of the slices that the stage passes.
   void judge_light();
-  void tell_light(int slice, double light);
+  /// `light_s_um`: integral of (share of light)^m over the time in the slice, over its height.
+  void tell_light(int slice, double light_s_um);
   void judge_time();
   void check_sequence(const Answer& answer);
   /// The machine has taken what was written by itself.
@@ -246,9 +247,6 @@ struct Controller::Impl {
   double speed_to_tell();
   /// Tells the stage the speed of its slice.
   void follow_speeds();
-  /// The stage's speed at a time, for the lamps: a new speed that was told counts as taken over, also
-  /// while the answer is not there, because the machine that gets it gets the lamps' light with it.
-  double expected_speed_um_s(double at_s) const;
   /// At the target, within the stage's tolerance.
   bool arrived() const;
   bool has_uv_display() const { return machine.uv_display.has_value(); }

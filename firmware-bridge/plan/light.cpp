@@ -49,7 +49,7 @@ void check_black(PrintPlan& plan, const StackInfo& info, const Machine& machine)
   double time_s = 1.5 * cycle_s;
   if (machine.blue.warm_up_s > 0) time_s += machine.blue.settle_s + 4 * cycle_s;
   const Kinetics k = make_kinetics(*info.resin, false, true);
-  plan.black_excess = std::pow(plan.black_mw_cm2, k.m) * time_s / k.critical_dose_prime /
+  plan.black_excess = dose_prime_at(k, plan.black_mw_cm2, 0, 0, time_s) / k.critical_dose_prime /
                       -std::expm1(-k.m * plan.layer_um / k.hb_um);
   if (plan.black_excess <= kMostBlackExcess) return;
   throw InfeasibleError(fmt::format(
@@ -65,7 +65,7 @@ void check_warm_up(const PrintPlan& plan, const StackInfo& info, const Machine& 
   // At the window the resin gains dose fastest.
   const Kinetics k = make_kinetics(*info.resin, false, false);
   const double dose =
-      std::pow(plan.black_mw_cm2, k.m) * machine.blue.warm_up_s / k.critical_dose_prime;
+      dose_prime_at(k, plan.black_mw_cm2, 0, 0, machine.blue.warm_up_s) / k.critical_dose_prime;
   if (dose > 0.5) {
     throw InfeasibleError(fmt::format(
         "the blue lamp warms up for {:g} s behind black, which still gives {:g} mW/cm²: {:.0f} % "
@@ -79,7 +79,8 @@ void check_uv_range(const PrintPlan& plan, const Machine& machine, double least_
   double least = plan.frames.front().uv_mw_cm2, greatest = least;
   for (std::size_t n = 0; n < plan.frames.size(); ++n) {
     // It follows the speed as blue light does.
-    const double share = lamp_share(plan, LampDrive{}, plan.speed_at(static_cast<int>(n)));
+    const double share =
+        lamp_share(plan, LampDrive{}, plan.speed_at(static_cast<int>(n)), static_cast<int>(n));
     least = std::min(least, plan.frames[n].uv_mw_cm2 * (plan.slice_speed_um_s.empty() ? 1 : share));
     greatest = std::max(greatest, plan.frames[n].uv_mw_cm2);
   }

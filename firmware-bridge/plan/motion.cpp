@@ -56,14 +56,31 @@ void plan_layers(PrintPlan& plan, const Process& process, const Machine& machine
   }
 }
 
+/// Where each slice has light for its own speed: whether the blue lamp can follow the stage while it
+/// changes its speed, which it does in the faster slice.
+void check_changes(const PrintPlan& plan, const Machine& machine) {
+  for (int n = 0; n < static_cast<int>(plan.frames.size()); ++n) {
+    const double least = std::min(plan.speed_at(n - 1), plan.speed_at(n + 1));
+    if (least >= plan.speed_at(n) || lamp_share(plan, machine.blue, least, n) > 0) continue;
+    throw InfeasibleError(fmt::format(
+        "the stage changes its speed between {:.4g} and {:.4g} mm/h in slice {}, and the blue lamp of "
+        "printer '{}' is dark below {:g} % of its light (min_share); correct the part for speeds that "
+        "change less from slice to slice",
+        least * kMmHFromUmS, plan.speed_at(n) * kMmHFromUmS, n, machine.printer.name,
+        100 * machine.blue.min_share));
+  }
+}
+
 /// Speeds of slices, and whether the blue lamp can follow them.
 void plan_slice_speeds(PrintPlan& plan, const Process& process, const Machine& machine) {
   if (process.slice_speed_mm_h.empty()) return;
   for (std::size_t n = 0; n < plan.frames.size(); ++n) {
     plan.slice_speed_um_s.push_back(slice_speed_mm_h(process, static_cast<int>(n)) / kMmHFromUmS);
   }
+  plan.light_of_slices = slices_differ(process);
+  if (plan.light_of_slices) return check_changes(plan, machine);
   const auto slowest = std::min_element(plan.slice_speed_um_s.begin(), plan.slice_speed_um_s.end());
-  if (lamp_share(plan, machine.blue, *slowest) > 0) return;
+  if (lamp_share(plan, machine.blue, *slowest, 0) > 0) return;
   throw InfeasibleError(fmt::format(
       "slice {} goes at {:.4g} mm/h, {:.3g} % of the {:g} mm/h that the light is for, and the blue "
       "lamp of printer '{}' is dark below {:g} % of its light (min_share); correct the part for at "

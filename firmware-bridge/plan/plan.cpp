@@ -10,10 +10,10 @@
 
 namespace slicecorr::bridge {
 
-double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_s) {
+double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_s, int slice) {
   double share = 1;
   if (plan.mode == ExposureMode::continuous) {
-    const double ratio = std::max(0.0, speed_um_s) / plan.speed_um_s;
+    const double ratio = std::max(0.0, speed_um_s) / plan.light_speed_at(slice);
     share = plan.m == 1 ? ratio : std::pow(ratio, 1 / plan.m);
   }
   return share < lamp.min_share ? 0 : std::min(share, lamp.max_share);

@@ -204,6 +204,13 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
   const double least = way.turns ? Lateness::kBoundsDeg[0] : Lateness::kBoundsUm[0];
   std::vector<double> more{-least, least};
   const double tolerance = r.facts.tolerance_um * way.short_per_um;
+  // Between two frames the stage may have been further off than at any; the page's figure is that.
+  const double most = r.last ? r.last->worst_stage_error_um * way.short_per_um : 0;
+  const bool between = most > worst + least;
+  if (between) {
+    worst = most;
+    more.push_back(most);
+  }
   if (worst > tolerance / 20) more.insert(more.end(), {-tolerance, tolerance});
   Picture picture("Where the stage was, measured less commanded",
                   fmt::format("The stage's error {}, at most {:.{}f} {}", way.over, worst,
@@ -214,6 +221,7 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
     panel.horizontal(tolerance, "tolerance", true);
     panel.horizontal(-tolerance, "");
   }
+  if (between) panel.horizontal(most, "largest either way, between two frames");
   panel.line(envelope(error), Style::series, 0);
   mark_fault(panel, r, fault_place(r), 0);
   picture.add(panel);

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstring>
 
+#include "base/run_end.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
@@ -21,23 +22,6 @@ std::uint64_t load(const std::uint8_t* p) {
   std::uint64_t v;
   std::memcpy(&v, p, 8);
   return v;
-}
-
-/// End of the run of equal bytes that starts at `i`.
-std::size_t run_end(const std::uint8_t* data, std::size_t i, std::size_t n) {
-  const std::uint8_t value = data[i];
-  const std::uint64_t pattern = value * 0x0101010101010101u;
-  // Runs are usually long: four words a step, then the word that differs.
-  while (i + 32 <= n && ((load(data + i) ^ pattern) | (load(data + i + 8) ^ pattern) |
-                         (load(data + i + 16) ^ pattern) | (load(data + i + 24) ^ pattern)) == 0) {
-    i += 32;
-  }
-  for (; i + 8 <= n; i += 8) {
-    const std::uint64_t difference = load(data + i) ^ pattern;
-    if (difference != 0) return i + static_cast<std::size_t>(std::countr_zero(difference)) / 8;
-  }
-  while (i < n && data[i] == value) ++i;
-  return i;
 }
 
 /// Start of the next run of at least `kMinRun` bytes at or after `i`, or n.
@@ -63,6 +47,22 @@ void put_header(Kind kind, std::size_t length, std::vector<std::uint8_t>& out) {
 [[noreturn]] void corrupt() { throw InputError("run-length code of an image is damaged"); }
 
 }  // namespace
+
+std::size_t run_end(const std::uint8_t* data, std::size_t i, std::size_t n) {
+  const std::uint8_t value = data[i];
+  const std::uint64_t pattern = value * 0x0101010101010101u;
+  // Runs are usually long: four words a step, then the word that differs.
+  while (i + 32 <= n && ((load(data + i) ^ pattern) | (load(data + i + 8) ^ pattern) |
+                         (load(data + i + 16) ^ pattern) | (load(data + i + 24) ^ pattern)) == 0) {
+    i += 32;
+  }
+  for (; i + 8 <= n; i += 8) {
+    const std::uint64_t difference = load(data + i) ^ pattern;
+    if (difference != 0) return i + static_cast<std::size_t>(std::countr_zero(difference)) / 8;
+  }
+  while (i < n && data[i] == value) ++i;
+  return i;
+}
 
 void run_length_encode(const std::uint8_t* data, std::size_t n, std::vector<std::uint8_t>& out) {
   std::size_t i = 0;

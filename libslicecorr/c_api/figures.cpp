@@ -80,7 +80,8 @@ slicecorr_status slicecorr_figures_summary(const slicecorr_figures* figures,
                                            slicecorr_summary* summary) {
   return guarded(nullptr, [&] {
     if (!need(figures, "figures").prediction) {
-      throw BadCall("figures of a tomographic job have no summary; expected those of a stack");
+      throw BadCall(
+          "figures of a plan or a tomographic job have no summary; expected those of a stack");
     }
     const slicecorr::Prediction& p = *figures->prediction;
     // Grows with the struct; this is its first version.

@@ -23,7 +23,9 @@ struct Choices : SetupChoices {
   int angles = -1, iterations = -1;
   std::string method, window;
   double clip_sigma = 0, stop_error = 0, max_time_s = 0;
-  std::string beyond_reach;  ///< refuse, allow
+  std::string beyond_reach;       ///< refuse, allow
+  std::string uncertain, robust;  ///< as the option --uncertain; on, off
+  double tolerance_um = 0, gap_contrast = 0;
 };
 
 }  // namespace slicecorr::c_api

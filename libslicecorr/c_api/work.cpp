@@ -15,6 +15,7 @@
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"
+#include "slicecorr/plan.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::c_api {
@@ -26,9 +27,23 @@ std::string name_of(const slicecorr_stack& stack) {
   return stack.path.empty() ? "the stack in memory" : stack.path;
 }
 
+/// With what the choices say of how sure its inputs are.
+Setup with_uncertainty(Setup setup, const Choices& choices) {
+  const bool robust = choices.robust == "on";
+  if (choices.uncertain.empty()) {
+    if (robust) throw InputError("robust is on; expected uncertain with it, as in ha=5%,dc=5%");
+    return setup;
+  }
+  setup.uncertainty = chosen_uncertainty(choices.uncertain, setup, choices, ChoiceNames::fields);
+  setup.uncertainty->robust = robust;
+  return setup;
+}
+
 Setup setup_for_target(const slicecorr_stack& target, const slicecorr_setup* setup) {
   check_design(target.info, name_of(target));
-  return resolve_setup(need(setup, "setup").choices, nullptr, &target.info, ChoiceNames::fields);
+  const Choices& choices = need(setup, "setup").choices;
+  return with_uncertainty(resolve_setup(choices, nullptr, &target.info, ChoiceNames::fields),
+                          choices);
 }
 
 /// What an archive does not say: as the caller said, else from the printer.
@@ -247,6 +262,29 @@ Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, S
   return p;
 }
 
+PrintPlan plan(const slicecorr_stack& target, const slicecorr_setup* asked, slicecorr_job* handle) {
+  check_design(target.info, name_of(target));
+  Choices choices = need(asked, "setup").choices;
+  const bool layerwise = choices.mode == "layerwise";
+  if (choices.speed_mm_h > 0 || choices.exposure_s > 0 || !choices.slice_speed_mm_h.empty()) {
+    throw InputError(
+        "a plan finds the speed, or the exposure; expected speed_mm_h, exposure_s and "
+        "slice_speed_mm_h not to be set");
+  }
+  (layerwise ? choices.exposure_s : choices.speed_mm_h) = 1;
+  const Setup setup = resolve_setup(choices, nullptr, &target.info, ChoiceNames::fields);
+  PlanAsk ask;
+  if (choices.tolerance_um > 0) ask.tolerance_um = choices.tolerance_um;
+  if (choices.gap_contrast > 0) ask.gap_contrast = choices.gap_contrast;
+  ask.stage = choices.printer_toml.empty()
+                  ? load_stage_change(choices.printer)
+                  : parse_stage_change(choices.printer_toml, "the printer");
+  const ExecutionContext context = job_of(handle);
+  tell_notices(setup, target, context);
+  const Images images(target, setup.printer, scratch_folder(handle), context, left_alone(asked));
+  return plan_print(images.source(), setup, ask, context);
+}
+
 }  // namespace
 
 }  // namespace slicecorr::c_api
@@ -371,9 +409,10 @@ slicecorr_status slicecorr_verify(const slicecorr_stack* stack, const slicecorr_
     const slicecorr_stack& shown = need(stack, "stack");
     const slicecorr_stack& design = need(target, "target");
     slicecorr::check_design(design.info, name_of(design));
-    const slicecorr::SetupChoices choices = setup ? setup->choices : Choices{};
-    const slicecorr::Setup s =
-        slicecorr::resolve_setup(choices, &shown.info, &shown.info, slicecorr::ChoiceNames::fields);
+    const Choices choices = setup ? setup->choices : Choices{};
+    const slicecorr::Setup s = with_uncertainty(
+        slicecorr::resolve_setup(choices, &shown.info, &shown.info, slicecorr::ChoiceNames::fields),
+        choices);
     output.give(figures_of(verify(shown, design, s, left_alone(setup), job)));
   });
 }
@@ -384,6 +423,14 @@ slicecorr_status slicecorr_predict(const slicecorr_stack* target, const slicecor
     Output output(figures, "figures");
     const slicecorr_stack& t = need(target, "target");
     output.give(figures_of(verify(t, t, setup_for_target(t, setup), left_alone(setup), job)));
+  });
+}
+
+slicecorr_status slicecorr_plan(const slicecorr_stack* target, const slicecorr_setup* setup,
+                                slicecorr_job* job, slicecorr_figures** figures) {
+  return guarded(error_of(job), [&] {
+    Output output(figures, "figures");
+    output.give(figures_of(plan(need(target, "target"), setup, job).to_json()));
   });
 }
 

@@ -100,7 +100,8 @@ std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) const {
   const double factor = all.plans().factors[index];
   std::size_t i = runs_.size() > kRunsLookedAt ? runs_.size() - kRunsLookedAt : 0;
   while (i > 0 && runs_[i].left_alone) --i;
-  std::int32_t id = runs_[i].left_alone ? Edge::kNone : edges.platform(runs_[i].cover);
+  std::int32_t id =
+      runs_[i].left_alone ? Edge::kNone : edges.platform(runs_[i].cover, runs_[i].node);
   while (i + 1 < runs_.size()) {
     const ColumnRun& run = runs_[i];
     const ColumnRun& next = runs_[++i];
@@ -110,9 +111,9 @@ std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) const {
       // the last layer of a gap there.
       const bool gap = i > 1 && runs_[i - 2].cover == 0;
       const double there = factor / all.model().returned(run.node - (gap ? 1 : 0));
-      id = edges.through(id, slices, run.light * factor, there, next.cover);
+      id = edges.through(id, slices, run.light * factor, there, next.cover, next.node);
     } else {
-      id = edges.next(id, slices, next.left_alone ? run.cover : next.cover, next.height);
+      id = edges.next(id, slices, next.left_alone ? run.cover : next.cover, next.height, next.node);
     }
   }
   return id;
@@ -145,10 +146,11 @@ int ColumnWalk::seen_to(const WalkSearches& all, const RunAt& run, int n, double
   const LevelTable& levels = far_plan.levels;
   const double taken = model.bath_slices > 0 ? model.beyond * far : 0.0;
   const double at_node = model.returned(n), at_middle = model.returned(n + 0.5);
-  const auto node = [&](int l) { return at_node * model.step(levels.phi(l) - taken, omega_); };
+  const auto light = [&](int l) { return model.ratio(n) * levels.phi(l) - taken; };
+  const auto node = [&](int l) { return at_node * model.step(light(l), omega_); };
   const auto prints = [&](int l) {
     return node(l) >= far_plan.prints &&
-           at_middle * model.middle(levels.phi(l) - taken, omega_) >= far_plan.prints;
+           at_middle * model.middle(light(l), omega_) >= far_plan.prints;
   };
   const Process& process = all.plan().process;
   const bool capped = process.omega_max < 1e300 && (run.node > 0 || process.cap_platform_features);

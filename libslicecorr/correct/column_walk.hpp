@@ -1,5 +1,6 @@
 /// Levels of continuous exposure, slice by slice, where the search alone doesn't know all that counts:
-/// in a bath that ends, below a platform that sends light back, and beside what is left alone.
+/// in a bath that ends, below a platform that sends light back, beside what is left alone, and where
+/// slices count for more than others.
 ///
 /// - A slice counts for phi_n - a^B phi_(n + B) (cure.hpp), and what is taken is known when the slice
 ///   is solved: the search is told, of all slices that it looks at.
@@ -69,14 +70,14 @@ class WalkSearches {
 /// One column: first its slices from the platform on, then the walk back.
 class ColumnWalk {
  public:
-  /// The next slice. `light`: phi of a slice that is left alone.
+  /// The next slice. `light`: phi of a slice that is left alone, for what it counts.
   void add(const CureModel& model, int slice, std::uint8_t cover, std::uint8_t height,
            bool left_alone, double light);
   /// After the last slice.
   void begin(int slices) { lower_ = slices; }
 
-  /// The level of slice n, by index of ContinuousPlan::levels; slices from the last on. `far(k)`: phi
-  /// of the slice that leaves the bath when slice k is shown; 0: none. Not for slices that are left
+  /// The level of slice n, by index of ContinuousPlan::levels; slices from the last on. `far(k)`: phi,
+  /// for what it counts, of the slice that leaves the bath when slice k is shown; 0: none. Not for slices that are left
   /// alone.
   template <typename Far>
   int choose(WalkSearches& all, int n, Far far);
@@ -85,7 +86,7 @@ class ColumnWalk {
   double exact(WalkSearches& all, int n, Far far);
   /// Whether slice n is left alone; to be asked before it is passed.
   bool left_alone(int n) { return run_at(n).left_alone; }
-  /// Takes the light of slice n.
+  /// Takes the light of a slice, for what it counts (`CureModel::ratio`).
   void pass(const CureModel& model, double light, double far) {
     omega_ = model.step(model.bath_slices > 0 ? model.in_bath(light, far) : light, omega_);
   }

@@ -251,8 +251,9 @@ void ContinuousSolver::forward(int count) {
           const std::uint8_t told = heights_[static_cast<std::size_t>(k) * stride_ + column];
           if (told != 0 && opposite(edges_[was.edge].below, below[i])) height = told;
         }
-        upper = {edges_.next(was.edge, n - was.node, below[i], height != 0 ? height : kEdgeAtNode),
-                 n};
+        upper = {
+            edges_.next(was.edge, n - was.node, below[i], height != 0 ? height : kEdgeAtNode, n),
+            n};
         changes_.push({static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(i), height, was});
       }
     }

@@ -99,7 +99,9 @@ double ContinuousPlan::most_at_edge(std::uint8_t height, int rung) const {
   if (open_at <= 0) return open;
   // From there on down, a^(open_at).
   const double left = 1.0 / (height_grown_[height] * near[r].lower.grown);
-  return left + phi_max * (1.0 - left) + 1e-8;
+  // What layers ask is exact: of slices that differ the greatest will do.
+  const double greatest = uneven() ? *std::max_element(ratios_.begin(), ratios_.end()) : 1.0;
+  return left + greatest * phi_max * (1.0 - left) + 1e-8;
 }
 
 ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, int slices,
@@ -122,24 +124,29 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
       level_of.push_back(static_cast<std::uint8_t>(l));
     }
   }
+  ratios_ = steady_ = model.exposure_ratio;
+  for (std::size_t k = steady_.size(); k-- > 1;)
+    steady_[k - 1] = ratios_[k - 1] * b + a * steady_[k];
+  const double greatest = model.greatest_ratio();
   const int count = levels.size();
   largest_step = 0;
   for (int l = 1; l < count; ++l) {
     largest_step = std::max(largest_step, (levels.phi(l) - levels.phi(l - 1)) * b);
   }
+  largest_step *= greatest;
   // Rounding of a step is below 1e-13 for any dose that light can give.
   const double margin = exact ? 0.0 : 2e-9;
   slack = exact ? 1e-12 : 1e-9;
   close = count > 1 ? 0.99 * (levels.phi(1) - levels.phi(0)) * b - 4 * slack : 0.0;
   prints = 1.0 + margin;
   open = 1.0 - margin;
-  most = std::max(phi_max, 1.0) * (1.0 + 1e-9);
+  most = std::max(phi_max * greatest, 1.0) * (1.0 + 1e-9);
   platform_cap = process.cap_platform_features ? process.omega_max : most;
   cap = process.omega_max;
   least_cap = 0;
   if (!exact) {
     // With a lower cap no level could hold a dose between 1 and the cap.
-    const double step = (phi_max - phi_min) / std::max(1, count - 1);
+    const double step = greatest * (phi_max - phi_min) / std::max(1, count - 1);
     cap = std::max(cap, 1.0 + 3.0 * b * step);
     platform_cap = std::max(platform_cap, 1.0 + 3.0 * b * step);
     least_cap = std::min(1.0 + 3.0 * step, most);
@@ -182,7 +189,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   for (std::size_t r = 0; r < kRungs; ++r) {
     near[r] = corners_of(tolerance[r]);
     const double left = 1.0 / near[r].lower.grown;  // a^eps
-    edge_most[r] = left + phi_max * (1.0 - left) + 1e-8;
+    edge_most[r] = left + greatest * phi_max * (1.0 - left) + 1e-8;
     grey_edge_most[r] = prints + near[r].lower.excess * (1.0 - phi_min);
   }
   const LevelTable::Around one = levels.around(1.0);

@@ -5,6 +5,11 @@
 /// Omega = phi + (w - phi) a^f. So "at least T at f" is w >= T A - phi (A - 1) with A = a^-f, a
 /// *corner* of the doses and lights that a layer allows, and "less than T" the same the other way.
 ///
+/// Where slices count for more than others (`CureModel::ratio`), black and full light of slice n are
+/// ratio(n) times `phi_min` and `phi_max`, and what a curve of black or of full light tends to depends
+/// on where it is: R(k) = ratio(k) b + a R(k + 1) times them at node k, since
+/// Omega(k + j) = R(k + j) phi + (Omega(k) - R(k) phi) a^-j.
+///
 /// An edge lies at its node, or where its edge height says (target.hpp): then one of the two layers
 /// beside it has a piece of the other run in it, and corners of both kinds.
 #pragma once
@@ -77,7 +82,7 @@ struct ContinuousPlan {
                  const ContinuousPlan* like = nullptr);
 
   double a, b, root_a, per_a, per_b;
-  double phi_min, phi_max;
+  double phi_min, phi_max;  ///< of a slice that counts as a normal one
   /// What full light counts for at least: less than phi_max where the bath ends. Doses that full
   /// light must still reach are planned by it.
   double climb_max;
@@ -136,7 +141,23 @@ struct ContinuousPlan {
 
   double step(double phi, double below) const { return phi * b + a * below; }
 
+  /// What a slice counts for over a normal one (`CureModel::ratio`).
+  double ratio(int slice) const { return uneven() ? held(ratios_, slice) : 1.0; }
+  bool uneven() const { return !ratios_.empty(); }
+  /// The dose at a node if all slices from there on showed black, or full light that counts for what
+  /// climbs are planned with: what falling and climbing curves tend to there.
+  double black_from(int node) const { return phi_min * (uneven() ? held(steady_, node) : 1.0); }
+  double full_from(int node) const { return climb_max * (uneven() ? held(steady_, node) : 1.0); }
+
  private:
+  /// By slice or node; the last holds for later ones.
+  static double held(const std::vector<double>& values, int at) {
+    const auto k = static_cast<std::size_t>(at);
+    return k < values.size() ? values[k] : values.back();
+  }
+  std::vector<double> ratios_;  ///< empty: all 1
+  /// b times the sum of ratio(k + i) a^i, by node k.
+  std::vector<double> steady_;
   std::shared_ptr<const std::vector<double>> all_grown_;
   std::array<double, 256> height_grown_;  ///< a^-d by edge height, d in slices
 };

@@ -74,8 +74,8 @@ int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 }  // namespace
 
 bool can_couple(const CureModel& model) {
-  return (!model.inhibited || can_couple_under_uv(model)) && model.bath_slices == 0 &&
-         model.mirrored_slices == 0;
+  return (!model.inhibited || can_couple_under_uv(model)) && !model.gel_time &&
+         model.bath_slices == 0 && model.mirrored_slices == 0;
 }
 
 int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
@@ -118,7 +118,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
       reach_y(light_blur.reach_y()) {
   if (!can_couple(columns.model)) {
     throw InputError(
-        "light that spreads is corrected without patterned UV light, in a bath without a depth and "
+        "light that spreads is corrected without patterned UV light and time to gel, in a bath without a depth and "
         "before a platform that sends no light back: leave these out, or correct columns alone");
   }
   if (columns.model.inhibited) uv = std::make_shared<const CoupledUv>(columns);

@@ -118,7 +118,7 @@ class WantedLight {
     PatchBytes coverage(place_, box, sources.coverage), heights(place_, box, sources.heights);
     const auto turn = [&](std::size_t at, std::uint8_t was, std::uint8_t is, int node) {
       std::vector<CoverageRun>& runs = runs_[index_in(box, place_.pixel(at))];
-      const std::uint8_t height = taken_height(uv_.plan, heights[at]);
+      const std::uint8_t height = taken_height(uv_.plan.facts(), heights[at]);
       if (was != 0) {
         runs.back().first = node;
         runs.back().upper_height = height;

@@ -44,30 +44,32 @@ LayerRule Edges::rule(std::uint8_t coverage, const SideAsk* upper, const SideAsk
   return rule;
 }
 
-bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const {
-  if (rule.opposites > 0) return back_both_ways(rule, above, below);
+bool Edges::back(const LayerRule& rule, int slice, DoseRange above, DoseRange& below) const {
   const ContinuousPlan& p = plan_;
+  const double ratio = p.ratio(slice);
+  if (rule.opposites > 0) return back_both_ways(rule, ratio, above, below);
+  const double black = ratio * p.phi_min, full = ratio * p.climb_max;
   if (rule.coverage == kFull) {
-    double x = p.climb_max;
+    double x = full;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       x = std::min(x, (above.hi * p.per_a - p.prints * c.grown) / (p.per_a - c.grown));
     }
-    if (x < p.phi_min) return false;
+    if (x < black) return false;
     below.lo = std::max(0.0, (above.lo - x * p.b) * p.per_a);
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       below.lo = std::max(below.lo, p.prints * c.grown - x * c.excess);
     }
-    below.hi = (above.hi - p.phi_min * p.b) * p.per_a;
+    below.hi = (above.hi - black * p.b) * p.per_a;
   } else if (rule.coverage == 0) {
-    double most = p.climb_max, least = p.phi_min;
+    double most = full, least = black;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       most = std::min(most, p.open * c.grown * c.per_excess);
       least = std::max(least, (above.lo * p.per_a - p.open * c.grown) / (p.per_a - c.grown));
     }
-    if (least > p.climb_max) return false;
+    if (least > full) return false;
     below.lo = std::max(0.0, (above.lo - most * p.b) * p.per_a);
     below.hi = (above.hi - least * p.b) * p.per_a;
     for (int k = 0; k < rule.corners; ++k) {
@@ -76,7 +78,7 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
     }
   } else {
     // Doses of grey layers stay below what gaps above them could not take.
-    below.lo = std::max(0.0, (above.lo - p.climb_max * p.b) * p.per_a);
+    below.lo = std::max(0.0, (above.lo - full * p.b) * p.per_a);
     below.hi = p.most;
   }
   if (below.hi < 0 || below.lo > below.hi + p.slack) return false;
@@ -84,7 +86,8 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
   return true;
 }
 
-bool Edges::back_both_ways(const LayerRule& rule, DoseRange above, DoseRange& below) const {
+bool Edges::back_both_ways(const LayerRule& rule, double ratio, DoseRange above,
+                           DoseRange& below) const {
   const ContinuousPlan& p = plan_;
   // Bounds of phi, each at - per w, in w = Omega(n + 1). There is a phi between them where every
   // bound from below lies under every bound from above, which bounds w in turn.
@@ -93,8 +96,8 @@ bool Edges::back_both_ways(const LayerRule& rule, DoseRange above, DoseRange& be
   };
   std::array<Line, 7> least, most;
   std::size_t leasts = 0, mosts = 0;
-  least[leasts++] = {p.phi_min, 0.0};
-  most[mosts++] = {p.climb_max, 0.0};
+  least[leasts++] = {ratio * p.phi_min, 0.0};
+  most[mosts++] = {ratio * p.climb_max, 0.0};
   least[leasts++] = {above.lo * p.per_b, p.a * p.per_b};
   most[mosts++] = {above.hi * p.per_b, p.a * p.per_b};
   const auto add = [&](const Corner& c, bool prints) {
@@ -126,10 +129,10 @@ bool Edges::back_both_ways(const LayerRule& rule, DoseRange above, DoseRange& be
   return true;
 }
 
-DoseRange Edges::for_features(LayerRule layer, DoseRange above, DoseRange limits) const {
+DoseRange Edges::for_features(LayerRule layer, int slice, DoseRange above, DoseRange limits) const {
   (layer.coverage == 0 ? layer.corners : layer.opposites) = 0;
   DoseRange below{0.0, plan_.most};
-  back(layer, {above.lo, plan_.most}, below);
+  back(layer, slice, {above.lo, plan_.most}, below);
   below.lo = std::max(below.lo, limits.lo);
   return {below.lo, std::max(below.lo, limits.hi)};
 }
@@ -147,16 +150,17 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
   if (j == 0) return slit ? edge.at_slit[r] : edge.at[r];
   const DoseRange base = edge.inside[r];
   const double g = p.grown[static_cast<std::size_t>(j - 1)];
-  if (is_grey(edge.below)) {
-    return {std::max(aim_of(edge.below), p.climb_max - (p.climb_max - base.lo) * g), p.most};
-  }
-  DoseRange d{p.climb_max - (p.climb_max - base.lo) * g, p.phi_min + (base.hi - p.phi_min) * g};
+  const int node = edge.node;
+  const double full = p.full_from(node + j), black = p.black_from(node + j);
+  const double climbs = full - (p.full_from(node + 1) - base.lo) * g;
+  if (is_grey(edge.below)) return {std::max(aim_of(edge.below), climbs), p.most};
+  DoseRange d{climbs, black + (base.hi - p.black_from(node + 1)) * g};
   if (rung == 0 && edge.has_reserve && j >= p.together) {
     const double since = p.grown[static_cast<std::size_t>(j - p.together)];
     if (edge.below == kFull) {
-      d.hi = p.phi_min + (edge.reserved - p.phi_min) * since;
+      d.hi = black + (edge.reserved - p.black_from(node + p.together)) * since;
     } else {
-      d.lo = p.climb_max - (p.climb_max - edge.reserved) * since;
+      d.lo = full - (p.full_from(node + p.together) - edge.reserved) * since;
     }
   }
   DoseRange bounds = inside_of(edge, rung);
@@ -174,12 +178,14 @@ double Edges::grey_least(std::uint8_t grey, bool under_full, std::uint8_t below)
   return std::max(0.0, ((1.0 + r) * aim_of(grey) - 1.0) / r);
 }
 
-std::int32_t Edges::platform(std::uint8_t below) {
-  const Key key{Edge::kNone, 0, below, kEdgeAtNode};
+std::int32_t Edges::platform(std::uint8_t below, int node) {
+  if (!plan_.uneven()) node = 0;
+  const Key key{Edge::kNone, 0, below, kEdgeAtNode, node};
   const auto found = ids_.find(key);
   if (found != ids_.end()) return found->second;
   Edge edge;
   edge.above_cover = edge.below = below;
+  edge.node = node;
   edge.platform = true;
   edge.cap = plan_.platform_cap;
   for (int r = 0; r < kRungs; ++r) {
@@ -207,14 +213,17 @@ std::int32_t Edges::endless(std::uint8_t coverage, Hidden hidden) {
   return known = static_cast<std::int32_t>(edges_.size() - 1);
 }
 
-std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::uint8_t height) {
+std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::uint8_t height,
+                         int node) {
+  const double full = plan_.climb_max * plan_.ratio(node - 1);
+  if (!plan_.uneven()) node = 0;
   const Edge& above = (*this)[id];
   const std::uint8_t cover = above.below;  // the edge itself may move when others join
   if (is_grey(cover)) {
     // What a grey layer asks for itself is most often more than what those above it do.
     const bool under_full = slices == 1 && cover_above(id) == kFull && !above.platform;
     const double asked = grey_least_at(id, slices - 1);
-    if ((asked - plan_.climb_max * plan_.b) * plan_.per_a <= grey_least(cover, under_full, below)) {
+    if ((asked - full * plan_.b) * plan_.per_a <= grey_least(cover, under_full, below)) {
       if (is_grey(below)) {
         endless(below, Hidden::nothing);
         return kGreyPair | static_cast<std::int32_t>(cover) << 8 | below;
@@ -225,7 +234,8 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
       slices = 0;
     } else if (id & kGreyPair) {
       const std::uint8_t first = cover_above(id);
-      id = keep({endless(first, Hidden::nothing), 0, cover, kEdgeAtNode});
+      id = keep({endless(first, Hidden::nothing), 0, cover, kEdgeAtNode,
+                 plan_.uneven() ? node - slices : 0});
     }
   } else if (slices >= above.far) {
     id = endless(cover, above.platform && cover == kFull ? Hidden::platform : Hidden::nothing);
@@ -235,18 +245,20 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
     id = endless(cover, Hidden::nothing);
     slices = 0;
   }
-  return keep({id, slices, below, opposite(cover, below) ? height : kEdgeAtNode});
+  return keep({id, slices, below, opposite(cover, below) ? height : kEdgeAtNode, node});
 }
 
 std::int32_t Edges::through(std::int32_t id, int slices, double light, double of_one,
-                            std::uint8_t below) {
+                            std::uint8_t below, int node) {
+  if (!plan_.uneven()) node = 0;
   const auto [found, is_new] =
-      through_.try_emplace({id, slices, light, of_one, below}, Edge::kNone);
+      through_.try_emplace({id, slices, light, of_one, below, node}, Edge::kNone);
   if (!is_new) return found->second;
   const ContinuousPlan& p = plan_;
   Edge edge;
   edge.above = id;
   edge.slices = slices;
+  edge.node = node;
   edge.above_cover = edge.below = below;
   edge.cap = p.cap;
   const double left = 1.0 / p.grown[static_cast<std::size_t>(slices)];
@@ -256,7 +268,7 @@ std::int32_t Edges::through(std::int32_t id, int slices, double light, double of
       DoseRange from = doses((*this)[id], 0, r);
       if ((*this)[id].below == kFull) from.lo = std::max(from.lo, std::min(p.prints, from.hi));
       // As near as can be, where no dose would do.
-      at.lo = std::clamp((from.lo * of_one - light) / left, 0.0, p.climb_max);
+      at.lo = std::clamp((from.lo * of_one - light) / left, 0.0, p.full_from(node));
       at.hi = std::clamp((from.hi * of_one - light) / left, at.lo, p.most);
     }
     edge.at[static_cast<std::size_t>(r)] = edge.at_slit[static_cast<std::size_t>(r)] = at;
@@ -282,6 +294,7 @@ std::int32_t Edges::make(const Edge& above, const Key& key) {
   edge.above_cover = above.below;
   edge.below = key.below;
   edge.height = key.height;
+  edge.node = key.node;
   edge.cap = plan_.cap;
   set_edge(edge, above);
   set_inside(edge);
@@ -319,11 +332,11 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
       const LayerRule layer = rule(above.below, &upper_ask.below, &lower_ask.above);
       const DoseRange from = doses(above, one ? 0 : edge.slices - 1, rung, in_slit);
       DoseRange to{};
-      bool any = back(layer, from, to);
+      bool any = back(layer, edge.node - 1, from, to);
       to = common(to, limits);
       any = any && to.lo <= to.hi;
       if (r + 1 == kRungs) {
-        if (!any) to = for_features(layer, from, limits);
+        if (!any) to = for_features(layer, edge.node - 1, from, limits);
       } else {
         const DoseRange both = common(to, at[r + 1]);
         to = any && both.lo <= both.hi ? both : at[r + 1];
@@ -342,11 +355,11 @@ void Edges::set_inside(Edge& edge) const {
     const EdgeAsk ask = asks ? p.ask(edge.height, p.near[r], false) : EdgeAsk{};
     const LayerRule layer = rule(edge.below, &ask.below, nullptr);
     DoseRange to{};
-    bool any = back(layer, edge.at[r], to);
+    bool any = back(layer, edge.node, edge.at[r], to);
     to = common(to, limits);
     any = any && to.lo <= to.hi;
     if (r + 1 == kRungs) {
-      edge.inside[r] = any ? to : for_features(layer, edge.at[r], limits);
+      edge.inside[r] = any ? to : for_features(layer, edge.node, edge.at[r], limits);
     } else {
       const DoseRange both = common(to, edge.inside[r + 1]);
       edge.inside[r] = any && both.lo <= both.hi ? both : edge.inside[r + 1];
@@ -358,15 +371,21 @@ void Edges::set_inside(Edge& edge) const {
   if (!edge.platform && p.together > 0 && p.together <= last) {
     const DoseRange there = doses(edge, p.together, 0);
     const double most = std::max(0.0, (there.hi - there.lo) / 4);
+    const double ratio = p.ratio(edge.node + p.together);
     if (feature) {
-      edge.reserved = there.hi - std::min(p.feature_reserve, most);
+      edge.reserved = there.hi - std::min(ratio * p.feature_reserve, most);
       edge.has_reserve = true;
-    } else if (there.lo > p.phi_min) {
-      edge.reserved = there.lo + std::min(p.gap_reserve, most);
+    } else if (there.lo > p.black_from(edge.node + p.together)) {
+      edge.reserved = there.lo + std::min(ratio * p.gap_reserve, most);
       edge.has_reserve = true;
     }
   }
 
+  // Where slices differ each edge has a place of its own: none is the same as another.
+  if (p.uneven()) {
+    edge.far = Edge::kNever;
+    return;
+  }
   // Each of these conditions stays true from some distance on, so that the first such is found by
   // halving.
   const auto first_of = [&](int from, auto holds) {
@@ -409,15 +428,17 @@ bool Edges::wide(const DoseSet& doses) const {
   return doses.size() == 1 && doses[0].hi - doses[0].lo >= plan_.largest_step;
 }
 
-DoseSet Edges::levels_back(const LayerRule& rule, const DoseSet& above, DoseRange within) const {
+DoseSet Edges::levels_back(const LayerRule& rule, int slice, const DoseSet& above,
+                           DoseRange within) const {
   const ContinuousPlan& p = plan_;
   DoseSet found;
   if (above.empty()) return found;
   const double least = (above.front().lo - p.a * within.hi) * p.per_b;
   const double most = (above.back().hi - p.a * within.lo) * p.per_b;
-  const int last = p.levels.at_most(most);
-  for (int l = p.levels.at_least(least); l <= last; ++l) {
-    const double phi = p.levels.phi(l);
+  const double ratio = p.ratio(slice);
+  const int last = p.levels.at_most(most / ratio);
+  for (int l = p.levels.at_least(least / ratio); l <= last; ++l) {
+    const double phi = ratio * p.levels.phi(l);
     DoseRange limits = within;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
@@ -495,7 +516,7 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
   const SideAsk upper = one_upper ? p.ask(above->height, near, in_slit).below : SideAsk{};
   const auto at_edge = [&](bool slit) {
     const SideAsk lower = p.ask(edge.height, near, slit).above;
-    return levels_back(rule(edge.above_cover, &upper, &lower), from,
+    return levels_back(rule(edge.above_cover, &upper, &lower), edge.node - 1, from,
                        (slit ? edge.at_slit : edge.at)[widest]);
   };
   edge.levels_at = at_edge(false);
@@ -508,7 +529,7 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
   DoseSet d = edge.levels_at;
   const int last = static_cast<int>(p.grown.size()) - 1;
   for (int j = 1; j <= last; ++j) {
-    d = levels_back(layer, d,
+    d = levels_back(layer, edge.node + j - 1, d,
                     j == 1 ? edge.inside[widest] : common(doses(edge, j, kRungs - 1), limits));
     if (d.empty()) break;
     edge.levels_below.push_back(d);
@@ -552,10 +573,12 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
 
 DoseRange Edges::levels_inside(const Edge& edge, int j) const {
   const ContinuousPlan& p = plan_;
-  const double g =
-      p.grown[static_cast<std::size_t>(j - static_cast<int>(edge.levels_below.size()))];
+  const auto kept = static_cast<int>(edge.levels_below.size());
+  const int node = edge.node;
+  const double g = p.grown[static_cast<std::size_t>(j - kept)];
   const DoseRange d = edge.levels_inside;
-  return common({p.climb_max - (p.climb_max - d.lo) * g, p.phi_min + (d.hi - p.phi_min) * g},
+  return common({p.full_from(node + j) - (p.full_from(node + kept) - d.lo) * g,
+                 p.black_from(node + j) + (d.hi - p.black_from(node + kept)) * g},
                 inside_of(edge, kRungs - 1));
 }
 

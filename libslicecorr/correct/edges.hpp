@@ -28,6 +28,8 @@ struct Edge {
   std::int32_t above = kNone;  ///< the next edge above
   /// Slices from the next edge above to this one; 0: so many that nothing above matters.
   std::int32_t slices = 0;
+  std::int32_t node =
+      0;  ///< where slices count for more than others (ContinuousPlan::uneven); else 0
   std::uint8_t above_cover = 0, below = 0;  ///< coverage on both sides
   std::uint8_t height = kEdgeAtNode;        ///< its edge height
   bool platform = false;                    ///< the run below lies on the platform: node 0
@@ -65,17 +67,18 @@ class Edges {
  public:
   explicit Edges(const ContinuousPlan& plan);
 
-  /// The platform above a run of this coverage.
-  std::int32_t platform(std::uint8_t below);
-  /// The edge `slices` below edge `id`, with this coverage on its lower side, and this edge height.
-  std::int32_t next(std::int32_t id, int slices, std::uint8_t below,
-                    std::uint8_t height = kEdgeAtNode);
+  /// The platform above a run of this coverage. `node`: where the run begins, if what lies above it does
+  /// not matter any more.
+  std::int32_t platform(std::uint8_t below, int node = 0);
+  /// The edge `slices` below edge `id`, with this coverage on its lower side, and this edge height, at
+  /// `node`, which counts where slices differ.
+  std::int32_t next(std::int32_t id, int slices, std::uint8_t below, std::uint8_t height, int node);
   /// The lower end, `slices` below edge `id`, of what is left alone: from there on a run of coverage
   /// `below` begins. What is left alone asks nothing, but its `light`, a dose at edge `id`, and what
   /// the run below leaves must suit the runs above. `id` kNone: it lies on the platform. `of_one`: the
   /// dose at edge `id` that gels there, where light from the platform makes it differ from 1.
-  std::int32_t through(std::int32_t id, int slices, double light, double of_one,
-                       std::uint8_t below);
+  std::int32_t through(std::int32_t id, int slices, double light, double of_one, std::uint8_t below,
+                       int node);
   /// An edge between two greys depends on these two alone: its id says which they are, and the edge
   /// stands for the inside of the lower one.
   const Edge& operator[](std::int32_t id) const {
@@ -109,25 +112,27 @@ class Edges {
   /// The rule of a layer. `upper`, `lower`: what the edges at its ends ask of it, at which a feature
   /// meets a gap; null: none does.
   LayerRule rule(std::uint8_t coverage, const SideAsk* upper, const SideAsk* lower) const;
-  /// Doses at the lower node of a layer from which some light leads into `above` at its upper one;
-  /// false: none.
-  bool back(const LayerRule& rule, DoseRange above, DoseRange& below) const;
+  /// Doses at the lower node of the layer of `slice` from which some light leads into `above` at its
+  /// upper one; false: none.
+  bool back(const LayerRule& rule, int slice, DoseRange above, DoseRange& below) const;
 
   const ContinuousPlan& plan() const { return plan_; }
 
  private:
   /// As back(), where not all layers above can print as designed: features do, gaps may close.
-  DoseRange for_features(LayerRule layer, DoseRange above, DoseRange limits) const;
+  DoseRange for_features(LayerRule layer, int slice, DoseRange above, DoseRange limits) const;
   struct Key {
     std::int32_t edge, slices;
     std::uint8_t below, height;
+    std::int32_t node;  ///< 0 where slices are alike
     bool operator==(const Key&) const = default;
   };
   struct Hash {
     std::size_t operator()(const Key& k) const {
       std::uint64_t x = (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.edge)) << 32) ^
                         (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.slices)) << 8) ^
-                        k.below ^ (static_cast<std::uint64_t>(k.height ^ kEdgeAtNode) << 24);
+                        k.below ^ (static_cast<std::uint64_t>(k.height ^ kEdgeAtNode) << 24) ^
+                        (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.node)) << 40);
       x *= 0x9E3779B97F4A7C15ULL;
       return static_cast<std::size_t>(x ^ (x >> 29));
     }
@@ -141,7 +146,7 @@ class Edges {
   std::int32_t keep(const Key& key);
   std::int32_t make(const Edge& above, const Key& key);
   /// back() of a layer with corners of both kinds.
-  bool back_both_ways(const LayerRule& rule, DoseRange above, DoseRange& below) const;
+  bool back_both_ways(const LayerRule& rule, double ratio, DoseRange above, DoseRange& below) const;
   /// Fills `at` and `at_slit` of an edge below `above`.
   void set_edge(Edge& edge, const Edge& above) const;
   /// Fills all that follows from `at`.
@@ -151,7 +156,8 @@ class Edges {
   DoseSet levels_of(const Edge& edge, int j, bool slit) const;
   /// levels_allow() further down than sets are kept: the doses are one interval there.
   DoseRange levels_inside(const Edge& edge, int j) const;
-  DoseSet levels_back(const LayerRule& rule, const DoseSet& above, DoseRange within) const;
+  DoseSet levels_back(const LayerRule& rule, int slice, const DoseSet& above,
+                      DoseRange within) const;
   bool wide(const DoseSet& doses) const;
   /// Range of doses at nodes inside a run.
   DoseRange inside_of(const Edge& edge, int rung) const;
@@ -161,6 +167,7 @@ class Edges {
     std::int32_t edge, slices;
     double light, of_one;
     std::uint8_t below;
+    std::int32_t node;
     auto operator<=>(const Through&) const = default;
   };
   std::map<Through, std::int32_t> through_;
@@ -168,7 +175,7 @@ class Edges {
   std::unordered_map<Key, std::int32_t, Hash> ids_;
   std::array<std::array<std::int32_t, 256>, 3> endless_;
   struct Recent {
-    Key key{-2, 0, 0, 0};
+    Key key{-2, 0, 0, 0, 0};
     std::int32_t id = 0;
   };
   std::array<Recent, 1024> recent_;

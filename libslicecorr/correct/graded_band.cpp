@@ -90,7 +90,7 @@ void GradedColumn::find_runs(const std::uint8_t* heights) {
     const std::uint8_t height = heights && n <= plan_.layers ? heights[n] : std::uint8_t{0};
     const Upper above = runs_.back();
     runs_.push_back(
-        {edges_.next(above.edge, n - above.node, cover_[k], height != 0 ? height : kEdgeAtNode),
+        {edges_.next(above.edge, n - above.node, cover_[k], height != 0 ? height : kEdgeAtNode, n),
          n});
   }
 }

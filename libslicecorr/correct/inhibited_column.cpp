@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "correct/column_band.hpp"
 #include "correct/inhibited_doses.hpp"
 #include "correct/inhibited_judge.hpp"
 #include "correct/inhibited_polish.hpp"
@@ -206,6 +207,18 @@ const std::vector<Level>& InhibitedColumn::solve(const std::vector<CoverageRun>&
     if (!s.design.has_heights || s.wrong_voxels == 0) break;
   }
   return s.best_of_all;
+}
+
+std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns) {
+  const InhibitedPlan& p = *plan.inhibited;
+  return std::make_unique<ColumnBand>(std::make_unique<InhibitedColumn>(p), p.facts(), columns);
+}
+
+std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
+                                                 const std::vector<std::uint8_t>& coverage,
+                                                 const std::vector<std::uint8_t>& heights) {
+  InhibitedColumn column(*plan.inhibited);
+  return solve_alone(column, plan.inhibited->facts(), coverage, heights);
 }
 
 }  // namespace slicecorr::detail

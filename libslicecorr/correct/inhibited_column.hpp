@@ -26,15 +26,12 @@
 
 namespace slicecorr::detail {
 
-/// Chooses the levels of columns one by one; keeps its buffers. For one thread.
-class InhibitedColumn {
+class InhibitedColumn final : public ColumnSolver {
  public:
   explicit InhibitedColumn(const InhibitedPlan& plan);
-  ~InhibitedColumn();
-  /// `runs`: what is covered, first layer first. Returns the levels of all slices, within the
-  /// bounds; valid until the next call.
+  ~InhibitedColumn() override;
   const std::vector<Level>& solve(const std::vector<CoverageRun>& runs,
-                                  const ColumnBounds& bounds = {});
+                                  const ColumnBounds& bounds = {}) override;
 
  private:
   struct Impl;

@@ -7,13 +7,6 @@
 
 namespace slicecorr::detail {
 
-std::uint8_t taken_height(const InhibitedPlan& plan, std::uint8_t height) {
-  if (height == 0) return 0;
-  const double steps = plan.tuning.height_steps;
-  const double below = std::round(edge_height_slices(height) * steps) / steps;
-  return below == 0 ? std::uint8_t{0} : edge_height_byte(below);
-}
-
 ColumnDesign::ColumnDesign(const InhibitedPlan& plan)
     : demand(static_cast<std::size_t>(plan.all_layers) + 2, 0.0),
       plan_(plan),

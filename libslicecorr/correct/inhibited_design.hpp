@@ -9,18 +9,6 @@
 
 namespace slicecorr::detail {
 
-/// Layers [first, end) of a column have this coverage, 1..255, between nodes of these edge heights.
-struct CoverageRun {
-  std::int32_t first = 0, end = 0;
-  std::uint8_t coverage = 0;
-  std::uint8_t upper_height = 0, lower_height = 0;
-  bool operator==(const CoverageRun&) const = default;
-};
-
-/// The edge height of a run's end as the solve takes it: rounded, so that neighbours on a slope are
-/// alike and are solved once; none at the node where it is so near that rounding makes it 0.
-std::uint8_t taken_height(const InhibitedPlan& plan, std::uint8_t height);
-
 /// Layer n lies between node n, nearer to the platform, and node n + 1. For one thread.
 class ColumnDesign {
  public:

@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "correct/column_solver.hpp"
 #include "correct/inhibited_tuning.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -39,15 +40,6 @@ class ExtraLight {
   std::vector<std::vector<double>> tables_, sums_;
 };
 
-/// A grey level.
-using Level = std::uint8_t;
-
-/// Bounds of the light of a column, per slice; empty: black, and the highest levels of the plan.
-struct ColumnBounds {
-  std::vector<Level> floors;  ///< what others shine into the column
-  std::vector<Level> caps;    ///< not below the floors
-};
-
 /// Stands for the highest levels of a column that has none of its own.
 inline const std::vector<Level> kCapsOfPlan;
 
@@ -76,6 +68,10 @@ struct InhibitedPlan {
   int cap_of(int slice, const std::vector<Level>& of_column) const {
     const int cap = cap_of(slice);
     return of_column.empty() ? cap : std::min<int>(cap, of_column[static_cast<std::size_t>(slice)]);
+  }
+
+  ColumnFacts facts() const {
+    return {layers, all_layers, kernel->layer_by_layer(), tuning.height_steps, tuning.kept_columns};
   }
 
   InhibitedTuning tuning;

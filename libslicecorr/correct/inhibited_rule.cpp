@@ -9,6 +9,7 @@ namespace slicecorr::detail {
 bool LevelRule::choose_all(bool again) {
   doses_.clear();
   other_light_ = false;
+  edge_ = -1;
   int first_feature = static_cast<int>(design_.features.size()) - 1;
   int before = 0, same = 0, deep_until = plan_.all_layers;
   const int settled = plan_.tuning.settled_lengths * plan_.near;
@@ -81,15 +82,31 @@ LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
 
 /// Whether slice n lies in a feature that gets even light, and its edge towards the platform takes
 /// that light, too: from there on the feature is lit as it would be without flow.
-bool LevelRule::even_light_fits(int n, int first_feature) const {
+bool LevelRule::even_light_fits(int n, int first_feature) {
   if (first_feature < 0) return false;
   const Feature& feature = design_.features[static_cast<std::size_t>(first_feature)];
-  if (!feature.full || n >= feature.lower) return false;
+  if (!design_.full(n) || n >= feature.lower) return false;
   if (feature.platform) return true;
   const int k = feature.upper;
+  if (k != edge_) {
+    edge_ = k;
+    edge_bears_ = borne_by_edge(feature);
+  }
   const double light =
       plan_.ratio_of(n) * plan_.node_light.one(plan_.setting_of(n), cap_of(n), n - k);
-  return doses_.so_far(k, n) + light <= design_.demand[static_cast<std::size_t>(k)];
+  return doses_.so_far(k, n) + light <= edge_bears_;
+}
+
+/// The dose that the edge of a feature towards the platform gets at least when all nodes after it get
+/// theirs: where a slope begins in grey layers, that is more than it demands.
+double LevelRule::borne_by_edge(const Feature& feature) const {
+  double most = 0, share = 1;
+  for (int k = feature.upper; k <= feature.lower && most < share; ++k) {
+    most = std::max(most, share * design_.demand[static_cast<std::size_t>(k)]);
+    if (design_.full(k)) break;
+    share *= plan_.kernel->a();
+  }
+  return most;
 }
 
 /// The level of slice n, at least `level`, with which node k gets `need` more. Its feature's own

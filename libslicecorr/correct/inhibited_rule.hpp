@@ -45,7 +45,8 @@ class LevelRule {
   double promised(int n, int level, int k, int from) const;
   int least_level(int n, int k, double need, int from) const;
   double can_still_come(int n, int k, int from, int lag) const;
-  bool even_light_fits(int n, int first_feature) const;
+  bool even_light_fits(int n, int first_feature);
+  double borne_by_edge(const Feature& feature) const;
   int cap_of(int n) const { return plan_.cap_of(n, caps_); }
   /// The light of slice n when `level` is asked of it.
   int within(int n, int level) const {
@@ -58,6 +59,8 @@ class LevelRule {
   const std::vector<Level>& caps_;
   std::vector<Level> before_;  ///< levels that choose_again() expects
   bool other_light_ = false;   ///< a node gets light of a feature nearer to the platform
+  int edge_ = -1;              ///< towards the platform, that was looked at last
+  double edge_bears_ = 0;      ///< what even light may give it
 };
 
 }  // namespace slicecorr::detail

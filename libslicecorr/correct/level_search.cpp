@@ -54,21 +54,17 @@ LevelSearch::LightRule LevelSearch::light_rule(const LayerRule& rule, DoseRange 
   return light;
 }
 
-LevelSearch::LevelRange LevelSearch::levels(const LightRule& rule, double below,
+LevelSearch::LevelRange LevelSearch::levels(const LightRule& rule, double below, double ratio,
                                             double taken) const {
-  Light l = rule.at(below);
-  l.least += taken;
-  l.most += taken;
+  const Light l = of_levels(rule, below, ratio, taken);
   if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return {1, 0};
   const int first = plan_.levels.at_least(l.least);
   if (plan_.levels.phi(first) > l.most) return {1, 0};
   return {first, plan_.levels.at_most(l.most)};
 }
 
-bool LevelSearch::any_level(const LightRule& rule, double below, double taken) const {
-  Light l = rule.at(below);
-  l.least += taken;
-  l.most += taken;
+bool LevelSearch::any_level(const LightRule& rule, double below, double ratio, double taken) const {
+  const Light l = of_levels(rule, below, ratio, taken);
   if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return false;
   return plan_.levels.phi(plan_.levels.at_least(l.least)) <= l.most;
 }
@@ -106,31 +102,32 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const ContinuousPlan& p = plan_;
   const Edge& edge = edges_[run.edge];
   const int j = n - run.node;
+  const double ratio = p.ratio(n);
   // The commonest cases first: full light does not exceed the doses allowed yet, or black suffices.
   if (j >= p.together && j > 0 && j >= edge.levels_until) {
     if (edge.below == kFull && n + 1 != run.lower &&
-        p.phi_max * p.b + p.a * below <= edges_.doses(edge, j, 0).hi) {
+        ratio * p.phi_max * p.b + p.a * below <= edges_.doses(edge, j, 0).hi) {
       return p.levels.size() - 1;
     }
     if (edge.below == 0 && !(n + 1 == run.lower && run.ends_inside()) &&
-        p.phi_min * p.b + p.a * below >= edges_.doses(edge, j, 0).lo) {
+        ratio * p.phi_min * p.b + p.a * below >= edges_.doses(edge, j, 0).lo) {
       return 0;
     }
   }
   if (j == 0 && edge.below == kFull && !edge.platform && is_grey(edge.above_cover)) {
     // Only as much light as this layer needs itself, because the layer above is grey.
     const LayerRule rule = rule_of(run, n, kRungs - 1);
-    return p.levels.at_least(light_rule(rule, {p.prints, p.most}).at(below).least);
+    return p.levels.at_least(light_rule(rule, {p.prints, p.most}).at(below).least / ratio);
   }
   const bool slit = j == 0 && edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                     edge.above_cover == kFull && !edge.platform;
   const auto allowed = [&](int level) {
-    return edges_.levels_allow(edge, j, p.step(p.levels.phi(level), below), slit);
+    return edges_.levels_allow(edge, j, p.step(ratio * p.levels.phi(level), below), slit);
   };
   if (is_grey(edge.below)) {
     // The level nearest to the dose aimed at, among those that leave enough for the layers above.
-    const double least = (edges_.grey_least_at(run.edge, j) - p.a * below) * p.per_b;
-    const double aim = (grey_aim(run, n, below) - p.a * below) * p.per_b;
+    const double least = (edges_.grey_least_at(run.edge, j) - p.a * below) * p.per_b / ratio;
+    const double aim = (grey_aim(run, n, below) - p.a * below) * p.per_b / ratio;
     if (aim <= least) return p.levels.at_least(least);
     const LevelTable::Around around = p.levels.around(aim);
     const bool next = p.levels.phi(around.at_least) - aim < aim - p.levels.phi(around.at_most);
@@ -139,7 +136,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   }
   for (int r = 0; r < kRungs; ++r) {
     const LevelRange range =
-        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)), below);
+        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)), below, ratio);
     if (range.empty()) continue;
     if (edge.below == 0) {
       for (int l = range.first; l <= range.last; ++l) {
@@ -157,24 +154,25 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const DoseRange target = edges_.doses(edge, j, kRungs - 1, slit);
   if (edge.has_levels && edge.below == 0) {
     LayerRule none;
-    const LevelRange range = levels(light_rule(none, target), below);
+    const LevelRange range = levels(light_rule(none, target), below, ratio);
     for (int l = range.first; l <= range.last; ++l) {
       if (allowed(l)) return l;
     }
   }
-  return p.levels.at_least(light_rule(rule, target).at(below).least);
+  return p.levels.at_least(light_rule(rule, target).at(below).least / ratio);
 }
 
 double LevelSearch::exact(const RunAt& run, int n, double below) const {
   const ContinuousPlan& p = plan_;
   const Edge& edge = edges_[run.edge];
   const int j = n - run.node;
+  const double black = p.ratio(n) * p.phi_min, full = p.ratio(n) * p.phi_max;
   const bool slit = j == 0 && edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                     edge.above_cover == kFull && !edge.platform;
   Light l{};
   for (int r = 0; r < kRungs; ++r) {
     l = light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)).at(below);
-    if (l.least <= l.most && l.most >= p.phi_min && l.least <= p.phi_max) break;
+    if (l.least <= l.most && l.most >= black && l.least <= full) break;
   }
   // Leave out the slack, which is kept for rounding.
   l.least += p.slack * p.per_b;
@@ -184,7 +182,7 @@ double LevelSearch::exact(const RunAt& run, int n, double below) const {
     phi = std::max(grey_aim(run, n, below), edges_.grey_least_at(run.edge, j)) * p.per_b -
           p.a * below * p.per_b;
   }
-  return std::clamp(phi, p.phi_min, p.phi_max);
+  return std::clamp(phi, black, full);
 }
 
 bool LevelSearch::is_edge(std::int32_t id) const {
@@ -217,6 +215,7 @@ int LevelSearch::gather(const RunAt& start, int n) {
     SearchStep& step = steps_[static_cast<std::size_t>(count_++)];
     step.edge = run.edge;
     step.j = s - run.node;
+    step.ratio = plan_.ratio(s);
     step.coverage = e.below;
     step.upper = s == run.node && !e.platform && opposite(e.above_cover, e.below);
     step.lower = s == run.lower - 1 && opposite(e.below, run.below);
@@ -270,7 +269,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
       continue;
     }
     const SearchStep& above = steps_[static_cast<std::size_t>(k + 1)];
-    if (!edges_.back(above.rule, above.target, s.target)) return false;
+    if (!edges_.back(above.rule, top_ - (k + 1), above.target, s.target)) return false;
     if (s.j > 0) {
       const DoseRange limits =
           s.coverage == kFull
@@ -287,7 +286,6 @@ bool LevelSearch::aim(const EdgeCorners& at) {
 }
 
 bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_t* out) const {
-  const ContinuousPlan& p = plan_;
   double dose[kMost + 1];
   LevelRange range[kMost];
   int at[kMost];
@@ -296,7 +294,7 @@ bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_
   dose[0] = below;
   const auto enter = [&](int depth) {
     const SearchStep& s = steps[depth];
-    range[depth] = levels(s.light, dose[depth], taken_at(depth));
+    range[depth] = levels(s.light, dose[depth], s.ratio, taken_at(depth));
     at[depth] = s.coverage == 0 ? range[depth].first : range[depth].last;
   };
   enter(0);
@@ -308,7 +306,7 @@ bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_
       continue;
     }
     if (++looks > kLooks) return false;
-    dose[k + 1] = p.step(p.levels.phi(at[k]) - taken_at(k), dose[k]);
+    dose[k + 1] = after(s, k, at[k], dose[k]);
     if (!edges_.levels_allow(edges_[s.edge], s.j, dose[k + 1], s.slit)) {
       at[k] += s.coverage == 0 ? 1 : -1;
       continue;
@@ -323,7 +321,6 @@ bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_
 }
 
 bool LevelSearch::survivors(double below, std::uint8_t* out) {
-  const ContinuousPlan& p = plan_;
   kept_.assign(1, {below, -1, 0});
   begin_.assign(1, 0);
   for (int k = 0; k < count_; ++k) {
@@ -338,7 +335,7 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
     const double per_cell = kCells / std::max(s.target.hi - s.target.lo, 1e-300);
     for (std::size_t i = first; i < last; ++i) {
       const double w = kept_[i].dose;
-      const LevelRange range = levels(s.light, w, taken_at(k));
+      const LevelRange range = levels(s.light, w, s.ratio, taken_at(k));
       if (range.empty()) continue;
       const int all = range.last - range.first + 1;
       const int shown = std::min(all, tries);
@@ -347,14 +344,14 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
                                     : static_cast<int>(static_cast<std::int64_t>(t) * (all - 1) /
                                                        std::max(1, shown - 1));
         const int level = s.coverage == 0 ? range.first + up : range.last - up;
-        const double dose = p.step(p.levels.phi(level) - taken_at(k), w);
+        const double dose = after(s, k, level, w);
         const int cell =
             std::clamp(static_cast<int>((dose - s.target.lo) * per_cell), 0, kCells - 1);
         if (taken[cell / 64] >> (cell % 64) & 1) continue;
         if (!edges_.levels_allow(edge, s.j, dose, s.slit)) continue;
         if (k + 1 < count_) {
           const SearchStep& next = steps_[static_cast<std::size_t>(k + 1)];
-          if (!any_level(next.light, dose, taken_at(k + 1))) continue;
+          if (!any_level(next.light, dose, next.ratio, taken_at(k + 1))) continue;
         }
         taken[cell / 64] |= std::uint64_t{1} << (cell % 64);
         --left;
@@ -480,7 +477,7 @@ int LevelSearch::one_slice_near(const RunAt& run, int n, double below, const Wan
   const int nearest = up ? around.at_least : around.at_most;
   for (int r = 0; r < kRungs; ++r) {
     const LevelRange range =
-        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r)), below);
+        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r)), below, 1.0);
     if (range.empty()) continue;
     const int from = std::clamp(nearest, range.first, range.last);
     for (int off = 0; off <= range.last - range.first; ++off) {

@@ -97,6 +97,7 @@ class LevelSearch {
     std::uint8_t upper_height, lower_height;
     LayerRule rule;
     DoseRange target;  ///< of its upper node
+    double ratio = 1;  ///< what its slice counts for over a normal one
     LightRule light;
   };
   struct LevelRange {
@@ -110,10 +111,25 @@ class LevelSearch {
   };
 
   LightRule light_rule(const LayerRule& rule, DoseRange target) const;
-  /// `taken` from the phi of the layer.
-  LevelRange levels(const LightRule& rule, double below, double taken = 0.0) const;
+  /// Levels of a slice that counts for `ratio`, with `taken` from its phi.
+  LevelRange levels(const LightRule& rule, double below, double ratio, double taken = 0.0) const;
   /// Whether levels() finds any.
-  bool any_level(const LightRule& rule, double below, double taken) const;
+  bool any_level(const LightRule& rule, double below, double ratio, double taken) const;
+  /// The phi between which levels are looked for.
+  Light of_levels(const LightRule& rule, double below, double ratio, double taken) const {
+    Light l = rule.at(below);
+    l.least += taken;
+    l.most += taken;
+    if (ratio != 1.0) {
+      l.least /= ratio;
+      l.most /= ratio;
+    }
+    return l;
+  }
+  /// Dose after the gathered slice `k` shows `level`.
+  double after(const SearchStep& step, int k, int level, double below) const {
+    return plan_.step(step.ratio * plan_.levels.phi(level) - taken_at(k), below);
+  }
   /// What is taken from slice `k` of those that are chosen together.
   double taken_at(int k) const { return taken_ ? taken_[k] : 0.0; }
   LayerRule rule_of(const RunAt& run, int n, int rung) const;

@@ -42,7 +42,7 @@ void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
     passed.emplace_back(run.edge, run.node);
     const auto node = static_cast<std::size_t>(n);
     const std::uint8_t height = node < heights.size() ? heights[node] : std::uint8_t{0};
-    run.edge = edges.next(run.edge, n - run.node, c, height != 0 ? height : kEdgeAtNode);
+    run.edge = edges.next(run.edge, n - run.node, c, height != 0 ? height : kEdgeAtNode, n);
     run.node = n;
   }
   double omega = 0;
@@ -110,6 +110,10 @@ std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std:
     if (leaves_alone) throw Error("nothing can be left alone under UV light");
     return detail::make_inhibited_solver(plan, columns);
   }
+  if (plan.model.gel_time) {
+    if (leaves_alone) throw Error("nothing can be left alone with a time to gel");
+    return detail::make_gel_time_solver(plan, columns);
+  }
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::make_layerwise_solver(plan, columns);
   }
@@ -148,6 +152,7 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& coverage,
                                        const std::vector<std::uint8_t>& heights) {
   if (plan.model.inhibited) return detail::solve_inhibited_column(plan, coverage, heights);
+  if (plan.model.gel_time) return detail::solve_gel_time_column(plan, coverage, heights);
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::solve_layerwise_column(plan, coverage, heights);
   }
@@ -175,7 +180,14 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage,
                                          const std::vector<std::uint8_t>& heights) {
-  if (plan.model.inhibited) return detail::solve_inhibited_column_exactly(plan, coverage, heights);
+  if (plan.model.inhibited || plan.model.gel_time) {
+    // Their rules are about levels: each is told by its phi.
+    std::vector<double> phi;
+    for (const std::uint8_t level : solve_column(plan, coverage, heights)) {
+      phi.push_back(plan.model.level_phi[level]);
+    }
+    return phi;
+  }
   if (plan.model.mode == ExposureMode::layerwise)
     return detail::solve_layerwise_column_exactly(plan, coverage, heights);
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));

@@ -66,8 +66,10 @@ void StepwiseSolver::find_runs() {
     for (std::size_t i = 0; i < columns_; ++i) {
       const bool merged = plan_.merge_one_slice_gaps && !left[i] && here[i] == 0 && n > 0 &&
                           above[i] == kFull && below[i] == kFull && !left_below[i];
-      const double light =
-          left[i] ? plan_.levels.phi(level_of_pixel(left[i], plan_.levels.size())) : 0.0;
+      const double light = left[i]
+                               ? plan_.model.ratio(n) *
+                                     plan_.levels.phi(level_of_pixel(left[i], plan_.levels.size()))
+                               : 0.0;
       each_[i].add(plan_.model, n, merged ? kFull : here[i], heights[i], left[i] != 0, light);
     }
     // Where something is left alone there is no feature.
@@ -82,14 +84,16 @@ std::uint8_t StepwiseSolver::solve_slice(std::size_t column, int n, std::uint8_t
   const bool ends = plan_.model.bath_slices > 0;
   const auto far = [&](int k) {
     const bool shown = ends && k + plan_.model.bath_slices < plan_.all_layers;
-    return shown ? plan_.levels.phi(held(column, k)) : 0.0;
+    return shown
+               ? plan_.model.ratio(k + plan_.model.bath_slices) * plan_.levels.phi(held(column, k))
+               : 0.0;
   };
   ColumnWalk& walk = each_[column];
   const int level =
       walk.left_alone(n)
           ? level_of_pixel(left_alone, plan_.levels.size())
           : plan_.continuous->level_of[static_cast<std::size_t>(walk.choose(searches_, n, far))];
-  walk.pass(plan_.model, plan_.levels.phi(level), far(n));
+  walk.pass(plan_.model, plan_.model.ratio(n) * plan_.levels.phi(level), far(n));
   if (ends) held(column, n) = static_cast<std::uint8_t>(level);
   return static_cast<std::uint8_t>(level);
 }

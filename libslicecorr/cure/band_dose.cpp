@@ -101,14 +101,18 @@ class ContinuousWalker final : public detail::DoseWalker {
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
     lower.swap(upper);
     cut(showings);
+    ratio_ = model_.ratio(slice);
     if (bath_.ends()) {
       far_.assign(phi_.size(), 0.0);
-      bath_.pass(slice, showings, curve_, 1.0, far_);
+      bath_.pass(slice, showings, curve_, model_.ratio(slice + model_.bath_slices), far_);
     }
     turning.assign(thin_slices_.empty() ? 0 : phi_.size(), 1);
     if (!thin_slices_.empty()) return add_pieces();
     for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
       detail::block_phi(curve_, showings, b, std::min(kBlock, phi_.size() - b), &phi_[b]);
+    }
+    if (ratio_ != 1.0) {
+      for (double& phi : phi_) phi *= ratio_;
     }
     for (std::size_t i = 0; i < far_.size(); ++i) phi_[i] += far_[i];
     for (std::size_t i = 0; i < phi_.size(); ++i) {
@@ -158,6 +162,7 @@ class ContinuousWalker final : public detail::DoseWalker {
   double phi_of(const ThinSlice& thin, std::size_t i) const {
     double phi = 0;
     detail::block_phi(curve_, thin.lit, i, 1, &phi);
+    phi *= ratio_;
     return bath_.ends() ? phi + far_[i] : phi;
   }
   /// Cuts the slice into thin slices with one phi each; none where all showings are spread over the
@@ -188,6 +193,7 @@ class ContinuousWalker final : public detail::DoseWalker {
       for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
         const std::size_t n = std::min(kBlock, phi_.size() - b);
         detail::block_phi(curve_, thin->lit, b, n, phi);
+        for (std::size_t i = 0; i < n; ++i) phi[i] *= ratio_;
         for (std::size_t i = 0; bath_.ends() && i < n; ++i) phi[i] += far_[b + i];
         for (std::size_t i = 0; i < n; ++i) {
           upper[b + i] = phi[i] * thin->one_minus_a + thin->a * upper[b + i];
@@ -201,6 +207,7 @@ class ContinuousWalker final : public detail::DoseWalker {
   PixelCurve curve_;
   Bath bath_;
   std::vector<double> phi_;
+  double ratio_ = 1;         ///< of the slice at hand
   std::vector<double> far_;  ///< what leaves the bath takes from phi; empty where it has no end
   std::vector<ThinSlice> thin_slices_;  ///< of the slice at hand, from the platform's side
 };
@@ -260,6 +267,7 @@ class LayerwiseWalker final : public detail::DoseWalker {
 
 std::unique_ptr<detail::DoseWalker> make_walker(const CureModel& model, std::size_t columns) {
   if (model.inhibited) return detail::make_inhibited_walker(model, columns);
+  if (model.gel_time) return detail::make_gel_time_walker(model, columns);
   std::unique_ptr<detail::DoseWalker> walker;
   if (model.mode == ExposureMode::layerwise) {
     walker = std::make_unique<LayerwiseWalker>(model, columns);

@@ -7,13 +7,21 @@
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
 double CureModel::phi(double intensity_mw_cm2) const {
+  if (gel_time) return gel_time->phi(intensity_mw_cm2);
   const double ratio = intensity_mw_cm2 / critical_intensity_mw_cm2;
   return m == 1.0 ? ratio : std::pow(ratio, m);
+}
+
+double CureModel::intensity_mw_cm2(double phi) const {
+  if (gel_time) return gel_time->intensity_mw_cm2(phi);
+  return critical_intensity_mw_cm2 * std::pow(phi, 1.0 / m);
 }
 
 double CureModel::crossing(double phi, double below) const {
@@ -23,8 +31,24 @@ double CureModel::crossing(double phi, double below) const {
   return std::clamp(d, 0.0, 1.0);
 }
 
-int CureModel::slices_to_gel() const {
+int CureModel::slices_to_gel(int first) const {
   if (mode == ExposureMode::layerwise) return 0;
+  if (gel_time) {
+    const double slices = gel_time->slices_to_gel(gel_time->level_mw_cm2(gel_time->levels() - 1));
+    return static_cast<int>(std::min(1e9, std::ceil(slices)));
+  }
+  if (!exposure_ratio.empty()) {
+    double dose = 0, left = one_minus_a;
+    const auto own = static_cast<int>(exposure_ratio.size());
+    int slices = 0;
+    for (; first + slices < own && dose < 1.0 - 1e-12; ++slices, left *= a) {
+      dose += left * phi_max() * ratio(first + slices);
+    }
+    if (dose >= 1.0 - 1e-12) return slices;
+    // What is missing comes from slices alike.
+    const double lit = phi_max() * exposure_ratio.back(), share = (1.0 - dose) * one_minus_a / left;
+    return slices + static_cast<int>(std::ceil(std::log10(lit / (lit - share)) / eta - 1e-12));
+  }
   const double slices = std::log10(phi_max() / (phi_max() - 1.0)) / eta;
   // A part in 1e9 less than a whole number is that number: the margin of the solve covers it.
   return static_cast<int>(std::ceil(slices - 1e-12));
@@ -47,12 +71,31 @@ double CureModel::greatest_ratio() const {
                                 : *std::max_element(exposure_ratio.begin(), exposure_ratio.end());
 }
 
+double CureModel::least_ratio() const {
+  return exposure_ratio.empty() ? 1.0
+                                : *std::min_element(exposure_ratio.begin(), exposure_ratio.end());
+}
+
 double CureModel::cut_through_um(double exposure) const {
   return layer_um / eta * std::log10(1.0 + phi_min() * exposure);
 }
 
 double CureModel::level_step_um() const {
   double step = 0;
+  if (gel_time) {
+    // What a level adds to X, of which Omega takes no more; from an edge on the dose falls at least half
+    // as fast as light does, from the window of the layer on (layer by layer).
+    const bool layerwise = mode == ExposureMode::layerwise;
+    const double ratio = greatest_ratio();
+    const auto gels = [&](int l) {
+      return layerwise ? gel_time->dose_through_layer(gel_time->level_mw_cm2(l), ratio) >= 1.0
+                       : level_phi[static_cast<std::size_t>(l)] >= 1.0;
+    };
+    for (int l = 1; l < gel_time->levels() && !gels(l - 1); ++l) {
+      step = std::max(step, ratio * (gel_time->light(l).x - gel_time->light(l - 1).x));
+    }
+    return layer_um * step * (layerwise ? a : one_minus_a) / (0.5 * units::kLn10 * eta);
+  }
   if (mode == ExposureMode::layerwise) {
     const double ratio = greatest_ratio();
     for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] * ratio * a < 1.0; ++l) {
@@ -132,6 +175,33 @@ void mirror(const Printer& printer, CureModel& model) {
   model.mirrored_slices = static_cast<int>(std::min(1e9, std::ceil(slices))) + 1;
 }
 
+void refuse_under(const Printer& printer, const char* key, const char* where, const char* without) {
+  throw InputError(
+      printer.name, key,
+      fmt::format("is not counted {}; expected a printer without it, or {}", where, without));
+}
+
+/// Makes the model of a resin with a time to gel of one that has its printer, height and mode.
+void take_gel_time(const Printer& printer, const Resin& resin, const Process& process,
+                   const std::vector<double>& intensities, CureModel& model) {
+  constexpr const char* where = "for a resin of model \"gel-time\"";
+  constexpr const char* without = "a resin of another model (resinctl derive)";
+  if (process.uv.kind != UvKind::off) {
+    throw InputError(
+        resin.name, "cure.model",
+        fmt::format("UV light is not counted {}; expected no UV light, or {}", where, without));
+  }
+  if (printer.resin_depth_um > 0) refuse_under(printer, "vat.depth_um", where, without);
+  if (printer.platform_reflectance > 0) {
+    refuse_under(printer, "vat.platform_reflectance", where, without);
+  }
+  model.gel_time = std::make_shared<const GelTimeKernel>(
+      GelTime{resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s},
+      units::height_e_from_10(resin.absorbance_height10_um), process, model.layer_um, intensities);
+  model.critical_intensity_mw_cm2 = model.gel_time->intensity_mw_cm2(1.0);
+  for (const double i : intensities) model.level_phi.push_back(model.phi(i));
+}
+
 }  // namespace
 
 std::vector<double> detail::exposure_ratios(const Process& process, double normal_s) {
@@ -173,10 +243,16 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     if (!(process.exposure_s > 0)) {
       throw InputError("layer by layer exposure without a time; expected exposure_s above 0");
     }
+    model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s);
+  }
+  if (resin.has_gel_time()) {
+    take_gel_time(printer, resin, process, intensities, model);
+    return model;
+  }
+  if (process.mode == ExposureMode::layerwise) {
     // phi' = I^m te / D'c, areal.
     const double dose_prime = make_kinetics(resin, false, true).critical_dose_prime;
     model.critical_intensity_mw_cm2 = std::pow(dose_prime / process.exposure_s, 1.0 / resin.m);
-    model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s);
   } else if (resin.critical_dose_prime > 0) {
     const double hb_cm = units::height_e_from_10(resin.absorbance_height10_um) * 1e-4;
     model.critical_intensity_mw_cm2 =
@@ -188,17 +264,31 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s / cures;
   }
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
+  if (slices_differ(process)) {
+    const char* const where = process.uv.kind != UvKind::off ? "under UV light"
+                              : light_spreads(printer, resin, process)
+                                  ? "where light spreads from pixel to pixel"
+                              : resin.has_gel_time() ? "with a resin of model \"gel-time\""
+                                                     : nullptr;
+    if (where) {
+      throw InputError(fmt::format(
+          "slices that get more light where they go slower are not computed {}; expected lamps that "
+          "follow the speed",
+          where));
+    }
+    for (const double v : process.slice_speed_mm_h) {
+      model.exposure_ratio.push_back(process.speed_mm_h / v);
+    }
+  }
   if (process.uv.kind == UvKind::off) {
     end_bath(printer, model);
     mirror(printer, model);
   } else {
-    const auto refuse = [&](const char* key) {
-      throw InputError(
-          printer.name, key,
-          "is not counted under UV light; expected a printer without it, or no UV light");
-    };
-    if (printer.resin_depth_um > 0) refuse("vat.depth_um");
-    if (printer.platform_reflectance > 0) refuse("vat.platform_reflectance");
+    const char *const where = "under UV light", *const without = "no UV light";
+    if (printer.resin_depth_um > 0) refuse_under(printer, "vat.depth_um", where, without);
+    if (printer.platform_reflectance > 0) {
+      refuse_under(printer, "vat.platform_reflectance", where, without);
+    }
     model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um, intensities,
                                                     light.brightest);
     // Under UV light phi is the dose after a long run of slices, and the exponent may be another.

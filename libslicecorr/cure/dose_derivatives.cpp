@@ -1,6 +1,7 @@
 #include "slicecorr/dose_derivatives.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -16,6 +17,7 @@ void check_derivatives(const CureModel& model) {
     throw InputError(std::string("how the dose changes with its inputs is not known ") + where);
   };
   if (model.inhibited) refuse("under UV light; expected exposure without it");
+  if (model.gel_time) refuse("with a time to gel; expected a resin of another model");
   if (model.bath_slices > 0) {
     refuse("where the resin ends above the window; expected a printer without vat.depth_um");
   }
@@ -123,8 +125,42 @@ double ColumnGradient::edge_um(double z, double change, bool from_above) const {
   return -change / dose_per_um(model_, light);
 }
 
-BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted)
+/// The doses of the model and of those beside it.
+struct BandDerivatives::Differences {
+  struct One {
+    std::vector<double> Fields::*field;
+    double per_step;
+    BandDose dose;
+  };
+  BandDose dose;
+  std::vector<One> each;
+  Fields middle;
+};
+
+BandDerivatives::~BandDerivatives() = default;
+BandDerivatives::BandDerivatives(BandDerivatives&&) noexcept = default;
+
+BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted,
+                                 const NearbyModels* nearby)
     : model_(model), wanted_(wanted) {
+  if (model.inhibited && nearby && !wanted.noise) {
+    differences_.reset(new Differences{BandDose(model, columns), {}, {}});
+    const auto add = [&](std::vector<double> Fields::*field, const CureModel& near, double step) {
+      differences_->each.push_back({field, 1 / step, BandDose(near, columns)});
+    };
+    add(&Fields::ln_ha, nearby->ha, NearbyModels::kStep);
+    if (wanted.light) add(&Fields::light, nearby->light, NearbyModels::kStep);
+    if (wanted.stray) add(&Fields::stray, nearby->stray, nearby->stray_mw_cm2);
+    if (wanted.m) add(&Fields::m, nearby->m, NearbyModels::kStep);
+    for (Fields* fields : {&lower_, &upper_, &differences_->middle}) {
+      fields->dose.assign(columns, 0.0);
+      for (const Differences::One& one : differences_->each) {
+        (fields->*one.field).assign(columns, 0.0);
+      }
+    }
+    light_.phi.assign(columns, 0.0);
+    return;
+  }
   check_derivatives(model);
   const PixelCurve curve = pixel_curve(model);
   const bool more = wanted.stray || wanted.m;
@@ -247,19 +283,130 @@ void BandDerivatives::step_layerwise() {
   }
 }
 
-void BandDerivatives::add_slice(int slice, const std::uint8_t* pixels) {
-  take_light(slice, pixels);
+void BandDerivatives::step() {
   model_.mode == ExposureMode::layerwise ? step_layerwise() : step_continuous();
 }
+
+void BandDerivatives::take_differences(int slice, const std::uint8_t* pixels) {
+  Differences& d = *differences_;
+  d.dose.add_slice(slice, pixels);
+  const std::size_t n = light_.phi.size();
+  const std::array<std::pair<Fields*, const double*>, 3> places{
+      {{&lower_, d.dose.lower()}, {&d.middle, d.dose.middle()}, {&upper_, d.dose.upper()}}};
+  for (const auto& [fields, dose] : places) std::copy_n(dose, n, fields->dose.begin());
+  for (Differences::One& one : d.each) {
+    one.dose.add_slice(slice, pixels);
+    const std::array<const double*, 3> near{one.dose.lower(), one.dose.middle(), one.dose.upper()};
+    for (std::size_t p = 0; p < places.size(); ++p) {
+      std::vector<double>& out = places[p].first->*one.field;
+      for (std::size_t i = 0; i < n; ++i)
+        out[i] = (near[p][i] - places[p].second[i]) * one.per_step;
+    }
+  }
+}
+
+void BandDerivatives::add_slice(int slice, const std::uint8_t* pixels) {
+  if (differences_) return take_differences(slice, pixels);
+  take_light(slice, pixels);
+  step();
+}
+
+void BandDerivatives::add_slice(int slice, std::span<const ImageShowing> showings) {
+  if (differences_) throw Error("light that spreads under UV light has no derivatives");
+  std::fill(light_.phi.begin(), light_.phi.end(), 0.0);
+  const double ratio = model_.ratio(slice);
+  for (const ImageShowing& showing : showings) {
+    for (std::size_t i = 0; i < light_.phi.size(); ++i) {
+      light_.phi[i] += showing.light * (showing.phi ? showing.phi[i] : phi_of_[showing.pixels[i]]);
+    }
+  }
+  for (std::size_t i = 0; i < light_.phi.size() && (wanted_.stray || wanted_.m); ++i) {
+    const LightGradient light = light_gradient(model_, light_.phi[i], wanted_.reference_mw_cm2);
+    if (wanted_.stray) light_.stray[i] = ratio * light.stray;
+    if (wanted_.m) light_.m[i] = ratio * light.m;
+  }
+  if (ratio != 1) {
+    for (double& phi : light_.phi) phi *= ratio;
+  }
+  step();
+}
+
+namespace {
+
+/// Of a parabola through `lower` at 0, `middle` at 1/2 and `upper` at 1.
+double parabola(double lower, double middle, double upper, double t) {
+  return lower + t * (4 * middle - 3 * lower - upper) + 2 * t * t * (lower + upper - 2 * middle);
+}
+
+}  // namespace
 
 DoseGradient BandDerivatives::at(std::size_t column, double t) const {
   const std::size_t i = column;
   const auto value = [i](const std::vector<double>& of) { return of.empty() ? 0.0 : of[i]; };
+  if (differences_) {
+    const Fields& middle = differences_->middle;
+    const double least = std::min({lower_.dose[i], middle.dose[i], upper_.dose[i]});
+    const auto between = [&](std::vector<double> Fields::*f) {
+      return (lower_.*f).empty() ? 0.0
+                                 : parabola((lower_.*f)[i], (middle.*f)[i], (upper_.*f)[i], t);
+    };
+    DoseGradient g{between(&Fields::dose),
+                   between(&Fields::ln_ha),
+                   between(&Fields::stray),
+                   between(&Fields::m),
+                   0,
+                   between(&Fields::light)};
+    if (least > 0) {
+      g.dose = std::exp(parabola(std::log(lower_.dose[i]), std::log(middle.dose[i]),
+                                 std::log(upper_.dose[i]), t));
+    }
+    g.dose = std::max(g.dose, 0.0);
+    return g;
+  }
   const DoseGradient below{lower_.dose[i], lower_.ln_ha[i], value(lower_.stray), value(lower_.m),
                            value(lower_.variance)};
   // Layer by layer the light of the slice is in the doses at its window already.
   if (model_.mode == ExposureMode::layerwise) return step_gradient(model_, {}, below, t);
   return step_gradient(model_, {light_.phi[i], value(light_.stray), value(light_.m)}, below, t);
+}
+
+NearbyModels nearby_models(const Printer& printer, const Resin& resin, const Process& process,
+                           double layer_um, double reference_mw_cm2) {
+  const double step = NearbyModels::kStep;
+  NearbyModels near;
+  const auto model = [&](const Printer& p, const Resin& r) {
+    return make_cure_model(p, r, process, layer_um);
+  };
+  // The areal dose held: a volumetric one falls as the height grows.
+  Resin high = resin;
+  high.absorbance_height10_um *= std::exp(step);
+  if (!(resin.critical_dose_prime > 0)) {
+    high.critical_dose_mj_cm3 *= std::exp(-step);
+    high.gel_dose_mj_cm3 *= std::exp(-step);
+  }
+  near.ha = model(printer, high);
+  near.light = model(dimmed(printer, std::exp(step)), resin);
+  Printer stray = printer;
+  near.stray_mw_cm2 = step * printer.calibration.back().intensity_mw_cm2;
+  for (CalibrationPoint& point : stray.calibration) point.intensity_mw_cm2 += near.stray_mw_cm2;
+  near.stray = model(stray, resin);
+  if (!(reference_mw_cm2 > 0)) return near;
+  if (!(resin.critical_dose_prime > 0)) {
+    throw InputError(
+        "how the dose changes with the exponent under UV light is known of resins with "
+        "critical_dose_prime only; expected no error of m");
+  }
+  // D'c is held where I = Iref.
+  Resin steep = resin;
+  const double held = std::pow(reference_mw_cm2, step);
+  steep.m += step;
+  steep.critical_dose_prime *= held;
+  if (steep.inhibition) {
+    steep.inhibition->m += step;
+    steep.inhibition->critical_dose_prime *= held;
+  }
+  near.m = model(printer, steep);
+  return near;
 }
 
 }  // namespace slicecorr

@@ -73,6 +73,20 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
   k.hb_um = units::height_e_from_10(resin.absorbance_height10_um);
   k.m = resin.m;
   const double factor = resin.dose_factor > 0 ? resin.dose_factor : 1.0;
+  if (resin.has_gel_time()) {
+    const double times = aim ? 1.0 : 1.0 / factor;
+    k.gel_time = {resin.gel_a_mj_cm2 * times, resin.gel_b_sqrt_mw_cm2_s * times};
+    k.critical_dose_prime = 1.0;
+    if (inhibited) {
+      throw InputError(resin.name, "cure.model",
+                       "the resin has a time to gel, which UV light does not change; expected a "
+                       "resin of model \"kinetic\" with an [inhibition]");
+    }
+    if (!(k.hb_um > 0)) {
+      throw InputError(resin.name, "cure", "the resin has no absorbance height; expected one");
+    }
+    return k;
+  }
   if (resin.critical_dose_prime > 0) {
     k.critical_dose_prime = resin.critical_dose_prime / (aim ? 1.0 : factor);
   } else if (!aim && resin.gel_dose_mj_cm3 > 0) {
@@ -107,18 +121,26 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
 }
 
 double cured_height_um(const Kinetics& k, double blue_mw_cm2, double exposure_s) {
+  if (k.has_gel_time()) {
+    return k.hb_um *
+           (std::log(blue_mw_cm2) - std::log(gel_intensity_mw_cm2(k.gel_time, exposure_s)));
+  }
   // Sum of logarithms: the product of their arguments may overflow where the height does not.
   return k.hb_um * std::log(blue_mw_cm2) +
          k.hb_um / k.m * (std::log(exposure_s) - std::log(k.critical_dose_prime));
 }
 
 double exposure_for_height_s(const Kinetics& k, double blue_mw_cm2, double height_um) {
+  if (k.has_gel_time()) {
+    return gel_time_s(k.gel_time, blue_mw_cm2 * std::exp(-height_um / k.hb_um));
+  }
   return k.critical_dose_prime * std::exp(k.m * (height_um / k.hb_um - std::log(blue_mw_cm2)));
 }
 
 double dose_prime_at(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2, double z_um,
                      double exposure_s) {
   const double net = std::max(0.0, net_intensity(k, blue_mw_cm2, uv_mw_cm2, z_um));
+  if (k.has_gel_time()) return net > 0 ? exposure_s / gel_time_s(k.gel_time, net) : 0.0;
   return (k.m == 1.0 ? net : std::pow(net, k.m)) * exposure_s;
 }
 
@@ -135,6 +157,7 @@ double steady_dead_zone_um(const Kinetics& k, double blue_mw_cm2, double uv_mw_c
 FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   FirstGel first;
   if (blue_mw_cm2 <= 0) return {kInfinity, kInfinity};
+  if (k.has_gel_time()) return {0, gel_time_s(k.gel_time, blue_mw_cm2)};
   if (is_inhibited(k, uv_mw_cm2)) {
     const double ratio = k.beta * uv_mw_cm2 * k.hb_um / (blue_mw_cm2 * k.huv_um);
     first.z_um = std::max(0.0, std::log(ratio) / slope(k));
@@ -170,12 +193,14 @@ std::optional<CuringFronts> curing_fronts(const Kinetics& k, double blue_mw_cm2,
 
 double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   const double net = net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0);
+  if (k.has_gel_time() && net > 0) return gel_time_s(k.gel_time, net);
   return net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : kInfinity;
 }
 
 double passing_dose_prime(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,
                           double speed_mm_h) {
   if (blue_mw_cm2 <= 0) return 0;
+  if (k.has_gel_time()) return passing_dose(k.gel_time, blue_mw_cm2, k.hb_um, speed_mm_h);
   const double distance_um = is_inhibited(k, uv_mw_cm2)
                                  ? inhibited_integral_um(k, k.beta * uv_mw_cm2 / blue_mw_cm2)
                                  : k.hb_um / k.m;

@@ -7,7 +7,9 @@
 #include <functional>
 #include <optional>
 
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
@@ -45,7 +47,23 @@ struct BlackLight {
   double dose = 0;
   int layer = 0;
 };
+/// The same with a time to gel: by walking black slices up to the platform.
+BlackLight most_black_by_time(const CureModel& model, const std::vector<double>& ratios) {
+  CureModel black = model;
+  black.exposure_ratio = ratios;
+  const std::uint8_t pixel = 0;
+  BandDose dose(black, 1);
+  BlackLight most;
+  const int own = static_cast<int>(ratios.size());
+  for (int n = own + 2 * model.gel_time->reach(); n-- > 0;) {
+    dose.add_slice(n, &pixel);
+    if (*dose.lower() > most.dose) most = {*dose.lower(), std::min(n, own)};
+  }
+  return most;
+}
+
 BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
+  if (model.gel_time) return most_black_by_time(model, ratios);
   const auto ratio = [&](std::size_t n) {
     return ratios.empty() ? 1.0 : n < ratios.size() ? ratios[n] : ratios.back();
   };
@@ -66,6 +84,11 @@ BlackLight most_black(const CureModel& model, const std::vector<double>& ratios)
 /// What black light adds up to at most over what it does in deep resin far from the platform, where
 /// exposures are alike.
 double black_gain(const CureModel& model) { return model.steady(model.returned(1)); }
+/// What black light adds up to where all exposures are normal.
+double alike_black(const CureModel& model) {
+  if (model.gel_time) return most_black_by_time(model, {}).dose;
+  return model.phi_min() * black_gain(model) / model.one_minus_a;
+}
 
 /// The relative dose of lit pixels, which must be above 1 (layer by layer without UV: at least 1),
 /// and that of black, which must be below.
@@ -79,11 +102,19 @@ Doses doses_of(const CureModel& model) {
     const int s = kernel.strongest_setting();
     return {kernel.steady_dose(s, kernel.highest_usable_level(s)), kernel.steady_dose(0, 0)};
   }
+  if (model.gel_time && model.mode == ExposureMode::layerwise) {
+    const GelTimeKernel& kernel = *model.gel_time;
+    return {kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1),
+                                      model.ratio(weakest_layer(model))),
+            most_black_by_time(model, model.exposure_ratio).dose};
+  }
   if (model.mode == ExposureMode::layerwise) {
     return {model.phi_max() * model.ratio(weakest_layer(model)) * model.a,
             most_black(model, model.exposure_ratio).dose};
   }
-  return {model.steady(model.phi_max()), model.steady(model.phi_min()) * model.returned(0)};
+  // Where slices count for more than others, whatever their order.
+  return {model.steady(model.phi_max()) * model.least_ratio(),
+          model.steady(model.phi_min()) * model.greatest_ratio() * model.returned(0)};
 }
 
 bool is_plain_layerwise(const CureModel& model) {
@@ -107,6 +138,7 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
+  if (model.gel_time) return model.ratio(rule) * alike_black(model) >= 1.0;
   return model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a >= 1.0;
 }
 
@@ -160,8 +192,7 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
         "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
         "critical dose",
         failing_layer(model, process, layer), printer.calibration.front().intensity_mw_cm2,
-        as_a_rule ? model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a
-                  : doses.black);
+        as_a_rule ? model.ratio(rule) * alike_black(model) : doses.black);
   }
   return v;
 }
@@ -212,6 +243,7 @@ Process cut(Process p, double most_s) {
 /// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
 /// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
+  if (model.gel_time && model.phi_min() > 0) return normal_s / alike_black(model);
   return model.phi_min() > 0 ? normal_s * model.one_minus_a / (model.phi_min() * black_gain(model))
                              : kInfinity;
 }
@@ -361,6 +393,26 @@ std::string exposure_way(const std::vector<LitPlace>& places, const Process& pro
   return fmt::format("expose {}for less than {} s", which, words->greatest);
 }
 
+/// With a time to gel: by how much light would have to be multiplied for a dose of it to be `wanted`.
+double light_by_time(const CureModel& model, double wanted, double Doses::*dose) {
+  const auto reaches = [&](double factor) {
+    CureModel other = model;
+    other.gel_time = std::make_shared<const GelTimeKernel>(model.gel_time->with_light(factor));
+    for (std::size_t l = 0; l < other.level_phi.size(); ++l) {
+      other.level_phi[l] = other.phi(factor * model.gel_time->level_mw_cm2(static_cast<int>(l)));
+    }
+    return doses_of(other).*dose >= wanted;
+  };
+  // In powers of e: no light at all makes no dose.
+  double low = -60, high = 60;
+  if (!std::isfinite(wanted) || !reaches(std::exp(high))) return kInfinity;
+  for (int halved = 0; halved < 60; ++halved) {
+    const double half = 0.5 * (low + high);
+    (reaches(std::exp(half)) ? high : low) = half;
+  }
+  return std::exp(high);
+}
+
 /// What intensities of full light and of black would make all places print at the speed or exposure
 /// asked for. Only without UV light, whose dead zone would matter, too.
 std::string light_way(const std::vector<LitPlace>& places, const Printer& printer,
@@ -368,6 +420,11 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   double full = 0, black = kInfinity;
   for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
+    if (p.model->gel_time) {
+      if (p.lit) full = std::max(full, light_by_time(*p.model, p.needed, &Doses::lit));
+      black = std::min(black, light_by_time(*p.model, 1.0, &Doses::black));
+      continue;
+    }
     if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));
     black = std::min(black, std::pow(1.0 / d.black, 1.0 / p.model->m));
   }

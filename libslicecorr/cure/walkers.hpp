@@ -34,7 +34,7 @@ class DoseWalker {
   virtual void add_slice(int slice, std::span<const ImageShowing> showings) = 0;
   /// See BandDose::inside.
   virtual void inside(std::size_t column, double known, InsideLayer& out) const = 0;
-  /// The pieces of the layer, from its lower end on; none under UV light.
+  /// The pieces of the layer, from its lower end on; none under UV light, and of resins with a time to gel.
   virtual void stretches(std::size_t, std::vector<Stretch>& out) const { out.clear(); }
   std::vector<double> lower, middle, upper;  ///< doses of the layer that was added last, per column
   std::vector<std::uint8_t> turning;         ///< see BandDose::turning; empty: nowhere
@@ -46,5 +46,8 @@ std::unique_ptr<DoseWalker> with_returned_light(const CureModel& model,
 
 /// Doses of a model with an inhibited kernel.
 std::unique_ptr<DoseWalker> make_inhibited_walker(const CureModel& model, std::size_t columns);
+
+/// Doses of a model with a time to gel.
+std::unique_ptr<DoseWalker> make_gel_time_walker(const CureModel& model, std::size_t columns);
 
 }  // namespace slicecorr::detail

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "flow/coarser_section.hpp"
 #include "flow/disc_levels.hpp"
 #include "flow/front_step.hpp"
 #include "flow/solvable.hpp"
@@ -25,45 +26,12 @@ constexpr double kStray = 0.02;
 /// Half of those of a sweep that is looked at: what moves a gap is smooth.
 constexpr int kLevels = 24;
 
-/// `factor` x `factor` cells as one.
-FlowSection coarser(const FlowSection& fine, int factor) {
-  FlowSection s;
-  s.width = (fine.width + factor - 1) / factor;
-  s.height = (fine.height + factor - 1) / factor;
-  s.pitch_x_um = fine.pitch_x_um * factor;
-  s.pitch_y_um = fine.pitch_y_um * factor;
-  s.cells.assign(s.size(), FlowCell::bath);
-  s.coverage.assign(s.size(), 0);
-  s.voids.assign(s.size(), 0);
-  std::vector<int> blind(s.size(), 0);
-  for (int y = 0; y < fine.height; ++y) {
-    for (int x = 0; x < fine.width; ++x) {
-      const std::size_t from = fine.index(x, y), to = s.index(x / factor, y / factor);
-      const bool whole = fine.coverage.empty() || fine.cells[from] == FlowCell::blind;
-      s.coverage[to] += !whole                               ? fine.coverage[from]
-                        : fine.cells[from] == FlowCell::bath ? 0.0F
-                                                             : 1.0F;
-      if (fine.cells[from] != FlowCell::blind) continue;
-      ++blind[to];
-      if (!fine.voids.empty()) s.voids[to] = fine.voids[from];
-    }
-  }
-  const float all = static_cast<float>(factor) * static_cast<float>(factor);
-  for (std::size_t k = 0; k < s.size(); ++k) {
-    s.coverage[k] = std::min(1.0F, s.coverage[k] / all);
-    if (s.coverage[k] < 0.5F) continue;
-    const bool mostly_blind = 2 * static_cast<float>(blind[k]) > s.coverage[k] * all;
-    s.cells[k] = mostly_blind ? FlowCell::blind : FlowCell::part;
-  }
-  return s;
-}
-
 /// Coarse enough to be quick, and fine enough to be solved.
 FlowSection for_fixed_point(const FlowSection& fine) {
   constexpr int kMostCells = 64;
   for (int factor = (std::max(fine.width, fine.height) + kMostCells - 1) / kMostCells; factor > 1;
        --factor) {
-    FlowSection s = coarser(fine, factor);
+    FlowSection s = detail::coarser(fine, factor);
     if (detail::solvable(s)) return s;
   }
   return fine;

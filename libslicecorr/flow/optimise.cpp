@@ -7,7 +7,10 @@
 #include <numeric>
 #include <optional>
 
-#include "descent.hpp"
+#include "flow/coarser_section.hpp"
+#include "flow/descent.hpp"
+#include "flow/image_light.hpp"
+#include "flow/solvable.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_section.hpp"
 
@@ -19,7 +22,7 @@ namespace {
 constexpr double kWindowMargin = 0.005;
 constexpr double kWindowCost = 30;
 /// Gaps of the first look and steps of the second; steps of light at each.
-constexpr int kCoarseGaps = 7, kFineGaps = 5, kLook = 60;
+constexpr int kCoarseGaps = 7, kFineGaps = 5, kLook = 60, kRefine = 40;
 constexpr int kConstantGaps = 12, kConstantFine = 12;
 
 void need(bool good, const char* what, double value, const char* expected) {
@@ -46,6 +49,7 @@ void check_goal(const FlowSection& section, const FlowResin& resin, const Sectio
          "a number per cell");
     for (const double w : g.weight) need(std::isfinite(w) && w >= 0, "weight", w, "0 or more");
   }
+  if (g.image) detail::check_image(section, *g.image);
   if (!(resin.kinetics.beta > 0) || g.max_uv_mw_cm2 == 0) {
     throw InfeasibleError(
         "flow: no dead zone lasts without inhibition by UV light, so the part sticks to the window "
@@ -62,7 +66,9 @@ struct Task {
   const SectionGoal& goal;
   const ExecutionContext& context;
   std::vector<std::size_t> cells;  ///< of part
-  std::vector<int> right, below;   ///< of those, their neighbours among them; -1 without
+  std::vector<std::size_t>
+      asked;  ///< whose light is sought: those of part, and others that they show
+  std::vector<int> right, below;  ///< of those, their neighbours among them; -1 without
   std::vector<double> distance_um;
 
   std::vector<double> weight(double gap_um) const {
@@ -85,15 +91,15 @@ struct Task {
 
 Task make_task(const FlowSection& section, const GapPressure& pressure, const FlowResin& resin,
                double speed_mm_h, const SectionGoal& goal, const ExecutionContext& context) {
-  Task t{section, pressure, resin, speed_mm_h, goal, context, {}, {}, {}, {}};
-  std::vector<int> number(section.size(), -1);
+  Task t{section, pressure, resin, speed_mm_h, goal, context, {}, {}, {}, {}, {}};
   for (std::size_t i = 0; i < section.size(); ++i) {
-    if (section.cells[i] != FlowCell::part) continue;
-    number[i] = static_cast<int>(t.cells.size());
-    t.cells.push_back(i);
+    if (section.cells[i] == FlowCell::part) t.cells.push_back(i);
   }
+  t.asked = detail::asked_cells(section, goal.image.get());
+  std::vector<int> number(section.size(), -1);
+  for (std::size_t k = 0; k < t.asked.size(); ++k) number[t.asked[k]] = static_cast<int>(k);
   const auto width = static_cast<std::size_t>(section.width);
-  for (const std::size_t i : t.cells) {
+  for (const std::size_t i : t.asked) {
     t.right.push_back((i + 1) % width != 0 ? number[i + 1] : -1);
     t.below.push_back(i + width < section.size() ? number[i + width] : -1);
   }
@@ -119,8 +125,6 @@ class AtGap {
         total_(std::accumulate(weight_.begin(), weight_.end(), 0.0)),
         sweep_(task.section, task.pressure, task.resin, task.speed_mm_h, {&gap_um, 1},
                task.goal.sweep) {}
-
-  const SectionSweep& sweep() const { return sweep_; }
 
   /// The best constant light, shares of the caps.
   Choice constant() const {
@@ -148,32 +152,45 @@ class AtGap {
   std::vector<double> shares(const std::vector<double>& blue, const std::vector<double>& uv) const {
     std::vector<double> x;
     for (const auto& [from, count] : {std::pair{&blue, blue_size()}, std::pair{&uv, uv_size()}}) {
-      for (std::size_t k = 0; k < count; ++k) x.push_back((*from)[t_.cells[k]]);
+      for (std::size_t k = 0; k < count; ++k) x.push_back((*from)[t_.asked[k]]);
     }
     return x;
   }
+  /// The light that is asked for.
   std::vector<double> blue(const std::vector<double>& x) const {
     return light(x, 0, blue_size(), t_.goal.max_blue_mw_cm2);
   }
   std::vector<double> uv(const std::vector<double>& x) const {
     return light(x, blue_size(), uv_size(), t_.goal.max_uv_mw_cm2);
   }
+  /// The dose of what cells show of it.
+  SectionDose dose(const std::vector<double>& x) const {
+    return sweep_.dose(shown_blue(x), shown_uv(x));
+  }
 
  private:
   std::size_t blue_size() const {
     const FlowPattern p = t_.goal.pattern;
-    return p == FlowPattern::blue || p == FlowPattern::both ? t_.cells.size() : 1;
+    return p == FlowPattern::blue || p == FlowPattern::both ? t_.asked.size() : 1;
   }
   std::size_t uv_size() const {
     const FlowPattern p = t_.goal.pattern;
-    return p == FlowPattern::uv || p == FlowPattern::both ? t_.cells.size() : 1;
+    return p == FlowPattern::uv || p == FlowPattern::both ? t_.asked.size() : 1;
   }
 
+  const ImageLight* image() const { return t_.goal.image.get(); }
+  const ImageLight* uv_image() const { return image() && image()->uv ? image() : nullptr; }
+  std::vector<double> shown_blue(const std::vector<double>& x) const {
+    return image() ? image()->of_blue(t_.section, blue(x)) : blue(x);
+  }
+  std::vector<double> shown_uv(const std::vector<double>& x) const {
+    return image() ? image()->of_uv(t_.section, uv(x)) : uv(x);
+  }
   std::vector<double> light(const std::vector<double>& x, std::size_t from, std::size_t count,
                             double cap) const {
     std::vector<double> cells(t_.section.size(), 0.0);
-    for (std::size_t k = 0; k < t_.cells.size(); ++k) {
-      cells[t_.cells[k]] = cap * x[from + (count > 1 ? k : 0)];
+    for (std::size_t k = 0; k < t_.asked.size(); ++k) {
+      cells[t_.asked[k]] = cap * x[from + (count > 1 ? k : 0)];
     }
     return cells;
   }
@@ -191,7 +208,7 @@ class AtGap {
   double value(const std::vector<double>& x, std::vector<double>& gradient,
                double window_cost) const {
     t_.context.check_cancelled();
-    const std::vector<double> blue_light = blue(x), uv_light = uv(x);
+    const std::vector<double> blue_light = shown_blue(x), uv_light = shown_uv(x);
     const SectionDose dose = sweep_.dose(blue_light, uv_light);
     std::vector<double> front(t_.section.size(), 0.0), window(t_.section.size(), 0.0);
     double sum = missed(dose, &front);
@@ -204,8 +221,10 @@ class AtGap {
     }
     const SectionGradient by_light = sweep_.gradient(blue_light, uv_light, front, window);
     std::fill(gradient.begin(), gradient.end(), 0.0);
-    add(by_light.blue, t_.goal.max_blue_mw_cm2, 0, blue_size(), gradient);
-    add(by_light.uv, t_.goal.max_uv_mw_cm2, blue_size(), uv_size(), gradient);
+    add(detail::by_asked(t_.section, image(), by_light.blue), t_.goal.max_blue_mw_cm2, 0,
+        blue_size(), gradient);
+    add(detail::by_asked(t_.section, uv_image(), by_light.uv), t_.goal.max_uv_mw_cm2, blue_size(),
+        uv_size(), gradient);
     sum += rough(x, 0, blue_size(), gradient);
     sum += rough(x, blue_size(), uv_size(), gradient);
     sum += pulled(x, gradient);
@@ -214,8 +233,8 @@ class AtGap {
 
   void add(const std::vector<double>& by_cell, double cap, std::size_t from, std::size_t count,
            std::vector<double>& gradient) const {
-    for (std::size_t k = 0; k < t_.cells.size(); ++k) {
-      gradient[from + (count > 1 ? k : 0)] += cap * by_cell[t_.cells[k]];
+    for (std::size_t k = 0; k < t_.asked.size(); ++k) {
+      gradient[from + (count > 1 ? k : 0)] += cap * by_cell[t_.asked[k]];
     }
   }
 
@@ -257,27 +276,32 @@ class AtGap {
 
   /// For each UV light the best blue one is known, and what it misses is convex in UV.
   Choice constant_linear() const {
-    const double one = 1, none = 0;
-    const SectionDose of_blue = sweep_.dose({&one, 1}, {&none, 1});
-    const SectionDose of_uv = sweep_.dose({&none, 1}, {&one, 1});
+    const std::vector<double> one(t_.section.size(), 1.0), none(t_.section.size(), 0.0);
+    const SectionDose of_blue = sweep_.dose(detail::followed(t_.section, image(), one), none);
+    const SectionDose of_uv = sweep_.dose(none, detail::followed(t_.section, uv_image(), one));
+    SectionDose besides{none, none};
+    if (image())
+      besides = sweep_.dose(image()->blue_mw_cm2, uv_image() ? image()->uv_mw_cm2 : none);
     const double limit = t_.goal.max_window - kWindowMargin;
     const auto best_blue = [&](double uv) {
       double up = 0, down = 0, most = t_.goal.max_blue_mw_cm2;
       for (const std::size_t cell : t_.cells) {
         const double b = of_blue.front[cell];
-        up += weight_[cell] * b * (1 - uv * of_uv.front[cell]);
+        up += weight_[cell] * b * (1 - besides.front[cell] - uv * of_uv.front[cell]);
         down += weight_[cell] * b * b;
         if (of_blue.window[cell] > 0) {
-          most = std::min(most, (limit - uv * of_uv.window[cell]) / of_blue.window[cell]);
+          const double left = limit - besides.window[cell] - uv * of_uv.window[cell];
+          most = std::min(most, left / of_blue.window[cell]);
         }
       }
-      return std::clamp(up / down, 0.0, std::max(most, 0.0));
+      return down > 0 ? std::clamp(up / down, 0.0, std::max(most, 0.0)) : 0.0;
     };
     const auto misses = [&](double uv) {
       const double b = best_blue(uv);
       double sum = 0;
       for (const std::size_t cell : t_.cells) {
-        const double miss = b * of_blue.front[cell] + uv * of_uv.front[cell] - 1;
+        const double miss =
+            besides.front[cell] + b * of_blue.front[cell] + uv * of_uv.front[cell] - 1;
         sum += weight_[cell] * miss * miss;
       }
       return sum / total_;
@@ -301,15 +325,15 @@ class AtGap {
   Choice constant_any() const {
     SectionGoal goal = t_.goal;
     goal.pattern = FlowPattern::constant;
-    const Task task{t_.section, t_.pressure, t_.resin, t_.speed_mm_h, goal,
-                    t_.context, t_.cells,    t_.right, t_.below,      t_.distance_um};
+    const Task task{t_.section, t_.pressure, t_.resin, t_.speed_mm_h, goal,          t_.context,
+                    t_.cells,   t_.asked,    t_.right, t_.below,      t_.distance_um};
     const AtGap even(task, gap_um_);
     Choice best;
     for (const double uv : {0.25, 0.5, 1.0}) {
       double low = 0, high = 1;
       for (int k = 0; k < 12; ++k) {
         const double blue = 0.5 * (low + high);
-        const SectionDose dose = even.sweep_.dose(even.blue({blue, uv}), even.uv({blue, uv}));
+        const SectionDose dose = even.dose({blue, uv});
         double mean = 0;
         for (const std::size_t cell : t_.cells) mean += weight_[cell] * dose.front[cell];
         (mean < total_ ? low : high) = blue;
@@ -371,15 +395,12 @@ Choice best_gap(const Task& task) {
   return best;
 }
 
-/// Cells outside the part take the light of the nearest filled ones, ring by ring.
-void fill_outside(const FlowSection& s, std::vector<double>& light) {
+/// Other cells take the light of the nearest asked ones, ring by ring.
+void fill_outside(const Task& task, std::vector<double>& light) {
+  const FlowSection& s = task.section;
   std::vector<char> known(s.size(), 0);
-  std::vector<std::size_t> front;
-  for (std::size_t i = 0; i < s.size(); ++i) {
-    if (s.cells[i] != FlowCell::part) continue;
-    known[i] = 1;
-    front.push_back(i);
-  }
+  std::vector<std::size_t> front = task.asked;
+  for (const std::size_t i : front) known[i] = 1;
   while (!front.empty()) {
     std::vector<std::size_t> next;
     for (const std::size_t i : front) {
@@ -401,58 +422,8 @@ void fill_outside(const FlowSection& s, std::vector<double>& light) {
 /// Gaps are compared on sections of no more cells than this.
 constexpr std::size_t kScanCells = 800, kScanConstant = 4000;
 
-/// A section on cells of twice the size, and what counts on it.
-struct Coarse {
-  FlowSection section;
-  std::vector<double> weight;
-};
-
-Coarse coarsened(const FlowSection& s, const std::vector<double>& weight) {
-  Coarse c;
-  c.section.width = (s.width + 1) / 2;
-  c.section.height = (s.height + 1) / 2;
-  c.section.pitch_x_um = 2 * s.pitch_x_um;
-  c.section.pitch_y_um = 2 * s.pitch_y_um;
-  for (int y = 0; y < c.section.height; ++y) {
-    for (int x = 0; x < c.section.width; ++x) {
-      double covered = 0, counts = 0;
-      int blind = 0;
-      std::int32_t of_void = 0;
-      for (int k = 0; k < 4; ++k) {
-        const int u = 2 * x + k % 2, v = 2 * y + k / 2;
-        if (u >= s.width || v >= s.height) continue;
-        const std::size_t i = s.index(u, v);
-        const FlowCell cell = s.cells[i];
-        covered +=
-            s.coverage.empty() || cell == FlowCell::blind ? cell != FlowCell::bath : s.coverage[i];
-        if (!weight.empty()) counts += weight[i];
-        if (cell != FlowCell::blind) continue;
-        ++blind;
-        if (!s.voids.empty()) of_void = s.voids[i];
-      }
-      const bool part = covered >= 2;
-      c.section.cells.push_back(part && blind >= 2 ? FlowCell::blind
-                                : part             ? FlowCell::part
-                                                   : FlowCell::bath);
-      c.section.coverage.push_back(static_cast<float>(covered / 4));
-      if (!s.voids.empty()) c.section.voids.push_back(of_void);
-      if (!weight.empty()) c.weight.push_back(counts);
-    }
-  }
-  return c;
-}
-
 std::size_t parts_of(const FlowSection& s) {
   return static_cast<std::size_t>(std::count(s.cells.begin(), s.cells.end(), FlowCell::part));
-}
-
-bool fits(const FlowSection& s) {
-  try {
-    check_section(s);
-    return true;
-  } catch (const InputError&) {
-    return false;
-  }
 }
 
 /// Light at a gap, cells, shares of the caps.
@@ -462,38 +433,39 @@ struct Scan {
   int iterations = 0;
 };
 
-/// The best gap, on coarser cells where there are many, and the light found there.
-Scan scan_gaps(const Task& task) {
-  const FlowSection& s = task.section;
-  Coarse coarse;
-  const bool fine =
-      parts_of(s) <= kScanCells || (coarse = coarsened(s, task.goal.weight), !fits(coarse.section));
-  Scan scan;
-  if (!fine) {
-    SectionGoal goal = task.goal;
-    goal.weight = coarse.weight;
-    const GapPressure pressure = solve_pressure(coarse.section, task.context);
-    const Scan below = scan_gaps(
-        make_task(coarse.section, pressure, task.resin, task.speed_mm_h, goal, task.context));
-    scan = {below.gap_um, std::vector<double>(s.size()), std::vector<double>(s.size()),
-            below.iterations};
-    for (std::size_t i = 0; i < s.size(); ++i) {
-      const auto width = static_cast<std::size_t>(s.width);
-      const std::size_t from =
-          coarse.section.index(static_cast<int>(i % width / 2), static_cast<int>(i / width / 2));
-      scan.blue[i] = below.blue[from];
-      scan.uv[i] = below.uv[from];
-    }
-    return scan;
-  }
-  const Choice choice = best_gap(task);
-  const AtGap at(task, choice.gap_um);
-  scan = {choice.gap_um, at.blue(choice.x), at.uv(choice.x), choice.iterations};
+Scan scan_of(const Task& task, const AtGap& at, const Choice& choice, int iterations_before) {
+  Scan scan{choice.gap_um, at.blue(choice.x), at.uv(choice.x),
+            iterations_before + choice.iterations};
   for (double& v : scan.blue) v /= task.goal.max_blue_mw_cm2;
   for (double& v : scan.uv) v /= task.goal.max_uv_mw_cm2;
-  fill_outside(s, scan.blue);
-  fill_outside(s, scan.uv);
+  fill_outside(task, scan.blue);
+  fill_outside(task, scan.uv);
   return scan;
+}
+
+/// The best gap, on coarser cells where there are many, and the light found there. `refined`: light is
+/// sought on these cells, too, from that of the coarser ones.
+Scan scan_gaps(const Task& task, bool refined) {
+  const FlowSection& s = task.section;
+  FlowSection coarse;
+  if (parts_of(s) <= kScanCells || (coarse = detail::coarser(s, 2), !detail::solvable(coarse))) {
+    const Choice choice = best_gap(task);
+    return scan_of(task, AtGap(task, choice.gap_um), choice, 0);
+  }
+  SectionGoal goal = task.goal;
+  goal.weight = detail::sums_on_coarser(s, coarse, 2, task.goal.weight);
+  if (goal.image) {
+    goal.image =
+        std::make_shared<const ImageLight>(detail::coarser_image(s, coarse, 2, *goal.image));
+  }
+  const GapPressure pressure = solve_pressure(coarse, task.context);
+  const Scan below =
+      scan_gaps(make_task(coarse, pressure, task.resin, task.speed_mm_h, goal, task.context), true);
+  const Scan scan{below.gap_um, detail::on_finer(s, coarse, below.blue),
+                  detail::on_finer(s, coarse, below.uv), below.iterations};
+  if (!refined || task.goal.pattern == FlowPattern::constant) return scan;
+  const AtGap at(task, scan.gap_um);
+  return scan_of(task, at, at.patterned(at.shares(scan.blue, scan.uv), kRefine), scan.iterations);
 }
 
 }  // namespace
@@ -536,7 +508,7 @@ SectionOptimum optimise_section(const FlowSection& section, const GapPressure& p
     throw InputError("flow", "pressure", "is of a gap that varies; expected that of an even one");
   }
   const Task task = make_task(section, pressure, resin, speed_mm_h, goal, context);
-  const Scan scan = scan_gaps(task);
+  const Scan scan = scan_gaps(task, false);
   const AtGap at(task, scan.gap_um);
   Choice choice;
   choice.gap_um = scan.gap_um;
@@ -545,7 +517,7 @@ SectionOptimum optimise_section(const FlowSection& section, const GapPressure& p
   const auto shine = [&] {
     best.blue_mw_cm2 = at.blue(choice.x);
     best.uv_mw_cm2 = at.uv(choice.x);
-    best.dose = at.sweep().dose(best.blue_mw_cm2, best.uv_mw_cm2);
+    best.dose = at.dose(choice.x);
     best.summary = summarise(section, best.dose, task.weight(choice.gap_um));
   };
   best.iterations = scan.iterations;
@@ -569,8 +541,8 @@ SectionOptimum optimise_section(const FlowSection& section, const GapPressure& p
   best.uv_at_cap = most(best.uv_mw_cm2) >= goal.max_uv_mw_cm2 * (1 - 1e-6);
   best.gap_at_limit = goal.min_gap_um < goal.max_gap_um &&
                       (best.gap_um == goal.min_gap_um || best.gap_um == goal.max_gap_um);
-  fill_outside(section, best.blue_mw_cm2);
-  fill_outside(section, best.uv_mw_cm2);
+  fill_outside(task, best.blue_mw_cm2);
+  fill_outside(task, best.uv_mw_cm2);
   return best;
 }
 

@@ -126,8 +126,9 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  edge_aim_um           how near edges are aimed at, um, at most 100; some 0.05 when not set
  *  surface               mesh, slices: where edges lie whose heights the target knows
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
- *  slice_speed_mm_h      speed at each slice, at most speed_mm_h; the lamps follow
- *                        (slicecorr_setup_set_numbers)
+ *  slice_speed_mm_h      speed at each slice, at most speed_mm_h (slicecorr_setup_set_numbers)
+ *  slice_lamps           follow, stay: whether the lamps follow these speeds, or slower slices get
+ *                        more light
  *  resin_depth_um        depth of the resin above the window, instead of the printer's
  *  platform_reflectance  share of light that the platform sends back, instead of the printer's
  *  leave_alone           mesh on the plate, or stack like the target, of what is shown as it is sliced
@@ -141,6 +142,10 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *                        even although resin flows
  *  uv_schedule           constant, per-slice, patterned
  *  window_cure           refuse, allow: when the resin would cure to the window
+ *  uncertain             by how much inputs may be off, as standard deviations: ha=5%,dc=5%, or fit
+ *                        for what the resin's file says; predictions then say how sure they are
+ *  robust                on, off: corrections keep features and gaps for all that uncertain names
+ *  tolerance_um, gap_contrast   what slicecorr_plan() is to keep
  *  ramp, ramp_mm         none, lamp-follows, outside; distance in which the stage gets its speed
  *
  *  Tomographic printing looks at printer and resin, at what changes the resin (dc_mj_cm3, ha_um,
@@ -376,6 +381,14 @@ SLICECORR_API slicecorr_status slicecorr_verify(const slicecorr_stack* stack,
 SLICECORR_API slicecorr_status slicecorr_predict(const slicecorr_stack* target,
                                                  const slicecorr_setup* setup, slicecorr_job* job,
                                                  slicecorr_figures** figures);
+
+/** Finds how fast `target` can be printed with edges within tolerance_um (25 when not set) and a
+ *  contrast of gap_contrast (0.05) in gaps, and what limits it; layer by layer the least exposure. The
+ *  setup says neither. `figures`: those of `slicecorr plan --json` ("speed_mm_h", "curve.0.contrast");
+ *  they have no summary. SLICECORR_INFEASIBLE where nothing prints it so. */
+SLICECORR_API slicecorr_status slicecorr_plan(const slicecorr_stack* target,
+                                              const slicecorr_setup* setup, slicecorr_job* job,
+                                              slicecorr_figures** figures);
 
 /** Writes a stack into another archive, in the format that the ending of `path` names, with all that
  *  both formats can say; what is lost is told as a notice. Archives, and targets in memory. */

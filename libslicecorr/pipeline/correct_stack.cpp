@@ -23,6 +23,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/print_file.hpp"
 
 namespace slicecorr {
 
@@ -223,7 +224,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       surface_after_(target.bounds()),
       surface_before_(target.bounds()) {
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
-  if (setup_.uncertainty) uncertain_.emplace(setup_, target.bounds());
+  if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
   if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
   if (ask.volume_cells > 0) {
@@ -491,8 +492,10 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
   return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
-Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
+Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
+  Setup setup = asked;
+  setup.printer = printer_for_file(asked.printer, file, target.grid(), context);
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
   if (wanted.doses()) detail::check_graded(wanted, setup);

@@ -29,6 +29,9 @@ void check_graded(const SliceSource& target, const Setup& setup) {
   if (setup.process.uv.kind != UvKind::off) {
     refuse("under UV light; expected continuous exposure without it");
   }
+  if (setup.resin.has_gel_time()) {
+    refuse("with a resin of model \"gel-time\"; expected one of another model (resinctl derive)");
+  }
   if (light_spreads(setup.printer, setup.resin, setup.process)) {
     refuse("where light spreads from pixel to pixel; expected a printer and a resin without");
   }
@@ -43,6 +46,9 @@ void check_doses(const DoseTarget& doses, const SliceSource& target, const Place
   const CureModel& model = models.brightest();
   if (model.bath_slices > 0) {
     refuse("in resin that ends above the window; expected deeper resin, or no depth at all");
+  }
+  if (model.is_continuous() && !model.exposure_ratio.empty()) {
+    refuse("where slices get more light than others; expected lamps that follow the speed");
   }
   if (!model.is_plain()) {
     refuse("below a platform that sends light back; expected one that takes it up");

@@ -15,6 +15,7 @@
 #include "pipeline/correct_spread.hpp"
 #include "pipeline/robust_design.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
 
@@ -24,6 +25,12 @@ namespace {
 
 /// The printer, if the target's images are of its size, and what is left alone can be.
 const Printer& fitting(const Setup& setup, const SliceSource& target) {
+  if (target.left_alone() && setup.resin.has_gel_time()) {
+    throw InputError(setup.resin.name, "cure.model",
+                     "nothing can be left alone with a resin of model \"gel-time\", where the dose "
+                     "of a slice depends on what is shown before and after it; expected a resin of "
+                     "another model (resinctl derive)");
+  }
   if (target.left_alone() && setup.process.uv.kind != UvKind::off) {
     throw InputError(
         "nothing can be left alone under UV light, where the dose of a slice depends on what is shown "
@@ -87,6 +94,12 @@ double dose_for_end(const CureModel& model, int slices) {
   if (model.mode == ExposureMode::layerwise && !model.inhibited) return 1.0;
   if (slices < 1) return std::numeric_limits<double>::infinity();
   if (model.inhibited) return inhibited_dose_for_end(model, slices);
+  if (model.gel_time) {
+    // Both doses are inversely proportional to the speed. One slice is to spare (slices_with_burst).
+    const GelTimeKernel& kernel = *model.gel_time;
+    const double full = kernel.level_mw_cm2(kernel.levels() - 1);
+    return std::max(1.0, model.phi_max() / kernel.dose_at_end(full, std::max(1, slices - 1)));
+  }
   return std::max(1.0, model.steady(-1.0 / std::expm1(-slices * model.eta * units::kLn10)));
 }
 

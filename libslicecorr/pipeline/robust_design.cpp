@@ -11,6 +11,7 @@
 
 #include "pipeline/uncertain_walk.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/uncertain_print.hpp"
 #include "slicecorr/units.hpp"
 
@@ -466,8 +467,15 @@ void check_robust(const Setup& setup, const SliceSource& target) {
     throw InputError(fmt::format("a correction can't be robust {}", where));
   };
   check_uncertain(setup);
+  if (setup.process.uv.kind != UvKind::off) refuse("under UV light; expected no UV light");
+  if (light_spreads(setup.printer, setup.resin, setup.process)) {
+    refuse("where light spreads from pixel to pixel; expected a printer without blue.spread");
+  }
   if (setup.process.mode == ExposureMode::layerwise) {
     refuse("layer by layer; expected continuous exposure");
+  }
+  if (slices_differ(setup.process)) {
+    refuse("where slices get more light than others; expected lamps that follow the speed");
   }
   if (target.doses()) refuse("where doses are wanted; expected a part without them");
   if (target.left_alone()) {

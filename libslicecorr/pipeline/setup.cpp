@@ -10,6 +10,7 @@
 #include "slicecorr/flow.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr {
 
@@ -25,6 +26,8 @@ std::vector<double> trimmed(std::vector<double> times) {
 
 /// The option of `SetupChoices::slice_speed_mm_h`.
 constexpr std::string_view kSliceSpeeds = "slice-speed-mm-h";
+/// And of `SetupChoices::slice_lamps`.
+constexpr std::string_view kSliceLamps = "slice-lamps";
 
 /// A choice as messages name it: --speed-mm-h, or speed_mm_h.
 std::string named(ChoiceNames names, std::string_view option) {
@@ -116,6 +119,10 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
     wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
                       o(kSliceSpeeds)));
   }
+  if (layerwise && !c_.slice_lamps.empty()) {
+    wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
+                      o(kSliceLamps)));
+  }
   if (!layerwise && (any_exposure() || !c_.layer_exposure_s.empty())) {
     wrong(fmt::format(
         "exposure times are for layer by layer exposure; expected {} layerwise with them",
@@ -128,6 +135,7 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
     process.bottom_layers = process.fade_layers = 0;
     process.layer_exposure_s.clear();
     process.slice_speed_mm_h.clear();
+    process.slice_lamps = SliceLamps::follow;
     process.ramp = Ramp::none;
     process.mode = now;
   }
@@ -164,7 +172,17 @@ void Resolver::resolve_continuous(Process& process) const {
 
 void Resolver::resolve_slice_speeds(Process& process) const {
   std::vector<double>& speeds = process.slice_speed_mm_h;
-  if (!c_.slice_speed_mm_h.empty()) speeds = trimmed(c_.slice_speed_mm_h);
+  if (!c_.slice_speed_mm_h.empty()) {
+    speeds = trimmed(c_.slice_speed_mm_h);
+    process.slice_lamps = SliceLamps::follow;
+  }
+  if (!c_.slice_lamps.empty()) {
+    if (speeds.empty()) {
+      wrong(fmt::format("{} {}: expected speeds of slices with it ({})", o(kSliceLamps),
+                        c_.slice_lamps, o(kSliceSpeeds)));
+    }
+    process.slice_lamps = c_.slice_lamps == "stay" ? SliceLamps::stay : SliceLamps::follow;
+  }
   for (std::size_t n = 0; n < speeds.size(); ++n) {
     if (speeds[n] > 0 && speeds[n] <= process.speed_mm_h) continue;
     wrong(
@@ -173,6 +191,7 @@ void Resolver::resolve_slice_speeds(Process& process) const {
                     o(kSliceSpeeds), n, speeds[n], process.speed_mm_h, o("speed-mm-h")));
   }
   if (speeds.size() == 1 && speeds.front() == process.speed_mm_h) speeds.clear();
+  if (speeds.empty()) process.slice_lamps = SliceLamps::follow;
 }
 
 void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const {
@@ -484,6 +503,24 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
     notices.push_back(std::move(text));
   }
   return notices;
+}
+
+Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
+                               const SetupChoices& choices, ChoiceNames names) {
+  ResinText resin{choices.resin_toml, "the resin"};
+  if (resin.text.empty() && !choices.resin.empty()) {
+    resin.source = find_definition(choices.resin, "resin");
+    resin.text = read_text_file(resin.source);
+  }
+  Uncertainty u = parse_uncertainty(text, setup.process.mode,
+                                    setup.printer.calibration.back().intensity_mw_cm2, resin);
+  if (u.from_fit && (choices.ha_um > 0 || choices.dc_mj_cm3 > 0)) {
+    throw InputError(fmt::format(
+        "{} fit says how sure the file's own height and dose are, and another is given by {} or {}; "
+        "expected its error by hand, as in ha=8%",
+        named(names, "uncertain"), named(names, "ha-um"), named(names, "dc-mj-cm3")));
+  }
+  return u;
 }
 
 void check_design(const StackInfo& info, const std::string& path) {

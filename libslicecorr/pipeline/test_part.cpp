@@ -6,7 +6,9 @@
 #include <cmath>
 
 #include "picture/sheet.hpp"
+#include "pipeline/part_sheet.hpp"
 #include "slicecorr/error.hpp"
+#include "support/text/escape.hpp"
 
 namespace slicecorr {
 
@@ -33,9 +35,15 @@ struct Layout {
   }
 };
 
+std::string name_of(const TestFeature& f) {
+  return fmt::format("{} {} {} px", f.upright ? "upright" : "level", f.gap ? "gap" : "line",
+                     f.width_px);
+}
+
 }  // namespace
 
 SpreadTestPart::SpreadTestPart(const Printer& printer, double layer_um, double height_um) {
+  printer_name_ = printer.name;
   grid_ = plate_grid(printer);
   grid_.layer_um = layer_um;
   grid_.layers = std::max(1, static_cast<int>(std::lround(height_um / layer_um)));
@@ -80,8 +88,9 @@ SpreadTestPart::SpreadTestPart(const Printer& printer, double layer_um, double h
   const int block_row = top + l.length() + l.named() + l.apart;
   const int level_column = left + l.across() + l.apart;
   const int block_column = level_column + l.length() + l.named() + l.apart;
-  sheet.fill(left, block_row, l.across(), l.thick());
-  sheet.fill(block_column, top, l.thick(), l.across());
+  blocks_ = {{left, block_row, left + l.across(), block_row + l.thick()},
+             {block_column, top, block_column + l.thick(), top + l.across()}};
+  for (const PixelBox& b : blocks_) sheet.fill(b.x0, b.y0, b.width(), b.height());
   const int gap = l.apart / 2;
   draw(false, true, left, top, top + l.length() + gap);
   draw(false, false, level_column, top, level_column + l.length() + gap);
@@ -109,23 +118,67 @@ void SpreadTestPart::read_band(const PixelBox& band, const Sink& sink) const {
   for (int n = 0; n < grid_.layers; ++n) sink(n, black ? nullptr : rows.data());
 }
 
-std::string SpreadTestPart::form() const {
-  std::string text =
-      "# Printed widths of the test part, for resinctl fit-spread. printed_um: as measured, 0 where "
-      "nothing is left,\n"
-      "# empty where it was not measured. depth_um: how far above the window, where that differs.\n"
-      "kind,designed_um,printed_um,depth_um\n";
-  const TestFeature* before = nullptr;
-  for (const TestFeature& f : features_) {
-    if (!before || before->gap != f.gap || before->upright != f.upright) {
-      text +=
-          fmt::format("# {} {}, {}\n", f.upright ? "upright" : "level", f.gap ? "gaps" : "lines",
-                      f.upright ? "from left to right" : "from the top down");
-    }
-    text += fmt::format("{},{:g},,\n", f.gap ? "gap" : "line", f.width_um);
-    before = &f;
+MeasuringForm SpreadTestPart::form() const {
+  MeasuringForm f;
+  f.part = "spread";
+  for (const auto& [name, value] : {std::pair<const char*, double>{"layer_um", grid_.layer_um},
+                                    {"width_px", grid_.width_px},
+                                    {"height_px", grid_.height_px}}) {
+    f.facts.emplace_back(name, fmt::format("{:.6g}", value));
   }
-  return text;
+  f.columns = {"name", "kind", "designed_um", "printed_um", "depth_um"};
+  f.known = 3;
+  f.note =
+      "Fill in printed_um, in um: 0 where nothing is left, empty where it was not measured; and "
+      "depth_um, how far above the window, where that differs.";
+  for (const TestFeature& feature : features_) {
+    f.rows.push_back(
+        {name_of(feature), feature.gap ? "gap" : "line", fmt::format("{:g}", feature.width_um)});
+  }
+  return f;
+}
+
+std::string SpreadTestPart::sheet(const std::string& form_file,
+                                  const std::string& printer_file) const {
+  detail::PartSheet s;
+  s.title = "Lines and gaps, " + printer_name_;
+  s.about =
+      "Lines of 1 to 12 pixels and gaps as wide. How much wider lines print, and how much narrower "
+      "gaps, tells how far light spreads.";
+  s.tools = {"A microscope with a scale, 0.002 mm or finer"};
+  s.steps = {
+      "Print it as you print parts: layer by layer the stack as it is, continuously after <code>"
+      "slicecorr correct --spread-correction off</code>.",
+      "Wash it as you wash parts, don't cure it further.",
+      "Look at the side that was at the window. Measure the width of each line and gap in the middle "
+      "of its length; its number says how many pixels wide it is in the image.",
+      "Write 0 where a line is not there or a gap has closed."};
+  std::vector<detail::SheetBox> boxes;
+  for (const TestFeature& f : features_) {
+    // Gaps are named beside the block that they are cut into.
+    if (f.gap) continue;
+    boxes.push_back({f.box, 1, ""});
+  }
+  for (const PixelBox& block : blocks_) boxes.push_back({block, 0.8, ""});
+  for (const TestFeature& f : features_) {
+    if (f.gap) boxes.push_back({f.box, 0, ""});
+  }
+  boxes.push_back({square_, 1, "square"});
+  s.picture = detail::plate_picture(grid_, boxes);
+  s.caption =
+      "One slice: free lines, upright and level, and gaps in blocks; narrow ones may be too fine for "
+      "this drawing. The square's sides are edges for a camera.";
+  s.heads = {"what", "designed, um", "measured, um"};
+  for (const TestFeature& f : features_) {
+    s.rows.push_back({name_of(f), fmt::format("{:g}", f.width_um)});
+  }
+  s.after = fmt::format(
+      "Copy the last column into <b>{}</b> as <code>printed_um</code>, in um; leave empty what you "
+      "did not measure.",
+      escape_markup(form_file));
+  s.commands = {fmt::format("resinctl fit-spread {} --printer {} --plot widths.svg", form_file,
+                            printer_file)};
+  return detail::sheet_page(s);
 }
 
 }  // namespace slicecorr

@@ -1,3 +1,4 @@
+// Where things are in the parts to measure, and how long they are lit.
 #include "slicecorr/tuning_part.hpp"
 
 #include <fmt/format.h>
@@ -6,41 +7,111 @@
 #include <cmath>
 #include <cstdint>
 
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_map.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
 namespace {
 
-constexpr int kDark = 20, kTooth = 10, kPlugs = 6;
+constexpr int kDark = 20, kTooth = 10, kPlugs = 6, kSteps = 12, kZoneColumns = 4, kZoneRows = 3;
 constexpr int kGaps[] = {4, 6, 8, 12, 16};
-constexpr double kSideUm = 4000, kSpineUm = 2000;
+/// Over the gel dose. Up to where heights go with the logarithm of the dose for sure, from where a
+/// plug is high enough to be handled.
+constexpr double kLeastDose = 1.5, kMostDose = 9, kFirstStep = 1.3;
+constexpr double kSideUm = 4000, kLeastSideUm = 500, kSpineUm = 2000, kFlatPitchUm = 8000;
+/// Share of a plug's dose that may come from black pixels.
+constexpr double kMostBlack = 0.5;
 
 int pixels(double um, double pixel_um) {
   return std::max(1, static_cast<int>(std::lround(um / pixel_um)));
 }
 
-}  // namespace
-
-std::string tuning_hash(std::string_view text) {
-  std::uint64_t hash = 14695981039346656037ull;  // FNV-1a
-  for (const char c : text) {
-    hash ^= static_cast<unsigned char>(c);
-    hash *= 1099511628211ull;
+/// Light of the levels where a plug is.
+class PlateLight {
+ public:
+  explicit PlateLight(const Printer& printer)
+      : map_(printer, plate_grid(printer), ImageFrame{}), levels_(level_intensities(printer)) {}
+  int top() const { return static_cast<int>(levels_.size()) - 1; }
+  /// In the middle of a box.
+  double at(const PixelBox& box, int level) const {
+    const int x = (box.x0 + box.x1) / 2, y = (box.y0 + box.y1) / 2;
+    return levels_[static_cast<std::size_t>(level)] * map_.factor(map_.value(x, y));
   }
-  return fmt::format("{:016x}", hash);
+  /// The level whose light is nearest to a share of full light.
+  int nearest(double share) const {
+    int best = 0;
+    for (int n = 1; n <= top(); ++n) {
+      const auto off = [&](int level) {
+        return std::abs(levels_[static_cast<std::size_t>(level)] - share * levels_.back());
+      };
+      if (off(n) < off(best)) best = n;
+    }
+    return best;
+  }
+
+ private:
+  LightMap map_;
+  std::vector<double> levels_;
+};
+
+std::uint8_t value_of(int level, const Printer& printer) {
+  return static_cast<std::uint8_t>(pixel_of_level(level, printer.levels()));
 }
 
-TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Resin* resin,
-                       double layer_um)
-    : kind_(kind) {
-  grid_ = plate_grid(printer);
-  grid_.layer_um = layer_um;
+}  // namespace
+
+const char* word_of(TuningPartKind kind) {
+  switch (kind) {
+    case TuningPartKind::comb:
+      return "comb";
+    case TuningPartKind::staircase:
+      return "staircase";
+    case TuningPartKind::wedge:
+      return "wedge";
+    case TuningPartKind::dead_zone:
+      return "dead-zone";
+    case TuningPartKind::flat_field:
+      break;
+  }
+  return "flat-field";
+}
+
+TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& ask)
+    : kind_(kind), ask_(ask), printer_name_(printer.name), grid_(plate_grid(printer)) {
+  using enum TuningPartKind;
+  grid_.layer_um = ask.layer_um;
+  if (!(ask.layer_um > 0)) throw InputError("layers are 0 um high; expected more");
+  if (!ask.resin && (kind == staircase || kind == wedge || kind == flat_field)) {
+    throw InputError(fmt::format(
+        "a part '{}' needs a resin, which says how long its plugs take; expected --resin",
+        word_of(kind)));
+  }
+  if (ask.resin && ask.resin->has_gel_time()) {
+    throw InputError(fmt::format(
+        "resin '{}' has the model \"gel-time\", by which the times of a part '{}' are not reckoned; "
+        "expected one of another model (resinctl derive makes one of it)",
+        ask.resin->name, word_of(kind)));
+  }
+  if (kind != comb && !(printer.calibration.back().intensity_mw_cm2 > 0)) {
+    throw InputError(fmt::format("printer '{}' has no light at full level", printer.name));
+  }
+  if (ask.resin) height_e_um_ = units::height_e_from_10(ask.resin->absorbance_height10_um);
+  if (kind == comb) make_comb(printer);
+  if (kind == staircase) make_staircase(printer);
+  if (kind == wedge) make_wedge(printer);
+  if (kind == dead_zone) make_dead_zone(printer);
+  if (kind == flat_field) make_flat_field(printer);
+  ask_.resin = nullptr;
+  for (const Block& b : blocks_) bounds_ = bounds_.united(b.box);
+}
+
+void TuningPart::make_comb(const Printer& printer) {
   const int side_x = pixels(kSideUm, grid_.pixel_x_um), side_y = pixels(kSideUm, grid_.pixel_y_um);
-  const int spine = pixels(kSpineUm, grid_.pixel_x_um);
-  const bool comb = kind == TuningPartKind::comb;
-  const int width = comb ? spine + side_x : (3 * kPlugs - 1) * side_x / 2;
+  const int spine = pixels(kSpineUm, grid_.pixel_x_um), width = spine + side_x;
   if (width > grid_.width_px || side_y > grid_.height_px) {
     throw InputError(fmt::format(
         "printer '{}' shows {} x {} pixels of the plate; expected at least {} x {}, which the part "
@@ -48,35 +119,224 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Resin*
         printer.name, grid_.width_px, grid_.height_px, width, side_y));
   }
   const int x = (grid_.width_px - width) / 2, y = (grid_.height_px - side_y) / 2;
-  if (comb) {
-    int at = kDark;
-    for (std::size_t tooth = 0;; ++tooth) {
-      blocks_.push_back({{x + spine, y, x + width, y + side_y}, at, at + kTooth});
-      rows_.push_back({fmt::format("tooth {} begins", tooth + 1), "upper", at * layer_um});
-      rows_.push_back({fmt::format("tooth {} ends", tooth + 1), "lower", (at + kTooth) * layer_um});
-      at += kTooth;
-      if (tooth == std::size(kGaps)) break;
-      at += kGaps[tooth];
-    }
-    grid_.layers = at;
-    blocks_.push_back({{x, y, x + spine, y + side_y}, 0, at});
-    x_px_ = x + spine + side_x / 2;
-    y_px_ = y + side_y / 2;
-  } else {
-    if (!resin) throw InputError("a staircase needs a resin, which says how long its plugs take");
-    const Kinetics k = make_kinetics(*resin, false, false);
-    const double light = printer.calibration.back().intensity_mw_cm2;
-    if (!(light > 0)) throw InputError("the printer's full light is 0; expected more");
-    grid_.layers = kPlugs;
-    for (int n = 0; n < kPlugs; ++n) {
-      const int left = x + n * 3 * side_x / 2;
-      blocks_.push_back({{left, y, left + side_x, y + side_y}, 0, n + 1});
-      const double dose = 1.5 * std::pow(6.0, n / (kPlugs - 1.0));
-      rows_.push_back({fmt::format("plug {}", n + 1), "plug", 0,
-                       dose * k.critical_dose_prime / std::pow(light, k.m), light});
+  const auto edge = [&](std::size_t tooth, const char* what, const char* kind, int node,
+                        const PixelBox& box) {
+    Row r;
+    r.name = fmt::format("tooth {} {}", tooth + 1, what);
+    r.kind = kind;
+    r.box = box;
+    r.designed_um = node * grid_.layer_um;
+    rows_.push_back(r);
+  };
+  int at = kDark;
+  for (std::size_t tooth = 0;; ++tooth) {
+    const PixelBox box{x + spine, y, x + width, y + side_y};
+    blocks_.push_back({box, at, at + kTooth, 255});
+    edge(tooth, "begins", "upper", at, box);
+    edge(tooth, "ends", "lower", at + kTooth, box);
+    at += kTooth;
+    if (tooth == std::size(kGaps)) break;
+    at += kGaps[tooth];
+  }
+  grid_.layers = at;
+  blocks_.push_back({{x, y, x + spine, y + side_y}, 0, at, 255});
+  x_px_ = x + spine + side_x / 2;
+  y_px_ = y + side_y / 2;
+}
+
+std::vector<PixelBox> TuningPart::boxes(const Printer& printer, int columns, int rows,
+                                        bool apart) const {
+  // Sides of a plug and half a side of dark between two.
+  const double across = apart ? 1.5 * columns - 0.5 : columns;
+  const double down = apart ? 1.5 * rows - 0.5 : rows;
+  const double side_um = std::min({kSideUm, grid_.width_px * grid_.pixel_x_um / across,
+                                   grid_.height_px * grid_.pixel_y_um / down});
+  const int side_x = static_cast<int>(side_um / grid_.pixel_x_um + 1e-9);
+  const int side_y = static_cast<int>(side_um / grid_.pixel_y_um + 1e-9);
+  if (side_um < kLeastSideUm || side_x < 1 || side_y < 1) {
+    throw InputError(fmt::format(
+        "the plate of printer '{}' is {:.3g} x {:.3g} mm; expected at least {:.3g} x {:.3g} mm, "
+        "which the part takes up",
+        printer.name, grid_.width_px * grid_.pixel_x_um * 1e-3,
+        grid_.height_px * grid_.pixel_y_um * 1e-3, across * kLeastSideUm * 1e-3,
+        down * kLeastSideUm * 1e-3));
+  }
+  const int step_x = apart ? side_x + side_x / 2 : side_x;
+  const int step_y = apart ? side_y + side_y / 2 : side_y;
+  const int x = (grid_.width_px - (columns - 1) * step_x - side_x) / 2;
+  const int y = (grid_.height_px - (rows - 1) * step_y - side_y) / 2;
+  std::vector<PixelBox> all;
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const int left = x + i * step_x, top = y + j * step_y;
+      all.push_back({left, top, left + side_x, top + side_y});
     }
   }
-  for (const Block& b : blocks_) bounds_ = bounds_.united(b.box);
+  return all;
+}
+
+void TuningPart::make_staircase(const Printer& printer) {
+  const Kinetics k = make_kinetics(*ask_.resin, false, false);
+  const PlateLight light(printer);
+  std::vector<int> levels;
+  for (const double share : {1.0, 0.5, 0.25}) {
+    const int level = light.nearest(share);
+    if (level > 0 && (levels.empty() || level < levels.back())) levels.push_back(level);
+  }
+  const auto rate = [&](double mw_cm2) { return std::pow(mw_cm2, k.m); };
+  // All is dark at the same moment, when the slowest plug is done; until then black pixels give dose
+  // to those that are done. Intensities that leave too much to these are left out.
+  std::vector<PixelBox> places;
+  double all_s = 0;
+  while (true) {
+    places = boxes(printer, kPlugs, static_cast<int>(levels.size()), true);
+    all_s = 0;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const double lit = light.at(places[i], levels[i / kPlugs]);
+      all_s = std::max(all_s, kMostDose * k.critical_dose_prime / rate(lit));
+    }
+    double black = 0;
+    for (const PixelBox& box : places) black = std::max(black, rate(light.at(box, 0)));
+    if (black * all_s <= kMostBlack * kLeastDose * k.critical_dose_prime) break;
+    levels.pop_back();
+    if (!levels.empty()) continue;
+    throw InputError(fmt::format(
+        "black pixels of printer '{}' are too bright for a staircase: in the {:.3g} s of its "
+        "longest plug they give {:.2g} times the gel dose; expected less than {:g}",
+        printer.name, all_s, black * all_s / k.critical_dose_prime, kMostBlack * kLeastDose));
+  }
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const std::size_t of_level = i % kPlugs;
+    const int level = levels[i / kPlugs];
+    Row r;
+    r.kind = "plug";
+    r.name = fmt::format("plug {}-{}", i / kPlugs + 1, of_level + 1);
+    r.box = places[i];
+    r.intensity_mw_cm2 = light.at(r.box, level);
+    r.dark_mw_cm2 = light.at(r.box, 0);
+    const double dose =
+        kLeastDose *
+        std::pow(kMostDose / kLeastDose, static_cast<double>(of_level) / (kPlugs - 1.0)) *
+        k.critical_dose_prime;
+    const double lit = rate(r.intensity_mw_cm2), dark = rate(r.dark_mw_cm2);
+    r.shown_s = std::min(all_s, (dose - dark * all_s) / (lit - dark));
+    r.dark_s = all_s - r.shown_s;
+    r.exposure_s = r.shown_s + dark / lit * r.dark_s;
+    rows_.push_back(r);
+    image_s_.push_back(r.shown_s);
+  }
+  // An image for each time at which a plug goes dark; a ten thousandth is one and the same.
+  std::sort(image_s_.begin(), image_s_.end());
+  std::vector<double> ends;
+  for (const double s : image_s_) {
+    if (ends.empty() || s > ends.back() * 1.0001) ends.push_back(s);
+  }
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const auto past = std::find_if(ends.begin(), ends.end(),
+                                   [&](double s) { return s * 1.0001 >= rows_[i].shown_s; });
+    blocks_.push_back({rows_[i].box, 0, static_cast<int>(past - ends.begin()) + 1,
+                       value_of(levels[i / kPlugs], printer)});
+  }
+  image_s_.clear();
+  for (std::size_t n = 0; n < ends.size(); ++n) {
+    image_s_.push_back(ends[n] - (n ? ends[n - 1] : 0));
+  }
+  grid_.layers = static_cast<int>(ends.size());
+}
+
+void TuningPart::make_wedge(const Printer& printer) {
+  const Kinetics k = make_kinetics(*ask_.resin, false, false);
+  const PlateLight light(printer);
+  const auto places = boxes(printer, kSteps, 1, false);
+  const double seconds =
+      kMostDose * k.critical_dose_prime / std::pow(light.at(places.back(), light.top()), k.m);
+  int before = 0;
+  for (int n = 0; n < kSteps; ++n) {
+    const double dose = kFirstStep * std::pow(kMostDose / kFirstStep, n / (kSteps - 1.0));
+    const int level = light.nearest(std::pow(dose / kMostDose, 1 / k.m));
+    if (level <= before) continue;  // few levels: steps that would be alike
+    before = level;
+    Row r;
+    r.kind = "plug";
+    r.name = fmt::format("step {}", rows_.size() + 1);
+    r.box = places[static_cast<std::size_t>(n)];
+    r.intensity_mw_cm2 = light.at(r.box, level);
+    r.shown_s = r.exposure_s = seconds;
+    r.dark_mw_cm2 = light.at(r.box, 0);
+    rows_.push_back(r);
+    blocks_.push_back({r.box, 0, 1, value_of(level, printer)});
+  }
+  image_s_ = {seconds};
+  grid_.layers = 1;
+}
+
+void TuningPart::make_dead_zone(const Printer& printer) {
+  if (!(ask_.uv_mw_cm2 > 0)) {
+    throw InputError("a part 'dead-zone' is lit by UV light, too; expected --uv-mw-cm2 above 0");
+  }
+  if (!(ask_.exposure_s > 0)) throw InputError("plugs are lit for 0 s; expected more");
+  const PlateLight light(printer);
+  const auto places = boxes(printer, kZoneColumns, kZoneRows, true);
+  constexpr int plugs = kZoneColumns * kZoneRows;
+  int before = light.top() + 1;
+  for (int n = 0; n < plugs; ++n) {
+    const int level = light.nearest(std::pow(10, -n / (plugs - 1.0)));
+    if (level >= before || level == 0) continue;
+    before = level;
+    Row r;
+    r.kind = "plug";
+    r.name = fmt::format("plug {}", rows_.size() + 1);
+    r.box = places[static_cast<std::size_t>(n)];
+    r.intensity_mw_cm2 = light.at(r.box, level);
+    r.shown_s = r.exposure_s = ask_.exposure_s;
+    r.dark_mw_cm2 = light.at(r.box, 0);
+    rows_.push_back(r);
+    blocks_.push_back({r.box, 0, 1, value_of(level, printer)});
+  }
+  image_s_ = {ask_.exposure_s};
+  grid_.layers = 1;
+}
+
+void TuningPart::make_flat_field(const Printer& printer) {
+  const Kinetics k = make_kinetics(*ask_.resin, false, false);
+  const double width_um = grid_.width_px * grid_.pixel_x_um;
+  const double height_um = grid_.height_px * grid_.pixel_y_um;
+  const auto places_along = [](double um) {
+    return std::clamp(static_cast<int>(std::lround(um / kFlatPitchUm)), 3, 12);
+  };
+  columns_ = places_along(width_um);
+  const int rows = places_along(height_um);
+  // The picture that is made of it has a pixel for each plug, whose middle is that of the plug.
+  const double side_um = std::min({kSideUm, width_um / columns_ / 1.5, height_um / rows / 1.5});
+  if (side_um < kLeastSideUm) {
+    throw InputError(fmt::format(
+        "the plate of printer '{}' is {:.3g} x {:.3g} mm; expected at least 2.25 x 2.25 mm, which "
+        "the part takes up",
+        printer.name, width_um * 1e-3, height_um * 1e-3));
+  }
+  const int side_x = pixels(side_um, grid_.pixel_x_um), side_y = pixels(side_um, grid_.pixel_y_um);
+  const double light = printer.calibration.back().intensity_mw_cm2;
+  // The middle of what staircases span.
+  const double seconds =
+      std::sqrt(kLeastDose * kMostDose) * k.critical_dose_prime / std::pow(light, k.m);
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns_; ++i) {
+      const int left =
+          static_cast<int>(std::lround((i + 0.5) * grid_.width_px / columns_ - side_x / 2.0));
+      const int top =
+          static_cast<int>(std::lround((j + 0.5) * grid_.height_px / rows - side_y / 2.0));
+      Row r;
+      r.kind = "plug";
+      r.name = fmt::format("row {} column {}", j + 1, i + 1);
+      r.box = {left, top, left + side_x, top + side_y};
+      r.intensity_mw_cm2 = light;
+      r.shown_s = r.exposure_s = seconds;
+      rows_.push_back(r);
+      blocks_.push_back({r.box, 0, 1, 255});
+    }
+  }
+  image_s_ = {seconds};
+  grid_.layers = 1;
 }
 
 void TuningPart::read_band(const PixelBox& band, const Sink& sink) const {
@@ -90,7 +350,7 @@ void TuningPart::read_band(const PixelBox& band, const Sink& sink) const {
       const int x0 = std::max(b.box.x0, band.x0), x1 = std::min(b.box.x1, band.x1);
       for (int y = std::max(b.box.y0, band.y0); y < std::min(b.box.y1, band.y1) && x0 < x1; ++y) {
         const auto row = rows.begin() + static_cast<std::ptrdiff_t>(y - band.y0) * band.width();
-        std::fill(row + (x0 - band.x0), row + (x1 - band.x0), std::uint8_t{255});
+        std::fill(row + (x0 - band.x0), row + (x1 - band.x0), b.value);
         lit = true;
       }
     }
@@ -98,80 +358,63 @@ void TuningPart::read_band(const PixelBox& band, const Sink& sink) const {
   }
 }
 
-std::string TuningPart::form() const {
-  const std::string head =
-      fmt::format("part,{},unit,um,layer_um,{:g},width_px,{},height_px,{},x_px,{},y_px,{}",
-                  kind_ == TuningPartKind::comb ? "comb" : "staircase", grid_.layer_um,
-                  grid_.width_px, grid_.height_px, x_px_, y_px_);
-  std::string known = head + "\n", text;
+MeasuringForm TuningPart::form() const {
+  using enum TuningPartKind;
+  MeasuringForm f;
+  f.part = word_of(kind_);
+  const auto fact = [&](const char* name, double value) {
+    f.facts.emplace_back(name, fmt::format("{:.6g}", value));
+  };
+  fact("layer_um", grid_.layer_um);
+  fact("width_px", grid_.width_px);
+  fact("height_px", grid_.height_px);
+  if (kind_ == comb) {
+    fact("x_px", x_px_);
+    fact("y_px", y_px_);
+  }
+  if (kind_ == flat_field) {
+    fact("columns", columns_);
+    fact("height_e_um", height_e_um_);
+  }
+  const auto with = [&](std::vector<std::string> known, const char* measured) {
+    f.known = known.size();
+    f.columns = std::move(known);
+    f.columns.emplace_back(measured);
+    f.note = fmt::format(
+        "Fill in {}, in um; leave empty what was not measured, change nothing else.", measured);
+  };
+  if (kind_ == comb) with({"name", "kind", "designed_um"}, "measured_um");
+  if (kind_ == staircase || kind_ == wedge) {
+    with({"name", "intensity_mw_cm2", "exposure_s", "shown_s", "dark_s", "dark_mw_cm2"},
+         "cured_height_um");
+  }
+  if (kind_ == dead_zone) {
+    with({"name", "blue_mw_cm2", "uv_mw_cm2", "exposure_s"}, "dead_zone_um");
+  }
+  if (kind_ == flat_field) {
+    with({"name", "x_px", "y_px", "intensity_mw_cm2", "exposure_s"}, "cured_height_um");
+  }
+  const auto number = [](double v) { return fmt::format("{:.6g}", v); };
   for (const Row& r : rows_) {
-    const std::string row = fmt::format("{},{},{:g},{:.6g},{:.6g}", r.name, r.kind, r.designed_um,
-                                        r.exposure_s, r.intensity_mw_cm2);
-    known += row + "\n";
-    text += row + ",\n";
-  }
-  return "# For resinctl tune: fill in measured_um, in um; leave empty what was not measured.\n" +
-         head + ",hash," + tuning_hash(known) +
-         "\nname,kind,designed_um,exposure_s,intensity_mw_cm2,measured_um\n" + text;
-}
-
-std::string TuningPart::sheet() const {
-  const bool comb = kind_ == TuningPartKind::comb;
-  std::string picture, table;
-  const double total = grid_.layers * grid_.layer_um;
-  if (comb) {
-    // The platform is above, as in the printer; 1 unit is 20 um at slices of 50 um.
-    const double scale = 320 / total;
-    picture =
-        "<rect x='60' y='12' width='300' height='8' fill='#888'/><text x='64' y='10'>platform</text>"
-        "<rect x='100' y='20' width='60' height='320' fill='#47a'/>";
-    for (const Row& r : rows_) {
-      const double y = 20 + r.designed_um * scale;
-      if (r.kind == "upper") {
-        picture += fmt::format("<rect x='160' y='{:.1f}' width='120' height='{:.1f}' fill='#47a'/>",
-                               y, kTooth * grid_.layer_um * scale);
+    std::vector<std::string> cells = {r.name};
+    if (kind_ == comb) {
+      cells.insert(cells.end(), {r.kind, number(r.designed_um)});
+    } else if (kind_ == dead_zone) {
+      cells.insert(cells.end(),
+                   {number(r.intensity_mw_cm2), number(ask_.uv_mw_cm2), number(r.exposure_s)});
+    } else {
+      if (kind_ == flat_field) {
+        cells.insert(cells.end(),
+                     {number((r.box.x0 + r.box.x1) / 2.0), number((r.box.y0 + r.box.y1) / 2.0)});
       }
-      picture += fmt::format(
-          "<line x1='280' x2='300' y1='{0:.1f}' y2='{0:.1f}' stroke='#000'/>"
-          "<text x='304' y='{1:.1f}'>{2}, {3:g} um</text>",
-          y, y + 3.5, r.name, r.designed_um);
+      cells.insert(cells.end(), {number(r.intensity_mw_cm2), number(r.exposure_s)});
+      if (kind_ != flat_field) {
+        cells.insert(cells.end(), {number(r.shown_s), number(r.dark_s), number(r.dark_mw_cm2)});
+      }
     }
-  } else {
-    for (std::size_t n = 0; n < rows_.size(); ++n) {
-      const double height = 40 + 40.0 * static_cast<double>(n);
-      picture += fmt::format(
-          "<rect x='{0}' y='{1}' width='50' height='{2}' fill='#47a'/><text x='{0}' y='{3}'>{4}"
-          "</text><text x='{0}' y='335'>{5:.3g} s</text>",
-          40 + 75 * n, 300 - height, height, 318, rows_[n].name, rows_[n].exposure_s);
-    }
+    f.rows.push_back(std::move(cells));
   }
-  double before = 0;
-  for (std::size_t n = 0; n < rows_.size(); ++n) {
-    const Row& r = rows_[n];
-    const std::string image =
-        comb ? std::string() : fmt::format("image {}: {:.4g} s", n + 1, r.exposure_s - before);
-    before = r.exposure_s;
-    table += fmt::format("<tr><td>{}</td><td>{}</td><td></td></tr>\n", r.name,
-                         comb ? fmt::format("{:g} um", r.designed_um) : image);
-  }
-  const std::string how =
-      comb
-          ? "Print the corrected stack. Wash it, don't cure it further. Lay it on its side under a "
-            "microscope with a scale (0.01 mm or finer). Measure from the platform's face of the "
-            "spine to both faces of each tooth, in the middle of its width. Leave out what has "
-            "grown together."
-          : "Take the platform away and put a clean glass of known thickness on the window, or cure "
-            "on the window itself, with resin deeper than the highest plug. Show the images one "
-            "after the other for the times below, without a pause. Wash with care. Measure each "
-            "plug's height in its middle with a gauge of low force or a microscope (0.01 mm).";
-  return "<!DOCTYPE html><html lang='en'><meta charset='utf-8'><title>Test part</title><style>"
-         "body{font:14px sans-serif;max-width:700px;margin:2em}td,th{border:1px solid #888;padding:"
-         "3px 12px;text-align:left}table{border-collapse:collapse}text{font:11px sans-serif}</style>"
-         "<h1>" +
-         std::string(comb ? "Comb" : "Staircase") + "</h1><p>" + how +
-         "</p><svg viewBox='0 0 500 350' width='500' height='350'>" + picture +
-         "</svg><table><tr><th>what</th><th>" + (comb ? "designed" : "show") +
-         "</th><th>measured, um</th></tr>\n" + table + "</table></html>\n";
+  return f;
 }
 
 }  // namespace slicecorr

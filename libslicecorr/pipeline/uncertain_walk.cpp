@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
 
 namespace slicecorr::detail {
 
@@ -13,13 +14,23 @@ void check_uncertain(const Setup& setup) {
   const auto refuse = [](const char* where) {
     throw InputError(fmt::format("how sure a print is can't be said {}", where));
   };
-  if (setup.process.uv.kind != UvKind::off) {
-    refuse("under UV light; expected no errors of inputs with it");
+  const UvKind uv = setup.process.uv.kind;
+  if (uv == UvKind::patterned || setup.process.even_light) {
+    refuse("where UV light has a pattern; expected one intensity, or one per slice");
   }
-  if (!setup.printer.spread.none()) {
+  if (setup.resin.has_gel_time()) {
+    refuse("with a resin of model \"gel-time\"; expected one of another model (resinctl derive)");
+  }
+  if (uv != UvKind::off && !setup.printer.spread.none()) {
     refuse(
-        "where light spreads from pixel to pixel; expected a printer without "
-        "blue.spread");
+        "where light spreads under UV light; expected a printer without blue.spread, or no UV light");
+  }
+  if (uv != UvKind::off && setup.printer.flat_field) {
+    refuse(
+        "where the display's light is uneven under UV light; expected no flat_field, or no UV light");
+  }
+  if (uv != UvKind::off && setup.uncertainty && setup.uncertainty->noise > 0) {
+    refuse("of noise under UV light; expected no error of noise");
   }
   if (setup.resin.scatter_um2_per_um > 0) {
     refuse("where light scatters in the resin; expected a resin without it");
@@ -57,11 +68,38 @@ std::vector<std::size_t> starts_of_parts(const CodedBand& coverage, std::size_t 
 
 }  // namespace
 
-UncertainTotal::UncertainTotal(const Setup& setup, const PixelBox& box)
+UncertainTotal::UncertainTotal(const Setup& setup, double layer_um, const PixelBox& box)
     : uncertainty_(*setup.uncertainty), maps_(box) {
   check_uncertainty(uncertainty_);
   check_uncertain(setup);
   total_.inputs = uncertainty_;
+  Process process = setup.process;
+  if (process.uv.kind == UvKind::off) return;
+  if (process.uv.kind == UvKind::constant && !(process.uv.uv_mw_cm2 > 0)) {
+    // The lamp gives what was found for the dead zone, whatever the resin then turns out to be.
+    process.uv.uv_mw_cm2 = uv_for_dead_zone(make_kinetics(setup.resin, true, true),
+                                            setup.printer.calibration.back().intensity_mw_cm2,
+                                            process.uv.dead_zone_um);
+    process.uv.dead_zone_um = 0;
+  }
+  const bool exponent = uncertainty_.sd(UncertainInput::m) > 0;
+  nearby_ = nearby_models(setup.printer, setup.resin, process, layer_um,
+                          exponent ? uncertainty_.reference_mw_cm2 : 0);
+}
+
+UncertainBand UncertainTotal::band(const CureModel& model, int all_layers, std::size_t columns,
+                                   bool at_heights) const {
+  UncertainBand band(model, uncertainty_, all_layers, columns, nearby_ ? &*nearby_ : nullptr);
+  if (at_heights) band.aim_at_heights();
+  return band;
+}
+
+void UncertainTotal::add(UncertainBand& band, const BandPredictor::PixelOfColumn& place) {
+  UncertainPrint figures;
+  band.finish(place, figures);
+  maps_.add(band.sides(), place);
+  const std::lock_guard lock(merging_);
+  total_.merge(figures);
 }
 
 void UncertainTotal::add(const CureModel& model, std::size_t columns, const ShownSlice& shown,
@@ -76,9 +114,8 @@ void UncertainTotal::add(const CureModel& model, std::size_t columns, const Show
   UncertainPrint figures;
   std::vector<UncertainBand> bands;
   for (const std::size_t from : starts) {
-    bands.emplace_back(model, uncertainty_, all_layers, std::min(width, columns - from));
+    bands.push_back(band(model, all_layers, std::min(width, columns - from), at_heights));
     bands.back().add_to(figures);
-    if (at_heights) bands.back().aim_at_heights();
   }
   LeftAloneRows left_alone(design.left_alone);
   std::vector<std::uint8_t> row(columns), room(columns);

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 
 #include "pipeline/design_band.hpp"
 #include "pipeline/surface_collector.hpp"
@@ -13,7 +14,8 @@
 namespace slicecorr::detail {
 
 /// Throws `InputError`, naming it, where a setup has something under which it is not known how the
-/// dose changes: UV light, light that spreads, resin that ends, a platform that sends light back.
+/// dose changes: patterns of UV light, light that scatters, or spreads under UV light, resin that ends, a
+/// platform that sends light back.
 void check_uncertain(const Setup& setup);
 
 /// What is seen of a slice: its pixels; null: light off.
@@ -22,8 +24,13 @@ using ShownSlice = std::function<const std::uint8_t*(int slice)>;
 /// What all bands add up to. Thread-safe; the order of bands does not matter.
 class UncertainTotal {
  public:
-  /// `box`: pixels that may have edges. Throws as `check_uncertain`.
-  UncertainTotal(const Setup& setup, const PixelBox& box);
+  /// `box`: pixels that may have edges. Throws as `check_uncertain`, and under UV light as
+  /// `nearby_models`.
+  UncertainTotal(const Setup& setup, double layer_um, const PixelBox& box);
+  /// A band to walk beside a prediction, where light spreads; and then its figures.
+  UncertainBand band(const CureModel& model, int all_layers, std::size_t columns,
+                     bool at_heights) const;
+  void add(UncertainBand& band, const BandPredictor::PixelOfColumn& place);
   /// Columns that share a model: `all_layers` slices of `shown` and `design`. `at_heights`: as
   /// `UncertainBand::aim_at_heights`.
   void add(const CureModel& model, std::size_t columns, const ShownSlice& shown,
@@ -35,6 +42,7 @@ class UncertainTotal {
 
  private:
   const Uncertainty uncertainty_;
+  std::optional<NearbyModels> nearby_;  ///< under UV light
   SurfaceCollector maps_;
   std::mutex merging_;
   UncertainPrint total_;

@@ -115,7 +115,9 @@ class Verification {
           "how sure a recorded print is can't be said: its light was measured; expected a stack that "
           "is no recording");
     }
-    uncertain_.emplace(setup, stack.bounds().united(target.bounds()));
+    Setup scheduled = setup;
+    scheduled.process = slices.process();
+    uncertain_.emplace(scheduled, stack.grid().layer_um, stack.bounds().united(target.bounds()));
   }
 
   void predict_bands() {
@@ -257,8 +259,13 @@ void Verification::predict_spread(const PixelBox& band) {
   std::vector<ImageShowing> in_band;
   std::optional<WindowWatch> watch;
   if (window_) watch.emplace(model, layers_, columns);
+  std::optional<UncertainBand> uncertain;
+  if (uncertain_) {
+    uncertain.emplace(uncertain_->band(model, all_layers_, columns,
+                                       surface_ == Surface::mesh && target_.edge_heights()));
+  }
   detail::LeftAloneRows left_rows(design.left_alone);
-  std::vector<std::uint8_t> outlined(in_field);
+  std::vector<std::uint8_t> outlined(in_field), judged(uncertain ? in_field : 0);
   for (int n = all_layers_; n-- > 0;) {
     if ((n & 63) == 0) context_.check_cancelled();
     const std::span<const ImageShowing> showings = light.of(n);
@@ -276,6 +283,10 @@ void Verification::predict_spread(const PixelBox& band) {
                         left ? left + first : nullptr);
     dose.add_slice(n, showings);
     if (watch && n < layers_) watch->add_slice(n, in_band);
+    if (uncertain) {
+      const std::uint8_t* const here = detail::marked(coverage.data(), left, judged);
+      uncertain->add_slice(n, in_band, here + first, heights ? heights + first : nullptr);
+    }
     // Beside what is left alone features have no outline.
     plane.add(n, dose.middle(),
               design.coverage.black(n) ? nullptr : detail::marked(coverage.data(), left, outlined));
@@ -284,6 +295,7 @@ void Verification::predict_spread(const PixelBox& band) {
   Prediction figures = predictor.finish(place);
   plane.add_to(figures);
   surface_maps_.add(predictor.sides(), place);
+  if (uncertain) uncertain_->add(*uncertain, place);
   const std::lock_guard lock(merging_);
   total_.merge(figures);
   if (watch) window_->merge(models_.map().greatest(), *watch);
@@ -327,7 +339,7 @@ ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& inten
     const auto level = static_cast<std::size_t>(grey);
     if (part.light > most) row.grey = grey;
     most = std::max(most, part.light);
-    sum += part.light * std::pow(intensity[level], model.m);
+    sum += part.light * (model.gel_time ? intensity[level] : std::pow(intensity[level], model.m));
     row.phi += part.light * (model.inhibited ? model.inhibited->steady_dose(part.setting, grey)
                                              : model.level_phi[level]);
   }
@@ -428,8 +440,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
       row.phi = 0;
       const std::span<const ImageShowing> parts = light->of(n);
       for (const ImageShowing& part : parts) row.phi += part.light * phi_of(model, part);
-      row.intensity_mw_cm2 =
-          model.critical_intensity_mw_cm2 * std::pow(std::max(0.0, row.phi), 1.0 / model.m);
+      row.intensity_mw_cm2 = model.intensity_mw_cm2(std::max(0.0, row.phi));
       dose.add_slice(n, parts);
     }
     row.slice = n;

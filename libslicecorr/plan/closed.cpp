@@ -40,6 +40,8 @@ PartHeights heights_of(const DesignColumns& columns, int least_gap_slices) {
   PartHeights out;
   out.lowest_gap.assign(all.size(), kNone);
   out.lowest_feature.assign(all.size(), kNone);
+  out.gap_at.assign(static_cast<std::size_t>(columns.layers()), 0);
+  out.platform_gap_at = out.gap_at;
   for (std::size_t k = 0; k < all.size(); ++k) {
     // From the last full slice on: where it ended, whether there was an empty slice, and a grey one.
     int ended = 0, began = -1;
@@ -56,6 +58,11 @@ PartHeights heights_of(const DesignColumns& columns, int least_gap_slices) {
           gaps[{slices, platform, !grey}].add(all[k], ended, since);
           if (slices >= least_gap_slices) {
             out.lowest_gap[k] = std::min(out.lowest_gap[k], slices);
+            std::vector<int>& lies_in = platform ? out.platform_gap_at : out.gap_at;
+            for (int n = ended; n < since; ++n) {
+              int& lowest = lies_in[static_cast<std::size_t>(n)];
+              if (lowest == 0 || slices < lowest) lowest = slices;
+            }
           }
         }
         began = since;

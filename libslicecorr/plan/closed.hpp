@@ -17,6 +17,9 @@ struct PartHeights {
   /// Of each column the lowest gap that is planned for and the lowest feature, slices; a large number
   /// where it has none.
   std::vector<int> lowest_gap, lowest_feature;
+  /// Of each slice the lowest gap between features, and the lowest from the platform, that is planned
+  /// for and that it lies in; 0: none.
+  std::vector<int> gap_at, platform_gap_at;
 };
 /// `least_gap_slices`: lower ones are left out.
 PartHeights heights_of(const DesignColumns& columns, int least_gap_slices);

@@ -77,7 +77,7 @@ std::string PrintPlan::to_json() const {
   j["layer_um"] = layer_um;
   j["layers"] = layers;
   j["extra_slices"] = at.extra_slices;
-  j["print_time_s"] = at.time_s;
+  j["print_time_s"] = along_z ? along_z->time_s : at.time_s;
   j["lamp_share"] = lamp_share;
   j["omega_max"] = setup.process.omega_max >= 1e300 ? ordered_json("inf")
                                                     : ordered_json(setup.process.omega_max);
@@ -90,6 +90,15 @@ std::string PrintPlan::to_json() const {
   j["faster"] = faster ? of(*faster) : ordered_json();
   j["slower"] = slower ? of(*slower) : ordered_json();
   j["curve"] = of(curve);
+  ordered_json by_tolerance = ordered_json::array();
+  for (const PlanTolerance& t : tolerances) {
+    ordered_json one =
+        t.at ? of(*t.at) : ordered_json{{continuous ? "speed_mm_h" : "exposure_s", nullptr}};
+    one["tolerance_um"] = t.tolerance_um;
+    one["limited_by"] = t.limited_by;
+    by_tolerance.push_back(std::move(one));
+  }
+  j["tolerance_curve"] = by_tolerance;
   if (light) {
     j["light"] = {{"smax_mm_h", light->smax_mm_h},
                   {"smin_mm_h", light->smin_mm_h},
@@ -140,8 +149,35 @@ std::string PrintPlan::to_json() const {
   j["stage_mm_h"] = stage_mm_h > 0 ? ordered_json(stage_mm_h) : ordered_json();
   j["slice_speed_mm_h"] =
       slice_speed_mm_h.empty() ? ordered_json() : ordered_json(slice_speed_mm_h);
+  j["along_z"] = nullptr;
+  if (!slice_speed_mm_h.empty()) {
+    const bool stay = setup.process.slice_lamps == SliceLamps::stay;
+    ordered_json z = along_z ? of(*along_z) : ordered_json::object();
+    z["lamps"] = stay ? "stay" : "follow";
+    z["speed_mm_h"] = setup.process.speed_mm_h;
+    z["time_s"] = along_z ? along_z->time_s : at.time_s;
+    z["uniform_time_s"] = uniform_time_s;
+    j["along_z"] = z;
+  }
   j["with"] = with;
+  j["dose_factor"] = dose_factor ? ordered_json(*dose_factor) : ordered_json();
   j["chosen"] = chosen;
+  list = ordered_json::array();
+  for (const PlanOrientation& o : orientations) {
+    ordered_json one{{"rotate_deg", o.rotate_deg}, {"prints", o.prints}, {"chosen", o.chosen}};
+    if (o.prints) {
+      if (continuous) {
+        one["speed_mm_h"] = o.speed_mm_h;
+      } else {
+        one["exposure_s"] = o.exposure_s;
+      }
+      one["print_time_s"] = o.time_s;
+      one["layers"] = o.layers;
+    }
+    one["limited_by"] = o.limited_by;
+    list.push_back(std::move(one));
+  }
+  j["orientations"] = list;
   j["notes"] = notes;
   j["columns"] = {
       {"part", part_columns}, {"distinct", distinct_columns}, {"judged", judged_columns}};

@@ -34,6 +34,64 @@ void points_of(Panel& panel, const Drawn& d, double PlanPoint::*value, double sc
   }
 }
 
+/// Speed and time against the tolerance of edges.
+void add_tolerances(chart::Picture& picture, const PrintPlan& plan, bool continuous) {
+  std::vector<double> tolerances, paces, times;
+  std::vector<Point> speed, time;
+  for (const PlanTolerance& t : plan.tolerances) {
+    tolerances.push_back(t.tolerance_um);
+    if (!t.at) continue;
+    paces.push_back(continuous ? t.at->speed_mm_h : t.at->exposure_s);
+    times.push_back(t.at->time_s);
+    speed.push_back({t.tolerance_um, paces.back()});
+    time.push_back({t.tolerance_um, times.back()});
+  }
+  if (speed.size() < 2) return;
+  const bool minutes = *std::max_element(times.begin(), times.end()) >= 600;
+  for (std::size_t k = 0; minutes && k < times.size(); ++k) time[k].y = times[k] /= 60;
+  const chart::Axis x =
+      chart::axis_over("tolerance of edges, um (dotted: the one asked for)", true, tolerances);
+  const auto add = [&](const chart::Axis& y, const std::vector<Point>& points, bool last) {
+    Panel panel(x, y, kHigh * 0.7, last);
+    panel.line(points, Style::series, 2);
+    std::size_t k = 0;
+    for (const PlanTolerance& t : plan.tolerances) {
+      if (t.at) {
+        panel.point(points[k], kKeeps, fmt::format("limited by {}", t.limited_by));
+        ++k;
+      }
+    }
+    panel.vertical(plan.ask.tolerance_um, "");
+    picture.add(panel);
+  };
+  add(chart::axis_over(continuous ? "fastest speed, mm/h" : "least exposure, s", false, paces,
+                       true),
+      speed, false);
+  add(chart::axis_over(minutes ? "time of all slices, min" : "time of all slices, s", false, times,
+                       true),
+      time, true);
+}
+
+/// Speeds of slices against their height.
+void add_along_z(chart::Picture& picture, const PrintPlan& plan) {
+  if (plan.slice_speed_mm_h.empty()) return;
+  std::vector<Point> steps;
+  std::vector<double> speeds{0};
+  const int slices = plan.layers + plan.at.extra_slices;
+  for (int n = 0; n < slices; ++n) {
+    const double v = slice_speed_mm_h(plan.setup.process, n);
+    speeds.push_back(v);
+    for (const int end : {n, n + 1}) steps.push_back({end * plan.layer_um * 1e-3, v});
+  }
+  Panel panel(chart::axis_over("height above the platform, mm", false, {0, steps.back().x}),
+              chart::axis_over("speed of slices, mm/h", false, speeds, true), kHigh * 0.7);
+  panel.line(steps, Style::series, 1);
+  panel.horizontal(
+      plan.along_z || !plan.suction ? plan.at.speed_mm_h : plan.suction->speed_limit_mm_h,
+      "one speed for all");
+  picture.add(panel);
+}
+
 }  // namespace
 
 std::string PrintPlan::svg(const std::string& title) const {
@@ -124,6 +182,8 @@ std::string PrintPlan::svg(const std::string& title) const {
   panel.vertical(found, "");
   points_of(panel, d, &PlanPoint::max_abs_um, 1);
   picture.add(panel);
+  add_tolerances(picture, *this, d.continuous);
+  add_along_z(picture, *this);
   picture.note(fmt::format("What limits it: {}.", limit));
   return picture.svg();
 }

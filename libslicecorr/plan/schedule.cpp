@@ -14,8 +14,12 @@ namespace slicecorr {
 
 StageChange load_stage_change(const std::string& name_or_path) {
   const std::string path = find_definition(name_or_path, "printer");
-  const toml::table root_table = parse_toml(read_text_file(path), path);
-  const TomlTable root(root_table, path);
+  return parse_stage_change(read_text_file(path), path);
+}
+
+StageChange parse_stage_change(const std::string& text, const std::string& source) {
+  const toml::table root_table = parse_toml(text, source);
+  const TomlTable root(root_table, source);
   StageChange change;
   const auto stage = root.table("stage");
   if (!stage || !stage->has("variable_speed")) return change;

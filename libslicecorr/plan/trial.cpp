@@ -110,10 +110,15 @@ class Trials::Block {
     });
   }
 
-  Findings finish(std::vector<std::uint32_t>* failing) const {
+  /// `failing`, `places`: as in `TrialAsk`.
+  Findings finish(std::vector<std::uint32_t>* failing, std::vector<PlanPlace>* places) const {
     const PlanAsk& ask = trials_.ask_;
     Findings f;
     std::vector<bool> fails(which_.size(), false);
+    const auto fail = [&](std::uint32_t column, const PlanPlace& at) {
+      fails[column] = true;
+      if (places) places->push_back(at);
+    };
     // Nodes whose edges can't be right: those of gaps that are left out.
     std::set<std::pair<std::uint32_t, int>> left_out;
     for (const Gap& g : gaps_) {
@@ -123,19 +128,20 @@ class Trials::Block {
         continue;
       }
       const double contrast = std::max(0.0, 1.0 - g.least);
-      f.gap(contrast, place(g.column, g.first, g.last));
+      const PlanPlace at = place(g.column, g.first, g.last);
+      f.gap(contrast, at);
       if (contrast >= ask.gap_contrast - kSameContrast) continue;
       ++f.narrow;
-      fails[g.column] = true;
+      fail(g.column, at);
     }
     for (const Edge& e : edges_) {
       if (left_out.contains({e.column, e.node})) continue;
       const int layer = e.upper ? e.node : e.node - 1;
-      f.edge(e.um, place(e.column, layer, layer),
-             trials_.columns_.columns()[which_[e.column]].pixels);
+      const PlanPlace at = place(e.column, layer, layer);
+      f.edge(e.um, at, trials_.columns_.columns()[which_[e.column]].pixels);
       if (std::abs(e.um) <= ask.tolerance_um + kSameUm) continue;
       ++f.off;
-      fails[e.column] = true;
+      fail(e.column, at);
     }
     for (const Run& r : runs_) {
       // Between two gaps that are left out nothing is promised.
@@ -144,7 +150,7 @@ class Trials::Block {
       }
       const PlanPlace at = place(r.column, r.first, r.last);
       r.lost ? Findings::count(f.lost, f.lost_at, at) : Findings::count(f.split, f.split_at, at);
-      fails[r.column] = true;
+      fail(r.column, at);
     }
     for (std::size_t i = 0; failing && i < fails.size(); ++i) {
       if (fails[i]) failing->push_back(which_[i]);
@@ -194,10 +200,14 @@ std::string Trials::height_in_words(int slices) const {
                      slices == 1 ? "" : "s");
 }
 
+bool keeps_within(const PlanPoint& p, double tolerance_um) {
+  return p.prints && p.limited_by != "uv" && p.lost + p.split + p.narrow == 0 &&
+         p.max_abs_um <= tolerance_um + kSameUm;
+}
+
 PlanPoint Trials::correct(const Setup& setup, std::span<const std::uint32_t> which,
-                          std::vector<std::uint32_t>* failing,
-                          const ExecutionContext& context) const {
-  if (!setup.printer.flat_field) return correct_evenly(setup, which, failing, context);
+                          const TrialAsk& ask, const ExecutionContext& context) const {
+  if (!setup.printer.flat_field) return correct_evenly(setup, which, ask, context);
   // Where light is uneven every column must keep what is asked for in the least and in the most light that
   // the part gets anywhere.
   const LightMap map(setup.printer, target_.grid(), target_.frame());
@@ -210,7 +220,7 @@ PlanPoint Trials::correct(const Setup& setup, std::span<const std::uint32_t> whi
   const auto at = [&](int value) {
     place.printer = dimmed(setup.printer, map.factor(static_cast<std::uint8_t>(value)));
     place.printer.flat_field.reset();
-    return correct_evenly(place, which, failing, context);
+    return correct_evenly(place, which, ask, context);
   };
   PlanPoint dim = at(least);
   if (!dim.keeps || most == least) return dim;
@@ -225,8 +235,7 @@ PlanPoint Trials::correct(const Setup& setup, std::span<const std::uint32_t> whi
 }
 
 PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32_t> which,
-                                 std::vector<std::uint32_t>* failing,
-                                 const ExecutionContext& context) const {
+                                 const TrialAsk& ask, const ExecutionContext& context) const {
   PlanPoint point;
   const bool continuous = setup.process.mode == ExposureMode::continuous;
   (continuous ? point.speed_mm_h : point.exposure_s) =
@@ -252,6 +261,7 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
   const ExecutionContext quiet = silent(context);
   Findings all;
   std::vector<std::vector<std::uint32_t>> failing_of(blocks);
+  std::vector<std::vector<PlanPlace>> places_of(blocks);
   std::vector<Findings> findings(blocks);
   std::optional<WindowTotal> window;
   if (plan.model.inhibited) window.emplace(plan.model, slices);
@@ -268,14 +278,18 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
         plan, some.size(), columns_.reader(some), nullptr, nullptr, {},
         {[](int, const std::uint8_t*) {}, predictor, nullptr, watch ? &*watch : nullptr}, quiet);
     predictor.finish(0, 0, static_cast<int>(some.size()));
-    findings[b] = block.finish(failing ? &failing_of[b] : nullptr);
+    findings[b] =
+        block.finish(ask.failing ? &failing_of[b] : nullptr, ask.places ? &places_of[b] : nullptr);
     if (!watch) return;
     const std::lock_guard lock(merging);
     window->merge(*watch);
   });
   for (const Findings& f : findings) all.merge(f);
-  if (failing) {
-    for (const auto& some : failing_of) failing->insert(failing->end(), some.begin(), some.end());
+  for (std::size_t b = 0; b < blocks; ++b) {
+    if (ask.failing) {
+      ask.failing->insert(ask.failing->end(), failing_of[b].begin(), failing_of[b].end());
+    }
+    if (ask.places) ask.places->insert(ask.places->end(), places_of[b].begin(), places_of[b].end());
   }
   point.prints = true;
   point.extra_slices = slices - plan.layers;

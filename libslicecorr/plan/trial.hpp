@@ -10,16 +10,25 @@
 
 namespace slicecorr::detail {
 
+/// Whether a point keeps what is asked for, with edges within `tolerance_um`.
+bool keeps_within(const PlanPoint& point, double tolerance_um);
+
+/// What is to be told of a trial besides its point.
+struct TrialAsk {
+  std::vector<std::uint32_t>* failing = nullptr;  ///< takes the columns that fail; null: not asked
+  std::vector<PlanPlace>* places = nullptr;       ///< takes what of them fails; null: not asked
+};
+
 /// What all trials of a plan share. Thread-safe.
 class Trials {
  public:
   /// `target` and `columns` must outlive this. Reads nothing of the target but its size and frame.
   Trials(const SliceSource& target, const DesignColumns& columns, const PlanAsk& ask);
 
-  /// Corrects and predicts the columns `which`. Columns that fail are added to `failing` where that is
-  /// not null. What `PlacePlans` refuses comes back as a point that does not print.
-  PlanPoint correct(const Setup& setup, std::span<const std::uint32_t> which,
-                    std::vector<std::uint32_t>* failing, const ExecutionContext& context) const;
+  /// Corrects and predicts the columns `which`. What `PlacePlans` refuses comes back as a point that
+  /// does not print.
+  PlanPoint correct(const Setup& setup, std::span<const std::uint32_t> which, const TrialAsk& ask,
+                    const ExecutionContext& context) const;
 
   /// Gaps from run to run below this many slices are left out.
   int least_gap_slices() const { return least_gap_slices_; }
@@ -28,8 +37,7 @@ class Trials {
 
  private:
   PlanPoint correct_evenly(const Setup& setup, std::span<const std::uint32_t> which,
-                           std::vector<std::uint32_t>* failing,
-                           const ExecutionContext& context) const;
+                           const TrialAsk& ask, const ExecutionContext& context) const;
   class Block;
 
   const SliceSource& target_;

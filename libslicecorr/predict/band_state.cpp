@@ -284,7 +284,8 @@ void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
   const double fall = model_.root_a * (1.0 - kSameDose);
   std::size_t last = n;  // looked at
   double last_known = 0;
-  const bool smooth = model_.inhibited && model_.mode == ExposureMode::continuous;
+  const bool smooth =
+      (model_.inhibited || model_.gel_time) && model_.mode == ExposureMode::continuous;
   for (std::size_t i = 0; i < n; ++i) {
     if (!turning[first + i]) continue;
     double low = std::min(lower[i], middle[i]) * fall;

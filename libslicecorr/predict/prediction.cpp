@@ -28,7 +28,9 @@ std::vector<FeatureExample> FeatureExamples::sorted() const {
 }
 
 std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model) {
-  if (model.mode != ExposureMode::layerwise || model.inhibited) return std::nullopt;
+  if (model.mode != ExposureMode::layerwise || model.inhibited || model.gel_time) {
+    return std::nullopt;
+  }
   const double longest = model.greatest_ratio();
   return LayerwiseFigures{model.cut_through_um(), model.cut_through_um(longest),
                           model.heterogeneity(), model.gels_further_teeth(longest)};
@@ -50,7 +52,7 @@ ordered_json front_json(const FrontDose& f) {
 ordered_json flow_json(const FlowDoses& flow) {
   ordered_json slices = ordered_json::array();
   for (const FlowDoses::Slice& s : flow.slices) {
-    ordered_json slice{{"slice", s.slice}, {"area_mm2", s.area_mm2}};
+    ordered_json slice{{"slice", s.slice}, {"area_mm2", s.area_mm2}, {"lit_share", s.lit}};
     slice.update(front_json(s.even));
     slice["without"] = front_json(s.without);
     slices.push_back(std::move(slice));

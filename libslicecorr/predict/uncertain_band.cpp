@@ -125,10 +125,11 @@ void find_needs(const std::uint8_t* __restrict coverage, const std::uint8_t* __r
 }  // namespace
 
 struct UncertainBand::State {
-  State(const CureModel& model, const Uncertainty& uncertainty, int all_layers, std::size_t columns)
+  State(const CureModel& model, const Uncertainty& uncertainty, int all_layers, std::size_t columns,
+        const NearbyModels* nearby)
       : model_(model),
-        variance_(uncertainty, model.m),
-        derivatives_(model, columns, variance_.wanted()),
+        variance_(uncertainty, model.m, model.inhibited != nullptr),
+        derivatives_(model, columns, variance_.wanted(), nearby),
         layerwise_(model.mode == ExposureMode::layerwise),
         variances_{std::vector<double>(columns), std::vector<double>(columns)},
         clear_{std::vector<std::uint8_t>(columns, Clear::open | Clear::far),
@@ -147,7 +148,8 @@ struct UncertainBand::State {
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     sides_.below_um.assign(columns, none);
     sides_.above_um.assign(columns, none);
-    if (variance_.wanted().stray && std::isinf(light_gradient(model, model.phi_min()).stray)) {
+    if (variance_.wanted().stray && !model.inhibited &&
+        std::isinf(light_gradient(model, model.phi_min()).stray)) {
       throw InputError(
           "stray light is off, and by how much the dose then is can't be said of an exponent below 1 "
           "and levels without light; expected no error of stray");
@@ -191,8 +193,8 @@ struct UncertainBand::State {
     Edge upper, lower_edge;
   };
 
-  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                 const std::uint8_t* heights);
+  /// The slice whose light `derivatives_` have taken last.
+  void judge(int slice, const std::uint8_t* coverage, const std::uint8_t* heights);
   void look(std::size_t i, int slice, Class now, bool enters);
   void enter(std::size_t i, int node, std::uint8_t height, Class next, const DoseGradient& at_node);
   void close_class(std::size_t i, int top);
@@ -209,7 +211,7 @@ struct UncertainBand::State {
   }
   static DoseGradient end_of(const BandDerivatives::Fields& f, std::size_t i) {
     const auto value = [i](const std::vector<double>& of) { return of.empty() ? 0.0 : of[i]; };
-    return {f.dose[i], f.ln_ha[i], value(f.stray), value(f.m), value(f.variance)};
+    return {f.dose[i], f.ln_ha[i], value(f.stray), value(f.m), value(f.variance), value(f.light)};
   }
   double crossing(std::size_t i, std::size_t print, double at_lower, double at_upper) const;
   void find_variances(const BandDerivatives::Fields& f, std::vector<double>& q) const;
@@ -254,6 +256,8 @@ void UncertainBand::State::find_variances(const BandDerivatives::Fields& f,
   add(f.ln_ha, f.m, 2 * r[1][3]);
   add(f.stray, f.m, 2 * r[2][3]);
   add(f.m, f.m, r[3][3]);
+  // With what else comes together only a fit says, and none says it of the light.
+  add(f.light, f.light, r[4][4]);
   if (variance_.noise() > 0) add_variance(f.variance.data(), variance_.noise(), q.data(), n);
 }
 
@@ -262,7 +266,7 @@ void UncertainBand::State::find_variances(const BandDerivatives::Fields& f,
 /// chord where that is inside (Illinois).
 double UncertainBand::State::crossing(std::size_t i, std::size_t print, double at_lower,
                                       double at_upper) const {
-  if (kSds[print] == 0) {
+  if (kSds[print] == 0 && !derivatives_.by_differences()) {
     if (!layerwise_) return model_.crossing(derivatives_.phi(i), derivatives_.lower().dose[i]);
     return std::clamp(std::log(derivatives_.lower().dose[i]) / (model_.eta * units::kLn10), 0.0,
                       1.0);
@@ -464,9 +468,8 @@ void UncertainBand::State::look(std::size_t i, int slice, Class now, bool enters
   state_[i] = c.printed[1] ? Clear::prints : Clear::open;
 }
 
-void UncertainBand::State::add_slice(int slice, const std::uint8_t* pixels,
-                                     const std::uint8_t* coverage, const std::uint8_t* heights) {
-  derivatives_.add_slice(slice, pixels);
+void UncertainBand::State::judge(int slice, const std::uint8_t* coverage,
+                                 const std::uint8_t* heights) {
   const std::size_t n = columns_.size();
   if (!coverage) coverage = empty_.data();
   if (layerwise_) {
@@ -501,14 +504,20 @@ void UncertainBand::State::add_slice(int slice, const std::uint8_t* pixels,
 }
 
 UncertainBand::UncertainBand(const CureModel& model, const Uncertainty& uncertainty, int all_layers,
-                             std::size_t columns)
-    : state_(std::make_unique<State>(model, uncertainty, all_layers, columns)) {}
+                             std::size_t columns, const NearbyModels* nearby)
+    : state_(std::make_unique<State>(model, uncertainty, all_layers, columns, nearby)) {}
 UncertainBand::~UncertainBand() = default;
 UncertainBand::UncertainBand(UncertainBand&&) noexcept = default;
 
 void UncertainBand::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
                               const std::uint8_t* heights) {
-  state_->add_slice(slice, pixels, coverage, heights);
+  state_->derivatives_.add_slice(slice, pixels);
+  state_->judge(slice, coverage, heights);
+}
+void UncertainBand::add_slice(int slice, std::span<const ImageShowing> showings,
+                              const std::uint8_t* coverage, const std::uint8_t* heights) {
+  state_->derivatives_.add_slice(slice, showings);
+  state_->judge(slice, coverage, heights);
 }
 void UncertainBand::add_to(UncertainPrint& figures) { state_->figures_ = &figures; }
 void UncertainBand::aim_at_heights() { state_->at_heights_ = true; }

@@ -30,32 +30,35 @@ ErrorSource source_of(UncertainInput input) {
   }
 }
 
-/// Derivative of the dose by an input, in dose, ln_ha, stray and m.
-std::array<double, 4> derivative_by(UncertainInput input, double exponent) {
+/// Derivative of the dose by an input, in dose, ln_ha, stray, m and light.
+std::array<double, DoseVariance::kTerms> derivative_by(UncertainInput input, double exponent,
+                                                       bool light_apart) {
   switch (input) {
     case UncertainInput::ha:
-      return {0, 1, 0, 0};
+      return {0, 1, 0, 0, 0};
     case UncertainInput::dc:
     case UncertainInput::aim:
     case UncertainInput::speed:
-      return {-1, 0, 0, 0};
+      return {-1, 0, 0, 0, 0};
     case UncertainInput::time:
-      return {1, 0, 0, 0};
+      return {1, 0, 0, 0, 0};
     case UncertainInput::light:
-      return {exponent, 0, 0, 0};
+      if (light_apart) return {0, 0, 0, 0, 1};
+      return {exponent, 0, 0, 0, 0};
     case UncertainInput::stray:
-      return {0, 0, 1, 0};
+      return {0, 0, 1, 0, 0};
     case UncertainInput::m:
-      return {0, 0, 0, 1};
+      return {0, 0, 0, 1, 0};
   }
   return {};
 }
 
 double value_of(const DoseVariance::Form& form, const DoseGradient& g) {
-  const std::array<double, 4> x{g.dose, g.ln_ha, g.stray, g.m};
+  constexpr std::size_t terms = DoseVariance::kTerms;
+  const std::array<double, terms> x{g.dose, g.ln_ha, g.stray, g.m, g.light};
   double sum = 0;
-  for (std::size_t a = 0; a < 4; ++a) {
-    for (std::size_t b = 0; b < 4; ++b) sum += form[a][b] * x[a] * x[b];
+  for (std::size_t a = 0; a < terms; ++a) {
+    for (std::size_t b = 0; b < terms; ++b) sum += form[a][b] * x[a] * x[b];
   }
   return sum;
 }
@@ -74,17 +77,17 @@ const char* word_of(ErrorSource source) {
   return words[static_cast<std::size_t>(source)];
 }
 
-DoseVariance::DoseVariance(const Uncertainty& u, double exponent)
+DoseVariance::DoseVariance(const Uncertainty& u, double exponent, bool light_apart)
     : noise_(exponent * u.noise * exponent * u.noise) {
   const std::size_t n = u.inputs.size();
   for (std::size_t i = 0; i < n; ++i) {
-    const auto x = derivative_by(u.inputs[i], exponent);
+    const auto x = derivative_by(u.inputs[i], exponent, light_apart);
     for (std::size_t j = 0; j < n; ++j) {
-      const auto y = derivative_by(u.inputs[j], exponent);
+      const auto y = derivative_by(u.inputs[j], exponent, light_apart);
       const bool same = source_of(u.inputs[i]) == source_of(u.inputs[j]);
       Form& own = by_source_[static_cast<std::size_t>(source_of(u.inputs[i]))];
-      for (std::size_t a = 0; a < 4; ++a) {
-        for (std::size_t b = 0; b < 4; ++b) {
+      for (std::size_t a = 0; a < kTerms; ++a) {
+        for (std::size_t b = 0; b < kTerms; ++b) {
           const double term = x[a] * u.covariance[i * n + j] * y[b];
           all_[a][b] += term;
           if (same) own[a][b] += term;
@@ -92,9 +95,11 @@ DoseVariance::DoseVariance(const Uncertainty& u, double exponent)
       }
     }
   }
-  const double flat = exponent * u.flat;
-  by_source_[static_cast<std::size_t>(ErrorSource::flat)][0][0] = flat * flat;
-  all_[0][0] += flat * flat;
+  const double flat = (light_apart ? 1 : exponent) * u.flat;
+  const std::size_t of_light = light_apart ? 4 : 0;
+  by_source_[static_cast<std::size_t>(ErrorSource::flat)][of_light][of_light] = flat * flat;
+  all_[of_light][of_light] += flat * flat;
+  wanted_.light = light_apart && (u.flat > 0 || u.sd(UncertainInput::light) > 0);
   wanted_.stray = u.sd(UncertainInput::stray) > 0;
   wanted_.m = u.sd(UncertainInput::m) > 0;
   wanted_.noise = u.noise > 0;
@@ -102,7 +107,7 @@ DoseVariance::DoseVariance(const Uncertainty& u, double exponent)
 }
 
 double DoseVariance::of(const DoseGradient& g) const {
-  if (!wanted_.stray && !wanted_.m) {
+  if (!wanted_.stray && !wanted_.m && !wanted_.light) {
     const double q = all_[0][0] * g.dose * g.dose + 2 * all_[0][1] * g.dose * g.ln_ha +
                      all_[1][1] * g.ln_ha * g.ln_ha;
     return std::max(0.0, q + noise_ * g.variance);

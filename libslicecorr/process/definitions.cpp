@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "process/chemistry_keys.hpp"
 #include "process/flat_field_keys.hpp"
 #include "process/spread_keys.hpp"
 #include "process/tomography_keys.hpp"
@@ -14,6 +15,7 @@
 #include "slicecorr/units.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/csv.hpp"
+#include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
 
 #ifndef SLICECORR_INSTALLED_DB
@@ -96,6 +98,22 @@ std::vector<CalibrationPoint> calibration(const TomlTable& blue, int bit_depth, 
   return points;
 }
 
+}  // namespace
+
+const char* name_of(CureModelKind model) {
+  switch (model) {
+    case CureModelKind::jacobs:
+      return "jacobs";
+    case CureModelKind::kinetic:
+      return "kinetic";
+    case CureModelKind::gel_time:
+      return "gel-time";
+  }
+  return "";
+}
+
+namespace {
+
 Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
   Inhibition i;
   i.beta = table.required_number("beta", 0, 1e6);
@@ -113,10 +131,55 @@ Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
 }
 
 std::string only_for_m_1(const Resin& resin) {
+  if (resin.model == CureModelKind::gel_time) {
+    return "is \"gel-time\"; a dose in mJ/cm³ can't replace its two numbers; expected a dose factor, "
+           "which scales that of any resin";
+  }
   return fmt::format(
       "is {:g}; a dose in mJ/cm³ can only replace that of a resin with m = 1; expected a dose "
       "factor, which scales that of any resin",
       resin.m);
+}
+
+/// Takes A and B of a resin of model gel-time.
+void resolve_gel_time(const TomlTable& cure, std::optional<double> dose_override, Resin& resin) {
+  for (const char* key : {"m", "gel_dose_mj_cm3", "gel_dose_mj_cm2", "critical_dose_mj_cm3",
+                          "critical_dose_mj_cm2", "critical_dose_prime"}) {
+    if (cure.has(key)) {
+      cure.fail(key,
+                "does not go with model = \"gel-time\"; expected gel_a_mj_cm2 and "
+                "gel_b_sqrt_mw_cm2_s alone");
+    }
+  }
+  const auto figure = [&](const char* key) {
+    const auto value = cure.number(key, 0, 1e9, true);
+    if (!value) cure.fail(key, "missing; a resin of model \"gel-time\" needs it");
+    return *value;
+  };
+  const double a = figure("gel_a_mj_cm2"), b = figure("gel_b_sqrt_mw_cm2_s");
+  if (a == 0 && b == 0) {
+    cure.fail("gel_a_mj_cm2", "is 0, and so is gel_b_sqrt_mw_cm2_s; expected one of them above 0");
+  }
+  const double factor = cure.number("dose_factor", 0, 1e3).value_or(kDefaultDoseFactor);
+  resin.dose_factor = factor;
+  if (a > 0 && b > 0) {
+    if (dose_override) cure.fail("model", only_for_m_1(resin));
+    resin.gel_a_mj_cm2 = a * factor;
+    resin.gel_b_sqrt_mw_cm2_s = b * factor;
+    return;
+  }
+  // What is left are the two laws that all else knows.
+  if (b > 0) {
+    resin.model = CureModelKind::kinetic;
+    resin.m = 0.5;
+    if (dose_override) cure.fail("gel_a_mj_cm2", only_for_m_1(resin));
+    resin.critical_dose_prime = b * factor;
+    return;
+  }
+  resin.model = CureModelKind::jacobs;
+  resin.gel_dose_mj_cm3 = units::volumetric_from_areal(a, dose_height_e_um(resin));
+  resin.critical_dose_mj_cm3 = dose_override.value_or(resin.gel_dose_mj_cm3 * factor);
+  resin.dose_factor = resin.critical_dose_mj_cm3 / resin.gel_dose_mj_cm3;
 }
 
 void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Resin& resin) {
@@ -200,6 +263,8 @@ void scale_dose(Resin& resin, double factor) {
   const double change = factor / resin.dose_factor;
   resin.critical_dose_mj_cm3 *= change;
   resin.critical_dose_prime *= change;
+  resin.gel_a_mj_cm2 *= change;
+  resin.gel_b_sqrt_mw_cm2_s *= change;
   resin.dose_factor = factor;
 }
 
@@ -315,9 +380,16 @@ std::string find_definition(const std::string& name, std::string_view kind) {
     looked += (looked.empty() ? "" : ", ") + folder;
   }
   std::string known;
-  for (const Definition& d : list_definitions(kind)) known += (known.empty() ? "" : ", ") + d.name;
-  throw InputError(fmt::format("no {0} '{1}'; looked for {1}.toml in {2}; known {0}s: {3}", kind,
-                               name, looked, known.empty() ? "none" : known));
+  const std::vector<Definition> definitions = list_definitions(kind);
+  std::vector<std::string_view> names;
+  for (const Definition& d : definitions) {
+    known += (known.empty() ? "" : ", ") + d.name;
+    names.push_back(d.name);
+  }
+  const std::string near = nearest(name, names);
+  throw InputError(fmt::format("no {0} '{1}'; {4}looked for {1}.toml in {2}; known {0}s: {3}", kind,
+                               name, looked, known.empty() ? "none" : known,
+                               near.empty() ? "" : fmt::format("did you mean '{}'? ", near)));
 }
 
 Printer parse_printer(std::string_view text, const std::string& source) {
@@ -397,10 +469,13 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.name = root.text("name", fs::path(source).stem().string());
   const TomlTable cure = root.required_table("cure");
   const std::string model = cure.text("model", "jacobs");
-  if (model != "jacobs" && model != "kinetic") {
-    cure.fail("model", fmt::format("is '{}'; expected \"jacobs\" or \"kinetic\"", model));
+  if (model != "jacobs" && model != "kinetic" && model != "gel-time") {
+    cure.fail("model",
+              fmt::format("is '{}'; expected \"jacobs\", \"kinetic\" or \"gel-time\"", model));
   }
-  resin.model = model == "kinetic" ? CureModelKind::kinetic : CureModelKind::jacobs;
+  resin.model = model == "gel-time"  ? CureModelKind::gel_time
+                : model == "kinetic" ? CureModelKind::kinetic
+                                     : CureModelKind::jacobs;
   resin.m = cure.number("m", 0, 2).value_or(1.0);
   if (resin.model == CureModelKind::jacobs && resin.m != 1.0) {
     cure.fail("m",
@@ -418,9 +493,24 @@ Resin parse_resin(std::string_view text, const std::string& source,
   if (light.inhibitor_life_s) resin.inhibitor_life_s = *light.inhibitor_life_s;
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
-  resolve_dose(cure, overrides.dc_mj_cm3, resin);
+  if (resin.model == CureModelKind::gel_time) {
+    resolve_gel_time(cure, overrides.dc_mj_cm3, resin);
+  } else {
+    for (const char* key : {"gel_a_mj_cm2", "gel_b_sqrt_mw_cm2_s"}) {
+      if (cure.has(key)) cure.fail(key, "is for model = \"gel-time\"");
+    }
+    resolve_dose(cure, overrides.dc_mj_cm3, resin);
+  }
   if (overrides.dose_factor) scale_dose(resin, *overrides.dose_factor);
-  if (const auto table = root.table("inhibition")) resin.inhibition = inhibition_of(*table, resin);
+  if (const auto table = root.table("inhibition")) {
+    if (model == "gel-time") {
+      cure.fail("model",
+                "is \"gel-time\", and the file has an [inhibition]; expected one of both: "
+                "the dose under UV light follows the kinetic law");
+    }
+    resin.inhibition = inhibition_of(*table, resin);
+  }
+  resin.chemistry = detail::chemistry_keys(root, cure, resin.viscosity_pa_s);
   return resin;
 }
 
@@ -444,6 +534,7 @@ Resin with_overrides(Resin resin, const ResinOverrides& overrides) {
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   if (overrides.dc_mj_cm3) {
+    if (resin.has_gel_time()) throw InputError(resin.name, "model", only_for_m_1(resin));
     if (resin.m != 1.0) throw InputError(resin.name, "m", only_for_m_1(resin));
     resin.critical_dose_mj_cm3 = *overrides.dc_mj_cm3;
     resin.critical_dose_prime = 0;

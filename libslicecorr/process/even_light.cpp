@@ -142,12 +142,33 @@ void EvenPixels::blue_of(int x, int y, std::span<std::uint8_t> shares) const {
       between(((x + 0.5) * pixel_x_um_ - light_.left_um) / light_.pitch_um - 0.5, light_.columns);
   const Between down =
       between(((y + 0.5) * pixel_y_um_ - light_.top_um) / light_.pitch_um - 0.5, light_.rows);
-  std::vector<double> at(light_.slices.size());
-  for (std::size_t i = 0; i < at.size(); ++i) at[i] = value(*light_.blue, i, across, down);
-  for (std::size_t n = 0; n < shares.size(); ++n) {
-    const Between z = between_slices(static_cast<int>(n));
-    const double share = at[z.first] + z.share * (at[z.second] - at[z.first]);
-    shares[n] = static_cast<std::uint8_t>(std::lround(share));
+  const std::vector<int>& slices = light_.slices;
+  const auto fill = [&](std::size_t from, std::size_t past, double share) {
+    from = std::min(from, shares.size());
+    past = std::min(std::max(past, from), shares.size());
+    std::fill(shares.begin() + static_cast<std::ptrdiff_t>(from),
+              shares.begin() + static_cast<std::ptrdiff_t>(past),
+              static_cast<std::uint8_t>(std::lround(share)));
+  };
+  double here = value(*light_.blue, 0, across, down);
+  fill(0, static_cast<std::size_t>(slices.front()), here);
+  for (std::size_t i = 0; i < slices.size(); ++i) {
+    const auto first = static_cast<std::size_t>(slices[i]);
+    if (i + 1 == slices.size()) {
+      fill(first, shares.size(), here);
+      break;
+    }
+    const auto past = static_cast<std::size_t>(slices[i + 1]);
+    const double next = value(*light_.blue, i + 1, across, down);
+    if (next == here) {
+      fill(first, past, here);
+    } else {
+      for (std::size_t n = first; n < std::min(past, shares.size()); ++n) {
+        const double share = static_cast<double>(n - first) / static_cast<double>(past - first);
+        shares[n] = static_cast<std::uint8_t>(here + share * (next - here) + 0.5);
+      }
+    }
+    here = next;
   }
 }
 

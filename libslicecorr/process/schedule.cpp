@@ -17,11 +17,17 @@ double slice_speed_mm_h(const Process& process, int slice) {
   return speeds[static_cast<std::size_t>(std::clamp(slice, 0, last))];
 }
 
+bool slices_differ(const Process& process) {
+  return process.mode == ExposureMode::continuous && !process.slice_speed_mm_h.empty() &&
+         process.slice_lamps == SliceLamps::stay;
+}
+
 std::string speeds_in_words(const Process& process) {
   const std::vector<double>& speeds = process.slice_speed_mm_h;
   if (speeds.empty()) return fmt::format("{:g} mm/h", process.speed_mm_h);
   const auto [least, greatest] = std::minmax_element(speeds.begin(), speeds.end());
-  return fmt::format("{:g} to {:g} mm/h from slice to slice", *least, *greatest);
+  return fmt::format("{:g} to {:g} mm/h from slice to slice{}", *least, *greatest,
+                     slices_differ(process) ? ", lamps as they are" : "");
 }
 
 double layer_exposure_s(const Process& process, int layer) {
@@ -46,11 +52,14 @@ SliceLight slice_light(const Process& process, double m, double layer_um, int sl
     const double z_mm = from_end * layer_um * 1e-3;
     if (z_mm < process.ramp_mm) speed = std::sqrt(z_mm / process.ramp_mm);
   }
+  double own = 1;
   if (!process.slice_speed_mm_h.empty()) {
-    speed = std::min(speed, slice_speed_mm_h(process, slice) / process.speed_mm_h);
+    own = slice_speed_mm_h(process, slice) / process.speed_mm_h;
+    speed = std::min(speed, own);
   }
   if (speed == 1) return {time_s, 1.0};
-  return {time_s / speed, m == 1.0 ? speed : std::pow(speed, 1.0 / m)};
+  const double share = process.slice_lamps == SliceLamps::stay ? speed / own : speed;
+  return {time_s / speed, m == 1.0 ? share : std::pow(share, 1.0 / m)};
 }
 
 double light_on_s(const Process& process, double m, double layer_um, int slices) {
@@ -83,7 +92,10 @@ std::string exposures_in_words(const Process& p) {
 }
 
 std::string dose_in_words(const Resin& resin) {
-  std::string text = resin.critical_dose_prime > 0
+  std::string text = resin.has_gel_time()
+                         ? fmt::format("{:.4g} mJ/cm² and {:.4g} sqrt(mW/cm²)·s",
+                                       resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s)
+                     : resin.critical_dose_prime > 0
                          ? fmt::format("{:.4g} (mW/cm²)^{:g}·s", resin.critical_dose_prime, resin.m)
                          : fmt::format("{:.4g} mJ/cm³", resin.critical_dose_mj_cm3);
   if (resin.gel_dose_mj_cm3 > 0) {

@@ -252,6 +252,12 @@ double absorption_per_mm(const Resin& resin) { return absorption_per_cm(resin) /
 double curing_absorption_per_mm(const Resin& resin) { return curing_absorption_per_cm(resin) / 10; }
 
 double dose_to_gel_mj_cm3(const Resin& resin) {
+  if (resin.has_gel_time()) {
+    throw InputError(
+        resin.name, "cure.model",
+        "is \"gel-time\"; expected a resin of model \"jacobs\": light from all sides adds up in "
+        "mJ/cm³ for that alone, and resinctl derive makes one for an intensity in the vial");
+  }
   if (resin.m != 1) {
     throw InputError(
         resin.name, "m",

@@ -14,6 +14,7 @@
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
 #include "support/page/page_style.hpp"
+#include "support/text/display_text.hpp"
 #include "support/text/escape.hpp"
 
 namespace slicecorr {
@@ -21,6 +22,8 @@ namespace slicecorr {
 using detail::image_element;
 
 namespace {
+
+std::string counted(std::uint64_t n) { return text::count(static_cast<std::int64_t>(n)); }
 
 std::string number_or_dash(bool known, double value, const char* unit = "") {
   return known ? fmt::format("{:.4g}{}", value, unit) : "-";
@@ -64,17 +67,15 @@ std::string figures_table(const ReportContent& c) {
         [](const Prediction& p) { return fmt::format("{}, {}", p.plane_closed, p.plane_lost); });
   }
   row("Gap voxels cured through",
-      [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
-  row("Feature voxels undercured",
-      [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
+      [](const Prediction& p) { return counted(p.cure_through_voxels); });
+  row("Feature voxels undercured", [](const Prediction& p) { return counted(p.undercure_voxels); });
   row("Column features lost",
-      [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
+      [](const Prediction& p) { return counted(p.lost_features) + " of " + counted(p.runs); });
   row("Column features in pieces",
-      [](const Prediction& p) { return fmt::format("{} of {}", p.split_features, p.runs); });
+      [](const Prediction& p) { return counted(p.split_features) + " of " + counted(p.runs); });
   row("Column gaps merged",
-      [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
-  row("Gaps one slice high",
-      [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
+      [](const Prediction& p) { return counted(p.merged_features) + " of " + counted(p.gaps); });
+  row("Gaps one slice high", [](const Prediction& p) { return counted(p.one_slice_gaps); });
   if (c.suction) {
     const std::string words =
         fmt::format("{:.4g} kPa, {:.3g} N, slice {}; at most {} mm/h", c.suction->suction_pa * 1e-3,
@@ -82,8 +83,7 @@ std::string figures_table(const ReportContent& c) {
     row("Greatest suction under the part", [&](const Prediction&) { return words; });
   }
   if (c.after.left_alone_voxels > 0) {
-    row("Voxels left alone",
-        [](const Prediction& p) { return fmt::format("{}", p.left_alone_voxels); });
+    row("Voxels left alone", [](const Prediction& p) { return counted(p.left_alone_voxels); });
   }
   row("Overlap of print and design",
       [](const Prediction& p) { return fmt::format("{:.5f}", p.iou()); });

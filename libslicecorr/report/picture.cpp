@@ -4,16 +4,16 @@
 #include <array>
 #include <cmath>
 
+#include "report/cure_colours.hpp"
 #include "slicecorr/report.hpp"
 
 namespace slicecorr {
 
 namespace {
 
-using Colour = std::array<std::uint8_t, 3>;
-constexpr Colour kEmpty{255, 255, 255}, kRight{128, 134, 140}, kCureThrough{214, 48, 49},
-    kUndercure{38, 103, 214}, kGreyPrinted{176, 182, 188}, kGreyEmpty{228, 232, 236},
-    kNotYet{178, 203, 245}, kWindow{27, 31, 36};
+using detail::Colour, detail::kCureThrough, detail::kEmpty, detail::kGreyEmpty,
+    detail::kGreyPrinted, detail::kRight, detail::kUndercure;
+constexpr Colour kNotYet{178, 203, 245}, kWindow{27, 31, 36};
 
 /// Draws voxel by voxel at the scale at which the section fits; a picture pixel shows the voxel at
 /// its middle, but a wrong voxel it covers is never left out.

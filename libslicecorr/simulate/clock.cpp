@@ -68,13 +68,13 @@ double added_dose_of_light(const CureModel& model, const PrintClock::Moment& mom
                            double x) {
   const double f = moment.share;
   if (f <= 0) return 0;
-  phi *= model.returned(moment.slice + 1 - x);
+  phi *= model.returned(moment.slice + 1 - x) * model.ratio(moment.slice);
   const double fall = model.eta * units::kLn10;
   const double depth =
       model.bath_slices > 0 ? model.bath_slices : std::numeric_limits<double>::infinity();
   if (model.mode == ExposureMode::layerwise) {
     if (x > depth) return 0;
-    return f * phi * model.ratio(moment.slice) * std::exp(-x * fall);
+    return f * phi * std::exp(-x * fall);
   }
   // The window went from `from` to x - 1 + f slices above the point.
   const double from = std::max(0.0, x - 1.0), to = std::min(x - 1.0 + f, depth);

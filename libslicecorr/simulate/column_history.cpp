@@ -11,9 +11,11 @@
 
 #include "cure/returned_light.hpp"
 #include "cure/spread_band.hpp"
+#include "simulate/cut_column.hpp"
 #include "simulate/refuse.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
@@ -375,6 +377,73 @@ class SampledColumn final : public Column {
   std::map<std::tuple<int, int, double>, std::vector<double>> added_;
 };
 
+/// With a time to gel: all doses anew for each moment.
+class GelTimeColumn final : public Column {
+ public:
+  GelTimeColumn(const CureModel& model, const std::vector<double>& phi)
+      : model_(model), column_(model, lights_of(model, phi)) {}
+
+  std::vector<GelledInterval> gelled(const Moment& now) override {
+    std::vector<GelledInterval> out;
+    Stretches stretches(model_.layer_um, out);
+    column_.begin(now);
+    constexpr int parts = 4;
+    for (int n = now.slice; n >= 0; --n) {
+      const double shown = column_.shown(n), lower = n + shown;
+      double before = 0;
+      stretches.turn(lower, column_.at(n, 0) >= 1.0);
+      for (int s = 1; s <= parts; ++s) {
+        const double up = shown * s / parts;
+        const bool gels = column_.at(n, up) >= 1.0;
+        if (gels != stretches.gelled()) stretches.turn(lower - crossing(n, before, up, gels), gels);
+        before = up;
+      }
+    }
+    column_.end();
+    stretches.finish();
+    return out;
+  }
+
+  DoseProfile profile(const Moment& now) override {
+    DoseProfile p;
+    column_.begin(now);
+    const bool moving = model_.mode == ExposureMode::continuous;
+    for (int n = 0; n <= now.slice; ++n) {
+      const double shown = column_.shown(n);
+      const int last = moving && n < now.slice ? 1 : 0;
+      for (int s = kSamplesPerLayer; s >= last; --s) {
+        const double up = shown * s / kSamplesPerLayer;
+        p.z_um.push_back((n + shown - up) * model_.layer_um);
+        p.dose.push_back(column_.at(n, up));
+      }
+    }
+    column_.end();
+    return p;
+  }
+
+ private:
+  static std::vector<CutLight> lights_of(const CureModel& model, const std::vector<double>& phi) {
+    std::vector<CutLight> lights;
+    for (std::size_t n = 0; n < phi.size(); ++n) {
+      // `phi` is with its exposure, of which both parts of light are multiples.
+      const double ratio = model.ratio(static_cast<int>(n));
+      const CutLight l = model.gel_time->light_of(model.intensity_mw_cm2(phi[n] / ratio));
+      lights.push_back({ratio * l.x, ratio * l.y});
+    }
+    return lights;
+  }
+  double crossing(int n, double low, double high, bool rises) {
+    for (int i = 0; i < 40; ++i) {
+      const double half = 0.5 * (low + high);
+      ((column_.at(n, half) >= 1.0) == rises ? high : low) = half;
+    }
+    return 0.5 * (low + high);
+  }
+
+  const CureModel& model_;
+  detail::CutColumn column_;
+};
+
 /// What a column shows, slice by slice.
 struct ColumnLight {
   std::vector<std::uint8_t> pixels;
@@ -424,6 +493,8 @@ ColumnHistory history_of(const CureModel& model, const Process& process, ColumnL
   std::unique_ptr<Column> column;
   if (model.inhibited) {
     column = std::make_unique<SampledColumn>(model, lights_of(shown, *model.inhibited));
+  } else if (model.gel_time) {
+    column = std::make_unique<GelTimeColumn>(model, shown.phi);
   } else if (model.bath_slices > 0 || model.mirrored_slices > 0) {
     column = std::make_unique<PiecewiseColumn>(model, std::move(shown.phi));
   } else {

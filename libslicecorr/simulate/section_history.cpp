@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "cure/spread_band.hpp"
+#include "simulate/cut_column.hpp"
 #include "simulate/refuse.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
@@ -77,6 +78,24 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   models.map().values(row, light.data());
   const PrintClock clock(setup.process, model.m, grid.layer_um, grid.layers);
   const int levels = static_cast<int>(model.level_phi.size());
+  std::vector<detail::CutColumn> cut_columns;
+  if (model.gel_time) {
+    if (!spread.none()) {
+      throw InputError(setup.resin.name, "cure.model",
+                       "sections are not simulated with model \"gel-time\" where light spreads; "
+                       "expected one column, or a printer without blue.spread");
+    }
+    for (std::size_t x = 0; x < width; ++x) {
+      const CureModel& here = models.model(light[x]);
+      std::vector<CutLight> shown;
+      for (int n = 0; n < s.layers; ++n) {
+        const std::uint8_t value = pixels[static_cast<std::size_t>(n) * width + x];
+        const CutLight& l = here.gel_time->light(level_of_pixel(value, levels));
+        shown.push_back({here.ratio(n) * l.x, here.ratio(n) * l.y});
+      }
+      cut_columns.emplace_back(here, std::move(shown));
+    }
+  }
   for (const double time_s : times_s) {
     context.check_cancelled();
     const PrintClock::Moment now = clock.at(time_s);
@@ -88,6 +107,21 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
     frame.gelled.assign(size, 0);
     const bool moving = model.mode == ExposureMode::continuous;
     frame.z_window_um = (now.slice + (moving ? now.share : 1.0)) * grid.layer_um;
+    if (model.gel_time) {
+      for (std::size_t x = 0; x < width; ++x) {
+        detail::CutColumn& column = cut_columns[x];
+        column.begin(now);
+        for (int n = now.slice; n >= 0; --n) {
+          // The middle of the layer, as far as light has come there.
+          const double up = column.shown(n) - 0.5;
+          const bool gels = up >= 0 && column.at(n, up) >= 1.0;
+          frame.gelled[static_cast<std::size_t>(n) * width + x] = gels ? 1 : 0;
+        }
+        column.end();
+      }
+      s.frames.push_back(std::move(frame));
+      continue;
+    }
     // Slices shown whole as ever, and what the present one has added so far.
     const bool whole = now.share >= 1.0;
     const int complete = now.slice + (whole ? 1 : 0);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <vector>
@@ -106,7 +107,7 @@ class BandSurface {
  public:
   BandSurface(const SliceSource& stack, const PlaceModels& models,
               const detail::SpreadLight& spread, const OnPlate& plate, const SolidOptions& options,
-              const Axis& columns, const Axis& rows, BlobStore& store)
+              const Axis& columns, const Axis& rows, BlobStore* store)
       : stack_(stack),
         models_(models),
         model_(models.brightest()),
@@ -326,13 +327,14 @@ class BandSurface {
                p[0][2] * (p[1][0] * p[2][1] - p[1][1] * p[2][0])) /
               6.0;
     ++triangles;
+    if (!store_) return;
     waiting_.push_back(t);
     if (waiting_.size() >= kPiece) flush();
   }
   void flush() {
     if (waiting_.empty()) return;
-    blobs.push_back(store_.put(reinterpret_cast<const std::uint8_t*>(waiting_.data()),
-                               waiting_.size() * sizeof(Triangle)));
+    blobs.push_back(store_->put(reinterpret_cast<const std::uint8_t*>(waiting_.data()),
+                                waiting_.size() * sizeof(Triangle)));
     waiting_.clear();
   }
 
@@ -345,7 +347,7 @@ class BandSurface {
   const detail::SpreadLight& spread_;
   const Axis& columns_;
   const Axis& rows_;
-  BlobStore& store_;
+  BlobStore* store_;  ///< null: triangles are counted only
   std::vector<Triangle> waiting_;
 };
 
@@ -369,9 +371,10 @@ bool black_gels(const CureModel& model, const SliceSource& stack) {
          std::any_of(dose.upper.begin(), dose.upper.end(), gels);
 }
 
+/// `stage` names the progress; `keep`: whether triangles are kept, else they are counted only.
 PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
                           const SolidOptions& options, const std::string& scratch_folder,
-                          const ExecutionContext& context) {
+                          const char* stage, bool keep, const ExecutionContext& context) {
   if (options.reduce < 1 || options.reduce > 64) {
     throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
   }
@@ -384,7 +387,7 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
   if (!spread.none()) lit = spread.around(lit);
   const OnPlate plate(stack);
   PrintedSurface surface;
-  surface.store = std::make_unique<BlobStore>(scratch_folder, kMemoryBudget, context);
+  if (keep) surface.store = std::make_unique<BlobStore>(scratch_folder, kMemoryBudget, context);
   surface.report.lower.fill(std::numeric_limits<double>::infinity());
   surface.report.upper.fill(-std::numeric_limits<double>::infinity());
   if (!lit.empty()) {
@@ -395,9 +398,9 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
     const auto bands = static_cast<std::size_t>((rows.count - 1 + height - 1) / height);
     surface.bands.resize(bands);
     std::vector<SolidReport> reports(bands);
-    parallel_for(context, "surface", bands, [&](std::size_t b) {
+    parallel_for(context, stage, bands, [&](std::size_t b) {
       const int row = static_cast<int>(b) * height;
-      BandSurface band(stack, models, spread, plate, options, columns, rows, *surface.store);
+      BandSurface band(stack, models, spread, plate, options, columns, rows, surface.store.get());
       band.draw(row, std::min(height + 1, rows.count - row), context);
       surface.bands[b] = std::move(band.blobs);
       reports[b] = {band.triangles, band.volume, band.lower, band.upper,
@@ -415,7 +418,7 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
       all.distance_um.merge(r.distance_um);
     }
   }
-  if (surface.report.triangles == 0) {
+  if (keep && surface.report.triangles == 0) {
     throw InputError(
         "nothing of the stack prints: the dose reaches 1 nowhere; expected a stack made for this "
         "printer, resin and speed");
@@ -423,7 +426,98 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
   return surface;
 }
 
+/// Lower and upper ends of what a stack shows, in mm of the plate and from the platform.
+std::array<Point3, 2> shown_box(const SliceSource& stack) {
+  const Grid& g = stack.grid();
+  const PixelBox lit = stack.bounds();
+  const OnPlate plate(stack);
+  double x0 = lit.x0 * g.pixel_x_um * 1e-3, x1 = lit.x1 * g.pixel_x_um * 1e-3;
+  double y0 = (g.height_px - lit.y1) * g.pixel_y_um * 1e-3;
+  double y1 = (g.height_px - lit.y0) * g.pixel_y_um * 1e-3;
+  plate.place(x0, y0);
+  plate.place(x1, y1);
+  return {{{std::min(x0, x1), std::min(y0, y1), 0},
+           {std::max(x0, x1), std::max(y0, y1), g.layers * g.layer_um * 1e-3}}};
+}
+
 }  // namespace
+
+double SolidSize::triangles(int reduce) const {
+  return of_areas / (static_cast<double>(reduce) * reduce) + of_walls / reduce;
+}
+
+int SolidSize::reduction(double most) const {
+  int reduce = 1;
+  while (reduce < 64 && triangles(reduce) > most) ++reduce;
+  return reduce;
+}
+
+SolidSize size_of_solid(const SliceSource& stack, const PlaceModels& models,
+                        const ExecutionContext& context) {
+  const auto count = [&](int reduce) {
+    SolidOptions options;
+    options.reduce = reduce;
+    const auto r = surface_of(stack, models, options, ".", "counting triangles", false, context);
+    return static_cast<double>(r.report.triangles);
+  };
+  const double at8 = count(8), at16 = count(16);
+  // From areas / n² + walls / n at n = 8 and 16; neither is below 0.
+  SolidSize size;
+  size.of_areas = std::clamp(128 * (at8 - 2 * at16), 0.0, 64 * at8);
+  size.of_walls = 8 * at8 - size.of_areas / 8;
+  return size;
+}
+
+void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
+  if (design.triangles.empty() || stack.bounds().empty()) return;
+  Point3 low, high;
+  low.fill(std::numeric_limits<double>::infinity());
+  high.fill(-std::numeric_limits<double>::infinity());
+  for (const auto& triangle : design.triangles) {
+    for (const std::uint32_t v : triangle) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], design.vertices[v][k]);
+        high[k] = std::max(high[k], design.vertices[v][k]);
+      }
+    }
+  }
+  const std::array<Point3, 2> shown = shown_box(stack);
+  const Grid& g = stack.grid();
+  const double step_mm[3] = {std::max(g.pixel_x_um, g.pixel_y_um) * 1e-3,
+                             std::max(g.pixel_x_um, g.pixel_y_um) * 1e-3, g.layer_um * 1e-3};
+  bool larger = false, smaller = true, beside = false;
+  double factor[3];
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double mine = high[k] - low[k], theirs = shown[1][k] - shown[0][k];
+    factor[k] = mine > 0 ? theirs / mine : 1;
+    larger = larger || mine > 1.25 * theirs + 4 * step_mm[k];
+    smaller = smaller && theirs > 1.2 * mine + 4 * step_mm[k];
+    beside =
+        beside || high[k] < shown[0][k] - 4 * step_mm[k] || low[k] > shown[1][k] + 4 * step_mm[k];
+  }
+  const auto [least, most] = std::minmax_element(factor, factor + 3);
+  const bool alike = *most < 1.15 * *least;
+  if (!larger && !beside && !(smaller && alike)) return;
+  const auto size = [](const Point3& from, const Point3& to) {
+    return fmt::format("{:.2f} x {:.2f} x {:.2f} mm", to[0] - from[0], to[1] - from[1],
+                       to[2] - from[2]);
+  };
+  std::string text = fmt::format("the design is {}, but the stack shows {}", size(low, high),
+                                 size(shown[0], shown[1]));
+  if (beside && !larger && !smaller) {
+    text = fmt::format(
+        "the design lies beside what the stack shows: around x = {:.2f}, y = {:.2f} mm of the "
+        "plate, the stack around x = {:.2f}, y = {:.2f} mm",
+        0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (shown[0][0] + shown[1][0]),
+        0.5 * (shown[0][1] + shown[1][1]));
+  } else if (alike) {
+    text += fmt::format(" (a scale of about {:.3g} would fit)",
+                        std::cbrt(factor[0] * factor[1] * factor[2]));
+  }
+  throw InputError(text +
+                   "; expected the meshes with the units, scale, turn and place with which they "
+                   "were sliced");
+}
 
 SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
                         const std::string& path, const SolidOptions& options,
@@ -431,14 +525,14 @@ SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
   const detail::MeshFormat format = detail::mesh_format(path);
   const std::size_t slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  PrintedSurface surface = surface_of(stack, models, options, folder, context);
+  PrintedSurface surface = surface_of(stack, models, options, folder, "surface", true, context);
   detail::write_triangles(path, format, surface.report.triangles, surface.triangles(), context);
   return std::move(surface.report);
 }
 
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
                         const SolidOptions& options, const ExecutionContext& context) {
-  const PrintedSurface surface = surface_of(stack, models, options, ".", context);
+  const PrintedSurface surface = surface_of(stack, models, options, ".", "surface", true, context);
   return detail::merge_corners(surface.triangles());
 }
 

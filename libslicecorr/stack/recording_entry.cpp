@@ -61,7 +61,8 @@ void check_recording(const Recording& recording, int images, const std::string& 
 
 double planned_light_s(const Process& process, double layer_um, int slice) {
   if (process.mode == ExposureMode::layerwise) return layer_exposure_s(process, slice);
-  return units::slice_time_s(layer_um, process.speed_mm_h);
+  return units::slice_time_s(
+      layer_um, slices_differ(process) ? slice_speed_mm_h(process, slice) : process.speed_mm_h);
 }
 
 double light_exponent(const Resin& resin, const Process& process) {

@@ -8,9 +8,11 @@
 
 #include "base/run_length.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/blob_store.hpp"
 #include "stack/block_check.hpp"
+#include "stack/container/binary_file.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/uvj_config.hpp"
@@ -36,6 +38,13 @@ ArchiveContents read_contents(const Container& archive) {
   read_flat_field(archive, contents);
   read_recording(archive, contents);
   StackInfo& info = contents.info;
+  if (contents.codec) {
+    contents.facts.emplace_back("grey levels", std::to_string(levels_of(contents.codec->shown())));
+    if (binary_file(archive).record_is_of_another()) {
+      contents.warnings.push_back("the record beside it, " + record_beside(archive.path()) +
+                                  ", is of another file: it does not count");
+    }
+  }
   // Some formats can say mirroring only: the orientation is known where they say that.
   if (info.orientation != Orientation{}) info.orientation_known = true;
   // Archives of other programs are made for a display.
@@ -46,8 +55,11 @@ ArchiveContents read_contents(const Container& archive) {
   }
   check_block(contents, archive.path());
   const Grid& grid = info.grid;
+  const std::size_t images =
+      contents.codec ? contents.places.size() / static_cast<std::size_t>(contents.codec->pieces())
+                     : contents.images.size();
   if (grid.layers < 1 || grid.width_px < 1 || grid.height_px < 1 ||
-      contents.images.size() != static_cast<std::size_t>(grid.layers)) {
+      images != static_cast<std::size_t>(grid.layers)) {
     throw Error("a format's reader gave no whole stack");
   }
   return contents;
@@ -152,11 +164,11 @@ int end_lit(const std::uint8_t* row, int least, int n) {
   return n;
 }
 
-/// Smallest box around the lit pixels of some rows of `raw_stride(width)` bytes.
-PixelBox lit_box(const std::uint8_t* raw, int width, int rows) {
+/// Smallest box around the lit pixels of some rows, each `stride` bytes after the one before.
+PixelBox lit_box(const std::uint8_t* first_row, std::size_t stride, int width, int rows) {
   PixelBox box{width, rows, 0, 0};
   for (int y = 0; y < rows; ++y) {
-    const std::uint8_t* const row = raw + detail::raw_stride(width) * static_cast<unsigned>(y) + 1;
+    const std::uint8_t* const row = first_row + stride * static_cast<unsigned>(y);
     const int first = first_lit(row, width);
     if (first == width) continue;
     box.x0 = std::min(box.x0, first);
@@ -219,6 +231,17 @@ struct StackReader::Impl {
                  const std::string& name, bool packed_rgb, bool packed_bgr);
   std::vector<std::uint32_t> decode_images(const Container& archive,
                                            const ExecutionContext& context);
+  /// Makes blobs of bands of whole rows, for one image.
+  struct BandTaker {
+    Impl& stack;
+    const Index& into;
+    int slice;
+    Decoded& decoded;
+    std::vector<std::uint8_t> pixels{}, code{};
+    void take(int y0, int y1, const std::uint8_t* first_row, std::size_t stride);
+  };
+  std::vector<std::uint32_t> decode_layers(const detail::BinaryFile& file,
+                                           const ExecutionContext& context);
   std::vector<std::uint32_t> decode_grey(Index& into, const std::vector<std::string>& names,
                                          const Container& archive, const std::string& stage,
                                          const ExecutionContext& context);
@@ -247,40 +270,89 @@ class StackReader::EdgeHeights final : public SliceSource {
   Grid grid_;
 };
 
+void StackReader::Impl::BandTaker::take(int y0, int y1, const std::uint8_t* first_row,
+                                        std::size_t stride) {
+  const PixelBox box = lit_box(first_row, stride, stack.config.info.grid.width_px, y1 - y0);
+  if (box.empty()) return;
+  decoded.lit = decoded.lit.united({box.x0, y0 + box.y0, box.x1, y0 + box.y1});
+  const auto width = static_cast<std::size_t>(box.width());
+  pixels.clear();
+  for (int y = 0; y < y1 - y0; ++y) {
+    const std::uint8_t* const row = first_row + stride * static_cast<unsigned>(y) + box.x0;
+    pixels.insert(pixels.end(), row, row + width);
+  }
+  decoded.sum += sum_of(pixels.data(), pixels.size());
+  const std::int32_t columns[2] = {box.x0, box.x1};
+  code.resize(sizeof columns);
+  std::memcpy(code.data(), columns, sizeof columns);
+  detail::run_length_encode(pixels.data(), pixels.size(), code);
+  stack.blob(into, y0 / stack.rows, slice) = stack.store.put(code.data(), code.size());
+}
+
 /// Decodes one image into blobs.
 StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slice,
                                                      std::span<const std::uint8_t> png,
                                                      const std::string& name, bool packed_rgb,
                                                      bool packed_bgr) {
   const Grid& grid = config.info.grid;
-  const std::size_t stride = detail::raw_stride(grid.width_px);
   Decoded decoded;
-  std::vector<std::uint8_t> pixels, code;
+  BandTaker bands_of{*this, into, slice, decoded};
   const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
-    if (raw == nullptr) return;
-    const PixelBox box = lit_box(raw, grid.width_px, y1 - y0);
-    if (box.empty()) return;
-    decoded.lit = decoded.lit.united({box.x0, y0 + box.y0, box.x1, y0 + box.y1});
-    const auto width = static_cast<std::size_t>(box.width());
-    pixels.clear();
-    for (int y = 0; y < y1 - y0; ++y) {
-      const std::uint8_t* const row = raw + stride * static_cast<unsigned>(y) + 1 + box.x0;
-      pixels.insert(pixels.end(), row, row + width);
-    }
-    decoded.sum += sum_of(pixels.data(), pixels.size());
-    const std::int32_t columns[2] = {box.x0, box.x1};
-    code.resize(sizeof columns);
-    std::memcpy(code.data(), columns, sizeof columns);
-    detail::run_length_encode(pixels.data(), pixels.size(), code);
-    blob(into, y0 / rows, slice) = store.put(code.data(), code.size());
+    if (raw != nullptr) bands_of.take(y0, y1, raw + 1, detail::raw_stride(grid.width_px));
   };
   decoded.adler = detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name},
                                            take, packed_rgb, packed_bgr);
   return decoded;
 }
 
+/// Decodes the layers of a binary file.
+std::vector<std::uint32_t> StackReader::Impl::decode_layers(const detail::BinaryFile& file,
+                                                            const ExecutionContext& context) {
+  const Grid& grid = config.info.grid;
+  const auto layers = static_cast<std::size_t>(grid.layers);
+  const auto pieces = static_cast<std::size_t>(config.codec->pieces());
+  make_index(index, layers);
+  std::vector<std::uint32_t> adlers(layers);
+  std::size_t most_lacking = 0, lacking_layer = 0;
+  const auto width = static_cast<std::size_t>(grid.width_px);
+  parallel_for(context, "read", layers, [&](std::size_t n) {
+    std::vector<std::vector<std::uint8_t>> code(pieces);
+    for (std::size_t p = 0; p < pieces; ++p) {
+      const ArchiveContents::Place& place = config.places[n * pieces + p];
+      file.read_at(place.offset, place.size, code[p], "layer " + std::to_string(n));
+    }
+    std::vector<std::uint8_t> pixels(config.codec->pixel_count());
+    const std::size_t lacking =
+        config.codec->decode(code, pixels.data(), {path, static_cast<int>(n)});
+    adlers[n] = detail::adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.data()});
+    Decoded decoded;
+    BandTaker taker{*this, index, static_cast<int>(n), decoded};
+    for (int y = 0; y < grid.height_px; y += rows) {
+      taker.take(y, std::min(grid.height_px, y + rows),
+                 pixels.data() + width * static_cast<std::size_t>(y), width);
+    }
+    const std::scoped_lock lock(mutex);
+    index.lit = index.lit.united(decoded.lit);
+    sum += decoded.sum;
+    if (lacking > most_lacking || (lacking > 0 && lacking == most_lacking && n < lacking_layer)) {
+      most_lacking = lacking;
+      lacking_layer = n;
+    }
+  });
+  if (most_lacking > 0) {
+    context.tell(path + ": the code of layers ends too early, that of layer " +
+                 std::to_string(lacking_layer) + " by " + std::to_string(most_lacking) +
+                 " pixels, which are taken as black");
+  }
+  return adlers;
+}
+
 std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& archive,
                                                             const ExecutionContext& context) {
+  if (config.codec) {
+    for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);
+    return decode_layers(detail::binary_file(archive), context);
+  }
   const auto slices = entries_of(archive, config.images, config.info.grid);
   for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);
   make_index(index, slices.size());
@@ -448,6 +520,11 @@ void StackReader::Impl::read_band(const Index& of, const PixelBox& box, const Si
     }
     sink(slice, lit ? out.data() : nullptr);
   }
+}
+
+std::vector<std::pair<std::string, std::string>> print_file_facts(const std::string& path) {
+  if (detail::container_kind(path) != detail::ContainerKind::binary) return {};
+  return detail::read_contents(detail::BinaryFile(path)).facts;
 }
 
 StackInfo StackReader::read_info(const std::string& path) {

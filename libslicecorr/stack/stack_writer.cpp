@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -7,8 +9,10 @@
 #include <span>
 #include <stdexcept>
 
+#include "base/run_length.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/blob_store.hpp"
 #include "stack/block_check.hpp"
@@ -16,6 +20,7 @@
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/png_archive.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "stack/layer_encoding.hpp"
 #include "stack/png/png.hpp"
 #include "stack/recording_entry.hpp"
 
@@ -58,6 +63,7 @@ struct StackWriter::Impl {
   std::unique_ptr<detail::Container> kept;  ///< the archive that is changed; null for a new one
   ArchiveContents kept_contents;
   PixelCode code;
+  detail::LayerCodecPtr codec;  ///< of a binary file
   std::unique_ptr<detail::ContainerOutput> output;
   BlobStore store;
   int rows = 0;  ///< of a band
@@ -88,6 +94,14 @@ struct StackWriter::Impl {
       open_kept();
     } else if (format.packs_rgb()) {
       code = {1, 0, 8, 2, true, format.packs_bgr()};
+    } else if (format.container() == detail::ContainerKind::binary) {
+      codec = format.new_codec(g);
+      if (!codec) {
+        throw InputError(f.path, "",
+                         "files of the format " + std::string(format.name()) +
+                             " are only changed, not made from nothing; expected a file of the "
+                             "same printer as --template, or a format that can be made new");
+      }
     }
     if (!code.is_plain()) grey_adlers.resize(bands.size());
   }
@@ -138,7 +152,15 @@ struct StackWriter::Impl {
   void make_small(Images& images);
   void add_images(const std::vector<std::string>& names, const Images& images);
   std::string stem() const;
+  /// Whether the exposures of what is written are others than those of the kept archive.
+  bool changes_exposures(const StackInfo& info) const {
+    // A part without times gets those of the archive that it is put into.
+    return !kept || (exposures_differ(info, kept_contents.info) &&
+                     (!codec || detail::exposure_summary(info).normal_s > 0));
+  }
   void write_archive(const StackInfo& info, const GreyImage& preview);
+  void read_pixels(std::size_t slice, std::uint8_t* pixels) const;
+  void write_binary(const StackInfo& info, const GreyImage& preview);
   void check_rewritten(const std::string& written, const StackInfo& info) const;
 };
 
@@ -151,6 +173,16 @@ void StackWriter::Impl::open_kept() {
                      "is no archive of the format " + std::string(format.name()));
   }
   kept_contents = format.read(*kept);
+  if (kept_contents.codec) {
+    codec = kept_contents.codec;
+    const Grid& its = kept_contents.info.grid;
+    if (its.width_px != grid.width_px || its.height_px != grid.height_px) {
+      throw InputError(file.keep_from, "",
+                       fmt::format("has slices of {} x {} pixels, expected {} x {}", its.width_px,
+                                   its.height_px, grid.width_px, grid.height_px));
+    }
+    return;
+  }
   const std::string& first = kept_contents.images.front();
   if (kept_contents.packed_rgb) {
     code = {1, 0, 8, 2, true, kept_contents.packed_bgr};
@@ -268,6 +300,7 @@ void StackWriter::Impl::add_images(const std::vector<std::string>& names, const 
 void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage& preview) {
   StackInfo info = its_info;
   info.has_edge_heights = !edge_bands.empty();
+  if (codec) return write_binary(info, preview);
   const auto layers = static_cast<std::size_t>(info.grid.layers);
   Images slices = gather(bands, 0, layers, code);
   std::optional<Images> uv, edges;
@@ -286,7 +319,7 @@ void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage
       .preview = preview,
       .kept = kept.get(),
       .kept_contents = kept ? &kept_contents : nullptr,
-      .exposure_changes = kept == nullptr || exposures_differ(info, kept_contents.info),
+      .exposure_changes = changes_exposures(info),
       .warnings = &warnings,
   };
   if (uv) request.checksums.uv = detail::images_crc32(uv->grey_adlers);
@@ -316,6 +349,83 @@ void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage
   });
 }
 
+/// The image of a slice, from the runs of its bands.
+void StackWriter::Impl::read_pixels(std::size_t slice, std::uint8_t* pixels) const {
+  const auto width = static_cast<std::size_t>(grid.width_px);
+  std::memset(pixels, 0, width * static_cast<std::size_t>(grid.height_px));
+  std::vector<std::uint8_t> code_bytes, some;
+  for (std::size_t band = 0; band < bands.size(); ++band) {
+    if (bands[band].empty() || bands[band][slice].size == 0) continue;
+    code_bytes.clear();
+    store.get(bands[band][slice], code_bytes);
+    std::int32_t columns[2];
+    std::memcpy(columns, code_bytes.data(), sizeof columns);
+    const auto columns_wide = static_cast<std::size_t>(columns[1] - columns[0]);
+    some.resize(columns_wide * static_cast<std::size_t>(rows_of(band)));
+    detail::run_length_decode(code_bytes.data() + sizeof columns,
+                              code_bytes.data() + code_bytes.size(), some.data(), some.size());
+    std::uint8_t* to = pixels + width * band * static_cast<std::size_t>(rows) + columns[0];
+    for (std::size_t at = 0; at < some.size(); at += columns_wide, to += width) {
+      std::memcpy(to, some.data() + at, columns_wide);
+    }
+  }
+}
+
+void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& preview) {
+  if (uv_of_pixel) {
+    throw InputError(
+        file.path, "",
+        fmt::format("the format {} has no place for UV images; expected UVJ", format.name()));
+  }
+  if (info.kind == StackKind::recorded) {
+    throw InputError(
+        file.path, "",
+        fmt::format("the format {} has no place for a recording; expected UVJ", format.name()));
+  }
+  if (info.kind == StackKind::corrected && info.printer &&
+      !file_holds_levels(codec->shown(), *info.printer)) {
+    throw InputError(
+        file.path, "",
+        fmt::format("the stack was corrected with {} grey levels, of which the format {} "
+                    "holds {}; expected the part to be corrected into this format",
+                    info.printer->levels(), format.name(), detail::levels_of(codec->shown())));
+  }
+  detail::EncodedLayers coded = detail::encode_layers(
+      *codec, grid, static_cast<std::size_t>(info.grid.layers),
+      [this](std::size_t slice, std::uint8_t* pixels) { read_pixels(slice, pixels); },
+      kept ? &detail::binary_file(*kept) : nullptr, kept_contents, store, context);
+  coded.layers.append = [&](std::size_t piece, std::vector<std::uint8_t>& out) {
+    store.get(coded.pieces[piece], out);
+  };
+  if (coded.rounded_pixels > 0) {
+    context.tell(fmt::format("{}: holds {} grey levels: {} pixels are rounded to the nearest",
+                             file.path, detail::levels_of(codec->shown()), coded.rounded_pixels));
+  }
+  std::vector<std::string> warnings;
+  const detail::ArchiveRequest request{
+      .info = info,
+      .stem = stem(),
+      .checksums = {.slices = detail::images_crc32(coded.adlers)},
+      .preview = preview,
+      .kept = kept.get(),
+      .kept_contents = kept ? &kept_contents : nullptr,
+      .exposure_changes = changes_exposures(info),
+      .warnings = &warnings,
+      .layers = &coded.layers,
+  };
+  format.write(request, *output);
+  for (const std::string& warning : warnings) context.tell(file.path + ": " + warning);
+  if (info.kind != StackKind::foreign) {
+    output->add_text(detail::kProvenanceEntry,
+                     detail::write_provenance(info, request.checksums) + "\n");
+    detail::add_flat_field(info, *output);
+  }
+  output->finish(context, [&](const std::string& written) {
+    if (kept) check_rewritten(written, info);
+    if (file.before_renaming) file.before_renaming();
+  });
+}
+
 /// Reads a rewritten archive back before it gets its name, and throws unless it says what was
 /// meant: a time that is wrong in it would be wrong in the print.
 void StackWriter::Impl::check_rewritten(const std::string& written, const StackInfo& info) const {
@@ -330,8 +440,7 @@ void StackWriter::Impl::check_rewritten(const std::string& written, const StackI
     now = detail::read_contents(*archive).info;
     // Times of corrected stacks were compared while reading.
     if (info.kind == StackKind::foreign) {
-      detail::check_times(exposures_differ(info, kept_contents.info) ? info : kept_contents.info,
-                          now, written);
+      detail::check_times(changes_exposures(info) ? info : kept_contents.info, now, written);
     }
   } catch (const InputError& e) {
     std::string text = e.what();
@@ -426,11 +535,14 @@ struct StackWriter::BandEncoder::Impl {
   template <class Put>
   void put_bands(int x0, int x1, const std::uint8_t* rows, const Put& put);
   BlobStore::Blob keep(std::uint32_t adler);
+  BlobStore::Blob keep_runs(const detail::GreyRows& rows);
+  std::vector<std::uint8_t> last_runs;  ///< of a binary file's band, as `keep_runs` made them last
+  BlobStore::Blob last_runs_blob;
   std::span<const std::uint8_t> make_raw(std::size_t band, const detail::GreyRows& rows);
 };
 
 StackWriter::BandEncoder::BandEncoder(StackWriter& writer, int y0, int y1)
-    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, {}, {}, {}, {}, {}}) {
+    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, {}, {}, {}, {}, {}, {}, {}}) {
   StackWriter::Impl& w = *writer.impl_;
   const bool ends_well = y1 == w.grid.height_px || (y1 < w.grid.height_px && y1 % w.rows == 0);
   if (y0 < 0 || y0 >= y1 || y0 % w.rows != 0 || !ends_well) {
@@ -447,6 +559,24 @@ BlobStore::Blob StackWriter::BandEncoder::Impl::keep(std::uint32_t adler) {
   BlobStore::Blob piece = writer->store.put(chunk.data(), chunk.size());
   piece.adler = adler;
   return piece;
+}
+
+/// Columns and their runs, as StackReader keeps them: binary files code whole images.
+BlobStore::Blob StackWriter::BandEncoder::Impl::keep_runs(const detail::GreyRows& rows) {
+  const std::int32_t columns[2] = {rows.x0, rows.x1};
+  const auto pixels =
+      static_cast<std::size_t>(rows.x1 - rows.x0) * static_cast<unsigned>(rows.rows);
+  if (pixels == 0 || (rows.pixels[0] == 0 && detail::run_end(rows.pixels, 0, pixels) == pixels)) {
+    return {};
+  }
+  chunk.resize(sizeof columns);
+  std::memcpy(chunk.data(), columns, sizeof columns);
+  detail::run_length_encode(rows.pixels, pixels, chunk);
+  if (chunk != last_runs) {
+    last_runs = chunk;
+    last_runs_blob = writer->store.put(chunk.data(), chunk.size());
+  }
+  return last_runs_blob;
 }
 
 std::span<const std::uint8_t> StackWriter::BandEncoder::Impl::make_raw(
@@ -491,6 +621,10 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
   piece = {};
   if (writer->uv_of_pixel) writer->uv_bands[band][n] = {};
   if (rows.pixels == nullptr) return;
+  if (writer->codec) {
+    piece = keep_runs(rows);
+    return;
+  }
   const Found found = slices.encoder.take(rows);
   if (found == Found::black) return;
   if (writer->code.is_plain()) {

@@ -8,6 +8,7 @@
 #include "database/checked_file.hpp"
 #include "database/flat_field.hpp"
 #include "database/record_text.hpp"
+#include "slicecorr/chemistry.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/measurements.hpp"
 #include "slicecorr/units.hpp"
@@ -39,6 +40,10 @@ std::optional<double> dose_height_e(const CheckedFile& definition) {
 }
 
 void check_doses(CheckedFile& definition) {
+  const toml::table* table = definition.table("cure");
+  const toml::node* law = table ? table->get("model") : nullptr;
+  // Its keys are checked when it is read.
+  if (law && law->value_or(std::string()) == "gel-time") return;
   const auto gel3 = definition.number("cure", "gel_dose_mj_cm3"),
              gel2 = definition.number("cure", "gel_dose_mj_cm2");
   const auto aim3 = definition.number("cure", "critical_dose_mj_cm3"),
@@ -138,6 +143,41 @@ void check_measurements(CheckedFile& definition) {
     } catch (const Error& e) {
       definition.add(line, "provenance.measurements", e.what());
     }
+  }
+}
+
+/// The chemistry says how light dims, and whether the resin gels at all.
+void check_chemistry(CheckedFile& definition) {
+  const toml::table* t = definition.table("chemistry");
+  if (!t) return;
+  std::optional<Resin> resin;
+  try {
+    resin = parse_resin(definition.text, definition.path);
+  } catch (const Error&) {
+    return;  // said elsewhere
+  }
+  const Chemistry& c = *resin->chemistry;
+  const double own_um = light_height_um(c);
+  const double cure_um = units::height_e_from_10(resin->absorbance_height10_um);
+  // Figures of files are rounded, and heights measured.
+  if (std::abs(own_um / cure_um - 1) > 0.1) {
+    definition.add(definition.line_of("chemistry", "absorptivity_l_mol_cm"), "chemistry",
+                   fmt::format("dims light to 1/e over {:.5g} um, but [cure] says {:.5g} um: "
+                               "expected other_absorption_per_cm for what is no initiator",
+                               own_um, cure_um),
+                   true);
+  }
+  if (c.initiator_mol_l <= least_initiator_mol_l(c)) {
+    definition.add(definition.line_of("chemistry", "initiator_mol_l"), "chemistry.initiator_mol_l",
+                   fmt::format("is {:g}: the resin never gels, because all its radicals do not use "
+                               "up oxygen and inhibitor; expected more than {:g}",
+                               c.initiator_mol_l, least_initiator_mol_l(c)),
+                   true);
+  }
+  if (!c.oxygen_um2_s) {
+    definition.add(t->source().begin.line, "chemistry.oxygen_diffusion_um2_s",
+                   "missing, and no viscosity_pa_s to reckon it from: patterns need one of them",
+                   true);
   }
 }
 
@@ -253,6 +293,7 @@ void check_resin(CheckedFile& file) {
   check_doses(file);
   check_composition(file);
   check_measurements(file);
+  check_chemistry(file);
 }
 
 void check_printer(CheckedFile& file) {

@@ -49,7 +49,8 @@ ResinRecord parse_record(std::string_view text, const std::string& source) {
   record.version = root.integer("version", 1, 1000000000, 1);
   record.maker = root.text("maker", "");
   record.product = root.text("product", "");
-  record.chemistry = root.text("chemistry", "");
+  record.chemistry =
+      record.resin.chemistry ? record.resin.chemistry->family : root.text("chemistry", "");
   record.colour = root.text("colour", "");
   record.notes = root.text("notes", "");
   record.wavelength_nm = root.required_table("cure").number("wavelength_nm", 100, 2000).value_or(0);
@@ -77,7 +78,9 @@ ResinFigures figures_of(const Resin& resin) {
   f.height_e_um = units::height_e_from_10(f.height10_um);
   const double dose_height_um = dose_height_e_um(resin);
   f.dose_factor = resin.dose_factor > 0 ? resin.dose_factor : 1.0;
-  if (resin.m == 1.0) {
+  if (resin.has_gel_time()) {
+    // No dose says when such a resin gels.
+  } else if (resin.m == 1.0) {
     f.aim_mj_cm3 = resin.critical_dose_mj_cm3;
     f.aim_mj_cm2 = units::areal_from_volumetric(f.aim_mj_cm3, dose_height_um);
     if (resin.gel_dose_mj_cm3 > 0) {

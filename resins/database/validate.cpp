@@ -119,7 +119,8 @@ class Checker : private CheckedFile {
               : fmt::format("stands outside of its table; expected it under [{}]", elsewhere));
       return;
     }
-    if (is_key) {
+    // "chemistry" is a word or a table.
+    if (is_key && !(is_table && node.is_table())) {
       check_value(rule_of("", name), "", name, node);
     } else if (const toml::table* t = node.as_table()) {
       check_table(name, *t);

@@ -9,6 +9,11 @@ std::string aim_words(const Resin& resin) {
   const ResinFigures f = figures_of(resin);
   const std::string not_known =
       " The file gives no gel dose: where one is needed, the dose aimed at is taken.";
+  if (resin.has_gel_time()) {
+    return fmt::format(
+        "Correction aims at {:.4g}/i + {:.4g}/sqrt(i) s, {:g} times the time to gel.",
+        resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s, resin.dose_factor);
+  }
   if (resin.m != 1) {
     if (!(f.aim_prime > 0)) return "The record has no dose that correction could aim at.";
     const std::string unit = fmt::format("(mW/cm²)^{:.3g} s", resin.m);

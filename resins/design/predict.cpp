@@ -26,6 +26,12 @@ double critical_intensity(const Kinetics& k, double uv, double speed) {
   const auto phi = [&](double blue) {
     return passing_dose_prime(k, blue, uv, speed) / k.critical_dose_prime;
   };
+  if (k.has_gel_time()) {
+    // A s/h + (B s/(2 h))².
+    const double rate = units::cm_s_from_mm_h(speed) / (k.hb_um * 1e-4);
+    const double root = 0.5 * k.gel_time.B * rate;
+    return k.gel_time.A * rate + root * root;
+  }
   // UV only takes away: the intensity without it is a lower bound.
   double low = std::pow(
       k.m * units::cm_s_from_mm_h(speed) * k.critical_dose_prime / (k.hb_um * 1e-4), 1 / k.m);
@@ -50,7 +56,12 @@ Passing passing_of(const Kinetics& k, const Question& q) {
   p.fastest_mm_h = q.speed_mm_h * p.phi;
   p.slowest_mm_h = q.speed_mm_h * phi(q.black_mw_cm2);
   p.slice_time_s = units::slice_time_s(q.layer_um, q.speed_mm_h);
-  if (p.phi > 1 && !(k.beta > 0 && q.uv_mw_cm2 > 0)) {
+  if (p.phi > 1 && k.has_gel_time()) {
+    Process process;
+    process.speed_mm_h = q.speed_mm_h;
+    const GelTimeKernel kernel(k.gel_time, k.hb_um, process, q.layer_um, {q.blue_mw_cm2});
+    p.slices_to_gel = static_cast<int>(std::ceil(kernel.slices_to_gel(q.blue_mw_cm2) - 1e-9));
+  } else if (p.phi > 1 && !(k.beta > 0 && q.uv_mw_cm2 > 0)) {
     const double reach_um = k.hb_um / k.m * std::log(p.phi / (p.phi - 1));
     p.slices_to_gel = static_cast<int>(std::ceil(reach_um / q.layer_um - 1e-9));
   }
@@ -63,9 +74,15 @@ void describe_start(const Forecast& f, std::vector<std::string>& s) {
   const Question& q = f.question;
   const Kinetics& k = f.kinetics;
   const char* known = f.gel_dose_known ? "" : " (the resin gives no gel dose of its own)";
-  s.push_back(fmt::format("Dose used: {} {} {}{}.",
-                          q.aim ? "what correction aims at," : "gel dose,",
-                          figure(k.critical_dose_prime), dose_unit(k.m), q.aim ? "" : known));
+  if (k.has_gel_time()) {
+    s.push_back(fmt::format("Time used: {} {}/i + {}/sqrt(i) s.",
+                            q.aim ? "what correction aims at," : "time to gel,",
+                            figure(k.gel_time.A), figure(k.gel_time.B)));
+  } else {
+    s.push_back(fmt::format("Dose used: {} {} {}{}.",
+                            q.aim ? "what correction aims at," : "gel dose,",
+                            figure(k.critical_dose_prime), dose_unit(k.m), q.aim ? "" : known));
+  }
   if (!inhibited(f)) {
     s.push_back(
         fmt::format("First gel: at the window after {} s. Without UV light there is no dead zone.",
@@ -251,8 +268,13 @@ std::string Forecast::to_json() const {
   const auto number = [](double v) { return std::isfinite(v) ? ordered_json(v) : ordered_json(); };
   ordered_json j;
   j["dose"] = question.aim ? "aim" : "gel";
-  j["critical_dose_prime"] = kinetics.critical_dose_prime;
-  j["m"] = kinetics.m;
+  if (kinetics.has_gel_time()) {
+    j["gel_a_mj_cm2"] = kinetics.gel_time.A;
+    j["gel_b_sqrt_mw_cm2_s"] = kinetics.gel_time.B;
+  } else {
+    j["critical_dose_prime"] = kinetics.critical_dose_prime;
+    j["m"] = kinetics.m;
+  }
   j["h_um"] = kinetics.hb_um;
   j["blue_mw_cm2"] = question.blue_mw_cm2;
   j["uv_mw_cm2"] = question.uv_mw_cm2;

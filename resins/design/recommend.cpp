@@ -139,6 +139,11 @@ void check_wish(const Printer& printer, const Resin& resin, const Wish& wish) {
 }  // namespace
 
 Recommendation recommend(const Resin& resin, const Printer& printer, const Wish& wish) {
+  if (resin.has_gel_time()) {
+    throw InputError(resin.name, "cure.model",
+                     "is \"gel-time\"; an absorber is chosen for one law of dose: expected a resin "
+                     "that resinctl derive made for the intensities of the printer");
+  }
   check_wish(printer, resin, wish);
   const Designer d(resin, printer, wish, wish.speed_mm_h);
   Recommendation r;

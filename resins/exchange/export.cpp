@@ -29,8 +29,13 @@ std::string to_json(const ResinRecord& r) {
     if (!value->empty()) j[key] = *value;
   }
   if (r.wavelength_nm > 0) j["wavelength_nm"] = r.wavelength_nm;
-  j["model"] = r.resin.model == CureModelKind::kinetic ? "kinetic" : "jacobs";
-  j["m"] = r.resin.m;
+  j["model"] = name_of(r.resin.model);
+  if (r.resin.has_gel_time()) {
+    j["gel_time"] = {{"gel_a_mj_cm2", r.resin.gel_a_mj_cm2 / f.dose_factor},
+                     {"gel_b_sqrt_mw_cm2_s", r.resin.gel_b_sqrt_mw_cm2_s / f.dose_factor}};
+  } else {
+    j["m"] = r.resin.m;
+  }
   j["absorbance_height_um"] = {{"base_e", f.height_e_um}, {"base_10", f.height10_um}};
   j["absorption_per_cm"] = absorption_per_cm(r.resin);
   j["active_absorption_per_cm"] = curing_absorption_per_cm(r.resin);
@@ -56,7 +61,8 @@ std::string to_json(const ResinRecord& r) {
   if (f.gel_prime > 0) {
     j["gel_dose"] = dose(f.gel_mj_cm2, f.gel_mj_cm3, f.gel_prime, f.gel_prime_volumetric);
   }
-  j["aim"] = dose(f.aim_mj_cm2, f.aim_mj_cm3, f.aim_prime, f.aim_prime_volumetric);
+  if (!r.resin.has_gel_time())
+    j["aim"] = dose(f.aim_mj_cm2, f.aim_mj_cm3, f.aim_prime, f.aim_prime_volumetric);
   j["dose_factor"] = f.dose_factor;
   if (r.resin.inhibition) {
     ordered_json i;
@@ -92,7 +98,7 @@ std::string to_csv(const ResinRecord& r) {
     return at == r.provenance.end() ? "" : at->second;
   };
   const bool kinetic = r.resin.m != 1.0;
-  const bool has_gel = f.gel_prime > 0;
+  const bool has_gel = f.gel_prime > 0 || r.resin.has_gel_time();
   cell("resin", r.product.empty() ? r.name : r.product);
   cell("name", r.name);
   cell("maker", r.maker);
@@ -101,7 +107,9 @@ std::string to_csv(const ResinRecord& r) {
   number("wavelength_nm", r.wavelength_nm);
   number("Dp_um", f.height_e_um);
   number("Ec_mJ_cm2", f.gel_mj_cm2);
-  number("m", r.resin.m);
+  number("m", r.resin.has_gel_time() ? 0 : r.resin.m);
+  number("gel_a_mj_cm2", r.resin.gel_a_mj_cm2 / f.dose_factor);
+  number("gel_b_sqrt_mw_cm2_s", r.resin.gel_b_sqrt_mw_cm2_s / f.dose_factor);
   number("critical_dose_prime", kinetic ? f.gel_prime : 0);
   number("dose_factor", has_gel ? f.dose_factor : 0);
   number("aim_mJ_cm2", has_gel ? 0 : f.aim_mj_cm2);
@@ -148,12 +156,17 @@ std::string to_prusaslicer(const ResinRecord& r, double layer_um, double intensi
         r.name, layer_um, exposure_s, intensity_mw_cm2));
   }
   const ResinFigures f = figures_of(r.resin);
+  const std::string aim =
+      r.resin.has_gel_time()
+          ? fmt::format("{:.4g}/i + {:.4g}/sqrt(i) s ({:g} times the time to gel)",
+                        r.resin.gel_a_mj_cm2, r.resin.gel_b_sqrt_mw_cm2_s, f.dose_factor)
+          : fmt::format("D' = {:.4g} (mW/cm²)^m·s ({:g} times the gel dose), with m = {:g}",
+                        f.aim_prime, f.dose_factor, r.resin.m);
   std::string out = "# Material for PrusaSlicer, of resin " + r.name + ".\n";
   out += fmt::format(
       "# - exposure_time: the dose on the far side of a layer of {:g} um reaches what correction "
-      "aims at, D' = {:.4g} (mW/cm²)^m·s ({:g} times the gel dose), with m = {:g}, absorbance "
-      "height {:.4g} um (base e), {:g} mW/cm² at the window.\n",
-      layer_um, f.aim_prime, f.dose_factor, r.resin.m, f.height_e_um, intensity_mw_cm2);
+      "aims at, {}, absorbance height {:.4g} um (base e), {:g} mW/cm² at the window.\n",
+      layer_um, aim, f.height_e_um, intensity_mw_cm2);
   if (f.dose_factor > 1) {
     out += fmt::format(
         "#   At the gel dose alone it would be {:.4g} s: the least time, with no margin.\n",

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 bool is_cure_fit(const FitResult& fit) {
   return fit.model == FitModel::jacobs || fit.model == FitModel::kinetic ||
-         fit.model == FitModel::joint;
+         fit.model == FitModel::gel_time || fit.model == FitModel::joint;
 }
 bool is_dead_zone_fit(const FitResult& fit) {
   return fit.model == FitModel::dead_zone_steady || fit.model == FitModel::dead_zone_transient ||
@@ -91,9 +91,18 @@ void write_cure(TomlEdit& edit, const FitResult& fit, const ResinRecord* previou
   for (const char* key : {"critical_dose_mj_cm3", "critical_dose_mj_cm2", "gel_dose_mj_cm2"}) {
     edit.remove("cure", key);
   }
-  edit.remove("cure", jacobs ? "critical_dose_prime" : "gel_dose_mj_cm3");
-  edit.set("cure", "model", jacobs ? "\"jacobs\"" : "\"kinetic\"");
-  number("m", jacobs ? 1.0 : required(fit, "m"));
+  const bool gel_time = fit.model == FitModel::gel_time;
+  if (jacobs || gel_time) edit.remove("cure", "critical_dose_prime");
+  if (!jacobs) edit.remove("cure", "gel_dose_mj_cm3");
+  if (gel_time) {
+    edit.set("cure", "model", "\"gel-time\"");
+    edit.remove("cure", "m");
+    for (const char* key : {"gel_a_mj_cm2", "gel_b_sqrt_mw_cm2_s"}) number(key, required(fit, key));
+  } else {
+    for (const char* key : {"gel_a_mj_cm2", "gel_b_sqrt_mw_cm2_s"}) edit.remove("cure", key);
+    edit.set("cure", "model", jacobs ? "\"jacobs\"" : "\"kinetic\"");
+    number("m", jacobs ? 1.0 : required(fit, "m"));
+  }
   number("absorbance_height_um", height_um);
   edit.set("cure", "absorbance_base", "\"e\"");
   for (const char* table : {"", "cure"}) edit.remove(table, "absorption_per_cm");
@@ -105,7 +114,7 @@ void write_cure(TomlEdit& edit, const FitResult& fit, const ResinRecord* previou
     number("gel_dose_mj_cm3", units::volumetric_from_areal(areal, dose_height_e_um(absorber)));
     edit.set_comment("cure", "gel_dose_mj_cm3",
                      fmt::format("# Volumetric, of {:.6g} mJ/cm² areal.", areal));
-  } else {
+  } else if (!gel_time) {
     number("critical_dose_prime", required(fit, "critical_dose_prime"));
   }
   if (!edit.has("cure", "dose_factor")) number("dose_factor", kDefaultDoseFactor);
@@ -170,16 +179,20 @@ std::string measurement_list(const std::vector<FitResult>& fits, const ResinReco
   return "[" + list + "]";
 }
 
-}  // namespace
-
-std::string record_text_from_fit(const std::string& name, const std::vector<FitResult>& fits,
-                                 const ResinRecord* previous, const std::string& folder) {
+void check_name(const std::string& name) {
   if (!is_stable_name(name)) {
     throw InputError(
         fmt::format("'{}' is no resin name; expected lower case letters, digits, '-', '.', '_', a "
                     "letter or digit first",
                     name));
   }
+}
+
+}  // namespace
+
+std::string record_text_from_fit(const std::string& name, const std::vector<FitResult>& fits,
+                                 const ResinRecord* previous, const std::string& folder) {
+  check_name(name);
   const FitResult *cure = nullptr, *zone = nullptr;
   for (const FitResult& fit : fits) {
     if (is_cure_fit(fit)) cure = &fit;
@@ -187,7 +200,7 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
   }
   if (!cure && !(zone && previous)) {
     throw InputError(
-        "a resin file needs a fit of cured heights (jacobs, kinetic or joint), or a dead-zone fit "
+        "a resin file needs a fit of cured heights (jacobs, kinetic, gel-time or joint), or a dead-zone fit "
         "of a resin that has one");
   }
   TomlEdit edit(previous ? previous->text : "", name + ".toml");
@@ -205,7 +218,58 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
     note(prefix + "covariance", covariance_of(fit));
   };
   if (cure) record(*cure, "");
+  // A tuning was of the numbers before.
+  if (cure) edit.remove("provenance", "tuning");
   if (zone && zone != cure) record(*zone, "dead_zone_");
+  parse_resin(edit.text(), name + ".toml");
+  return edit.text();
+}
+
+std::string record_text_with_law(const std::string& name, const CureLaw& law,
+                                 const std::vector<std::pair<std::string, std::string>>& notes,
+                                 const ResinRecord& previous) {
+  check_name(name);
+  TomlEdit edit(previous.text, name + ".toml");
+  edit.set("", "name", toml_text(name));
+  edit.remove("", "version");
+  const bool gel_time = law.model == CureModelKind::gel_time;
+  if (gel_time && previous.resin.inhibition) {
+    throw InputError(previous.path, "inhibition",
+                     "does not go with model = \"gel-time\"; expected --as kinetic or jacobs");
+  }
+  const double height_e_um = units::height_e_from_10(previous.resin.absorbance_height10_um);
+  for (const char* key :
+       {"m", "critical_dose_mj_cm3", "critical_dose_mj_cm2", "gel_dose_mj_cm3", "gel_dose_mj_cm2",
+        "critical_dose_prime", "gel_a_mj_cm2", "gel_b_sqrt_mw_cm2_s", "absorption_per_cm"}) {
+    edit.remove("cure", key);
+  }
+  edit.remove("", "absorption_per_cm");
+  const auto figure_of = [&](const char* key, double value) {
+    if (!(value > 0) || !std::isfinite(value)) {
+      throw InputError(fmt::format("{} came out as {:g}; expected a number above 0", key, value));
+    }
+    edit.set("cure", key, toml_number(value));
+  };
+  edit.set("cure", "model", toml_text(name_of(law.model)));
+  figure_of("absorbance_height_um", height_e_um);
+  edit.set("cure", "absorbance_base", "\"e\"");
+  if (gel_time) {
+    figure_of("gel_a_mj_cm2", law.gel_time.A);
+    figure_of("gel_b_sqrt_mw_cm2_s", law.gel_time.B);
+  } else if (law.model == CureModelKind::kinetic) {
+    figure_of("m", law.m);
+    figure_of("critical_dose_prime", law.critical_dose_prime);
+  } else {
+    figure_of("gel_dose_mj_cm2", law.critical_dose_prime);
+  }
+  const double factor = previous.resin.has_gel_time() || previous.resin.dose_factor > 1
+                            ? previous.resin.dose_factor
+                            : kDefaultDoseFactor;
+  figure_of("dose_factor", factor);
+  for (const char* key : {"measurements", "fit", "standard_errors", "covariance"}) {
+    edit.remove("provenance", key);
+  }
+  for (const auto& [key, text] : notes) edit.set("provenance", key, toml_text(text));
   parse_resin(edit.text(), name + ".toml");
   return edit.text();
 }

@@ -11,6 +11,7 @@
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
+#include "exchange/light_readings.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/ascii.hpp"
@@ -38,7 +39,9 @@ std::string format_of(const ImportSource& source) {
   if (text.find('\0') != std::string::npos) {
     throw InputError(source.path, "", "is neither text nor a PNG image");
   }
-  if (holds("uvSensorData")) return "flat-field";
+  if (holds("uvSensorData") || text.starts_with("# slicecorr testpart,flat-field")) {
+    return "flat-field";
+  }
   if (holds("depth_penetration_curve")) return "anycubic";
   if (holds("[sla_material:") || (holds("sla_material_settings_id") && holds("exposure_time"))) {
     return "prusaslicer";
@@ -50,6 +53,7 @@ std::string format_of(const ImportSource& source) {
   const std::string ending = lower_case(fs::path(source.path).extension().string());
   if (ending == ".lut") return "lut";
   if (ending == ".csv") {
+    if (is_light_readings(text, source.path)) return "flat-field";
     const CsvTable table(text, source.path, CsvTable::Header::optional);
     if (table.header().size() == 1) return "lut";
     return table.has("dp_um") || table.has("ec_mj_cm2") ? "table" : "calibration";
@@ -96,7 +100,7 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   text("notes", d.notes);
   out += "\n[cure]\n";
   text("model", d.model);
-  number("m", d.m);
+  if (d.model != "gel-time") number("m", d.m);
   number("wavelength_nm", d.wavelength_nm);
   number("absorbance_height_um", d.height_e_um);
   text("absorbance_base", "e");
@@ -120,6 +124,8 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   areal("gel_dose_mj_cm2", d.gel_mj_cm2);
   areal("critical_dose_mj_cm2", d.aim_mj_cm2);
   number("critical_dose_prime", d.critical_dose_prime);
+  number("gel_a_mj_cm2", d.gel_a);
+  number("gel_b_sqrt_mw_cm2_s", d.gel_b);
   number("dose_factor", d.dose_factor);
   if (d.beta > 0) {
     out += "\n[inhibition]\n";

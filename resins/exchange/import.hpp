@@ -43,6 +43,7 @@ struct ResinDraft {
   double gel_mj_cm2 = 0;           ///< areal; volumetric beside it as a comment
   double aim_mj_cm2 = 0;           ///< areal, instead of gel dose times factor
   double critical_dose_prime = 0;  ///< kinetic
+  double gel_a = 0, gel_b = 0;     ///< gel-time, mJ/cm² and sqrt(mW/cm²)·s
   double dose_factor = 0;
   double active_absorption_per_cm = 0, n = 0;
   double inhibition_dose_mj_cm3 = 0, inhibition_resupply_mj_cm3_s = 0;

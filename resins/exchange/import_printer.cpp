@@ -7,12 +7,15 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "database/flat_field.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
+#include "exchange/flat_field_form.hpp"
 #include "exchange/import.hpp"
+#include "exchange/light_readings.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 #include "support/toml/toml_table.hpp"
@@ -348,7 +351,38 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   image.stem = made.name + "-flat-field";
   image.extension = ".png";
   const bool png = source.text.starts_with("\x89PNG");
-  if (!png) {
+  const bool plugs = source.text.find("# slicecorr testpart") < 8;
+  const bool readings = !plugs && is_light_readings(source.text, source.path);
+  std::optional<LightMapOfReadings> map;
+  const bool of_plate = options.frame != "image";
+  if (readings) {
+    const Printer printer = parse_printer(edit.text(), made.name + ".toml");
+    const Grid plate = plate_grid(printer);
+    const double width_um =
+        of_plate ? plate.width_px * plate.pixel_x_um : printer.width_px * printer.pixel_x_um;
+    const double height_um =
+        of_plate ? plate.height_px * plate.pixel_y_um : printer.height_px * printer.pixel_y_um;
+    map = map_of_readings(source, width_um * 1e-3, height_um * 1e-3);
+    field = flat_field_of(map->image, source.path);
+    say.push_back(fmt::format(
+        "Readings with a meter, a smooth map laid through them ({}); they lie {:.2g} % of the "
+        "brightest light from it in the mean.",
+        of_plate ? "x and y in mm of the plate, from its corner at the least x and y"
+                 : "x and y in mm of the display's images, from their lower left corner",
+        100 * map->off_mean));
+    std::string ninths;
+    for (std::size_t i = 0; i < map->ninths.size(); ++i) {
+      ninths += fmt::format("{}{:.0f}",
+                            i == 0       ? ""
+                            : i % 3 == 0 ? " / "
+                                         : " ",
+                            100 * map->ninths[i]);
+    }
+    say.push_back("Light in nine parts, % of the brightest, from the largest y down: " + ninths +
+                  ".");
+  } else if (plugs) {
+    field = flat_field_of(light_of_plugs(source.path, options.height_um, say), source.path);
+  } else if (!png) {
     const SensorReadings sensors(source);
     field = flat_field_of(sensors.image(), source.path);
     say.push_back(
@@ -375,10 +409,40 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
     const auto encoded = encode_png(field.image);
     image.bytes.assign(encoded.begin(), encoded.end());
   }
-  say.emplace_back(
-      "Its brightest place is taken to get the intensities of the calibration; where they were "
-      "measured elsewhere, write the picture's value there as flat_field_reference (1 to 255).");
-  set_frame(edit, field.image, source.path, made);
+  if (options.calibrated_at_mm.empty()) {
+    say.emplace_back(
+        "Its brightest place is taken to get the intensities of the calibration; where they were "
+        "measured elsewhere, write the picture's value there as flat_field_reference (1 to 255).");
+  }
+  if (map) {
+    edit.remove("display", "flat_field_reference");
+    if (of_plate) {
+      edit.set("display", "flat_field_frame", toml_text("plate"));
+    } else {
+      edit.remove("display", "flat_field_frame");
+    }
+  } else if (plugs) {
+    edit.remove("display", "flat_field_reference");
+    edit.set("display", "flat_field_frame", toml_text("plate"));
+  } else {
+    set_frame(edit, field.image, source.path, made);
+    if (options.frame == "plate") edit.set("display", "flat_field_frame", toml_text("plate"));
+    if (options.frame == "image") edit.remove("display", "flat_field_frame");
+  }
+  if (!options.calibrated_at_mm.empty()) {
+    if (!map) {
+      throw InputError(source.path, "",
+                       "is a picture; the place of the calibration is for readings with places; "
+                       "expected flat_field_reference in the printer file");
+    }
+    const double x_mm = options.calibrated_at_mm.at(0), y_mm = options.calibrated_at_mm.at(1);
+    const double value = std::clamp(map->value_at(x_mm, y_mm), 1.0, 255.0);
+    edit.set("display", "flat_field_reference", std::to_string(std::lround(value)));
+    say.push_back(
+        fmt::format("The calibration holds at x = {:g}, y = {:g} mm, where the light is "
+                    "{:.0f} % of the brightest.",
+                    x_mm, y_mm, value / 2.55));
+  }
   edit.set("display", "flat_field", toml_text(image.stem + image.extension));
   std::string comment = fmt::format("# Relative intensity over the display, from {}.", source.file);
   for (const std::string& a : say) comment += "\n# - " + a;

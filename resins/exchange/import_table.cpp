@@ -29,7 +29,8 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
     };
     const auto height = number("dp_um"), dose = number("ec_mj_cm2"), aim = number("aim_mj_cm2");
     const auto m = number("m"), prime = number("critical_dose_prime");
-    if (!height || (!dose && !aim && !prime)) {
+    const auto gel_a = number("gel_a_mj_cm2"), gel_b = number("gel_b_sqrt_mw_cm2_s");
+    if (!height || (!dose && !aim && !prime && !(gel_a && gel_b))) {
       source.leave_out(fmt::format("line {}: '{}' has no {}: that is no dose to aim at", row.line,
                                    resin, height ? "Ec_mJ_cm2" : "Dp_um"));
       continue;
@@ -47,7 +48,12 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
     d.colour = table.cell(row, "colour");
     d.notes = table.cell(row, "notes");
     d.height_e_um = *height;
-    if (prime && m.value_or(1.0) != 1.0) {
+    if (gel_a && gel_b) {
+      d.model = "gel-time";
+      d.gel_a = *gel_a;
+      d.gel_b = *gel_b;
+      d.dose_factor = number("dose_factor").value_or(kDefaultDoseFactor);
+    } else if (prime && m.value_or(1.0) != 1.0) {
       d.model = "kinetic";
       d.m = *m;
       d.critical_dose_prime = *prime;

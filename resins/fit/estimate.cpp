@@ -37,7 +37,7 @@ double rounding_of(const Problem& problem) {
 /// no bound cuts through.
 bool is_convex(const PreparedFit& s, const FitOptions& options) {
   return s.model != FitModel::dead_zone_transient && s.model != FitModel::joint &&
-         options.bounds.empty() && options.fixed.empty();
+         s.model != FitModel::gel_time && options.bounds.empty() && options.fixed.empty();
 }
 
 Solution solve_with_loss(PreparedFit& s, const FitOptions& options,

@@ -61,7 +61,25 @@ Height first_gel(const Slots& law, const Exposure& e) {
 
 }  // namespace
 
+namespace {
+
+/// By A and B (gel_time.hpp): with s = sqrt(B² + 4 A t), ln ig = 2 ln((B + s) / (2 t)).
+Height gel_time_height(const Slots& law, const Exposure& e) {
+  const double h = law[kHeight], a = law[kGelA], b = law[kGelB], t = std::exp(e.ln_time);
+  const double s = std::sqrt(b * b + 4 * a * t);
+  const double excess = e.ln_blue - 2 * (std::log(b + s) - std::log(2.0) - e.ln_time);
+  Height z;
+  z.um = h * excess;
+  z.by[kHeight] = excess;
+  z.by[kGelA] = -4 * h * t / (s * (b + s));
+  z.by[kGelB] = -2 * h / s;
+  return z;
+}
+
+}  // namespace
+
 Height cured_height(const Slots& law, const Exposure& e) {
+  if (law[kGelA] > 0 || law[kGelB] > 0) return gel_time_height(law, e);
   const double h = law[kHeight], m = law[kExponent];
   const double excess = e.ln_time - std::log(law[kDose]);
   Height z;

@@ -9,6 +9,8 @@ std::string_view name_of(FitModel model) {
       return "jacobs";
     case FitModel::kinetic:
       return "kinetic";
+    case FitModel::gel_time:
+      return "gel-time";
     case FitModel::dead_zone_steady:
       return "deadzone-steady";
     case FitModel::dead_zone_transient:
@@ -20,13 +22,15 @@ std::string_view name_of(FitModel model) {
 }
 
 FitModel fit_model_named(const std::string& name) {
-  for (const FitModel model : {FitModel::jacobs, FitModel::kinetic, FitModel::dead_zone_steady,
-                               FitModel::dead_zone_transient, FitModel::joint}) {
+  for (const FitModel model :
+       {FitModel::jacobs, FitModel::kinetic, FitModel::gel_time, FitModel::dead_zone_steady,
+        FitModel::dead_zone_transient, FitModel::joint}) {
     if (name == name_of(model)) return model;
   }
-  throw InputError("'" + name +
-                   "' is no model; expected jacobs, kinetic, deadzone-steady, deadzone-transient "
-                   "or joint");
+  throw InputError(
+      "'" + name +
+      "' is no model; expected jacobs, kinetic, gel-time, deadzone-steady, deadzone-transient "
+      "or joint");
 }
 
 }  // namespace slicecorr::resins

@@ -22,10 +22,11 @@ constexpr double kLeastBeta = 1e-6, kGreatestBeta = 1e6;
 // A resin file takes exponents up to 2; theory has 1/2 to 1.
 constexpr double kLeastExponent = 0.05, kGreatestExponent = 2;
 
-bool uses_cured(FitModel m) {
-  return m == FitModel::jacobs || m == FitModel::kinetic || m == FitModel::joint;
+bool is_of_cured_alone(FitModel m) {
+  return m == FitModel::jacobs || m == FitModel::kinetic || m == FitModel::gel_time;
 }
-bool uses_dead_zones(FitModel m) { return m != FitModel::jacobs && m != FitModel::kinetic; }
+bool uses_cured(FitModel m) { return is_of_cured_alone(m) || m == FitModel::joint; }
+bool uses_dead_zones(FitModel m) { return !is_of_cured_alone(m); }
 
 /// Sums about the means of weighted pairs and triples, for regressions.
 struct Line {
@@ -113,6 +114,23 @@ void start_cured(PreparedFit& s, bool with_exponent) {
   s.start[kHeight] = a;
   s.start[kExponent] = a / b;
   s.start[kDose] = std::exp(-c / b);
+}
+
+/// A and B from Jacobs' law: each half of it at the mean intensity, then nearly all.
+void start_gel_time(PreparedFit& s) {
+  double ln_blue = 0;
+  for (const Observation& o : s.problem.observations) {
+    ln_blue += o.exposure.ln_blue / static_cast<double>(s.problem.observations.size());
+  }
+  const double dose = s.start[kDose];
+  const auto shares = [&](double of_a) {
+    Slots guess = s.start;
+    guess[kGelA] = of_a * dose;
+    guess[kGelB] = (1 - of_a) * dose * std::exp(-0.5 * ln_blue);
+    return guess;
+  };
+  s.start = shares(0.5);
+  for (const double of_a : {0.9, 0.1}) s.more_starts.push_back(shares(of_a));
 }
 
 /// beta and huv of dead zones, as if all were steady.
@@ -426,7 +444,10 @@ void choose_starts(PreparedFit& s, const FitOptions& options) {
   for (const auto& [name, value] : options.fixed) {
     if (name == "h_um") s.start[kHeight] = value;
   }
-  if (uses_cured(s.model)) start_cured(s, s.model != FitModel::jacobs);
+  if (uses_cured(s.model)) {
+    start_cured(s, s.model == FitModel::kinetic || s.model == FitModel::joint);
+  }
+  if (s.model == FitModel::gel_time) start_gel_time(s);
   for (const auto& [name, value] : options.fixed) {
     for (const auto& p : s.parameters) {
       if (p.unknown.name != name) continue;
@@ -459,6 +480,11 @@ std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& optio
       return {h, dc};
     case FitModel::kinetic:
       return {h, exponent("m", {kExponent}), prime};
+    case FitModel::gel_time:
+      return {
+          h,
+          {{"gel_a_mj_cm2", {kGelA}, true, kLeastDose, kGreatestDose}, "mJ/cm²"},
+          {{"gel_b_sqrt_mw_cm2_s", {kGelB}, true, kLeastDose, kGreatestDose}, "sqrt(mW/cm²)·s"}};
     case FitModel::dead_zone_steady:
       huv.unknown.high = below_hb;
       return {beta, huv};

@@ -26,7 +26,9 @@ constexpr std::size_t kMostPointsInJson = 20000;
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 Json interval(const std::array<double, 2>& ci) { return {number(ci[0]), number(ci[1])}; }
 
-bool has_dead_zones(FitModel m) { return m != FitModel::jacobs && m != FitModel::kinetic; }
+bool has_dead_zones(FitModel m) {
+  return m != FitModel::jacobs && m != FitModel::kinetic && m != FitModel::gel_time;
+}
 
 Slots law_of(const FitResult& r) {
   Slots law{};
@@ -37,6 +39,8 @@ Slots law_of(const FitResult& r) {
   for (const Parameter& p : r.parameters) {
     if (p.name == "beta") law[kBeta] = p.value;
     if (p.name == "huv_um") law[kUvHeight] = p.value;
+    if (p.name == "gel_a_mj_cm2") law[kGelA] = p.value;
+    if (p.name == "gel_b_sqrt_mw_cm2_s") law[kGelB] = p.value;
     if (p.name == "m_uv" || (own_m && p.name == "m")) law[kUvExponent] = p.value;
   }
   return law;
@@ -47,6 +51,8 @@ Slot slot_of(const FitResult& r, const std::string& name) {
   if (name == "dc_mj_cm2" || name == "critical_dose_prime") return kDose;
   if (name == "beta") return kBeta;
   if (name == "huv_um") return kUvHeight;
+  if (name == "gel_a_mj_cm2") return kGelA;
+  if (name == "gel_b_sqrt_mw_cm2_s") return kGelB;
   if (name == "m_uv" || r.model == FitModel::dead_zone_transient) return kUvExponent;
   return kExponent;
 }

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/measuring_form.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/csv.hpp"
 
@@ -19,6 +20,8 @@ namespace {
 
 /// Columns that mean something to us, and their index in `Row`.
 enum Column { kIntensity, kExposure, kDose, kHeight, kBlue, kUv, kDeadZone, kSigma, kColumns };
+/// Columns of the forms of test parts that say nothing to a fit.
+constexpr std::array<std::string_view, 4> kOfForms = {"name", "shown_s", "dark_s", "dark_mw_cm2"};
 constexpr std::array<std::string_view, kColumns> kColumnNames = {
     "intensity_mw_cm2", "exposure_s", "dose_mj_cm2",  "cured_height_um",
     "blue_mw_cm2",      "uv_mw_cm2",  "dead_zone_um", "sigma_um"};
@@ -88,12 +91,23 @@ class Table {
                         "averages, or a part of them",
                         kMaxMeasurements + 1, kMaxMeasurements));
       }
-      is_dead_zone_ ? add_dead_zone(fields) : add_cured(fields);
       ++rows;
+      if (fields[static_cast<std::size_t>(*columns_[is_dead_zone_ ? kDeadZone : kHeight])]
+              .empty() &&
+          is_form_) {
+        if (not_measured_++ == 0) first_not_measured_ = row_.line;
+        continue;
+      }
+      is_dead_zone_ ? add_dead_zone(fields) : add_cured(fields);
     }
     if (rows == 0) {
       throw InputError(reader_.source(), "", "has a header row and no measurements below it");
     }
+    if (not_measured_ > 0) {
+      warn(fmt::format("{} rows of {}, the first in line {}, were not measured and are left out",
+                       not_measured_, rows, first_not_measured_));
+    }
+    if (not_measured_ == rows) fail("is the last row, and none was measured; expected heights");
     // The contract's unit is um; nobody measures a cured height of a few micrometres.
     if (!is_dead_zone_ && highest_ < 5) {
       warn(fmt::format("no cured height is above {:.3g} um: are the heights in mm?", highest_));
@@ -186,6 +200,10 @@ class Table {
                                      [&](const auto& c) { return c && *c == static_cast<int>(i); });
       const auto index = used - columns_.begin();
       if (used != columns_.end() && is_used(static_cast<Column>(index))) continue;
+      if (std::find(kOfForms.begin(), kOfForms.end(), names[i]) != kOfForms.end()) {
+        is_form_ = is_form_ || names[i] == "name";
+        continue;
+      }
       warn(names[i].empty() ? fmt::format("column {} has no name and is not used", i + 1)
                             : fmt::format("column {} ('{}') is not used", i + 1, shown(fields[i])));
     }
@@ -329,6 +347,8 @@ class Table {
   std::array<std::optional<int>, kColumns> columns_;
   std::size_t width_ = 0;
   bool is_dead_zone_ = false;
+  bool is_form_ = false;  ///< rows have names: those without a height were not measured
+  int not_measured_ = 0, first_not_measured_ = 0;
   double highest_ = 0, longest_s_ = 0, brightest_mw_cm2_ = 0;
 };
 
@@ -352,6 +372,7 @@ Measurements read_measurements(const std::vector<std::string>& paths,
     if (std::filesystem::is_directory(path, error)) {
       throw InputError(path, "", "is a folder; expected a CSV file of measurements");
     }
+    expect_form_of(path, {"staircase", "wedge", "dead-zone"});
     Table(CsvReader::of_file(path, kRules), source, data).read(context);
   }
   return data;

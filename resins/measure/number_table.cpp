@@ -13,6 +13,8 @@ namespace {
 
 constexpr int kMostRows = 100000;
 constexpr std::size_t kNotThere = std::numeric_limits<std::size_t>::max();
+/// A column for people.
+constexpr std::size_t kName = kNotThere - 1;
 
 CsvReader reader_of(const std::string& path) {
   return CsvReader::of_file(
@@ -60,7 +62,8 @@ void read_number_table(const std::string& path, const std::vector<NumberColumn>&
   }
   std::vector<std::size_t> order;
   for (const std::string& name : row.cells) {
-    const std::size_t column = column_named(columns, name);
+    std::size_t column = column_named(columns, name);
+    if (column == kNotThere && name == "name") column = kName;
     const bool twice = std::find(order.begin(), order.end(), column) != order.end();
     if (column == kNotThere || twice) {
       throw InputError(path, reader.place(),
@@ -88,6 +91,7 @@ void read_number_table(const std::string& path, const std::vector<NumberColumn>&
     }
     std::fill(values.begin(), values.end(), std::numeric_limits<double>::quiet_NaN());
     for (std::size_t i = 0; i < order.size(); ++i) {
+      if (order[i] == kName) continue;
       values[order[i]] = value_of(columns[order[i]], row.cells[i], path, reader.place());
     }
     sink(row.line, reader.place(), values);

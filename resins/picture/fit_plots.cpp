@@ -6,11 +6,13 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <tuple>
 
 #include "picture/fit_text.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/resins/plots.hpp"
 #include "support/chart/chart.hpp"
 
@@ -181,17 +183,20 @@ Curve curve_over(const Axis& axis, const std::function<double(double)>& predict,
   return c;
 }
 
-/// The working curve of a fit over its own dose: D, or I^m t.
+/// The working curve of a fit over its own dose: D, I^m t, or with a time to gel I / ig(t).
 struct WorkingCurve {
   bool jacobs = true;
   double m = 1, gel_dose = 0, height_um = 0;
   std::string axis, unit;
+  std::optional<GelTime> gel_time;
   double dose(const FitPoint& p) const {
+    if (gel_time) return p.blue_mw_cm2 / gel_intensity_mw_cm2(*gel_time, p.exposure_s);
     if (jacobs) return p.dose_mj_cm2;
     return std::pow(p.blue_mw_cm2, m) * p.exposure_s;
   }
   /// Exposure that gives a dose at an intensity.
   double exposure(double dose, double blue) const {
+    if (gel_time) return gel_time_s(*gel_time, blue / dose);
     return jacobs ? dose / blue : dose / std::pow(blue, m);
   }
 };
@@ -207,6 +212,10 @@ WorkingCurve working_curve_of(const FitResult& fit) {
     w.gel_dose = fit.value("dc_mj_cm2");
     w.axis = "dose D, mJ/cm²";
     w.unit = "mJ/cm²";
+  } else if (fit.model == FitModel::gel_time) {
+    w.gel_time = {fit.value("gel_a_mj_cm2"), fit.value("gel_b_sqrt_mw_cm2_s")};
+    w.gel_dose = 1;
+    w.axis = "intensity over that which gels in the same time, I/ig(t)";
   } else {
     w.m = fit.value("m");
     w.gel_dose = fit.value("critical_dose_prime");
@@ -257,6 +266,8 @@ Axis height_axis(const FitResult& fit, const Data& data, const std::string& titl
 
 std::string working_curve_svg(const FitResult& fit, double dose_factor, const std::string& name) {
   const WorkingCurve w = working_curve_of(fit);
+  // A multiple of the time to gel is no one place on an axis of intensities.
+  if (w.gel_time) dose_factor = 1;
   const Data data = data_of(fit, false, false);
   const auto dose = [&](const FitPoint& p) { return w.dose(p); };
   const double aim = dose_factor * w.gel_dose;
@@ -270,20 +281,24 @@ std::string working_curve_svg(const FitResult& fit, double dose_factor, const st
   const Curve curve = curve_of(fit, w, x, data);
   const bool band = std::any_of(curve.low.begin(), curve.low.end(),
                                 [](const Point& p) { return std::isfinite(p.y); });
-  const std::string kind = w.jacobs ? "Jacobs" : fit.model == FitModel::joint ? "joint" : "kinetic";
+  const std::string kind = w.jacobs                       ? "Jacobs"
+                           : w.gel_time                   ? "gel-time"
+                           : fit.model == FitModel::joint ? "joint"
+                                                          : "kinetic";
   Picture picture(
       titled(name, fmt::format("working curve, {} fit", kind)),
       fmt::format("Cured height over dose on a logarithmic axis: {} measurements, a {} fit{} and "
-                  "residuals. Gel dose {} {}.",
-                  data.points.size(), kind, band ? " with its 95 % band" : "", figure(w.gel_dose),
-                  w.unit));
+                  "residuals.{}",
+                  data.points.size(), kind, band ? " with its 95 % band" : "",
+                  w.gel_time ? "" : fmt::format(" Gel dose {} {}.", figure(w.gel_dose), w.unit)));
   data_legend(picture, data);
   picture.legend_line(Style::fit, "fit");
   if (band) picture.legend_band(Style::fit, "95 % band of the curve");
 
   Panel panel(x, y, 320, false);
   panel.band(curve.low, curve.high, Style::fit);
-  panel.vertical(w.gel_dose, fmt::format("gel dose {}", figure(w.gel_dose)), 0);
+  panel.vertical(w.gel_dose,
+                 w.gel_time ? "just gels" : fmt::format("gel dose {}", figure(w.gel_dose)), 0);
   if (dose_factor != 1) {
     panel.vertical(aim, fmt::format("aim {:g} × gel = {}", dose_factor, figure(aim)), 1);
   }
@@ -298,6 +313,12 @@ std::string working_curve_svg(const FitResult& fit, double dose_factor, const st
   picture.add(panel);
   picture.add(residual_panel(picture, x, fit, data, false, false, dose));
   figures_notes(picture, fit);
+  if (w.gel_time) {
+    picture.note(
+        "Time to gel A/i + B/√i; ig(t) gels in just t. Measurements at all intensities lie on one "
+        "line where it holds.");
+    return picture.svg();
+  }
   picture.note(fmt::format(
       "Gel dose: {0} {1}, where the curve meets zero height. Correction aims at {2:g} times that: "
       "{3} {1}.",
@@ -347,7 +368,8 @@ std::string collapse_svg(const FitResult& jacobs, const FitResult& kinetic,
 }
 
 std::string dead_zone_svg(const FitResult& fit, const std::string& name) {
-  if (fit.model == FitModel::jacobs || fit.model == FitModel::kinetic) {
+  if (fit.model == FitModel::jacobs || fit.model == FitModel::kinetic ||
+      fit.model == FitModel::gel_time) {
     throw InputError("a fit of cured heights has no dead zone; expected one of dead zones");
   }
   const bool steady = fit.model == FitModel::dead_zone_steady;

@@ -24,6 +24,8 @@ std::string symbol_of(const std::string& parameter) {
   if (parameter == "h_um") return "h";
   if (parameter == "dc_mj_cm2") return "Dc";
   if (parameter == "critical_dose_prime") return "D′c";
+  if (parameter == "gel_a_mj_cm2") return "A";
+  if (parameter == "gel_b_sqrt_mw_cm2_s") return "B";
   if (parameter == "beta") return "β";
   if (parameter == "huv_um") return "huv";
   if (parameter == "m_uv") return "m under UV";

@@ -7,6 +7,10 @@
 namespace slicecorr::resins {
 
 FitOptions on_resin(const Resin& resin, FitOptions options) {
+  if (resin.has_gel_time()) {
+    throw InputError(resin.name, "cure.model",
+                     "is \"gel-time\"; dead zones follow the kinetic law: expected a resin of it");
+  }
   const Kinetics k = make_kinetics(resin, false, false);
   options.hb_um = k.hb_um;
   options.critical_dose_prime = k.critical_dose_prime;
@@ -57,6 +61,9 @@ RecordFits fits_of_record(const ResinRecord& record, const ExecutionContext& con
     attempt([&] { result.fits.push_back(fit(data, FitModel::jacobs, {}, context)); });
     if (has_intensities(data)) {
       attempt([&] { result.fits.push_back(fit(data, FitModel::kinetic, {}, context)); });
+      if (record.resin.has_gel_time()) {
+        attempt([&] { result.fits.push_back(fit(data, FitModel::gel_time, {}, context)); });
+      }
     }
   }
   if (!data.dead_zones.empty()) {

@@ -39,6 +39,16 @@ std::string figures_table(const ResinRecord& record) {
       "base 10</th></tr></thead><tbody>";
   html += row("Absorbance height",
               {value(f.height_e_um, "um (1/e)"), value(f.height10_um, "um (1/10)")});
+  if (record.resin.has_gel_time()) {
+    const double factor = record.resin.dose_factor, a = record.resin.gel_a_mj_cm2,
+                 b = record.resin.gel_b_sqrt_mw_cm2_s;
+    html += row("Time to gel A/i + B/√i: A", {value(a / factor, "mJ/cm²"), ""});
+    html += row("B", {value(b / factor, "√(mW/cm²)·s"), ""});
+    html += row("Aimed at: A", {value(a, "mJ/cm²"), ""});
+    html += row("B", {value(b, "√(mW/cm²)·s"), ""});
+    html += row("Aim over time to gel", {value(factor, ""), ""});
+    return html + "</tbody></table></div>";
+  }
   if (m == 1) {
     html += row("Gel dose", {value(f.gel_mj_cm2, "mJ/cm²"), value(f.gel_mj_cm3, "mJ/cm³")});
     html += row("Dose aimed at", {value(f.aim_mj_cm2, "mJ/cm²"), value(f.aim_mj_cm3, "mJ/cm³")});
@@ -78,6 +88,8 @@ std::string title_of(FitModel model) {
       return "Jacobs fit";
     case FitModel::kinetic:
       return "Kinetic fit";
+    case FitModel::gel_time:
+      return "Gel-time fit";
     case FitModel::dead_zone_steady:
       return "Dead zone, steady fit";
     case FitModel::dead_zone_transient:
@@ -137,7 +149,8 @@ std::string pictures(const ResinRecord& record, const std::vector<FitResult>& fi
     if (f.model != FitModel::dead_zone_steady && f.model != FitModel::dead_zone_transient) {
       add([&] { return working_curve_svg(f, factor); });
     }
-    if (f.model != FitModel::jacobs && f.model != FitModel::kinetic) {
+    if (f.model != FitModel::jacobs && f.model != FitModel::kinetic &&
+        f.model != FitModel::gel_time) {
       add([&] { return dead_zone_svg(f); });
     }
   }

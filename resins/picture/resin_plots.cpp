@@ -23,6 +23,10 @@ using chart::Point;
 using chart::Style;
 
 std::string words_of(const Kinetics& k) {
+  if (k.has_gel_time()) {
+    return fmt::format("h {} um (base e), A {} mJ/cm², B {} √(mW/cm²)·s: gels after A/i + B/√i",
+                       figure(k.hb_um), figure(k.gel_time.A), figure(k.gel_time.B));
+  }
   std::string text = fmt::format("hb {} um, D′c {} {}, m {}", figure(k.hb_um),
                                  figure(k.critical_dose_prime), prime_unit(k.m), figure(k.m));
   if (k.beta > 0) text += fmt::format(", β {}, huv {} um", figure(k.beta), figure(k.huv_um));
@@ -136,8 +140,53 @@ std::string fronts_svg(const Kinetics& k, double blue, double uv, double greates
   return picture.svg();
 }
 
+namespace {
+
+/// Times to gel over intensity, between the two laws that rule at its ends, and their exponent.
+std::string gel_time_svg(const std::string& name, const Kinetics& gel, const Kinetics& aim) {
+  const GelTime& g = gel.gel_time;
+  // Around the intensity at which both terms are as long.
+  const double even = std::pow(g.A / g.B, 2);
+  Picture picture(
+      titled(name, "time to gel"),
+      fmt::format("Time to gel over intensity, from the parameters of resin {}.", name));
+  const Axis x{"intensity at the place, mW/cm²", true, even / 1000, even * 1000};
+  std::vector<Point> line, by_a, by_b, exponent;
+  for (int i = 0; i <= 240; ++i) {
+    const double at = x.low * std::pow(x.high / x.low, i / 240.0);
+    line.push_back({at, gel_time_s(g, at)});
+    by_a.push_back({at, g.A / at});
+    by_b.push_back({at, g.B / std::sqrt(at)});
+    exponent.push_back({at, local_exponent(g, at)});
+  }
+  const bool further = aim.gel_time.A > g.A;
+  picture.legend_line(Style::fit, "time to gel A/i + B/√i");
+  picture.legend_line(Style::other, "A/i alone, B/√i alone");
+  Panel panel(x, {"time, s", true, line.back().y / 3, line.front().y * 1.5}, 300);
+  panel.line(by_a, Style::other);
+  panel.line(by_b, Style::other);
+  panel.line(line, Style::fit);
+  panel.vertical(even, fmt::format("both as long at {}", figure(even)), 0);
+  picture.add(panel);
+  Panel below(x, {"exponent m there", false, 0.45, 1.05}, 160);
+  below.line(exponent, Style::fit);
+  picture.add(below);
+  picture.note(words_of(gel));
+  if (further) {
+    picture.note(fmt::format("Correction aims at {:.3g} times that time.", aim.gel_time.A / g.A));
+  }
+  picture.note("Drawn from the parameters alone, without measurements.");
+  return picture.svg();
+}
+
+}  // namespace
+
 std::string record_svg(const ResinRecord& record) {
   const Resin& resin = record.resin;
+  if (resin.has_gel_time()) {
+    return gel_time_svg(record.name, make_kinetics(resin, false, false),
+                        make_kinetics(resin, false, true));
+  }
   const Kinetics gel = make_kinetics(resin, false, false);
   const Kinetics aim = make_kinetics(resin, false, true);
   const double gel_dose = gel.critical_dose_prime, aim_dose = aim.critical_dose_prime;

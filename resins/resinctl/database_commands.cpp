@@ -1,5 +1,7 @@
 // list, show, validate.
 #include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -55,11 +57,36 @@ void set_heights(const std::string& text, Query& query) {
   }
 }
 
+/// Where stdout is a terminal too narrow for the rows, without their last columns: first the file.
+std::vector<std::vector<std::string>> fitting(std::vector<std::vector<std::string>> rows,
+                                              Console& console) {
+  winsize size{};
+  if (::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return rows;
+  const auto widest = [&] {
+    const std::string text = aligned(rows);
+    std::size_t most = 0;
+    for (std::size_t at = 0; at < text.size();) {
+      const std::size_t end = std::min(text.find('\n', at), text.size());
+      most = std::max(most, end - at);
+      at = end + 1;
+    }
+    return most;
+  };
+  const std::size_t all = rows.front().size();
+  while (rows.front().size() > 2 && widest() > size.ws_col) {
+    for (auto& row : rows) row.pop_back();
+  }
+  if (rows.front().size() < all) {
+    console.say("(the window is too narrow for all columns; --json - has them)");
+  }
+  return rows;
+}
+
 void put_list(const std::string& json, const ordered_json& list,
               const std::vector<std::vector<std::string>>& rows, const char* what,
               Console& console) {
   if (json.empty()) {
-    cli::print_result(aligned(rows));
+    cli::print_result(aligned(fitting(rows, console)));
   } else {
     cli::print_or_write(json, list.dump(2));
   }
@@ -250,6 +277,7 @@ void add_database(cli::Program& program) {
 
   add_changes(program);
   add_exchange(program);
+  add_new_printer(program);
 }
 
 }  // namespace slicecorr::resinctl

@@ -7,6 +7,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/chemistry.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/vial.hpp"
 #include "support/toml/toml_table.hpp"
@@ -38,9 +40,15 @@ std::string prime(double value, double m) {
 }
 
 bool gel_is_known(const ResinRecord& r) {
-  if (r.resin.gel_dose_mj_cm3 > 0) return true;
+  if (r.resin.gel_dose_mj_cm3 > 0 || r.resin.has_gel_time()) return true;
   // Without a factor, a kinetic file gives the dose aimed at.
   return r.resin.critical_dose_prime > 0 && r.text.find("dose_factor") != std::string::npos;
+}
+
+/// A and B of a time to gel, `times` as long.
+std::string gel_time_text(const Resin& resin, double times) {
+  return fmt::format("{}/i + {}/sqrt(i) s", figure(times * resin.gel_a_mj_cm2),
+                     figure(times * resin.gel_b_sqrt_mw_cm2_s));
 }
 
 std::string dose_line(const char* what, const ResinFigures& f, double m, bool aim) {
@@ -63,6 +71,18 @@ std::string provenance_text(const std::map<std::string, std::string>& provenance
 std::string in_plain_words(const ResinRecord& r, const ResinFigures& f) {
   const double m = r.resin.m;
   std::string out = "\nWhat correction aims at\n";
+  if (r.resin.has_gel_time()) {
+    const GelTime g{r.resin.gel_a_mj_cm2, r.resin.gel_b_sqrt_mw_cm2_s};
+    const double even = std::pow(g.A / g.B, 2);
+    return out +
+           fmt::format(
+               "  Light of i mW/cm² gels the resin in {}; correction aims at {:.4g} times that.\n"
+               "  Below {:.3g} mW/cm² the dose rules (m near 1), above it the root of the "
+               "intensity (m near 1/2):\n"
+               "  at 1, 10 and 100 mW/cm² m is {:.3f}, {:.3f} and {:.3f}.\n",
+               gel_time_text(r.resin, 1 / f.dose_factor), f.dose_factor, even, local_exponent(g, 1),
+               local_exponent(g, 10), local_exponent(g, 100));
+  }
   if (gel_is_known(r)) {
     out += fmt::format(
         "  The resin gels at {}. Correction aims at {:.4g} times that, {}:\n"
@@ -173,14 +193,69 @@ std::string aligned(const std::vector<std::vector<std::string>>& rows) {
 }
 
 std::string gel_dose_text(const ResinRecord& r) {
+  if (r.resin.has_gel_time()) return gel_time_text(r.resin, 1 / r.resin.dose_factor);
   return gel_is_known(r) ? prime(figures_of(r.resin).gel_prime, r.resin.m) : "-";
 }
 
 std::string aim_text(const ResinRecord& r) {
   const ResinFigures f = figures_of(r.resin);
+  if (r.resin.has_gel_time()) return fmt::format("{:.4g} x gel", f.dose_factor);
   const std::string dose = prime(f.aim_prime, r.resin.m);
   return gel_is_known(r) ? fmt::format("{} ({:.4g} x gel)", dose, f.dose_factor) : dose;
 }
+
+namespace {
+
+std::string chemistry_text(const Chemistry& c) {
+  std::string out = "\nChemistry\n";
+  out += line("end groups", fmt::format("{:.4g} mol/l; gels when {:.4g} % of them are used up",
+                                        c.groups_mol_l, 100 * c.gel_conversion));
+  out += line("initiator",
+              fmt::format("{:.4g} mol/l, {:.4g} l/(mol cm) base 10 at {:g} nm, quantum yield {:g}",
+                          c.initiator_mol_l, c.absorptivity_l_mol_cm / units::kLn10,
+                          c.wavelength_nm, c.quantum_yield));
+  out += line("oxygen", fmt::format("{:.4g} mol/l", c.oxygen_mol_l));
+  if (c.inhibitor_mol_l > 0)
+    out += line("inhibitor", fmt::format("{:.4g} mol/l", c.inhibitor_mol_l));
+  out += line("rates, l/(mol s)",
+              fmt::format("initiation {:.4g}, propagation {:.4g}, termination {:.4g} (of pairs: "
+                          "chains vanish at twice this)",
+                          c.initiation_l_mol_s, c.propagation_l_mol_s, c.termination_l_mol_s));
+  out += line(
+      "", fmt::format(
+              "chains with oxygen {:.4g}{}{}", c.oxygen_l_mol_s,
+              c.initiator_oxygen_l_mol_s > 0
+                  ? fmt::format(", initiator with oxygen {:.4g}", c.initiator_oxygen_l_mol_s)
+                  : "",
+              c.inhibitor_mol_l > 0 ? fmt::format(", with inhibitor {:.4g}", c.inhibitor_l_mol_s)
+                                    : ""));
+  const auto d = [](const char* what, const std::optional<double>& um2_s) {
+    return um2_s ? fmt::format("{} {:.4g}", what, *um2_s) : fmt::format("{} not given", what);
+  };
+  out += line("diffusion, um²/s",
+              fmt::format("{}, {}, {}{} at {:g} K", d("oxygen", c.oxygen_um2_s),
+                          d("initiator", c.initiator_um2_s), d("its radicals", c.radical_um2_s),
+                          c.inhibitor_mol_l > 0 ? ", " + d("inhibitor", c.inhibitor_um2_s) : "",
+                          c.temperature_k));
+  out += line("dims light", fmt::format("to 1/e over {} um", figure(light_height_um(c))));
+  const GelTime g = gel_time_of(c);
+  out += line("time to gel, s", fmt::format("{:.4g} / I + {:.4g} / sqrt(I), I in mW/cm²: oxygen "
+                                            "first, then chains",
+                                            g.A, g.B));
+  for (const double i : {1.0, 10.0, 100.0}) {
+    out += line("", fmt::format("at {:g} mW/cm² {} s, of which {} s inhibited; local m = {:.3f}", i,
+                                figure(gel_time_s(g, i)), figure(inhibition_time_s(c, i)),
+                                local_exponent(g, i)));
+  }
+  if (inhibition_time_used_up_s(c, 1) > 1e300) {
+    out += line("", fmt::format("it never gels: radicals of all initiator do not use up oxygen and "
+                                "inhibitor; {:.4g} mol/l would",
+                                least_initiator_mol_l(c)));
+  }
+  return out;
+}
+
+}  // namespace
 
 std::string describe_resin(const ResinRecord& r) {
   const ResinFigures f = figures_of(r.resin);
@@ -190,8 +265,10 @@ std::string describe_resin(const ResinRecord& r) {
          line("colour", r.colour) + line("notes", r.notes);
   out += line("file", r.path);
   out += "\nCuring\n";
-  out += line("model", r.resin.model == CureModelKind::kinetic ? fmt::format("kinetic, m = {:g}", m)
-                                                               : "Jacobs' working curve, m = 1");
+  out +=
+      line("model", r.resin.has_gel_time()                    ? "time to gel, A/i + B/sqrt(i)"
+                    : r.resin.model == CureModelKind::kinetic ? fmt::format("kinetic, m = {:g}", m)
+                                                              : "Jacobs' working curve, m = 1");
   if (r.wavelength_nm > 0) out += line("wavelength", fmt::format("{:g} nm", r.wavelength_nm));
   out += line("absorbance height", fmt::format("{:.5g} um base e (light falls to 1/e), {:.5g} um "
                                                "base 10 (to 1/10)",
@@ -226,8 +303,13 @@ std::string describe_resin(const ResinRecord& r) {
                             r.resin.scatter_um2_per_um,
                             std::sqrt(r.resin.scatter_um2_per_um * f.height10_um)));
   }
-  if (gel_is_known(r)) out += dose_line("gel dose", f, m, false);
-  out += dose_line("dose aimed at", f, m, true);
+  if (r.resin.has_gel_time()) {
+    out += line("time to gel", gel_time_text(r.resin, 1 / f.dose_factor));
+    out += line("time aimed at", gel_time_text(r.resin, 1));
+  } else {
+    if (gel_is_known(r)) out += dose_line("gel dose", f, m, false);
+    out += dose_line("dose aimed at", f, m, true);
+  }
   if (gel_is_known(r)) out += line("dose factor", fmt::format("{:.4g}", f.dose_factor));
   if (r.resin.inhibition) {
     const Inhibition& i = *r.resin.inhibition;
@@ -241,6 +323,7 @@ std::string describe_resin(const ResinRecord& r) {
     }
     out += line("dead zone from", fmt::format("UV above {:.4g} times blue", 1 / f.beta));
   }
+  if (r.resin.chemistry) out += chemistry_text(*r.resin.chemistry);
   out += in_plain_words(r, f);
   return out + provenance_text(r.provenance);
 }

@@ -112,6 +112,17 @@ void add_exchange(cli::Program& program) {
       ->check(cli::number_above_zero());
   sub->add_option("--printer", i->options.printer,
                   "Printer that a calibration, lookup table or flat-field belongs to");
+  sub->add_option("--frame", i->options.frame,
+                  "flat-field: its picture or readings lie like the plate, or like the display's "
+                  "images [readings: the plate; pictures: as their shape says]")
+      ->check(CLI::IsMember({"plate", "image"}));
+  sub->add_option(
+         "--calibrated-at-mm", i->options.calibrated_at_mm,
+         "flat-field of readings: X,Y of the place where the calibration was measured [the "
+         "brightest]")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(cli::number_in(-1e4, 1e4));
   sub->add_option("-m,--message", i->message, "Why, for the history");
   sub->add_option("-o,--folder", i->folder, "Save into this folder instead");
   sub->add_flag("--replace", i->replace,

@@ -6,11 +6,13 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "new_resin.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/fit.hpp"
+#include "slicecorr/resins/gel_time_fit.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -28,6 +30,8 @@ struct FitArguments {
   int starts = 8, bootstrap = 0;
   std::uint64_t seed = 1;
   bool one_m = false;
+  double conversion = 0;
+  std::string svg;
 };
 
 double number_in_option(const std::string& option, const std::string& text, const std::string& part,
@@ -92,6 +96,10 @@ void take_blue_law(const FitArguments& a, FitModel model, FitOptions& o, Console
                     a.model));
   }
   const Resin resin = load_resin(a.resin);
+  if (resin.has_gel_time()) {
+    throw InputError(resin.name, "cure.model",
+                     "is \"gel-time\"; dead zones follow the kinetic law: expected a resin of it");
+  }
   const Kinetics k = make_kinetics(resin, false, false);
   o.hb_um = k.hb_um;
   o.critical_dose_prime = k.critical_dose_prime;
@@ -156,8 +164,71 @@ void write_record(const FitArguments& a, FitResult result, Console& console) {
                                             saved.replaced ? ", the one before is kept" : ""));
 }
 
+/// gel-time from times to gel.
+int run_time_fit(const FitArguments& a, Console& console) {
+  for (const std::string& output : {a.output, a.json, a.svg}) cli::check_output(output, a.data);
+  const GelTimeFit fit = fit_gel_time(
+      read_times_to_gel(a.data, a.conversion > 0 ? std::optional(a.conversion) : std::nullopt));
+  if (!a.output.empty()) {
+    if (a.resin.empty()) {
+      throw InputError(
+          "times to gel say nothing of how light fades: -o needs --resin, a resin of which all else "
+          "is taken");
+    }
+    const ResinRecord previous = load_record(a.resin);
+    CureLaw law;
+    law.model = CureModelKind::gel_time;
+    law.gel_time = fit.gel_time();
+    if (fit.a.at_bound || fit.b.at_bound) {
+      law.model = fit.b.at_bound ? CureModelKind::jacobs : CureModelKind::kinetic;
+      law.m = 0.5;
+      law.critical_dose_prime = fit.b.at_bound ? fit.a.value : fit.b.value;
+    }
+    const std::string name = fs::path(a.output).stem().string();
+    write_new_resin(
+        a.output,
+        record_text_with_law(
+            name, law,
+            {{"fit", fmt::format("gel-time: worst error {:.2g} %, n {}", 100 * fit.worst_error,
+                                 fit.times.size())},
+             {"standard_errors", fmt::format("gel_a_mj_cm2 {:.4g}, gel_b_sqrt_mw_cm2_s {:.4g}",
+                                             fit.a.stderr_, fit.b.stderr_)},
+             {"covariance",
+              fmt::format("gel_a_mj_cm2, gel_b_sqrt_mw_cm2_s: [[{:.6g}, {:.6g}], [{:.6g}, {:.6g}]]",
+                          fit.a.stderr_ * fit.a.stderr_, fit.covariance, fit.covariance,
+                          fit.b.stderr_ * fit.b.stderr_)},
+             {"times",
+              fmt::format("{} times to gel from {}{}", fit.times.size(), fit.sources.front(),
+                          fit.conversion > 0
+                              ? fmt::format(", to a conversion of {:g}", fit.conversion)
+                              : std::string())}},
+            previous),
+        console);
+  }
+  if (!a.svg.empty()) {
+    cli::write_text_file(a.svg, fit.to_svg(a.name));
+    console.say(fmt::format("{}: written", a.svg));
+  }
+  if (!a.json.empty()) cli::print_or_write(a.json, fit.to_json());
+  if (a.json == "-") {
+    console.say(fit.to_text());
+  } else {
+    cli::print_result(fit.to_text() + "\n");
+  }
+  return cli::kDone;
+}
+
 int run_fit(const FitArguments& a, const ExecutionContext& context, Console& console) {
   const FitModel model = fit_model_named(a.model);
+  const auto is_times = [](const std::string& path) { return is_table_of_times(path); };
+  if (model == FitModel::gel_time && std::any_of(a.data.begin(), a.data.end(), is_times)) {
+    return run_time_fit(a, console);
+  }
+  if (a.conversion > 0 || !a.svg.empty()) {
+    throw InputError(
+        "--conversion and --svg are for --model gel-time with a table of times; resinctl plot draws "
+        "other fits");
+  }
   FitOptions options = options_of(a);
   if (a.one_m && model != FitModel::joint) {
     throw InputError("--one-m is for --model joint");
@@ -179,11 +250,13 @@ constexpr const char* kFooter =
     "Models and their columns (a header row names them; any order; # starts a comment):\n"
     "  jacobs              dose_mj_cm2,cured_height_um, or as for kinetic\n"
     "  kinetic             intensity_mw_cm2,exposure_s,cured_height_um\n"
+    "  gel-time            the same, or times to gel: intensity_mw_cm2,time_s, and conversion\n"
     "  deadzone-steady     blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um, and --resin\n"
     "  deadzone-transient  the same\n"
     "  joint               one file of each kind\n"
     "A column sigma_um gives the scatter of a measurement. Heights are base e, doses areal.\n"
-    "Parameters: h_um, dc_mj_cm2 (jacobs); h_um, m, critical_dose_prime (kinetic); beta, huv_um, "
+    "Parameters: h_um, dc_mj_cm2 (jacobs); h_um, m, critical_dose_prime (kinetic); h_um, "
+    "gel_a_mj_cm2, gel_b_sqrt_mw_cm2_s (gel-time); beta, huv_um, "
     "and m (dead zones); all of them, and m_uv (joint).\n"
     "Examples:\n"
     "  resinctl fit heights.csv --model kinetic -o my-resin.toml\n"
@@ -205,8 +278,8 @@ void add_fit(cli::Program& program) {
       ->required();
   sub->add_option("--model", a->model, "Law to fit")
       ->required()
-      ->check(
-          CLI::IsMember({"jacobs", "kinetic", "deadzone-steady", "deadzone-transient", "joint"}));
+      ->check(CLI::IsMember(
+          {"jacobs", "kinetic", "gel-time", "deadzone-steady", "deadzone-transient", "joint"}));
   sub->add_option("--resin", a->resin,
                   "Resin, a .toml file or a name: dead-zone fits take hb, D'c and m from it, and "
                   "-o keeps its other figures and words");
@@ -242,6 +315,10 @@ void add_fit(cli::Program& program) {
   sub->add_option("--starts", a->starts, "Starting points to try")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  sub->add_option("--conversion", a->conversion,
+                  "gel-time, of a table with a column conversion: that at which the resin gels")
+      ->check(cli::number_in(0, 1));
+  sub->add_option("--svg", a->svg, "gel-time, of times: a picture of the fit");
   sub->add_flag("--one-m", a->one_m, "joint: one exponent with and without UV light");
   sub->footer(kFooter);
 }

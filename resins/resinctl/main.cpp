@@ -10,10 +10,12 @@ int main(int argc, char** argv) {
                        "resinctl fit heights.csv --model kinetic --json - -o my-resin.toml");
   resinctl::add_database(program);
   resinctl::add_fit(program);
+  resinctl::add_derive(program);
   resinctl::add_optics(program);
   resinctl::add_spread(program);
   resinctl::add_tune(program);
   resinctl::add_plot(program);
   resinctl::add_design(program);
+  resinctl::add_chemistry(program);
   return program.run(argc, argv);
 }

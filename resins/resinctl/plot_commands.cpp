@@ -1,10 +1,18 @@
 // resinctl plot
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
+#include <fstream>
 #include <memory>
+#include <sstream>
 
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
@@ -95,7 +103,8 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
                                        "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um"
                                      : "no cured heights; expected a column cured_height_um"));
   }
-  if (draw_zones && (model == FitModel::jacobs || model == FitModel::kinetic)) {
+  if (draw_zones &&
+      (model == FitModel::jacobs || model == FitModel::kinetic || model == FitModel::gel_time)) {
     throw InputError(fmt::format(
         "--model {} says nothing of dead zones; expected deadzone-steady, deadzone-transient or "
         "joint",
@@ -165,16 +174,85 @@ Drawn draw_record(const Arguments& a, const ExecutionContext& context, cli::Cons
   const Measurements data = read_measurements(paths, context);
   for (const std::string& w : data.warnings) console.say("warning: " + w);
   return draw_measurements(data, a, {&record.resin, record.name},
-                           kinetic && has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
+                           !has_intensities(data)        ? FitModel::jacobs
+                           : record.resin.has_gel_time() ? FitModel::gel_time
+                           : kinetic                     ? FitModel::kinetic
+                                                         : FitModel::jacobs,
                            dead_zone_model(record), context);
+}
+
+/// The format that a name asks for by its ending; "svg" also for devices and stdout's like.
+std::string picture_format(const std::string& path) {
+  for (const char* format : {"svg", "html", "png", "pdf"}) {
+    if (has_ending(path, fmt::format(".{}", format))) return format;
+  }
+  if (path.starts_with("/dev/")) return "svg";
+  throw InputError(path, "", "expected a name that ends in .svg, .png, .pdf or .html");
+}
+
+/// An SVG as another picture, by the program rsvg-convert: beside its place, then renamed.
+void write_converted(const std::string& svg, const std::string& format, const std::string& path) {
+  const std::string folder = cli::folder_of(path);
+  const std::string made = folder + "/.resinctl-" + std::to_string(::getpid()) + "." + format;
+  struct Removed {
+    const std::string& path;
+    ~Removed() { ::unlink(path.c_str()); }
+  };
+  const Removed removed{made};
+  // The SVG goes in by a pipe, so that no name of a file is a matter of its own.
+  std::array<int, 2> in{};
+  if (::pipe2(in.data(), O_CLOEXEC) != 0) throw DeviceError(path + ": no pipe");
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_adddup2(&actions, in[0], 0);
+  std::vector<std::string> words{
+      "rsvg-convert",       "--format", format,     "--zoom", format == "png" ? "2" : "1",
+      "--background-color", "white",    "--output", made};
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  pid_t child = 0;
+  const int failed =
+      ::posix_spawnp(&child, "rsvg-convert", &actions, nullptr, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  ::close(in[0]);
+  if (failed != 0) {
+    ::close(in[1]);
+    throw InputError(path, "",
+                     fmt::format("a {} is made by the program rsvg-convert, which is not installed "
+                                 "(Debian package librsvg2-bin); expected a name that ends in .svg",
+                                 format));
+  }
+  // A reader that is gone is told by its exit code.
+  ::signal(SIGPIPE, SIG_IGN);
+  for (std::size_t at = 0; at < svg.size();) {
+    const ::ssize_t n = ::write(in[1], svg.data() + at, svg.size() - at);
+    if (n <= 0) break;
+    at += static_cast<std::size_t>(n);
+  }
+  ::close(in[1]);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+    throw DeviceError(path + ": rsvg-convert failed");
+  }
+  std::ifstream picture(made, std::ios::binary);
+  std::stringstream bytes;
+  bytes << picture.rdbuf();
+  cli::write_text_file(path, bytes.str());
 }
 
 int plot(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   const auto is_csv = [](const std::string& path) { return has_ending(path, ".csv"); };
   const bool data = std::all_of(a.inputs.begin(), a.inputs.end(), is_csv);
+  const std::string format = picture_format(a.output);
   cli::check_output(a.output, a.inputs);
   const Drawn drawn = data ? draw_data(a, context, console) : draw_record(a, context, console);
-  cli::write_text_file(a.output, drawn.svg);
+  if (format == "png" || format == "pdf") {
+    write_converted(drawn.svg, format, a.output);
+  } else {
+    cli::write_text_file(a.output, drawn.svg);
+  }
   console.say(fmt::format("{}: written; {}", a.output, drawn.words));
   return cli::kDone;
 }
@@ -193,7 +271,7 @@ void add_plot(cli::Program& program) {
                   "A resin (name or .toml file), or CSV files of measurements (see fit)")
       ->required();
   app->add_option("-o,--output", a->output,
-                  "Picture to write (.svg); for a resin also a page about it (.html)")
+                  "Picture to write (.svg, .png or .pdf); for a resin also a page about it (.html)")
       ->required();
   app->add_option("--kind", a->kind,
                   "working-curve: heights over dose, with fit and residuals; collapse: over D and "
@@ -204,8 +282,8 @@ void add_plot(cli::Program& program) {
   app->add_option("--model", a->model,
                   "Model to fit [that of the resin; for CSV files kinetic when there are several "
                   "intensities, else jacobs; deadzone-steady]")
-      ->check(
-          CLI::IsMember({"jacobs", "kinetic", "deadzone-steady", "deadzone-transient", "joint"}));
+      ->check(CLI::IsMember(
+          {"jacobs", "kinetic", "gel-time", "deadzone-steady", "deadzone-transient", "joint"}));
   app->add_option("--resin", a->resin,
                   "CSV files of dead zones: the resin whose blue parameters they stand on");
   app->add_option("--blue-mw-cm2", a->blue_mw_cm2, "fronts: curing light at the window [100]")

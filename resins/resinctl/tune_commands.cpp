@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 
 #include "commands.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_map.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/stack.hpp"
 #include "support/toml/toml_table.hpp"
@@ -18,10 +21,11 @@ namespace slicecorr::resinctl {
 namespace {
 
 using namespace resins;
+namespace fs = std::filesystem;
 
 struct Arguments {
   std::vector<std::string> tables;
-  std::string printer, resin, printed, output;
+  std::string printer, resin, printed, output, printer_output;
   double sigma_um = 10;
 };
 
@@ -42,61 +46,120 @@ void take_light(TuningTable& table, const std::string& path, const Printer& prin
                                  g.width_px, g.height_px, g.layer_um, table.part.source,
                                  table.width_px, table.height_px, table.part.layer_um));
   }
+  const LightMap map(printer, g, stack.frame());
+  const double here = map.factor(map.value(table.x_px, table.y_px));
   const std::vector<double> levels = level_intensities(printer);
   table.part.process = *info.process;
-  stack.read_band({table.x_px, table.y_px, table.x_px + 1, table.y_px + 1},
-                  [&](int, const std::uint8_t* row) {
-                    const int level = row ? level_of_pixel(*row, printer.levels()) : 0;
-                    table.part.intensity_mw_cm2.push_back(levels[static_cast<std::size_t>(level)]);
-                  });
+  std::size_t lit = 0;
+  stack.read_band(
+      {table.x_px, table.y_px, table.x_px + 1, table.y_px + 1}, [&](int, const std::uint8_t* row) {
+        const int level = row ? level_of_pixel(*row, printer.levels()) : 0;
+        lit += level > 0;
+        table.part.intensity_mw_cm2.push_back(here * levels[static_cast<std::size_t>(level)]);
+      });
+  if (lit == 0) {
+    throw InputError(path, "",
+                     fmt::format("is dark at pixel {}, {}, where the teeth are measured; expected "
+                                 "the comb of {}, corrected",
+                                 table.x_px, table.y_px, table.part.source));
+  }
 }
 
-/// Gain of measuring each part (again) after this, most first.
-std::string next_parts(const std::vector<MeasuredPart>& parts, const Printer& printer,
-                       const Resin& resin, const TuneResult& found, double sigma_um) {
-  std::vector<std::pair<double, std::string>> gains;
-  for (const MeasuredPart& part : parts) {
-    std::vector<TuneVector> by, there;
-    const std::vector<double> z = predict_edges(part, printer, resin, found.x, &by);
-    for (std::size_t i = 0; i < z.size(); ++i) {
-      if (z[i] > 0) there.push_back(by[i]);
-    }
-    gains.emplace_back(gain_of(found.covariance, there, sigma_um).nat, part.source);
-  }
-  std::sort(gains.rbegin(), gains.rend());
-  std::string out;
-  for (const auto& [nat, name] : gains) {
-    out += fmt::format("next: the part of {} once more, {:.2f} nat\n", name, nat);
+std::string next_text(const std::vector<NextPart>& parts, double sigma_um) {
+  std::string out = fmt::format("\nto measure next, to {:g} um (nat):\n", sigma_um);
+  bool tuned = true;
+  for (const NextPart& p : parts) {
+    if (tuned && !p.tuned) out += "of other things, where little is known of them:\n";
+    tuned = p.tuned;
+    out += fmt::format("  {:10} {:7.2f}  {}\n", p.part, p.nat, p.text);
   }
   return out;
 }
 
-int tune_command(const Arguments& a, const ExecutionContext& context) {
-  std::vector<std::string> inputs = a.tables;
+/// Beside the resin: "tuned.toml" makes "tuned-printer.toml".
+std::string printer_output_of(const Arguments& a) {
+  if (!a.printer_output.empty() || a.output.empty() || a.output == "-") return a.printer_output;
+  const fs::path resin(a.output);
+  return (resin.parent_path() / (resin.stem().string() + "-printer.toml")).string();
+}
+
+/// Files that a printer file names lie beside it: those of a new one in another folder, too.
+void copy_its_files(const std::string& from, const std::string& to) {
+  const fs::path there = fs::absolute(to).parent_path();
+  std::error_code error;
+  if (fs::equivalent(fs::absolute(from).parent_path(), there, error)) return;
+  for (const Attachment& a : with_its_files(from, "printer").attachments) {
+    // The calibration becomes part of the new file.
+    if (a.table == "blue" && a.key == "calibration") continue;
+    const std::string path = (there / (a.stem + a.extension)).string();
+    if (fs::exists(path, error)) {
+      if (read_text_file(path) == a.bytes) continue;
+      throw InputError(path, "",
+                       "is there already and differs from the file of that name beside the "
+                       "printer's; expected another folder by --printer-output");
+    }
+    cli::write_text_file(path, a.bytes);
+  }
+}
+
+int tune_command(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   const std::string resin_path = find_definition(a.resin, "resin");
-  inputs.insert(inputs.end(), {resin_path, a.printer, a.printed});
+  const std::string printer_path = find_definition(a.printer, "printer");
+  const std::string printer_output = printer_output_of(a);
+  std::vector<std::string> inputs = a.tables;
+  inputs.insert(inputs.end(), {resin_path, printer_path, a.printed});
   cli::check_output(a.output, inputs);
-  const Printer printer = load_printer(a.printer);
+  cli::check_output(printer_output, inputs);
+  const Printer printer = load_printer(printer_path);
   const std::string text = read_text_file(resin_path);
   const Resin resin = parse_resin(text, resin_path);
+  const TunePrior prior = prior_of(text, resin_path, printer);
   std::vector<MeasuredPart> parts;
+  std::optional<Process> process;
+  double layer_um = 50;
   for (const std::string& path : a.tables) {
     TuningTable table = read_tuning_table(path);
+    layer_um = table.part.layer_um;
     if (table.kind == "comb") {
       if (a.printed.empty()) {
         throw InputError(path, "", "is of a print; name the corrected stack by --printed");
       }
       take_light(table, a.printed, printer, context);
+      process = table.part.process;
     }
     parts.push_back(std::move(table.part));
   }
-  const TunePrior prior = prior_of(text, resin_path);
-  const TuneResult found = tune(parts, printer, resin, prior, a.sigma_um);
-  if (!a.output.empty()) {
-    cli::write_text_file(a.output, resin_with_tuning(text, resin_path, found));
+  if (parts.empty()) {
+    if (!a.output.empty() || !a.printer_output.empty()) {
+      throw InputError("nothing was measured: there is nothing to write; expected tables");
+    }
+    TuneResult nothing;
+    nothing.covariance = prior.covariance;
+    cli::print_result(
+        fmt::format("known before: {}\n", prior.text) +
+        next_text(next_parts(printer, resin, nothing, process, layer_um, a.sigma_um), a.sigma_um));
+    return cli::kDone;
   }
-  cli::print_result(found.to_text(resin, prior) +
-                    next_parts(parts, printer, resin, found, a.sigma_um));
+  const TuneResult found = tune(parts, printer, resin, prior, a.sigma_um);
+  Printer renamed = printer;
+  if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);
+  if (!a.output.empty()) {
+    cli::write_text_file(
+        a.output,
+        resin_with_tuning(text, resin_path, name_in_file(a.output, resin.name), renamed, found));
+  }
+  if (!printer_output.empty()) {
+    copy_its_files(printer_path, printer_output);
+    cli::write_text_file(printer_output, printer_with_tuning(read_text_file(printer_path),
+                                                             printer_path, renamed, found));
+    console.say(
+        fmt::format("{}: height and dose; {}: stray light, in the calibration. They belong "
+                    "together.",
+                    a.output, printer_output));
+  }
+  cli::print_result(
+      found.to_text(printer, resin, prior) +
+      next_text(next_parts(printer, resin, found, process, layer_um, a.sigma_um), a.sigma_um));
   return cli::kDone;
 }
 
@@ -104,11 +167,14 @@ int tune_command(const Arguments& a, const ExecutionContext& context) {
 
 void add_tune(cli::Program& program) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* sub = program.add(
-      "tune", "Find what resin and light really are from test parts that were measured",
-      [a](const ExecutionContext& context, cli::Console&) { return tune_command(*a, context); });
-  sub->add_option("MEASURED", a->tables, "Tables of slicecorr testpart comb or staircase (.csv)")
-      ->required();
+  CLI::App* sub =
+      program.add("tune", "Find what resin and light really are from test parts that were measured",
+                  [a](const ExecutionContext& context, cli::Console& console) {
+                    return tune_command(*a, context, console);
+                  });
+  sub->add_option("MEASURED", a->tables,
+                  "Tables of slicecorr testpart comb, staircase or wedge, filled in (.csv); none: "
+                  "only what to measure first");
   sub->add_option("--printer", a->printer, "Printer: a .toml file or a name")->required();
   sub->add_option("--resin", a->resin, "Resin as it was known: a .toml file or a name")->required();
   sub->add_option("--printed", a->printed, "Combs: the corrected stack that was printed");
@@ -116,8 +182,11 @@ void add_tune(cli::Program& program) {
       ->check(cli::number_in(0.01, 1000))
       ->capture_default_str();
   sub->add_option("-o,--output", a->output, "Resin file to write (.toml)");
+  sub->add_option("--printer-output", a->printer_output,
+                  "Printer file to write, with stray light in its calibration [beside the resin, "
+                  "NAME-printer.toml]");
   sub->footer(
-      "Example:\n  resinctl tune comb.csv stairs.csv --printer my-printer.toml --resin "
+      "Example:\n  slicecorr tune comb.csv stairs.csv --printer my-printer.toml --resin "
       "my-resin.toml --printed print.uvj -o tuned.toml");
 }
 

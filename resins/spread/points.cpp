@@ -7,6 +7,7 @@
 
 #include "measure/number_table.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/measuring_form.hpp"
 #include "slicecorr/resins/spread_fit.hpp"
 
 namespace slicecorr::resins {
@@ -71,6 +72,7 @@ void read_edges(const std::string& path, double box_um, SpreadMeasurements& all)
 SpreadMeasurements read_spread_table(const std::string& path, double box_um) {
   SpreadMeasurements all;
   all.source = path;
+  expect_form_of(path, {"spread"});
   const auto header = table_header(path);
   const auto has = [&](const char* name) {
     return std::find(header.begin(), header.end(), name) != header.end();

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "slicecorr/dose_derivatives.hpp"
 #include "slicecorr/error.hpp"
@@ -80,6 +81,7 @@ Resin tuned_resin(const Resin& resin, const TuneVector& x) {
   r.critical_dose_mj_cm3 *= areal / height;
   r.gel_dose_mj_cm3 *= areal / height;
   r.critical_dose_prime *= areal;
+  if (r.inhibition) r.inhibition->critical_dose_prime *= std::exp(-r.inhibition->m * x[1]);
   return r;
 }
 
@@ -103,11 +105,21 @@ std::vector<double> predict_edges(const MeasuredPart& part, const Printer& print
     const MeasuredEdge& e = part.edges[i];
     if (e.kind != MeasuredKind::plug) continue;
     const Kinetics k = make_kinetics(changed, false, false);
-    const double light = e.intensity_mw_cm2 * brighter + x[2];
-    const double height = light > 0 ? cured_height_um(k, light, e.exposure_s) : 0;
+    // D' of light and of black pixels after it, and its derivatives.
+    double dose = 0, by_kappa = 0, by_stray = 0;
+    for (const auto& [mw_cm2, seconds] :
+         {std::pair{e.intensity_mw_cm2, e.exposure_s}, std::pair{e.dark_mw_cm2, e.dark_s}}) {
+      const double light = mw_cm2 * brighter + x[2];
+      if (!(light > 0) || !(seconds > 0)) continue;
+      const double rate = std::pow(light, k.m);
+      dose += rate * seconds;
+      by_kappa += rate / light * seconds * mw_cm2 * brighter;
+      by_stray += rate / light * seconds;
+    }
+    const double height = dose > 0 ? cured_height_um(k, 1, dose) : 0;
     if (!(height > 0)) continue;
     z[i] = height;
-    by[i] = {height, k.hb_um * (1 - x[2] / light), k.hb_um / light};
+    by[i] = {height, k.hb_um * by_kappa / dose, k.hb_um * by_stray / dose};
   }
   if (!part.intensity_mw_cm2.empty()) {
     if (part.process.mode != ExposureMode::continuous) {

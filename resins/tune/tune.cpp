@@ -8,38 +8,13 @@
 #include <cmath>
 #include <limits>
 
-#include "database/toml_edit.hpp"
 #include "fit/least_squares.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/uncertainty.hpp"
-#include "slicecorr/units.hpp"
-#include "support/toml/toml_table.hpp"
+#include "tune/matrix.hpp"
 
 namespace slicecorr::resins {
 
 namespace {
-
-constexpr std::array<const char*, kTuned> kNames = {"ha", "light", "stray"};
-constexpr double kLightSd = 0.03, kStraySd = 0.3;
-
-Eigen::Matrix3d matrix_of(const TuneMatrix& m) {
-  Eigen::Matrix3d out;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      out(i, j) = m[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
-    }
-  }
-  return out;
-}
-TuneMatrix matrix_of(const Eigen::Matrix3d& m) {
-  TuneMatrix out{};
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      out[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] = m(i, j);
-    }
-  }
-  return out;
-}
 
 /// A measured edge that counts.
 struct Row {
@@ -103,11 +78,28 @@ std::string name_in(const MeasuredPart& part, const MeasuredEdge& e) {
   return part.source.empty() ? e.name : part.source + ": " + e.name;
 }
 
+/// Of two plugs in the same light the one that was lit longer is higher.
+void check_plugs(const MeasuredPart& part, const std::vector<double>& expected, double sigma_um) {
+  for (std::size_t i = 0; i < part.edges.size(); ++i) {
+    for (std::size_t k = 0; k < part.edges.size(); ++k) {
+      const MeasuredEdge &low = part.edges[i], &high = part.edges[k];
+      if (low.kind != MeasuredKind::plug || high.kind != MeasuredKind::plug) continue;
+      if (low.intensity_mw_cm2 != high.intensity_mw_cm2 || !(expected[i] < expected[k])) continue;
+      if (!(low.measured_um > high.measured_um + 5 * sigma_um)) continue;
+      throw InputError(part.source, low.name,
+                       fmt::format("is {:g} um high and {} is {:g} um, which was lit for longer; "
+                                   "expected it to be higher: are two swapped?",
+                                   low.measured_um, high.name, high.measured_um));
+    }
+  }
+}
+
 /// What can't have been measured on this part.
 void check_part(const MeasuredPart& part, const std::vector<double>& expected, double sigma_um) {
   std::vector<double> ratios;
   double before = -std::numeric_limits<double>::infinity();
   std::string before_name;
+  check_plugs(part, expected, sigma_um);
   for (std::size_t i = 0; i < part.edges.size(); ++i) {
     const MeasuredEdge& e = part.edges[i];
     if (std::isnan(e.measured_um)) continue;
@@ -137,54 +129,6 @@ void check_part(const MeasuredPart& part, const std::vector<double>& expected, d
 
 }  // namespace
 
-TunePrior default_prior() {
-  return {{{{0.01, 0, 0}, {0, 0.01, 0}, {0, 0, kStraySd * kStraySd}}},
-          "ha 10 %, light over dose 10 %, stray light 0.3 mW/cm² (nothing better is known)"};
-}
-
-TunePrior prior_of(const std::string& resin_text, const std::string& resin_source) {
-  const toml::table root = parse_toml(resin_text, resin_source);
-  const auto provenance = TomlTable(root, resin_source).table("provenance");
-  TunePrior prior = default_prior();
-  if (!provenance || !provenance->has("covariance") ||
-      provenance->text("covariance", "") == "unknown") {
-    return prior;
-  }
-  const Uncertainty u =
-      parse_uncertainty("fit", ExposureMode::continuous, 1, {resin_text, resin_source});
-  using enum UncertainInput;
-  if (u.sd(ha) == 0 || u.sd(dc) == 0) return prior;
-  prior.covariance[0][0] = u.variance(ha, ha);
-  prior.covariance[1][1] = u.variance(dc, dc) + kLightSd * kLightSd;
-  prior.covariance[0][1] = prior.covariance[1][0] = -u.variance(ha, dc);
-  prior.text = "the covariance in the resin's file, light 3 %, stray light 0.3 mW/cm²";
-  check_prior(prior);
-  return prior;
-}
-
-void check_prior(const TunePrior& prior) {
-  const TuneMatrix& s = prior.covariance;
-  for (std::size_t i = 0; i < kTuned; ++i) {
-    for (std::size_t j = 0; j <= i; ++j) {
-      const bool pair = i != j;
-      const double limit = std::sqrt(std::max(0.0, s[i][i] * s[j][j]));
-      const bool sound = std::isfinite(s[i][j]) && (pair ? std::abs(s[i][j]) < limit : s[i][i] > 0);
-      if (sound && std::abs(s[i][j] - s[j][i]) <= 1e-12 * limit) continue;
-      throw InputError(fmt::format(
-          "the covariance of {} and {} is {:g}, and {:g} the other way; expected a symmetric one of "
-          "errors that are above 0 and don't follow from each other",
-          kNames[i], kNames[j], s[i][j], s[j][i]));
-    }
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(matrix_of(s));
-  if (!(solver.eigenvalues()[0] > 0)) {
-    throw InputError(
-        fmt::format("the covariance of ha, light and stray has the eigenvalue {:g}; expected all "
-                    "above 0",
-                    solver.eigenvalues()[0]));
-  }
-}
-
 TuneGain gain_of(const TuneMatrix& prior, const std::vector<TuneVector>& jacobian,
                  double sigma_um) {
   const Eigen::Matrix3d s0 = matrix_of(prior);
@@ -199,6 +143,11 @@ TuneGain gain_of(const TuneMatrix& prior, const std::vector<TuneVector>& jacobia
 
 TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
                 const TunePrior& prior, double sigma_um) {
+  if (resin.has_gel_time()) {
+    throw InputError(resin.name, "cure.model",
+                     "is \"gel-time\"; parts tune a resin of one law of dose: expected one that "
+                     "resinctl derive made for the intensities of the printer");
+  }
   check_prior(prior);
   if (!(sigma_um > 0) || !std::isfinite(sigma_um)) {
     throw InputError(fmt::format("edges are measured to {:g} um; expected more than 0", sigma_um));
@@ -263,60 +212,9 @@ TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, 
     result.remarks.push_back(fmt::format(
         "{} is {:.1f} standard deviations from what was known before: look at the printer and the "
         "table before you trust it",
-        kNames[i], sds));
+        kTunedNames[i], sds));
   }
   return result;
-}
-
-std::string TuneResult::to_text(const Resin& resin, const TunePrior& prior) const {
-  const auto sd = [&](std::size_t i) { return std::sqrt(covariance[i][i]); };
-  const Resin after = tuned_resin(resin, x);
-  std::string out = fmt::format("known before: {}\n", prior.text);
-  out += fmt::format(
-      "absorbance height (base 10): {:.1f} -> {:.1f} um, {:+.2f} % +- {:.2f} %\n"
-      "light over dose:             {:+.2f} % +- {:.2f} %\n"
-      "stray light:                 {:+.3f} +- {:.3f} mW/cm²\n",
-      resin.absorbance_height10_um, after.absorbance_height10_um, 100 * std::expm1(x[0]),
-      196 * sd(0), 100 * std::expm1(x[1]), 196 * sd(1), x[2], 1.96 * sd(2));
-  out += fmt::format("{} edges, {:.1f} um rms; gain {:.2f} nat (intervals of 95 %)\n", used, rms_um,
-                     gain_nat);
-  for (const std::string& text : missing) out += "missing: " + text + "\n";
-  for (const std::string& text : outliers) out += "left out: " + text + "\n";
-  for (const std::string& text : remarks) out += "warning: " + text + "\n";
-  return out;
-}
-
-std::string resin_with_tuning(const std::string& text, const std::string& source,
-                              const TuneResult& result) {
-  TomlEdit edit(text, source);
-  const toml::table parsed = parse_toml(text, source);
-  const TomlTable cure = TomlTable(parsed, source).required_table("cure");
-  const Resin before = parse_resin(text, source);
-  const Resin after = tuned_resin(before, result.x);
-  const double height = std::exp(result.x[0]), areal = std::exp(-before.m * result.x[1]);
-  const auto scale = [&](const char* key, double by) {
-    if (!cure.has(key)) return;
-    edit.set("cure", key, toml_number(cure.required_number(key, 0, 1e12) * by));
-    edit.set_comment("cure", key, "");
-  };
-  if (!cure.has("absorbance_height_um")) {
-    throw InputError(source, "cure.absorbance_height_um", "missing, which tune changes");
-  }
-  scale("absorbance_height_um", height);
-  for (const char* key : {"critical_dose_mj_cm3", "gel_dose_mj_cm3"}) scale(key, areal / height);
-  for (const char* key : {"critical_dose_mj_cm2", "gel_dose_mj_cm2", "critical_dose_prime"}) {
-    scale(key, areal);
-  }
-  if (after.gel_dose_mj_cm3 > 0 && before.m == 1) {
-    const double h = units::height_e_from_10(after.absorbance_height10_um);
-    const double d = units::areal_from_volumetric(after.gel_dose_mj_cm3, dose_height_e_um(after));
-    const TuneMatrix& c = result.covariance;
-    edit.set("provenance", "covariance",
-             toml_text(fmt::format("h_um, dc_mj_cm2: [[{:.6g}, {:.6g}], [{:.6g}, {:.6g}]]",
-                                   c[0][0] * h * h, -c[0][1] * h * d, -c[0][1] * h * d,
-                                   c[1][1] * d * d)));
-  }
-  return edit.text();
 }
 
 }  // namespace slicecorr::resins

@@ -10,6 +10,8 @@
 
 #include "post/files.hpp"
 #include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/report.hpp"
 #include "support/files/sha256.hpp"
 #include "support/files/temporary.hpp"
@@ -157,6 +159,7 @@ class Reports {
       const Correction& c = outcome.correction;
       Setup setup = outcome.setup;
       setup.process = *c.info.process;
+      setup.printer = *c.info.printer;  // with as many levels as the file has
       std::shared_ptr<const SliceSource> corrected = c.slices;
       if (!corrected) corrected = std::make_shared<const CorrectedSlices>(target, setup);
       cli::write_text_file(
@@ -250,9 +253,11 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     file.original_sha256 = cli::sha256_of_contents(source);
     outcome.setup = decision.setup;
     const Reports reports(work, name_for_user(real, request), decision.settings.report);
-    outcome.correction = correct_stack(
-        target, decision.setup, file,
-        {.before = true, .volume_cells = reports.wants("html") ? kReportCells : 0}, context);
+    outcome.correction = cli::with_dose_words(decision.setup, [&] {
+      return correct_stack(
+          target, decision.setup, file,
+          {.before = true, .volume_cells = reports.wants("html") ? kReportCells : 0}, context);
+    });
     reports.make(target, outcome, context);
     detail::copy_mode(real, made);
 
@@ -266,7 +271,7 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     }
     reports.publish(outcome.written);
     outcome.identity = identity_of(made).value();
-    rename_file(made, real);
+    rename_with_record(made, real);
     detail::sync_folder(folder);
     return outcome;
   });
@@ -282,7 +287,7 @@ void undo(const std::string& path, const PostRequest& request, const ExecutionCo
     }
     const std::string backup = backup_of(real, request);
     check_belongs(info, real, backup, context);
-    rename_file(backup, real);
+    rename_with_record(backup, real);
     detail::sync_folder(detail::path_parts(real).folder);
   });
 }

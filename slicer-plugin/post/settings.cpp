@@ -53,6 +53,9 @@ const std::vector<std::string>& setting_names() {
 
 void PostSettings::add_to(CLI::App& app) {
   setup.add_to(app, false, true);
+  app.get_option("--mode")->description(
+      "How the printer exposes: standing still for each layer, or while the stage moves [layer by "
+      "layer, as the archive says; continuous with --speed-mm-h]");
   app.add_option("--layer-um", layer_um, "Layer height of archives that do not say it, 1 to 1000")
       ->check(cli::number_in(1, 1000));
   app.add_flag(

@@ -126,8 +126,14 @@ class Watcher {
     if (!folders_.add(folder.string())) {
       throw InputError(given, "", "is watched by another slicecorr-post");
     }
-    log_.add({"watching", folder.string(), "", -1, -1});
+    const std::size_t before = candidates_.size();
     enter(folder.string(), options_.new_only);
+    const std::size_t found = candidates_.size() - before;
+    log_.add({"watching", folder.string(),
+              options_.new_only ? std::string("what is there already is left alone")
+              : found == 1      ? std::string("1 archive is there to be looked at")
+                                : fmt::format("{} archives are there to be looked at", found),
+              -1, -1});
   }
 
   /// What is in a watched folder already. `half_done_only`: nothing but what a kill cut short.

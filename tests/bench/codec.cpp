@@ -14,6 +14,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
 #include "stack/formats/png_archive.hpp"
+#include "stack/layer_code/codes.hpp"
 #include "stack/png/png.hpp"
 
 namespace {
@@ -251,6 +252,56 @@ void encode_archive(benchmark::State& state) {
   count(state, s, size);
 }
 
+/// The codes of binary print files, beside the PNG path: pixels to a layer's bytes and back.
+detail::LayerCodecPtr print_code(long which, Size size) {
+  switch (which) {
+    case 0:
+      return detail::ctb_code(size.width_px, size.height_px, 0xdccff65e);
+    case 1:
+      return detail::goo_code(size.width_px, size.height_px, false);
+    case 2:
+      return detail::pw0_code(size.width_px, size.height_px, false);
+    case 3:
+      return detail::bit_sets_code(size.width_px, size.height_px, 8, false);
+    case 4:
+      return detail::phz_code(size.width_px, size.height_px, 77777, detail::PhzCipher::phz);
+    case 5:
+      return detail::lgs_code(size.width_px, size.height_px);
+    default:
+      return detail::cxdlp_code(size.width_px, size.height_px);
+  }
+}
+constexpr std::array<const char*, 7> kPrintCodeNames = {"CTB", "GOO", "PW0",  "photon, 8 sets",
+                                                        "PHZ", "LGS", "CXDLP"};
+
+void print_file(benchmark::State& state, bool decodes) {
+  const Slice& s = slice_for(state);
+  const detail::LayerCodecPtr codec = print_code(state.range(2), s.size);
+  Bytes pixels = s.pixels, back(s.pixels.size());
+  for (std::uint8_t& v : pixels) v = codec->shown()[v];
+  std::vector<Bytes> pieces;
+  codec->encode(0, pixels.data(), pieces);
+  const std::string file = "bench";
+  codec->decode(pieces, back.data(), {file, 0});
+  if (back != pixels) throw Error("a layer did not come back as it was");
+  std::size_t size = 0;
+  for (const Bytes& piece : pieces) size += piece.size();
+  for (auto _ : state) {
+    if (decodes) {
+      codec->decode(pieces, back.data(), {file, 0});
+      benchmark::DoNotOptimize(back.data());
+    } else {
+      codec->encode(0, pixels.data(), pieces);
+      benchmark::DoNotOptimize(pieces.data());
+    }
+  }
+  count(state, s, size);
+  state.SetLabel(std::string(kPrintCodeNames[static_cast<std::size_t>(state.range(2))]) + ", " +
+                 kKindNames[static_cast<std::size_t>(state.range(0))]);
+}
+void encode_print(benchmark::State& state) { print_file(state, false); }
+void decode_print(benchmark::State& state) { print_file(state, true); }
+
 void decode_of(benchmark::State& state, const Slice& s, const Bytes& png) {
   check(s, png);
   int rows = 0;
@@ -291,6 +342,12 @@ BENCHMARK(encode_zlib)->Apply(all);
 BENCHMARK(encode_igzip)->Apply(all);
 BENCHMARK(decode)->Apply(all);
 BENCHMARK(decode_foreign)->Apply(all);
+BENCHMARK(encode_print)
+    ->ArgsProduct({{binary, corrected}, {1}, {0, 1, 2, 3, 4, 5, 6}})
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK(decode_print)
+    ->ArgsProduct({{binary, corrected}, {1}, {0, 1, 2, 3, 4, 5, 6}})
+    ->Unit(benchmark::kMicrosecond);
 BENCHMARK(encode_archive)->Apply(all)->Unit(benchmark::kMillisecond);
 
 }  // namespace

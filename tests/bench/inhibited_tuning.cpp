@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "correct/inhibited_band.hpp"
+#include "correct/column_band.hpp"
 #include "correct/inhibited_column.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
@@ -315,8 +315,9 @@ double band_s(const CureModel& model, const SliceSource& part, std::size_t kept_
   const int slices = detail::InhibitedPlan(model, false, 1, 1).slices_for(layers, layers - 1);
   const detail::InhibitedPlan plan(model, false, layers, slices, tuning);
   const PixelBox box = part.bounds();
-  detail::InhibitedBand band(
-      plan, static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height()));
+  detail::ColumnBand band(
+      std::make_unique<detail::InhibitedColumn>(plan), plan.facts(),
+      static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height()));
   part.read_band(box,
                  [&](int, const std::uint8_t* rows) { band.add_layer(rows, nullptr, nullptr); });
   const double start = cpu_s();

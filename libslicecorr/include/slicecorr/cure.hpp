@@ -40,7 +40,12 @@
 /// times what it were without, and the dose that to the power of m (`returned`). Sums and recursions
 /// stay those above; what they give is multiplied. Inside a layer the dose may then have a minimum.
 ///
-/// Under inhibiting UV light none of this holds near the window: see inhibited.hpp.
+/// Where slices are passed at speeds of their own and the lamps stay as they are, a slice at the speed
+/// v counts for speed / v of what it does at the print's speed: phi_n = ratio(n) phi, black as well as
+/// full light, and all of the above stays.
+///
+/// Under inhibiting UV light none of this holds near the window: see inhibited.hpp. Nor does it for
+/// resins of which a time to gel is known: see gel_time.hpp.
 ///
 /// Models and tables are immutable once made and may be shared between threads; functions are pure
 /// and thread-safe. What throws says so.
@@ -55,6 +60,7 @@
 
 namespace slicecorr {
 
+class GelTimeKernel;
 class InhibitedKernel;
 
 /// A printer, a resin and an exposure schedule in dimensionless form.
@@ -69,16 +75,22 @@ struct CureModel {
   double critical_intensity_mw_cm2 = 0;  ///< Ic: the intensity of phi = 1
   /// phi of each grey level, never falling; layer by layer phi' at the normal exposure.
   std::vector<double> level_phi;
-  /// Layer by layer: exposure of each slice over the normal one; the last holds for later slices,
-  /// empty: 1.
+  /// What each slice counts for over a normal one: layer by layer its exposure, continuous the
+  /// print's speed over its own where lamps stay; the last holds for later slices, empty: 1.
   std::vector<double> exposure_ratio;
   /// The dose under UV light; null without it.
   std::shared_ptr<const InhibitedKernel> inhibited;
-  /// Continuous without UV light: (A.32) describes the dose, where the bath ends with what slices
-  /// count for in it.
-  bool is_continuous() const { return mode == ExposureMode::continuous && !inhibited; }
+  /// Of a resin whose time to gel counts (gel_time.hpp): phi is then the dose after a long run of
+  /// slices, layer by layer that of one exposure at the window, and `eta` and `a` are those of light.
+  /// Null for other resins.
+  std::shared_ptr<const GelTimeKernel> gel_time;
+  /// Continuous, neither under UV light nor with a time to gel: (A.32) describes the dose, where the
+  /// bath ends with what slices count for in it.
+  bool is_continuous() const { return mode == ExposureMode::continuous && !inhibited && !gel_time; }
   /// Whether the recursion (A.32) describes the dose as it stands.
-  bool is_plain() const { return is_continuous() && bath_slices == 0 && mirrored_slices == 0; }
+  bool is_plain() const {
+    return is_continuous() && bath_slices == 0 && mirrored_slices == 0 && exposure_ratio.empty();
+  }
   /// Depth of the resin above the window, in whole slices; 0: what is beyond it doesn't matter.
   int bath_slices = 0;
   /// a^bath_slices: what would be left of a slice's light at the end of the bath; 0 without one.
@@ -93,19 +105,21 @@ struct CureModel {
   /// By how much light from the platform multiplies the dose at `zeta` slices from it.
   double returned(double zeta) const { return zeta < mirrored_slices ? with_returned(zeta) : 1.0; }
   double with_returned(double zeta) const;
-  /// Layer by layer: exposure of a slice over the normal one; 1 in other modes.
+  /// What a slice counts for over a normal one.
   double ratio(int slice) const {
     if (exposure_ratio.empty()) return 1.0;
     const auto n = static_cast<std::size_t>(slice);
     return n < exposure_ratio.size() ? exposure_ratio[n] : exposure_ratio.back();
   }
-  /// Layer by layer: greatest exposure of all layers over the normal one.
+  /// Over all slices.
   double greatest_ratio() const;
+  double least_ratio() const;
   double phi_min() const { return level_phi.front(); }
   double phi_max() const { return level_phi.back(); }
 
-  /// phi of an intensity at the window.
+  /// phi of an intensity at the window, and the intensity of a phi >= 0.
   double phi(double intensity_mw_cm2) const;
+  double intensity_mw_cm2(double phi) const;
 
   /// Dose one node above `below` = Omega(k + 1) after a slice of intensity `phi`.
   double step(double phi, double below) const { return phi * one_minus_a + a * below; }
@@ -114,9 +128,9 @@ struct CureModel {
   /// Distance from the layer's lower node, in slices (0..1), at which the dose is 1. Needs the
   /// doses of the two nodes on different sides of 1.
   double crossing(double phi, double below) const;
-  /// Slices of phi_max that lift the dose from 0 to 1: what a part needs after its end. 0 layer by
-  /// layer, where each layer gels in its own exposure.
-  int slices_to_gel() const;
+  /// Slices of phi_max from slice `first` on that lift the dose from 0 to 1: what a part needs after its
+  /// end. 0 layer by layer, where each layer gels in its own exposure.
+  int slices_to_gel(int first = 0) const;
   /// How far one level step moves the upper edge of a feature, at most: hs dphi (1 - a) / (ln10 eta
   /// (1 - phi_min)), dphi the greatest step up to phi = 1. What the projector can do. Layer by
   /// layer hs dphi' a / (ln10 eta) with the greatest step up to phi' = 1 / a.

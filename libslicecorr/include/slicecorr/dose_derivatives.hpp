@@ -30,9 +30,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dose.hpp"
 
 namespace slicecorr {
 
@@ -43,6 +46,7 @@ struct DoseGradient {
   double stray = 0;     ///< by stray light, per mW/cm²
   double m = 0;         ///< by the exponent, per 1
   double variance = 0;  ///< V: of Omega, for slices off by 1 each, relatively
+  double light = 0;     ///< under UV light: by ln of the curing light alone
   double ln_ha_volumetric() const { return ln_ha - dose; }
   double ln_dc() const { return -dose; }
   double ln_light(double exponent) const { return exponent * dose; }
@@ -51,7 +55,7 @@ struct DoseGradient {
   double depth() const { return ln_ha / dose; }
 };
 
-/// Throws `InputError`, naming what, where the dose's derivatives aren't known: under UV light, in
+/// Throws `InputError`, naming what, where the dose's derivatives have no recursion: under UV light, in
 /// resin that ends above the window, and below a platform that sends light back.
 void check_derivatives(const CureModel& model);
 
@@ -101,6 +105,20 @@ class ColumnGradient {
   std::vector<DoseGradient> nodes_;
 };
 
+/// Models of a process with one input off by a little: under UV light, where the dose's derivatives have
+/// no recursion, they are differences of the doses of these.
+struct NearbyModels {
+  static constexpr double kStep =
+      1e-3;  ///< of ln ha, ln light and m; of stray light 1e-3 of full light
+  double stray_mw_cm2 = 0;
+  CureModel ha, light, stray, m;
+};
+/// Under UV light of one intensity, or of one per slice, each known. `layer_um`: slice height;
+/// `reference_mw_cm2`: Iref of the exponent; 0: it is not off. Throws as `make_cure_model`, and where the
+/// exponent is off and the resin's dose is in mJ/cm³.
+NearbyModels nearby_models(const Printer& printer, const Resin& resin, const Process& process,
+                           double layer_um, double reference_mw_cm2);
+
 /// Doses of a band of columns, slices from the last to the first, as `BandDose` has them.
 class BandDerivatives {
  public:
@@ -108,12 +126,22 @@ class BandDerivatives {
   struct Wanted {
     bool stray = false, m = false, noise = false;
     double reference_mw_cm2 = 1;  ///< Iref
+    bool light = false;           ///< the curing light apart from Omega: under UV light
   };
-  /// `model` must outlive this. Throws as `check_derivatives`.
-  BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted);
+  /// `model` must outlive this, and `nearby`, which models with UV light need and no others look at.
+  /// Throws as `check_derivatives`; noise is not known under UV light.
+  BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted,
+                  const NearbyModels* nearby = nullptr);
+  ~BandDerivatives();
+  BandDerivatives(BandDerivatives&&) noexcept;
 
   /// Slice `slice` shows `pixels` (0..255, one per column); null: light off.
   void add_slice(int slice, const std::uint8_t* pixels);
+  /// The same of light that spreads (`ImageShowing::phi`); none: light off. Without UV light.
+  void add_slice(int slice, std::span<const ImageShowing> showings);
+  /// Whether derivatives are differences: then the dose inside layers is the parabola through their
+  /// ends and middle, of logarithms.
+  bool by_differences() const { return differences_ != nullptr; }
   /// Of the slice added last, at the distance `t` above its layer's lower node, 0..1 slices.
   DoseGradient at(std::size_t column, double t) const;
   /// Intensity that the slice added last has in a column.
@@ -121,7 +149,7 @@ class BandDerivatives {
   /// Per column, of the slice added last: at the layer's upper node, and at its lower one just
   /// inside it (continuous: that of the slice before).
   struct Fields {
-    std::vector<double> dose, ln_ha, stray, m, variance;  ///< those not wanted are empty
+    std::vector<double> dose, ln_ha, stray, m, variance, light;  ///< those not wanted are empty
   };
   const Fields& upper() const { return upper_; }
   const Fields& lower() const { return lower_; }
@@ -131,7 +159,10 @@ class BandDerivatives {
   struct Lights {
     std::vector<double> phi, stray, m;
   };
+  struct Differences;
   void take_light(int slice, const std::uint8_t* pixels);
+  void step();
+  void take_differences(int slice, const std::uint8_t* pixels);
   void step_continuous();
   void step_layerwise();
   const CureModel& model_;
@@ -139,6 +170,7 @@ class BandDerivatives {
   PixelCurve phi_of_, stray_of_, m_of_;  ///< by pixel
   Lights light_;
   Fields lower_, upper_;
+  std::unique_ptr<Differences> differences_;
 };
 
 }  // namespace slicecorr

@@ -26,15 +26,18 @@ inline constexpr int kEvenSlices = 20;
 
 /// The process of `setup` with the light that its `even_dead_zone` asks for, and with its UV light;
 /// as it is where nothing is asked for, or the light is there. Slices 0, `every`, 2 `every`, ... and
-/// the last are looked at, those with the same section once, and those too small for the flow's cells
-/// not at all. `setup.gap_um` is the dead zone aimed at; 0: that with which the largest section comes
-/// out best. Tells gap, slices and caps through `context`.
+/// the last are looked at, and more where sections change fast; those with the same section once, those
+/// too small for the flow's cells not at all. Light is sought for what will be lit, as images will show
+/// it. Slices in which it does no better than light that is the same everywhere get that. `setup.gap_um`
+/// is the dead zone aimed at; 0: that with which the largest section comes out best. Tells gap, slices
+/// and caps through `context`.
 Process find_even_light(const SliceSource& target, const Setup& setup,
                         const ExecutionContext& context = {}, int every = kEvenSlices);
 
-/// What the light brings to the front in the slices that it was found for. `shown`: the corrected
-/// slices, whose pixels count; null: the even light itself, in the levels that lamps have. Slices that
-/// show less than half of their section, as before an edge, are left out.
+/// What the light brings to the front, in the slices that it was found for and half way between.
+/// `shown`: the corrected slices, whose pixels count; null: those that the correction will show, known
+/// from the design and the even light. Judged is what is lit and has gelled material above: where
+/// features stay dark before an edge, resin is as open as beside the part.
 FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const Setup& setup,
                      const ExecutionContext& context = {});
 

@@ -20,7 +20,9 @@ struct FrontDose {
 struct FlowDoses {
   struct Slice {
     int slice = 0;
-    double area_mm2 = 0;
+    double area_mm2 = 0;  ///< of what is lit and has gelled material above
+    /// Share of the target's section that is lit: the rest stays dark before edges.
+    double lit = 1;
     FrontDose even;     ///< with the light as it is shown
     FrontDose without;  ///< with the best intensities that are the same everywhere
   };

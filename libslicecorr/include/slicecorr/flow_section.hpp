@@ -27,6 +27,7 @@
 /// dead zone can last; `Cancelled`.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -208,6 +209,21 @@ DoseSummary summarise(const FlowSection& section, const SectionDose& dose,
 /// Which light may change from cell to cell.
 enum class FlowPattern { constant, blue, uv, both };
 
+/// What images show of the light that cells are asked for. Light is bilinear between the middles of
+/// cells, so that a cell shows shares of its own light and of its eight neighbours'; pixels that go by
+/// something else, grey ones of outlines and before edges, show light of their own.
+struct ImageLight {
+  /// Cells: the shares of what itself and its neighbours are asked for, row by row, the cell's own the
+  /// fifth; 0..1, together at most 1.
+  std::vector<std::array<float, 9>> shares;
+  /// Cells: what is shown besides, whatever is asked for, in the mean over the cell; >= 0.
+  std::vector<double> blue_mw_cm2, uv_mw_cm2;
+  bool uv = false;  ///< UV light comes in images, too; else cells get what they are asked for
+  /// What the cells of part show of this; 0 elsewhere.
+  std::vector<double> of_blue(const FlowSection& section, const std::vector<double>& asked) const;
+  std::vector<double> of_uv(const FlowSection& section, const std::vector<double>& asked) const;
+};
+
 struct SectionGoal {
   FlowPattern pattern = FlowPattern::both;
   /// Gaps that are tried, um; equal: that one.
@@ -218,6 +234,8 @@ struct SectionGoal {
   double leave_out_gaps = 0;
   /// What counts how much, cells, >= 0; empty: area. Weights 1/r are the dr of chapter IV.
   std::vector<double> weight = {};
+  /// What images show of the light; null: cells show what they are asked for.
+  std::shared_ptr<const ImageLight> image = nullptr;
   /// Roughness costs the mean of (smooth_um |grad I| / cap)² of each patterned light.
   double smooth_um = 40;
   /// Costs times ((Iuv - its mean)/cap)²: where both lights are free the middle's is undetermined.
@@ -228,8 +246,9 @@ struct SectionGoal {
 
 struct SectionOptimum {
   double gap_um = 0;
-  std::vector<double> blue_mw_cm2, uv_mw_cm2;  ///< cells; outside the section as the nearest part
-  SectionDose dose;
+  /// Cells, as they are asked for; outside the section as the nearest part.
+  std::vector<double> blue_mw_cm2, uv_mw_cm2;
+  SectionDose dose;     ///< of what is shown
   DoseSummary summary;  ///< over all that counts
   bool blue_at_cap = false, uv_at_cap = false;
   bool gap_at_limit = false;  ///< the best gap is an end of the range

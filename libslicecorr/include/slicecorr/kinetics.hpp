@@ -14,6 +14,7 @@
 #include <limits>
 #include <optional>
 
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/process.hpp"
 
 namespace slicecorr {
@@ -25,6 +26,10 @@ struct Kinetics {
   double critical_dose_prime = 0;  ///< D'c, (mW/cm²)^m·s, > 0
   double beta = 0;                 ///< areal; 0 without inhibition
   double huv_um = 0;               ///< base e, 0 < huv < hb when beta > 0
+  /// A and B of a resin with a time to gel (gel_time.hpp), for which m is 1, D'c too, without a unit:
+  /// D' is the relative dose. Else both 0.
+  GelTime gel_time = {};
+  bool has_gel_time() const { return gel_time.A > 0; }
 };
 
 /// What a resin file says, at its gel dose (`aim` false) or at the dose that the correction aims

@@ -21,6 +21,7 @@
 /// where nothing prints the part, `Cancelled`.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -90,6 +91,8 @@ struct StageChange {
 };
 /// Of a printer by its name or file. Throws `InputError` naming file, line and key.
 StageChange load_stage_change(const std::string& name_or_path);
+/// The same of the text of such a file; `source` names it.
+StageChange parse_stage_change(const std::string& text, const std::string& source);
 
 /// The greatest speed of each slice that is within its limit, at most `most_mm_h`, and changes by no more
 /// than the acceleration allows: |change of s²| <= 2 A hs from slice to slice. Limits > 0, mm/h, may be
@@ -103,6 +106,9 @@ struct PlanFree {
   bool omega_max = false;  ///< the cap of the dose inside features
   bool edge_aim = false;   ///< how finely edges are placed: less so low gaps are darker
   bool uv = false;         ///< less UV light than the process says
+  /// Doses to aim at over the gel dose, in place of the resin's, each at least 1; empty: as it is. A
+  /// lower one prints faster, and softer.
+  std::vector<double> dose_factors;
 };
 
 struct PlanAsk {
@@ -112,10 +118,13 @@ struct PlanAsk {
   /// Gaps lower than this are told and left out; 0: those of one slice, which can't have both edges right.
   double least_gap_um = 0;
   PlanFree free;
-  /// Slices that suction holds back go slower than others, where the stage can change its speed: the
-  /// lamps follow, and doses stay as they are (`Process::slice_speed_mm_h`).
+  /// Where the stage can change its speed slices get speeds of their own. By light, where columns stand
+  /// alone, without UV light: lamps stay as they are, and a part takes less time than at one speed. Slices
+  /// that suction holds back go slower than others, and the lamps follow, so that doses stay.
   StageChange stage;
   int curve_points = 9;  ///< of the curve over speed; 0: none
+  int tolerance_points =
+      7;  ///< of the curve over tolerance, besides the one asked for; 0: no curve
   /// Most columns that are looked at before a result is tried on all of them; > 0.
   int most_columns = 6000;
 };
@@ -174,6 +183,23 @@ struct PlanStep {
   std::optional<BestGap> best;       ///< of the limiting gap
 };
 
+/// The fastest print with edges within another tolerance.
+struct PlanTolerance {
+  double tolerance_um = 0;
+  std::optional<PlanPoint> at;  ///< nothing: no speed keeps it
+  std::string limited_by;       ///< a word
+};
+
+/// A way in which the part may lie on the platform.
+struct PlanOrientation {
+  std::array<double, 3> rotate_deg{};  ///< as `Placement::rotate_deg`
+  bool prints = false, chosen = false;
+  double speed_mm_h = 0, exposure_s = 0;  ///< one of them
+  double time_s = 0;
+  int layers = 0;
+  std::string limited_by;  ///< a word; where it does not print a sentence
+};
+
 struct PrintPlan {
   ExposureMode mode = ExposureMode::continuous;
   PlanAsk ask;
@@ -186,21 +212,29 @@ struct PrintPlan {
   std::optional<PlanPoint> slower;  ///< by a tenth
   std::string limited_by, limit;    ///< a word and a sentence
   PlanPlace limit_place;
-  std::vector<PlanPoint> curve;    ///< rising speeds
-  std::vector<PlanPoint> tried;    ///< all corrections in the order of their making
-  std::optional<PlanLight> light;  ///< of plain models
-  std::vector<SpeedRange> ranges;  ///< closed forms together
-  std::vector<PlanGap> gaps;       ///< the lowest first
+  std::vector<PlanPoint> curve;           ///< rising speeds
+  std::vector<PlanTolerance> tolerances;  ///< rising; what each would allow at one speed
+  std::vector<PlanPoint> tried;           ///< all corrections in the order of their making
+  std::optional<PlanLight> light;         ///< of plain models
+  std::vector<SpeedRange> ranges;         ///< closed forms together
+  std::vector<PlanGap> gaps;              ///< the lowest first
   std::vector<PlanFeature> features;
   std::vector<PlanStep> steps;  ///< the first is the present input
   std::optional<PrintSuction> suction;
   double stage_mm_h = 0;  ///< the stage's own; 0: not given
   double lamp_share = 1;  ///< of the calibration's light
-  std::vector<double>
-      slice_speed_mm_h;  ///< where slices go slower than `at`; the last holds on; else empty
-  std::string with;      ///< which of the free settings was chosen; empty: as `setup` said
+  /// Where slices have speeds of their own; the last holds on; else empty. `setup` has them, too, and
+  /// says whether the lamps follow.
+  std::vector<double> slice_speed_mm_h;
+  /// By light: what a print with these speeds keeps, corrected and predicted as all others.
+  std::optional<PlanPoint> along_z;
+  double uniform_time_s = 0;          ///< at the one speed of `at`, or the one that suction allows
+  std::optional<double> dose_factor;  ///< chosen in place of the resin's
+  std::string with;  ///< which of the free settings was chosen; empty: as `setup` said
   std::vector<std::string> chosen;  ///< free settings and what became of them
   std::vector<std::string> notes;   ///< what is not counted
+  /// Those among which this plan was chosen, by whoever planned them all; else empty.
+  std::vector<PlanOrientation> orientations;
   std::uint64_t part_columns = 0, distinct_columns = 0, judged_columns = 0;
   /// `slice_speed_mm_h` as a table slice,speed_mm_h, which `correct --slice-speed-mm-h` takes.
   std::string slice_speeds_csv() const;

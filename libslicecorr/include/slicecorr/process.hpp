@@ -17,6 +17,7 @@
 #include "slicecorr/even_light.hpp"
 #include "slicecorr/grid.hpp"
 #include "slicecorr/orientation.hpp"
+#include "slicecorr/resin_chemistry.hpp"
 
 namespace slicecorr {
 
@@ -189,7 +190,9 @@ Turn turn_to_display(const ImageFrame& frame, const Printer& printer);
 /// are 0.
 Grid images_of(const Printer& printer, const ImageFrame& frame);
 
-enum class CureModelKind { jacobs, kinetic };
+enum class CureModelKind { jacobs, kinetic, gel_time };
+/// "jacobs", "kinetic", "gel-time".
+const char* name_of(CureModelKind model);
 
 /// Dose that the correction aims at over the gel dose, where nothing else is said (dissertation
 /// §2.3.2).
@@ -208,12 +211,17 @@ struct Inhibition {
 struct Resin {
   std::string name;
   CureModelKind model = CureModelKind::jacobs;
-  double m = 1.0;                     ///< exponent of intensity, 0 < m <= 2
+  double m = 1.0;  ///< exponent of intensity, 0 < m <= 2; 1 where a time to gel counts
   double absorbance_height10_um = 0;  ///< base 10: intensity falls to 1/10
   /// Volumetric dose that the correction aims at, mJ/cm³ (m = 1).
   double critical_dose_mj_cm3 = 0;
   /// Areal dose analogue D'c of kinetic fits, (mW/cm²)^m·s; 0 when the volumetric dose counts.
   double critical_dose_prime = 0;
+  /// Of a resin of model gel-time: A and B of t_gel = A/i + B/sqrt(i) (gel_time.hpp) times
+  /// `dose_factor`, mJ/cm² and sqrt(mW/cm²)·s, both above 0; 0 for other models. No other dose counts
+  /// then. (A file with B = 0 is read as Jacobs' law, one with A = 0 as the kinetic one of m = 1/2.)
+  double gel_a_mj_cm2 = 0, gel_b_sqrt_mw_cm2_s = 0;
+  bool has_gel_time() const { return model == CureModelKind::gel_time; }
   /// Measured gel dose, mJ/cm³, kept beside the dose aimed at; 0 when not given.
   double gel_dose_mj_cm3 = 0;
   /// Dose aimed at over gel dose; 1 when the file gives the dose aimed at.
@@ -238,6 +246,8 @@ struct Resin {
   /// How long inhibitor that UV light has made stays in liquid resin, s, >= 0; infinite: until blue
   /// light uses it up. It counts where resin flows.
   double inhibitor_life_s = std::numeric_limits<double>::infinity();
+  /// What light starts in it (chemistry.hpp); nothing where the file does not say it.
+  std::optional<Chemistry> chemistry{};
   bool operator==(const Resin&) const = default;
 };
 
@@ -296,6 +306,12 @@ enum class Ramp {
   outside,       ///< the stage ramps before the first and after the last lit slice
 };
 
+/// What the lamps do where slices have speeds of their own (continuous).
+enum class SliceLamps {
+  follow,  ///< they follow the speed: I^m / s stays the same, and with it all doses
+  stay,    ///< they stay as they are: a slice at half the speed gets twice the dose
+};
+
 /// The dose that a resin is aimed at and the one at which it gels, in words: "230 mJ/cm³", "320
 /// (mW/cm²)^0.99·s, 5 times its gel dose".
 std::string dose_in_words(const Resin& resin);
@@ -312,10 +328,14 @@ struct Process {
   static constexpr int kDefaultSpreadRounds = 20, kMostSpreadRounds = 1000;
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
   /// Continuous: speed at each slice where some go slower, each above 0 and at most `speed_mm_h`;
-  /// the last holds for later slices; empty: `speed_mm_h` throughout. The lamps follow: at the speed
-  /// v they give (v / speed_mm_h)^(1/m) of their light, which leaves I^m / v and all doses as they
-  /// are at `speed_mm_h`. Between slices the stage changes its speed in the faster one.
+  /// the last holds for later slices; empty: `speed_mm_h` throughout. Between slices the stage
+  /// changes its speed in the faster one.
   std::vector<double> slice_speed_mm_h;
+  /// follow: at the speed v lamps give (v / speed_mm_h)^(1/m) of their light, which leaves I^m / v and
+  /// all doses as they are at `speed_mm_h`. stay: a slice of the speed v counts for speed_mm_h / v of
+  /// what it does at `speed_mm_h`, black as well as full light; while the stage changes its speed
+  /// within a slice the lamps follow that of the slice.
+  SliceLamps slice_lamps = SliceLamps::follow;
   /// Cap of the relative dose inside features, >= 1; >= 1e300 means none.
   double omega_max = 1e300;
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
@@ -362,6 +382,8 @@ std::string uv_in_words(const UvSchedule& uv);
 
 /// Speed at a slice, mm/h (continuous).
 double slice_speed_mm_h(const Process& process, int slice);
+/// Whether slices count for more where they go slower.
+bool slices_differ(const Process& process);
 /// Speeds in words: "800 mm/h", "150 to 800 mm/h from slice to slice".
 std::string speeds_in_words(const Process& process);
 /// Exposure of a layer, s (layerwise).
@@ -378,7 +400,7 @@ struct SliceLight {
 /// slice; where the lamp follows the ramp, with constant acceleration v_n / v = sqrt(z / ramp), z
 /// the distance of the middle of the slice from the nearer end of the print, and the share
 /// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are; the same where slices go
-/// slower.
+/// slower and the lamps follow. Where they stay the share is that of the ramp alone.
 SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices);
 /// Time in which all slices are shown, s: without what lies between them layer by layer.
 double light_on_s(const Process& process, double m, double layer_um, int slices);

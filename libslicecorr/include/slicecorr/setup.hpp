@@ -23,6 +23,8 @@ struct SetupChoices {
   double speed_mm_h = 0;
   /// `Process::slice_speed_mm_h`, each > 0; the last holds for later slices.
   std::vector<double> slice_speed_mm_h;
+  std::string
+      slice_lamps;  ///< follow, stay: `Process::slice_lamps`; with speeds of slices, else follow
   double exposure_s = 0, bottom_exposure_s = 0;
   int bottom_layers = -1, fade_layers = -1;
   /// Exposure of each layer, > 0; the last holds for later layers. Alone, without the numbers
@@ -76,6 +78,11 @@ Resin chosen_resin(const SetupChoices& choices, ChoiceNames names);
 /// naming what is missing, or what does not go together.
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
                     ChoiceNames names);
+
+/// By how much the inputs of `setup` may be off, as `text` says ("ha=5%,dc=5%", "fit,light=1%"):
+/// `parse_uncertainty` with the resin file that `choices` name. Throws `InputError`.
+Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
+                               const SetupChoices& choices, ChoiceNames names);
 
 /// What the user should know of a setup, each in a sentence; `times`: as for `resolve_setup`.
 std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,

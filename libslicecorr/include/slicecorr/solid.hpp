@@ -49,6 +49,28 @@ class MeshDistance {
 TriangleMesh on_plate(const TriangleMesh& mesh, const Printer& printer,
                       const std::optional<std::array<double, 2>>& center_mm = {});
 
+/// How a mesh that was put `on_plate` lies to what `stack` shows. Throws `InputError` when the stack
+/// can't show that mesh: more than a quarter (and four pixels or slices) too large along an axis, or
+/// beside it, or too small along all axes by the same factor of 1.2 or more. Supports may make a stack
+/// larger than its design, but not by one factor.
+void check_design_size(const SliceSource& stack, const TriangleMesh& design);
+
+/// How many triangles a surface will have, before it is made.
+struct SolidSize {
+  double of_areas = 0;  ///< triangles across: a quarter of them at every second pixel
+  double of_walls = 0;  ///< triangles of walls: half of them at every second pixel
+  /// About, at every `reduce`th pixel.
+  double triangles(int reduce) const;
+  /// The least reduction of at most 64 that has no more than `most` triangles; 64 where none has.
+  int reduction(double most) const;
+};
+
+/// Counts triangles at every 8th and every 16th pixel; takes a sixtieth of the time of the whole
+/// surface, and reading the stack twice. Right to about a tenth for shapes that are larger than
+/// 16 pixels.
+SolidSize size_of_solid(const SliceSource& stack, const PlaceModels& models,
+                        const ExecutionContext& context = {});
+
 struct SolidOptions {
   int reduce = 1;                        ///< take every Nth pixel in x and y, 1..64
   const MeshDistance* design = nullptr;  ///< measures the distance of the surface, when given

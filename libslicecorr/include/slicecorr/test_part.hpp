@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/measuring_form.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
 
@@ -38,11 +39,16 @@ class SpreadTestPart final : public SliceSource {
   /// One side of the square.
   const PixelBox& square() const { return square_; }
   /// A table for `resinctl fit-spread`, to fill in.
-  std::string form() const;
+  MeasuringForm form() const;
+  /// A page to print: what to measure where with which tool. `form_file`: what that table is called,
+  /// `printer_file`: what the printer's file is.
+  std::string sheet(const std::string& form_file, const std::string& printer_file) const;
 
  private:
+  std::string printer_name_;
   Grid grid_;
   PixelBox bounds_, square_;
+  std::vector<PixelBox> blocks_;  ///< that the gaps are cut into
   std::vector<TestFeature> features_;
   std::vector<std::uint8_t> pixels_;  ///< of any slice
 };

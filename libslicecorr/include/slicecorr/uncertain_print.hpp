@@ -49,8 +49,9 @@ const char* word_of(ErrorSource source);
 /// The variance of doses under an uncertainty: a quadratic form in a dose and its derivatives.
 class DoseVariance {
  public:
-  /// `exponent`: of the model (`CureModel::m`).
-  DoseVariance(const Uncertainty& uncertainty, double exponent);
+  /// `exponent`: of the model (`CureModel::m`). `light_apart`: under UV light, where doses do not go
+  /// with a power of the curing light alone (`DoseGradient::light`).
+  DoseVariance(const Uncertainty& uncertainty, double exponent, bool light_apart = false);
   /// Of Omega.
   double of(const DoseGradient& g) const;
   double of(const DoseGradient& g, ErrorSource source) const;
@@ -58,8 +59,9 @@ class DoseVariance {
   double sd_ln(const DoseGradient& g) const;
   /// Which derivatives count.
   BandDerivatives::Wanted wanted() const { return wanted_; }
-  /// Coefficients of `of` in dose, ln_ha, stray and m, and of the variance by noise.
-  using Form = std::array<std::array<double, 4>, 4>;
+  /// Coefficients of `of` in dose, ln_ha, stray, m and light, and of the variance by noise.
+  static constexpr std::size_t kTerms = 5;
+  using Form = std::array<std::array<double, kTerms>, kTerms>;
   const Form& form() const { return all_; }
   double noise() const { return noise_; }
 
@@ -175,13 +177,17 @@ class UncertainBand {
  public:
   /// `model` must outlive this; `all_layers`: as for `BandPredictor`. Throws as `check_derivatives`,
   /// and `InputError` where stray light is off and the exponent below 1 meets levels without light.
+  /// `nearby`: as for `BandDerivatives`.
   UncertainBand(const CureModel& model, const Uncertainty& uncertainty, int all_layers,
-                std::size_t columns);
+                std::size_t columns, const NearbyModels* nearby = nullptr);
   ~UncertainBand();
   UncertainBand(UncertainBand&&) noexcept;
 
   /// As for `BandPredictor`. What is left alone comes as grey coverage.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
+                 const std::uint8_t* heights = nullptr);
+  /// The same of light that spreads.
+  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
                  const std::uint8_t* heights = nullptr);
   /// Figures are added to these while slices come, and not by `finish`: several bands that are walked
   /// by one thread share their histograms. Before the first slice.

@@ -135,10 +135,11 @@ void WantedDoses::read_regions(const DoseOptions& options, const Printer& printe
     throw InputError(fmt::format("{} regions; expected at most 255", regions.size()));
   }
   std::optional<PartPlace> place;
+  // Regions are scaled as the parts are.
+  MeshOptions all = meshes;
   if (part) {
     place = place_of(part->box_mm(), printer, meshes);
   } else if (!options.designs.empty()) {
-    MeshOptions all = meshes;
     all.parts = options.designs;
     place = place_of(box_of(read_parts(all, context).mesh), printer, meshes);
   }
@@ -147,7 +148,7 @@ void WantedDoses::read_regions(const DoseOptions& options, const Printer& printe
   std::vector<RegionImages::Region> images;
   doses_.regions = {"outside of all regions"};
   for (const Region& region : regions) {
-    MeshOptions one = meshes;
+    MeshOptions one = all;
     one.parts = {region.path};
     PlateParts mesh = read_parts(one, context);
     const std::array<Point3, 2> box = box_of(mesh.mesh);

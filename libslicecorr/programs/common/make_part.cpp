@@ -38,6 +38,7 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
   StackFile stack = file;
   stack.before_renaming = [&] {
     setup.process = *result->info.process;
+    setup.printer = *result->info.printer;  // with as many levels as the file has
     // The proof: the prediction of the stack, with that of the uncorrected part beside it.
     auto figures = nlohmann::ordered_json::parse(result->after.to_json());
     figures["uncorrected"] = nlohmann::ordered_json::parse(result->before->to_json());

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/error.hpp"
 
 namespace slicecorr::cli {
 
@@ -19,6 +20,28 @@ Units units_named(const std::string& name) {
   if (name == "m") return Units::m;
   return Units::automatic;
 }
+
+struct Box {
+  Point3 low, high;
+  Box() {
+    low.fill(std::numeric_limits<double>::infinity());
+    high.fill(-std::numeric_limits<double>::infinity());
+  }
+  void add(const TriangleMesh& mesh) {
+    for (const auto& triangle : mesh.triangles) {
+      for (const std::uint32_t v : triangle) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          low[k] = std::min(low[k], mesh.vertices[v][k]);
+          high[k] = std::max(high[k], mesh.vertices[v][k]);
+        }
+      }
+    }
+  }
+  double middle(std::size_t k) const { return 0.5 * (low[k] + high[k]); }
+  double longest_side() const {
+    return std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+  }
+};
 
 }  // namespace
 
@@ -44,7 +67,13 @@ void MeshOptions::add_placement_to(CLI::App& app) {
       ->check(number_in(-1e6, 1e6));
   app.add_option("--units", units, "Units of the meshes [those of the file, else mm]")
       ->check(CLI::IsMember({"auto", "mm", "inch", "m"}));
-  app.add_option("--scale", scale, "Factor on all lengths")->capture_default_str();
+  CLI::Option* factor =
+      app.add_option("--scale", scale, "Factor on all lengths")->capture_default_str();
+  app.add_option("--fit-mm", fit_mm,
+                 "Scale so that the longest side of all parts together is so long, whatever units "
+                 "their files have")
+      ->check(number_in(1e-3, 1e5))
+      ->excludes(factor);
   app.add_option("--rotate-deg", rotate_deg, "X,Y,Z: turned about the fixed axes, in this order")
       ->delimiter(',')
       ->expected(3)
@@ -56,6 +85,15 @@ Placement MeshOptions::placement() const {
   p.units = units_named(units);
   p.scale = scale;
   if (!rotate_deg.empty()) p.rotate_deg = {rotate_deg[0], rotate_deg[1], rotate_deg[2]};
+  if (fit_mm <= 0 || parts.empty()) return p;
+  if (fit_factor_ == 0) {
+    Box box;
+    for (const std::string& path : parts) box.add(read_mesh(path, p));
+    const double longest = box.longest_side();
+    if (!(longest > 0)) throw InputError(parts.front(), "", "has no size that could be scaled");
+    fit_factor_ = fit_mm / longest;
+  }
+  p.scale *= fit_factor_;
   return p;
 }
 
@@ -79,9 +117,13 @@ PlateParts read_parts(const MeshOptions& options, const ExecutionContext& contex
                              r.triangles == 1 ? "triangle" : "triangles", r.bodies,
                              r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
                              r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
-    if (r.defects.any()) context.tell(fmt::format("{}: {}", path, describe(r.defects)));
+    if (r.defects.any()) {
+      all.defects.push_back(fmt::format("{}: {}", path, describe(r.defects)));
+      context.tell(all.defects.back());
+    }
     if (all.mesh.triangles.empty()) {
-      all = {std::move(part), std::move(edge_defects)};
+      all.mesh = std::move(part);
+      all.edge_defects = std::move(edge_defects);
     } else {
       append(all.edge_defects, all.mesh, edge_defects);
       append(all.mesh, part);
@@ -91,25 +133,6 @@ PlateParts read_parts(const MeshOptions& options, const ExecutionContext& contex
 }
 
 namespace {
-
-struct Box {
-  Point3 low, high;
-  Box() {
-    low.fill(std::numeric_limits<double>::infinity());
-    high.fill(-std::numeric_limits<double>::infinity());
-  }
-  void add(const TriangleMesh& mesh) {
-    for (const auto& triangle : mesh.triangles) {
-      for (const std::uint32_t v : triangle) {
-        for (std::size_t k = 0; k < 3; ++k) {
-          low[k] = std::min(low[k], mesh.vertices[v][k]);
-          high[k] = std::max(high[k], mesh.vertices[v][k]);
-        }
-      }
-    }
-  }
-  double middle(std::size_t k) const { return 0.5 * (low[k] + high[k]); }
-};
 
 MeshSlices slice_placed(PlateParts parts, const SliceOptions& options, const Printer& printer,
                         const ExecutionContext& context) {
@@ -136,11 +159,11 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
 
 MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const std::vector<std::string>& left_alone, MeshesLeftAlone& place,
-                       const ExecutionContext& context, std::size_t* triangles) {
+                       const ExecutionContext& context, PartFacts* facts) {
   place.placement = options.placement();
   place.antialias = options.antialias == "on";
   PlateParts parts = read_parts(options, context);
-  if (triangles) *triangles = parts.mesh.triangles.size();
+  if (facts) *facts = {parts.mesh.triangles.size(), parts.defects};
   if (std::none_of(left_alone.begin(), left_alone.end(), is_mesh_name)) {
     return slice_placed(std::move(parts), options.slice_options(surface), printer, context);
   }

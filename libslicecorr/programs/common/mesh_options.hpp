@@ -19,18 +19,32 @@ struct MeshOptions {
   std::vector<double> center_mm;
   std::string units = "auto";
   double scale = 1.0;
+  double fit_mm = 0;  ///< longest side of all parts together; 0: as `scale` says
   std::vector<double> rotate_deg;
   void add_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
   void add_placement_to(CLI::App& app);
+  /// Where `fit_mm` is set, the first call reads the parts for their size; copies made after that
+  /// scale other meshes alike. Throws as `read_mesh`.
   Placement placement() const;
   /// `surface`: mesh gives targets edge heights.
   SliceOptions slice_options(Surface surface) const;
+
+ private:
+  mutable double fit_factor_ = 0;  ///< 0: not known yet
 };
 
 struct PlateParts {
   TriangleMesh mesh;
   EdgeDefects edge_defects;
+  std::vector<std::string>
+      defects;  ///< a line for each file that has any: "part.stl: 3 open edges"
+};
+
+/// What is known of parts besides their slices.
+struct PartFacts {
+  std::size_t triangles = 0;
+  std::vector<std::string> defects;  ///< as `PlateParts` has them
 };
 
 /// Reads and places all parts; tells their figures and defects through `context`.
@@ -42,10 +56,10 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
 
 /// The same with what is left alone beside them. Meshes among these files share the plate with the
 /// parts as placed: the centre and the least height are those of all. `place`: how they lie then;
-/// `triangles`: of the parts, where not null.
+/// `facts`: of the parts, where not null.
 MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const std::vector<std::string>& left_alone, MeshesLeftAlone& place,
-                       const ExecutionContext& context, std::size_t* triangles = nullptr);
+                       const ExecutionContext& context, PartFacts* facts = nullptr);
 
 /// The option --leave-alone of programs that correct, or measure what is corrected.
 void add_leave_alone_to(CLI::App& app, std::vector<std::string>& files);

@@ -36,17 +36,21 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   app.add_option("--bottom-exposure-s", bottom_exposure_s,
                  "Exposure of the first layers (layerwise)")
       ->check(number_above_zero());
-  app.add_option("--bottom-layers", bottom_layers, "Number of these first layers (layerwise)")
+  app.add_option("--bottom-layers", bottom_layers,
+                 "Number of layers with --bottom-exposure-s (layerwise)")
       ->check(CLI::Range(0, 1000000));
-  app.add_option("--fade-layers", fade_layers,
-                 "Layers after them in which the exposure goes to the normal one in equal steps "
-                 "(layerwise)")
+  app.add_option(
+         "--fade-layers", fade_layers,
+         "Number of layers after the bottom layers whose exposures lead to the normal one in "
+         "equal steps (layerwise)")
       ->check(CLI::Range(0, 1000000));
-  app.add_option("--dc-mj-cm3", dc_mj_cm3, "Dose to aim at, instead of the resin file's (m = 1)")
+  app.add_option("--dc-mj-cm3", dc_mj_cm3,
+                 "Critical dose, at which the correction aims, instead of the resin file's (m = 1)")
       ->check(number_above_zero());
-  app.add_option("--dose-factor", dose_factor,
-                 "Dose to aim at over the gel dose, instead of the resin file's; of a resin with "
-                 "one dose so many times that")
+  app.add_option(
+         "--dose-factor", dose_factor,
+         "Critical dose over gel dose, instead of the resin file's. For a resin file with one "
+         "dose alone: the critical dose is so many times that dose")
       ->check(number_above_zero());
   app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
       ->check(number_above_zero());
@@ -69,16 +73,16 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
         ->check(CLI::IsMember({"open", "merge"}))
         ->capture_default_str();
     app.add_option("--gap-shortfall", gap_shortfall,
-                   "Open gaps one slice high: how much of a slice the feature above may lose, up "
-                   "to 0.5; the more, the less the gap cures (continuous) [0.18]")
+                   "Open gaps one slice high: share of a slice that the feature above may lose, up "
+                   "to 0.5; the more it may lose, the less the gap cures (continuous) [0.18]")
         ->check(number_above_zero() & CLI::Range(0.0, 0.5));
     app.add_option("--edge-aim-um", edge_aim_um,
-                   "How near edges are aimed at; more leaves gaps of two and three slices darker "
-                   "(continuous) [as near as levels lead, some 0.05]")
+                   "How far from its height an edge may lie; a larger distance leaves gaps of two "
+                   "and three slices darker (continuous) [as near as grey levels allow, some 0.05]")
         ->check(number_above_zero() & CLI::Range(0.0, kMostEdgeAimUm));
     app.add_option("--platform-features", platform_features,
-                   "Whether --omega-max holds for features on the platform, which have nothing "
-                   "behind them to protect")
+                   "Whether --omega-max caps features on the platform, too; no gap lies behind "
+                   "these")
         ->check(CLI::IsMember({"capped", "uncapped"}))
         ->capture_default_str();
     app.add_option("--spread-correction", spread_correction,
@@ -87,7 +91,7 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
         ->check(CLI::IsMember({"on", "off"}))
         ->capture_default_str();
     app.add_option("--rounds", rounds,
-                   fmt::format("Most rounds of correcting columns together [{}]",
+                   fmt::format("How many rounds columns may be corrected together [{}]",
                                Process::kDefaultSpreadRounds))
         ->check(CLI::Range(0, Process::kMostSpreadRounds));
   }
@@ -99,34 +103,40 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   if (correcting) {
     app.add_option(
            "--gap-um", gap_um,
-           "Gap between part and window that suction is judged with, where printer and resin "
-           "say what they need for it [by the UV light]")
+           "Gap between part and window for which suction is judged, where the files of printer "
+           "and resin have what that takes [the gap that the UV light makes]")
         ->check(number_above_zero() & CLI::Range(0.0, kMostGapUm));
   }
   if (correcting) {
     app.add_option(
            "--even-dead-zone", even_dead_zone,
-           "Find light with which dose and dead zone are even although resin flows: one "
-           "intensity of each lamp per slice (constant), the curing light by place (blue), the "
-           "UV light by place (uv), or both; auto: all that the lamps can. Aims at --gap-um")
+           "Find light that makes dose and dead zone even although resin flows. constant: one "
+           "intensity of each lamp per slice; blue: the curing light by place; uv: the UV light "
+           "by place; both; auto: all that the lamps can do. --gap-um says the gap to reach")
         ->expected(0, 1)
         ->default_str("auto")
         ->check(CLI::IsMember({"auto", "constant", "blue", "uv", "both"}));
   }
   app.add_option("--uv-schedule", uv_schedule,
-                 "How the UV light goes: one intensity; one per slice; one per pixel and slice "
-                 "[constant, or what the lamp can do for --dead-zone-um]")
+                 "How UV light changes: one intensity for all, one per slice, or one per pixel and "
+                 "slice [constant; with --dead-zone-um what the lamp can do]")
       ->check(CLI::IsMember({"constant", "per-slice", "patterned"}));
   app.add_option("--window-cure", window_cure,
                  "What to do when the resin would cure to the window, which ruins the vat [refuse]")
       ->check(CLI::IsMember({"refuse", "allow"}));
   app.add_option("--slice-speed-mm-h", slice_speeds,
-                 "Table slice,speed_mm_h of slices that go slower than --speed-mm-h (continuous): "
-                 "from that slice on that speed; the lamps follow, so that doses stay")
+                 "Table with the columns slice,speed_mm_h: from each of these slices on the stage "
+                 "goes at that speed, slower than --speed-mm-h "
+                 "(continuous)")
       ->check(CLI::ExistingFile);
+  app.add_option(
+         "--slice-lamps", slice_lamps,
+         "What the lamps do there: they follow the speed, so that doses stay, or they stay as "
+         "they are, so that a slice at half the speed gets twice the dose [follow]")
+      ->check(CLI::IsMember({"follow", "stay"}));
   app.add_option("--ramp", ramp,
-                 "Where the stage speeds up and slows down (continuous): the lamp follows it, or "
-                 "outside of the lit slices [none: not said]")
+                 "Where the stage speeds up and slows down: within the lit slices, and the lamp "
+                 "follows; or outside of them (continuous) [none: the stack does not say]")
       ->check(CLI::IsMember({"none", "lamp-follows", "outside"}));
   app.add_option("--ramp-mm", ramp_mm, "Distance in which the stage reaches its speed")
       ->check(number_above_zero());
@@ -195,6 +205,14 @@ std::vector<double> read_slice_speeds(const std::string& path) {
 const std::string& design(const std::string& path) {
   check_design(StackReader::read_info(path), path);
   return path;
+}
+
+std::string dose_words(const Setup& setup) {
+  if (setup.process.mode != ExposureMode::layerwise || setup.resin.dose_factor <= 1) return "";
+  return fmt::format(
+      " (the critical dose is {:g} times the gel dose of resin '{}': its dose factor; --dose-factor "
+      "sets another one, 1 aims at the gel dose itself)",
+      setup.resin.dose_factor, setup.resin.name);
 }
 
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/error.hpp"
 #include "slicecorr/setup.hpp"
 
 namespace slicecorr::cli {
@@ -29,6 +30,19 @@ std::vector<double> read_slice_speeds(const std::string& path);
 /// A corrected stack shows light, not the design: measured against it, nothing means anything.
 /// Throws `InputError` when `path` is one, gives it back else.
 const std::string& design(const std::string& path);
+
+/// Of a refusal by physics layer by layer: which dose was aimed at, and how another one is. Empty
+/// where that is not the matter.
+std::string dose_words(const Setup& setup);
+/// Does what a program was asked for, and adds `dose_words` where physics refuses it.
+template <typename Work>
+auto with_dose_words(const Setup& setup, const Work& work) {
+  try {
+    return work();
+  } catch (const InfeasibleError& e) {
+    throw InfeasibleError(e.what() + dose_words(setup));
+  }
+}
 
 /// Tells what the user should know of a setup; `times` as for `resolve_setup`.
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context);

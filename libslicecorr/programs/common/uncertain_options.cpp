@@ -5,7 +5,6 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/uncertain_print.hpp"
-#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::cli {
 
@@ -54,18 +53,7 @@ Setup UncertainOptions::put(Setup setup, const SetupChoices& choices) const {
     }
     return setup;
   }
-  ResinText resin{choices.resin_toml, "the resin"};
-  if (resin.text.empty() && !choices.resin.empty()) {
-    resin.source = find_definition(choices.resin, "resin");
-    resin.text = read_text_file(resin.source);
-  }
-  setup.uncertainty = parse_uncertainty(uncertain, setup.process.mode,
-                                        setup.printer.calibration.back().intensity_mw_cm2, resin);
-  if (setup.uncertainty->from_fit && (choices.ha_um > 0 || choices.dc_mj_cm3 > 0)) {
-    throw InputError(
-        "--uncertain fit says how sure the file's own height and dose are, and another is given by "
-        "--ha-um or --dc-mj-cm3; expected its error by hand, as in ha=8%");
-  }
+  setup.uncertainty = chosen_uncertainty(uncertain, setup, choices, ChoiceNames::options);
   setup.uncertainty->robust = robust;
   return setup;
 }

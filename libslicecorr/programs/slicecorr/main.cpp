@@ -9,8 +9,10 @@
 #include <nlohmann/json.hpp>
 
 #include "flow.hpp"
+#include "hand_over.hpp"
 #include "hologram.hpp"
 #include "options.hpp"
+#include "pattern.hpp"
 #include "plan.hpp"
 #include "programs/common/dose_options.hpp"
 #include "programs/common/make_part.hpp"
@@ -18,10 +20,12 @@
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
+#include "support/text/display_text.hpp"
 #include "test_part.hpp"
 #include "tomo.hpp"
 
@@ -35,10 +39,10 @@ struct Arguments {
   UncertainOptions uncertain;
   DoseOptions doses;
   SimulateOptions simulate;
-  std::string input, output, format, target, json;
+  std::string input, output, format, target, json, kept;
   std::vector<std::string> leave_alone;
   double layer_um = 0;
-  int x = -1, y = -1, reduce = 1;
+  int x = -1, y = -1, reduce = 0;
   double max_height_error_um = -1, max_surface_error_um = -1;
   bool archive = false;
 
@@ -98,8 +102,9 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
                             context);
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, nullptr, a.missing(),
                            folder_of(a.output), context);
-  const Correction result =
-      correct_stack(*wanted, setup, file, {.before = !console.quiet()}, context);
+  const Correction result = with_dose_words(setup, [&] {
+    return correct_stack(*wanted, setup, file, {.before = !console.quiet()}, context);
+  });
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -219,16 +224,37 @@ int section(const Arguments& a, const ExecutionContext& context, Console& consol
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
   const Grid& g = stack.grid();
-  const auto picture = [&](const SliceSource& shown) {
-    return cure_picture(section_of(shown, target, given.setup, row), g.pixel_x_um, g.layer_um, 640);
-  };
-  const auto png = encode_png(side_by_side(picture(target), picture(stack)));
-  write_text_file(a.output, {png.begin(), png.end()});
+  const std::string where = row_in_words(stack, row);
+  write_text_file(
+      a.output, section_sheet(section_of(target, target, given.setup, row),
+                              section_of(stack, target, given.setup, row), g.pixel_x_um, g.layer_um,
+                              fmt::format("{}: {}; platform up", title_of(a.input), where)));
   console.say(
       fmt::format("{}: section at {}, platform up; left uncorrected, right this stack; grey right, "
                   "red cured through, blue undercured",
-                  a.output, row_in_words(stack, row)));
+                  a.output, where));
   return kDone;
+}
+
+/// The reduction that makes a mesh which other programs open with ease. Says how large it will be.
+int handy_reduction(const Arguments& a, const SliceSource& stack, const PlaceModels& models,
+                    const ExecutionContext& context) {
+  constexpr double kHandy = 4e6;
+  const SolidSize size = size_of_solid(stack, models, context);
+  const int reduce = size.reduction(kHandy);
+  const auto in_words = [&](double triangles) {
+    std::string text = fmt::format("{:.2g} million triangles", triangles * 1e-6);
+    // Bytes of a triangle: an STL's record; of a PLY's faces and half as many vertices.
+    const double bytes = a.output.ends_with(".stl") ? 50 : a.output.ends_with(".ply") ? 19 : 0;
+    if (bytes > 0) text += fmt::format(", {:.2g} GB", bytes * triangles * 1e-9);
+    return text;
+  };
+  if (reduce > 1) {
+    context.tell(fmt::format(
+        "the surface takes one pixel in {} along x and y: some {} (--reduce 1 would make some {})",
+        reduce, in_words(size.triangles(reduce)), in_words(size.triangles(1))));
+  }
+  return reduce;
 }
 
 int solid(const Arguments& a, const ExecutionContext& context, Console& console) {
@@ -242,8 +268,10 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   const PlaceModels models(setup.printer, setup.resin, setup.process, g, stack.frame());
   std::optional<MeshDistance> design_mesh;
   if (!a.mesh.parts.empty()) {
-    design_mesh.emplace(on_plate(read_parts(a.mesh, context).mesh, setup.printer,
-                                 a.mesh.slice_options(Surface::slices).center_mm));
+    const TriangleMesh placed = on_plate(read_parts(a.mesh, context).mesh, setup.printer,
+                                         a.mesh.slice_options(Surface::slices).center_mm);
+    check_design_size(stack, placed);
+    design_mesh.emplace(placed);
   }
   nlohmann::ordered_json figures;
   if (!a.target.empty()) {
@@ -253,7 +281,8 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
     figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
                                    g.pixel_y_um * g.layer_um * 1e-9;
   }
-  const SolidOptions options{a.reduce, design_mesh ? &*design_mesh : nullptr};
+  const SolidOptions options{a.reduce > 0 ? a.reduce : handy_reduction(a, stack, models, context),
+                             design_mesh ? &*design_mesh : nullptr};
   const SolidReport r = write_solid(stack, models, a.output, options, context);
   console.say(
       fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, {:.3f}, "
@@ -268,7 +297,8 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   if (d.count()) {
     console.say(
         fmt::format("distance to the design: mean {:.3f} um, 95 % within {:.3f} um, largest {:.3f} "
-                    "um, at {} vertices",
+                    "um, at {} vertices of the whole surface, walls and the steps of pixels "
+                    "included; the height errors of verify are those of edges along z alone",
                     d.mean(), d.quantile(0.95), d.greatest(), d.count()));
   }
   if (!a.json.empty()) {
@@ -276,7 +306,7 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
     figures["volume_mm3"] = r.volume_mm3;
     figures["lower_mm"] = r.lower;
     figures["upper_mm"] = r.upper;
-    figures["reduce"] = a.reduce;
+    figures["reduce"] = options.reduce;
     if (d.count()) {
       figures["distance_um"] = {{"mean_abs", d.mean()},
                                 {"p95_abs", d.quantile(0.95)},
@@ -307,7 +337,9 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
                             context);
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices, a.missing(),
                            folder_of(a.output), context);
-  const Correction result = make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
+  const Correction result = with_dose_words(setup, [&] {
+    return make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
+  });
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
   return kDone;
@@ -387,6 +419,12 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
   check_output(a.output, {a.input});
   const StackReader stack = a.open(a.input, folder_of(a.output), context);
   if (stack.info().format == format) file.keep_from = a.input;
+  if (!a.kept.empty()) {
+    check_output(a.output, {a.kept});
+    file.keep_from = a.kept;
+    context.tell(a.kept + ": its settings and pictures stay, its layers become those of " +
+                 a.input);
+  }
   // For a printer whose display is known the images are turned to it.
   Printer printer;
   if (!a.setup.printer.empty()) {
@@ -412,7 +450,11 @@ int info(const Arguments& a, const ExecutionContext& context, Console&) {
                            g.pixel_y_um * g.layer_um * 1e-9;
   }
   if (a.json.empty()) {
-    print_result(describe_stack(info));
+    std::string text = describe_stack(info);
+    for (const auto& [name, value] : print_file_facts(a.input)) {
+      text += fmt::format("{:<12} {}\n", name, text::printable(value));
+    }
+    print_result(text);
   } else {
     print_or_write(a.json, info_json(info, a.input));
   }
@@ -536,9 +578,9 @@ int run_program(int argc, char** argv) {
       ->expected(1, std::numeric_limits<int>::max());
   a.mesh.add_placement_to(*sub);
   a.setup.add_to(*sub, false, true);
-  sub->add_option("--reduce", a.reduce, "Take every Nth pixel in x and y, for a smaller file")
-      ->check(CLI::Range(1, 64))
-      ->capture_default_str();
+  sub->add_option("--reduce", a.reduce,
+                  "Take every Nth pixel in x and y [as many as make at most 4 million triangles]")
+      ->check(CLI::Range(1, 64));
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("-o,--output", a.output, "Mesh to write (.stl, .ply or .3mf)")->required();
 
@@ -563,6 +605,10 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "IN", "Archive to convert");
   stack_output(sub, "Archive to write");
   sub->add_option(
+      "--template", a.kept,
+      "A file of the output's format, made for the same printer: all but its layers, their "
+      "number and, where IN says some, exposures stays");
+  sub->add_option(
       "--printer", a.setup.printer,
       "Printer to convert for: its display turns images of the plate, its pixel size counts where "
       "the archive says none");
@@ -572,17 +618,19 @@ int run_program(int argc, char** argv) {
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
   FlowOptions flow;
+  PatternOptions pattern;
   PlanOptions plan;
   TomoOptions tomo;
   HologramArguments hologram;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
+  add_pattern(program, pattern);
   add_plan(program, plan);
   add_tomo(program, tomo);
   add_hologram(program, hologram);
-
-  return program.run(argc, argv);
+  add_tune(program, argv);
+  return program.run(own_arguments(argc, argv), argv);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/display_text.hpp"
 
@@ -232,7 +233,12 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   if (info.resin) {
     j["resin"] = info.resin->name;
     j["absorbance_height10_um"] = info.resin->absorbance_height10_um;
-    j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
+    if (info.resin->has_gel_time()) {
+      j["gel_a_mj_cm2"] = info.resin->gel_a_mj_cm2;
+      j["gel_b_sqrt_mw_cm2_s"] = info.resin->gel_b_sqrt_mw_cm2_s;
+    } else {
+      j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
+    }
     if (info.resin->critical_dose_prime > 0) {
       j["critical_dose_prime"] = info.resin->critical_dose_prime;
     }
@@ -250,6 +256,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       j["speed_mm_h"] = info.process->speed_mm_h;
       if (const auto& speeds = info.process->slice_speed_mm_h; !speeds.empty()) {
         j["slice_speed_mm_h"] = speeds;
+        j["slice_lamps"] = slices_differ(*info.process) ? "stay" : "follow";
       }
     }
     if (info.process->omega_max >= 1e300) {
@@ -282,6 +289,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   if (info.kind == StackKind::target) j["edge_heights"] = info.has_edge_heights;
   if (!info.program.empty()) j["program"] = info.program;
   if (info.kind != StackKind::foreign) j["parameters_checked"] = info.parameters_checked;
+  for (const auto& [name, value] : print_file_facts(path)) j["archive"][name] = value;
   // Names come from archives, and need not be UTF-8.
   return j.dump(2, ' ', false, ordered_json::error_handler_t::replace);
 }

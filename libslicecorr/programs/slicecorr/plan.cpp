@@ -3,12 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::cli {
 
@@ -56,6 +61,73 @@ void check_outputs(const PlanOptions& o) {
   }
 }
 
+using Rotation = std::array<double, 3>;
+
+/// "90,0,0".
+Rotation rotation_of(const std::string& text) {
+  Rotation r{};
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  for (std::size_t k = 0; k < r.size(); ++k) {
+    const auto [stop, error] = std::from_chars(at, end, r[k]);
+    const bool last = k + 1 == r.size();
+    const bool good = error == std::errc{} && std::abs(r[k]) <= 1e6 &&
+                      (last ? stop == end : stop != end && *stop == ',');
+    if (!good) {
+      throw InputError(fmt::format("--orientations '{}': expected X,Y,Z in degrees, as in 90,0,0",
+                                   text::printable(text)));
+    }
+    at = stop + 1;
+  }
+  return r;
+}
+
+/// The plan with the shortest print of all orientations.
+PrintPlan plan_orientations(PlanOptions o, const Setup& setup, const PlanAsk& ask,
+                            const ExecutionContext& context) {
+  const std::vector<std::string>& parts = o.mesh.parts;
+  if (!std::all_of(parts.begin(), parts.end(), is_mesh_name)) {
+    throw InputError("--orientations turns meshes; expected meshes, or no orientations");
+  }
+  if (!o.mesh.rotate_deg.empty()) {
+    throw InputError("--rotate-deg is one of --orientations; expected only one of them");
+  }
+  std::vector<Rotation> rotations;
+  for (const std::string& text : o.orientations) rotations.push_back(rotation_of(text));
+  std::vector<PlanOrientation> all;
+  std::optional<PrintPlan> best;
+  std::string refused;
+  double least_s = 0;
+  for (const Rotation& r : rotations) {
+    o.mesh.rotate_deg.assign(r.begin(), r.end());
+    PlanOrientation& one = all.emplace_back();
+    one.rotate_deg = r;
+    try {
+      const auto part = read_input(o, setup.printer, context);
+      PrintPlan found = plan_print(*part, setup, ask, context);
+      one.prints = true;
+      one.speed_mm_h = found.at.speed_mm_h;
+      one.exposure_s = found.at.exposure_s;
+      one.time_s = found.along_z ? found.along_z->time_s : found.at.time_s;
+      one.layers = found.layers;
+      one.limited_by = found.limited_by;
+      if (best && one.time_s >= least_s) continue;
+      least_s = one.time_s;
+      best = std::move(found);
+      for (PlanOrientation& other : all) other.chosen = false;
+      one.chosen = true;
+    } catch (const InfeasibleError& e) {
+      one.limited_by = e.what();
+      if (refused.empty()) {
+        refused = fmt::format("orientation {},{},{}: {}", r[0], r[1], r[2], e.what());
+      }
+    }
+  }
+  if (!best) throw InfeasibleError("no orientation prints this part as asked; " + refused);
+  best->orientations = std::move(all);
+  return std::move(*best);
+}
+
 int plan(const PlanOptions& o, const ExecutionContext& context, Console& console) {
   const auto start = std::chrono::steady_clock::now();
   check_outputs(o);
@@ -75,8 +147,10 @@ int plan(const PlanOptions& o, const ExecutionContext& context, Console& console
                      "has no [stage] variable_speed = true; expected it with --slice-speeds");
   }
   tell_notices(setup, nullptr, context);
-  const auto part = read_input(o, setup.printer, context);
-  const PrintPlan found = plan_print(*part, setup, ask, context);
+  const PrintPlan found =
+      o.orientations.empty()
+          ? plan_print(*read_input(o, setup.printer, context), setup, ask, context)
+          : plan_orientations(o, setup, ask, context);
   if (!o.json.empty()) print_or_write(o.json, found.to_json());
   if (o.json != "-") print_result(plan_text(found));
   if (!o.slice_speeds.empty()) {
@@ -141,6 +215,19 @@ void add_plan(Program& program, PlanOptions& o) {
          "finely, low gaps darker), uv (less UV light)")
       ->delimiter(',')
       ->check(CLI::IsMember({"lamp", "omega-max", "edge-aim", "uv"}));
+  sub->add_option(
+         "--dose-factors", o.ask.free.dose_factors,
+         "Doses to aim at, over the gel dose, that may be chosen in place of the resin's: lower "
+         "ones print faster, and softer")
+      ->delimiter(',')
+      ->check(CLI::Range(1.0, 1000.0));
+  sub->add_option("--orientations", o.orientations,
+                  "Ways in which the meshes may lie, each X,Y,Z as for --rotate-deg: the one that "
+                  "prints in the least time is planned, and all are told");
+  sub->add_option("--tolerance-points", o.ask.tolerance_points,
+                  "Points of the curve of speed over tolerance; 0: none")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str();
   sub->add_option("--points", o.ask.curve_points, "Points of the curve over speed; 0: none")
       ->check(CLI::Range(0, 200))
       ->capture_default_str();
@@ -148,8 +235,10 @@ void add_plan(Program& program, PlanOptions& o) {
   sub->add_option(
       "--slice-speeds", o.slice_speeds,
       "Write the speed of each slice as CSV to FILE, where the printer's stage may change "
-      "its speed and suction holds slices back");
-  sub->add_option("-o,--output", o.output, "Draw speed against contrast and errors (.svg)");
+      "its speed and that saves time");
+  sub->add_option(
+      "-o,--output", o.output,
+      "Draw speed against contrast and errors, against tolerance, and along the height (.svg)");
 }
 
 }  // namespace slicecorr::cli

@@ -15,7 +15,7 @@ struct PlanOptions {
   SetupOptions setup;
   PlanAsk ask;
   double light_error_percent = 1;
-  std::vector<std::string> free;
+  std::vector<std::string> free, orientations;
   std::string json, output, slice_speeds;
 };
 

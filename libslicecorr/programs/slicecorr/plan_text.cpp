@@ -65,10 +65,30 @@ std::string plan_text(const PrintPlan& plan) {
       pace(plan.at), continuous ? "fastest" : "least exposure", plan.ask.tolerance_um,
       plan.ask.gap_contrast, plan.limited_by, plan.limit, time_in_words(plan.at.time_s),
       plan.at.extra_slices);
+  if (!plan.slice_speed_mm_h.empty()) {
+    const Process& p = plan.setup.process;
+    const double time_s = plan.along_z ? plan.along_z->time_s : plan.at.time_s;
+    text += fmt::format("speeds of slices: {}; {}, {:.1f} % less than with one speed\n",
+                        speeds_in_words(p), time_in_words(time_s),
+                        100 * (1 - time_s / plan.uniform_time_s));
+    if (plan.along_z) {
+      text += fmt::format("  edges off by {:.3f} um at most", plan.along_z->max_abs_um);
+      if (plan.along_z->contrast_at.x >= 0) {
+        text += fmt::format(", contrast {:.4f} at least", plan.along_z->contrast);
+      }
+      text += "\n";
+    }
+    text += fmt::format(
+        "  correct takes --speed-mm-h {:g} --slice-speed-mm-h FILE{}, FILE from --slice-speeds\n",
+        p.speed_mm_h, slices_differ(p) ? " --slice-lamps stay" : "");
+  }
   if (!plan.with.empty()) {
     text += "with " + plan.with;
     if (plan.setup.process.edge_aim_um > 0) {
       text += fmt::format(": correct takes --edge-aim-um {:g}", plan.setup.process.edge_aim_um);
+    }
+    if (plan.dose_factor) {
+      text += fmt::format(": correct takes --dose-factor {:g}", *plan.dose_factor);
     }
     text += "\n";
   }
@@ -108,6 +128,15 @@ std::string plan_text(const PrintPlan& plan) {
                     "mean, um", "most, um", "contrast", "time");
     for (const PlanPoint& p : plan.curve) text += row(p) + "\n";
   }
+  if (!plan.tolerances.empty()) {
+    text += fmt::format("  {:>13}  {:>12}  {:>12}  {}\n", "tolerance, um",
+                        continuous ? "speed" : "exposure", "time", "limited by");
+    for (const PlanTolerance& t : plan.tolerances) {
+      text += fmt::format("  {:>13g}  {:>12}  {:>12}  {}\n", t.tolerance_um,
+                          t.at ? pace(*t.at) : std::string("none"),
+                          t.at ? time_in_words(t.at->time_s) : std::string("-"), t.limited_by);
+    }
+  }
   if (!plan.steps.empty()) {
     text += "the next step, by closed forms:\n";
     for (const PlanStep& s : plan.steps) {
@@ -116,6 +145,17 @@ std::string plan_text(const PrintPlan& plan) {
           s.speed_mm_h ? fmt::format("{:.2f} mm/h", *s.speed_mm_h) : std::string("no speed"),
           s.held_back ? " (held back by stage or suction)" : "",
           s.best ? fmt::format("; best contrast {:.4f}", s.best->contrast) : "");
+    }
+  }
+  if (!plan.orientations.empty()) {
+    text += "orientations, turned by X,Y,Z degrees:\n";
+    for (const PlanOrientation& o : plan.orientations) {
+      const std::string turned =
+          fmt::format("{:g},{:g},{:g}", o.rotate_deg[0], o.rotate_deg[1], o.rotate_deg[2]);
+      text += o.prints
+                  ? fmt::format("  {:<14} {:>12} slices in {}, limited by {}{}\n", turned, o.layers,
+                                time_in_words(o.time_s), o.limited_by, o.chosen ? "; chosen" : "")
+                  : fmt::format("  {:<14} {}\n", turned, o.limited_by);
     }
   }
   for (const std::string& note : plan.notes) text += "note: " + note + "\n";

@@ -286,7 +286,7 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Executio
         setup.exposure_s > 0 || setup.bottom_exposure_s > 0 || setup.bottom_layers >= 0 ||
         setup.fade_layers >= 0 || setup.dead_zone_um > 0 || !setup.uv_schedule.empty() ||
         !setup.window_cure.empty() || !setup.ramp.empty() || setup.ramp_mm > 0 ||
-        !setup.slice_speeds.empty()) {
+        !setup.slice_speeds.empty() || !setup.slice_lamps.empty()) {
       wrong(
           "a stationary exposure has a resin, intensities and a time; expected no printer, speed, "
           "mode or schedule with --stationary");

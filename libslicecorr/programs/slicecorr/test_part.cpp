@@ -2,11 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <array>
+#include <filesystem>
+#include <fstream>
 #include <optional>
 
 #include "programs/common/make_part.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/measuring_form.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/test_part.hpp"
 #include "slicecorr/tuning_part.hpp"
@@ -15,6 +19,12 @@
 namespace slicecorr::cli {
 
 namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array kKinds = {TuningPartKind::comb, TuningPartKind::staircase,
+                               TuningPartKind::wedge, TuningPartKind::dead_zone,
+                               TuningPartKind::flat_field};
 
 /// One slice as the display shows it.
 GreyImage picture_of(const SliceSource& slices) {
@@ -26,51 +36,89 @@ GreyImage picture_of(const SliceSource& slices) {
   return image;
 }
 
-int tuning_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
-  if (!o.picture.empty()) throw InputError("--picture is of the part `spread`; expected --sheet");
+/// Where the table and the sheet go: beside the stack where nothing else was asked for.
+struct Beside {
+  std::string form, sheet;
+  explicit Beside(const TestPartOptions& o)
+      : form(o.form.empty() ? beside(o, ".csv") : o.form),
+        sheet(o.sheet.empty() ? beside(o, ".html") : o.sheet) {
+    const std::vector<std::string> inputs = {o.printer, o.resin, o.output};
+    check_output(o.output, {o.printer, o.resin});
+    check_output(form, inputs);
+    check_output(sheet, inputs);
+    if (form == sheet) throw InputError("--form and --sheet are the same file; expected two");
+  }
+  static std::string beside(const TestPartOptions& o, const char* ending) {
+    return fs::path(o.output).replace_extension(ending).string();
+  }
+  std::string form_name() const { return fs::path(form).filename().string(); }
+  /// What was measured is not written over.
+  void check(const std::string& text) const {
+    std::ifstream in(form, std::ios::binary);
+    if (!in) return;
+    const std::string there{std::istreambuf_iterator<char>(in), {}};
+    if (there.empty() || there == text || !fs::is_regular_file(form)) return;
+    throw InputError(form, "",
+                     "is there already, and is not the empty table of this part: measurements are "
+                     "not written over; expected another name by --form, or move it away");
+  }
+  void write(const std::string& form_text, const std::string& page) const {
+    write_text_file(form, form_text);
+    write_text_file(sheet, page);
+  }
+};
+
+int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionContext& context,
+                Console& console) {
+  if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
   StackFile file(o.output);
   file.format = o.format;
   format_of(file);
-  for (const std::string& output : {o.output, o.form, o.sheet}) {
-    check_output(output, {o.printer, o.resin});
-  }
+  const Beside beside(o);
   const Printer printer = load_printer(o.printer);
   std::optional<Resin> resin;
   if (!o.resin.empty()) resin = load_resin(o.resin);
-  const TuningPart part(o.kind == "comb" ? TuningPartKind::comb : TuningPartKind::staircase,
-                        printer, resin ? &*resin : nullptr, o.layer_um);
+  TuningPart::Ask ask;
+  ask.layer_um = o.layer_um;
+  ask.resin = resin ? &*resin : nullptr;
+  ask.uv_mw_cm2 = o.uv_mw_cm2;
+  ask.exposure_s = o.exposure_s;
+  const TuningPart part(kind, printer, ask);
+  const std::string form = form_text(part.form());
+  beside.check(form);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  if (!o.form.empty()) write_text_file(o.form, part.form());
-  if (!o.sheet.empty()) write_text_file(o.sheet, part.sheet());
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
   const StackInfo info = write_target(*fitted, file, context);
-  console.say(fmt::format("{}: {} images, {} places to measure", o.output, info.grid.layers,
-                          part.rows().size()));
+  console.say(fmt::format("{}: {} images, {} places to measure; fill in {}, print {}", o.output,
+                          info.grid.layers, part.rows().size(), beside.form, beside.sheet));
   return kDone;
 }
 
 int test_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
-  if (o.kind != "spread") return tuning_part(o, context, console);
-  if (!o.sheet.empty() || !o.resin.empty()) {
-    throw InputError("--sheet and --resin are of combs and staircases; expected `testpart comb`");
+  for (const TuningPartKind kind : kKinds) {
+    if (o.kind == word_of(kind)) return tuning_part(kind, o, context, console);
   }
   StackFile file(o.output);
   file.format = o.format;
   format_of(file);
-  check_output(o.output, {o.printer});
-  for (const std::string& output : {o.form, o.picture}) check_output(output, {o.printer, o.output});
+  const Beside beside(o);
+  check_output(o.picture, {o.printer, o.output});
   const Printer printer = load_printer(o.printer);
   const SpreadTestPart part(printer, o.layer_um, o.height_um);
+  const std::string form = form_text(part.form());
+  beside.check(form);
   const FittedSlices shown = FittedSlices::for_display(part, printer, folder_of(o.output), context);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  if (!o.form.empty()) write_text_file(o.form, part.form());
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
   if (!o.picture.empty()) {
     const auto png = encode_png(picture_of(*shown));
     write_text_file(o.picture, {png.begin(), png.end()});
   }
   const StackInfo info = write_target(*fitted, file, context);
-  console.say(fmt::format("{}: {} slices, {:.4f} ml; lines and gaps of {:g} to {:g} um", o.output,
-                          info.grid.layers, info.part_volume_mm3 * 1e-3,
-                          part.features().front().width_um, part.features().back().width_um));
+  console.say(fmt::format(
+      "{}: {} slices, {:.4f} ml; lines and gaps of {:g} to {:g} um; fill in {}, print {}", o.output,
+      info.grid.layers, info.part_volume_mm3 * 1e-3, part.features().front().width_um,
+      part.features().back().width_um, beside.form, beside.sheet));
   return kDone;
 }
 
@@ -78,28 +126,42 @@ int test_part(const TestPartOptions& o, const ExecutionContext& context, Console
 
 void add_test_part(Program& program, TestPartOptions& o) {
   CLI::App* sub = program.add(
-      "testpart", "Make a part to print and measure, for `resinctl fit-spread` and `resinctl tune`",
+      "testpart",
+      "Make a part to print and measure, with a sheet that says how and a table to fill in",
       [&o](const ExecutionContext& context, Console& console) {
         return test_part(o, context, console);
       });
-  sub->add_option("KIND", o.kind,
-                  "spread (lines and gaps, for fit-spread), comb or staircase (for tune)")
-      ->check(CLI::IsMember({"spread", "comb", "staircase"}))
+  sub->add_option(
+         "KIND", o.kind,
+         "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
+         "printed), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
+         "(lines and gaps), flat-field (plugs all over the plate)")
+      ->check(CLI::IsMember({"spread", "comb", "staircase", "wedge", "dead-zone", "flat-field"}))
       ->capture_default_str();
-  sub->add_option("--resin", o.resin, "Resin of a staircase: a .toml file or a name");
-  sub->add_option("--sheet", o.sheet, "Comb, staircase: write what to measure where (.html)");
+  sub->add_option("--resin", o.resin,
+                  "Resin of a staircase, wedge or flat-field: a .toml file or a name");
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("-o,--output", o.output, "Stack to write (.uvj, or another format)")->required();
+  sub->add_option("--form", o.form, "The table to fill in (.csv) [beside the stack]");
+  sub->add_option("--sheet", o.sheet, "What to measure where, to print (.html) [beside the stack]");
   sub->add_option("--layer-um", o.layer_um, "Height of the layers")
       ->check(number_in(1, 1000))
       ->capture_default_str();
-  sub->add_option("--height-um", o.height_um, "Height of the part; one layer: a thin film")
+  sub->add_option("--height-um", o.height_um, "spread: height of the part; one layer: a thin film")
       ->check(number_in(1, 1e5))
       ->capture_default_str();
+  sub->add_option("--uv-mw-cm2", o.uv_mw_cm2, "dead-zone: UV light at the window")
+      ->check(number_in(0, 1e6, true));
+  sub->add_option("--exposure-s", o.exposure_s, "dead-zone: how long plugs are lit")
+      ->check(number_in(0, 1e6, true))
+      ->capture_default_str();
   sub->add_option("--format", o.format, "Format of the archive, where its name does not tell");
-  sub->add_option("--form", o.form, "Write the table to fill in (.csv)");
-  sub->add_option("--picture", o.picture,
-                  "Write a slice as the display shows it, for a camera at the window (.png)");
+  sub->add_option(
+      "--picture", o.picture,
+      "spread: write a slice as the display shows it, for a camera at the window (.png)");
+  sub->footer(
+      "Example:\n  slicecorr testpart staircase --printer my-printer.toml --resin my-resin.toml -o "
+      "stairs.uvj\n");
 }
 
 }  // namespace slicecorr::cli

@@ -9,7 +9,7 @@ namespace slicecorr::cli {
 
 struct TestPartOptions {
   std::string printer, output, format, form, picture, kind = "spread", resin, sheet;
-  double layer_um = 50, height_um = 500;
+  double layer_um = 50, height_um = 500, uv_mw_cm2 = 0, exposure_s = 30;
 };
 void add_test_part(Program& program, TestPartOptions& options);
 

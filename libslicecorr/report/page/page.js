@@ -39,7 +39,50 @@ function moveTo(cells) {
 }
 const cellOfPixel = (axis, value) => Math.floor((value - (axis < 2 ? data.box[axis] : 0)) / data.step[axis]);
 
+// The cell that is furthest wrong, and why: wrong voxels come before height errors, and where all are alike the
+// one with most wrong neighbours, which is what a person would look at.
+async function worstPlace(side) {
+  const state = (await load.state())[side], error = (await load.error())[side];
+  let best = null;
+  for (let k = 0, at = 0; k < data.cells[2]; ++k) {
+    for (let j = 0; j < data.cells[1]; ++j) {
+      for (let i = 0; i < data.cells[0]; ++i, ++at) {
+        const wrong = state[at] & (CURE_THROUGH | UNDERCURE);
+        const um = Math.abs(errorOf(error[at])) || 0;
+        if (!wrong && !um) continue;
+        const weight = (wrong ? 1e6 : 0) + um;
+        if (best && weight < best.weight) continue;
+        let around = 0;
+        if (wrong) {
+          for (let b = Math.max(0, j - 2); b <= Math.min(data.cells[1] - 1, j + 2); ++b) {
+            for (let a = Math.max(0, i - 2); a <= Math.min(data.cells[0] - 1, i + 2); ++a) {
+              around += state[cellAt(a, b, k)] & wrong ? 1 : 0;
+            }
+          }
+        }
+        if (!best || weight > best.weight || around > best.around) best = { i, j, k, wrong, um: errorOf(error[at]), weight, around };
+      }
+    }
+  }
+  return best;
+}
+function wordsOfPlace(side, place) {
+  const whose = side ? "This stack" : "Uncorrected";
+  if (!place) return `${whose}: no voxel is wrong and no edge is off.`;
+  const what = place.wrong & CURE_THROUGH ? "light cures a gap through here" : place.wrong ? "a feature stays liquid here"
+    : `the largest height error, ${place.um > 0 ? "+" : "−"}${Math.abs(place.um).toPrecision(2)} um (${place.um > 0 ? "reaches too far" : "stays behind"})`;
+  const at = [["column", 0, place.i], ["row", 1, place.j], ["slice", 2, place.k]].map(([name, axis, cell]) => `${name} ${voxelOf(axis, cell).words}`);
+  return `${whose}: ${what}. Image ${at.join(", ")}.`;
+}
+async function goToWorst(side) {
+  const place = await worstPlace(side);
+  $("worst-words").textContent = wordsOfPlace(side, place);
+  if (place) await moveTo({ column: place.i, row: place.j, slice: place.k });
+}
+
 function startControls() {
+  $("worst-after").addEventListener("click", () => goToWorst(1));
+  $("worst-before").addEventListener("click", () => goToWorst(0));
   for (const name in controls) {
     const slider = $(name);
     slider.min = 0;
@@ -152,6 +195,8 @@ async function selftest(firstPicture) {
     check("no sideways scroll", document.documentElement.scrollWidth <= document.documentElement.clientWidth);
     check("buttons and fields are named", [...document.querySelectorAll("button, input")].every((e) =>
       (e.labels && e.labels.length) || e.textContent.trim() || e.getAttribute("aria-label")));
+    await goToWorst(0);
+    check("the worst place is told", $("worst-words").textContent.startsWith("Uncorrected: "));
     check("states read", (await load.state()).every((s) => s.length === data.cells[0] * data.cells[1] * data.cells[2]));
     result.wrong = (await load.state()).map((s) => [s.reduce((n, v) => n + (v & CURE_THROUGH), 0), s.reduce((n, v) => n + (v >> 1 & 1), 0)]);
     result.ok = Object.values(result.checks).every(Boolean);
@@ -179,6 +224,14 @@ async function start() {
   view.row = cellOfPixel(1, data.start[1]);
   view.column = cellOfPixel(0, data.start[0]);
   view.slice = cellOfPixel(2, data.start[2]);
+  // What is wrong tells more than the middle does: of this stack, else of what it corrects.
+  for (const side of [1, 0]) {
+    const place = await worstPlace(side);
+    if (!place?.wrong) continue;
+    [view.column, view.row, view.slice] = [place.i, place.j, place.k];
+    $("worst-words").textContent = `Opened at the worst place. ${wordsOfPlace(side, place)}`;
+    break;
+  }
   startControls();
   startSolid();
   sayPlaces();

@@ -32,6 +32,26 @@ function aspectOf(section) {
   return { ratio: Math.min(3, Math.max(1 / 3, true_)), true_ };
 }
 
+// 1, 2 or 5 times a power of ten, at most a third of the width.
+function scaleUm(wide) {
+  const most = wide / 3, ten = 10 ** Math.floor(Math.log10(most));
+  return (most >= 5 * ten ? 5 : most >= 2 * ten ? 2 : 1) * ten;
+}
+const lengthWords = (um) => (um >= 1000 ? `${um / 1000} mm` : `${um} um`);
+function drawScale(context, width, height, wide) {
+  const um = scaleUm(wide), long = um / wide * width;
+  const [paper, ink] = [colours.paper, colours.fg].map((c) => `rgb(${c.join()})`);
+  context.fillStyle = paper;
+  context.font = "16px system-ui, sans-serif";
+  const words = lengthWords(um);
+  context.globalAlpha = 0.8;
+  context.fillRect(4, height - 32, Math.max(long, context.measureText(words).width) + 12, 28);
+  context.globalAlpha = 1;
+  context.fillStyle = ink;
+  context.fillRect(10, height - 12, long, 3);
+  context.fillText(words, 10, height - 16);
+}
+
 function drawSection(name, side, state, field) {
   const section = sections[name], canvas = $(`${name}-${side ? "after" : "before"}`);
   const nu = data.cells[section.across], nv = data.cells[section.down];
@@ -95,9 +115,21 @@ function drawSection(name, side, state, field) {
   context.moveTo(0, (place[1] + 0.5) * height / nv);
   context.lineTo(width, (place[1] + 0.5) * height / nv);
   context.stroke();
-  const words = `${counts[CURE_THROUGH]} cells with cure-through, ${counts[UNDERCURE]} with undercure`;
+  context.setLineDash([]);
+  drawScale(context, width, height, lengthUm(section.across));
+  const words = `${counts[CURE_THROUGH].toLocaleString("en")} cells with cure-through, ${counts[UNDERCURE].toLocaleString("en")} with undercure`;
   canvas.setAttribute("aria-label", `${side ? "this stack" : "uncorrected"}: ${words}`);
   return words;
+}
+
+// "x 12.0 to 48.0 mm": image rows run against y, and in the section along y it grows to the right.
+function extent(axis, falling) {
+  const um = data.voxelUm[axis];
+  const from = axis === 2 ? 0 : axis === 0 ? data.box[0] : data.image[1] - data.box[3];
+  const to = axis === 2 ? data.layers : axis === 0 ? data.box[2] : data.image[1] - data.box[1];
+  const ends = [from, to].map((end) => (end * um / 1000).toFixed(1));
+  if (falling) ends.reverse();
+  return `${"xyz"[axis]} ${ends.join(" to ")} mm`;
 }
 
 async function drawSections() {
@@ -111,7 +143,8 @@ async function drawSections() {
     const stretched = Math.abs(ratio / true_ - 1) > 0.01;
     const factor = Math.max(ratio / true_, true_ / ratio);
     $(`${name}-words`).textContent =
-      `Uncorrected: ${words[0]}. This stack: ${words[1]}.` +
+      `Uncorrected: ${words[0]}. This stack: ${words[1]}. ` +
+      `${extent(sections[name].across)} from left to right, ${extent(sections[name].down, name === "xy")} downwards.` +
       (name === "xy" ? " Seen as the image is." : " Platform up.") +
       (stretched ? ` The shorter side is stretched ${factor.toFixed(1)} times.` : "");
     said ||= words[1];

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "slicecorr/error.hpp"
+#include "stack/container/binary_file.hpp"
 #include "stack/container/container_output.hpp"
 #include "stack/container/folder_container.hpp"
 #include "stack/container/tar_container.hpp"
@@ -74,10 +75,12 @@ ContainerKind container_kind(const std::string& path) {
   refuse_known_file(path);
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) throw InputError(errno_message(path, "can't be read"));
-  std::uint8_t magic[2] = {};
-  const ssize_t n = ::read(file, magic, sizeof magic);
+  char start[16] = {};
+  const ssize_t n = ::read(file, start, sizeof start);
   ::close(file);
-  if (n == 2 && magic[0] == 0x1f && magic[1] == 0x8b) return ContainerKind::tar_gz;
+  const std::string_view magic(start, n > 0 ? static_cast<std::size_t>(n) : 0);
+  if (magic.starts_with("\x1f\x8b")) return ContainerKind::tar_gz;
+  if (is_binary_print_file(magic)) return ContainerKind::binary;
   return ContainerKind::zip;
 }
 
@@ -89,6 +92,8 @@ std::unique_ptr<Container> open_container(const std::string& path,
       return open_tar_gz(path, scratch_folder, context);
     case ContainerKind::folder:
       return open_folder(path);
+    case ContainerKind::binary:
+      return std::make_unique<BinaryFile>(path);
     default:
       return std::make_unique<ZipInput>(path);
   }
@@ -135,6 +140,8 @@ std::unique_ptr<ContainerOutput> make_container_output(const std::string& path, 
       return make_tar_gz_output(path, keep_from);
     case ContainerKind::folder:
       return make_folder_output(path, keep_from);
+    case ContainerKind::binary:
+      return std::make_unique<BinaryOutput>(path, keep_from);
     default:
       return std::make_unique<ZipOutput>(path, keep_from, images);
   }

@@ -1,5 +1,6 @@
 /// @file container.hpp
-/// The files in an archive, whatever holds them: a zip, a tar.gz or a folder.
+/// The files in an archive, whatever holds them: a zip, a tar.gz, a folder or what lies beside a
+/// binary file.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +13,7 @@
 
 namespace slicecorr::detail {
 
-enum class ContainerKind { zip, tar_gz, folder };
+enum class ContainerKind { zip, tar_gz, folder, binary };
 
 /// An archive opened for reading. Doubled, encrypted, overlapping or strangely named entries are
 /// refused with `InputError`. Folders are not listed as entries.

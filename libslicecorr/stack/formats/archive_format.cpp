@@ -8,6 +8,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/units.hpp"
 #include "stack/formats/known_foreign.hpp"
 #include "stack/png/png.hpp"
@@ -27,11 +28,27 @@ std::string list_of_formats() {
 }  // namespace
 
 const std::vector<const ArchiveFormat*>& all_archive_formats() {
-  static const std::vector<const ArchiveFormat*> formats{
-      &uvj_format(),   &sl1_format(),         &chitubox_zip_format(), &generic_zip_format(),
-      &vdt_format(),   &rgb_nanodlp_format(), &nanodlp_format(),      &rgb_cws_format(),
-      &cws_format(),   &ember_zip_format(),   &ember_tar_format(),    &vda_format(),
-      &folder_format()};
+  static const std::vector<const ArchiveFormat*> formats{&uvj_format(),
+                                                         &sl1_format(),
+                                                         &chitubox_zip_format(),
+                                                         &generic_zip_format(),
+                                                         &vdt_format(),
+                                                         &rgb_nanodlp_format(),
+                                                         &nanodlp_format(),
+                                                         &rgb_cws_format(),
+                                                         &cws_format(),
+                                                         &ember_zip_format(),
+                                                         &ember_tar_format(),
+                                                         &vda_format(),
+                                                         &folder_format(),
+                                                         &ctb_format(),
+                                                         &photon_format(),
+                                                         &goo_format(),
+                                                         &photon_workshop_format(),
+                                                         &phz_format(),
+                                                         &fdg_format(),
+                                                         &cxdlp_format(),
+                                                         &lgs_format()};
   return formats;
 }
 
@@ -169,6 +186,12 @@ std::vector<FormatInfo> archive_formats() {
         {std::string(f->name()), std::string(f->what()), {endings.begin(), endings.end()}});
   }
   return list;
+}
+
+FormatLimits limits_of_format(const std::string& name) {
+  const detail::ArchiveFormat& format = detail::format_named(name, "");
+  const detail::LayerCodecPtr codec = format.new_codec({.width_px = 1, .height_px = 1});
+  return {format.made_new(), codec ? detail::levels_of(codec->shown()) : 256};
 }
 
 std::string format_of(const StackFile& file, const std::string& like) {

@@ -15,6 +15,7 @@
 #include "stack/container/container_output.hpp"
 #include "stack/formats/exposure_pattern.hpp"
 #include "stack/formats/key_value_text.hpp"
+#include "stack/layer_code/codes.hpp"
 
 namespace slicecorr::detail {
 
@@ -45,6 +46,15 @@ struct ArchiveContents {
   /// CRC-32 of the values of `info.printer`'s flat-field, whose picture is an entry of its own.
   std::optional<std::uint32_t> flat_field_crc32;
   std::optional<RecordingFacts> recording;  ///< of a recorded stack
+  /// Of a binary file: the code of its layers, and where their pieces lie, those of layer n from
+  /// n * codec->pieces() on; `images` is empty then.
+  LayerCodecPtr codec;
+  /// What else a binary file says, for people: name and value.
+  std::vector<std::pair<std::string, std::string>> facts;
+  struct Place {
+    std::uint64_t offset = 0, size = 0;
+  };
+  std::vector<Place> places;
   std::vector<std::string> warnings;
 };
 
@@ -53,6 +63,15 @@ struct ArchiveContents {
 struct ImageChecksums {
   std::uint32_t slices = 0;
   std::optional<std::uint32_t> uv{}, edges{};
+};
+
+/// The coded layers of a binary file that is written.
+struct CodedLayers {
+  const LayerCodec& codec;
+  std::vector<std::uint64_t> sizes{};       ///< of pieces, those of layer n from n * pieces() on
+  std::vector<std::uint64_t> lit_pixels{};  ///< of each layer
+  /// Appends a piece, by its place in `sizes`. Lives as long as what is written.
+  std::function<void(std::size_t piece, std::vector<std::uint8_t>& out)> append{};
 };
 
 /// What is to be written besides images.
@@ -67,6 +86,7 @@ struct ArchiveRequest {
   /// Whether the exposure times of `info` are to replace those of the kept archive.
   bool exposure_changes = true;
   std::vector<std::string>* warnings = nullptr;  ///< what the format can't say is told here
+  const CodedLayers* layers = nullptr;           ///< of a binary format
 };
 
 /// Stateless and thread-safe.
@@ -81,6 +101,10 @@ class ArchiveFormat {
   /// Whether images of new archives are RGB-packed.
   virtual bool packs_rgb() const { return false; }
   virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
+  /// Whether archives are made from nothing; else only such that are there are changed.
+  virtual bool made_new() const { return true; }
+  /// Of binary formats, the code of a new file.
+  virtual LayerCodecPtr new_codec(const Grid&) const { return nullptr; }
 
   /// Whether the archive is of this format, by the names of its entries and, where those do not
   /// tell, by contents. Called only for archives in the format's own kind of container.
@@ -88,7 +112,8 @@ class ArchiveFormat {
   /// Throws `InputError` on anything damaged, missing, misnamed or absurdly large. Sizes of images
   /// that the archive does not say are read with `image_size`.
   virtual ArchiveContents read(const Container& archive) const = 0;
-  /// Adds all entries but the images, and gives the names of the images of slices 0, 1, ...
+  /// Adds all entries but the images, and gives the names of the images of slices 0, 1, ... Binary
+  /// formats add the pieces of the whole file, with its layers, and give no names.
   virtual std::vector<std::string> write(const ArchiveRequest& request,
                                          ContainerOutput& output) const = 0;
 };
@@ -129,6 +154,13 @@ ImageSize image_size(const Container& archive, const std::string& name);
 /// `check_block`).
 ArchiveContents read_contents(const Container& archive);
 
+}  // namespace slicecorr::detail
+namespace slicecorr {
+/// Whether each of the printer's levels comes back as itself.
+bool file_holds_levels(const detail::ShownGrey& shown, const Printer& printer);
+}  // namespace slicecorr
+namespace slicecorr::detail {
+
 /// Our block as a file of its own, for formats that have no place for it.
 inline constexpr const char* kProvenanceEntry = "slicecorr.json";
 
@@ -146,5 +178,13 @@ const ArchiveFormat& vda_format();
 const ArchiveFormat& ember_zip_format();
 const ArchiveFormat& ember_tar_format();
 const ArchiveFormat& folder_format();
+const ArchiveFormat& ctb_format();
+const ArchiveFormat& photon_format();
+const ArchiveFormat& goo_format();
+const ArchiveFormat& photon_workshop_format();
+const ArchiveFormat& phz_format();
+const ArchiveFormat& fdg_format();
+const ArchiveFormat& cxdlp_format();
+const ArchiveFormat& lgs_format();
 
 }  // namespace slicecorr::detail

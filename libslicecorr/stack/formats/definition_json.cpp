@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
@@ -207,9 +209,69 @@ Json printer_json(const Printer& p) {
   return json;
 }
 
+namespace {
+
+/// Figures of a chemistry, with their keys and the most that they may be; all of them above 0 but for
+/// those that may be 0.
+struct ChemistryFigure {
+  const char* key;
+  double Chemistry::*member;
+  double most;
+  bool above_0;
+};
+constexpr ChemistryFigure kChemistryFigures[] = {
+    {"groups_mol_l", &Chemistry::groups_mol_l, kMostConcentration, true},
+    {"initiator_mol_l", &Chemistry::initiator_mol_l, kMostConcentration, true},
+    {"oxygen_mol_l", &Chemistry::oxygen_mol_l, kMostConcentration, false},
+    {"inhibitor_mol_l", &Chemistry::inhibitor_mol_l, kMostConcentration, false},
+    {"wavelength_nm", &Chemistry::wavelength_nm, 2000, true},
+    {"absorptivity_e_l_mol_cm", &Chemistry::absorptivity_l_mol_cm, kMostAbsorptivity * 3, true},
+    {"other_absorption_per_cm", &Chemistry::other_absorption_per_cm, 1e6, false},
+    {"quantum_yield", &Chemistry::quantum_yield, 1, true},
+    {"initiation_l_mol_s", &Chemistry::initiation_l_mol_s, kMostRate, true},
+    {"propagation_l_mol_s", &Chemistry::propagation_l_mol_s, kMostRate, true},
+    {"termination_pairs_l_mol_s", &Chemistry::termination_l_mol_s, kMostRate, true},
+    {"oxygen_l_mol_s", &Chemistry::oxygen_l_mol_s, kMostRate, false},
+    {"initiator_oxygen_l_mol_s", &Chemistry::initiator_oxygen_l_mol_s, kMostRate, false},
+    {"inhibitor_l_mol_s", &Chemistry::inhibitor_l_mol_s, kMostRate, false},
+    {"gel_conversion", &Chemistry::gel_conversion, 1, true},
+    {"temperature_k", &Chemistry::temperature_k, 1000, true},
+};
+constexpr std::pair<const char*, std::optional<double> Chemistry::*> kDiffusivities[] = {
+    {"initiator_um2_s", &Chemistry::initiator_um2_s},
+    {"radical_um2_s", &Chemistry::radical_um2_s},
+    {"oxygen_um2_s", &Chemistry::oxygen_um2_s},
+    {"inhibitor_um2_s", &Chemistry::inhibitor_um2_s},
+};
+
+Json chemistry_json(const Chemistry& c) {
+  Json json = Json::object();
+  if (!c.family.empty()) json["family"] = c.family;
+  for (const ChemistryFigure& f : kChemistryFigures) json[f.key] = c.*f.member;
+  for (const auto& [key, member] : kDiffusivities) {
+    if (c.*member) json[key] = *(c.*member);
+  }
+  return json;
+}
+
+Chemistry read_chemistry(const Node& node) {
+  Chemistry c;
+  if (node.has("family")) c.family = node["family"].string();
+  for (const ChemistryFigure& f : kChemistryFigures) {
+    c.*f.member = f.above_0 ? node[f.key].positive(f.most) : node[f.key].number(0, f.most);
+  }
+  if (c.gel_conversion >= 1) node["gel_conversion"].fail("a number below 1");
+  for (const auto& [key, member] : kDiffusivities) {
+    if (node.has(key)) c.*member = node[key].number(0, kMostDiffusivity);
+  }
+  return c;
+}
+
+}  // namespace
+
 Json resin_json(const Resin& r) {
   Json json = {{"name", r.name},
-               {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
+               {"model", name_of(r.model)},
                {"m", r.m},
                {"absorbance_height10_um", r.absorbance_height10_um},
                {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
@@ -219,6 +281,8 @@ Json resin_json(const Resin& r) {
   const auto given = [&](const char* key, double value) {
     if (value > 0) json[key] = value;
   };
+  given("gel_a_mj_cm2", r.gel_a_mj_cm2);
+  given("gel_b_sqrt_mw_cm2_s", r.gel_b_sqrt_mw_cm2_s);
   given("active_absorption_per_cm", r.active_absorption_per_cm);
   given("n", r.n);
   given("inhibition_dose_mj_cm3", r.inhibition_dose_mj_cm3);
@@ -233,6 +297,7 @@ Json resin_json(const Resin& r) {
                           {"m", r.inhibition->m},
                           {"critical_dose_prime", r.inhibition->critical_dose_prime}};
   }
+  if (r.chemistry) json["chemistry"] = chemistry_json(*r.chemistry);
   return json;
 }
 
@@ -287,14 +352,18 @@ Printer read_printer(const Node& node) {
 Resin read_resin(const Node& node) {
   Resin r;
   r.name = node["name"].string();
-  r.model = node["model"].choice({"jacobs", "kinetic"}) == 1 ? CureModelKind::kinetic
-                                                             : CureModelKind::jacobs;
+  constexpr CureModelKind models[] = {CureModelKind::jacobs, CureModelKind::kinetic,
+                                      CureModelKind::gel_time};
+  r.model = models[node["model"].choice({"jacobs", "kinetic", "gel-time"})];
   r.m = node["m"].positive(2);
   r.absorbance_height10_um = node["absorbance_height10_um"].positive();
   r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, kLargest);
   r.critical_dose_prime = node["critical_dose_prime"].number(0, kLargest);
   r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, kLargest);
-  if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
+  if (r.has_gel_time()) {
+    r.gel_a_mj_cm2 = node["gel_a_mj_cm2"].positive();
+    r.gel_b_sqrt_mw_cm2_s = node["gel_b_sqrt_mw_cm2_s"].positive();
+  } else if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
     node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
   }
   if (node.has("dose_factor")) r.dose_factor = node["dose_factor"].positive();
@@ -317,6 +386,7 @@ Resin read_resin(const Node& node) {
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),
                               i["m"].positive(2), i["critical_dose_prime"].number(0, kLargest)};
   }
+  if (node.has("chemistry")) r.chemistry = read_chemistry(node["chemistry"]);
   return r;
 }
 

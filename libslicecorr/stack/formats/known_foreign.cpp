@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "stack/container/binary_file.hpp"
 #include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
@@ -15,42 +16,43 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// First bytes of binary print files: magic numbers as UVtools reads and writes them.
-struct Magic {
-  std::string_view bytes, what;
-};
 using namespace std::string_view_literals;
-constexpr Magic kMagics[] = {
-    {"\x19\x00\xfd\x12"sv, "a .cbddlp or .photon file (Chitubox)"},
-    {"\x86\x00\xfd\x12"sv, "a .ctb file (Chitubox)"},
-    {"\x06\x01\xfd\x12"sv, "a .ctb file (Chitubox, version 4)"},
-    {"\x07\x01\xfd\x12"sv, "an encrypted .ctb file (Chitubox)"},
-    {"\x10\x08\x22\xff"sv, "a .ctb file (UniFormation)"},
-    {"\xae\x83\xda\x9f"sv, "a .phz file (Chitubox)"},
-    {"ANYCUBIC\0"sv, "a Photon Workshop file (.pws, .pwmx and the like)"},
-    {"V3.0\x07\x00\x00\x00"
-     "DLP\0"sv,
-     "a .goo file (Elegoo)"},
+
+/// Print files that are encrypted: what their vendors do not want opened stays closed.
+struct Closed {
+  std::string_view bytes, ending, what, instead;
+};
+constexpr Closed kClosed[] = {
+    {"\x07\x01\xfd\x12"sv, "", "an encrypted .ctb file (Chitubox)",
+     "export it from the slicer as .goo or as .ctb without encryption, or correct it with UVtools and "
+     "slicecorr-uvtools"},
+    {"", ".form", "a .form file of Formlabs' PreForm, which is encrypted",
+     "slice the part with a program that exports images or .goo, .ctb and the like, for a printer that "
+     "takes these"},
 };
 
-/// Binary print files by their endings, for versions whose first bytes are not known.
+/// Other binary print files by their endings.
 struct Ending {
   std::string_view ending, what;
 };
 constexpr Ending kEndings[] = {
-    {".cbddlp", "a .cbddlp file (Chitubox)"},
-    {".photon", "a .photon file (Anycubic)"},
-    {".ctb", "a .ctb file (Chitubox)"},
-    {".phz", "a .phz file (Chitubox)"},
-    {".fdg", "a .fdg file (Voxelab)"},
-    {".goo", "a .goo file (Elegoo)"},
+    {".cbddlp", "no .cbddlp file of a known kind (Chitubox)"},
+    {".photon", "no .photon file of a known kind (Anycubic)"},
+    {".ctb", "no .ctb file of a known kind (Chitubox)"},
+    {".phz", "no .phz file of a known kind (Chitubox)"},
+    {".fdg", "no .fdg file of a known kind (Voxelab)"},
+    {".goo", "no .goo file of a known kind (Elegoo)"},
+    {".prz", "no .prz file of a known kind (Phrozen)"},
+    {".cxdlp", "no .cxdlp file of a known kind (Creality)"},
+    {".lgs", "no .lgs file of a known kind (Longer)"},
+    {".cxdlpv4", "a .cxdlpv4 file (Creality)"},
     {".lys", "a .lys scene of Lychee Slicer"},
     {".lyt", "a .lyt file of Lychee Slicer"},
-    {".cxdlp", "a .cxdlp file (Creality)"},
     {".mdlp", "a .mdlp file (Makerbase)"},
     {".gr1", "a .gr1 file (Workshop)"},
-    {".lgs", "a .lgs file (Longer)"},
     {".osla", "a .osla file"},
+    {".osf", "a .osf file (Vlare)"},
+    {".photons", "a .photons file (Anycubic)"},
     {".svgx", "a .svgx file (Flashforge)"},
 };
 /// Photon Workshop names its files for the printer: .pws, .pw0, .pwx, .pwmo, .pwma, .pm3 ...
@@ -64,9 +66,9 @@ bool is_photon_workshop(std::string_view ending) {
   throw InputError(
       path, "",
       "is " + std::string(what) +
-          ", whose binary layers can't be read; expected an archive of images: export it from the "
-          "slicer as .sl1, .cws, .nanodlp, .vdt or a zip of PNG images, or convert it with UVtools "
-          "to .uvj");
+          ", whose layers can't be read; expected an archive of images or a known binary file: export "
+          "it from the slicer as .goo, .ctb without encryption, .sl1, .cws, .nanodlp, .vdt or a zip "
+          "of PNG images, or convert it with UVtools to .uvj");
 }
 
 /// Most images that one layer of a Nordin print file shows.
@@ -119,17 +121,24 @@ void refuse_known_file(const std::string& path) {
   const ssize_t n = ::read(file, start, sizeof start);
   ::close(file);
   const std::string_view bytes(start, n > 0 ? static_cast<std::size_t>(n) : 0);
-  for (const Magic& magic : kMagics) {
-    if (bytes.starts_with(magic.bytes)) refuse(path, magic.what);
-  }
-  // Zip and gzip archives are recognised by their contents, whatever their names end in.
-  if (bytes.starts_with("PK") || bytes.starts_with("\x1f\x8b")) return;
   const std::string name = lower_case(path.substr(path.rfind('/') + 1));
   const std::size_t point = name.rfind('.');
-  if (point == std::string::npos) return;
-  const std::string_view ending = std::string_view(name).substr(point);
+  const std::string_view ending =
+      point == std::string::npos ? std::string_view() : std::string_view(name).substr(point);
+  for (const Closed& closed : kClosed) {
+    if (closed.bytes.empty() ? ending == closed.ending : bytes.starts_with(closed.bytes)) {
+      throw InputError(path, "",
+                       "is " + std::string(closed.what) +
+                           ", and is not opened; expected another: " + std::string(closed.instead));
+    }
+  }
+  // These are recognised by their contents, whatever their names end in.
+  if (is_binary_print_file(bytes)) return;
+  // Zip and gzip archives, too.
+  if (bytes.starts_with("PK") || bytes.starts_with("\x1f\x8b")) return;
+  if (ending.empty()) return;
   if (is_photon_workshop(ending))
-    refuse(path, "a Photon Workshop file (" + std::string(ending) + ")");
+    refuse(path, "no Photon Workshop file of a known kind (" + std::string(ending) + ")");
   for (const Ending& known : kEndings) {
     if (ending == known.ending) refuse(path, known.what);
   }

@@ -69,6 +69,7 @@ int block_format(const StackInfo& info) {
       info.printer && (info.printer->resin_depth_um > 0 || info.printer->platform_reflectance > 0);
   const bool spreads = info.printer && info.resin && info.process &&
                        light_spreads(*info.printer, *info.resin, *info.process);
+  if (shows_light && info.process && slices_differ(*info.process)) return 9;
   if (shows_light && info.process && !info.process->slice_speed_mm_h.empty()) return 8;
   if (info.process && info.process->even_dead_zone != EvenDeadZone::off) return 7;
   if (shows_light && (bath || spreads)) return 6;
@@ -106,6 +107,7 @@ Json process_json(const Process& p, int format) {
   json["ramp_mm"] = p.ramp_mm;
   json["window_cure"] = p.allow_window_cure ? "allow" : "refuse";
   if (!p.slice_speed_mm_h.empty()) json["slice_speed_mm_h"] = p.slice_speed_mm_h;
+  if (p.slice_lamps == SliceLamps::stay) json["slice_lamps"] = "stay";
   if (p.even_dead_zone != EvenDeadZone::off) json["even_dead_zone"] = name_of(p.even_dead_zone);
   if (p.even_light) json["even_light"] = even_light_json(*p.even_light);
   return json;

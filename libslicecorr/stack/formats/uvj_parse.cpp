@@ -134,6 +134,9 @@ void read_schedule(const Node& node, Process& p) {
   for (const Node& n : node["slice_speed_mm_h"].list(1, 1000000)) {
     p.slice_speed_mm_h.push_back(n.positive(p.speed_mm_h));
   }
+  if (node.has("slice_lamps")) {
+    p.slice_lamps = static_cast<SliceLamps>(node["slice_lamps"].choice({"follow", "stay"}));
+  }
 }
 
 Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {

@@ -23,6 +23,7 @@ struct MorningOptions {
   std::int64_t until_ms = 0;                 ///< 0: now
   std::int64_t batch = 0;                    ///< 0: all
   int most_failures = 100, most_worst = 20;  ///< jobs to list
+  int most_jobs = 2000;                      ///< in the table of all
   int log_lines = 12;                        ///< of each failure's log
 };
 
@@ -47,6 +48,8 @@ struct MorningReport {
   std::vector<Job> worst;         ///< done, largest height error first; without tomographic prints
   std::vector<Job> tomographic;   ///< done tomographic prints, least contrast first
   std::int64_t tomographic_done = 0;
+  std::vector<Job> jobs;          ///< all that ended in the time, last ended first
+  std::int64_t with_defects = 0;  ///< done, but something was wrong with their inputs
 
   /// Attempts that touch the time, without deliveries from the cache.
   std::int64_t attempts = 0;

@@ -35,7 +35,8 @@ struct JobRequest {
   std::vector<std::string> parts;
   double layer_um = 0;  ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
-  double scale = 1;  ///< of the mesh, a factor > 0
+  double scale = 1;   ///< of the mesh, a factor > 0
+  double fit_mm = 0;  ///< longest side of all parts together, in place of `scale`; 0: not given
   /// x and y on the plate; about x, y and z; empty: not given.
   std::vector<double> center_mm, rotate_deg;
   /// Meshes and stacks of what is shown as it is sliced beside the part (left_alone.hpp).
@@ -44,6 +45,10 @@ struct JobRequest {
   /// The speed, or layer by layer the exposure, is found for each part (plan.hpp): `prepare` does so.
   bool plan = false;
   double tolerance_um = 0, gap_contrast = 0;  ///< as `PlanAsk`; 0: its defaults
+  /// By how much inputs may be off, as `slicecorr --uncertain` takes it, and whether corrections allow
+  /// for it; empty: not said.
+  std::string uncertain;
+  bool robust = false;
   std::string planned;  ///< what was found, in words; empty before and without `plan`
   /// Of tomographic prints; 0 and empty: not given.
   std::vector<std::string> inserts;  ///< what turns with the part: meshes, or volumes
@@ -73,6 +78,9 @@ struct SubmitError {
   std::string message;
   /// What its job would have failed with: `infeasible`, or `bad_input` for all else.
   Reason reason = Reason::bad_input;
+  /// Of the requests that `prepare` was given, the one that can't be done; below 0 where the error
+  /// is of none in particular.
+  std::ptrdiff_t request = -1;
 };
 
 /// All errors found, as one exception: `what` has one line for each.

@@ -59,6 +59,10 @@ struct WorkSpec {
   std::string format = "uvj";                 ///< of the archive or "frames", and its ending
   std::string ending = "uvj";
   std::string name;  ///< part of the key only where the format writes it into the archive
+  /// By how much inputs may be off, as asked for, and the text of the resin's file where that says it
+  /// (`fit`); empty: not asked.
+  std::string uncertain, uncertain_resin_toml;
+  bool robust = false;  ///< the correction is to allow for it
 };
 std::string spec_json(const WorkSpec& spec);
 WorkSpec parse_spec(const std::string& json);

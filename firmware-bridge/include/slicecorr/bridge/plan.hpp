@@ -40,6 +40,9 @@ struct PrintPlan {
   /// Continuous: speed at each slice where some go slower than `speed_um_s`, for which the light is;
   /// the lamps follow. Empty: `speed_um_s` throughout.
   std::vector<double> slice_speed_um_s;
+  /// Whether the light of each slice is for its own speed: then lamps only follow while the stage
+  /// changes its speed.
+  bool light_of_slices = false;
   Ramp ramp = Ramp::none;
   double acceleration_um_s2 = 0;  ///< of the ramps: at most the stage's
   double ramp_um = 0;             ///< distance in which the stage reaches its speed
@@ -71,6 +74,8 @@ struct PrintPlan {
     const int last = static_cast<int>(slice_speed_um_s.size()) - 1;
     return slice_speed_um_s[static_cast<std::size_t>(std::clamp(n, 0, last))];
   }
+  /// The speed that the light of slice `n` is for.
+  double light_speed_at(int n) const { return light_of_slices ? speed_at(n) : speed_um_s; }
   double slowest_um_s() const {
     return slice_speed_um_s.empty()
                ? speed_um_s
@@ -90,8 +95,9 @@ struct PrintPlan {
   }
 };
 
-/// Share of the lamp at a speed: (v / v_n)^(1/m), which leaves I^m / s as it is; 0 below min_share.
-double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_s);
+/// Share of the lamp at a speed in slice `slice`: (v / v_n)^(1/m), v_n what its light is for, which leaves
+/// I^m / s as it is; 0 below min_share.
+double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_s, int slice);
 
 /// Throws `InputError` (exit 2) when the stack is damaged (checksums of images, entries, sizes), is
 /// no corrected stack, or was made for another printer (name, display, calibration, more suction

@@ -6,8 +6,10 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/fit.hpp"
 #include "slicecorr/resins/record.hpp"
@@ -43,6 +45,11 @@ struct ImportOptions {
   double wavelength_nm = 0;
   double height_um = 0;      ///< absorbance height, base e, where a profile can't give it
   std::string printer = "";  ///< calibration, lut, flat-field: the printer file it belongs to
+  /// flat-field: where its picture or readings lie, "plate" or "image"; empty: readings on the plate,
+  /// pictures as their shape says.
+  std::string frame = "";
+  /// flat-field: x and y, mm, of the place where the calibration was measured; empty: the brightest.
+  std::vector<double> calibrated_at_mm = {};
 };
 
 /// Reads what users have: PrusaSlicer .ini with [sla_material:...] sections (or one exported
@@ -75,5 +82,20 @@ std::string export_record(const ResinRecord& record, const std::string& format, 
 /// by their file names alone when it is empty.
 std::string record_text_from_fit(const std::string& name, const std::vector<FitResult>& fits,
                                  const ResinRecord* previous, const std::string& folder = "");
+
+/// How a resin cures, as found by calculation or from times alone.
+struct CureLaw {
+  CureModelKind model = CureModelKind::jacobs;
+  double m = 1;                    ///< kinetic
+  double critical_dose_prime = 0;  ///< jacobs (areal, mJ/cm²) and kinetic; that of gel
+  GelTime gel_time;                ///< gel-time; that of gel
+};
+
+/// Text of a resin file of another name that cures by `law`; all else is as `previous` has it, but for
+/// the measurements. `notes`: keys and texts for [provenance]. Throws `InputError` where the law has
+/// something that is not above 0, and where `previous` has an [inhibition] that does not go with it.
+std::string record_text_with_law(const std::string& name, const CureLaw& law,
+                                 const std::vector<std::pair<std::string, std::string>>& notes,
+                                 const ResinRecord& previous);
 
 }  // namespace slicecorr::resins

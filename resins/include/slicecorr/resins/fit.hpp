@@ -5,6 +5,8 @@
 ///
 /// - jacobs: zc = h ln(D / Dc); parameters h_um, dc_mj_cm2.
 /// - kinetic: zc = (h / m) ln(I^m t / D'c); h_um, m, critical_dose_prime.
+/// - gel_time: zc = h ln(I / ig(t)), ig from A and B (gel_time.hpp); h_um, gel_a_mj_cm2,
+///   gel_b_sqrt_mw_cm2_s.
 /// - dead_zone_steady: zf = ln(beta Iuv / Ib) / (1/huv - 1/hb); beta, huv_um.
 /// - dead_zone_transient: the front, root of (Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m t = D'c;
 ///   beta, huv_um, m.
@@ -31,8 +33,8 @@
 
 namespace slicecorr::resins {
 
-enum class FitModel { jacobs, kinetic, dead_zone_steady, dead_zone_transient, joint };
-/// "jacobs", "kinetic", "deadzone-steady", "deadzone-transient", "joint".
+enum class FitModel { jacobs, kinetic, gel_time, dead_zone_steady, dead_zone_transient, joint };
+/// "jacobs", "kinetic", "gel-time", "deadzone-steady", "deadzone-transient", "joint".
 std::string_view name_of(FitModel model);
 /// Throws `InputError` when no model has this name.
 FitModel fit_model_named(const std::string& name);

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,8 @@ struct MeasuredEdge {
   double exposure_s = 0;        ///< of plugs
   double intensity_mw_cm2 = 0;  ///< of plugs, as the printer file says it
   double measured_um = 0;       ///< height of a plug, distance from the platform; NaN: not measured
+  double dark_s = 0;            ///< how long a plug is dark after that
+  double dark_mw_cm2 = 0;       ///< light of black pixels there, as the printer file says it
 };
 
 /// What was measured on one part.
@@ -49,12 +52,12 @@ struct MeasuredPart {
 /// A table as `slicecorr testpart` makes it, filled in. Its part has no light yet.
 struct TuningTable {
   MeasuredPart part;
-  std::string kind;                 ///< "comb", "staircase"
+  std::string kind;                 ///< "comb", "staircase", "wedge"
   int width_px = 0, height_px = 0;  ///< of the images
   int x_px = 0, y_px = 0;           ///< of the column that is measured
 };
-/// Throws `InputError` with line and column for what is no number, for rows that are not those of
-/// the part that the table names, and for other units.
+/// Throws `InputError` with line and column for what is no number, for tables of other parts, and
+/// for rows that are not those of the part that the table names.
 TuningTable read_tuning_table(const std::string& path);
 
 struct TunePrior {
@@ -63,8 +66,11 @@ struct TunePrior {
 };
 /// ha 10 %, kappa 10 %, stray light 0.3 mW/cm².
 TunePrior default_prior();
-/// The covariance in the resin's file and 3 % of the light where it has one, else the default.
-TunePrior prior_of(const std::string& resin_text, const std::string& resin_source);
+/// What an earlier tuning wrote into the resin's file, where it was with this printer's light; else
+/// the covariance of a fit there and 3 % of the light; else the default. Throws where what is
+/// written there is no covariance.
+TunePrior prior_of(const std::string& resin_text, const std::string& resin_source,
+                   const Printer& printer);
 /// Throws unless it is symmetric and all eigenvalues are above 0, naming the pair at fault.
 void check_prior(const TunePrior& prior);
 
@@ -94,15 +100,42 @@ struct TuneResult {
   std::vector<std::string> missing;   ///< edges that were not measured, or that are not predicted
   std::vector<std::string> outliers;  ///< left out: more than 4 standard deviations away
   std::vector<std::string> remarks;   ///< results beyond 3 standard deviations of the prior
-  std::string to_text(const Resin& resin, const TunePrior& prior) const;
+  /// What was known, what is found, and by how much that changes printer and resin.
+  std::string to_text(const Printer& printer, const Resin& resin, const TunePrior& prior) const;
 };
 /// The most probable x. `sigma_um`: of a measured edge, > 0. Throws where nothing was measured, for
 /// edges that are in the wrong order, and for lengths that are a thousand times off.
 TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
                 const TunePrior& prior, double sigma_um);
 
-/// The resin's file with what was found, and its covariance for the next time.
+/// The name of a definition that is written to `path`: as the file is called, where that is a name,
+/// else `before`.
+std::string name_in_file(const std::string& path, const std::string& before);
+/// The resin's file with what was found and a new name, and its covariance for the next time.
+/// `printer`: before, by the name that it will have.
 std::string resin_with_tuning(const std::string& text, const std::string& source,
+                              const std::string& name, const Printer& printer,
                               const TuneResult& result);
+/// The printer's file with the stray light that was found on top of its calibration. `printer` is
+/// what that file says, its name that of the new one; a calibration in a file of its own becomes part
+/// of it.
+std::string printer_with_tuning(const std::string& text, const std::string& source,
+                                const Printer& printer, const TuneResult& result);
+
+/// A part of `slicecorr testpart`, and what measuring it once would tell.
+struct NextPart {
+  std::string part;  ///< "comb"
+  double nat = 0;    ///< 0: nothing, or it can't be made: `text` says why
+  bool tuned =
+      true;  ///< of ha, light and stray light; false: of something else, which `text` names
+  std::string text;
+};
+/// All kinds of parts, those that tell most of ha, light and stray light first, then those that tell
+/// of something else, most first. Printer and resin as they were before `known`, which says what is
+/// known by now. `process`: how combs are printed; none: continuously, at the speed at which black
+/// and full light are as far from the dose aimed at.
+std::vector<NextPart> next_parts(const Printer& printer, const Resin& resin,
+                                 const TuneResult& known, const std::optional<Process>& process,
+                                 double layer_um, double sigma_um);
 
 }  // namespace slicecorr::resins

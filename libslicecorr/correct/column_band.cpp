@@ -1,4 +1,4 @@
-#include "correct/inhibited_band.hpp"
+#include "correct/column_band.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -28,51 +28,59 @@ std::string key_of(const std::vector<CoverageRun>& runs) {
 
 }  // namespace
 
-InhibitedBand::InhibitedBand(const InhibitedPlan& plan, std::size_t columns)
-    : plan_(plan),
+std::uint8_t taken_height(const ColumnFacts& facts, std::uint8_t height) {
+  if (height == 0) return 0;
+  const double below =
+      std::round(edge_height_slices(height) * facts.height_steps) / facts.height_steps;
+  return below == 0 ? std::uint8_t{0} : edge_height_byte(below);
+}
+
+ColumnBand::ColumnBand(std::unique_ptr<ColumnSolver> solver, const ColumnFacts& facts,
+                       std::size_t columns)
+    : solver_(std::move(solver)),
+      facts_(facts),
       columns_(columns),
       coded_(columns),
       before_(columns, 0),
       last_heights_(columns, 0) {}
 
-void InhibitedBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
-                              const std::uint8_t*) {
-  if (layers_ == plan_.layers && !coverage) {
-    if (!heights || plan_.kernel->layer_by_layer()) return;
-    for (std::size_t i = 0; i < columns_; ++i) last_heights_[i] = taken_height(plan_, heights[i]);
+void ColumnBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
+                           const std::uint8_t*) {
+  if (layers_ == facts_.layers && !coverage) {
+    if (!heights || facts_.lower_at_window) return;
+    for (std::size_t i = 0; i < columns_; ++i) last_heights_[i] = taken_height(facts_, heights[i]);
     return;
   }
-  if (layers_ >= plan_.layers) throw Error("more layers than the plan has");
+  if (layers_ >= facts_.layers) throw Error("more layers than the plan has");
   coded_.append(coverage);
   for (std::size_t i = 0; i < columns_; ++i) {
     const std::uint8_t value = coverage ? coverage[i] : std::uint8_t{0};
     if (value == before_[i]) continue;
     // Layer by layer, lower edges lie at the window.
-    const bool taken = heights && (value != 0 || !plan_.kernel->layer_by_layer());
-    const std::uint8_t height = taken ? taken_height(plan_, heights[i]) : std::uint8_t{0};
+    const bool taken = heights && (value != 0 || !facts_.lower_at_window);
+    const std::uint8_t height = taken ? taken_height(facts_, heights[i]) : std::uint8_t{0};
     changes_.push_back({static_cast<std::uint32_t>(i), layers_, value, height});
     before_[i] = value;
   }
   ++layers_;
 }
 
-void InhibitedBand::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
-  if (layers_ != plan_.layers) throw Error("the plan has more layers");
+void ColumnBand::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
+  if (layers_ != facts_.layers) throw Error("the plan has more layers");
   const std::vector<Change> levels = solve_columns();
   show(levels, sink);
 }
 
 /// The levels of all columns, as changes from the last slice on.
-std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
+std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
   // By column; within a column they stay in the order of layers.
   std::stable_sort(changes_.begin(), changes_.end(),
                    [](const Change& a, const Change& b) { return a.column < b.column; });
   // Neighbours are often alike: of columns that are alike one is solved.
   std::unordered_map<std::string, std::vector<Change>> known;
-  InhibitedColumn solver(plan_);
   std::vector<Change> levels;
   std::vector<CoverageRun> runs;
-  std::vector<std::uint8_t> most(most_ ? static_cast<std::size_t>(plan_.all_layers) : 0);
+  std::vector<std::uint8_t> most(most_ ? static_cast<std::size_t>(facts_.all_layers) : 0);
   for (std::size_t i = 0; i < changes_.size();) {
     const std::uint32_t column = changes_[i].column;
     i = read_runs(i, runs);
@@ -83,11 +91,11 @@ std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
     }
     auto found = known.find(key);
     if (found == known.end()) {
-      if (known.size() >= plan_.tuning.kept_columns) known.clear();
-      const std::vector<Level>& shown = solver.solve(runs, {{}, {most.begin(), most.end()}});
+      if (known.size() >= facts_.kept_columns) known.clear();
+      const std::vector<Level>& shown = solver_->solve(runs, {{}, {most.begin(), most.end()}});
       std::vector<Change> list;
       std::uint8_t before = 0;
-      for (int n = plan_.all_layers; n-- > 0;) {
+      for (int n = facts_.all_layers; n-- > 0;) {
         const Level level = shown[static_cast<std::size_t>(n)];
         if (level != before) list.push_back({0, n, level});
         before = level;
@@ -106,23 +114,23 @@ std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
 }
 
 /// The runs of the column whose changes begin at `i`; returns where those of the next begin.
-std::size_t InhibitedBand::read_runs(std::size_t i, std::vector<CoverageRun>& runs) const {
+std::size_t ColumnBand::read_runs(std::size_t i, std::vector<CoverageRun>& runs) const {
   const std::uint32_t column = changes_[i].column;
   runs.clear();
   for (; i < changes_.size() && changes_[i].column == column; ++i) {
     const bool more = i + 1 < changes_.size() && changes_[i + 1].column == column;
     if (changes_[i].value == 0) continue;
-    runs.push_back({changes_[i].at, more ? changes_[i + 1].at : plan_.layers, changes_[i].value,
+    runs.push_back({changes_[i].at, more ? changes_[i + 1].at : facts_.layers, changes_[i].value,
                     changes_[i].height, more ? changes_[i + 1].height : last_heights_[column]});
   }
   return i;
 }
 
 /// Gives the slices to the sink, from the last to the first.
-void InhibitedBand::show(const std::vector<Change>& levels, const BandCorrector::Sink& sink) {
+void ColumnBand::show(const std::vector<Change>& levels, const BandCorrector::Sink& sink) {
   std::vector<std::uint8_t> now(columns_, 0), coverage(columns_);
   std::size_t next = 0, lit = 0;
-  for (int n = plan_.all_layers; n-- > 0;) {
+  for (int n = facts_.all_layers; n-- > 0;) {
     for (; next < levels.size() && levels[next].at == n; ++next) {
       std::uint8_t& level = now[levels[next].column];
       lit += static_cast<std::size_t>(level == 0);
@@ -130,19 +138,15 @@ void InhibitedBand::show(const std::vector<Change>& levels, const BandCorrector:
       lit -= static_cast<std::size_t>(level == 0);
     }
     coded_.read(n, coverage.data());
-    sink(n, now.data(), coverage.data(), lit == 0 && (n >= plan_.layers || coded_.black(n)));
+    sink(n, now.data(), coverage.data(), lit == 0 && (n >= facts_.layers || coded_.black(n)));
   }
 }
 
-std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns) {
-  return std::make_unique<InhibitedBand>(*plan.inhibited, columns);
-}
-
-std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
-                                                 const std::vector<std::uint8_t>& coverage,
-                                                 const std::vector<std::uint8_t>& heights) {
+std::vector<std::uint8_t> solve_alone(ColumnSolver& solver, const ColumnFacts& facts,
+                                      const std::vector<std::uint8_t>& coverage,
+                                      const std::vector<std::uint8_t>& heights) {
   const auto height = [&](std::size_t node) {
-    return node < heights.size() ? taken_height(*plan.inhibited, heights[node]) : std::uint8_t{0};
+    return node < heights.size() ? taken_height(facts, heights[node]) : std::uint8_t{0};
   };
   std::vector<CoverageRun> runs;
   for (std::size_t n = 0; n < coverage.size(); ++n) {
@@ -155,20 +159,8 @@ std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
     }
     runs.back().lower_height = height(n + 1);
   }
-  InhibitedColumn column(*plan.inhibited);
-  const std::vector<Level>& levels = column.solve(runs);
-  return {levels.begin(), levels.begin() + plan.all_layers};
-}
-
-std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,
-                                                   const std::vector<std::uint8_t>& coverage,
-                                                   const std::vector<std::uint8_t>& heights) {
-  // The rule is about levels: each is told by its steady dose.
-  std::vector<double> phi;
-  for (const std::uint8_t level : solve_inhibited_column(plan, coverage, heights)) {
-    phi.push_back(plan.model.level_phi[level]);
-  }
-  return phi;
+  const std::vector<Level>& levels = solver.solve(runs, {});
+  return {levels.begin(), levels.begin() + facts.all_layers};
 }
 
 }  // namespace slicecorr::detail

@@ -1,24 +1,25 @@
-/// Correction of one band under inhibiting UV light, column by column. Coverage and levels are kept
-/// as their changes along columns.
+/// Correction of one band, column by column. Coverage and levels are kept as their changes along
+/// columns, and columns that are alike are solved once.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <utility>
 #include <vector>
 
 #include "base/coded_band.hpp"
 #include "correct/band_solvers.hpp"
-#include "correct/inhibited_column.hpp"
+#include "correct/column_solver.hpp"
 #include "slicecorr/correct.hpp"
 
 namespace slicecorr::detail {
 
 /// Takes the layers of a target from the first on, then gives slices from the last on. Memory grows
 /// with the changes along columns, not with voxels.
-class InhibitedBand final : public BandSolver {
+class ColumnBand final : public BandSolver {
  public:
-  InhibitedBand(const InhibitedPlan& plan, std::size_t columns);
+  ColumnBand(std::unique_ptr<ColumnSolver> solver, const ColumnFacts& facts, std::size_t columns);
   /// Coverage of the next layer; null: an empty layer.
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
                  const std::uint8_t*) override;
@@ -37,7 +38,8 @@ class InhibitedBand final : public BandSolver {
   std::size_t read_runs(std::size_t i, std::vector<CoverageRun>& runs) const;
   void show(const std::vector<Change>& levels, const BandCorrector::Sink& sink);
 
-  const InhibitedPlan& plan_;
+  std::unique_ptr<ColumnSolver> solver_;
+  ColumnFacts facts_;
   std::size_t columns_;
   BandCorrector::ColumnLevels most_;  ///< empty: those of the plan
   CodedBand coded_;

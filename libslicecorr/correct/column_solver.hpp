@@ -1,0 +1,55 @@
+/// Models whose columns are solved one by one, whole.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace slicecorr::detail {
+
+/// A grey level.
+using Level = std::uint8_t;
+
+/// Layers [first, end) of a column have this coverage, 1..255, between nodes of these edge heights.
+struct CoverageRun {
+  std::int32_t first = 0, end = 0;
+  std::uint8_t coverage = 0;
+  std::uint8_t upper_height = 0, lower_height = 0;
+  bool operator==(const CoverageRun&) const = default;
+};
+
+/// Bounds of the light of a column, per slice; empty: black, and the highest levels of the plan.
+struct ColumnBounds {
+  std::vector<Level> floors;  ///< what others shine into the column
+  std::vector<Level> caps;    ///< not below the floors
+};
+
+/// Chooses the levels of columns one by one; keeps its buffers. For one thread.
+class ColumnSolver {
+ public:
+  virtual ~ColumnSolver() = default;
+  /// `runs`: what is covered, first layer first. Returns the levels of all slices, within the
+  /// bounds; valid until the next call.
+  virtual const std::vector<Level>& solve(const std::vector<CoverageRun>& runs,
+                                          const ColumnBounds& bounds) = 0;
+};
+
+/// What a band needs to know of a plan whose columns are solved so.
+struct ColumnFacts {
+  int layers = 0, all_layers = 0;
+  bool lower_at_window = false;  ///< lower edges lie at the window: their heights count for nothing
+  double height_steps = 1;       ///< edge heights are rounded to this part of a slice
+  std::size_t kept_columns = 4096;  ///< solved ones that are kept for those that are alike
+};
+
+/// The edge height of a run's end as the solve takes it: rounded, so that neighbours on a slope are
+/// alike and are solved once; none at the node where it is so near that rounding makes it 0.
+std::uint8_t taken_height(const ColumnFacts& facts, std::uint8_t height);
+
+/// The levels of one column of `coverage` by layers, with edge heights by nodes.
+std::vector<std::uint8_t> solve_alone(ColumnSolver& solver, const ColumnFacts& facts,
+                                      const std::vector<std::uint8_t>& coverage,
+                                      const std::vector<std::uint8_t>& heights);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,42 @@
+/// @file print_file.hpp
+/// What formats of one binary file (CTB, GOO and the like) are beyond other archives: files with few
+/// grey levels, changed more often than made, with a record beside them (docs/formats.md).
+///
+/// Pure functions of files and values, thread-safe. What can't be read throws `InputError`, a failing
+/// disk `DeviceError`.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr {
+
+/// What new archives of a format can hold.
+struct FormatLimits {
+  /// Whether archives of it are made from nothing; else only such that are there are changed.
+  bool made_new = true;
+  int levels = 256;  ///< grey levels of a new file, 2..256
+};
+/// Throws `InputError` when there is no format of this name.
+FormatLimits limits_of_format(const std::string& name);
+
+/// What else a binary file says, for people: name and value. Empty for other archives.
+std::vector<std::pair<std::string, std::string>> print_file_facts(const std::string& path);
+
+/// Where the record of a stack lies that is written into a format of one binary file, which has no
+/// place for it: "part.ctb.slicecorr", a zip. It counts only as long as the file is the one it is of.
+std::string record_beside(const std::string& path);
+/// Gives a file another name on the same file system, with the record beside it where there is one;
+/// one that lay beside the old file of that name goes.
+void rename_with_record(const std::string& from, const std::string& to);
+
+/// The printer as a file of its format can show it: where a binary format holds fewer grey levels than
+/// the printer has, one with fewer, at the intensities of those that the file shows, as `context` is
+/// told. Throws `InputError` where only black and white are left.
+Printer printer_for_file(const Printer& printer, const StackFile& file, const Grid& grid,
+                         const ExecutionContext& context);
+
+}  // namespace slicecorr

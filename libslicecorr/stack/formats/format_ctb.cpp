@@ -1,0 +1,190 @@
+// Chitubox' CTB, cbddlp and photon before it, and PHZ and FDG, which have the same tables.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
+#include "stack/formats/ctb_file.hpp"
+#include "stack/formats/format_times.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+std::vector<double> times_of(const CtbFile& ctb) {
+  std::vector<double> times_s;
+  for (std::size_t n = 0; n < ctb.layers; ++n) {
+    times_s.push_back(ctb.table.real(n * kCtbRecordBytes + 4, "a layer's exposure", 1e6));
+  }
+  return times_s;
+}
+
+void add_facts(const CtbFile& ctb, ArchiveContents& contents) {
+  const auto add = [&](const char* name, const std::string& value) {
+    contents.facts.emplace_back(name, value);
+  };
+  const BinaryBlock& head = ctb.head;
+  const CtbFields& f = ctb.fields;
+  add("version", std::to_string(ctb.version));
+  add("display", fmt::format("{:g} x {:g} mm, {:g} mm high", head.f32(f.bed_mm),
+                             head.f32(f.bed_mm + 4), head.f32(f.bed_mm + 8)));
+  add("time shown", fmt::format("{} s", head.u32(f.print_time_s)));
+  add("light off", fmt::format("{:g} s", head.f32(f.light_off_s)));
+  if (ctb.version >= 2) {
+    add("light",
+        fmt::format("{} of 255, {} for bottom layers", head.u16(f.light), head.u16(f.light + 2)));
+  }
+  if (ctb.sets > 1) add("sets of images", std::to_string(ctb.sets));
+  if (ctb.family != CtbFamily::photon) add("ciphered", ctb.key != 0 ? "yes" : "no");
+  if (ctb.print) {
+    add("lift",
+        fmt::format("{:g} mm at {:g} mm/min, bottom {:g} mm at {:g} mm/min, back at {:g} mm/min",
+                    ctb.print->f32(8), ctb.print->f32(12), ctb.print->f32(0), ctb.print->f32(4),
+                    ctb.print->f32(16)));
+    add("resin used", fmt::format("{:g} ml, {:g} g, cost {:g}", ctb.print->f32(0x14),
+                                  ctb.print->f32(0x18), ctb.print->f32(0x1c)));
+  }
+  if (ctb.slicer) {
+    add("anti-aliasing", fmt::format("{}, level {}", ctb.slicer->u8(0x24) == 0x0f ? "on" : "off",
+                                     ctb.slicer->u32(0x2c)));
+    add("times of single layers", ctb.has_layer_flag() ? "heeded" : "not heeded");
+    add("transition layers", std::to_string(ctb.slicer->u32(0x3c)));
+  }
+}
+
+LayerCodecPtr codec_of(const CtbFile& ctb) {
+  const auto width = static_cast<int>(ctb.width_px), height = static_cast<int>(ctb.height_px);
+  switch (ctb.family) {
+    case CtbFamily::ctb:
+      return ctb_code(width, height, ctb.key);
+    case CtbFamily::phz:
+      return phz_code(width, height, ctb.key, PhzCipher::phz);
+    case CtbFamily::fdg:
+      return phz_code(width, height, ctb.key, PhzCipher::fdg);
+    default:
+      return bit_sets_code(width, height, static_cast<int>(ctb.sets), false, ctb.set_order);
+  }
+}
+
+ArchiveContents read_family(const BinaryFile& file, CtbFamily family) {
+  const CtbFile ctb = read_ctb(file, family);
+  ArchiveContents contents;
+  StackInfo& info = contents.info;
+  Grid& grid = info.grid;
+  grid.width_px = static_cast<int>(ctb.width_px);
+  grid.height_px = static_cast<int>(ctb.height_px);
+  grid.layers = info.target_layers = static_cast<int>(ctb.layers);
+  const BinaryBlock& head = ctb.head;
+  const CtbFields& f = ctb.fields;
+  grid.pixel_x_um =
+      pixel_um(head.real(f.bed_mm, "the display's width", 1e4) / ctb.width_px, file, "head");
+  grid.pixel_y_um =
+      pixel_um(head.real(f.bed_mm + 4, "the display's height", 1e4) / ctb.height_px, file, "head");
+  grid.layer_um = layer_um(head.real(f.layer_mm, "the layer height", 100), file, "head");
+  info.exposure_s = head.real(f.exposure_s, "the exposure", 1e6);
+  info.bottom_exposure_s = head.real(f.bottom_exposure_s, "the exposure of bottom layers", 1e6);
+  info.bottom_layers = static_cast<int>(std::min(head.u32(f.bottom_layers), ctb.layers));
+  if (ctb.slicer && ctb.version >= 4) {
+    info.fade_layers = static_cast<int>(std::min(ctb.slicer->u32(0x3c), ctb.layers));
+  }
+  const std::vector<double> times_s = times_of(ctb);
+  if (std::any_of(times_s.begin(), times_s.end(), [](double t) { return t > 0; })) {
+    take_layer_times(times_s, info);
+  }
+  info.orientation.mirror_x = head.u32(f.projector) == 1;
+  info.orientation_known = true;
+  info.profiles.printer = ctb.machine;
+  info.profiles.material = ctb.resin_name;
+  contents.codec = codec_of(ctb);
+  for (std::size_t n = 0; n < ctb.layers; ++n) {
+    for (std::size_t s = 0; s < ctb.sets; ++s) {
+      const CtbFile::Layer& r = ctb.records[ctb.record(n, s)];
+      contents.places.push_back({r.offset, r.bytes});
+    }
+  }
+  for (std::size_t n = 1; n < ctb.layers; ++n) {
+    const double rise_um =
+        1e3 * (ctb.table.f32(n * kCtbRecordBytes) - ctb.table.f32((n - 1) * kCtbRecordBytes));
+    if (std::abs(rise_um - grid.layer_um) <= 0.01 * grid.layer_um + 0.5) continue;
+    contents.warnings.push_back(
+        fmt::format("layer {} is {:.1f} um high, others {:g} um: read as if all were", n, rise_um,
+                    grid.layer_um));
+    break;
+  }
+  add_facts(ctb, contents);
+  return contents;
+}
+
+struct FamilyWords {
+  const char *name, *what, *shown;
+  std::vector<std::string_view> endings;
+  std::vector<std::uint32_t> magics;
+};
+const FamilyWords& words_of(CtbFamily family) {
+  static const FamilyWords words[] = {
+      {"ctb",
+       "Chitubox CTB, not encrypted",
+       "CTB",
+       {".ctb"},
+       {kCtbMagic, kCtb4Magic, kCtbGkTwoMagic}},
+      {"photon",
+       "cbddlp and photon of Chitubox and Anycubic",
+       "photon",
+       {".cbddlp", ".photon"},
+       {kPhotonMagic}},
+      {"phz", "Chitubox PHZ of Phrozen", "PHZ", {".phz"}, {kPhzMagic}},
+      {"fdg", "FDG of Voxelab", "FDG", {".fdg"}, {kFdgMagic}},
+  };
+  return words[static_cast<int>(family)];
+}
+
+class Ctb final : public ArchiveFormat {
+ public:
+  explicit Ctb(CtbFamily family) : family_(family) {}
+  std::string_view name() const override { return words_of(family_).name; }
+  std::string_view what() const override { return words_of(family_).what; }
+  std::vector<std::string_view> endings() const override { return words_of(family_).endings; }
+  ContainerKind container() const override { return ContainerKind::binary; }
+  bool made_new() const override { return family_ == CtbFamily::ctb; }
+  LayerCodecPtr new_codec(const Grid& grid) const override {
+    return made_new() ? ctb_code(grid.width_px, grid.height_px, 0) : nullptr;
+  }
+  bool recognises(const Container& archive) const override {
+    const BinaryFile& file = binary_file(archive);
+    if (file.size() < 4) return false;
+    const std::uint32_t magic = BinaryBlock(file, 0, 4, "head").u32(0);
+    const auto& magics = words_of(family_).magics;
+    return std::find(magics.begin(), magics.end(), magic) != magics.end();
+  }
+  ArchiveContents read(const Container& archive) const override {
+    return read_family(binary_file(archive), family_);
+  }
+  std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
+    if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, words_of(family_).shown);
+    if (r.kept != nullptr) {
+      change_ctb(r, family_, binary_output(output));
+    } else {
+      write_new_ctb(r, binary_output(output));
+    }
+    return {};
+  }
+
+ private:
+  CtbFamily family_;
+};
+
+const ArchiveFormat& format_of_family(CtbFamily family) {
+  static const Ctb formats[] = {Ctb(CtbFamily::ctb), Ctb(CtbFamily::photon), Ctb(CtbFamily::phz),
+                                Ctb(CtbFamily::fdg)};
+  return formats[static_cast<int>(family)];
+}
+
+}  // namespace
+
+const ArchiveFormat& ctb_format() { return format_of_family(CtbFamily::ctb); }
+const ArchiveFormat& photon_format() { return format_of_family(CtbFamily::photon); }
+const ArchiveFormat& phz_format() { return format_of_family(CtbFamily::phz); }
+const ArchiveFormat& fdg_format() { return format_of_family(CtbFamily::fdg); }
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,349 @@
+// Elegoo's GOO: a head of fixed size, then layers one behind the other. All numbers are big-endian.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/version.hpp"
+#include "stack/formats/binary_block.hpp"
+#include "stack/formats/format_times.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using namespace std::string_view_literals;
+
+constexpr std::uint64_t kHeadBytes = 0x2fb95, kLayerHeadBytes = 0x46;
+constexpr std::string_view kEnd = "\0\0\0\x07\0\0\0DLP\0"sv, kBreak = "\r\n"sv;
+constexpr std::string_view kStart = "V3.0\x07\0\0\0DLP\0"sv;
+
+// Places in the head.
+constexpr std::size_t kProgram = 0x0c, kProgramVersion = 0x2c, kPrinter = 0x5c, kPrinterType = 0x7c,
+                      kResin = 0x9c, kAntiAliasing = 0xbc, kSmall = 0xc2, kLarge = 0x69e4,
+                      kLayers = 0x2faee, kWidth = 0x2faf2, kHeight = 0x2faf4, kMirrorX = 0x2faf6,
+                      kMirrorY = 0x2faf7, kDisplay = 0x2faf8, kLayerMm = 0x2fb04,
+                      kExposure = 0x2fb08, kMode = 0x2fb0c, kLightOff = 0x2fb0d,
+                      kBottomExposure = 0x2fb29, kBottomLayers = 0x2fb2d, kLifts = 0x2fb31,
+                      kBottomLight = 0x2fb71, kLight = 0x2fb73, kLayerFlag = 0x2fb75,
+                      kPrintTime = 0x2fb76, kVolume = 0x2fb7a, kWeight = 0x2fb7e, kPrice = 0x2fb82,
+                      kLayersAt = 0x2fb8e, kGreyRange = 0x2fb92, kTransition = 0x2fb93;
+// Places in the head of a layer.
+constexpr std::size_t kZ = 0x06, kLayerExposure = 0x0a, kLayerLift = 0x1e, kLayerLight = 0x3e,
+                      kLayerBreak = 0x40, kLayerBytes = 0x42;
+// Pairs of a way, mm, and a speed, mm/min, behind kLifts and, without bottom layers, behind kLayerLift.
+constexpr std::size_t kPairBytes = 8;
+
+constexpr int kSmallPx = 116, kLargePx = 290;
+constexpr double kLiftMm = 5, kLiftMmMin = 60, kBackMmMin = 150;
+
+struct GooFile {
+  BinaryBlock head;
+  std::vector<BinaryBlock> layers;  ///< heads
+  std::uint64_t end = 0;            ///< of the last layer
+  std::uint64_t bytes_of(std::size_t n) const { return layers[n].u32(kLayerBytes); }
+};
+
+bool says_break(const BinaryBlock& block, std::size_t at) {
+  return block.u8(at) == '\r' && block.u8(at + 1) == '\n';
+}
+
+GooFile read_goo(const BinaryFile& file) {
+  GooFile goo;
+  goo.head = BinaryBlock(file, 0, kHeadBytes, "head", ByteOrder::big);
+  const BinaryBlock& head = goo.head;
+  for (const std::size_t at : {kLarge - 2, kLayers - 2}) {
+    if (!says_break(head, at)) head.fail(at, "expected the bytes 0D 0A behind a preview");
+  }
+  const std::uint32_t at_first = head.u32(kLayersAt), count = head.u32(kLayers);
+  if (at_first < kHeadBytes || at_first >= file.size()) {
+    head.fail(kLayersAt,
+              fmt::format("says that layers start at byte {}, expected {} to {}: maybe a "
+                          "file whose numbers are little-endian, which is not known well "
+                          "enough",
+                          at_first, kHeadBytes, file.size()));
+  }
+  check_image_size(file, head.u16(kWidth), head.u16(kHeight));
+  check_layer_count(file, count);
+  std::uint64_t at = at_first;
+  double last_mm = -1;
+  for (std::uint32_t n = 0; n < count; ++n) {
+    const std::string name = fmt::format("layer {}", n);
+    BinaryBlock layer(file, at, kLayerHeadBytes, name, ByteOrder::big);
+    if (!says_break(layer, kLayerBreak)) layer.fail(kLayerBreak, "expected the bytes 0D 0A");
+    const double z_mm = layer.real(kZ, "a layer's place", 1e5);
+    if (z_mm <= last_mm) {
+      layer.fail(
+          kZ, fmt::format("is at {:g} mm, not above the one before it, at {:g} mm", z_mm, last_mm));
+    }
+    last_mm = z_mm;
+    layer.real(kLayerExposure, "the exposure", 1e6);
+    const std::uint64_t bytes = layer.u32(kLayerBytes);
+    const BinaryBlock after(file, at + kLayerHeadBytes + bytes, 2, name + "'s end", ByteOrder::big);
+    if (!says_break(after, 0)) after.fail(0, "expected the bytes 0D 0A behind the layer's data");
+    at = after.offset() + 2;
+    goo.layers.push_back(std::move(layer));
+  }
+  goo.end = at;
+  const BinaryBlock end(file, at, kEnd.size(), "end", ByteOrder::big);
+  if (!std::equal(kEnd.begin(), kEnd.end(), end.bytes().begin(),
+                  [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; })) {
+    end.fail(0, "expected the end mark of the format behind the last layer");
+  }
+  return goo;
+}
+
+std::vector<double> times_of(const GooFile& goo) {
+  std::vector<double> times_s;
+  for (const BinaryBlock& layer : goo.layers) {
+    times_s.push_back(layer.real(kLayerExposure, "the exposure", 1e6));
+  }
+  return times_s;
+}
+
+void add_facts(const GooFile& goo, const BinaryFile& file, ArchiveContents& contents) {
+  const BinaryBlock& head = goo.head;
+  const auto add = [&](const char* name, const std::string& value) {
+    contents.facts.emplace_back(name, value);
+  };
+  add("version", "V3.0");
+  add("program", head.text(kProgram, 32) + " " + head.text(kProgramVersion, 24));
+  add("display", fmt::format("{:g} x {:g} mm, {:g} mm high", head.f32(kDisplay),
+                             head.f32(kDisplay + 4), head.f32(kDisplay + 8)));
+  add("time shown", fmt::format("{} s", head.u32(kPrintTime)));
+  add(head.u8(kMode) == 0 ? "light off" : "waits instead of light off",
+      fmt::format("{:g} s", head.f32(kLightOff)));
+  add("light",
+      fmt::format("{} of 255, {} for bottom layers", head.u16(kLight), head.u16(kBottomLight)));
+  const auto pair = [&](std::size_t i) {
+    return fmt::format("{:g} mm at {:g} mm/min", head.f32(kLifts + i * kPairBytes),
+                       head.f32(kLifts + i * kPairBytes + 4));
+  };
+  add("lift", fmt::format("{}, bottom {}, back {}", pair(1), pair(0), pair(3)));
+  add("anti-aliasing", std::to_string(head.u16(kAntiAliasing)));
+  add("times of single layers", head.u8(kLayerFlag) != 0 ? "heeded" : "not heeded");
+  add("transition layers", std::to_string(head.u16(kTransition)));
+  add("resin used", fmt::format("{:g} ml, {:g} g, cost {:g}", head.f32(kVolume) / 1000,
+                                head.f32(kWeight), head.f32(kPrice)));
+  const std::uint64_t rest = file.size() - goo.end - kEnd.size();
+  if (rest > 0) add("bytes behind the end", std::to_string(rest));
+}
+
+std::uint32_t u32_of(double value) { return static_cast<std::uint32_t>(std::min(value, 4e9)); }
+
+void change(const ArchiveRequest& r, BinaryOutput& output) {
+  const BinaryFile& file = binary_file(*r.kept);
+  GooFile goo = read_goo(file);
+  BinaryBlock& head = goo.head;
+  const auto layers = static_cast<std::size_t>(r.info.grid.layers), old = goo.layers.size();
+  FileChange changed(file);
+  const std::size_t head_span = changed.replace(0, head.size(), head.size());
+  const auto whole = [](std::uint64_t bytes) { return kLayerHeadBytes + bytes + kBreak.size(); };
+  std::vector<std::size_t> spans;
+  for (std::size_t n = 0; n < std::max(layers, old); ++n) {
+    const bool added = n >= old;
+    spans.push_back(changed.replace(added ? goo.end : goo.layers[n].offset(),
+                                    added ? 0 : whole(goo.bytes_of(n)),
+                                    n < layers ? whole(r.layers->sizes[n]) : 0));
+  }
+  changed.lay_out();
+  head.set_u32(kLayers, static_cast<std::uint32_t>(layers));
+  head.set_u32(kPrintTime,
+               changed_print_time_s(head.u32(kPrintTime), r.kept_contents->info, r.info));
+  if (r.exposure_changes) {
+    const ExposureSummary s = exposure_summary(r.info);
+    if (head.u8(kLayerFlag) == 0) {
+      require_even_times(r, s,
+                         "the file's mark that printers heed times of single layers is not set");
+    }
+    head.set_f32(kExposure, s.normal_s);
+    head.set_f32(kBottomExposure, s.bottom_s);
+    if (!s.uneven) {
+      head.set_u32(kBottomLayers, static_cast<std::uint32_t>(s.bottom_layers));
+      head.set_u16(kTransition, static_cast<std::uint32_t>(s.fade_layers));
+    }
+  }
+  changed.fill(head_span, head.bytes());
+  const CodedLayers* const coded = r.layers;
+  for (std::size_t n = 0; n < layers; ++n) {
+    BinaryBlock layer = goo.layers[std::min(n, old - 1)];
+    if (n >= old) {
+      layer.set_f32(kZ, layer.f32(kZ) + static_cast<double>(n - old + 1) * head.f32(kLayerMm));
+    }
+    if (r.exposure_changes) {
+      layer.set_f32(kLayerExposure, light_on_of_layer(r.info, static_cast<int>(n)));
+    }
+    layer.set_u32(kLayerBytes, static_cast<std::uint32_t>(coded->sizes[n]));
+    changed.fill(
+        spans[n],
+        [coded, its = std::move(layer.bytes())](std::size_t i, std::vector<std::uint8_t>& out) {
+          out = its;
+          coded->append(i, out);
+          out.insert(out.end(), kBreak.begin(), kBreak.end());
+        },
+        n);
+  }
+  changed.add_to(output);
+}
+
+void set_lifts(BinaryBlock& block, std::size_t at, double lift_mm, std::size_t lift_pairs) {
+  // Ways up come first, ways back after them; second stages have none.
+  for (std::size_t i = 0; i < lift_pairs; ++i) {
+    block.set_f32(at + i * kPairBytes, lift_mm);
+    block.set_f32(at + i * kPairBytes + 4, kLiftMmMin);
+    block.set_f32(at + (lift_pairs + i) * kPairBytes, lift_mm);
+    block.set_f32(at + (lift_pairs + i) * kPairBytes + 4, kBackMmMin);
+  }
+}
+
+void write_new(const ArchiveRequest& r, BinaryOutput& output) {
+  const StackInfo& info = r.info;
+  const Grid& grid = info.grid;
+  const ExposureSummary s = exposure_summary(info);
+  const double lift_mm = lifts(info) ? kLiftMm : 0;
+  warn(r,
+       fmt::format("a new GOO file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min: set "
+                   "what the printer needs, or give a file of the printer's slicer as --template",
+                   lift_mm, kLiftMmMin, kBackMmMin));
+  BinaryBlock head(kHeadBytes, ByteOrder::big);
+  head.set_bytes(0, kStart);
+  head.set_text(kProgram, 32, "slicecorr");
+  head.set_text(kProgramVersion, 24, version);
+  // No clock time: the same input gives the same bytes.
+  head.set_text(0x44, 24, "1980-01-01 00:00:00");
+  head.set_text(kPrinter, 32, info.printer ? info.printer->name : info.profiles.printer);
+  head.set_text(kPrinterType, 32, "DLP");
+  head.set_text(kResin, 32, info.resin ? info.resin->name : info.profiles.material);
+  head.set_u16(kAntiAliasing, 8);
+  const auto small = rgb565_bytes(r.preview, kSmallPx, kSmallPx);
+  const auto large = rgb565_bytes(r.preview, kLargePx, kLargePx);
+  std::copy(small.begin(), small.end(), head.bytes().begin() + kSmall);
+  std::copy(large.begin(), large.end(), head.bytes().begin() + kLarge);
+  head.set_bytes(kLarge - 2, kBreak);
+  head.set_bytes(kLayers - 2, kBreak);
+  head.set_u32(kLayers, static_cast<std::uint32_t>(grid.layers));
+  head.set_u16(kWidth, static_cast<std::uint32_t>(grid.width_px));
+  head.set_u16(kHeight, static_cast<std::uint32_t>(grid.height_px));
+  head.set_u8(kMirrorX, info.orientation.mirror_x);
+  head.set_u8(kMirrorY, info.orientation.mirror_y);
+  const double total_mm = grid.layers * grid.layer_um * 1e-3;
+  head.set_f32(kDisplay, grid.width_px * grid.pixel_x_um * 1e-3);
+  head.set_f32(kDisplay + 4, grid.height_px * grid.pixel_y_um * 1e-3);
+  head.set_f32(kDisplay + 8, info.printer && info.printer->travel_mm > 0 ? info.printer->travel_mm
+                                                                         : std::ceil(total_mm));
+  head.set_f32(kLayerMm, grid.layer_um * 1e-3);
+  head.set_f32(kExposure, s.normal_s);
+  head.set_u8(kMode, 1);
+  head.set_f32(kBottomExposure, s.bottom_s);
+  head.set_u32(kBottomLayers, static_cast<std::uint32_t>(s.bottom_layers));
+  set_lifts(head, kLifts, lift_mm, 2);
+  head.set_u16(kBottomLight, 255);
+  head.set_u16(kLight, 255);
+  head.set_u8(kLayerFlag, s.uneven);
+  const std::vector<double> times_s = layer_times(info);
+  double print_time_s = 0;
+  for (const double t : times_s) {
+    print_time_s += t + 60 * lift_mm * (1 / kLiftMmMin + 1 / kBackMmMin);
+  }
+  head.set_u32(kPrintTime, u32_of(print_time_s));
+  head.set_f32(kVolume, info.part_volume_mm3);
+  head.set_bytes(kPrice + 4, "$");
+  head.set_u32(kLayersAt, static_cast<std::uint32_t>(kHeadBytes));
+  head.set_u8(kGreyRange, 1);
+  head.set_u16(kTransition, static_cast<std::uint32_t>(s.uneven ? 0 : s.fade_layers));
+  output.add_piece(head.bytes());
+  const CodedLayers* const coded = r.layers;
+  for (std::size_t n = 0; n < times_s.size(); ++n) {
+    BinaryBlock layer(kLayerHeadBytes, ByteOrder::big);
+    layer.set_f32(kZ, static_cast<double>(n + 1) * grid.layer_um * 1e-3);
+    layer.set_f32(kLayerExposure, times_s[n]);
+    // One stage up, then nothing of the second; the same back.
+    layer.set_f32(kLayerLift, lift_mm);
+    layer.set_f32(kLayerLift + 4, kLiftMmMin);
+    layer.set_f32(kLayerLift + 2 * kPairBytes, lift_mm);
+    layer.set_f32(kLayerLift + 2 * kPairBytes + 4, kBackMmMin);
+    layer.set_u16(kLayerLight, 255);
+    layer.set_bytes(kLayerBreak, kBreak);
+    layer.set_u32(kLayerBytes, static_cast<std::uint32_t>(coded->sizes[n]));
+    output.add_piece(
+        kLayerHeadBytes + coded->sizes[n] + kBreak.size(),
+        [coded, its = std::move(layer.bytes())](std::size_t i, std::vector<std::uint8_t>& out) {
+          out = its;
+          coded->append(i, out);
+          out.insert(out.end(), kBreak.begin(), kBreak.end());
+        },
+        n);
+  }
+  output.add_piece({kEnd.begin(), kEnd.end()});
+}
+
+class Goo final : public ArchiveFormat {
+ public:
+  std::string_view name() const override { return "goo"; }
+  std::string_view what() const override { return "Elegoo GOO, and Phrozen's PRZ"; }
+  std::vector<std::string_view> endings() const override { return {".goo", ".prz"}; }
+  ContainerKind container() const override { return ContainerKind::binary; }
+  LayerCodecPtr new_codec(const Grid& grid) const override {
+    return goo_code(grid.width_px, grid.height_px, false);
+  }
+  bool recognises(const Container& archive) const override {
+    const BinaryFile& file = binary_file(archive);
+    if (file.size() < kStart.size()) return false;
+    std::vector<std::uint8_t> start;
+    file.read_at(0, kStart.size(), start, "head");
+    return std::string_view(reinterpret_cast<const char*>(start.data()), start.size()) == kStart;
+  }
+
+  ArchiveContents read(const Container& archive) const override {
+    const BinaryFile& file = binary_file(archive);
+    const GooFile goo = read_goo(file);
+    const BinaryBlock& head = goo.head;
+    ArchiveContents contents;
+    StackInfo& info = contents.info;
+    Grid& grid = info.grid;
+    grid.width_px = head.u16(kWidth);
+    grid.height_px = head.u16(kHeight);
+    grid.layers = info.target_layers = static_cast<int>(goo.layers.size());
+    grid.pixel_x_um =
+        pixel_um(head.real(kDisplay, "the display's width", 1e4) / grid.width_px, file, "head");
+    grid.pixel_y_um = pixel_um(
+        head.real(kDisplay + 4, "the display's height", 1e4) / grid.height_px, file, "head");
+    grid.layer_um = layer_um(head.real(kLayerMm, "the layer height", 100), file, "head");
+    info.exposure_s = head.real(kExposure, "the exposure", 1e6);
+    info.bottom_exposure_s = head.real(kBottomExposure, "the exposure of bottom layers", 1e6);
+    info.bottom_layers =
+        static_cast<int>(std::min<std::size_t>(head.u32(kBottomLayers), goo.layers.size()));
+    take_layer_times(times_of(goo), info);
+    info.orientation.mirror_x = head.u8(kMirrorX) != 0;
+    info.orientation.mirror_y = head.u8(kMirrorY) != 0;
+    info.orientation_known = true;
+    info.profiles.printer = head.text(kPrinter, 32);
+    info.profiles.material = head.text(kResin, 32);
+    contents.codec = goo_code(grid.width_px, grid.height_px, head.u8(kGreyRange) == 0);
+    for (std::size_t n = 0; n < goo.layers.size(); ++n) {
+      contents.places.push_back({goo.layers[n].offset() + kLayerHeadBytes, goo.bytes_of(n)});
+    }
+    add_facts(goo, file, contents);
+    return contents;
+  }
+
+  std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
+    if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, "GOO");
+    if (r.kept != nullptr) {
+      change(r, binary_output(output));
+    } else {
+      write_new(r, binary_output(output));
+    }
+    return {};
+  }
+};
+
+}  // namespace
+
+const ArchiveFormat& goo_format() {
+  static const Goo format;
+  return format;
+}
+
+}  // namespace slicecorr::detail

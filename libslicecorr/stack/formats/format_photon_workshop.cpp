@@ -1,0 +1,354 @@
+// Anycubic Photon Workshop: tables of which the start of the file says where they are.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
+#include "stack/formats/binary_block.hpp"
+#include "stack/formats/format_times.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using namespace std::string_view_literals;
+
+constexpr std::uint64_t kMarkBytes = 0x30, kTableHeadBytes = 0x10, kRecordBytes = 0x20;
+// Offsets at the start of the file.
+constexpr std::size_t kVersion = 0x0c, kHeaderAt = 0x14, kPreviewAt = 0x1c, kColourAt = 0x20,
+                      kLayersAt = 0x24, kExtraAt = 0x28, kMachineAt = 0x2c;
+// Places in HEADER, behind its own head.
+constexpr std::size_t kPixelUm = 0x10, kLayerMm = 0x14, kExposure = 0x18, kWait = 0x1c,
+                      kBottomExposure = 0x20, kBottomLayers = 0x24, kLift = 0x28, kSpeed = 0x2c,
+                      kBackSpeed = 0x30, kVolume = 0x34, kAntiAliasing = 0x38, kWidth = 0x3c,
+                      kHeight = 0x40, kWeight = 0x44, kPrice = 0x48, kLayerFlag = 0x50,
+                      kPrintTime = 0x54, kTransition = 0x58, kHeaderBytes = 0x60;
+// Places in a record of LAYERDEF.
+constexpr std::size_t kOffset = 0, kBytes = 4, kRecordExposure = 0x10, kThickness = 0x14,
+                      kLit = 0x18;
+constexpr std::uint32_t kMostPasses = 64;
+
+struct WorkshopFile {
+  std::uint32_t version = 0;
+  BinaryBlock mark, header, layers;  ///< `layers` with its head and its count
+  std::optional<BinaryBlock> machine;
+  std::size_t images_at = 0;  ///< in `mark`, where the images' offset stands
+  std::array<std::uint8_t, 16> colours{};
+  bool has_colours = false;
+  std::uint32_t count = 0;
+  std::size_t record(std::size_t n) const { return kTableHeadBytes + 4 + n * kRecordBytes; }
+  std::uint64_t offset(std::size_t n) const { return layers.u32(record(n) + kOffset); }
+  std::uint64_t bytes(std::size_t n) const { return layers.u32(record(n) + kBytes); }
+  /// Any code but black shines full.
+  bool is_black_and_white() const {
+    return header.u32(kAntiAliasing) <= 1 ||
+           (has_colours &&
+            std::all_of(colours.begin(), colours.end(), [](int v) { return v == 255; }));
+  }
+};
+
+BinaryBlock table(const BinaryFile& file, const BinaryBlock& mark, std::size_t at,
+                  std::string_view name, std::uint64_t bytes) {
+  const std::uint32_t offset = mark.u32(at);
+  if (offset == 0) mark.fail(at, fmt::format("says that there is no table {}", name));
+  BinaryBlock block(file, offset, bytes, std::string(name));
+  if (block.text(0, 12) != name) block.fail(0, fmt::format("expected the name {}", name));
+  return block;
+}
+
+WorkshopFile read_workshop(const BinaryFile& file) {
+  WorkshopFile w;
+  w.mark = BinaryBlock(file, 0, kMarkBytes, "start of the file");
+  w.version = w.mark.u32(kVersion);
+  constexpr std::uint32_t known[] = {1, 515, 516, 517, 518};
+  if (std::find(std::begin(known), std::end(known), w.version) == std::end(known)) {
+    w.mark.fail(kVersion, fmt::format("is version {}, which is not known", w.version));
+  }
+  if (w.version >= 516) w.mark = BinaryBlock(file, 0, kMarkBytes + 4, "start of the file");
+  w.images_at = w.version >= 516 ? 0x30 : 0x2c;
+  w.header = table(file, w.mark, kHeaderAt, "HEADER", kHeaderBytes);
+  const std::uint32_t width = w.header.u32(kWidth), height = w.header.u32(kHeight);
+  check_image_size(file, width, height);
+  if (w.header.u32(kAntiAliasing) > kMostPasses) {
+    w.header.fail(kAntiAliasing, fmt::format("says anti-aliasing of {}, expected at most {}",
+                                             w.header.u32(kAntiAliasing), kMostPasses));
+  }
+  std::vector<NamedSpan> spans{{0, w.mark.size(), "start of the file"},
+                               {w.header.offset(), w.header.size(), "HEADER"}};
+  if (w.mark.u32(kColourAt) != 0) {
+    const BinaryBlock colours(file, w.mark.u32(kColourAt), 0x1c, "colour table");
+    if (colours.u32(4) != w.colours.size()) {
+      colours.fail(4, fmt::format("has {} colours, expected 16", colours.u32(4)));
+    }
+    std::copy_n(colours.bytes().begin() + 8, w.colours.size(), w.colours.begin());
+    w.has_colours = true;
+    spans.push_back({colours.offset(), colours.size(), "colour table"});
+  }
+  if (w.mark.u32(kPreviewAt) != 0) {
+    const BinaryBlock preview = table(file, w.mark, kPreviewAt, "PREVIEW", 0x1c);
+    spans.push_back({preview.offset(), preview.u32(12), "PREVIEW"});
+  }
+  if (w.version >= 516 && w.mark.u32(kMachineAt) != 0) {
+    w.machine = table(file, w.mark, kMachineAt, "MACHINE", 0x9c);
+    spans.push_back({w.machine->offset(), w.machine->size(), "MACHINE"});
+  }
+  const BinaryBlock start = table(file, w.mark, kLayersAt, "LAYERDEF", kTableHeadBytes + 4);
+  w.count = start.u32(kTableHeadBytes);
+  check_layer_count(file, w.count);
+  w.layers =
+      BinaryBlock(file, start.offset(), kTableHeadBytes + 4 + w.count * kRecordBytes, "LAYERDEF");
+  if (w.layers.u32(12) != 4 + w.count * kRecordBytes) {
+    w.layers.fail(12, fmt::format("says that it has {} bytes, expected {} for {} layers",
+                                  w.layers.u32(12), 4 + w.count * kRecordBytes, w.count));
+  }
+  spans.push_back({w.layers.offset(), w.layers.size(), "LAYERDEF"});
+  for (std::size_t n = 0; n < w.count; ++n) {
+    const std::size_t at = w.record(n);
+    if (w.bytes(n) == 0) w.layers.fail(at + kBytes, fmt::format("layer {} has no data", n));
+    w.layers.real(at + kRecordExposure, "a layer's exposure", 1e6);
+    if (w.layers.real(at + kThickness, "a layer's thickness", 100) == 0) {
+      w.layers.fail(at + kThickness, fmt::format("layer {} is 0 mm thick", n));
+    }
+    spans.push_back({w.offset(n), w.bytes(n), fmt::format("layer {}", n)});
+  }
+  check_spans(file, std::move(spans), true);
+  return w;
+}
+
+/// Which of the two codes a file has, it does not say in every version: the one that its first layer
+/// is whole in.
+bool is_pw0(const BinaryFile& file, const WorkshopFile& w) {
+  if (w.machine) {
+    const std::string code = w.machine->text(0x70, 16);
+    if (code == "pw0Img" || code == "pwsImg") return code == "pw0Img";
+    w.machine->fail(0x70,
+                    "says that layers are coded as \"" + code + "\", expected pw0Img or pwsImg");
+  }
+  if (w.version != 1) return true;
+  const auto width = static_cast<int>(w.header.u32(kWidth)),
+             height = static_cast<int>(w.header.u32(kHeight));
+  const LayerCodecPtr pw0 = pw0_code(width, height, false);
+  std::vector<std::vector<std::uint8_t>> code(1);
+  file.read_at(w.offset(0), w.bytes(0), code[0], "layer 0");
+  std::vector<std::uint8_t> pixels(pw0->pixel_count());
+  try {
+    return pw0->decode(code, pixels.data(), {file.path(), 0}) == 0;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+LayerCodecPtr codec_of(const BinaryFile& file, const WorkshopFile& w) {
+  const auto width = static_cast<int>(w.header.u32(kWidth)),
+             height = static_cast<int>(w.header.u32(kHeight));
+  if (is_pw0(file, w)) return pw0_code(width, height, w.is_black_and_white());
+  const int passes = static_cast<int>(std::max<std::uint32_t>(1, w.header.u32(kAntiAliasing)));
+  return bit_sets_code(width, height, passes, true);
+}
+
+void add_facts(const WorkshopFile& w, bool pw0, ArchiveContents& contents) {
+  const BinaryBlock& h = w.header;
+  const auto add = [&](const char* name, const std::string& value) {
+    contents.facts.emplace_back(name, value);
+  };
+  add("version", std::to_string(w.version));
+  add("code of layers", pw0 ? "pw0Img" : "pwsImg");
+  if (w.machine) {
+    add("display", fmt::format("{:g} x {:g} mm, {:g} mm high", w.machine->f32(0x88),
+                               w.machine->f32(0x8c), w.machine->f32(0x90)));
+  }
+  if (w.version >= 516) add("time shown", fmt::format("{} s", h.u32(kPrintTime)));
+  add("wait before light", fmt::format("{:g} s", h.f32(kWait)));
+  add("lift", fmt::format("{:g} mm at {:g} mm/s, back at {:g} mm/s", h.f32(kLift), h.f32(kSpeed),
+                          h.f32(kBackSpeed)));
+  add("anti-aliasing", std::to_string(h.u32(kAntiAliasing)));
+  add("times of single layers", h.u32(kLayerFlag) != 0 ? "heeded" : "not heeded");
+  if (w.version >= 516) add("transition layers", std::to_string(h.u32(kTransition)));
+  add("resin used",
+      fmt::format("{:g} ml, {:g} g, cost {:g}", h.f32(kVolume), h.f32(kWeight), h.f32(kPrice)));
+}
+
+void change(const ArchiveRequest& r, BinaryOutput& output) {
+  const BinaryFile& file = binary_file(*r.kept);
+  WorkshopFile w = read_workshop(file);
+  const auto layers = static_cast<std::size_t>(r.info.grid.layers);
+  const std::size_t old = w.count;
+  if (w.version >= 518) {
+    throw InputError(
+        file.path(), "",
+        "is version 518, whose second list of layers is not known well enough to change "
+        "it; expected a file that the slicer writes for an earlier version");
+  }
+  FileChange changed(file);
+  const std::size_t mark = changed.replace(0, w.mark.size(), w.mark.size());
+  const std::size_t header = changed.replace(w.header.offset(), w.header.size(), w.header.size());
+  const std::size_t table = changed.replace(w.layers.offset(), w.layers.size(), w.record(layers));
+  // Layers that share their data get each their own where it changes.
+  std::vector<std::size_t> spans(layers);
+  std::vector<std::size_t> order(old);
+  for (std::size_t n = 0; n < old; ++n) order[n] = n;
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return w.offset(a) < w.offset(b); });
+  std::uint64_t end = 0, last = 0;
+  for (const std::size_t n : order) {
+    const bool own = w.offset(n) != last;
+    last = w.offset(n);
+    end = std::max(end, w.offset(n) + w.bytes(n));
+    const std::uint64_t new_size = n < layers ? r.layers->sizes[n] : 0;
+    const std::size_t span = changed.replace(own ? w.offset(n) : w.offset(n) + w.bytes(n),
+                                             own ? w.bytes(n) : 0, new_size);
+    if (n < layers) spans[n] = span;
+  }
+  for (std::size_t n = old; n < layers; ++n) spans[n] = changed.replace(end, 0, r.layers->sizes[n]);
+  changed.lay_out();
+  if (changed.new_size() > 0xffffffffu) {
+    throw InputError(file.path(), "", "would be larger than 4 GiB, which its offsets can't say");
+  }
+  if (r.exposure_changes) {
+    const ExposureSummary s = exposure_summary(r.info);
+    if (w.header.u32(kLayerFlag) == 0) {
+      require_even_times(r, s,
+                         "the file's mark that printers heed times of single layers is not set");
+    }
+    if (s.fade_layers > 0 && w.version < 516) {
+      throw InputError(
+          file.path(), "",
+          "can't say that exposures fade from bottom layers to the others; expected no "
+          "fade layers");
+    }
+    w.header.set_f32(kExposure, s.normal_s);
+    w.header.set_f32(kBottomExposure, s.bottom_s);
+    if (!s.uneven) {
+      w.header.set_f32(kBottomLayers, s.bottom_layers);
+      if (w.version >= 516) {
+        w.header.set_u32(kTransition, static_cast<std::uint32_t>(s.fade_layers));
+      }
+    }
+  }
+  if (w.version >= 516) {
+    w.header.set_u32(kPrintTime,
+                     changed_print_time_s(w.header.u32(kPrintTime), r.kept_contents->info, r.info));
+  }
+  BinaryBlock records(w.record(layers), ByteOrder::little);
+  std::copy_n(w.layers.bytes().begin(), kTableHeadBytes, records.bytes().begin());
+  records.set_u32(12, static_cast<std::uint32_t>(4 + layers * kRecordBytes));
+  records.set_u32(kTableHeadBytes, static_cast<std::uint32_t>(layers));
+  for (std::size_t n = 0; n < layers; ++n) {
+    const std::size_t to = w.record(n);
+    std::copy_n(
+        w.layers.bytes().begin() + static_cast<std::ptrdiff_t>(w.record(std::min(n, old - 1))),
+        kRecordBytes, records.bytes().begin() + static_cast<std::ptrdiff_t>(to));
+    records.set_u32(to + kOffset, static_cast<std::uint32_t>(changed.place(spans[n])));
+    records.set_u32(to + kBytes, static_cast<std::uint32_t>(r.layers->sizes[n]));
+    records.set_u32(to + kLit, static_cast<std::uint32_t>(r.layers->lit_pixels[n]));
+    if (r.exposure_changes) {
+      records.set_f32(to + kRecordExposure, light_on_of_layer(r.info, static_cast<int>(n)));
+    }
+  }
+  // Everything that an offset leads to may have moved.
+  for (std::size_t at = kHeaderAt; at < w.mark.size(); at += 4) {
+    const std::uint32_t offset = w.mark.u32(at);
+    if (offset != 0) w.mark.set_u32(at, static_cast<std::uint32_t>(changed.moved(offset)));
+  }
+  changed.fill(mark, w.mark.bytes());
+  changed.fill(header, w.header.bytes());
+  changed.fill(table, records.bytes());
+  const CodedLayers* const coded = r.layers;
+  for (std::size_t n = 0; n < layers; ++n) {
+    changed.fill(
+        spans[n],
+        [coded](std::size_t i, std::vector<std::uint8_t>& out) {
+          out.clear();
+          coded->append(i, out);
+        },
+        n);
+  }
+  changed.add_to(output);
+}
+
+class PhotonWorkshop final : public ArchiveFormat {
+ public:
+  std::string_view name() const override { return "photon-workshop"; }
+  std::string_view what() const override { return "Anycubic Photon Workshop"; }
+  std::vector<std::string_view> endings() const override {
+    return {".pwmx", ".pwmo", ".pwms", ".pwma", ".pwmb", ".pws",  ".pw0",  ".pwx",
+            ".pmsq", ".pmx2", ".px6s", ".pm3",  ".pm3m", ".pm3r", ".pm3n", ".pm4n",
+            ".pm5",  ".pm5s", ".m5sp", ".dlp",  ".dl2p", ".pwc"};
+  }
+  ContainerKind container() const override { return ContainerKind::binary; }
+  bool made_new() const override { return false; }
+  bool recognises(const Container& archive) const override {
+    const BinaryFile& file = binary_file(archive);
+    return file.size() >= kMarkBytes &&
+           BinaryBlock(file, 0, 12, "start of the file").text(0, 12) == "ANYCUBIC";
+  }
+
+  ArchiveContents read(const Container& archive) const override {
+    const BinaryFile& file = binary_file(archive);
+    const WorkshopFile w = read_workshop(file);
+    const BinaryBlock& h = w.header;
+    ArchiveContents contents;
+    StackInfo& info = contents.info;
+    Grid& grid = info.grid;
+    grid.width_px = static_cast<int>(h.u32(kWidth));
+    grid.height_px = static_cast<int>(h.u32(kHeight));
+    grid.layers = info.target_layers = static_cast<int>(w.count);
+    const double pixel = h.real(kPixelUm, "the size of a pixel", 1000);
+    grid.pixel_x_um = grid.pixel_y_um = pixel_um(pixel * 1e-3, file, "HEADER");
+    if (w.machine && w.machine->f32(0x88) > 0 && w.machine->f32(0x8c) > 0) {
+      grid.pixel_x_um = pixel_um(w.machine->real(0x88, "the display's width", 1e4) / grid.width_px,
+                                 file, "MACHINE");
+      grid.pixel_y_um = pixel_um(
+          w.machine->real(0x8c, "the display's height", 1e4) / grid.height_px, file, "MACHINE");
+    }
+    grid.layer_um = layer_um(h.real(kLayerMm, "the layer height", 100), file, "HEADER");
+    info.exposure_s = h.real(kExposure, "the exposure", 1e6);
+    info.bottom_exposure_s = h.real(kBottomExposure, "the exposure of bottom layers", 1e6);
+    info.bottom_layers = static_cast<int>(std::min<double>(
+        std::round(h.real(kBottomLayers, "the number of bottom layers", 1e5)), w.count));
+    if (w.version >= 516)
+      info.fade_layers = static_cast<int>(std::min(h.u32(kTransition), w.count));
+    std::vector<double> times_s;
+    for (std::size_t n = 0; n < w.count; ++n) {
+      times_s.push_back(w.layers.real(w.record(n) + kRecordExposure, "a layer's exposure", 1e6));
+      const double thick_um = 1e3 * w.layers.f32(w.record(n) + kThickness);
+      if (contents.warnings.empty() &&
+          std::abs(thick_um - grid.layer_um) > 0.01 * grid.layer_um + 0.5) {
+        contents.warnings.push_back(
+            fmt::format("layer {} is {:.1f} um high, others {:g} um: read as if all were", n,
+                        thick_um, grid.layer_um));
+      }
+    }
+    take_layer_times(std::move(times_s), info);
+    if (w.machine) info.profiles.printer = w.machine->text(0x10, 96);
+    contents.codec = codec_of(file, w);
+    const std::uint32_t aa = h.u32(kAntiAliasing);
+    const bool pw0 = is_pw0(file, w);
+    if (pw0 && !w.is_black_and_white() && aa != 16) {
+      contents.warnings.push_back(
+          fmt::format("is for anti-aliasing of {}: its table shows other grey levels than sixteen "
+                      "equal steps, which are not taken into account; expected a slice with 16",
+                      aa));
+    }
+    for (std::size_t n = 0; n < w.count; ++n) contents.places.push_back({w.offset(n), w.bytes(n)});
+    add_facts(w, pw0, contents);
+    return contents;
+  }
+
+  std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
+    if (r.exposure_changes) warn_of_mode(r, "Photon Workshop");
+    change(r, binary_output(output));
+    return {};
+  }
+};
+
+}  // namespace
+
+const ArchiveFormat& photon_workshop_format() {
+  static const PhotonWorkshop format;
+  return format;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,60 @@
+#include "stack/layer_encoding.hpp"
+
+#include <atomic>
+#include <cstring>
+
+#include "stack/png/png.hpp"
+
+namespace slicecorr::detail {
+
+EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size_t count,
+                            const ReadPixels& read_pixels, const BinaryFile* kept,
+                            const ArchiveContents& kept_contents, BlobStore& store,
+                            const ExecutionContext& context) {
+  const auto pieces = static_cast<std::size_t>(codec.pieces());
+  EncodedLayers coded{std::vector<BlobStore::Blob>(count * pieces),
+                      std::vector<std::uint32_t>(count),
+                      {.codec = codec},
+                      0};
+  coded.layers.sizes.resize(count * pieces);
+  coded.layers.lit_pixels.resize(count);
+  std::atomic<std::uint64_t> rounded_pixels{0};
+  parallel_for(context, "pack", count, [&](std::size_t slice) {
+    std::vector<std::uint8_t> pixels(codec.pixel_count()), old_pixels;
+    std::vector<std::vector<std::uint8_t>> made, old(pieces);
+    read_pixels(slice, pixels.data());
+    std::uint64_t lit = 0, rounded = 0;
+    const ShownGrey& shown = codec.shown();
+    each_pixel_run(pixels.data(), pixels.size(), [&](std::uint8_t& v, std::size_t n) {
+      const std::uint8_t to = shown[v];
+      if (to != 0) lit += n;
+      if (to == v) return;
+      rounded += n;
+      std::memset(&v, to, n);
+    });
+    rounded_pixels += rounded;
+    coded.adlers[slice] =
+        adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.data()});
+    codec.encode(static_cast<int>(slice), pixels.data(), made);
+    if (kept != nullptr && slice * pieces < kept_contents.places.size()) {
+      for (std::size_t p = 0; p < pieces; ++p) {
+        const ArchiveContents::Place& place = kept_contents.places[slice * pieces + p];
+        kept->read_at(place.offset, place.size, old[p], "layer");
+      }
+      if (old != made) {
+        old_pixels.resize(pixels.size());
+        codec.decode(old, old_pixels.data(), {kept->path(), static_cast<int>(slice)});
+        if (old_pixels == pixels) made = std::move(old);
+      }
+    }
+    coded.layers.lit_pixels[slice] = lit;
+    for (std::size_t p = 0; p < pieces; ++p) {
+      coded.layers.sizes[slice * pieces + p] = made[p].size();
+      coded.pieces[slice * pieces + p] = store.put(made[p].data(), made[p].size());
+    }
+  });
+  coded.rounded_pixels = rounded_pixels;
+  return coded;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,34 @@
+/// @file layer_encoding.hpp
+/// The layers of a binary print file, coded on all threads before the file is written.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "stack/blob_store.hpp"
+#include "stack/container/binary_file.hpp"
+#include "stack/formats/archive_format.hpp"
+
+namespace slicecorr::detail {
+
+/// Coded layers, kept in a store that must live as long.
+struct EncodedLayers {
+  std::vector<BlobStore::Blob> pieces;
+  std::vector<std::uint32_t>
+      adlers;          ///< Adler-32 of each image as it comes back, see `images_crc32`
+  CodedLayers layers;  ///< without `append`
+  std::uint64_t rounded_pixels = 0;  ///< whose grey values the file can't hold
+};
+
+/// Writes the pixels of a slice, row by row. Called from several threads.
+using ReadPixels = std::function<void(std::size_t slice, std::uint8_t* pixels)>;
+
+/// Codes `count` slices. A layer that shows what the same layer of `kept` shows keeps its code,
+/// whoever made that; `kept` may be null.
+EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size_t count,
+                            const ReadPixels& read_pixels, const BinaryFile* kept,
+                            const ArchiveContents& kept_contents, BlobStore& store,
+                            const ExecutionContext& context);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,153 @@
+#include "exchange/light_readings.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "exchange/csv.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+/// Values along the longer side: far finer than any display's light changes.
+constexpr int kMostSide = 64;
+
+const char* light_column(const CsvTable& table) {
+  for (const char* name : {"light", "intensity_mw_cm2"}) {
+    if (table.has(name)) return name;
+  }
+  return nullptr;
+}
+
+std::vector<LightReading> read(const ImportSource& source, double width_mm, double height_mm) {
+  const CsvTable table(source.text, source.path);
+  const char* const light = light_column(table);
+  std::vector<LightReading> readings;
+  for (const CsvTable::Row& row : table.rows()) {
+    const auto number = [&](const char* column) {
+      const auto value = table.number(row, column);
+      if (!value) table.fail(row, column, "is empty; expected a number");
+      return *value;
+    };
+    const LightReading r{number("x_mm"), number("y_mm"), number(light), row.line};
+    if (!(r.light > 0))
+      table.fail(row, light, fmt::format("is {:g}; expected more than 0", r.light));
+    const auto inside = [&](const char* column, double value, double most) {
+      if (value >= -0.1 * most && value <= 1.1 * most) return;
+      table.fail(
+          row, column,
+          fmt::format("is {:g} mm; expected a place on the display, 0 to {:g} mm", value, most));
+    };
+    inside("x_mm", r.x_mm, width_mm);
+    inside("y_mm", r.y_mm, height_mm);
+    readings.push_back(r);
+  }
+  if (readings.size() < 3) {
+    throw InputError(source.path, "",
+                     fmt::format("has {} readings; expected three or more, over the whole display",
+                                 readings.size()));
+  }
+  return readings;
+}
+
+/// The plane that fits the readings best around a place, there; `apart_mm`: how far readings lie
+/// apart.
+double light_at(const std::vector<LightReading>& readings, double x_mm, double y_mm,
+                double apart_mm) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  double weights = 0, mean = 0;
+  for (const LightReading& r : readings) {
+    const double dx = (r.x_mm - x_mm) / apart_mm, dy = (r.y_mm - y_mm) / apart_mm;
+    const double weight = std::exp(-0.5 * (dx * dx + dy * dy)) + 1e-9;
+    const Eigen::Vector3d v(1, dx, dy);
+    normal += weight * v * v.transpose();
+    right += weight * r.light * v;
+    weights += weight;
+    mean += weight * r.light;
+  }
+  // A little stiffness against slopes, where few readings are near: a thousandth of a reading's say.
+  normal(1, 1) += 1e-3 * weights;
+  normal(2, 2) += 1e-3 * weights;
+  const Eigen::Vector3d plane = normal.ldlt().solve(right);
+  return std::isfinite(plane[0]) ? plane[0] : mean / weights;
+}
+
+bool on_a_line(const std::vector<LightReading>& readings) {
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  for (const LightReading& r : readings) middle += Eigen::Vector2d(r.x_mm, r.y_mm);
+  middle /= static_cast<double>(readings.size());
+  for (const LightReading& r : readings) {
+    const Eigen::Vector2d d = Eigen::Vector2d(r.x_mm, r.y_mm) - middle;
+    spread += d * d.transpose();
+  }
+  return spread.determinant() < 1e-4 * spread.trace() * spread.trace();
+}
+
+}  // namespace
+
+bool is_light_readings(const std::string& text, const std::string& path) {
+  if (text.starts_with("\x89PNG") || text.find("x_mm") == std::string::npos) return false;
+  const CsvTable table(text, path, CsvTable::Header::optional);
+  return table.has("x_mm") && table.has("y_mm") && light_column(table) != nullptr;
+}
+
+double LightMapOfReadings::value_at(double x_mm, double y_mm) const {
+  const int column =
+      std::clamp(static_cast<int>(x_mm / width_mm * image.width_px), 0, image.width_px - 1);
+  const int row = std::clamp(static_cast<int>((height_mm - y_mm) / height_mm * image.height_px), 0,
+                             image.height_px - 1);
+  return image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px) +
+                      static_cast<std::size_t>(column)];
+}
+
+LightMapOfReadings map_of_readings(const ImportSource& source, double width_mm, double height_mm) {
+  const std::vector<LightReading> readings = read(source, width_mm, height_mm);
+  if (on_a_line(readings)) {
+    throw InputError(source.path, "",
+                     "has all its readings on a line; expected them over the whole display");
+  }
+  LightMapOfReadings map;
+  map.width_mm = width_mm;
+  map.height_mm = height_mm;
+  const double longer = std::max(width_mm, height_mm);
+  map.image.width_px = std::max(2, static_cast<int>(std::lround(kMostSide * width_mm / longer)));
+  map.image.height_px = std::max(2, static_cast<int>(std::lround(kMostSide * height_mm / longer)));
+  const double apart_mm = std::sqrt(width_mm * height_mm / static_cast<double>(readings.size()));
+  const auto [least, most] =
+      std::minmax_element(readings.begin(), readings.end(),
+                          [](const auto& a, const auto& b) { return a.light < b.light; });
+  std::vector<double> light;
+  for (int row = 0; row < map.image.height_px; ++row) {
+    const double y_mm = height_mm * (1 - (row + 0.5) / map.image.height_px);
+    for (int column = 0; column < map.image.width_px; ++column) {
+      const double x_mm = width_mm * (column + 0.5) / map.image.width_px;
+      // Beyond the outermost readings a slope may go on for a while, not for ever.
+      light.push_back(std::clamp(light_at(readings, x_mm, y_mm, apart_mm), 0.5 * least->light,
+                                 1.25 * most->light));
+    }
+  }
+  map.brightest = *std::max_element(light.begin(), light.end());
+  for (const double l : light) {
+    map.image.pixels.push_back(static_cast<std::uint8_t>(std::lround(255 * l / map.brightest)));
+  }
+  for (const LightReading& r : readings) {
+    map.off_mean += std::abs(light_at(readings, r.x_mm, r.y_mm, apart_mm) - r.light);
+  }
+  map.off_mean /= static_cast<double>(readings.size()) * map.brightest;
+  for (const double row : {5.0, 3.0, 1.0}) {
+    for (const double column : {1.0, 3.0, 5.0}) {
+      map.ninths.push_back(map.value_at(width_mm * column / 6, height_mm * row / 6) / 255);
+    }
+  }
+  return map;
+}
+
+}  // namespace slicecorr::resins

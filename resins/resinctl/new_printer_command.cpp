@@ -1,0 +1,193 @@
+// new-printer: a printer file by questions.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "commands.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/resins/database.hpp"
+#include "slicecorr/resins/exchange.hpp"
+
+namespace slicecorr::resinctl {
+
+namespace {
+
+using namespace resins;
+using cli::Console;
+
+struct Arguments {
+  std::string folder;
+  bool replace = false;
+};
+
+/// Questions on stderr, answers from stdin, a line each; a wrong answer is told and asked for again
+/// where somebody sits at a terminal, and ends the program where a script does.
+class Questions {
+ public:
+  explicit Questions(Console& console) : console_(console), person_(::isatty(STDIN_FILENO) != 0) {}
+
+  std::string text(const std::string& question) {
+    cli::write_stderr(question + ": ");
+    std::string answer;
+    if (!std::getline(std::cin, answer)) {
+      throw InputError("stdin", "", "ends; expected an answer to '" + question + "'");
+    }
+    if (!person_) cli::write_stderr(answer + "\n");
+    while (!answer.empty() && (answer.back() == ' ' || answer.back() == '\r')) answer.pop_back();
+    answer.erase(0, std::min(answer.find_first_not_of(' '), answer.size()));
+    return answer;
+  }
+  /// `otherwise`: what an empty answer means; without it there must be one.
+  double number(const std::string& question, double least, double most,
+                std::optional<double> otherwise = {}) {
+    const std::string asked = otherwise ? fmt::format("{} [{:g}]", question, *otherwise) : question;
+    for (;;) {
+      const std::string answer = text(asked);
+      if (answer.empty() && otherwise) return *otherwise;
+      const auto value = cli::number_of(answer);
+      if (value && *value >= least && *value <= most) return *value;
+      refuse(fmt::format("'{}' is no number from {:g} to {:g}", answer, least, most));
+    }
+  }
+  void refuse(const std::string& why) {
+    if (!person_) throw InputError("stdin", "", why);
+    console_.say(why);
+  }
+
+ private:
+  Console& console_;
+  bool person_;
+};
+
+std::string name_asked(Questions& ask) {
+  for (;;) {
+    std::string name = ask.text("Name of the printer, by which you will call it (my-printer)");
+    const bool plain = !name.empty() && std::all_of(name.begin(), name.end(), [](unsigned char c) {
+      return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    });
+    if (plain) return name;
+    ask.refuse(fmt::format("'{}' is no name; expected small letters, digits, - and _", name));
+  }
+}
+
+/// Grey levels with the light that was measured at them, black and the brightest among them.
+std::string calibration_asked(Questions& ask, Console& console, int top) {
+  console.say(fmt::format(
+      "Now the light at the window: show an even grey, measure, and type the grey level and the "
+      "intensity in mW/cm², as in '128 31.5'. Six levels are enough, 0 (black) and {} among them. "
+      "An empty line ends.",
+      top));
+  for (;;) {
+    std::vector<CalibrationPoint> points;
+    for (;;) {
+      const std::string line = ask.text(fmt::format("Reading {}", points.size() + 1));
+      if (line.empty()) break;
+      std::istringstream words(line);
+      CalibrationPoint p;
+      std::string rest;
+      if (!(words >> p.level >> p.intensity_mw_cm2) || words >> rest || p.level < 0 ||
+          p.level > top || p.intensity_mw_cm2 < 0) {
+        ask.refuse(
+            fmt::format("'{}' is no reading; expected a level of 0 to {} and mW/cm²", line, top));
+        continue;
+      }
+      points.push_back(p);
+    }
+    std::sort(points.begin(), points.end(),
+              [](const auto& a, const auto& b) { return a.level < b.level; });
+    std::string wrong;
+    if (points.size() < 2 || points.front().level != 0 || points.back().level != top) {
+      wrong = fmt::format("the readings must hold level 0 and level {}", top);
+    }
+    for (std::size_t i = 1; i < points.size() && wrong.empty(); ++i) {
+      if (points[i].level == points[i - 1].level) {
+        wrong = fmt::format("level {:g} was read twice", points[i].level);
+      } else if (points[i].intensity_mw_cm2 < points[i - 1].intensity_mw_cm2) {
+        wrong = fmt::format("the light falls from level {:g} to {:g}", points[i - 1].level,
+                            points[i].level);
+      }
+    }
+    if (wrong.empty()) {
+      std::string array = "[";
+      for (const CalibrationPoint& p : points) {
+        array += fmt::format("{}[{:g}, {:.10g}]", array.size() > 1 ? ", " : "", p.level,
+                             p.intensity_mw_cm2);
+      }
+      return array + "]";
+    }
+    ask.refuse(wrong + "; please type them again");
+  }
+}
+
+int new_printer(const Arguments& a, Console& console) {
+  Questions ask(console);
+  console.say("A printer file by questions. An empty answer takes what stands in brackets.");
+  Imported made;
+  made.kind = "printer";
+  made.name = name_asked(ask);
+  const auto whole = [&](const char* question, int least, int most,
+                         std::optional<double> otherwise) {
+    for (;;) {
+      const double value = ask.number(question, least, most, otherwise);
+      if (value == std::floor(value)) return static_cast<int>(value);
+      ask.refuse(fmt::format("{:g} is no whole number", value));
+    }
+  };
+  const int width = whole("Pixels of the display, across", 1, 65536, {});
+  const int height = whole("Pixels of the display, down", 1, 65536, {});
+  const double pixel_um = ask.number("Size of a pixel at the window, um", 0.1, 10000);
+  const int bits = whole("Bits of a grey level", 1, 16, 8);
+  const double nm = ask.number("Wavelength, nm; 0 when you do not know", 0, 2000, 405);
+  made.text = fmt::format(
+      "name = \"{}\"\n\n[display]\nwidth_px = {}\nheight_px = {}\npixel_um = {:g}\nbit_depth = {}\n",
+      made.name, width, height, pixel_um, bits);
+  const std::string calibration = calibration_asked(ask, console, (1 << bits) - 1);
+  made.text += "\n[blue]\n";
+  if (nm > 0) made.text += fmt::format("wavelength_nm = {:g}\n", nm);
+  made.text += fmt::format("calibration = {}  # grey level, mW/cm² at the window\n", calibration);
+  const double speed =
+      ask.number("Fastest speed of the stage, mm/h; 0 when you do not know", 0, 1e6, 0);
+  const double travel = ask.number("Travel of the stage, mm; 0 when you do not know", 0, 1e5, 0);
+  if (speed > 0 || travel > 0) {
+    made.text += "\n[stage]\n";
+    if (speed > 0) made.text += fmt::format("max_speed_mm_h = {:g}\n", speed);
+    if (travel > 0) made.text += fmt::format("travel_mm = {:g}\n", travel);
+  }
+  parse_printer(made.text, made.name + ".toml");
+  const Replace replace = a.replace ? Replace::keep_history : Replace::refuse;
+  const std::string folder = a.folder.empty() ? writable_folder() : a.folder;
+  must_be_free(folder, made, replace);
+  const Saved saved = save_imported(made, folder, replace, "by new-printer");
+  cli::print_result(saved.path + "\n");
+  console.say(fmt::format(
+      "printer {0}: saved. It is --printer {0} from now on. Where its light is uneven, measure some "
+      "places and type: resinctl import readings.csv --printer {0} --replace (columns x_mm, y_mm, "
+      "light)",
+      made.name));
+  return cli::kDone;
+}
+
+}  // namespace
+
+void add_new_printer(cli::Program& program) {
+  const auto a = std::make_shared<Arguments>();
+  CLI::App* sub = program.add(
+      "new-printer",
+      "Asks for what a printer file needs, a line each, and saves it in your own database.",
+      [a](const ExecutionContext&, Console& console) { return new_printer(*a, console); });
+  sub->add_option("-o,--folder", a->folder, "Save into this folder instead");
+  sub->add_flag("--replace", a->replace,
+                "Put it in the place of one of the same name, which goes to the history");
+}
+
+}  // namespace slicecorr::resinctl

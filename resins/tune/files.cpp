@@ -1,0 +1,102 @@
+// Files of resins and printers with what was found.
+#include "tune/files.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "database/schema.hpp"
+#include "database/toml_edit.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/units.hpp"
+#include "support/toml/toml_table.hpp"
+
+namespace slicecorr::resins {
+
+std::string tuned_with(const Printer& printer) {
+  return fmt::format("{}, {:.4g} to {:.4g} mW/cm2: ha, light, stray_mw_cm2: ", printer.name,
+                     printer.calibration.front().intensity_mw_cm2,
+                     printer.calibration.back().intensity_mw_cm2);
+}
+
+std::string name_in_file(const std::string& path, const std::string& before) {
+  const std::string stem = std::filesystem::path(path).stem().string();
+  return is_stable_name(stem) ? stem : before;
+}
+
+std::string resin_with_tuning(const std::string& text, const std::string& source,
+                              const std::string& name, const Printer& printer,
+                              const TuneResult& result) {
+  TomlEdit edit(text, source);
+  edit.set("", "name", toml_text(name));
+  const toml::table parsed = parse_toml(text, source);
+  const TomlTable root(parsed, source);
+  const Resin before = parse_resin(text, source);
+  const Resin after = tuned_resin(before, result.x);
+  const double height = std::exp(result.x[0]), areal = std::exp(-before.m * result.x[1]);
+  const auto scale = [&](const char* table, const char* key, double by) {
+    const auto keys = root.table(table);
+    if (!keys || !keys->has(key)) return false;
+    edit.set(table, key, toml_number(keys->required_number(key, 0, 1e12) * by));
+    edit.set_comment(table, key, "");
+    return true;
+  };
+  const bool as_height = scale("cure", "absorbance_height_um", height);
+  const bool as_absorption = scale("cure", "absorption_per_cm", 1 / height);
+  if (!as_height && !as_absorption) {
+    throw InputError(source, "cure.absorbance_height_um", "missing, which tune changes");
+  }
+  scale("cure", "active_absorption_per_cm", 1 / height);
+  for (const char* key : {"critical_dose_mj_cm3", "gel_dose_mj_cm3"}) {
+    scale("cure", key, areal / height);
+  }
+  for (const char* key : {"critical_dose_mj_cm2", "gel_dose_mj_cm2", "critical_dose_prime"}) {
+    scale("cure", key, areal);
+  }
+  if (before.inhibition) {
+    scale("inhibition", "critical_dose_prime", std::exp(-before.inhibition->m * result.x[1]));
+  }
+  const TuneMatrix& c = result.covariance;
+  if (after.gel_dose_mj_cm3 > 0 && before.m == 1) {
+    const double h = units::height_e_from_10(after.absorbance_height10_um);
+    const double d = units::areal_from_volumetric(after.gel_dose_mj_cm3, dose_height_e_um(after));
+    edit.set("provenance", "covariance",
+             toml_text(fmt::format("h_um, dc_mj_cm2: [[{:.6g}, {:.6g}], [{:.6g}, {:.6g}]]",
+                                   c[0][0] * h * h, -c[0][1] * h * d, -c[0][1] * h * d,
+                                   c[1][1] * d * d)));
+  }
+  // Stray light is counted as the new printer file says light.
+  const double stray = std::exp(-result.x[1]);
+  std::string matrix;
+  for (std::size_t i = 0; i < kTuned; ++i) {
+    for (std::size_t j = 0; j < kTuned; ++j) {
+      const double unit = (i == 2 ? stray : 1) * (j == 2 ? stray : 1);
+      matrix += fmt::format("{}{:.8g}", j ? ", " : i ? "], [" : "[[", c[i][j] * unit);
+    }
+  }
+  edit.set("provenance", "tuning",
+           toml_text(tuned_with(tuned_printer(printer, before.m, result.x)) + matrix + "]]"));
+  parse_resin(edit.text(), source);
+  return edit.text();
+}
+
+std::string printer_with_tuning(const std::string& text, const std::string& source,
+                                const Printer& printer, const TuneResult& result) {
+  TomlEdit edit(text, source);
+  std::string points;
+  for (const CalibrationPoint& c : tuned_printer(printer, 1, result.x).calibration) {
+    points += fmt::format("{}[{:g}, {}]", points.empty() ? "" : ", ", c.level,
+                          toml_number(c.intensity_mw_cm2));
+  }
+  edit.set("", "name", toml_text(printer.name));
+  edit.set("blue", "calibration", "[" + points + "]");
+  edit.set_comment("blue", "calibration",
+                   fmt::format("# Measured light and {:+.4g} mW/cm2 of stray light at all levels, "
+                               "which slicecorr tune found.",
+                               result.x[2] * std::exp(-result.x[1])));
+  return edit.text();
+}
+
+}  // namespace slicecorr::resins

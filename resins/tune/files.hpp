@@ -1,0 +1,14 @@
+/// What tuning writes into the files of resins.
+#pragma once
+
+#include <string>
+
+#include "slicecorr/resins/tune.hpp"
+
+namespace slicecorr::resins {
+
+/// What stands before the covariance in `provenance.tuning`: the printer, and its light, since a
+/// tuning holds for these.
+std::string tuned_with(const Printer& printer);
+
+}  // namespace slicecorr::resins

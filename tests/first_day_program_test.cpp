@@ -1,0 +1,247 @@
+/// What gets in the way on the first day with the programs, tried as somebody would who does not know
+/// them yet: a design of another scale, a mesh without units, a name with a slip, a picture of another
+/// kind.
+#include <gtest/gtest.h>
+#include <png.h>
+
+#include <array>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "ladder.hpp"
+#include "program_fixture.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+const Command kPrinter{"--printer", "small.toml"};
+const Command kLayers{"--layer-um", "50"};
+const Command kLight{"--resin", "figure-2-2", "--speed-mm-h", "1000"};
+
+class FirstDay : public ProgramFixture {
+ protected:
+  FirstDay() {
+    write("small.toml", kSmallPrinter);
+    write_stl(folder_ / "ladder.stl", ladder());
+  }
+  RunResult resinctl(const Command& arguments) const {
+    return run_program(Command{SLICECORR_BIN_DIR "/resinctl"} + arguments, options_);
+  }
+  void make_stack() const {
+    good(Command{"slice", "ladder.stl", "-o", "target.uvj"} + kPrinter + kLayers);
+    good(Command{"correct", "target.uvj", "-o", "part.uvj"} + kPrinter + kLight);
+  }
+};
+
+TEST_F(FirstDay, ADesignOfAnotherScaleIsRefusedAtOnce) {
+  make_stack();
+  const Command solid{"solid", "part.uvj", "-o", "printed.stl", "--design", "ladder.stl"};
+  for (const auto& [scale, fits] : {std::pair{"2", "0.5"}, {"0.5", "2"}, {"25.4", "0.0394"}}) {
+    bad(2, solid + Command{"--scale", scale},
+        {"the design is", "but the stack shows 4.00 x 2.00 x",
+         std::string("a scale of about ") + fits, "would fit"});
+  }
+  // Turned, it has other sides; aside, the right ones in another place.
+  bad(2, solid + Command{"--rotate-deg", "0,90,0"}, {"the design is 2.50 x 2.00 x 4.00 mm"});
+  bad(2, solid + Command{"--center-mm", "1,1"}, {"lies beside what the stack shows"});
+  const RunResult right = good(solid);
+  EXPECT_NE(right.err.find("walls and the steps of pixels included"), std::string::npos);
+}
+
+TEST_F(FirstDay, AStackWithSupportsMayBeLargerThanItsDesign) {
+  TriangleMesh all = ladder();
+  add_box(all, {-3, -1.5, 0}, {3, 1.5, 0.3});
+  write_stl(folder_ / "raft.stl", all);
+  good(Command{"slice", "raft.stl", "-o", "target.uvj"} + kPrinter + kLayers);
+  good(Command{"correct", "target.uvj", "-o", "part.uvj"} + kPrinter + kLight);
+  good({"solid", "part.uvj", "-o", "printed.stl", "--design", "ladder.stl"});
+}
+
+TEST_F(FirstDay, ALargeSurfaceIsReducedUnlessSomebodyAsksForAll) {
+  make_stack();
+  // A small part is not reduced: the same bytes as all of it.
+  const auto reduce = [&](const Command& more) {
+    const RunResult r = good(Command{"solid", "part.uvj", "-o", "s.stl", "--json", "-"} + more);
+    return nlohmann::json::parse(r.out)["reduce"].get<int>();
+  };
+  EXPECT_EQ(reduce({}), 1);
+  const Bytes by_itself = read_file(folder_ / "s.stl");
+  EXPECT_EQ(reduce({"--reduce", "1"}), 1);
+  EXPECT_EQ(read_file(folder_ / "s.stl"), by_itself);
+  EXPECT_EQ(reduce({"--reduce", "3"}), 3);
+  EXPECT_LT(read_file(folder_ / "s.stl").size(), by_itself.size());
+}
+
+TEST_F(FirstDay, FitMmScalesWhateverTheUnits) {
+  // The ladder's longest side is 4 mm.
+  const Command slice = Command{"slice", "ladder.stl"} + kPrinter + kLayers;
+  good(slice + Command{"--scale", "1.5", "-o", "scaled.uvj"});
+  const Bytes scaled = read_file(folder_ / "scaled.uvj");
+  for (const char* units : {"mm", "inch", "m"}) {
+    good(slice + Command{"--fit-mm", "6", "--units", units, "-o", "fitted.uvj"});
+    // Factors that come about otherwise differ by their last bits: as slices, by nothing.
+    EXPECT_EQ(images("fitted.uvj"), images("scaled.uvj")) << units;
+  }
+  good(slice + Command{"--fit-mm", "6", "-o", "fitted.uvj"});
+  EXPECT_EQ(read_file(folder_ / "fitted.uvj"), scaled);
+  // Turned upright it is 4 mm high, and fits by that.
+  good(slice + Command{"--fit-mm", "2", "--rotate-deg", "0,90,0", "-o", "upright.uvj"});
+  EXPECT_EQ(images("upright.uvj").size(), 40U);
+  bad(2, slice + Command{"--fit-mm", "6", "--scale", "2", "-o", "x.uvj"}, {"--fit-mm", "--scale"});
+  bad(2, slice + Command{"--fit-mm", "0", "-o", "x.uvj"}, {"--fit-mm"});
+  bad(2, slice + Command{"--fit-mm", "nan", "-o", "x.uvj"}, {"--fit-mm"});
+}
+
+TEST_F(FirstDay, NamesWithASlipAreTold) {
+  const Command slice{"slice", "ladder.stl", "-o", "x.uvj", "--layer-um", "50", "--printer"};
+  bad(2, slice + Command{"dual-wavelenght-dlp"}, {"did you mean 'dual-wavelength-dlp'?"});
+  const RunResult far = call(slice + Command{"zzzz"});
+  EXPECT_EQ(far.err.find("did you mean"), std::string::npos);
+  good(Command{"slice", "ladder.stl", "-o", "target.uvj"} + kPrinter + kLayers);
+  bad(2,
+      Command{"correct", "target.uvj", "-o", "x.uvj", "--speed-mm-h", "800", "--resin",
+              "benchy-rezin"} +
+          kPrinter,
+      {"did you mean 'benchy-resin'?"});
+}
+
+TEST_F(FirstDay, APrinterComesFromQuestions) {
+  const std::string answers =
+      "mine\\n160\\n120\\n50\\n\\n405\\n0 1\\n64 20.5\\n128 40\\n192 61\\n224 80\\n255 100\\n\\n800\\n\\n";
+  const auto ask = [&](const std::string& lines) {
+    return run_program({"/bin/sh", "-c",
+                        "printf '" + lines + "' | " SLICECORR_BIN_DIR "/resinctl new-printer -o ."},
+                       options_);
+  };
+  const RunResult made = ask(answers);
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_NE(made.err.find("--printer mine"), std::string::npos);
+  good({"slice", "ladder.stl", "-o", "t.uvj", "--layer-um", "50", "--printer", "mine.toml"});
+  // The same again is the same; another of that name is refused.
+  EXPECT_EQ(ask(answers).exit_code, 0);
+  std::string other = answers;
+  other.replace(other.find("20.5"), 4, "21.5");
+  EXPECT_EQ(ask(other).exit_code, 2);
+  for (const auto& [lines, word] :
+       {std::pair{"Mine!\\n", "no name"},
+        {"two\\n160\\n120\\n50\\n\\n405\\n0 1\\n128 40\\n\\n", "level 255"},
+        {"two\\n160\\n120\\n50\\n\\n405\\n0 1\\n128 40\\n255 30\\n\\n", "falls"},
+        {"two\\nwide\\n", "no number"},
+        {"two\\n", "ends; expected an answer"}}) {
+    const RunResult r = ask(lines);
+    EXPECT_EQ(r.exit_code, 2) << lines;
+    EXPECT_NE(r.err.find(word), std::string::npos) << r.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "two.toml"));
+}
+
+TEST_F(FirstDay, ReadingsBecomeAFlatField) {
+  // A display of 8 x 6 mm whose light falls by a fifth from left to right: six readings on the plane.
+  std::string readings = "x_mm,y_mm,light\n";
+  for (const double x : {1.0, 4.0, 7.0}) {
+    for (const double y : {1.5, 4.5}) {
+      readings +=
+          std::to_string(x) + "," + std::to_string(y) + "," + std::to_string(10 - 0.25 * x) + "\n";
+    }
+  }
+  write("readings.csv", readings);
+  const Command import{"import", "readings.csv", "--printer", "small.toml", "-o", "db"};
+  std::filesystem::create_directory(folder_ / "db");
+  const RunResult made = resinctl(import + Command{"--calibrated-at-mm", "4,3"});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_NE(made.err.find("Light in nine parts"), std::string::npos) << made.err;
+  const std::string toml = to_text(read_file(folder_ / "db/small.toml"));
+  EXPECT_NE(toml.find("flat_field_frame = \"plate\""), std::string::npos) << toml;
+  // At the middle 9 of at most 10: the plane comes out to a hundredth.
+  const auto at = toml.find("flat_field_reference = ");
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_NEAR(std::stod(toml.substr(at + 23)), 255 * 9 / 10.0, 0.02 * 255);
+  const Bytes picture = grey_of_png(read_file(folder_ / "db/small-flat-field.png"));
+  ASSERT_EQ(picture.size(), 64U * 48U);
+  for (std::size_t row = 0; row < 48; ++row) {
+    EXPECT_GE(picture[64 * row], 250) << row;
+    EXPECT_NEAR(picture[64 * row + 63], 0.8 * 255, 0.02 * 255) << row;
+  }
+  good({"slice", "ladder.stl", "-o", "t.uvj", "--layer-um", "50", "--printer", "db/small.toml"});
+  // What can't be is refused with its line.
+  const auto refused = [&](const std::string& text, const std::string& word) {
+    write("bad.csv", "x_mm,y_mm,light\n" + text);
+    const RunResult r = resinctl({"import", "bad.csv", "--printer", "small.toml", "-o", "db"});
+    EXPECT_EQ(r.exit_code, 2) << text;
+    EXPECT_NE(r.err.find(word), std::string::npos) << r.err;
+  };
+  refused("1,1,5\n2,2,5\n", "three or more");
+  refused("1,1,5\n2,2,5\n3,3,5\n", "on a line");
+  refused("1,1,5\n80,2,5\n3,3,5\n", "expected a place on the display");
+  refused("1,1,5\n2,2,0\n3,3,5\n", "expected more than 0");
+  refused("1,1,5\n2,,1\n3,3,5\n", "is empty");
+}
+
+TEST_F(FirstDay, PicturesAreWhatTheirNamesSay) {
+  const RunResult other = resinctl({"plot", "benchy-resin", "-o", "a.gif"});
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_NE(other.err.find("a.gif: expected a name that ends in .svg, .png, .pdf or .html"),
+            std::string::npos)
+      << other.err;
+  const bool converter = std::filesystem::exists("/usr/bin/rsvg-convert");
+  for (const auto& [name, begin] : {std::pair{"a.png", "\x89PNG"}, {"a.pdf", "%PDF-"}}) {
+    const RunResult r = resinctl({"plot", "benchy-resin", "-o", name});
+    if (!converter) {
+      EXPECT_EQ(r.exit_code, 2);
+      EXPECT_NE(r.err.find("librsvg2-bin"), std::string::npos) << r.err;
+      continue;
+    }
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_EQ(to_text(read_file(folder_ / name)).rfind(begin, 0), 0U) << name;
+  }
+  // Nothing of what was made on the way is left.
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    EXPECT_FALSE(entry.path().filename().string().starts_with(".resinctl")) << entry.path();
+  }
+}
+
+TEST_F(FirstDay, ASectionSaysWhatItShows) {
+  make_stack();
+  good({"section", "part.uvj", "--target", "target.uvj", "-o", "section.png"});
+  const Bytes png = read_file(folder_ / "section.png");
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  ASSERT_TRUE(png_image_begin_read_from_memory(&image, png.data(), png.size()) != 0);
+  image.format = PNG_FORMAT_RGB;
+  Bytes pixels(PNG_IMAGE_SIZE(image));
+  ASSERT_TRUE(png_image_finish_read(&image, nullptr, pixels.data(), 0, nullptr) != 0);
+  // Each colour of the legend, in its last lines; ink for words above the sections.
+  const auto rows = [&](unsigned from, unsigned to) {
+    std::set<std::array<int, 3>> colours;
+    for (std::size_t i = std::size_t{3} * image.width * from; i < std::size_t{3} * image.width * to;
+         i += 3) {
+      colours.insert({pixels[i], pixels[i + 1], pixels[i + 2]});
+    }
+    return colours;
+  };
+  const auto legend = rows(image.height - 70, image.height);
+  for (const std::array<int, 3>& colour :
+       {std::array{128, 134, 140}, {214, 48, 49}, {38, 103, 214}, {176, 182, 188}}) {
+    EXPECT_TRUE(legend.contains(colour)) << colour[0];
+  }
+  EXPECT_TRUE(rows(0, 40).contains({27, 31, 36}));
+}
+
+TEST_F(FirstDay, ARefusalLayerByLayerNamesTheDoseFactor) {
+  write("five.toml",
+        "name = \"five\"\n[cure]\nmodel = \"jacobs\"\nabsorbance_height_um = 110.0\n"
+        "absorbance_base = 10\ngel_dose_mj_cm3 = 576.0\ndose_factor = 5.0\n");
+  good(Command{"slice", "ladder.stl", "-o", "target.uvj"} + kPrinter + kLayers);
+  const Command correct = Command{"correct",   "target.uvj", "-o",        "x.uvj",        "--mode",
+                                  "layerwise", "--resin",    "five.toml", "--exposure-s", "0.1"} +
+                          kPrinter;
+  bad(3, correct,
+      {"does not gel through", "5 times the gel dose of resin 'five'", "--dose-factor"});
+  good(correct + Command{"--dose-factor", "1"});
+}
+
+}  // namespace
+}  // namespace slicecorr::test

@@ -1,0 +1,220 @@
+"""A second reader of CTB, GOO and Photon Workshop, which shares nothing with the library.
+
+Prints as JSON what a file says and a CRC-32 of the pixels of each layer: python3 print_files.py FILE [LAYER...]
+"""
+import json
+import struct
+import sys
+import zlib
+
+
+class Wrong(Exception):
+    pass
+
+
+def need(condition, what):
+    if not condition:
+        raise Wrong(what)
+
+
+def unpack(order, kinds, data, at):
+    return struct.unpack_from(order + kinds, data, at)
+
+
+def image(runs, count):
+    parts, total = [], 0
+    for value, length in runs:
+        parts.append(bytes([value]) * length)
+        total += length
+    need(total == count, f"{total} pixels, expected {count}")
+    return b"".join(parts)
+
+
+# ---- CTB
+
+def ctb_plain(data, key, layer):
+    if key == 0:
+        return data
+    mask = 0xFFFFFFFF
+    step = (key * 0x2D83CDAC + 0xD8A83423) & mask
+    x = ((layer * 0x1E1530CD + 0xEC3D47CD) * step) & mask
+    stream = bytearray()
+    while len(stream) < len(data):
+        stream += struct.pack("<I", x)
+        x = (x + step) & mask
+    length = len(data)
+    both = int.from_bytes(data, "little") ^ int.from_bytes(stream[:length], "little")
+    return both.to_bytes(length, "little")
+
+
+def ctb_runs(data):
+    at = 0
+    while at < len(data):
+        head = data[at]
+        at += 1
+        value, length = head & 0x7F, 1
+        if head & 0x80:
+            first = data[at]
+            if first < 0x80:
+                more, length = 0, first
+            elif first < 0xC0:
+                more, length = 1, first & 0x3F
+            elif first < 0xE0:
+                more, length = 2, first & 0x1F
+            else:
+                need(first < 0xF0, "length byte")
+                more, length = 3, first & 0x0F
+            for extra in data[at + 1:at + 1 + more]:
+                length = length * 256 + extra
+            at += 1 + more
+        yield (0 if value == 0 else 2 * value + 1), length
+
+
+def read_ctb(data, wanted):
+    magic, version = unpack("<", "II", data, 0)
+    need(magic in (0x12FD0086, 0x12FD0106), "magic")
+    bed = unpack("<", "3f", data, 8)
+    total, layer_mm, exposure, bottom = unpack("<", "4f", data, 0x1C)
+    bottom_layers, width, height = unpack("<", "3I", data, 0x30)
+    table, count = unpack("<", "II", data, 0x40)
+    print_time, = unpack("<", "I", data, 0x4C)
+    key, = unpack("<", "I", data, 0x64)
+    slicer, = unpack("<", "I", data, 0x68)
+    if version >= 4:
+        v4, = unpack("<", "I", data, slicer + 0x40)
+        last, = unpack("<", "I", data, v4 + 0x34)
+        need(last == count - 1, "last layer's index")
+    layers, times, heights = {}, [], []
+    for n in range(count):
+        at = table + 0x24 * n
+        z, time, _, offset, size, page, head = unpack("<", "fffIIII", data, at)
+        offset += page << 32
+        need(offset + size <= len(data), "layer beyond the end")
+        times.append(round(time, 4))
+        heights.append(round(z, 4))
+        if version >= 3:
+            need(head == 0x54, "head")
+            need(data[offset - 0x54:offset - 0x54 + 0x24] == data[at:at + 0x24], "copy of the record")
+            need(unpack("<", "I", data, offset - 0x30)[0] == 0x54 + size, "whole size")
+        if wanted is None or n in wanted:
+            plain = ctb_plain(data[offset:offset + size], key, n)
+            layers[n] = zlib.crc32(image(ctb_runs(plain), width * height))
+    need(abs(total - layer_mm * count) < layer_mm, "total height")
+    return {"format": "ctb", "version": version, "size": [width, height], "count": count,
+            "bed": [round(v, 4) for v in bed[:2]], "exposure_s": round(exposure, 4),
+            "bottom_s": round(bottom, 4), "bottom_layers": bottom_layers, "times": times,
+            "heights": heights, "print_time_s": print_time, "layers": layers}
+
+
+# ---- GOO
+
+def goo_runs(data):
+    at, value = 0, 0
+    while at < len(data):
+        head = data[at]
+        at += 1
+        kind, more = head >> 6, head >> 4 & 3
+        if kind == 2:
+            length = 1
+            value = (value - (head & 15) if head & 0x20 else value + (head & 15)) & 255
+            if head & 0x10:
+                length = data[at]
+                at += 1
+        else:
+            if kind == 1:
+                value = data[at]
+                at += 1
+            else:
+                value = 0 if kind == 0 else 255
+            length = int.from_bytes(data[at:at + more], "big") * 16 + (head & 15)
+            at += more
+        yield value, length
+
+
+def read_goo(data, wanted):
+    need(data[:12] == b"V3.0\x07\x00\x00\x00DLP\x00", "magic")
+    count, width, height, mirror_x, mirror_y = unpack(">", "IHHBB", data, 0x2FAEE)
+    bed_x, bed_y, _, layer_mm, exposure = unpack(">", "5f", data, 0x2FAF8)
+    bottom, bottom_layers = unpack(">", "fI", data, 0x2FB29)
+    print_time, = unpack(">", "I", data, 0x2FB76)
+    at, = unpack(">", "I", data, 0x2FB8E)
+    need(data[0x2FB92] == 1, "256 levels")
+    layers, times, heights = {}, [], []
+    for n in range(count):
+        z, time = unpack(">", "ff", data, at + 6)
+        need(data[at + 0x40:at + 0x42] == b"\r\n", "break before a layer")
+        size, = unpack(">", "I", data, at + 0x42)
+        code = data[at + 0x46:at + 0x46 + size]
+        need(len(code) == size and code[0] == 0x55, "start of a layer")
+        need((sum(code[1:-1]) & 255) ^ 255 == code[-1], "check byte")
+        at += 0x46 + size
+        need(data[at:at + 2] == b"\r\n", "break behind a layer")
+        at += 2
+        times.append(round(time, 4))
+        heights.append(round(z, 4))
+        if wanted is None or n in wanted:
+            layers[n] = zlib.crc32(image(goo_runs(code[1:-1]), width * height))
+    need(data[at:] == b"\x00\x00\x00\x07\x00\x00\x00DLP\x00", "end")
+    return {"format": "goo", "size": [width, height], "count": count, "mirror": [mirror_x, mirror_y],
+            "bed": [round(bed_x, 4), round(bed_y, 4)], "exposure_s": round(exposure, 4),
+            "bottom_s": round(bottom, 4), "bottom_layers": bottom_layers, "times": times,
+            "heights": heights, "print_time_s": print_time, "layers": layers}
+
+
+# ---- Photon Workshop
+
+def pw0_runs(data):
+    at = 0
+    while at < len(data):
+        value, length = data[at] >> 4, data[at] & 15
+        at += 1
+        if value in (0, 15):
+            length = length * 256 + data[at]
+            at += 1
+        yield 17 * value, length
+
+
+def read_workshop(data, wanted):
+    need(data[:12] == b"ANYCUBIC\0\0\0\0", "magic")
+    version, _, header, _, _, _, table = unpack("<", "7I", data, 12)
+    images, = unpack("<", "I", data, 0x30 if version >= 516 else 0x2C)
+    need(data[header:header + 7] == b"HEADER\0", "HEADER")
+    header += 16
+    pixel_um, _, exposure, _, bottom, bottom_layers = unpack("<", "6f", data, header)
+    aa, width, height = unpack("<", "III", data, header + 0x28)
+    need(data[table:table + 9] == b"LAYERDEF\0", "LAYERDEF")
+    length, count = unpack("<", "II", data, table + 12)
+    need(length == 4 + 32 * count, "length of LAYERDEF")
+    layers, times, heights, z, first = {}, [], [], 0, None
+    for n in range(count):
+        offset, size, _, _, time, thick, lit, _ = unpack("<", "IIffffII", data, table + 20 + 32 * n)
+        first = offset if first is None else min(first, offset)
+        z += thick
+        times.append(round(time, 4))
+        heights.append(round(z, 3))
+        if wanted is None or n in wanted:
+            pixels = image(pw0_runs(data[offset:offset + size]), width * height)
+            need(lit == len(pixels) - pixels.count(0), "lit pixels")
+            layers[n] = zlib.crc32(pixels)
+    need(images == first, "offset of the images")
+    return {"format": "photon-workshop", "version": version, "size": [width, height], "count": count,
+            "aa": aa, "exposure_s": round(exposure, 4), "bottom_s": round(bottom, 4),
+            "bottom_layers": round(bottom_layers), "times": times, "heights": heights, "layers": layers}
+
+
+def read(data, wanted):
+    if data[:4] == b"V3.0":
+        return read_goo(data, wanted)
+    if data[:8] == b"ANYCUBIC":
+        return read_workshop(data, wanted)
+    return read_ctb(data, wanted)
+
+
+if __name__ == "__main__":
+    with open(sys.argv[1], "rb") as file:
+        contents = file.read()
+    try:
+        print(json.dumps(read(contents, {int(n) for n in sys.argv[2:]} or None)))
+    except (Wrong, struct.error, IndexError) as error:
+        print(f"{sys.argv[1]}: {error!r}", file=sys.stderr)
+        sys.exit(1)

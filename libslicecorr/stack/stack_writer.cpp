@@ -100,7 +100,7 @@ struct StackWriter::Impl {
         throw InputError(f.path, "",
                          "files of the format " + std::string(format.name()) +
                              " are only changed, not made from nothing; expected a file of the "
-                             "same printer as --template, or a format that can be made new");
+                             "same printer as the template, or a format that can be made new");
       }
     }
     if (!code.is_plain()) grey_adlers.resize(bands.size());

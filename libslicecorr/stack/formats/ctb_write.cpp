@@ -248,7 +248,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   const auto layers = static_cast<std::size_t>(grid.layers);
   warn(r,
        fmt::format("a new CTB file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min: set "
-                   "what the printer needs, or give a file of the printer's slicer as --template",
+                   "what the printer needs, or give a file of the printer's slicer as a template",
                    lifts(info) ? kLiftMm : 0, kLiftMmMin, kBackMmMin));
   const std::string machine = info.printer ? info.printer->name : info.profiles.printer;
   const auto large = encode_ctb_preview(r.preview, 400, 300);

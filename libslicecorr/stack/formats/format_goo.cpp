@@ -204,7 +204,7 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   const double lift_mm = lifts(info) ? kLiftMm : 0;
   warn(r,
        fmt::format("a new GOO file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min: set "
-                   "what the printer needs, or give a file of the printer's slicer as --template",
+                   "what the printer needs, or give a file of the printer's slicer as a template",
                    lift_mm, kLiftMmMin, kBackMmMin));
   BinaryBlock head(kHeadBytes, ByteOrder::big);
   head.set_bytes(0, kStart);

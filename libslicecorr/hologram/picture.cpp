@@ -82,9 +82,9 @@ std::string hologram_picture(const PhaseDisplay& display, const HologramOptics& 
     canvas->image(2 * kEdge + kSide, y,
                   picture_of(power, 2 * static_cast<std::size_t>(display.width_px), white));
     y += kSide + detail::Canvas::kLine;
-    canvas->text(kEdge, y - 4,
-                 fmt::format("{:.1f} % of the light on target, RMS error {:.3f}",
-                             100 * f.efficiency, f.rms_error));
+    canvas->text(
+        kEdge, y - 4,
+        fmt::format("{:.1f} % on target, RMS error {:.3f}", 100 * f.efficiency, f.rms_error));
     canvas->text(2 * kEdge + kSide, y - 4,
                  fmt::format("between pixels {:.3f}, speckle {:.3f}", f.rms_error_padded,
                              f.speckle_contrast));

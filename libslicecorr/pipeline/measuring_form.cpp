@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <system_error>
 
+#include "pipeline/sheet_commands.hpp"
 #include "slicecorr/error.hpp"
 #include "support/text/csv.hpp"
 #include "support/text/display_text.hpp"
@@ -49,19 +49,6 @@ std::string hash_of(const MeasuringForm& form) {
   known(form.columns);
   for (const auto& row : form.rows) known(row);
   return fmt::format("{:016x}", hash);
-}
-
-/// What reads the table of a part.
-std::string reader_of(const std::string& part) {
-  static const std::map<std::string, std::string> readers = {
-      {"comb", "slicecorr tune"},
-      {"staircase", "slicecorr tune or resinctl fit --model kinetic"},
-      {"wedge", "slicecorr tune or resinctl fit --model jacobs"},
-      {"dead-zone", "resinctl fit --model deadzone-steady"},
-      {"flat-field", "resinctl import --format flat-field"},
-      {"spread", "resinctl fit-spread"}};
-  const auto found = readers.find(part);
-  return found == readers.end() ? "another version of slicecorr" : found->second;
 }
 
 }  // namespace
@@ -178,7 +165,7 @@ void expect_form_of(const std::string& path, const std::vector<std::string>& par
   if (!form || std::find(parts.begin(), parts.end(), form->part) != parts.end()) return;
   throw InputError(path, "line 1",
                    fmt::format("is the table of a test part '{}', which {} reads",
-                               text::printable(form->part), reader_of(form->part)));
+                               text::printable(form->part), detail::readers_of(form->part)));
 }
 
 }  // namespace slicecorr

@@ -7,6 +7,7 @@
 
 #include "picture/sheet.hpp"
 #include "pipeline/part_sheet.hpp"
+#include "pipeline/sheet_commands.hpp"
 #include "slicecorr/error.hpp"
 #include "support/text/escape.hpp"
 
@@ -147,8 +148,9 @@ std::string SpreadTestPart::sheet(const std::string& form_file,
       "gaps, tells how far light spreads.";
   s.tools = {"A microscope with a scale, 0.002 mm or finer"};
   s.steps = {
-      "Print it as you print parts: layer by layer the stack as it is, continuously after <code>"
-      "slicecorr correct --spread-correction off</code>.",
+      "Print it as you print parts: layer by layer the stack as it is, continuously after a "
+      "correction without that of spread: <code>" +
+          detail::kCorrectWithoutSpread + "</code>.",
       "Wash it as you wash parts, don't cure it further.",
       "Look at the side that was at the window. Measure the width of each line and gap in the middle "
       "of its length; its number says how many pixels wide it is in the image.",
@@ -176,8 +178,7 @@ std::string SpreadTestPart::sheet(const std::string& form_file,
       "Copy the last column into <b>{}</b> as <code>printed_um</code>, in um; leave empty what you "
       "did not measure.",
       escape_markup(form_file));
-  s.commands = {fmt::format("resinctl fit-spread {} --printer {} --plot widths.svg", form_file,
-                            printer_file)};
+  s.commands = detail::commands_on("spread", form_file, printer_file);
   return detail::sheet_page(s);
 }
 

@@ -86,9 +86,9 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& a
   grid_.layer_um = ask.layer_um;
   if (!(ask.layer_um > 0)) throw InputError("layers are 0 um high; expected more");
   if (!ask.resin && (kind == staircase || kind == wedge || kind == flat_field)) {
-    throw InputError(fmt::format(
-        "a part '{}' needs a resin, which says how long its plugs take; expected --resin",
-        word_of(kind)));
+    throw InputError(
+        fmt::format("a part '{}' needs a resin, which says how long its plugs take; expected one",
+                    word_of(kind)));
   }
   if (ask.resin && ask.resin->has_gel_time()) {
     throw InputError(fmt::format(
@@ -272,7 +272,8 @@ void TuningPart::make_wedge(const Printer& printer) {
 
 void TuningPart::make_dead_zone(const Printer& printer) {
   if (!(ask_.uv_mw_cm2 > 0)) {
-    throw InputError("a part 'dead-zone' is lit by UV light, too; expected --uv-mw-cm2 above 0");
+    throw InputError(
+        "a part 'dead-zone' is lit by UV light, too; expected its intensity, above 0 mW/cm2");
   }
   if (!(ask_.exposure_s > 0)) throw InputError("plugs are lit for 0 s; expected more");
   const PlateLight light(printer);

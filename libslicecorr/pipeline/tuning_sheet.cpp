@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "pipeline/part_sheet.hpp"
+#include "pipeline/sheet_commands.hpp"
 #include "slicecorr/tuning_part.hpp"
 #include "support/text/escape.hpp"
 
@@ -110,10 +111,6 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       rows([](const Row& r) {
         return std::vector<std::string>{r.name, fmt::format("{:g}", r.designed_um)};
       });
-      s.commands = {
-          fmt::format("slicecorr tune {} --printed print.uvj --printer {} --resin "
-                      "my-resin.toml -o tuned.toml",
-                      form_file, printer_file)};
       break;
     case staircase: {
       s.title = "Working-curve staircase";
@@ -137,12 +134,6 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
         return std::vector<std::string>{r.name, fmt::format("{:.4g}", r.intensity_mw_cm2),
                                         seconds(r.shown_s)};
       });
-      s.commands = {
-          fmt::format("slicecorr tune {} --printer {} --resin my-resin.toml -o tuned.toml",
-                      form_file, printer_file),
-          fmt::format("resinctl fit {} --model kinetic -o new-resin.toml   # a resin that has no "
-                      "file yet",
-                      form_file)};
       break;
     }
     case wedge:
@@ -162,13 +153,6 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       rows([](const Row& r) {
         return std::vector<std::string>{r.name, fmt::format("{:.4g}", r.intensity_mw_cm2)};
       });
-      s.commands = {
-          fmt::format("slicecorr tune {} --printer {} --resin my-resin.toml -o tuned.toml",
-                      form_file, printer_file),
-          fmt::format(
-              "resinctl fit {} --model jacobs -o new-resin.toml   # a resin that has no file "
-              "yet",
-              form_file)};
       break;
     case dead_zone:
       s.title = "Dead-zone ladder";
@@ -196,10 +180,6 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       rows([](const Row& r) {
         return std::vector<std::string>{r.name, fmt::format("{:.4g}", r.intensity_mw_cm2), ""};
       });
-      s.commands = {
-          fmt::format("resinctl fit {} --model deadzone-steady --resin my-resin.toml -o "
-                      "my-resin.toml",
-                      form_file)};
       break;
     case flat_field:
       s.title = "Flat-field grid";
@@ -219,16 +199,13 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       for (std::size_t i = 0; i < rows_.size(); ++i) {
         s.rows.push_back({fmt::format("{}", i + 1), rows_[i].name});
       }
-      s.commands = {
-          fmt::format("resinctl import {} --format flat-field --printer {} --name "
-                      "my-printer --replace",
-                      form_file, printer_file)};
       break;
   }
   if (!image_s_.empty() && *std::min_element(image_s_.begin(), image_s_.end()) < kShortImage) {
     s.steps.insert(s.steps.begin(), kShort);
   }
   s.title += ", " + printer_name_;
+  s.commands = detail::commands_on(word_of(kind_), form_file, printer_file);
   return sheet_page(s);
 }
 

@@ -43,7 +43,7 @@ TEST_P(NewOtherArchive, IsReadBackAsItWas) {
     info.part_volume_mm3 = 4.25;
     if (kind == StackKind::corrected) {
       info.printer = Printer{"p", 70, 30, 50, 40.5, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
-      info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
+      info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 0, 0, 1, {}};
       info.process.emplace();
       info.process->speed_mm_h = 10;
       info.target_layers = 10;
@@ -122,7 +122,7 @@ TEST_P(NewOtherArchive, ImagesInUvLightAreKeptBesideTheSlices) {
                          0,
                          0,
                          UvLamp{365, true, {{0, 0}, {255, 9}}}};
-  info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
+  info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 0, 0, 1, {}};
   info.resin->inhibition = Inhibition{0.7, 30, 1, 0};
   info.process.emplace();
   info.process->speed_mm_h = 10;

@@ -206,7 +206,7 @@ TEST_F(Vdt, ContinuousOnesNeitherLiftNorStayBrightOnRamps) {
   StackInfo info = test::info_of({70, 30, 4, 50, 50, 50});
   info.kind = StackKind::corrected;
   info.printer = Printer{"p", 70, 30, 50, 50, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
-  info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
+  info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 0, 0, 1, {}};
   info.process.emplace();
   info.process->speed_mm_h = 90;  // 2 s per slice
   info.process->ramp = Ramp::lamp_follows;

@@ -20,7 +20,7 @@ class Damage : public testing::Test {
     StackInfo info = test::info_of(images_.grid);
     info.kind = StackKind::corrected;
     info.printer = Printer{"p", 40, 50, 50, 40.5, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
-    info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
+    info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 0, 0, 1, {}};
     info.process.emplace();
     info.process->speed_mm_h = 10;
     info.process->omega_max = 5;

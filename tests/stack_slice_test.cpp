@@ -26,7 +26,7 @@ void write_patterned(const StackFile& file, const Images& images) {
   info.printer->pixel_y_um = grid.pixel_y_um;
   info.printer->calibration = {{0, 0}, {255, 9}};
   info.printer->uv = UvLamp{365, true, {{0, 0}, {255, 9}}};
-  info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
+  info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 0, 0, 1, {}};
   info.resin->inhibition = Inhibition{0.7, 30, 1, 0};
   info.process.emplace();
   info.process->speed_mm_h = 10;

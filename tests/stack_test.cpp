@@ -280,6 +280,8 @@ TEST(Stack, KeepsAllItsParametersExactly) {
                      123.456,
                      1e-7,
                      3.3,
+                     0,
+                     0,
                      0.7,
                      5.5,
                      Inhibition{0.73, 87.1, 1.29, 2.38e2}};

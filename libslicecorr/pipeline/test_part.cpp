@@ -148,9 +148,9 @@ std::string SpreadTestPart::sheet(const std::string& form_file,
       "gaps, tells how far light spreads.";
   s.tools = {"A microscope with a scale, 0.002 mm or finer"};
   s.steps = {
-      "Print it as you print parts: layer by layer the stack as it is, continuously after a "
-      "correction without that of spread: <code>" +
-          detail::kCorrectWithoutSpread + "</code>.",
+      fmt::format("Print it as you print parts: layer by layer the stack as it is, continuously "
+                  "after a correction without that of spread: <code>{}</code>.",
+                  detail::kCorrectWithoutSpread),
       "Wash it as you wash parts, don't cure it further.",
       "Look at the side that was at the window. Measure the width of each line and gap in the middle "
       "of its length; its number says how many pixels wide it is in the image.",

@@ -347,7 +347,9 @@ TEST(Docs, LibraryNamesNoOptionsOfPrograms) {
     }
     ++files;
     std::istringstream lines(text_of(entry.path()));
+    const std::regex variable("var\\(--");  // of CSS
     for (std::string line; std::getline(lines, line);) {
+      line = std::regex_replace(line, variable, "");
       EXPECT_FALSE(std::regex_search(line, option)) << below << ": " << line;
     }
   }

@@ -757,7 +757,9 @@ TEST_F(DefinitionFiles, ShippedOnesParseAndAreFoundByName) {
     const Resin r = load_resin(entry.path().string());
     EXPECT_EQ(r.name, name);
     EXPECT_GT(r.absorbance_height10_um, 0);
-    EXPECT_GT(r.critical_dose_mj_cm3 + r.critical_dose_prime, 0);
+    EXPECT_TRUE(r.has_gel_time() ? r.gel_a_mj_cm2 > 0 && r.gel_b_sqrt_mw_cm2_s > 0
+                                 : r.critical_dose_mj_cm3 + r.critical_dose_prime > 0)
+        << name;
     EXPECT_EQ(load_resin(name), r);
   }
   EXPECT_GE(printers, 1);

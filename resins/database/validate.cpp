@@ -108,15 +108,16 @@ class Checker : private CheckedFile {
     const bool is_key = std::find(keys.begin(), keys.end(), name) != keys.end();
     if (!is_table && !is_key) {
       const std::string near = nearest(name, node.is_table() ? tables : keys);
-      // A key of some table that was written before the table's head.
+      // A key of some tables that was written before the table's head.
       std::string elsewhere;
       for (const KeyRule& rule : schema(kind)) {
-        if (rule.key == name && !node.is_table()) elsewhere = rule.table;
+        if (rule.key != name || node.is_table()) continue;
+        elsewhere += fmt::format("{}[{}]", elsewhere.empty() ? "" : " or ", rule.table);
       }
       add(key.source().begin.line, std::string(name),
           elsewhere.empty()
               ? unknown(node.is_table() ? "table" : "key", near)
-              : fmt::format("stands outside of its table; expected it under [{}]", elsewhere));
+              : fmt::format("stands outside of its table; expected it under {}", elsewhere));
       return;
     }
     // "chemistry" is a word or a table.

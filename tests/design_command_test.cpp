@@ -168,7 +168,7 @@ TEST_F(DesignCommand, PlotRefusesWhatItCannotDraw) {
   bad(2, {"plot", "measured", "--kind", "fronts", "--uv-mw-cm2", "5", "-o", "x.svg"},
       {"no inhibition"});
   bad(2, {"plot", "heights.csv", "-o", "heights.csv"}, {"is an input"});
-  bad(2, {"plot", "measured", "-o", "heights.csv"}, {"is an input"});
+  bad(2, {"plot", "measured", "-o", "heights.csv"}, {"a name that ends in .svg"});
   bad(2, {"plot", "measured"}, {"--output"});
   bad(4, {"plot", "measured", "-o", "nowhere/x.svg"}, {"can't be written"});
 }

@@ -245,8 +245,8 @@ void write_converted(const std::string& svg, const std::string& format, const st
 int plot(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   const auto is_csv = [](const std::string& path) { return has_ending(path, ".csv"); };
   const bool data = std::all_of(a.inputs.begin(), a.inputs.end(), is_csv);
-  const std::string format = picture_format(a.output);
   cli::check_output(a.output, a.inputs);
+  const std::string format = picture_format(a.output);
   const Drawn drawn = data ? draw_data(a, context, console) : draw_record(a, context, console);
   if (format == "png" || format == "pdf") {
     write_converted(drawn.svg, format, a.output);

@@ -162,7 +162,7 @@ INSTANTIATE_TEST_SUITE_P(
               "did you mean 'absorbance_base'?"},
         Wrong{"[provenance]", "[provenence]", 13, "provenence", "did you mean 'provenance'?"},
         Wrong{"[cure]", "wavelength_nm = 405\n[cure]", 2, "wavelength_nm",
-              "under [inhibition] or [chemistry]"},
+              "under [cure] or [inhibition] or [chemistry]"},
         Wrong{"[cure]", "qwertz = 1\n[cure]", 2, "qwertz", "--schema"},
         Wrong{"[cure]", "version = 0\n[cure]", 2, "version", "expected 1 to"},
         Wrong{"[cure]", "maker = 5\n[cure]", 2, "maker", "text in quotes"},
@@ -411,9 +411,8 @@ TEST(Shipped, EveryResinSaysWhereItComesFromAndWhatItAimsAt) {
     if (r.resin.has_gel_time()) continue;  // times, no doses
     EXPECT_GT(f.aim_prime, 0) << path;
     if (r.text.find("gel_dose") != std::string::npos || r.resin.m != 1.0) {
-      // Measured resins aim at 5 gel doses, made up ones at the gel dose.
-      const bool made_up = path.stem().string().starts_with("model-");
-      EXPECT_EQ(f.dose_factor, made_up ? 1 : 5) << path;
+      // Measured resins aim at 5 gel doses, models of chemistry at the gel dose.
+      EXPECT_EQ(f.dose_factor, r.resin.chemistry ? 1 : 5) << path;
     }
   }
 }

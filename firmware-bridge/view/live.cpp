@@ -208,8 +208,8 @@ void LiveFrame::put_fault() {
 void LiveFrame::put_motion() {
   const PrintFacts& f = seen_.facts;
   const PrintState& s = seen_.state;
-  fact("frame", fmt::format("{} of {}{}", text::count(s.frames_shown), text::count(f.frames),
-                            s.frame < 0 && seen_.running ? ", black is shown" : ""));
+  fact("shown",
+       shown_in_words(f, s) + (s.frame < 0 && seen_.running ? "; black is shown now" : ""));
   if (f.turns()) {
     const double deg = 1 / f.um_per_deg;
     fact("angle", fmt::format("{:.2f}°, {}", angle_in_turn_deg(f, s), turn_in_words(f, s)));
@@ -259,11 +259,9 @@ void LiveFrame::put_timing() {
   fact("late", fmt::format("{} frames", text::count(s.late_frames)),
        s.late_frames > 0 ? Ink::bad : Ink::plain);
   const Lateness& l = s.lateness;
-  fact("worst", f.layerwise
-                    ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
-                    : fmt::format("{} late, {:.2f} ms",
-                                  way_in_words(std::max(l.worst_um, s.worst_late_um), f.um_per_deg),
-                                  l.worst_ms));
+  fact("worst", f.layerwise ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
+                            : fmt::format("{} late, {:.2f} ms",
+                                          way_in_words(latest_um(s), f.um_per_deg), l.worst_ms));
 }
 
 void LiveFrame::put_lateness() {
@@ -300,8 +298,8 @@ std::string live_line(const Seen& seen) {
   if (!seen.running) {
     std::string text = "no print runs";
     if (seen.known) {
-      text += fmt::format("; the last, {}, {}: {} of {} frames", stack_name(seen),
-                          how_it_ended(seen), s.frames_shown, seen.facts.frames);
+      text += fmt::format("; the last, {}, {}: {} shown", stack_name(seen), how_it_ended(seen),
+                          shown_in_words(seen.facts, s));
     }
     if (seen.latched) {
       text += fmt::format("; latched: {}: {}; to do: {}, then printbridge reset",
@@ -313,21 +311,19 @@ std::string live_line(const Seen& seen) {
   if (!seen.known) return "a print begins";
   const PrintFacts& f = seen.facts;
   const bool turns = f.turns();
-  std::string text =
-      fmt::format("{}, frame {} of {}, ", name_of(s.phase), s.frames_shown, seen.facts.frames);
+  std::string text = fmt::format("{}, {} shown, ", name_of(s.phase), shown_in_words(f, s));
   text += turns ? fmt::format("{}, {:.2f}°", turn_in_words(f, s), angle_in_turn_deg(f, s))
                 : fmt::format("z {:.3f} mm", z_um(seen) * 1e-3);
   if (failed(seen)) {
     return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), text::printable(s.detail),
                               what_to_do(s.fault));
   }
-  text +=
-      seen.facts.layerwise
-          ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
-          : fmt::format(", {}, worst {} late",
-                        turns ? fmt::format("{:.2f} °/s", s.speed_um_s / f.um_per_deg)
-                              : fmt::format("{:.1f} mm/h", s.speed_um_s * 3.6),
-                        way_in_words(std::max(s.worst_late_um, s.lateness.worst_um), f.um_per_deg));
+  text += seen.facts.layerwise
+              ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
+              : fmt::format(", {}, worst {} late",
+                            turns ? fmt::format("{:.2f} °/s", s.speed_um_s / f.um_per_deg)
+                                  : fmt::format("{:.1f} mm/h", s.speed_um_s * 3.6),
+                            way_in_words(latest_um(s), f.um_per_deg));
   text += fmt::format(", {} late", s.late_frames);
   if (seen.left_s) text += ", " + text::duration(*seen.left_s) + " left";
   return text;

@@ -786,6 +786,8 @@ TEST(Live, ShowsWhatAPersonNeeds) {
   seen.state.detail = "80 um off";
   text = joined(live_frame(seen, 100, 40, false));
   EXPECT_THAT(text, HasSubstr("stage_error: 80 um off"));
+  EXPECT_THAT(text, HasSubstr("1.50 um off at most until the fault, 20 borne"));
+  EXPECT_THAT(text, Not(HasSubstr("off now")));
   EXPECT_THAT(text, HasSubstr("to do: " + std::string(what_to_do(Fault::stage_error))));
   // The least that a window shows is what is wrong.
   EXPECT_THAT(joined(live_frame(seen, 80, 6, false)), HasSubstr("stage_error"));

@@ -139,6 +139,7 @@ class LiveFrame {
   void put_fault();
   /// Frames, z, speed, and how far the stage is off.
   void put_motion();
+  std::string stage_text(double per_um, const char* unit, int digits, bool borne) const;
   void put_lamps();
   /// What may come too late, and what did.
   void put_timing();
@@ -205,6 +206,18 @@ void LiveFrame::put_fault() {
                  Ink::bold));
 }
 
+std::string LiveFrame::stage_text(double per_um, const char* unit, int digits, bool borne) const {
+  const PrintState& s = seen_.state;
+  const double most = s.worst_stage_error_um * per_um;
+  // After a fault the stage is where it stopped, not where it should be: that is no error.
+  std::string text = failed(seen_)
+                         ? fmt::format("{:.{}f}{} off at most until the fault", most, digits, unit)
+                         : fmt::format("{:.{}f}{} off now, {:.{}f} at most",
+                                       calm(s.stage_error_um) * per_um, digits, unit, most, digits);
+  if (borne) text += fmt::format(", {:g} borne", seen_.facts.tolerance_um * per_um);
+  return text;
+}
+
 void LiveFrame::put_motion() {
   const PrintFacts& f = seen_.facts;
   const PrintState& s = seen_.state;
@@ -215,20 +228,16 @@ void LiveFrame::put_motion() {
     fact("angle", fmt::format("{:.2f}°, {}", angle_in_turn_deg(f, s), turn_in_words(f, s)));
     fact("speed",
          fmt::format("{:.2f} °/s, planned {:.2f}", s.speed_um_s * deg, f.speed_um_s * deg));
-    fact("stage",
-         fmt::format("{:.3f}° off now, {:.3f} at most, {:g} borne", calm(s.stage_error_um) * deg,
-                     s.worst_stage_error_um * deg, f.tolerance_um * deg));
+    fact("stage", stage_text(deg, "°", 3, true));
     return;
   }
   fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen_) * 1e-3, height_um(seen_) * 1e-3));
   if (f.layerwise) {
-    fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", calm(s.stage_error_um),
-                              s.worst_stage_error_um));
+    fact("stage", stage_text(1, " um", 2, false));
   } else {
     fact("speed",
          fmt::format("{:.1f} mm/h, planned {:.1f}", s.speed_um_s * 3.6, f.speed_um_s * 3.6));
-    fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
-                              calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
+    fact("stage", stage_text(1, " um", 2, true));
   }
 }
 

@@ -57,11 +57,13 @@
       if (turns) {
         tiles.push(tile(number(s.angle_in_turn_deg, 1) + '°', s.turn_in_words));
         tiles.push(tile(number(s.speed_deg_s, 2), `°/s, planned ${number(s.planned_speed_deg_s, 2)}`));
-        tiles.push(tile(number(s.stage_error_deg, 3) + '°', `stage error, ${number(s.worst_stage_error_deg, 3)}° at most, ${number(s.tolerance_deg, 2)}° borne`));
+        tiles.push(failed ? tile(number(s.worst_stage_error_deg, 3) + '°', `largest stage error until the fault, ${number(s.tolerance_deg, 2)}° borne`)
+          : tile(number(s.stage_error_deg, 3) + '°', `stage error, ${number(s.worst_stage_error_deg, 3)}° at most, ${number(s.tolerance_deg, 2)}° borne`));
       } else {
         tiles.push(tile(number(s.z_um / 1000, 3) + ' mm', 'z'));
         if (!layers) tiles.push(tile(number(s.speed_um_s * 3.6, 1), `mm/h, planned ${number(s.planned_speed_um_s * 3.6, 1)}`));
-        tiles.push(tile(number(s.stage_error_um, 2) + ' um', `stage error, ${number(s.worst_stage_error_um, 2)} um at most`));
+        tiles.push(failed ? tile(number(s.worst_stage_error_um, 2) + ' um', 'largest stage error until the fault')
+          : tile(number(s.stage_error_um, 2) + ' um', `stage error, ${number(s.worst_stage_error_um, 2)} um at most`));
       }
       const stale = s.after_fault && !s.after_fault.heard;
       tiles.push(tile(stale ? 'not measured' : number(s.blue_measured * 100, 1) + ' %', `blue light, ${number(s.blue_share * 100, 1)} % asked`));

@@ -24,8 +24,8 @@ void add_examples(Program& program) {
        "slicecorr flow part.stl --layer-um 50 --printer my-printer.toml --resin my-resin.toml "
        "--speed-mm-h 300 --gap-um 80 -o flow.html"},
       {"pattern",
-       "slicecorr pattern image.png --pixel-um 20 --resin model-diacrylate --intensity-mw-cm2 10 "
-       "--time-s 20 -o gels.png"},
+       "slicecorr pattern image.png --pixel-um 20 --resin model-diacrylate --intensity-mw-cm2 40 "
+       "--time-s 30 -o gels.png"},
       {"plan",
        "slicecorr plan part.stl --layer-um 50 --printer dual-wavelength-dlp --resin egg-resin -o "
        "plan.svg"},

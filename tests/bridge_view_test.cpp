@@ -655,6 +655,78 @@ TEST(Left, OfEachPhase) {
   EXPECT_FALSE(left_s(f, s));
 }
 
+PrintPlan layers_of(const std::vector<double>& exposures_s, double more_s) {
+  PrintPlan plan;
+  plan.mode = ExposureMode::layerwise;
+  plan.layer_um = 50;
+  for (const double s : exposures_s) {
+    plan.frames.emplace_back();
+    plan.frames.back().exposure_s = s;
+    plan.expected_s += s + more_s;
+  }
+  return plan;
+}
+
+TEST(Left, CountsTheTimeOfEachLayer) {
+  // Three bottom layers of 10 s, seven of 2 s, each with a second of lift: 33 + 21 s.
+  const PrintPlan plan = layers_of({10, 10, 10, 2, 2, 2, 2, 2, 2, 2}, 1);
+  const PrintFacts f = facts_of(plan, Machine{});
+  PrintState s;
+  s.phase = Phase::printing;
+  EXPECT_EQ(left_s(f, s), 54);
+  s.frames_shown = 2;
+  s.newest_at_s = 20;
+  s.at_s = 24;
+  EXPECT_NEAR(*left_s(f, s), 54 - 11 - 4, 1e-9);
+  s.at_s = 40;  // longer than the layer: it stands where the next one would begin
+  EXPECT_NEAR(*left_s(f, s), 54 - 22, 1e-9);
+  s.frames_shown = 10;
+  s.newest_at_s = 51;
+  s.at_s = 52.5;
+  EXPECT_NEAR(*left_s(f, s), 1.5, 1e-9);
+  s.at_s = 99;
+  EXPECT_EQ(left_s(f, s), 0);
+  // It goes through JSON and back.
+  const Seen seen = seen_in(state_json(f, s, {}));
+  EXPECT_EQ(seen.facts.begins.size(), f.begins.size());
+  EXPECT_EQ(seen.facts.begin_s(3), f.begin_s(3));
+}
+
+TEST(Left, CountsTheSpeedOfEachSlice) {
+  PrintPlan plan;
+  plan.layer_um = 50;
+  plan.speed_um_s = 100;
+  plan.slice_speed_um_s = {50, 50, 100, 100, 100, 100};
+  plan.frames.resize(6);
+  plan.end_um = 300;
+  plan.expected_s = 4;
+  const PrintFacts f = facts_of(plan, Machine{});
+  PrintState s;
+  s.phase = Phase::printing;
+  s.stage_um = 50;
+  EXPECT_NEAR(*left_s(f, s), 3, 1e-9);
+  s.stage_um = 125;
+  EXPECT_NEAR(*left_s(f, s), 1.75, 1e-9);
+}
+
+TEST(Left, StraightLinesTellATwoHundredth) {
+  std::mt19937 random(7);
+  for (int round = 0; round < 50; ++round) {
+    std::vector<double> exposures(1 + random() % 2000);
+    for (double& s : exposures) s = std::lognormal_distribution<>(0, round * 0.05)(random);
+    const PrintPlan plan = layers_of(exposures, 0.5);
+    const PrintFacts f = facts_of(plan, Machine{});
+    EXPECT_LE(f.begins.size(), 402U);
+    double begin_s = 0;
+    for (std::size_t n = 0; n <= exposures.size(); ++n) {
+      ASSERT_NEAR(f.begin_s(static_cast<double>(n)), begin_s, plan.expected_s / 199) << n;
+      if (n < exposures.size()) begin_s += exposures[n] + 0.5;
+    }
+  }
+  // Layers alike need none.
+  EXPECT_TRUE(facts_of(layers_of(std::vector<double>(100, 2.5), 1), Machine{}).begins.empty());
+}
+
 // ---- live view and metrics ----
 
 std::string joined(const std::vector<std::string>& lines) {
@@ -705,7 +777,7 @@ TEST(Live, ShowsWhatAPersonNeeds) {
        {"printing for 8.0 s", "part.uvj", " 45 %", "13 s elapsed", "1.0 s left", "18 of 40",
         "0.180 of 0.400 mm", "799.6 mm/h, planned 799.9",
         "-0.25 um off now, 1.50 at most, 20 borne", "75.0 % asked, 74.0 % measured",
-        "20.00 mW/cm² asked, 19.50 mW/cm² measured", "31.5 °C", "3 of 16", "3 cycles of 10 ms",
+        "20.00 mW/cm² asked, 19.50 mW/cm² measured", "31.5 °C", "18 of 40 frames", "3 of 16", "3 cycles of 10 ms",
         "2 frames", "6.50 um late", "up to 0.05 um", "up to 10 um"}) {
     EXPECT_THAT(text, HasSubstr(what));
   }
@@ -714,6 +786,8 @@ TEST(Live, ShowsWhatAPersonNeeds) {
   seen.state.detail = "80 um off";
   text = joined(live_frame(seen, 100, 40, false));
   EXPECT_THAT(text, HasSubstr("stage_error: 80 um off"));
+  EXPECT_THAT(text, HasSubstr("1.50 um off at most until the fault, 20 borne"));
+  EXPECT_THAT(text, Not(HasSubstr("off now")));
   EXPECT_THAT(text, HasSubstr("to do: " + std::string(what_to_do(Fault::stage_error))));
   // The least that a window shows is what is wrong.
   EXPECT_THAT(joined(live_frame(seen, 80, 6, false)), HasSubstr("stage_error"));

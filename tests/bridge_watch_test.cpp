@@ -119,6 +119,10 @@ TEST_F(BridgeView, PagesOfLateFramesAndOfFaults) {
     EXPECT_TRUE(rec.frames[11].late);
     EXPECT_GT(rec.frames[11].late_um, 5);
     EXPECT_EQ(rec.lateness.um, rec.last->lateness.um);
+    const auto told = std::find_if(rec.events.begin(), rec.events.end(),
+                                   [](const RecordedEvent& e) { return e.what == "late frame"; });
+    ASSERT_NE(told, rec.events.end());
+    EXPECT_EQ(told->frame, 11) << "the late one, not the one before it";
     EXPECT_THAT(page(), HasSubstr("Late frames, the worst first"));
     EXPECT_THAT(page(), HasSubstr("<title>frame 11: "));
     EXPECT_THAT(page(), HasSubstr("<td class=\"words\">late frame</td>"));

@@ -184,7 +184,7 @@ TEST_F(Resinctl, ValidateNamesFileLineAndWhatIsWrong) {
 }
 
 TEST_F(Resinctl, TheDocumentedSchemaIsTheOneInTheProgram) {
-  std::ifstream in(fs::path(SLICECORR_SOURCE_DIR) / "docs" / "resins.md");
+  std::ifstream in(fs::path(SLICECORR_SOURCE_DIR) / "docs" / "resin-files.md");
   std::stringstream document;
   document << in.rdbuf();
   for (const char* kind : {"resin", "printer"}) {

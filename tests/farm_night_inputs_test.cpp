@@ -63,7 +63,8 @@ TEST_F(FarmNightInputs, OpenEdgesAreInTheReportOfTheMorning) {
   const std::string html = text_of_file(dir / "m.html");
   EXPECT_THAT(html,
               HasSubstr("<b>2</b><span>done, but with something wrong in their inputs</span>"));
-  EXPECT_THAT(html, HasSubstr("open.stl: 3 open edges"));
+  EXPECT_THAT(html, HasSubstr("</b>, but open.stl: 3 open edges"));
+  EXPECT_THAT(farm("status", {}).out, HasSubstr("; open.stl: 3 open edges"));
   EXPECT_THAT(html, HasSubstr("All 3 jobs that ended"));
   EXPECT_THAT(html, Not(HasSubstr("<script")));
   const json figures = json::parse(text_of_file(dir / "m.json"));
@@ -89,6 +90,7 @@ TEST_F(FarmNightInputs, BadJobsAreSkippedWhenAskedFor) {
   const std::vector<std::string> all{broken, sound, dir / "absent.stl"};
   const RunResult refused = submit(all, {"--out", dir / "out"});
   EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("--skip-bad queues the 1 of 3 jobs that can be done"));
   EXPECT_FALSE(ReadModel(database()).job(1));
   const RunResult skipped = submit(all, {"--out", dir / "out", "--skip-bad"});
   ASSERT_EQ(skipped.exit_code, 0) << skipped.err;

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Holds docs/glossary.md against the code: each term is defined once, its home is there, and retired words stand
-nowhere that they may not. Usage: glossary.py ROOT. Prints what is wrong and ends with 1, else 0."""
+"""Holds docs/glossary.md and docs/glossary-code.md against the code: each term is defined once, its home is there,
+and retired words stand nowhere that they may not. Usage: glossary.py ROOT. Prints what is wrong and ends with 1, else 0."""
 
 import collections
 import pathlib
@@ -17,7 +17,7 @@ def rows(text):
         if line.startswith("|"):
             cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
             if len(cells) != 3:
-                wrong.append(f"docs/glossary.md: a row without three cells: {line}")
+                wrong.append(f"glossary: a row without three cells: {line}")
             elif cells[0] not in ("term", "word") and not set(cells[0]) <= set("-:"):
                 yield cells
 
@@ -25,22 +25,22 @@ def rows(text):
 def files_of(place):
     path = ROOT / place
     if not path.exists():
-        wrong.append(f"docs/glossary.md: {place} is not there")
+        wrong.append(f"glossary: {place} is not there")
     for file in [path] if path.is_file() else sorted(path.rglob("*")):
-        if file.is_file() and file.suffix not in UNREADABLE and file.name != "glossary.md":
+        if file.is_file() and file.suffix not in UNREADABLE and file.name not in ("glossary.md", "glossary-code.md"):
             yield file
 
 
 def main():
-    text = (ROOT / "docs/glossary.md").read_text()
-    terms, retired = text.split("## Retired words")
+    pages = [(ROOT / "docs" / name).read_text() for name in ("glossary.md", "glossary-code.md")]
+    terms, retired = "\n".join(pages).split("## Retired words")
     defined = collections.Counter()
     for term, _, home in rows(terms):
         defined[term.lower()] += 1
         path = re.fullmatch(r"`([^`]+)`", home)
         if path is None or not (ROOT / path.group(1)).exists():
-            wrong.append(f"docs/glossary.md: {term}: its home {home} is not there")
-    wrong.extend(f"docs/glossary.md: {term} is defined {n} times" for term, n in defined.items() if n > 1)
+            wrong.append(f"glossary: {term}: its home {home} is not there")
+    wrong.extend(f"glossary: {term} is defined {n} times" for term, n in defined.items() if n > 1)
     words = 0
     for word, _, places in rows(retired):
         words += 1
@@ -54,7 +54,7 @@ def main():
                 wrong.extend(f"{file.relative_to(ROOT)}:{n}: '{word}' is retired: {line.strip()[:90]}"
                              for n, line in enumerate(lines, 1) if pattern.search(line))
     if len(defined) < 100 or words < 10:
-        wrong.append(f"docs/glossary.md: {len(defined)} terms and {words} retired words; were its tables read?")
+        wrong.append(f"glossary: {len(defined)} terms and {words} retired words; were its tables read?")
     for line in wrong:
         print(line)
     print(f"{len(wrong)} wrong" if wrong else f"glossary: {len(defined)} terms, {words} retired words")

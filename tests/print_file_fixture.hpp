@@ -1,5 +1,5 @@
 /// @file print_file_fixture.hpp
-/// Small binary print files made past the library, byte by byte after docs/formats.md, and the real ones.
+/// Small binary print files made past the library, byte by byte after docs/print-files.md, and the real ones.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -104,8 +104,10 @@ void add_follow_commands(cli::Program& program) {
   }
   {
     auto o = std::make_shared<ReportOptions>();
-    CLI::App* app = program.add("report", "Write the page of the morning: done, failed, how well",
-                                [o](const ExecutionContext&, cli::Console&) { return report(*o); });
+    CLI::App* app = program.add(
+        "report",
+        "Write the report of the night: what is done, what failed, how well parts will print",
+        [o](const ExecutionContext&, cli::Console&) { return report(*o); });
     o->farm.add_to(*app);
     app->add_option("-o,--output", o->output, "The page; - for stdout [DIR/report.html]");
     app->add_option("--json", o->json, "Write JSON to this file; - for stdout");

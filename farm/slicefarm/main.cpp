@@ -15,5 +15,23 @@ int main(int argc, char** argv) {
   farm::add_status_commands(program);
   farm::add_follow_commands(program);
   farm::add_control_commands(program);
+  program.examples({
+      {"run", "slicefarm run --until-empty"},
+      {"nodes", "slicefarm nodes"},
+      {"status", "slicefarm status --state failed"},
+      {"logs", "slicefarm logs 12"},
+      {"watch", "slicefarm watch"},
+      {"report", "slicefarm report --since 20:00 -o morning.html"},
+      {"serve", "slicefarm serve --listen 127.0.0.1:8420"},
+      {"notify", "slicefarm notify --test"},
+      {"cancel", "slicefarm cancel 12 13"},
+      {"retry", "slicefarm retry 12"},
+      {"priority", "slicefarm priority 12 --to 5 --ready-by 07:00"},
+      {"set", "slicefarm set night=20:00-07:00 user-running=2"},
+      {"pause", "slicefarm pause"},
+      {"drain", "slicefarm drain"},
+      {"resume", "slicefarm resume"},
+      {"gc", "slicefarm gc --older-than-days 30 --dry-run"},
+  });
   return program.run(argc, argv);
 }

@@ -152,7 +152,11 @@ bool skip(const SubmitErrors& e, std::vector<JobRequest>& requests, cli::Console
   }
   if (bad.size() >= requests.size()) return false;
   for (const SubmitError& error : e.errors()) {
-    console.say(fmt::format("skipped: {}: {}", error.where, error.message));
+    // Messages about a file begin with its whole path, which `where` has as it was given.
+    const std::string path = std::filesystem::absolute(error.where).string() + ": ";
+    const std::string& text = error.message;
+    console.say(fmt::format("skipped: {}: {}", error.where,
+                            text.starts_with(path) ? text.substr(path.size()) : text));
   }
   for (auto i = bad.rbegin(); i != bad.rend(); ++i) requests.erase(requests.begin() + *i);
   return true;
@@ -168,6 +172,14 @@ Submission checked(std::vector<JobRequest>& requests, const FarmFolder& folder, 
     } catch (const SubmitErrors& e) {
       // What is left is looked at again: what was wrong with one may have hidden another's fault.
       if (a.skip_bad && skip(e, requests, console)) continue;
+      std::set<std::ptrdiff_t> bad;
+      for (const SubmitError& error : e.errors()) bad.insert(error.request);
+      if (!a.skip_bad && !bad.contains(-1) && bad.size() < requests.size()) {
+        console.say(
+            fmt::format("nothing is queued; --skip-bad queues the {} of {} jobs that can be "
+                        "done",
+                        requests.size() - bad.size(), requests.size()));
+      }
       if (e.all_infeasible()) throw InfeasibleError(e.what());
       throw;
     }

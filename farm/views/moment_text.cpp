@@ -1,5 +1,6 @@
 #include "views/moment_text.hpp"
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "slicecorr/farm/clock.hpp"
@@ -16,6 +17,18 @@ std::string moment(std::int64_t ms, std::int64_t now_ms) {
 std::string to_the_minute(std::int64_t ms, std::int64_t now_ms) {
   const std::string text = moment(ms, now_ms);
   return text.size() == 8 ? text.substr(0, 5) : text;
+}
+
+std::string without_folders(const std::string& message) {
+  std::string text;
+  for (std::size_t at = 0; at < message.size();) {
+    const std::size_t end = std::min(message.find("; ", at), message.size());
+    const std::string piece = message.substr(at, end - at);
+    const std::size_t slash = piece.rfind('/', piece.find(": "));
+    text += (text.empty() ? "" : "; ") + piece.substr(slash == piece.npos ? 0 : slash + 1);
+    at = end + 2;
+  }
+  return text;
 }
 
 }  // namespace slicecorr::farm::text

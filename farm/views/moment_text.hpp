@@ -16,4 +16,8 @@ std::string moment(std::int64_t ms, std::int64_t now_ms);
 /// The same without seconds.
 std::string to_the_minute(std::int64_t ms, std::int64_t now_ms);
 
+/// A job's message about its inputs, "/home/lab/part.stl: 3 open edges; ...", with the files' names
+/// alone.
+std::string without_folders(const std::string& message);
+
 }  // namespace slicecorr::farm::text

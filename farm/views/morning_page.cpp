@@ -223,7 +223,8 @@ std::vector<JobColumn> job_columns(const MorningReport& r, const LinkTo& links) 
        [](const Job& j) {
          if (j.state == JobState::done) {
            return j.message.empty() ? std::string("done")
-                                    : "<b class=\"warn\">done</b>, but " + shown(j.message);
+                                    : "<b class=\"warn\">done</b>, but " +
+                                          shown(text::without_folders(j.message));
          }
          return fmt::format("<b class=\"bad\">{}</b> {}", name_of(j.state), shown(j.message));
        },

@@ -62,6 +62,9 @@ std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& run
       if (job.figures) {
         text += (text.empty() ? "" : ", ") + in_words(*job.figures);
       }
+      if (!job.message.empty()) {
+        text += (text.empty() ? "" : "; ") + printable(text::without_folders(job.message));
+      }
       return text;
     }
     case JobState::failed:

@@ -265,6 +265,7 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   const Punctuality p = punctuality(report, asked, light_at_s, at_um);
   if (exposing && plan.turns()) end_showing(light_at_s, at_um);
   if (exposing && report.number < 0) end_exposure(light_at_s, p.late());
+  if (report.number >= 0) frame = report.number;
   if (p.late()) tell_late("frame", report.number, p);
   frame = report.number;
   shown_at_s = light_at_s;

@@ -326,7 +326,8 @@ int main(int argc, char** argv) {
     return app;
   });
   for (const auto& [name, text] :
-       {std::pair{"pause", "Stop where that leaves no mark"}, std::pair{"resume", "Go on"},
+       {std::pair{"pause", "Stop at the next place where a stop leaves no mark on the part"},
+        std::pair{"resume", "Go on after a pause"},
         std::pair{"stop", "End the print for good: lamps off, stage stop, black"}}) {
     const std::string what = name;
     add(name, text,
@@ -339,5 +340,16 @@ int main(int argc, char** argv) {
                     "Where the machine is, in place of the printer file's word: tcp:HOST:PORT or "
                     "rtu:DEVICE");
   }
+  program.examples({
+      {"status", "printbridge status --printer P"},
+      {"watch", "printbridge watch --printer P"},
+      {"report", "printbridge report --printer P -o print.html"},
+      {"serve", "printbridge serve --printer P --listen 127.0.0.1:8421"},
+      {"metrics", "printbridge metrics --printer P -o print.prom"},
+      {"pause", "printbridge pause --printer P"},
+      {"resume", "printbridge resume --printer P"},
+      {"stop", "printbridge stop --printer P"},
+      {"reset", "printbridge reset --printer P"},
+  });
   return program.run(argc, argv);
 }

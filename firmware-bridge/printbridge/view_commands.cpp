@@ -72,14 +72,14 @@ int status(const StatusOptions& o) {
     out += fmt::format("phase     {}{}\n", name_of(seen.state.phase),
                        seen.facts.dry_run ? ", without light" : "");
     out += fmt::format(
-        "frame     {} of {}, {}\n", seen.state.frame, seen.facts.frames,
+        "shown     {}, {}\n", shown_in_words(seen.facts, seen.state),
         seen.facts.turns()
             ? fmt::format("{}, {:.2f}°, {:.2f} °/s", turn_in_words(seen.facts, seen.state),
                           angle_in_turn_deg(seen.facts, seen.state),
                           seen.state.speed_um_s / um_per_deg)
             : place_in_words(seen.state.stage_um - seen.facts.start_um, 0));
     out += fmt::format("late      {} frames, at most {}\n", seen.state.late_frames,
-                       way_in_words(seen.state.lateness.worst_um, um_per_deg));
+                       way_in_words(latest_um(seen.state), um_per_deg));
     if (seen.left_s) out += fmt::format("left      {}\n", text::duration(*seen.left_s));
   } else {
     out += seen.running ? "phase     starting\n" : "phase     no print\n";

@@ -238,8 +238,11 @@ class Run {
     counter_.answer(json.dump());
   }
 
-  PrintState state(double now) const {
+  PrintState state(double now) {
     PrintState state = state_of(*controller_, now, missed_);
+    if (state.frames_shown > newest_) newest_at_s_ = now;
+    newest_ = state.frames_shown;
+    state.newest_at_s = newest_at_s_;
     state.told = told_;
     return state;
   }
@@ -368,6 +371,8 @@ class Run {
   SetPoints last_sent_;
   double next_s_ = 0, told_s_ = -1;
   std::uint64_t told_ = 0;
+  int newest_ = 0;  ///< frames shown when the state was told last, and when the last of them came
+  double newest_at_s_ = 0;
   int missed_ = 0;
   bool silent_ = false, stopped_ = false, broken_order_ = false;
   std::string broken_detail_, lost_by_;

@@ -139,6 +139,7 @@ class LiveFrame {
   void put_fault();
   /// Frames, z, speed, and how far the stage is off.
   void put_motion();
+  std::string stage_text(double per_um, const char* unit, int digits, bool borne) const;
   void put_lamps();
   /// What may come too late, and what did.
   void put_timing();
@@ -205,30 +206,38 @@ void LiveFrame::put_fault() {
                  Ink::bold));
 }
 
+std::string LiveFrame::stage_text(double per_um, const char* unit, int digits, bool borne) const {
+  const PrintState& s = seen_.state;
+  const double most = s.worst_stage_error_um * per_um;
+  // After a fault the stage is where it stopped, not where it should be: that is no error.
+  std::string text = failed(seen_)
+                         ? fmt::format("{:.{}f}{} off at most until the fault", most, digits, unit)
+                         : fmt::format("{:.{}f}{} off now, {:.{}f} at most",
+                                       calm(s.stage_error_um) * per_um, digits, unit, most, digits);
+  if (borne) text += fmt::format(", {:g} borne", seen_.facts.tolerance_um * per_um);
+  return text;
+}
+
 void LiveFrame::put_motion() {
   const PrintFacts& f = seen_.facts;
   const PrintState& s = seen_.state;
-  fact("frame", fmt::format("{} of {}{}", text::count(s.frames_shown), text::count(f.frames),
-                            s.frame < 0 && seen_.running ? ", black is shown" : ""));
+  fact("shown",
+       shown_in_words(f, s) + (s.frame < 0 && seen_.running ? "; black is shown now" : ""));
   if (f.turns()) {
     const double deg = 1 / f.um_per_deg;
     fact("angle", fmt::format("{:.2f}°, {}", angle_in_turn_deg(f, s), turn_in_words(f, s)));
     fact("speed",
          fmt::format("{:.2f} °/s, planned {:.2f}", s.speed_um_s * deg, f.speed_um_s * deg));
-    fact("stage",
-         fmt::format("{:.3f}° off now, {:.3f} at most, {:g} borne", calm(s.stage_error_um) * deg,
-                     s.worst_stage_error_um * deg, f.tolerance_um * deg));
+    fact("stage", stage_text(deg, "°", 3, true));
     return;
   }
   fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen_) * 1e-3, height_um(seen_) * 1e-3));
   if (f.layerwise) {
-    fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", calm(s.stage_error_um),
-                              s.worst_stage_error_um));
+    fact("stage", stage_text(1, " um", 2, false));
   } else {
     fact("speed",
          fmt::format("{:.1f} mm/h, planned {:.1f}", s.speed_um_s * 3.6, f.speed_um_s * 3.6));
-    fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
-                              calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
+    fact("stage", stage_text(1, " um", 2, true));
   }
 }
 
@@ -259,11 +268,9 @@ void LiveFrame::put_timing() {
   fact("late", fmt::format("{} frames", text::count(s.late_frames)),
        s.late_frames > 0 ? Ink::bad : Ink::plain);
   const Lateness& l = s.lateness;
-  fact("worst", f.layerwise
-                    ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
-                    : fmt::format("{} late, {:.2f} ms",
-                                  way_in_words(std::max(l.worst_um, s.worst_late_um), f.um_per_deg),
-                                  l.worst_ms));
+  fact("worst", f.layerwise ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
+                            : fmt::format("{} late, {:.2f} ms",
+                                          way_in_words(latest_um(s), f.um_per_deg), l.worst_ms));
 }
 
 void LiveFrame::put_lateness() {
@@ -300,8 +307,8 @@ std::string live_line(const Seen& seen) {
   if (!seen.running) {
     std::string text = "no print runs";
     if (seen.known) {
-      text += fmt::format("; the last, {}, {}: {} of {} frames", stack_name(seen),
-                          how_it_ended(seen), s.frames_shown, seen.facts.frames);
+      text += fmt::format("; the last, {}, {}: {} shown", stack_name(seen), how_it_ended(seen),
+                          shown_in_words(seen.facts, s));
     }
     if (seen.latched) {
       text += fmt::format("; latched: {}: {}; to do: {}, then printbridge reset",
@@ -313,21 +320,19 @@ std::string live_line(const Seen& seen) {
   if (!seen.known) return "a print begins";
   const PrintFacts& f = seen.facts;
   const bool turns = f.turns();
-  std::string text =
-      fmt::format("{}, frame {} of {}, ", name_of(s.phase), s.frames_shown, seen.facts.frames);
+  std::string text = fmt::format("{}, {} shown, ", name_of(s.phase), shown_in_words(f, s));
   text += turns ? fmt::format("{}, {:.2f}°", turn_in_words(f, s), angle_in_turn_deg(f, s))
                 : fmt::format("z {:.3f} mm", z_um(seen) * 1e-3);
   if (failed(seen)) {
     return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), text::printable(s.detail),
                               what_to_do(s.fault));
   }
-  text +=
-      seen.facts.layerwise
-          ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
-          : fmt::format(", {}, worst {} late",
-                        turns ? fmt::format("{:.2f} °/s", s.speed_um_s / f.um_per_deg)
-                              : fmt::format("{:.1f} mm/h", s.speed_um_s * 3.6),
-                        way_in_words(std::max(s.worst_late_um, s.lateness.worst_um), f.um_per_deg));
+  text += seen.facts.layerwise
+              ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
+              : fmt::format(", {}, worst {} late",
+                            turns ? fmt::format("{:.2f} °/s", s.speed_um_s / f.um_per_deg)
+                                  : fmt::format("{:.1f} mm/h", s.speed_um_s * 3.6),
+                            way_in_words(latest_um(s), f.um_per_deg));
   text += fmt::format(", {} late", s.late_frames);
   if (seen.left_s) text += ", " + text::duration(*seen.left_s) + " left";
   return text;

@@ -36,15 +36,14 @@ std::string metrics_text(const Seen& seen, const FaultCounts& faults) {
     t.histogram("frame_lateness_degrees", "How late frames began, along the stage's turn.",
                 Lateness::kBoundsDeg, l.deg, l.sum_deg);
     t.one("frame_lateness_worst_degrees", "gauge", "Latest frame, along the stage's turn.",
-          std::fmax(l.worst_um, s.worst_late_um) / f.um_per_deg);
+          latest_um(s) / f.um_per_deg);
   }
   if (!f.layerwise) {
     t.histogram("frame_lateness_um",
                 "How late frames began, along the stage's way; where it turns, at the vial's wall.",
                 Lateness::kBoundsUm, l.um, l.sum_um);
     t.one("frame_lateness_worst_um", "gauge",
-          "Latest frame, along the stage's way; where it turns, at the vial's wall.",
-          std::fmax(l.worst_um, s.worst_late_um));
+          "Latest frame, along the stage's way; where it turns, at the vial's wall.", latest_um(s));
   }
   std::array<double, Lateness::kBoundsMs.size()> seconds{};
   for (std::size_t i = 0; i < seconds.size(); ++i) {

@@ -104,6 +104,25 @@ std::string place(const PrintFacts& f, double um) {
 }
 const char* place_title(const PrintFacts& f) { return f.turns() ? "° on from the first" : "z, mm"; }
 
+/// The latest frame of the chart beside; what the chart can't show, a frame that never came, and what
+/// counts as late there because it is early, are said with it.
+template <typename Tile>
+void put_latest(const PrintRecord& r, const Tile& tile) {
+  const Lateness& l = r.lateness;
+  const Length late_by = length(r.facts, l.worst_um);
+  std::string what = fmt::format("the latest frame{}; in time {:.2f} ms", late_by.more, l.worst_ms);
+  double earliest_um = 0;
+  for (const FrameRow& f : r.frames) earliest_um = std::fmin(earliest_um, f.late_um);
+  if (r.facts.max_late_um > 0 && earliest_um < -r.facts.max_late_um) {
+    what += "; the earliest came " + length(r.facts, -earliest_um).value + " too early";
+  }
+  if (r.last && latest_um(*r.last) > l.worst_um + Lateness::kBoundsUm[0]) {
+    what +=
+        "; one had not appeared " + length(r.facts, latest_um(*r.last)).value + " after its place";
+  }
+  tile(late_by.value, what);
+}
+
 std::string tiles(const PrintRecord& r) {
   std::string html = "<div class=\"tiles\">";
   const auto tile = [&](const std::string& value, const std::string& what, const char* kind = "") {
@@ -120,7 +139,8 @@ std::string tiles(const PrintRecord& r) {
                           : "");
   const int count = r.last ? r.last->frames_shown : static_cast<int>(r.frames.size());
   tile(text::count(count),
-       r.facts.frames > 0 ? fmt::format("of {} frames shown", text::count(r.facts.frames))
+       r.facts.frames > 0 ? fmt::format("of {} frames shown{}", text::count(r.facts.frames),
+                                        count > 0 ? fmt::format(", numbers 0 to {}", count - 1) : "")
                           : "frames shown",
        r.facts.frames > 0 && count < r.facts.frames && bad ? "bad" : "");
   const int late = late_frames(r);
@@ -130,9 +150,7 @@ std::string tiles(const PrintRecord& r) {
     if (r.facts.layerwise) {
       tile(fmt::format("{:.2f} ms", l.worst_ms), "longest exposure too long by");
     } else {
-      const Length late_by = length(r.facts, l.worst_um);
-      tile(late_by.value,
-           fmt::format("the latest frame{}; in time {:.2f} ms", late_by.more, l.worst_ms));
+      put_latest(r, tile);
     }
   }
   double stage = r.last ? r.last->worst_stage_error_um : NAN;

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "record/left_json.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -48,6 +49,49 @@ void read_counts(const Json& json, const char* key, Counts& counts, double& sum,
   }
 }
 
+/// Slices that take other times than those before begin a new line where that makes a 200th of the
+/// print.
+std::vector<PrintFacts::Begin> thinned(const std::vector<double>& begins_s) {
+  using Begin = PrintFacts::Begin;
+  const double borne_s = begins_s.back() / 200;
+  std::vector<Begin> kept{{0, begins_s.front()}};
+  double least = -INFINITY, most = INFINITY;
+  for (std::size_t n = 1; n < begins_s.size(); ++n) {
+    double way = static_cast<double>(n) - kept.back().slice;
+    double slope = (begins_s[n] - kept.back().at_s) / way;
+    if (slope < least || slope > most) {
+      kept.push_back({static_cast<double>(n - 1), begins_s[n - 1]});
+      least = -INFINITY;
+      most = INFINITY;
+      way = 1;
+      slope = begins_s[n] - begins_s[n - 1];
+    }
+    least = std::max(least, slope - borne_s / way);
+    most = std::min(most, slope + borne_s / way);
+  }
+  kept.push_back({static_cast<double>(begins_s.size() - 1), begins_s.back()});
+  return kept.size() > 2 ? kept : std::vector<Begin>();
+}
+
+std::vector<PrintFacts::Begin> begins_of(const PrintPlan& plan) {
+  const std::size_t slices = plan.frames.size();
+  const bool layerwise = plan.mode == ExposureMode::layerwise;
+  if (slices == 0 || (!layerwise && plan.slice_speed_um_s.empty())) return {};
+  std::vector<double> begins_s{0};
+  for (std::size_t n = 0; n < slices; ++n) {
+    begins_s.push_back(begins_s.back() +
+                       (layerwise ? plan.frames[n].exposure_s
+                                  : plan.layer_um / plan.speed_at(static_cast<int>(n))));
+  }
+  // What the plan has besides: lifts, which are alike; changes of speed, which take time from all.
+  const double more_s = plan.expected_s - begins_s.back();
+  for (std::size_t n = 0; n <= slices; ++n) {
+    begins_s[n] += layerwise ? more_s * static_cast<double>(n) / static_cast<double>(slices)
+                             : more_s * begins_s[n] / (plan.expected_s - more_s);
+  }
+  return thinned(begins_s);
+}
+
 void put_facts(Json& json, const PrintFacts& f) {
   json["display"] = f.display;
   if (!f.uv_display.empty()) json["uv_display"] = f.uv_display;
@@ -64,6 +108,10 @@ void put_facts(Json& json, const PrintFacts& f) {
   json["tolerance_um"] = f.tolerance_um;
   json["cycle_s"] = f.cycle_s;
   json["ring_frames"] = f.ring_frames;
+  if (!f.begins.empty()) {
+    Json& begins = json["begins_s"] = Json::array();
+    for (const PrintFacts::Begin& b : f.begins) begins.push_back({b.slice, b.at_s});
+  }
   if (f.turns()) {
     json["angles"] = f.angles;
     json["turns"] = f.frames / f.angles;
@@ -95,7 +143,20 @@ PrintFacts facts_of(const PrintPlan& plan, const Machine& machine) {
   f.tolerance_um = machine.stage.tolerance_um;
   f.cycle_s = machine.limits.cycle_s;
   f.ring_frames = machine.limits.ring_frames;
+  f.begins = begins_of(plan);
   return f;
+}
+
+double PrintFacts::begin_s(double slice) const {
+  if (frames <= 0) return 0;
+  slice = std::clamp(slice, 0.0, 1.0 * frames);
+  if (begins.size() < 2) return expected_s * slice / frames;
+  std::size_t i = 1;
+  while (i + 1 < begins.size() && begins[i].slice < slice) ++i;
+  const Begin &a = begins[i - 1], &b = begins[i];
+  const double way = b.slice - a.slice;
+  return way > 0 ? a.at_s + (b.at_s - a.at_s) * std::clamp((slice - a.slice) / way, 0.0, 1.0)
+                 : b.at_s;
 }
 
 PrintState state_of(const Controller& c, double at_s, int missed_cycles) {
@@ -129,12 +190,25 @@ std::optional<double> left_s(const PrintFacts& f, const PrintState& s) {
   if (s.fault != Fault::none || s.phase > Phase::resuming) return std::nullopt;
   if (s.phase < Phase::printing) return f.expected_s;
   if (f.layerwise || !(f.speed_um_s > 0)) {
-    return f.frames > 0 ? f.expected_s * std::max(0, f.frames - s.frames_shown) / f.frames : 0;
+    if (s.frames_shown <= 0) return f.expected_s;
+    // Within a layer, too; one that takes longer than planned stands at its end.
+    const double begin_s = f.begin_s(s.frames_shown - 1), end_s = f.begin_s(s.frames_shown);
+    return std::max(
+        0.0, f.expected_s - begin_s - std::clamp(s.at_s - s.newest_at_s, 0.0, end_s - begin_s));
   }
   const double left_um = std::max(0.0, f.end_um - s.stage_um);
-  // Where slices have speeds of their own, as on the average.
-  if (f.slowest_um_s > 0) return f.expected_s * std::min(1.0, left_um / (f.end_um - f.start_um));
+  if (!f.begins.empty() && f.layer_um > 0) {
+    return std::max(0.0, f.expected_s - f.begin_s(f.frames - left_um / f.layer_um));
+  }
   return left_um / f.speed_um_s;
+}
+
+double latest_um(const PrintState& state) {
+  return std::max({0.0, state.worst_late_um, state.lateness.worst_um});
+}
+
+std::string shown_in_words(const PrintFacts& facts, const PrintState& state) {
+  return fmt::format("{} of {} frames", text::count(state.frames_shown), text::count(facts.frames));
 }
 
 std::string place_in_words(double z_um, double um_per_deg) {
@@ -199,6 +273,7 @@ std::string state_json(const PrintFacts& facts, const PrintState& s, const Print
   json["detail"] = s.detail;
   json["late_frames"] = s.late_frames;
   json["worst_late_um"] = s.worst_late_um;
+  json["latest_um"] = latest_um(s);
   json["worst_stage_error_um"] = s.worst_stage_error_um;
   json["missed_cycles"] = s.missed_cycles;
   if (around.ready_frames) json["ready_frames"] = *around.ready_frames;
@@ -206,6 +281,7 @@ std::string state_json(const PrintFacts& facts, const PrintState& s, const Print
   json["at_s"] = s.at_s;
   json["phase_since_s"] = s.phase_since_s;
   json["frames_shown"] = s.frames_shown;
+  json["newest_at_s"] = s.newest_at_s;
   json["speed_um_s"] = s.speed_um_s;
   json["stage_error_um"] = s.stage_error_um;
   json["blue_share"] = s.blue_share;
@@ -277,6 +353,14 @@ PrintFacts facts_in(const Json& json) {
   f.ring_frames = whole_in(json, "ring_frames", 0);
   f.angles = std::max(0, whole_in(json, "angles", 0));
   f.um_per_deg = number_in(json, "um_per_deg", 0);
+  f.slowest_um_s = number_in(json, "slowest_speed_um_s", 0);
+  f.uv_display = text_in(json, "uv_display");
+  if (const auto begins = json.find("begins_s"); begins != json.end() && begins->is_array()) {
+    for (const Json& b : *begins) {
+      if (!b.is_array() || b.size() != 2 || !b[0].is_number() || !b[1].is_number()) continue;
+      f.begins.push_back({b[0].get<double>(), b[1].get<double>()});
+    }
+  }
   return f;
 }
 
@@ -287,6 +371,7 @@ PrintState state_in(const Json& json) {
   s.detail = text_in(json, "detail");
   s.frame = whole_in(json, "frame", kBlackFrame);
   s.frames_shown = whole_in(json, "frames_shown", 0);
+  s.newest_at_s = number_in(json, "newest_at_s", 0);
   s.late_frames = whole_in(json, "late_frames", 0);
   s.missed_cycles = whole_in(json, "missed_cycles", 0);
   s.at_s = number_in(json, "at_s", 0);

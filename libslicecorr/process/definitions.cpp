@@ -386,10 +386,12 @@ std::string find_definition(const std::string& name, std::string_view kind) {
     known += (known.empty() ? "" : ", ") + d.name;
     names.push_back(d.name);
   }
-  const std::string near = nearest(name, names);
-  throw InputError(fmt::format("no {0} '{1}'; {4}looked for {1}.toml in {2}; known {0}s: {3}", kind,
-                               name, looked, known.empty() ? "none" : known,
-                               near.empty() ? "" : fmt::format("did you mean '{}'? ", near)));
+  // Where it can only be a slip, all that is known would hide the one name.
+  if (const std::string near = nearest(name, names); !near.empty()) {
+    throw InputError(fmt::format("no {} '{}'; did you mean '{}'?", kind, name, near));
+  }
+  throw InputError(fmt::format("no {0} '{1}'; looked for {1}.toml in {2}; known {0}s: {3}", kind,
+                               name, looked, known.empty() ? "none" : known));
 }
 
 Printer parse_printer(std::string_view text, const std::string& source) {

@@ -468,6 +468,28 @@ SolidSize size_of_solid(const SliceSource& stack, const PlaceModels& models,
   return size;
 }
 
+namespace {
+
+/// The factor between the sides of two boxes in the order of their lengths; 0 where there is none.
+double scale_if_turned(const Point3& low, const Point3& high, const std::array<Point3, 2>& shown) {
+  Point3 mine, theirs;
+  for (std::size_t k = 0; k < 3; ++k) {
+    mine[k] = high[k] - low[k];
+    theirs[k] = shown[1][k] - shown[0][k];
+  }
+  std::sort(mine.begin(), mine.end());
+  std::sort(theirs.begin(), theirs.end());
+  double least = std::numeric_limits<double>::infinity(), most = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (!(mine[k] > 0)) return 0;
+    least = std::min(least, theirs[k] / mine[k]);
+    most = std::max(most, theirs[k] / mine[k]);
+  }
+  return most < 1.15 * least ? std::sqrt(least * most) : 0;
+}
+
+}  // namespace
+
 void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
   if (design.triangles.empty() || stack.bounds().empty()) return;
   Point3 low, high;
@@ -497,7 +519,9 @@ void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
   }
   const auto [least, most] = std::minmax_element(factor, factor + 3);
   const bool alike = *most < 1.15 * *least;
-  if (!larger && !beside && !(smaller && alike)) return;
+  // Supports make no stack so much larger than its part along all axes: the part is turned besides.
+  const bool tiny = *least > 3;
+  if (!larger && !beside && !(smaller && (alike || tiny))) return;
   const auto size = [](const Point3& from, const Point3& to) {
     return fmt::format("{:.2f} x {:.2f} x {:.2f} mm", to[0] - from[0], to[1] - from[1],
                        to[2] - from[2]);
@@ -513,6 +537,8 @@ void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
   } else if (alike) {
     text += fmt::format(" (a scale of about {:.3g} would fit)",
                         std::cbrt(factor[0] * factor[1] * factor[2]));
+  } else if (const double scale = scale_if_turned(low, high, shown); scale > 0) {
+    text += fmt::format(" (turned, and with a scale of about {:.3g}, it would fit)", scale);
   }
   throw InputError(text +
                    "; expected the meshes with the units, scale, turn and place with which they "

@@ -212,7 +212,7 @@ void add_derive(cli::Program& program) {
   app->add_option("--points", a->points, "Intensities at which laws are compared")
       ->check(CLI::Range(2, 100000))
       ->capture_default_str();
-  app->add_option("--mode", a->mode, "How is it printed? The advice is for that")
+  app->add_option("--mode", a->mode, "How the resin will be printed; the advice is for that")
       ->check(CLI::IsMember({"continuous", "layerwise"}))
       ->capture_default_str();
   app->add_option("--as", a->as, "Model of the resin that -o writes; advice: the one advised")

@@ -17,5 +17,24 @@ int main(int argc, char** argv) {
   resinctl::add_plot(program);
   resinctl::add_design(program);
   resinctl::add_chemistry(program);
+  program.examples({
+      {"list", "resinctl list black --wavelength-nm 405"},
+      {"show", "resinctl show custom-resin-1"},
+      {"validate", "resinctl validate my-resin.toml"},
+      {"add", "resinctl add my-resin.toml -m \"batch 12\""},
+      {"history", "resinctl history my-resin"},
+      {"diff", "resinctl diff my-resin 1 2"},
+      {"restore", "resinctl restore my-resin 1"},
+      {"import", "resinctl import curve.csv --printer ember --name my-ember"},
+      {"export", "resinctl export da-2-ppo --format csv"},
+      {"new-printer", "resinctl new-printer"},
+      {"plot", "resinctl plot da-2-ppo -o curve.svg"},
+      {"predict",
+       "resinctl predict --resin egg-resin --printer dual-wavelength-dlp --exposure-s 5"},
+      {"recommend",
+       "resinctl recommend --resin egg-resin --printer dual-wavelength-dlp --speed-mm-h 800 "
+       "--tolerance-um 25"},
+      {"chemistry", "resinctl chemistry model-diacrylate --intensity-mw-cm2 10 -o cell.svg"},
+  });
   return program.run(argc, argv);
 }

@@ -203,7 +203,7 @@ void add_spread(cli::Program& program) {
       "Printer whose calibration says what black pixels and levels give: a .toml file or "
       "a name");
   sub->add_option("--resin", a->resin, "Resin: its absorbance height, exponent and dose");
-  sub->add_option("--gaussians", a->gaussians, "1 or 2")
+  sub->add_option("--gaussians", a->gaussians, "How many Gaussians make up the spread: 1 or 2")
       ->check(CLI::IsMember({1, 2}))
       ->capture_default_str();
   sub->add_option("--exposure-s", a->exposure_s, "Widths of one exposure so long: dose is held")

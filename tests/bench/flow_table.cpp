@@ -41,7 +41,7 @@ std::string fronts(const DiscDose& dose) {
 }
 
 void check_values() {
-  fmt::print("| what | page | default grid | 256 levels, 800 steps |\n|---|---|---|---|\n");
+  fmt::print("| what | check value | default grid | 256 levels, 800 steps |\n|---|---|---|---|\n");
   const auto row = [](const std::string& what, const std::string& page, const FlowResin& resin,
                       const DiscPrint& print, double gap, const DiscLight& light) {
     const RadialCurve h = even_curve(gap);

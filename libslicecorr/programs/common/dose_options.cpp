@@ -68,18 +68,23 @@ std::array<Point3, 2> box_of(const TriangleMesh& mesh) {
 }  // namespace
 
 void DoseOptions::add_to(CLI::App& app) {
-  app.add_option("--dose-target", target,
-                 "Doses wanted of features: a stack of 8-bit images as large as the part's, where "
-                 "black is a dose of 1 and white that of --dose-target-max");
+  const OptionGroup group(app, "Wanted doses");
+  app.add_option(
+      "--dose-target", target,
+      "Stack of the doses that features are to have: 8-bit images as large as the part's, "
+      "where black is a dose of 1 and white that of --dose-target-max");
   app.add_option("--dose-target-max", most, "The dose of white in --dose-target, in critical doses")
       ->check(number_in(1, 1e6));
-  app.add_option("--region", regions,
-                 "MESH=VALUE: a dose wanted of what lies inside a mesh, in critical doses; may be "
-                 "given several times, later ones win; outside of all it is 1")
+  app.add_option(
+         "--region", regions,
+         "MESH=VALUE: the dose that features inside a mesh are to have, in critical doses, 1 or "
+         "more; may be given several times, later ones count over earlier ones; outside of all "
+         "meshes it is 1")
       ->allow_extra_args(false);
-  app.add_option("--dose-side", side,
-                 "How doses are met that change too steeply along z: nearest, nowhere below what "
-                 "is wanted, or nowhere above it [nearest]")
+  app.add_option(
+         "--dose-side", side,
+         "Where wanted doses change too steeply along z: come as near as possible (nearest), "
+         "stay nowhere below them (at-least), or nowhere above them (at-most) [nearest]")
       ->check(CLI::IsMember({"nearest", "at-least", "at-most"}));
 }
 

@@ -51,13 +51,20 @@ void MeshOptions::add_to(CLI::App& app) {
   app.add_option("--layer-um", layer_um, "Slice height, 1 to 1000")
       ->required()
       ->check(number_in(1, 1000));
-  app.add_option("--antialias", antialias, "Area coverage in 256 levels, or the pixel-centre rule")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->capture_default_str();
+  add_antialias_to(app);
   add_placement_to(app);
 }
 
+void MeshOptions::add_antialias_to(CLI::App& app) {
+  app.add_option("--antialias", antialias,
+                 "on: grey is the share of a pixel that the part covers; off: a pixel is lit where "
+                 "the part covers its centre")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+}
+
 void MeshOptions::add_placement_to(CLI::App& app) {
+  const OptionGroup group(app, "How the meshes lie");
   app.add_option(
          "--center-mm", center_mm,
          "X,Y: where the centre of the parts lies on the plate, from its corner at the least x and "
@@ -69,12 +76,14 @@ void MeshOptions::add_placement_to(CLI::App& app) {
       ->check(CLI::IsMember({"auto", "mm", "inch", "m"}));
   CLI::Option* factor =
       app.add_option("--scale", scale, "Factor on all lengths")->capture_default_str();
-  app.add_option("--fit-mm", fit_mm,
-                 "Scale so that the longest side of all parts together is so long, whatever units "
-                 "their files have")
+  app.add_option(
+         "--fit-mm", fit_mm,
+         "Scale all parts alike so that the longest side of all together is this long, whatever "
+         "units their files have")
       ->check(number_in(1e-3, 1e5))
       ->excludes(factor);
-  app.add_option("--rotate-deg", rotate_deg, "X,Y,Z: turned about the fixed axes, in this order")
+  app.add_option("--rotate-deg", rotate_deg,
+                 "X,Y,Z: turn the parts about the fixed axes x, y and z, in this order")
       ->delimiter(',')
       ->expected(3)
       ->check(number_in(-1e6, 1e6));
@@ -185,8 +194,8 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
 
 void add_leave_alone_to(CLI::App& app, std::vector<std::string>& files) {
   app.add_option("--leave-alone", files,
-                 "Mesh or stack of what is shown as it is sliced, as supports and rafts are; the "
-                 "rest is corrected around it (may be given several times)")
+                 "Supports or rafts, as a mesh or stack: they are shown as sliced, and the part is "
+                 "corrected around them (may be given several times)")
       ->allow_extra_args(false)
       ->take_all();
 }

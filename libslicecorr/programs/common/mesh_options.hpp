@@ -22,6 +22,7 @@ struct MeshOptions {
   double fit_mm = 0;  ///< longest side of all parts together; 0: as `scale` says
   std::vector<double> rotate_deg;
   void add_to(CLI::App& app);
+  void add_antialias_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
   void add_placement_to(CLI::App& app);
   /// Where `fit_mm` is set, the first call reads the parts for their size; copies made after that

@@ -131,6 +131,15 @@ CLI::App* Program::add_to(CLI::App* group, const std::string& name, const std::s
   return sub;
 }
 
+void Program::examples(const std::vector<std::pair<std::string, std::string>>& lines) {
+  for (const auto& [command, line] : lines) {
+    CLI::App* sub = &app_;
+    std::istringstream names(command);
+    for (std::string name; names >> name;) sub = sub->get_subcommand(name);
+    sub->footer("Example: " + line + "\nEvery command takes --threads and --quiet.\n" + kFooter);
+  }
+}
+
 CLI::App* Program::only(Action action) {
   only_ = std::move(action);
   app_.require_subcommand(0);

@@ -72,6 +72,9 @@ class Program {
                    Action action);
   /// Makes it a program without subcommands; its options are added to what comes back.
   CLI::App* only(Action action);
+  /// Subcommands ("tomo solve" is one of a group) with the examples that their help shows in place of
+  /// the program's own.
+  void examples(const std::vector<std::pair<std::string, std::string>>& lines);
   /// Parses, calls the action of the subcommand, turns errors into messages and exit codes.
   int run(int argc, char** argv);
 
@@ -84,6 +87,22 @@ class Program {
   int threads_ = 0;
   bool quiet_ = false;
   std::vector<std::pair<CLI::App*, Action>> actions_;
+};
+
+/// Puts the options that are added while it lives under a heading of their own in the help.
+class OptionGroup {
+ public:
+  OptionGroup(CLI::App& app, const std::string& heading)
+      : app_(app), before_(app.option_defaults()->get_group()) {
+    app_.option_defaults()->group(heading);
+  }
+  ~OptionGroup() { app_.option_defaults()->group(before_); }
+  OptionGroup(const OptionGroup&) = delete;
+  OptionGroup& operator=(const OptionGroup&) = delete;
+
+ private:
+  CLI::App& app_;
+  std::string before_;
 };
 
 /// Accepts finite numbers only, from `least` to `most`; `above`: `least` itself is not accepted.

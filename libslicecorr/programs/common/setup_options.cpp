@@ -4,6 +4,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "programs/common/program.hpp"
@@ -18,6 +19,10 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
                           const std::vector<std::string>& more_modes) {
   std::vector<std::string> modes{"continuous", "layerwise"};
   modes.insert(modes.end(), more_modes.begin(), more_modes.end());
+  std::optional<OptionGroup> group;
+  // What a stack of ours says needs not be said again.
+  group.emplace(app, required ? "Printer, resin and process"
+                              : "Printer, resin and process, where the stack does not say them");
   auto* p = app.add_option("--printer", printer, "Printer: a .toml file or a name");
   auto* r = app.add_option("--resin", resin, "Resin: a .toml file or a name");
   if (required) {
@@ -31,7 +36,7 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   app.add_option("--speed-mm-h", speed_mm_h, "Print speed (continuous)")
       ->check(number_above_zero());
   app.add_option("--exposure-s", exposure_s,
-                 "Exposure of a layer (layerwise) [the times in the archive]")
+                 "Exposure of each layer (layerwise) [the times in the archive, where it has some]")
       ->check(number_above_zero());
   app.add_option("--bottom-exposure-s", bottom_exposure_s,
                  "Exposure of the first layers (layerwise)")
@@ -41,16 +46,17 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
       ->check(CLI::Range(0, 1000000));
   app.add_option(
          "--fade-layers", fade_layers,
-         "Number of layers after the bottom layers whose exposures lead to the normal one in "
-         "equal steps (layerwise)")
+         "Number of layers after the bottom layers, over which the exposure falls to the normal one "
+         "in equal steps (layerwise)")
       ->check(CLI::Range(0, 1000000));
   app.add_option("--dc-mj-cm3", dc_mj_cm3,
-                 "Critical dose, at which the correction aims, instead of the resin file's (m = 1)")
+                 "Critical dose, at which the correction aims, instead of the resin file's; for an "
+                 "exponent m of 1")
       ->check(number_above_zero());
   app.add_option(
          "--dose-factor", dose_factor,
-         "Critical dose over gel dose, instead of the resin file's. For a resin file with one "
-         "dose alone: the critical dose is so many times that dose")
+         "Critical dose over gel dose, instead of the resin file's. Where the file has one dose "
+         "alone, that dose is taken for the gel dose")
       ->check(number_above_zero());
   app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
       ->check(number_above_zero());
@@ -62,27 +68,32 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
                  "file's")
       ->check(CLI::Range(0.0, 1.0));
   if (correcting) {
+    group.reset();
+    group.emplace(app, "Correction");
     add_surface_to(app);
     app.add_option("--omega-max", omega_max,
                    "Cap of the dose inside features, in critical doses: inf, 1 or more")
         ->capture_default_str();
     app.add_option(
            "--one-slice-gaps", one_slice_gaps,
-           "Gaps one slice high: keep them open (the upper feature loses some height) or merge "
-           "them")
+           "Gaps one slice high: keep them open, for which the feature on their platform side loses "
+           "some height, or let them close (merge)")
         ->check(CLI::IsMember({"open", "merge"}))
         ->capture_default_str();
-    app.add_option("--gap-shortfall", gap_shortfall,
-                   "Open gaps one slice high: share of a slice that the feature above may lose, up "
-                   "to 0.5; the more it may lose, the less the gap cures (continuous) [0.18]")
+    app.add_option(
+           "--gap-shortfall", gap_shortfall,
+           "For open gaps one slice high: share of a slice that the feature on their platform "
+           "side may lose, up to 0.5; the more it may lose, the less the gap cures "
+           "(continuous) [0.18]")
         ->check(number_above_zero() & CLI::Range(0.0, 0.5));
     app.add_option("--edge-aim-um", edge_aim_um,
                    "How far from its height an edge may lie; a larger distance leaves gaps of two "
                    "and three slices darker (continuous) [as near as grey levels allow, some 0.05]")
         ->check(number_above_zero() & CLI::Range(0.0, kMostEdgeAimUm));
-    app.add_option("--platform-features", platform_features,
-                   "Whether --omega-max caps features on the platform, too; no gap lies behind "
-                   "these")
+    app.add_option(
+           "--platform-features", platform_features,
+           "Whether --omega-max caps features that lie on the platform, too (capped). Their "
+           "light reaches no gap behind them, so that they may do without (uncapped)")
         ->check(CLI::IsMember({"capped", "uncapped"}))
         ->capture_default_str();
     app.add_option("--spread-correction", spread_correction,
@@ -91,10 +102,13 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
         ->check(CLI::IsMember({"on", "off"}))
         ->capture_default_str();
     app.add_option("--rounds", rounds,
-                   fmt::format("How many rounds columns may be corrected together [{}]",
+                   fmt::format("Where light spreads: most rounds in which columns are corrected "
+                               "together [{}]",
                                Process::kDefaultSpreadRounds))
         ->check(CLI::Range(0, Process::kMostSpreadRounds));
   }
+  group.reset();
+  group.emplace(app, "UV light and flow");
   app.add_option("--uv-mw-cm2", uv_mw_cm2, "Intensity of inhibiting UV light, the same throughout")
       ->check(number_above_zero());
   app.add_option("--dead-zone-um", dead_zone_um,
@@ -103,16 +117,17 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   if (correcting) {
     app.add_option(
            "--gap-um", gap_um,
-           "Gap between part and window for which suction is judged, where the files of printer "
-           "and resin have what that takes [the gap that the UV light makes]")
+           "Gap between part and window for which suction is judged, where the resin file has "
+           "viscosity_pa_s [the dead zone that the UV light holds; without UV light 80]")
         ->check(number_above_zero() & CLI::Range(0.0, kMostGapUm));
   }
   if (correcting) {
     app.add_option(
            "--even-dead-zone", even_dead_zone,
-           "Find light that makes dose and dead zone even although resin flows. constant: one "
-           "intensity of each lamp per slice; blue: the curing light by place; uv: the UV light "
-           "by place; both; auto: all that the lamps can do. --gap-um says the gap to reach")
+           "Find light that makes dose and dead zone even although resin flows. constant: each "
+           "lamp has one intensity per slice; blue: the curing light differs from place to place; "
+           "uv: the UV light does; both: both do; auto: all that the lamps can do. --gap-um says "
+           "which dead zone to reach")
         ->expected(0, 1)
         ->default_str("auto")
         ->check(CLI::IsMember({"auto", "constant", "blue", "uv", "both"}));
@@ -124,6 +139,8 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
   app.add_option("--window-cure", window_cure,
                  "What to do when the resin would cure to the window, which ruins the vat [refuse]")
       ->check(CLI::IsMember({"refuse", "allow"}));
+  group.reset();
+  group.emplace(app, "Speeds along the height");
   app.add_option("--slice-speed-mm-h", slice_speeds,
                  "Table with the columns slice,speed_mm_h: from each of these slices on the stage "
                  "goes at that speed, slower than --speed-mm-h "
@@ -131,21 +148,25 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
       ->check(CLI::ExistingFile);
   app.add_option(
          "--slice-lamps", slice_lamps,
-         "What the lamps do there: they follow the speed, so that doses stay, or they stay as "
-         "they are, so that a slice at half the speed gets twice the dose [follow]")
+         "What the lamps do in slices with speeds of their own: follow the speed, so that doses "
+         "stay the same, or stay as they are, so that a slice at half the speed gets twice the dose "
+         "[follow]")
       ->check(CLI::IsMember({"follow", "stay"}));
-  app.add_option("--ramp", ramp,
-                 "Where the stage speeds up and slows down: within the lit slices, and the lamp "
-                 "follows; or outside of them (continuous) [none: the stack does not say]")
+  app.add_option(
+         "--ramp", ramp,
+         "Where the stage speeds up and slows down (continuous): lamp-follows: within the lit "
+         "slices, and the lamp follows the speed; outside: before and after them; none: the "
+         "stack does not say [none]")
       ->check(CLI::IsMember({"none", "lamp-follows", "outside"}));
   app.add_option("--ramp-mm", ramp_mm, "Distance in which the stage reaches its speed")
       ->check(number_above_zero());
 }
 
 void SetupOptions::add_surface_to(CLI::App& app) {
-  app.add_option("--surface", surface,
-                 "Where edges lie: at the heights of the mesh, where they are known, or at those "
-                 "of its slices")
+  app.add_option(
+         "--surface", surface,
+         "Where edges are to lie: where the mesh has them, as far as the stack says it (mesh), "
+         "or where slices end (slices)")
       ->check(CLI::IsMember({"slices", "mesh"}))
       ->capture_default_str();
 }

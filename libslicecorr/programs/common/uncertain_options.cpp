@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/uncertain_print.hpp"
@@ -9,19 +10,21 @@
 namespace slicecorr::cli {
 
 void UncertainOptions::add_to(CLI::App& app, bool correcting) {
+  const OptionGroup group(app, "How sure the inputs are");
   app.add_option(
       "--uncertain", uncertain,
-      "By how much inputs may be off, as standard deviations: ha=8%,dc=10%,light=3%,speed=1%, the "
-      "areal dose meant; also m=0.02, aim=5%, stray=0.1 (mW/cm²), time (layerwise), flat, noise; fit "
-      "for what the measurements in the resin's file say. The prediction then says how sure it is");
+      "By how much inputs may be off, as standard deviations: ha=8%,dc=10%,light=3%,speed=1%; also "
+      "m=0.02, aim=5%, stray=0.1 (mW/cm²), time (layerwise), flat, noise. dc is the areal dose. fit "
+      "takes what the resin's measurements say. The prediction then says how sure it is");
   if (!correcting) return;
   app.add_flag(
       "--robust", robust,
-      "Keep features above and gaps below gelling for all that --uncertain names, each off "
-      "by so much either way, where that is possible (continuous, without UV light)");
+      "Let no feature vanish and no gap fill, as far as that is possible, even where each input of "
+      "--uncertain is off by its number to either side (continuous, without UV light)");
 }
 
 void UncertainOptions::add_map_to(CLI::App& app) {
+  const OptionGroup group(app, "How sure the inputs are");
   app.add_option(
          "--uncertain-map", map,
          "Write a map of how sure edges are to FILE (.png): upper and lower edges, the darker "

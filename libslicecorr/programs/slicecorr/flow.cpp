@@ -267,10 +267,7 @@ void add_flow(Program& program, FlowOptions& o) {
   sub->add_option("--layer-um", o.mesh.layer_um,
                   "Slice height, 1 to 1000; of a stack where it says none")
       ->check(number_in(1, 1000));
-  sub->add_option("--antialias", o.mesh.antialias,
-                  "Area coverage in 256 levels, or the pixel-centre rule")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->capture_default_str();
+  o.mesh.add_antialias_to(*sub);
   o.mesh.add_placement_to(*sub);
   sub->add_option(
       "--printer", o.printer,
@@ -280,8 +277,8 @@ void add_flow(Program& program, FlowOptions& o) {
   sub->add_option("--speed-mm-h", o.speed_mm_h, "Print speed")->check(number_above_zero());
   sub->add_option(
          "--gap-um", o.gap_um,
-         fmt::format("Gap between part and window [with UV light that in which resin takes "
-                     "its dose in the mean; else {:g}]",
+         fmt::format("Gap between part and window [{:g}; with UV light the gap in which resin gets "
+                     "its gel dose in the mean]",
                      kDefaultGapUm))
       ->check(number_above_zero() & CLI::Range(0.0, kMostGapUm));
   sub->add_option("--uv-mw-cm2", o.uv_mw_cm2,

@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "examples.hpp"
 #include "flow.hpp"
 #include "hand_over.hpp"
 #include "hologram.hpp"
@@ -487,8 +488,8 @@ int run_program(int argc, char** argv) {
     a.doses.add_to(*sub);
     sub->add_option(
            "--design", a.doses.designs,
-           "Meshes that were sliced: each --region lies beside them as in the files [where "
-           "its file has it on the plate]")
+           "Meshes of which the stack was sliced: each --region then lies beside them as in the files "
+           "[each --region lies on the plate as its file says]")
         ->take_all()
         ->expected(1, std::numeric_limits<int>::max());
     a.mesh.add_placement_to(*sub);
@@ -606,12 +607,12 @@ int run_program(int argc, char** argv) {
   stack_output(sub, "Archive to write");
   sub->add_option(
       "--template", a.kept,
-      "A file of the output's format, made for the same printer: all but its layers, their "
-      "number and, where IN says some, exposures stays");
+      "A file of the output's format, made for the same printer: the output is this file with the "
+      "layers of IN and, where IN has some, its exposure times");
   sub->add_option(
       "--printer", a.setup.printer,
-      "Printer to convert for: its display turns images of the plate, its pixel size counts where "
-      "the archive says none");
+      "Printer to convert for: images are turned as its display needs them, and its pixel size "
+      "counts where IN has none");
 
   sub = add("info", "What a stack says about itself", info);
   stack_input(sub, "STACK", "Stack to look into");
@@ -630,6 +631,7 @@ int run_program(int argc, char** argv) {
   add_tomo(program, tomo);
   add_hologram(program, hologram);
   add_tune(program, argv);
+  add_examples(program);
   return program.run(own_arguments(argc, argv), argv);
 }
 

@@ -272,17 +272,19 @@ void add_pattern(Program& program, PatternOptions& o) {
                   "write it here (.png)");
   sub->add_option(
          "--oxygen-used-up-by-s", o.used_up_by_s,
-         "When that image has used up all oxygen there [a quarter after full light would, and by --time-s]")
+         "When the image of --correct has used up the oxygen of all lit places [a quarter later than "
+         "full light would, and by --time-s]")
       ->check(number_above_zero());
-  sub->add_option("--margin", o.margin, "Share of their oxygen that dark places keep until then")
+  sub->add_option("--margin", o.margin,
+                  "With --correct: share of their oxygen that dark places keep until then")
       ->check(number_in(0.001, 0.999))
       ->capture_default_str();
-  sub->add_option("--search-steps", o.steps, "Steps of that search")
+  sub->add_option("--search-steps", o.steps, "With --correct: steps of the search")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
   sub->add_option("-o,--output", o.output, "Draw when each pixel gels (.png)");
   sub->add_option("--curve", o.curve,
-                  "Draw how like the image what has gelled is, over time (.svg)");
+                  "Draw over time how well what has gelled matches the image (.svg)");
   sub->add_option("--csv", o.csv, "Write a row for each cell here (- for stdout)");
   sub->add_option("--json", o.json, "Write figures as JSON here (- for stdout)");
 }

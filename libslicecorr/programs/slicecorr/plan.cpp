@@ -188,17 +188,16 @@ void add_plan(Program& program, PlanOptions& o) {
   sub->add_option("--layer-um", o.mesh.layer_um,
                   "Slice height, 1 to 1000; of a stack where it says none")
       ->check(number_in(1, 1000));
-  sub->add_option("--antialias", o.mesh.antialias,
-                  "Area coverage in 256 levels, or the pixel-centre rule")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->capture_default_str();
+  o.mesh.add_antialias_to(*sub);
   o.mesh.add_placement_to(*sub);
   o.setup.add_to(*sub, true, true);
   sub->add_option("--tolerance-um", o.ask.tolerance_um, "How far edges may lie from the design")
       ->check(number_above_zero())
       ->capture_default_str();
-  sub->add_option("--gap-contrast", o.ask.gap_contrast,
-                  "1 less the least dose that every gap is to have, 0 to below 1")
+  sub->add_option(
+         "--gap-contrast", o.ask.gap_contrast,
+         "Least contrast of every gap: 1 minus the least dose in it, where 1 is the critical "
+         "dose; 0 to below 1")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   sub->add_option("--light-error-percent", o.light_error_percent,
@@ -206,7 +205,7 @@ void add_plan(Program& program, PlanOptions& o) {
       ->check(number_in(0, 99))
       ->capture_default_str();
   sub->add_option("--least-gap-um", o.ask.least_gap_um,
-                  "Gaps lower than this are left out, and told [those of one slice]")
+                  "Leave out gaps lower than this, and say how many there are [those of one slice]")
       ->check(number_above_zero());
   sub->add_option(
          "--free", o.free,
@@ -217,8 +216,8 @@ void add_plan(Program& program, PlanOptions& o) {
       ->check(CLI::IsMember({"lamp", "omega-max", "edge-aim", "uv"}));
   sub->add_option(
          "--dose-factors", o.ask.free.dose_factors,
-         "Doses to aim at, over the gel dose, that may be chosen in place of the resin's: lower "
-         "ones print faster, and softer")
+         "Multiples of the gel dose to aim at that may be chosen in place of the resin's: lower ones "
+         "print faster, and softer")
       ->delimiter(',')
       ->check(CLI::Range(1.0, 1000.0));
   sub->add_option("--orientations", o.orientations,

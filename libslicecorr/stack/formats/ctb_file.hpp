@@ -1,5 +1,5 @@
 /// @file ctb_file.hpp
-/// The tables of CTB, cbddlp and photon files, which are of one family (docs/formats.md).
+/// The tables of CTB, cbddlp and photon files, which are of one family (docs/print-files.md).
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
 /// @file codes.hpp
-/// The run-length codes of binary print files, one per file code_*.cpp (docs/formats.md).
+/// The run-length codes of binary print files, one per file code_*.cpp (docs/print-files.md).
 #pragma once
 
 #include <memory>
@@ -30,7 +30,7 @@ LayerCodecPtr phz_code(int width_px, int height_px, std::uint32_t key, PhzCipher
 LayerCodecPtr goo_code(int width_px, int height_px, bool sixteen_levels);
 
 /// Photon Workshop's PW0: nibbles of grey and of length. `dark_codes` are what the file's own table
-/// shows for the codes 1 to 15; see Photon Workshop in docs/formats.md.
+/// shows for the codes 1 to 15; see Photon Workshop in docs/print-files.md.
 LayerCodecPtr pw0_code(int width_px, int height_px, bool two_levels);
 
 /// Longer's LGS: nibbles of grey, and of length in as many as it takes.

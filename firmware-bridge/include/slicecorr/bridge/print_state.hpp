@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "slicecorr/bridge/control.hpp"
 #include "slicecorr/bridge/machine.hpp"
@@ -32,6 +33,15 @@ struct PrintFacts {
   double um_per_deg = 0;                            ///< of a job: as in `Stage`
   /// Whether the stage turns: then um are those of the arc at the vial's inner wall.
   bool turns() const { return angles > 0 && um_per_deg > 0; }
+  struct Begin {
+    double slice = 0, at_s = 0;
+  };
+  /// When slices begin, in seconds from the first one's begin, where not all take the same time: on
+  /// straight lines between these, to a 200th of the print. The last is the end. Empty: all take the
+  /// same time.
+  std::vector<Begin> begins;
+  /// When slice `slice` begins, 0..frames; between two of them for broken numbers.
+  double begin_s(double slice) const;
 };
 PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
 
@@ -43,18 +53,19 @@ struct PrintState {
   int frame = kBlackFrame;                ///< on the display
   int uv_frame = kBlackFrame;             ///< on the UV display
   int frames_shown = 0, late_frames = 0;  ///< so far
-  int missed_cycles = 0;                  ///< that began more than one cycle late, so far
-  double at_s = 0, phase_since_s = 0;     ///< on the print's clock
-  double stage_um = 0, speed_um_s = 0;    ///< position above the window, measured
-  double stage_error_um = 0;              ///< measured less commanded
-  double worst_late_um = 0;               ///< so far, along the stage's way
-  double worst_stage_error_um = 0;        ///< so far
-  double blue_share = 0;                  ///< asked of the blue lamp, 1: as calibrated
-  double blue_measured = 0;               ///< share, as `blue_share`
-  double uv_mw_cm2 = 0;                   ///< asked of the UV lamp
-  std::optional<double> uv_measured;      ///< mW/cm²; nothing: the machine does not tell
-  std::optional<double> temperature_c;    ///< nothing: the machine does not tell
-  std::optional<Left> left;               ///< once a fault's order is given
+  double newest_at_s = 0;  ///< when the last of `frames_shown` came, on the print's clock
+  int missed_cycles = 0;   ///< that began more than one cycle late, so far
+  double at_s = 0, phase_since_s = 0;   ///< on the print's clock
+  double stage_um = 0, speed_um_s = 0;  ///< position above the window, measured
+  double stage_error_um = 0;            ///< measured less commanded
+  double worst_late_um = 0;             ///< so far, along the stage's way
+  double worst_stage_error_um = 0;      ///< so far
+  double blue_share = 0;                ///< asked of the blue lamp, 1: as calibrated
+  double blue_measured = 0;             ///< share, as `blue_share`
+  double uv_mw_cm2 = 0;                 ///< asked of the UV lamp
+  std::optional<double> uv_measured;    ///< mW/cm²; nothing: the machine does not tell
+  std::optional<double> temperature_c;  ///< nothing: the machine does not tell
+  std::optional<Left> left;             ///< once a fault's order is given
   Lateness lateness;
   std::uint64_t told = 0;  ///< how often the control thread has handed this over
 };
@@ -68,8 +79,16 @@ struct PrintAround {
   std::string threads;                 ///< real-time priority and memory locking, as it was got
 };
 
-/// Seconds until the end of the last slice, at the planned pace; nothing after it and on a fault.
+/// Seconds until the end of the last slice, as planned from where the print is; nothing after it and
+/// on a fault.
 std::optional<double> left_s(const PrintFacts& facts, const PrintState& state);
+
+/// How late the latest frame was, um of the stage's way, one that has not appeared included; >= 0.
+double latest_um(const PrintState& state);
+
+/// "341 of 412 frames", with thousands apart: how all views count. Frames have numbers from 0 on, as
+/// slices have, so that the last of them is frame 340.
+std::string shown_in_words(const PrintFacts& facts, const PrintState& state);
 
 /// One JSON object (docs/bridge-watching.md). The same text in `status`, in status.json and, the facts
 /// alone, in the journal's first line.

@@ -1,0 +1,37 @@
+#include "examples.hpp"
+
+namespace slicecorr::cli {
+
+void add_examples(Program& program) {
+  program.examples({
+      {"slice",
+       "slicecorr slice part.stl -o target.uvj --printer dual-wavelength-dlp --layer-um 50"},
+      {"correct",
+       "slicecorr correct target.uvj -o part.uvj --printer dual-wavelength-dlp --resin egg-resin "
+       "--speed-mm-h 800"},
+      {"verify", "slicecorr verify part.uvj --target target.uvj --json -"},
+      {"probe", "slicecorr probe part.uvj --target target.uvj --x 640 --y 400"},
+      {"simulate", "slicecorr simulate part.uvj --target target.uvj --x 640 --y 400 -o cures.svg"},
+      {"report", "slicecorr report part.uvj --target target.uvj -o part.html"},
+      {"section", "slicecorr section part.uvj --target target.uvj -o section.png"},
+      {"solid", "slicecorr solid part.uvj --design part.stl -o printed.stl"},
+      {"compare",
+       "slicecorr compare part.stl --layer-um 50 --printer dual-wavelength-dlp --resin egg-resin "
+       "--speed-mm-h 800"},
+      {"convert", "slicecorr convert part.uvj -o part.zip --format chitubox"},
+      {"info", "slicecorr info part.uvj"},
+      {"flow",
+       "slicecorr flow part.stl --layer-um 50 --printer my-printer.toml --resin my-resin.toml "
+       "--speed-mm-h 300 --gap-um 80 -o flow.html"},
+      {"pattern",
+       "slicecorr pattern image.png --pixel-um 20 --resin model-diacrylate --intensity-mw-cm2 40 "
+       "--time-s 30 -o gels.png"},
+      {"plan",
+       "slicecorr plan part.stl --layer-um 50 --printer dual-wavelength-dlp --resin egg-resin -o "
+       "plan.svg"},
+      {"hologram",
+       "slicecorr hologram target.png -o phases.png --pitch-um 8 --wavelength-nm 405 --focal-mm 200"},
+  });
+}
+
+}  // namespace slicecorr::cli

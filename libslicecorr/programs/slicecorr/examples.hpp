@@ -1,0 +1,10 @@
+/// What the help of each subcommand shows as an example.
+#pragma once
+
+#include "programs/common/program.hpp"
+
+namespace slicecorr::cli {
+
+void add_examples(Program& program);
+
+}  // namespace slicecorr::cli

@@ -607,8 +607,9 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
     {.table = "beams",
      .key = "middle_px",
      .type = anything,
-     .what = "for each of them [column, row] of the vat's axis in its display's image, from the upper "
-             "left corner; the middle without it"},
+     .what =
+         "for each of them [column, row] of the vat's axis in its display's image, from the upper "
+         "left corner; the middle without it"},
     {.table = "beams",
      .key = "mirror",
      .type = anything,

@@ -166,8 +166,9 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
     std::optional<Resin> resin;
     if (!a.resin.empty()) {
       if (!printer.vial && !load_beam_vat(at.path, printer)) {
-        throw InputError(at.path, "vial",
-                         "is missing, and [beams], too; --resin is for a vial, or a vat with beams");
+        throw InputError(
+            at.path, "vial",
+            "is missing, and [beams], too; --resin is for a vial, or a vat with beams");
       }
       resin = load_resin(a.resin);
     }
@@ -264,8 +265,9 @@ void add_database(cli::Program& program) {
                     });
   sub->add_option("NAME", s->name, "Name, or path of a .toml file")->required();
   sub->add_option("--json", s->json, "Write JSON to this file, - for stdout");
-  sub->add_option("--resin", s->resin,
-                  "For a tomographic printer, or one with beams: the resin for whose light it is told");
+  sub->add_option(
+      "--resin", s->resin,
+      "For a tomographic printer, or one with beams: the resin for whose light it is told");
   sub->add_option("--html", s->html, "Write a page with figures, history and pictures of its fits");
 
   const auto v = std::make_shared<ValidateArguments>();

@@ -342,14 +342,15 @@ std::string beams_text(const std::optional<BeamVat>& vat, const Printer& p, cons
   }
   out += line("displays", fmt::format("{}", vat->displays()));
   if (vat->phase) {
-    out += line("light", fmt::format("delayed by pixels of {:g} um, {} levels, behind a lens of {:g} "
-                                     "mm; images {:g} mm right, {:g} mm up",
-                                     vat->phase->pitch_um, vat->phase->levels, vat->phase->focal_mm,
-                                     vat->phase->dx_mm, vat->phase->dy_mm));
+    out +=
+        line("light", fmt::format("delayed by pixels of {:g} um, {} levels, behind a lens of {:g} "
+                                  "mm; images {:g} mm right, {:g} mm up",
+                                  vat->phase->pitch_um, vat->phase->levels, vat->phase->focal_mm,
+                                  vat->phase->dx_mm, vat->phase->dy_mm));
   } else {
-    out += line("image", fmt::format("up to {:.4g} x {:.4g} mm on a display of its own",
-                                     p.width_px * p.pixel_x_um * 1e-3,
-                                     p.height_px * p.pixel_y_um * 1e-3));
+    out += line("image",
+                fmt::format("up to {:.4g} x {:.4g} mm on a display of its own",
+                            p.width_px * p.pixel_x_um * 1e-3, p.height_px * p.pixel_y_um * 1e-3));
   }
   if (in) {
     const double left = std::exp(-absorption_per_cm(*in) * 0.1 * mm[0]);

@@ -281,7 +281,7 @@ Result made(const BeamsArguments& o, const ExecutionContext& context, Console& c
   r.light = tomo::light_of(r.part.nz, r.part.ny, r.part.nx, job.shown.images, setup, context);
   r.figures = tomo::figures_of(r.part, r.light);
   job.contrast = r.figures.contrast;
-  const tomo::GelTimeOf gel_time = tomo::gel_time_of(job.resin);
+  const tomo::GelTimeOf gel_time = tomo::time_to_gel_of(job.resin);
   job.window = tomo::time_window(r.figures, gel_time, job.brightest_mw_cm2);
   if (o.exposure_s > 0) {
     job.exposure_s = o.exposure_s;

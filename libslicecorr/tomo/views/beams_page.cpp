@@ -34,7 +34,7 @@ std::string seconds(double s) { return std::isfinite(s) ? figure(s) + " s" : "ne
 
 /// The light that gels in the time of the exposure, mW/cm².
 double gelling_mw_cm2(const BeamReport& r) {
-  const GelTimeOf time = gel_time_of(r.job.resin);
+  const GelTimeOf time = time_to_gel_of(r.job.resin);
   double low = 1e-9, high = 1e9;
   for (int i = 0; i < 100; ++i) {
     const double middle = std::sqrt(low * high);
@@ -325,7 +325,7 @@ std::string beams_page(const BeamReport& r, const std::string& title,
   }
   html += fmt::format(R"(<p class="dim">slicecorr {}</p></main>)", slicecorr::version);
   if (exposed) {
-    const GelTimeOf gel_time = gel_time_of(r.job.resin);
+    const GelTimeOf gel_time = time_to_gel_of(r.job.resin);
     html +=
         R"(<script type="application/json" id="tomo-data">)" +
         detail::round_data(round_of(r, gel_time),

@@ -137,7 +137,7 @@ double most_absorption_per_mm(const Box<std::uint8_t>& part, const std::vector<B
 using GelTimeOf = std::function<double(double mw_cm2)>;
 /// By the resin's gel dose (Jacobs: D / (alpha_a I)), its gel D'c (kinetic: D'c / I^m) or its time to
 /// gel (A / I + B / sqrt(I)); with what inhibitors take before. Not the dose that correction aims at.
-GelTimeOf gel_time_of(const Resin& resin);
+GelTimeOf time_to_gel_of(const Resin& resin);
 
 /// From when all of the part has gelled until something else does, s. Empty (last <= first) where
 /// there is no such time; `last_s` is infinite where outside is dark.

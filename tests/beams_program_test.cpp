@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "beams_parts.hpp"
+#include "ladder.hpp"
 #include "run_program.hpp"
 #include "slicecorr/tomo/beams_job.hpp"
 #include "stack_fixture.hpp"
@@ -225,6 +227,24 @@ TEST_F(BeamsProgram, TheModelVatPrintsAMesh) {
   EXPECT_EQ(j["part_cells"], 8000);
   EXPECT_EQ(j["hull_jaccard"], 1);
   EXPECT_GT(j["contrast"], 2.9);
+}
+
+TEST_F(BeamsProgram, CommandsOfThePageRun) {
+  test::write_stl(path("part.stl"), test::ladder());
+  std::istringstream lines(test::to_text(test::read_file(SLICECORR_SOURCE_DIR "/docs/beams.md")));
+  test::RunOptions options;
+  options.folder = folder_.path();
+  int commands = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind("    slicecorr ", 0) != 0) continue;
+    ++commands;
+    const auto r = test::run_program(
+        {"/bin/sh", "-c", std::string(SLICECORR_BIN_DIR) + "/" + line.substr(4)}, options);
+    EXPECT_EQ(r.exit_code, 0) << line << "\n" << r.err;
+  }
+  EXPECT_EQ(commands, 1);
+  EXPECT_TRUE(written());
+  EXPECT_TRUE(std::filesystem::exists(path("part.html")));
 }
 
 }  // namespace

@@ -301,7 +301,7 @@ int beams(const BeamsArguments& o, const ExecutionContext& context, Console& con
   }
   std::vector<std::string> inputs = o.mesh.parts;
   if (!o.volume.empty()) inputs.push_back(o.volume);
-  for (const std::string& output : {o.output, o.json, o.report, o.dose}) {
+  for (const std::string& output : {o.output, o.json, o.report, o.dose, o.cells}) {
     check_output(output, inputs);
     if (!output.empty() && output != "-") inputs.push_back(output);
   }
@@ -310,6 +310,7 @@ int beams(const BeamsArguments& o, const ExecutionContext& context, Console& con
   }
   Result r = made(o, context, console);
   const std::string why = r.printable() ? "" : why_not(r, context);
+  if (!o.cells.empty()) tomo::write_npy(o.cells, r.part);
   if (!o.dose.empty()) {
     Box<float> dose = r.light;
     const double per_share =
@@ -394,6 +395,8 @@ void add_beams(Program& program, BeamsArguments& o) {
                   "Grey: steps of the solver for each contrast that it tries [60]")
       ->check(CLI::Range(1, 100000));
   sub->add_option("--dose", o.dose, "Write the dose of the exposure, mJ/cm³, to FILE (.npy)");
+  sub->add_option("--cells", o.cells,
+                  "Write the cells of the vat to FILE (.npy: 255 part, 0 empty, else neither)");
   sub->add_option("--report", o.report, "Write a page that shows what is printed (.html)");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 }

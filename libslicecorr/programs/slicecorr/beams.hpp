@@ -13,7 +13,7 @@ struct BeamsArguments {
   MeshOptions mesh;    ///< parts, or none with a volume
   std::string volume;  ///< .npy in place of meshes
   double voxel_mm = 0;
-  std::string printer, resin, output, json, report, dose;
+  std::string printer, resin, output, json, report, dose, cells;
   int beams = 0;  ///< 0: those of the printer, else 3
   std::string images = "silhouette";
   std::vector<double> vat_mm;   ///< empty: the printer's, else up to the part

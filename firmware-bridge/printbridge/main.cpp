@@ -11,6 +11,9 @@
 
 #include "frames/wire.hpp"
 #include "programs/common/program.hpp"
+#include "slicecorr/beam_vat.hpp"
+#include "slicecorr/bridge/beam_frames.hpp"
+#include "slicecorr/bridge/beam_plan.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/bridge/print_state.hpp"
 #include "slicecorr/bridge/run.hpp"
@@ -100,10 +103,11 @@ WireHello hello_of(const Options& o, const PrintPlan& plan, const Machine& machi
   return hello;
 }
 
-/// What is printed: a stack of slices, or a tomographic job.
+/// What is printed: a stack of slices, a tomographic job, or one with beams.
 struct Material {
   std::unique_ptr<StackReader> stack;
   std::unique_ptr<tomo::TomoFrames> job;
+  std::unique_ptr<tomo::BeamJob> beams;
   PrintPlan plan;
   WireHello hello;
   std::unique_ptr<FrameSource> frames;
@@ -131,6 +135,45 @@ Material job_to_print(const Options& o, const Machine& machine, const ExecutionC
   m.job = std::make_unique<tomo::TomoFrames>(o.stack, job, context);
   m.frames = make_frame_source(*m.job, job.turns, machine.printer);
   return m;
+}
+
+Material beams_to_print(const Options& o, const Machine& machine, const ExecutionContext& context) {
+  Material m;
+  m.beams = std::make_unique<tomo::BeamJob>(tomo::read_beam_job(o.stack, context));
+  m.plan = plan_beams(*m.beams, o.stack, machine, load_beam_vat(o.printer, machine.printer));
+  m.hello = hello_of(o, m.plan, machine);
+  m.hello.setup = Setup{m.beams->printer, m.beams->resin, process_of(*m.beams)};
+  m.frames = make_frame_source(*m.beams, machine.printer);
+  const std::size_t displays = m.beams->shown.displays.size();
+  if (!o.sinks.empty() && o.sinks.size() != displays) {
+    throw InputError(o.stack, "",
+                     fmt::format("has images for {} displays, and there are {}; expected a --sink "
+                                 "for each, in their order",
+                                 displays, o.sinks.size()));
+  }
+  if (!o.uv_sinks.empty()) throw InputError(o.stack, "", "has no UV images; expected no --uv-sink");
+  return m;
+}
+
+Material material_of(const Options& o, const Machine& machine, const ExecutionContext& context) {
+  if (machine.stage.turns() || o.stack.ends_with(kJobEnding)) {
+    return job_to_print(o, machine, context);
+  }
+  if (tomo::is_beam_job(o.stack)) return beams_to_print(o, machine, context);
+  return stack_to_print(o, machine, context);
+}
+
+/// The displays of the curing light.
+std::unique_ptr<FrameSink> open_displays(const Options& o, const Machine& machine,
+                                         const Material& material, BridgeClock& clock) {
+  if (!material.beams || o.sinks.empty()) {
+    return open_sinks(o.sinks, machine, material.hello, clock);
+  }
+  std::vector<std::unique_ptr<FrameSink>> sinks;
+  for (const std::string& name : o.sinks) {
+    sinks.push_back(open_sinks({name}, machine, material.hello, clock));
+  }
+  return make_group_sink(std::move(sinks), *material.beams, machine.printer);
 }
 
 std::string in_words(const PrintPlan& plan) {
@@ -196,11 +239,13 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
   check_latch(o, folder, machine);
-  const Material material = machine.stage.turns() || o.stack.ends_with(kJobEnding)
-                                ? job_to_print(o, machine, context)
-                                : stack_to_print(o, machine, context);
+  const Material material = material_of(o, machine, context);
   const PrintPlan& plan = material.plan;
-  console.say(fmt::format("{}: {}, about {}", o.stack, in_words(plan), minutes(plan.expected_s)));
+  console.say(fmt::format("{}: {}, about {}", o.stack,
+                          material.beams ? fmt::format("images on {} displays at once",
+                                                       material.beams->shown.displays.size())
+                                         : in_words(plan),
+                          minutes(plan.expected_s)));
 
   const auto link = make_modbus_link(*machine.modbus, machine.limits, o.lockstep);
   const Status before = check_alone(*link, *make_real_clock(), machine);
@@ -209,7 +254,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
     throw DeviceError("nothing was sent to the machine: " + why);
   }
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
-  const auto sink = open_sinks(o.sinks, machine, material.hello, *clock);
+  const auto sink = open_displays(o, machine, material, *clock);
   std::unique_ptr<FrameSink> uv_sink;
   if (machine.uv_display) {
     WireHello hello = material.hello;
@@ -302,7 +347,9 @@ int main(int argc, char** argv) {
   auto* const p =
       add("print", "Print a stack of `slicecorr correct`, or a job of `slicecorr tomo solve`",
           [&](const ExecutionContext& context, cli::Console& c) { return print(o, context, c); });
-  p->add_option("STACK", o.stack, "The corrected stack, or the job (.frames)")->required();
+  p->add_option("STACK", o.stack,
+                "The corrected stack, or the job (.frames, or of slicecorr beams)")
+      ->required();
   p->add_flag("--dry-run", o.dry_run, "Move the stage and show images, with lamps off");
   p->add_option("--sink", o.sinks,
                 "Where images go: window[:DISPLAY], drm[:CARD[:CONNECTOR]], unix:PATH, "

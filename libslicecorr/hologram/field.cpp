@@ -176,7 +176,7 @@ std::vector<float> power_at(const PhaseDisplay& display, const HologramOptics& o
 ImageFigures figures_of(const PhaseDisplay& display, const HologramOptics& optics,
                         const HologramPlane& plane,
                         const std::vector<std::vector<float>>& phases_rad,
-                        const ExecutionContext& context) {
+                        const ExecutionContext& context, std::vector<float>* seen) {
   if (phases_rad.empty()) throw InputError("expected a phase image to judge");
   ImageFigures figures;
   for (const int padding : {1, 2}) {
@@ -196,6 +196,7 @@ ImageFigures figures_of(const PhaseDisplay& display, const HologramOptics& optic
     } else {
       figures.rms_error_padded = s.error;
       figures.speckle_contrast = s.contrast;
+      if (seen) *seen = std::move(power);
     }
   }
   return figures;

@@ -47,7 +47,8 @@ std::string name_of(const HologramPlane& p) {
 std::string hologram_picture(const PhaseDisplay& display, const HologramOptics& optics,
                              const std::vector<HologramPlane>& planes,
                              const std::vector<std::vector<float>>& phases_rad,
-                             const std::string& file, const ExecutionContext& context) {
+                             const std::string& file, const ExecutionContext& context,
+                             const std::vector<SeenPlane>* seen) {
   const bool svg = file.ends_with(".svg");
   if (!svg && !file.ends_with(".png")) {
     throw InputError(file, "", "expected a name that ends in .png or .svg");
@@ -61,24 +62,32 @@ std::string hologram_picture(const PhaseDisplay& display, const HologramOptics& 
   }
   const double width = 2 * kSide + 3 * kEdge;
   double y = kEdge;
-  for (const HologramPlane& p : planes) {
-    const ImageFigures f = figures_of(display, optics, p, phases_rad, context);
+  for (std::size_t k = 0; k < planes.size(); ++k) {
+    const HologramPlane& p = planes[k];
+    SeenPlane here;
+    if (!seen) here.figures = figures_of(display, optics, p, phases_rad, context, &here.power);
+    const SeenPlane& known = seen ? (*seen)[k] : here;
+    const ImageFigures& f = known.figures;
     y += detail::Canvas::kLine;
     canvas->text(kEdge, y - 6, "wanted: " + name_of(p));
     canvas->text(2 * kEdge + kSide, y - 6, "what falls into its plane");
     const float most = *std::max_element(p.power.begin(), p.power.end());
     canvas->image(kEdge, y, picture_of(p.power, display.width_px, most));
-    std::vector<float> power;
-    for (const auto& phase : phases_rad) {
-      const auto one = power_at(display, optics, phase, p.dz_mm, 2, context);
-      if (power.empty()) power.resize(one.size());
-      for (std::size_t i = 0; i < one.size(); ++i) power[i] += one[i];
+    // About the optical axis: what was judged is that of images that were not moved aside.
+    const bool moved = p.dx_mm != 0 || p.dy_mm != 0;
+    std::vector<float> about_axis;
+    for (std::size_t n = 0; moved && n < phases_rad.size(); ++n) {
+      const auto one = power_at(display, optics, phases_rad[n], p.dz_mm, 2, context);
+      about_axis.resize(one.size());
+      for (std::size_t i = 0; i < one.size(); ++i) {
+        about_axis[i] += one[i] / static_cast<float>(phases_rad.size());
+      }
     }
+    const std::vector<float>& power = moved ? about_axis : known.power;
     // White is twice the mean that the brightest of the target would get, so that grains show.
     double wanted = 0;
     for (const float v : p.power) wanted += v;
-    const double white =
-        2 * f.efficiency * static_cast<double>(phases_rad.size()) * most / wanted / 4;
+    const double white = 2 * f.efficiency * most / wanted / 4;
     canvas->image(2 * kEdge + kSide, y,
                   picture_of(power, 2 * static_cast<std::size_t>(display.width_px), white));
     y += kSide + detail::Canvas::kLine;

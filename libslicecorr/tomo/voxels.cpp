@@ -17,16 +17,6 @@ using detail::distance_mm;
 
 namespace {
 
-/// The square of voxels around the resin as the slicer's display.
-Printer voxel_plate(const Printer& printer, int across, double voxel_mm) {
-  Printer plate;
-  plate.name = printer.name;
-  plate.width_px = plate.height_px = across;
-  plate.pixel_x_um = plate.pixel_y_um = voxel_mm * 1e3;
-  plate.bit_depth = 8;
-  return plate;
-}
-
 /// Throws for a part that reaches over the resin.
 void check_radius(const TriangleMesh& mesh, const Printer& printer,
                   const ExecutionContext& context) {
@@ -47,10 +37,21 @@ void check_radius(const TriangleMesh& mesh, const Printer& printer,
                   radius_mm, inner_mm, std::floor(1e4 * inner_mm / radius_mm) * 1e-4));
 }
 
-Box<std::uint8_t> empty_box(int slices, int across) {
-  Box<std::uint8_t> box{slices, across, across, {}};
-  box.values.assign(static_cast<std::size_t>(slices) * static_cast<std::size_t>(across) *
-                        static_cast<std::size_t>(across),
+/// Voxels as the slicer's display.
+Printer voxel_plate(const std::string& name, int nx, int ny, double voxel_mm) {
+  Printer plate;
+  plate.name = name;
+  plate.width_px = nx;
+  plate.height_px = ny;
+  plate.pixel_x_um = plate.pixel_y_um = voxel_mm * 1e3;
+  plate.bit_depth = 8;
+  return plate;
+}
+
+Box<std::uint8_t> empty_box(int slices, int ny, int nx) {
+  Box<std::uint8_t> box{slices, ny, nx, {}};
+  box.values.assign(static_cast<std::size_t>(slices) * static_cast<std::size_t>(ny) *
+                        static_cast<std::size_t>(nx),
                     0);
   return box;
 }
@@ -72,24 +73,29 @@ void detail::check_in_vial(int n, int x, int y, int z, double voxel_mm, const Pr
       (y - 0.5 * (n - 1)) * voxel_mm, z, inner_mm));
 }
 
-Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
-                           const ExecutionContext& context) {
+Box<std::uint8_t> detail::coverage_of(TriangleMesh mesh, const std::string& name, int nx, int ny,
+                                      double voxel_mm, const ExecutionContext& context) {
   SliceOptions options;
   options.layer_um = voxel_mm * 1e3;
-  const int n = voxels_across(printer, voxel_mm);
-  check_radius(mesh, printer, context);
-  const MeshSlices slices(std::move(mesh), voxel_plate(printer, n, voxel_mm), options, context);
-  Box<std::uint8_t> part = empty_box(slices.grid().layers, n);
-  const PixelBox whole{0, 0, n, n};
+  const MeshSlices slices(std::move(mesh), voxel_plate(name, nx, ny, voxel_mm), options, context);
+  Box<std::uint8_t> part = empty_box(slices.grid().layers, ny, nx);
+  const PixelBox whole{0, 0, nx, ny};
   slices.read_band(whole, [&](int z, const std::uint8_t* rows) {
     if (!rows) return;
     // Image rows run from the largest y down.
-    for (int row = 0; row < n; ++row) {
-      std::copy_n(rows + static_cast<std::ptrdiff_t>(row) * n, n,
-                  &part.values[part.at(z, n - 1 - row, 0)]);
+    for (int row = 0; row < ny; ++row) {
+      std::copy_n(rows + static_cast<std::ptrdiff_t>(row) * nx, nx,
+                  &part.values[part.at(z, ny - 1 - row, 0)]);
     }
   });
   return part;
+}
+
+Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
+                           const ExecutionContext& context) {
+  const int n = voxels_across(printer, voxel_mm);
+  check_radius(mesh, printer, context);
+  return detail::coverage_of(std::move(mesh), printer.name, n, n, voxel_mm, context);
 }
 
 PartFrame frame_of(const TriangleMesh& part, const ExecutionContext& context) {
@@ -130,9 +136,10 @@ Box<std::uint8_t> voxelise_insert(TriangleMesh insert, const PartFrame& frame,
   const double middle_mm = 0.5 * (n + 2 * beside) * voxel_mm;
   options.center_mm = {
       {middle_mm + box.middle(0) - frame.axis_x_mm, middle_mm + box.middle(1) - frame.axis_y_mm}};
-  const MeshSlices slices(std::move(insert), voxel_plate(printer, n + 2 * beside, voxel_mm),
+  const int across = n + 2 * beside;
+  const MeshSlices slices(std::move(insert), voxel_plate(printer.name, across, across, voxel_mm),
                           options, context);
-  Box<std::uint8_t> voxels = empty_box(part.nz, n);
+  Box<std::uint8_t> voxels = empty_box(part.nz, n, n);
   const PixelBox bounds = slices.bounds();
   const int past = std::min(below + part.nz, slices.grid().layers);
   if (past <= below) return voxels;
@@ -165,7 +172,7 @@ Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer
   const int n = voxels_across(printer, voxel_mm);
   // An even volume has no voxel on the axis: its voxels lie half a voxel beside those of the grid.
   const int shift = (n - volume.nx - (n - volume.nx) % 2) / 2;
-  Box<std::uint8_t> part = empty_box(volume.nz, n);
+  Box<std::uint8_t> part = empty_box(volume.nz, n, n);
   for (int z = 0; z < volume.nz; ++z) {
     for (int y = 0; y < volume.ny; ++y) {
       for (int x = 0; x < volume.nx; ++x) {

@@ -1,7 +1,10 @@
 /// Voxels of parts and inserts on the grid of a vial.
 #pragma once
 
+#include "slicecorr/mesh.hpp"
+#include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/tomo/npy.hpp"
 
 namespace slicecorr::tomo::detail {
 
@@ -11,5 +14,10 @@ double distance_mm(int n, int x, int y, double voxel_mm);
 /// Throws `InputError` for a voxel of an insert all of which lies outside of the resin; x and y may
 /// lie beside the grid.
 void check_in_vial(int n, int x, int y, int z, double voxel_mm, const Printer& printer);
+
+/// Coverage of nx x ny x as many cells as the mesh is high, with its box in their middle. `name`: of
+/// the printer, for messages.
+Box<std::uint8_t> coverage_of(TriangleMesh mesh, const std::string& name, int nx, int ny,
+                              double voxel_mm, const ExecutionContext& context);
 
 }  // namespace slicecorr::tomo::detail

@@ -10,6 +10,7 @@
 #include "database/checked_file.hpp"
 #include "database/record_text.hpp"
 #include "database/schema.hpp"
+#include "slicecorr/beam_vat.hpp"
 #include "slicecorr/error.hpp"
 #include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
@@ -365,7 +366,7 @@ class Checker : private CheckedFile {
       if (kind == "resin") {
         parse_resin(text, path);
       } else {
-        parse_printer(text, path);
+        parse_beam_vat(text, path, parse_printer(text, path));
       }
     } catch (const Error& e) {
       std::string message = e.what();

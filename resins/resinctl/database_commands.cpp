@@ -13,6 +13,7 @@
 
 #include "commands.hpp"
 #include "describe.hpp"
+#include "slicecorr/beam_vat.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
@@ -164,7 +165,11 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
     const Printer printer = load_printer(at.path);
     std::optional<Resin> resin;
     if (!a.resin.empty()) {
-      if (!printer.vial) throw InputError(at.path, "vial", "is missing; --resin is for a vial");
+      if (!printer.vial && !load_beam_vat(at.path, printer)) {
+        throw InputError(
+            at.path, "vial",
+            "is missing, and [beams], too; --resin is for a vial, or a vat with beams");
+      }
       resin = load_resin(a.resin);
     }
     if (a.json.empty()) {
@@ -260,8 +265,9 @@ void add_database(cli::Program& program) {
                     });
   sub->add_option("NAME", s->name, "Name, or path of a .toml file")->required();
   sub->add_option("--json", s->json, "Write JSON to this file, - for stdout");
-  sub->add_option("--resin", s->resin,
-                  "For a tomographic printer: the resin whose reach in its vial is told");
+  sub->add_option(
+      "--resin", s->resin,
+      "For a tomographic printer, or one with beams: the resin for whose light it is told");
   sub->add_option("--html", s->html, "Write a page with figures, history and pictures of its fits");
 
   const auto v = std::make_shared<ValidateArguments>();

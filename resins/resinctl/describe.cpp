@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/beam_vat.hpp"
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/units.hpp"
@@ -328,6 +329,36 @@ std::string describe_resin(const ResinRecord& r) {
   return out + provenance_text(r.provenance);
 }
 
+/// The vat of a printer that prints with beams; empty for others. `in`: the resin asked for.
+std::string beams_text(const std::optional<BeamVat>& vat, const Printer& p, const Resin* in) {
+  if (!vat) return {};
+  std::string out = "\nBeams\n";
+  const auto& mm = vat->inside_mm;
+  out += line("vat", fmt::format("{:g} x {:g} x {:g} mm inside", mm[0], mm[1], mm[2]));
+  for (const BeamWay& w : vat->ways) {
+    out += line(("from " + side_of(w)).c_str(),
+                fmt::format("display {}, about column {:g}, row {:g}{}", w.display, w.column_px,
+                            w.row_px, w.mirror ? ", mirrored" : ""));
+  }
+  out += line("displays", fmt::format("{}", vat->displays()));
+  if (vat->phase) {
+    out +=
+        line("light", fmt::format("delayed by pixels of {:g} um, {} levels, behind a lens of {:g} "
+                                  "mm; images {:g} mm right, {:g} mm up",
+                                  vat->phase->pitch_um, vat->phase->levels, vat->phase->focal_mm,
+                                  vat->phase->dx_mm, vat->phase->dy_mm));
+  } else {
+    out += line("image",
+                fmt::format("up to {:.4g} x {:.4g} mm on a display of its own",
+                            p.width_px * p.pixel_x_um * 1e-3, p.height_px * p.pixel_y_um * 1e-3));
+  }
+  if (in) {
+    const double left = std::exp(-absorption_per_cm(*in) * 0.1 * mm[0]);
+    out += line("through the vat", fmt::format("{:.3g} % of the light, along x", 100 * left));
+  }
+  return out;
+}
+
 std::string describe_printer(const Printer& p, const std::string& path, const Resin* in) {
   const toml::table root_table = parse_toml(read_text_file(path), path);
   const TomlTable root(root_table, path);
@@ -385,6 +416,7 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
   }
   if (!vat.empty()) out += "\nVat\n" + vat;
   out += tomography_text(p, in);
+  out += beams_text(parse_beam_vat(read_text_file(path), path, p), p, in);
   std::map<std::string, std::string> provenance;
   if (const auto table = root.table("provenance")) {
     for (const auto& [key, node] : table->raw()) {
@@ -455,6 +487,17 @@ std::string printer_json(const Printer& p, const std::string& path) {
     for (const AxisWobble& w : p.rotation->wobble) {
       j["rotation"]["wobble"].push_back({w.angle_deg, w.right_px, w.up_px});
     }
+  }
+  if (const auto vat = parse_beam_vat(read_text_file(path), path, p)) {
+    j["beams"]["vat_mm"] = vat->inside_mm;
+    j["beams"]["displays"] = vat->displays();
+    for (const BeamWay& w : vat->ways) {
+      j["beams"]["ways"].push_back({{"from", side_of(w)},
+                                    {"display", w.display},
+                                    {"middle_px", {w.column_px, w.row_px}},
+                                    {"mirror", w.mirror}});
+    }
+    if (vat->phase) j["beams"]["focal_mm"] = vat->phase->focal_mm;
   }
   j["path"] = path;
   return j.dump(2);

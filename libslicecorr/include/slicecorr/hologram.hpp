@@ -131,16 +131,26 @@ struct ImageFigures {
   double rms_error_padded = 0;  ///< looked at twice as finely, between them: speckle
   double speckle_contrast = 0;  ///< deviation over mean of power over wanted power, twice as finely
 };
+/// `power`, where it is not null, becomes the mean power that was looked at twice as finely, with the
+/// plane's middle in its middle.
 ImageFigures figures_of(const PhaseDisplay& display, const HologramOptics& optics,
                         const HologramPlane& plane,
                         const std::vector<std::vector<float>>& phases_rad,
-                        const ExecutionContext& context);
+                        const ExecutionContext& context, std::vector<float>* power = nullptr);
+
+/// A plane as `figures_of` saw it.
+struct SeenPlane {
+  ImageFigures figures;
+  std::vector<float> power;
+};
 
 /// Targets beside what falls into their planes, with figures in words: a file by its ending, .png
-/// or .svg. Throws `InputError` for other endings.
+/// or .svg. Throws `InputError` for other endings. `seen`: of all planes, where they have been looked
+/// at before; null: they are looked at here.
 std::string hologram_picture(const PhaseDisplay& display, const HologramOptics& optics,
                              const std::vector<HologramPlane>& planes,
                              const std::vector<std::vector<float>>& phases_rad,
-                             const std::string& file, const ExecutionContext& context);
+                             const std::string& file, const ExecutionContext& context,
+                             const std::vector<SeenPlane>* seen = nullptr);
 
 }  // namespace slicecorr

@@ -180,8 +180,13 @@ int hologram(const HologramArguments& o, const ExecutionContext& context, Consol
   nlohmann::ordered_json of_planes = nlohmann::ordered_json::array();
   ImageFigures all;
   std::string text;
+  std::vector<SeenPlane> seen;
   for (const HologramPlane& p : planes) {
-    const ImageFigures f = figures_of(display, optics, p, shown, context);
+    seen.emplace_back();
+    const bool keep = !o.picture.empty() && p.dx_mm == 0 && p.dy_mm == 0;
+    seen.back().figures =
+        figures_of(display, optics, p, shown, context, keep ? &seen.back().power : nullptr);
+    const ImageFigures& f = seen.back().figures;
     // Of several: light on any of them, and the worst errors.
     all.efficiency += f.efficiency;
     all.rms_error = std::max(all.rms_error, f.rms_error);
@@ -224,7 +229,7 @@ int hologram(const HologramArguments& o, const ExecutionContext& context, Consol
   if (known) json["zero_order"] = zero_order(*display.fill, o.reflection, *display.stroke_turns);
   if (!o.picture.empty()) {
     write_text_file(o.picture,
-                    hologram_picture(display, optics, planes, shown, o.picture, context));
+                    hologram_picture(display, optics, planes, shown, o.picture, context, &seen));
   }
   write_stack(o, display, optics, shown, context, console);
   console.say(fmt::format("{}: {} phase image{} of {} x {} pixels", o.output, o.holograms,

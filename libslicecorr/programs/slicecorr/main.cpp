@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "beams.hpp"
 #include "examples.hpp"
 #include "flow.hpp"
 #include "hand_over.hpp"
@@ -623,6 +624,7 @@ int run_program(int argc, char** argv) {
   PlanOptions plan;
   TomoOptions tomo;
   HologramArguments hologram;
+  BeamsArguments beams;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
@@ -630,6 +632,7 @@ int run_program(int argc, char** argv) {
   add_plan(program, plan);
   add_tomo(program, tomo);
   add_hologram(program, hologram);
+  add_beams(program, beams);
   add_tune(program, argv);
   add_examples(program);
   return program.run(own_arguments(argc, argv), argv);

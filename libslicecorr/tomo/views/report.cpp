@@ -6,7 +6,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <nlohmann/json.hpp>
 
 #include "picture/embed.hpp"
 #include "slicecorr/process.hpp"
@@ -14,9 +13,9 @@
 #include "slicecorr/vial.hpp"
 #include "support/chart/chart.hpp"
 #include "support/page/page_style.hpp"
-#include "support/text/base64.hpp"
 #include "support/text/display_text.hpp"
 #include "support/text/escape.hpp"
+#include "tomo/views/gel_cells.hpp"
 #include "tomo/views/page_text.hpp"
 
 namespace slicecorr::tomo {
@@ -29,19 +28,11 @@ using chart::Panel;
 using chart::Picture;
 using chart::Point;
 using chart::Style;
-using slicecorr::detail::Bytes;
 
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
-/// Compressed bytes of the cells in the round, and cells along a side, at most.
-constexpr std::size_t kCellBudget = 1'500'000;
-constexpr int kMostCells = 220;
-
-std::size_t at_cell(const GelTimes& g, int x, int y, int z) {
-  return (static_cast<std::size_t>(z) * static_cast<std::size_t>(g.ny) +
-          static_cast<std::size_t>(y)) *
-             static_cast<std::size_t>(g.nx) +
-         static_cast<std::size_t>(x);
-}
+constexpr double kNever = std::numeric_limits<double>::infinity();
+/// Just after the print.
+constexpr double kLater = 1.0000001;
 
 bool in_resin(const Box<std::uint8_t>& part, int x, int y) {
   const double r = 0.5 * (part.nx - 1), dx = x - r, dy = y - r;
@@ -408,43 +399,28 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
              figure(shine.bench.exposure.turn_s / g.angles), figure(shine.bench.exposure.turn_s));
 }
 
-/// The cells in the round, as fine as fits.
-std::string round_data(const Printed& p) {
-  GelTimes g;
-  Bytes time, kind;
-  for (int every = 1;; ++every) {
-    g = gel_times(p, every);
-    const bool last = g.time.size() < 1000;
-    if (!last && std::max({g.nx, g.ny, g.nz}) > kMostCells) continue;
-    // As differences from one layer of cells to the next, which compress better.
-    Bytes differences = g.time;
-    const auto layer = static_cast<std::size_t>(g.nx) * static_cast<std::size_t>(g.ny);
-    for (std::size_t k = differences.size(); k-- > layer;) {
-      differences[k] = static_cast<std::uint8_t>(differences[k] - differences[k - layer]);
-    }
-    const std::size_t most = last ? SIZE_MAX : kCellBudget;
-    if (slicecorr::detail::deflate_within(most, differences, time) &&
-        slicecorr::detail::deflate_within(most, g.kind, kind) &&
-        time.size() + kind.size() <= most) {
-      break;
-    }
-  }
-  int first = 100;
-  for (const std::uint8_t t : g.time) {
-    if (t > 0) first = std::min<int>(first, t);
-  }
-  nlohmann::ordered_json j;
-  j["cells"] = {g.nx, g.ny, g.nz};
-  j["every"] = g.voxels_per_cell;
-  j["cell_mm"] = g.cell_mm;
-  j["voxel_mm"] = p.job.sampling.voxel_mm;
-  j["time_s"] = p.figures.print_time_s;
-  j["turns"] = p.figures.turns;
-  j["first"] = first;
-  j["insert"] = !p.job.insert.values.empty();
-  j["time"] = slicecorr::detail::base64(time);
-  j["kind"] = slicecorr::detail::base64(kind);
-  return j.dump();
+/// What of a print is shown in the round.
+detail::RoundSource round_of(const Printed& p) {
+  const Box<std::uint8_t>& part = p.job.part;
+  const double gel = p.figures.gel_dose_mj_cm3;
+  detail::RoundSource source;
+  source.nx = part.nx;
+  source.ny = part.ny;
+  source.nz = part.nz;
+  source.voxel_mm = p.job.sampling.voxel_mm;
+  source.kept = [&](std::size_t k, int x, int y) {
+    if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) return Kept::insert;
+    if (!in_resin(part, x, y)) return Kept::neither;
+    return part.values[k] == 255 ? Kept::part : part.values[k] == 0 ? Kept::empty : Kept::neither;
+  };
+  // The dose grows evenly.
+  source.share_of_time = [&p, gel](std::size_t k) {
+    const double d = p.dose.values[k];
+    // What gels within the print says so, whatever was rounded.
+    return !(d > 0) ? kNever : d >= gel ? std::min(1.0, gel / d) : std::max(gel / d, kLater);
+  };
+  source.has_part = [&](std::size_t k) { return part.values[k] > 0; };
+  return source;
 }
 
 }  // namespace
@@ -472,78 +448,7 @@ std::vector<SliceContrast> contrast_of_slices(const Printed& p) {
   return slices;
 }
 
-GelTimes gel_times(const Printed& p, int every) {
-  const Box<std::uint8_t>& part = p.job.part;
-  const double gel = p.figures.gel_dose_mj_cm3;
-  const auto kept = [&](std::size_t k, int x, int y) {
-    if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) return Kept::insert;
-    if (!in_resin(part, x, y)) return Kept::neither;
-    return part.values[k] == 255 ? Kept::part : part.values[k] == 0 ? Kept::empty : Kept::neither;
-  };
-  const auto time_of = [&](std::size_t k) {
-    const double d = p.dose.values[k];
-    if (!(d > 0)) return 0;
-    const double hundredths = std::ceil(100 * gel / d);
-    // What gels within the print says so, whatever was rounded.
-    if (d >= gel) return static_cast<int>(std::clamp(hundredths, 1.0, 100.0));
-    return hundredths > kLatest ? 0 : static_cast<int>(std::max(101.0, hundredths));
-  };
-  int low[3] = {part.nx, part.ny, part.nz}, high[3] = {-1, -1, -1};
-  for (int z = 0; z < part.nz; ++z) {
-    for (int y = 0; y < part.ny; ++y) {
-      for (int x = 0; x < part.nx; ++x) {
-        const std::size_t k = part.at(z, y, x);
-        const Kept what = kept(k, x, y);
-        if (what != Kept::insert && part.values[k] == 0 && !(p.dose.values[k] >= gel / 1.5)) {
-          continue;
-        }
-        const int at[3] = {x, y, z};
-        for (int i = 0; i < 3; ++i) {
-          low[i] = std::min(low[i], at[i]);
-          high[i] = std::max(high[i], at[i]);
-        }
-      }
-    }
-  }
-  GelTimes g;
-  g.voxels_per_cell = every;
-  g.cell_mm = every * p.job.sampling.voxel_mm;
-  const auto cells = [&](int i) { return std::max(1, (high[i] - low[i] + every) / every); };
-  g.nx = cells(0);
-  g.ny = cells(1);
-  g.nz = cells(2);
-  g.time.resize(at_cell(g, 0, 0, g.nz));
-  g.kind.resize(g.time.size());
-  for (int cz = 0; cz < g.nz; ++cz) {
-    for (int cy = 0; cy < g.ny; ++cy) {
-      for (int cx = 0; cx < g.nx; ++cx) {
-        const auto place = [&](int i, int c, int d) {
-          const int sizes[3] = {part.nx, part.ny, part.nz};
-          return std::min(sizes[i] - 1, std::max(0, low[i]) + c * every + d);
-        };
-        std::uint8_t time = 0;
-        Kept kind = Kept::empty;
-        const auto look = [&](int dx, int dy, int dz) {
-          const int x = place(0, cx, dx), y = place(1, cy, dy), z = place(2, cz, dz);
-          const std::size_t k = part.at(z, y, x);
-          kind = kept(k, x, y);
-          time = kind == Kept::insert ? std::uint8_t{0} : static_cast<std::uint8_t>(time_of(k));
-          const bool gels = time > 0 && time <= 100;
-          return kind == (gels ? Kept::empty : Kept::part);
-        };
-        bool wrong = false;
-        for (int d = 0; d < every * every * every && !wrong; ++d) {
-          wrong = look(d % every, d / every % every, d / (every * every));
-        }
-        if (!wrong) look(every / 2, every / 2, every / 2);
-        const std::size_t to = at_cell(g, cx, cy, cz);
-        g.time[to] = time;
-        g.kind[to] = static_cast<std::uint8_t>(kind);
-      }
-    }
-  }
-  return g;
-}
+GelTimes gel_times(const Printed& p, int every) { return detail::gel_cells(round_of(p), every); }
 
 std::string report_page(const Printed& p, const std::string& title,
                         const ExecutionContext& context) {
@@ -585,8 +490,15 @@ std::string report_page(const Printed& p, const std::string& title,
               : framed(convergence_svg(job.history), "As the job holds it.");
   html += detail::page_round_html;
   html += fmt::format(R"(<p class="dim">slicecorr {}</p></main>)", slicecorr::version);
-  html +=
-      R"(<script type="application/json" id="tomo-data">)" + round_data(p) + "</script><script>";
+  html += R"(<script type="application/json" id="tomo-data">)" +
+          detail::round_data(round_of(p),
+                             {.time_s = p.figures.print_time_s,
+                              .turns = p.figures.turns,
+                              .insert = !p.job.insert.values.empty(),
+                              .grows = "Doses are taken to grow evenly, as they do turn by "
+                                       "turn; beyond 100 % the print would go on at the "
+                                       "same light."}) +
+          "</script><script>";
   for (const auto& script : {slicecorr::detail::page_inflate_js, slicecorr::detail::page_round_js,
                              detail::page_times_js}) {
     html += script;

@@ -27,7 +27,8 @@ const liquidColour = () => (round.colour === "when" ? shades.paleLiquid : shades
 function timeInWords(percent) {
   const s = percent / 100 * data.time_s, turn = percent / 100 * data.turns;
   const clock = s < 60 ? `${s.toFixed(1)} s` : `${Math.floor(s / 60)} min ${String(Math.floor(s % 60)).padStart(2, "0")} s`;
-  return `${percent} %: ${clock}, ${turn.toFixed(turn < 10 ? 1 : 0)} of ${data.turns} turn${data.turns === 1 ? "" : "s"}` +
+  const turns = data.turns ? `, ${turn.toFixed(turn < 10 ? 1 : 0)} of ${data.turns} turn${data.turns === 1 ? "" : "s"}` : "";
+  return `${percent} %: ${clock}${turns}` +
     (percent > 100 ? ", longer than the print takes" : "");
 }
 
@@ -105,7 +106,7 @@ async function selftest() {
       $("time").value = percent;
       $("time").dispatchEvent(new Event("input"));
       seen.push(await settled());
-      check(`words at ${percent} %`, $("round-words").textContent.includes(`At ${percent} %`) && $("time-out").textContent.includes("turn"));
+      check(`words at ${percent} %`, $("round-words").textContent.includes(`At ${percent} %`) && $("time-out").textContent.includes(data.turns ? "turn" : " s"));
       result.counts[percent] = await countAt(percent);
     }
     result.drawMs = Math.round((performance.now() - start) / 4);
@@ -168,7 +169,7 @@ async function start() {
   }
   $("round-note").textContent =
     `${data.every === 1 ? "Every cell is one voxel" : `Every cell is ${data.every} x ${data.every} x ${data.every} voxels, and shows a wrong one where there is one`} of ` +
-    `${data.voxel_mm} mm. Doses are taken to grow evenly, as they do turn by turn; beyond 100 % the print would go on at the same light.`;
+    `${data.voxel_mm} mm. ${data.grows}`;
   startRound();
   legend();
   showTime();

@@ -1,0 +1,348 @@
+#include "slicecorr/tomo/beams_page.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "picture/embed.hpp"
+#include "slicecorr/tomo/section.hpp"
+#include "slicecorr/version.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
+#include "support/text/display_text.hpp"
+#include "support/text/escape.hpp"
+#include "tomo/views/gel_cells.hpp"
+#include "tomo/views/page_text.hpp"
+
+namespace slicecorr::tomo {
+
+namespace {
+
+using chart::figure;
+using chart::Panel;
+using chart::Picture;
+using chart::Point;
+using chart::Style;
+
+/// Pixels along the longer side of a picture of a beam.
+constexpr int kImagePx = 260;
+
+std::string count(std::size_t n) { return text::count(static_cast<std::int64_t>(n)); }
+
+std::string seconds(double s) { return std::isfinite(s) ? figure(s) + " s" : "never"; }
+
+/// The light that gels in the time of the exposure, mW/cm².
+double gelling_mw_cm2(const BeamReport& r) {
+  const GelTimeOf time = time_to_gel_of(r.job.resin);
+  double low = 1e-9, high = 1e9;
+  for (int i = 0; i < 100; ++i) {
+    const double middle = std::sqrt(low * high);
+    (time(middle) > r.job.exposure_s ? low : high) = middle;
+  }
+  return high;
+}
+
+std::string figures_table(const BeamReport& r) {
+  std::string html =
+      R"(<div class="scroll"><table class="figures"><thead><tr><th scope="col">Figure</th><th scope="col">Value</th><th scope="col" style="text-align:left">What it means</th></tr></thead><tbody>)";
+  const auto row = [&](const char* name, const std::string& value, const std::string& meaning) {
+    html += fmt::format(
+        R"(<tr><th scope="row">{}</th><td>{}</td><td style="white-space:normal;text-align:left">{}</td></tr>)",
+        name, value, escape_markup(meaning));
+  };
+  const BeamFigures& f = r.figures;
+  const double light = r.job.brightest_mw_cm2;
+  row("Contrast", std::isfinite(f.contrast) ? figure(f.contrast) : "outside is dark",
+      "least light of the part over most outside, as the displays show it");
+  row("Contrast of the images",
+      std::isfinite(r.print.figures.contrast) ? figure(r.print.figures.contrast)
+                                              : "outside is dark",
+      "the same without grey levels and without the light of black");
+  if (std::isfinite(r.print.contrast_bound)) {
+    row("Bound", figure(r.print.contrast_bound), "no images of these beams have a higher contrast");
+  }
+  row("Least light of the part", figure(f.least_inside * light) + " mW/cm²",
+      "gels last: " + seconds(r.job.window.first_s));
+  row("Most light outside", figure(f.most_outside * light) + " mW/cm²",
+      "gels first: " + seconds(r.job.window.last_s));
+  row("Exposure", seconds(r.job.exposure_s), "what the job asks for, or would print best");
+  row("Overlap", figure(f.jaccard),
+      "best Jaccard index of what gels and what should, at any exposure; 1 is all right");
+  row("Overlap of the hull", figure(r.print.hull_jaccard),
+      fmt::format("of what silhouettes mark out, which has {} cells too many",
+                  count(r.print.hull_cells)));
+  row("Outside that gels with the part",
+      fmt::format("{} of {} cells", count(f.wrong_cells), count(f.outside_cells)),
+      "cells with at least the light of the part's darkest one");
+  row("Absorption", figure(r.job.setup.alpha_per_mm) + " / mm",
+      fmt::format("of light that crosses the vat {} is left along x",
+                  figure(std::exp(-r.job.setup.alpha_per_mm * r.job.vat.inside_mm[0]))));
+  return html + "</tbody></table></div>";
+}
+
+std::string tiles(const BeamReport& r) {
+  std::string html = R"(<div class="tiles">)";
+  const auto tile = [&](const char* kind, const std::string& value, const std::string& what) {
+    html +=
+        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
+  };
+  const bool good = r.job.window.open();
+  tile(good ? "good" : "bad", good ? "prints as designed" : "not as designed",
+       good ? "all of the part gels before anything else does"
+            : "something outside gels before all of the part does");
+  tile("", std::isfinite(r.figures.contrast) ? figure(r.figures.contrast) : "∞", "contrast");
+  if (good) {
+    tile("", figure(r.job.exposure_s) + " s",
+         fmt::format("exposure; from {} to {}", seconds(r.job.window.first_s),
+                     seconds(r.job.window.last_s)));
+  }
+  tile("", figure(r.figures.jaccard), "overlap with the part");
+  return html + "</div>";
+}
+
+ColourImage picture_of(const GreyImage& grey) {
+  const int longest = std::max(grey.width_px, grey.height_px);
+  const int scale = std::max(1, kImagePx / longest);
+  const int every = std::max(1, (longest + 2 * kImagePx - 1) / (2 * kImagePx));
+  ColourImage image{
+      std::max(1, grey.width_px / every) * scale, std::max(1, grey.height_px / every) * scale, {}};
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      const std::size_t at =
+          static_cast<std::size_t>(y / scale * every) * static_cast<std::size_t>(grey.width_px) +
+          static_cast<std::size_t>(x / scale * every);
+      image.rgb.insert(image.rgb.end(), 3, grey.pixels[at]);
+    }
+  }
+  return image;
+}
+
+std::string beam_pictures(const BeamReport& r) {
+  std::string html = fmt::format(
+      R"(<h2>Beams</h2><p class="dim">As seen from their displays, a cell of {:g} mm to a square. White is {} mW/cm² at the wall.</p><div class="strip">)",
+      r.job.setup.cell_mm, figure(r.job.brightest_mw_cm2));
+  for (std::size_t k = 0; k < r.print.images.size(); ++k) {
+    const BeamImage& image = r.print.images[k];
+    const BeamWay& way = way_of(r.job.vat, image.beam);
+    std::string words = fmt::format("from {}, display {}", side_of(image.beam), way.display);
+    if (k < r.job.shown.laser_mw.size()) {
+      words +=
+          fmt::format("; {} mW of laser light, {} % of it on the image",
+                      figure(r.job.shown.laser_mw[k]), figure(100 * r.job.shown.efficiency[k]));
+    }
+    html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
+                        slicecorr::detail::image_element(picture_of(seen_image(image, way)), words),
+                        words);
+  }
+  return html + "</div>";
+}
+
+/// Cells that are drawn: the part and what gels, with a margin.
+struct Extent {
+  int low[3], high[3];
+};
+Extent extent_of(const BeamReport& r, double gels) {
+  const Box<std::uint8_t>& part = r.part;
+  const int sizes[3] = {part.nx, part.ny, part.nz};
+  Extent e{{part.nx, part.ny, part.nz}, {-1, -1, -1}};
+  std::size_t k = 0;
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x, ++k) {
+        if (part.values[k] == 0 && r.light.values[k] * r.job.brightest_mw_cm2 < gels) continue;
+        const int at[3] = {x, y, z};
+        for (int i = 0; i < 3; ++i) {
+          e.low[i] = std::min(e.low[i], at[i]);
+          e.high[i] = std::max(e.high[i], at[i]);
+        }
+      }
+    }
+  }
+  for (int i = 0; i < 3; ++i) {
+    const int margin = std::max(2, sizes[i] / 12);
+    e.low[i] = std::max(0, e.low[i] - margin);
+    e.high[i] = std::min(sizes[i] - 1, e.high[i] + margin);
+  }
+  return e;
+}
+
+/// The middle of the part along each axis.
+std::array<int, 3> middle_of(const Box<std::uint8_t>& part) {
+  int low[3] = {part.nx, part.ny, part.nz}, high[3] = {0, 0, 0};
+  std::size_t k = 0;
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x, ++k) {
+        if (part.values[k] != 255) continue;
+        const int at[3] = {x, y, z};
+        for (int i = 0; i < 3; ++i) {
+          low[i] = std::min(low[i], at[i]);
+          high[i] = std::max(high[i], at[i]);
+        }
+      }
+    }
+  }
+  return {(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2};
+}
+
+std::string sections(const BeamReport& r, double gels) {
+  const Box<std::uint8_t>& part = r.part;
+  const double cell = r.job.setup.cell_mm;
+  const double per_light = curing_absorption_per_cm(r.job.resin) * r.job.exposure_s;
+  const Extent e = extent_of(r, gels);
+  const std::array<int, 3> middle = middle_of(part);
+  const int sizes[3] = {part.nx, part.ny, part.nz};
+  std::vector<PrintSection> drawn;
+  std::size_t missing = 0, gelled = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int across = axis == 0 ? 1 : 0, up = axis == 2 ? 1 : 2;
+    PrintSection s;
+    s.axis = axis == 0 ? Axis::x : axis == 1 ? Axis::y : Axis::z;
+    const auto m = middle[static_cast<std::size_t>(axis)];
+    s.at_mm = (m - 0.5 * (sizes[axis] - 1)) * cell;
+    s.width = e.high[across] - e.low[across] + 1;
+    s.height = e.high[up] - e.low[up] + 1;
+    s.voxel_mm = cell;
+    s.gel_dose = gels * per_light;
+    for (int row = 0; row < s.height; ++row) {
+      for (int column = 0; column < s.width; ++column) {
+        int at[3];
+        at[axis] = m;
+        at[across] = e.low[across] + column;
+        at[up] = e.low[up] + row;
+        const std::size_t k = part.at(at[2], at[1], at[0]);
+        s.dose.push_back(
+            static_cast<float>(r.light.values[k] * r.job.brightest_mw_cm2 * per_light));
+        s.target.push_back(part.values[k]);
+        s.matter.push_back(Matter::resin);
+      }
+    }
+    missing += s.missing();
+    gelled += s.gelled();
+    drawn.push_back(std::move(s));
+  }
+  return fmt::format(
+      R"(<h2>Dose against target</h2><figure><div class="scroll">{}</div><figcaption>At the end of {} of exposure, from the vat's middle: in these planes {} cells of the part are missing, and {} gel that should not.</figcaption></figure>)",
+      sections_svg(drawn, Shown::dose, "Through the middle of the part"), seconds(r.job.exposure_s),
+      missing, gelled);
+}
+
+/// How many cells have how much light.
+std::string histogram(const BeamReport& r, double gels) {
+  constexpr std::size_t kBins = 80;
+  double most = gels;
+  for (const float v : r.light.values) most = std::max(most, v * r.job.brightest_mw_cm2);
+  most *= 1.02;
+  std::vector<double> inside(kBins), outside(kBins);
+  for (std::size_t k = 0; k < r.part.values.size(); ++k) {
+    const double light = r.light.values[k] * r.job.brightest_mw_cm2;
+    const auto bin = std::min(kBins - 1, static_cast<std::size_t>(light / most * kBins));
+    if (r.part.values[k] == 255) ++inside[bin];
+    if (r.part.values[k] == 0) ++outside[bin];
+  }
+  double tallest = 10;
+  for (const auto* bins : {&inside, &outside}) {
+    for (const double n : *bins) tallest = std::max(tallest, n);
+  }
+  Panel panel({"light, mW/cm²", false, 0, most}, {"cells", true, 0.7, tallest * 1.5}, 260);
+  const auto draw = [&](const std::vector<double>& bins, int series) {
+    std::vector<Point> low, high;
+    for (std::size_t i = 0; i < kBins; ++i) {
+      // Single cells are seen, too.
+      const double n = bins[i] > 0 ? bins[i] : 0.7;
+      for (const std::size_t edge : {i, i + 1}) {
+        low.push_back({most * static_cast<double>(edge) / kBins, 0.7});
+        high.push_back({most * static_cast<double>(edge) / kBins, n});
+      }
+    }
+    panel.band(low, high, Style::series, series);
+    panel.line(high, Style::series, series);
+  };
+  draw(outside, 0);
+  draw(inside, 1);
+  panel.vertical(gels, "gels");
+  Picture picture("Light of the part and outside",
+                  "How many cells have how much light, on a logarithmic scale.");
+  picture.legend_band(Style::series, "outside", 0);
+  picture.legend_band(Style::series, "part", 1);
+  picture.add(panel);
+  picture.note(
+      "To the right of the line resin gels by the end of the exposure: all of the part should lie "
+      "there, nothing else.");
+  return "<h2>Light</h2><figure><div class=\"scroll\">" + picture.svg() +
+         "</div><figcaption>All cells of the vat; grey ones, which are partly part, are in "
+         "neither.</figcaption></figure>";
+}
+
+detail::RoundSource round_of(const BeamReport& r, const GelTimeOf& gel_time) {
+  detail::RoundSource source;
+  source.nx = r.part.nx;
+  source.ny = r.part.ny;
+  source.nz = r.part.nz;
+  source.voxel_mm = r.job.setup.cell_mm;
+  source.kept = [&r](std::size_t k, int, int) {
+    const std::uint8_t v = r.part.values[k];
+    return v == 255 ? Kept::part : v == 0 ? Kept::empty : Kept::neither;
+  };
+  source.has_part = [&r](std::size_t k) { return r.part.values[k] > 0; };
+  source.share_of_time = [&r, &gel_time](std::size_t k) {
+    return gel_time(r.light.values[k] * r.job.brightest_mw_cm2) / r.job.exposure_s;
+  };
+  return source;
+}
+
+}  // namespace
+
+std::string beams_page(const BeamReport& r, const std::string& title,
+                       const ExecutionContext& context) {
+  std::string html = fmt::format(
+      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}.strip{{display:flex;gap:.5rem;overflow-x:auto}}.strip figure{{flex:0 0 auto}}.strip img{{image-rendering:pixelated}}</style></head><body><main><h1>{0}</h1>)",
+      escape_markup(title), slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css);
+  const auto& inside = r.job.vat.inside_mm;
+  html += fmt::format(
+      "<p>{} images, shown at once by {} beams into a vat of {:g} x {:g} x {:g} mm, print a part of "
+      "{} cells of {:g} mm.</p>"
+      R"(<p class="dim">Printer {}, resin {}. Light at a cell is the sum of all beams, each dimmed by the resin on its way from the wall.</p>)",
+      name_of(r.job.setup.images), r.print.images.size(), inside[0], inside[1], inside[2],
+      count(r.figures.part_cells), r.job.setup.cell_mm, escape_markup(r.job.printer.name),
+      escape_markup(r.job.resin.name));
+  html += tiles(r);
+  if (!r.why_not.empty()) {
+    html += fmt::format("<p><strong>Why not:</strong> {}.</p>", escape_markup(r.why_not));
+  }
+  html += "<h2>Figures</h2>" + figures_table(r);
+  context.check_cancelled();
+  html += beam_pictures(r);
+  const bool exposed = std::isfinite(r.job.exposure_s) && r.job.exposure_s > 0;
+  if (exposed) {
+    const double gels = gelling_mw_cm2(r);
+    html += sections(r, gels);
+    context.check_cancelled();
+    html += histogram(r, gels) + std::string(detail::page_round_html);
+  } else {
+    html += "<p>Some of the part gets no light at all, so no exposure prints it.</p>";
+  }
+  html += fmt::format(R"(<p class="dim">slicecorr {}</p></main>)", slicecorr::version);
+  if (exposed) {
+    const GelTimeOf gel_time = time_to_gel_of(r.job.resin);
+    html +=
+        R"(<script type="application/json" id="tomo-data">)" +
+        detail::round_data(round_of(r, gel_time),
+                           {.time_s = r.job.exposure_s,
+                            .turns = 0,
+                            .insert = false,
+                            .grows = "A cell gels when its light has lasted for its time to gel: "
+                                     "the slider is also one over the light that counts; beyond "
+                                     "100 % the exposure would go on."}) +
+        "</script><script>";
+    for (const auto& script : {slicecorr::detail::page_inflate_js, slicecorr::detail::page_round_js,
+                               detail::page_times_js}) {
+      html += script;
+    }
+    html += "</script>";
+  }
+  return html + "</body></html>\n";
+}
+
+}  // namespace slicecorr::tomo

@@ -11,6 +11,7 @@
 #include "database/record_text.hpp"
 #include "database/schema.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -364,7 +365,7 @@ class Checker : private CheckedFile {
       if (kind == "resin") {
         parse_resin(text, path);
       } else {
-        parse_printer(text, path);
+        parse_display(text, path);
       }
     } catch (const Error& e) {
       std::string message = e.what();

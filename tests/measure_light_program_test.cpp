@@ -13,6 +13,7 @@
 #include "ladder.hpp"
 #include "print_file_fixture.hpp"
 #include "program_fixture.hpp"
+#include "refusal.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/level_images.hpp"
@@ -77,7 +78,7 @@ TEST(LevelImages, AreEvenAllOverThePlate) {
   const LevelImages part(display_of(2), held(*detail::goo_code(8, 8, false)), {});
   EXPECT_EQ(part.grid().layers, 4);
   const PixelBox all = part.bounds();
-  EXPECT_EQ(all, (PixelBox{0, 0, 40, 30}));
+  EXPECT_EQ(std::vector({all.x0, all.y0, all.x1, all.y1}), std::vector({0, 0, 40, 30}));
   int images = 0;
   part.read_band({3, 5, 11, 7}, [&](int n, const std::uint8_t* rows) {
     EXPECT_EQ(n, images++);

@@ -6,7 +6,9 @@
 #include <set>
 
 #include "print_file_fixture.hpp"
+#include "refusal.hpp"
 #include "rounds.hpp"
+#include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/print_file.hpp"
 #include "stack/container/binary_file.hpp"
@@ -19,6 +21,7 @@ void PrintTo(const SmallFile& file, std::ostream* out) { *out << file.name; }
 namespace {
 
 using detail::LayerCodecPtr;
+using ::testing::AllOf;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
@@ -445,6 +448,49 @@ TEST_F(PrintFileRefusals, CorrectionsWithMoreLevelsThanAFileHas) {
   printer.bit_depth = 1;
   printer.calibration = {{0, 0}, {1, 10}};
   EXPECT_EQ(fitted(small_photon(1)), printer);
+}
+
+TEST_F(PrintFileRefusals, TimesThatAFileCannotSayAreRefusedBeforeAnythingIsComputed) {
+  struct Case {
+    SmallFile file;
+    double exposure_s, bottom_s;
+    int bottom_layers, fade_layers;
+    const char* words;  ///< none: they can be said
+  };
+  const auto goo = small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false));
+  for (const Case& c :
+       {Case{small_cxdlp(3), 2.53, 40, 1, 0, "tenths of a second"},
+        Case{small_cxdlp(3), 2.5, 40, 1, 2, "fade"}, Case{small_cxdlp(3), 2.6, 41, 1, 0, nullptr},
+        Case{small_lgs(), 6.1, 40, 1, 2, "fade"}, Case{small_lgs(), 6.123, 40, 3, 0, nullptr},
+        Case{small_workshop(true), 2.2, 40, 1, 2, "fade"},
+        Case{small_photon(4), 8.1, 60, 2, 3, "fade"}, Case{goo, 2.7, 30, 1, 4, nullptr}}) {
+    SCOPED_TRACE(c.file.name);
+    const std::string path = folder_ / c.file.name;
+    write_file(path, c.file.bytes);
+    const StackReader target(path, folder_.path());
+    StackFile file(folder_ / ("out" + c.file.name.substr(c.file.name.rfind('.'))));
+    file.format = c.file.format;
+    file.keep_from = path;
+    StackInfo info;
+    info.kind = StackKind::corrected;
+    info.grid = target.grid();
+    info.process.emplace();
+    info.process->mode = ExposureMode::layerwise;
+    info.process->exposure_s = c.exposure_s;
+    info.process->bottom_exposure_s = c.bottom_s;
+    info.process->bottom_layers = c.bottom_layers;
+    info.process->fade_layers = c.fade_layers;
+    const auto before = folder_.count();
+    if (c.words) {
+      EXPECT_THAT(test::refusal([&] { check_file_times(file, info); }),
+                  AllOf(HasSubstr(path), HasSubstr(c.words)));
+    } else {
+      check_file_times(file, info);
+    }
+    // The file's own times can always be said.
+    check_file_times(file, target.info());
+    EXPECT_EQ(folder_.count(), before);
+  }
 }
 
 TEST(PrintFiles, FormatsSayWhatTheyCanHold) {

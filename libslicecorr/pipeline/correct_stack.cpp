@@ -22,6 +22,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
+#include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/print_file.hpp"
 
@@ -448,6 +449,11 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   Setup setup = asked;
   setup.printer = printer_for_file(asked.printer, file, target.grid(), context);
+  StackInfo planned;
+  planned.kind = StackKind::corrected;
+  planned.grid = target.grid();
+  planned.process = setup.process;
+  check_file_times(file, planned);
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
   if (wanted.doses()) detail::check_graded(wanted, setup);

@@ -6,6 +6,7 @@
 #include "pipeline/bands.hpp"
 #include "pipeline/target_scan.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/write_images.hpp"
 
@@ -40,6 +41,17 @@ std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t b
 StackInfo write(const SliceSource& target, const std::vector<double>& image_s,
                 const StackFile& file, const ExecutionContext& context) {
   const Grid& grid = target.grid();
+  StackInfo info;
+  info.grid = grid;
+  detail::set_frame(info, target);
+  info.kind = StackKind::target;
+  if (!image_s.empty()) {
+    info.exposure_s = image_s.back();
+    const bool even =
+        std::all_of(image_s.begin(), image_s.end(), [&](double s) { return s == info.exposure_s; });
+    if (!even) info.layer_exposure_s = image_s;
+    check_file_times(file, info);
+  }
   StackWriter writer(file, grid, context);
   const SliceSource* edges = target.edge_heights();
   if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;
@@ -55,18 +67,8 @@ StackInfo write(const SliceSource& target, const std::vector<double>& image_s,
     });
     if (i % ranges.size() == 0) detail::put_edge_heights(edges, band, encoder, context);
   });
-  StackInfo info;
-  info.grid = grid;
-  detail::set_frame(info, target);
-  info.kind = StackKind::target;
   info.has_edge_heights = edges != nullptr;
   scan.fill(info);
-  if (!image_s.empty()) {
-    info.exposure_s = image_s.back();
-    const bool even =
-        std::all_of(image_s.begin(), image_s.end(), [&](double s) { return s == info.exposure_s; });
-    if (!even) info.layer_exposure_s = image_s;
-  }
   writer.finish(info, scan.picture());
   return info;
 }

@@ -25,15 +25,6 @@ using detail::raw_stride;
 /// microseconds.
 constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
 
-/// Whether layers of the two are lit for different times.
-bool exposures_differ(const StackInfo& a, const StackInfo& b) {
-  const int layers = std::min(a.grid.layers, b.grid.layers);
-  for (int n = 0; n < layers; ++n) {
-    if (detail::light_on_of_layer(a, n) != detail::light_on_of_layer(b, n)) return true;
-  }
-  return false;
-}
-
 }  // namespace
 
 StackWriter::Impl::Impl(const StackFile& f, const Grid& g, const ExecutionContext& j)
@@ -67,9 +58,9 @@ StackWriter::Impl::Impl(const StackFile& f, const Grid& g, const ExecutionContex
 }
 
 bool StackWriter::Impl::changes_exposures(const StackInfo& info) const {
-  // A part without times gets those of the archive that it is put into.
-  return !kept || (exposures_differ(info, kept_contents.info) &&
-                   (!codec || detail::exposure_summary(info).normal_s > 0));
+  if (!kept) return true;
+  return codec ? detail::replaces_exposures(info, kept_contents.info)
+               : detail::exposures_differ(info, kept_contents.info);
 }
 
 void StackWriter::Impl::begin_band(std::size_t band) {

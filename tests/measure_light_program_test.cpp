@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <regex>
 #include <sstream>
 
 #include "ladder.hpp"
@@ -106,6 +107,77 @@ TEST(WriteImages, EveryImageNeedsATime) {
   const StackInfo even = StackReader::read_info(folder / "b.uvj");
   EXPECT_EQ(even.exposure_s, 2);
   EXPECT_TRUE(even.layer_exposure_s.empty());
+}
+
+// ---- printers that are shipped ----------------------------------------------------------------
+
+std::vector<std::filesystem::path> shipped_without_light() {
+  std::vector<std::filesystem::path> found;
+  for (const auto& entry : std::filesystem::directory_iterator(SLICECORR_PRINTERS_DIR)) {
+    if (entry.path().extension() != ".toml") continue;
+    if (!light_is_measured(load_display(entry.path().string()))) found.push_back(entry.path());
+  }
+  return found;
+}
+
+// Each number is the one of the source that the file names.
+TEST(KnownPrinters, HaveTheDisplayOfTheirSource) {
+  const std::regex words(
+      "source = \"UVtools' profile ([^\"]*)\\.ini [^:]*: (\\d+) x (\\d+) pixels on ([0-9.]+) x "
+      "([0-9.]+) mm, landscape, (not mirrored|mirrored in x), ([0-9.]+) mm high, FILEFORMAT_[A-Z0-9]+\"");
+  const auto files = shipped_without_light();
+  EXPECT_EQ(files.size(), 25u);
+  for (const auto& file : files) {
+    SCOPED_TRACE(file.string());
+    std::ifstream in(file);
+    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    std::smatch found;
+    ASSERT_TRUE(std::regex_search(text, found, words));
+    const Printer p = load_display(file.string());
+    EXPECT_EQ(p.width_px, std::stoi(found[2]));
+    EXPECT_EQ(p.height_px, std::stoi(found[3]));
+    EXPECT_NEAR(p.pixel_x_um, 1e3 * std::stod(found[4]) / p.width_px, 6e-4);
+    EXPECT_NEAR(p.pixel_y_um, 1e3 * std::stod(found[5]) / p.height_px, 6e-4);
+    ASSERT_TRUE(p.orientation);
+    EXPECT_EQ(p.orientation->mirror_x, found[6] == "mirrored in x");
+    EXPECT_FALSE(p.orientation->mirror_y || p.orientation->portrait);
+    EXPECT_EQ(p.travel_mm, std::stod(found[7]));
+    EXPECT_EQ(p.bit_depth, 8);
+  }
+}
+
+// And, where there is a file of the printer's slicer, that file's.
+TEST(KnownPrinters, HaveTheDisplayOfRealFiles) {
+  const std::pair<const char*, const char*> pairs[] = {
+      {"anycubic-photon", "pfe_smilie.v1.photon"},
+      {"anycubic-photon-mono", "msla_photon_mono.v515.pwmo.gz"},
+      {"anycubic-photon-mono-x", "msla_photon_mono_x.v516.pwmx.gz"},
+      {"anycubic-photon-mono-4k", "msla_photon_mono_4k.v516.pwma.gz"},
+      {"anycubic-photon-m3", "msla_photon_m3.v516.pm3.gz"},
+      {"elegoo-mars", "mariner_pyramid.v3.ctb"},
+      {"elegoo-mars-4-max", "msla_mars4max.goo.gz"},
+      {"elegoo-saturn", "msla_saturn.v4.ctb"},
+      {"creality-halot-one-plus", "msla_halot_one_plus.v3.cxdlp.gz"},
+      {"longer-orange-10", "uv3dp_microsupports3.lgs"}};
+  if (const std::string why = lacks(real_file("slices/binary")); !why.empty()) GTEST_SKIP() << why;
+  const TemporaryFolder folder;
+  for (const auto& [name, file] : pairs) {
+    SCOPED_TRACE(file);
+    std::string path = folder / file;
+    if (path.ends_with(".gz")) path.resize(path.size() - 3);
+    write_file(path, real_print_file(file));
+    const StackInfo info = StackReader::read_info(path);
+    const Printer p = load_display(std::string(SLICECORR_PRINTERS_DIR "/") + name + ".toml");
+    EXPECT_EQ(info.grid.width_px, p.width_px);
+    EXPECT_EQ(info.grid.height_px, p.height_px);
+    // As near as records and archives must agree.
+    EXPECT_NEAR(info.grid.pixel_x_um, p.pixel_x_um, 1e-3 * p.pixel_x_um);
+    EXPECT_NEAR(info.grid.pixel_y_um, p.pixel_y_um, 1e-3 * p.pixel_y_um);
+    if (info.orientation_known) {
+      EXPECT_EQ(info.orientation, *p.orientation);
+    }
+    std::filesystem::remove(path);
+  }
 }
 
 // ---- programs ---------------------------------------------------------------------------------

@@ -25,3 +25,12 @@ if(SLICECORR_SANITIZE)
   add_compile_options(${SLICECORR_SANITIZE_FLAGS})
   add_link_options(${SLICECORR_SANITIZE_FLAGS})
 endif()
+
+# Fuzzers of what reads other programs' files; each is a program with the fuzzer's main.
+option(SLICECORR_FUZZ "Build the fuzzers (tests/fuzz); needs Clang" OFF)
+if(SLICECORR_FUZZ)
+  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+    message(FATAL_ERROR "SLICECORR_FUZZ: the fuzzer is part of Clang; configure with -DCMAKE_CXX_COMPILER=clang++ (preset fuzz)")
+  endif()
+  add_compile_options(-fsanitize=fuzzer-no-link)
+endif()

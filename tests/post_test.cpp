@@ -456,6 +456,14 @@ TEST(PostProfiles, WordsOfTheProfileFindTheDefinition) {
   EXPECT_EQ(definition_of_profile("My Autodesk Ember, left", "printer"), "ember");
   EXPECT_EQ(definition_of_profile("Original Prusa SL1", "printer"), "");
   EXPECT_EQ(definition_of_profile("", "printer"), "");
+  // Words that make it another model: its light would be another's.
+  EXPECT_EQ(definition_of_profile("ELEGOO Mars 4 Max", "printer"), "elegoo-mars-4-max");
+  EXPECT_EQ(definition_of_profile("Elegoo Mars 0.05 mm", "printer"), "elegoo-mars");
+  EXPECT_EQ(definition_of_profile("Anycubic Photon Mono X", "printer"), "anycubic-photon-mono-x");
+  for (const char* other : {"Elegoo Mars 5", "Elegoo Mars Pro", "Elegoo Saturn 2", "Photon M3 Max",
+                            "Anycubic Photon Mono X2"}) {
+    EXPECT_EQ(definition_of_profile(other, "printer"), "") << other;
+  }
   // For each wavelength there is one; without a wavelength it is not known which.
   EXPECT_EQ(definition_of_profile("Liqcreate Strong-X @0.05", "resin", 405),
             "liqcreate-strong-x-405nm");
@@ -464,6 +472,13 @@ TEST(PostProfiles, WordsOfTheProfileFindTheDefinition) {
   EXPECT_EQ(definition_of_profile("Liqcreate Strong-X @0.05", "resin"), "");
   EXPECT_EQ(definition_of_profile("Formlabs Standard Clear V4", "resin", 405),
             "formlabs-standard-clear");
+  // Whoever measured a printer means the file with the light.
+  const TemporaryFolder mine;
+  const std::string text = "name = \"bright\"\nmaker = \"Elegoo\"\nproduct = \"Mars 4 Max\"\n";
+  write_file(mine / "bright.toml",
+             to_bytes(text + "[display]\n[blue]\ncalibration = [[0, 1], [255, 3]]\n"));
+  ::setenv("SLICECORR_DB", mine.path().c_str(), 1);
+  EXPECT_EQ(definition_of_profile("ELEGOO Mars 4 Max", "printer"), "bright");
   ::unsetenv("SLICECORR_DB");
 }
 

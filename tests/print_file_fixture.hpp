@@ -66,11 +66,11 @@ struct SmallFile {
   std::vector<Bytes> slices;
 };
 
-inline constexpr int kSmallWidth = 40, kSmallHeight = 30, kSmallLayers = 4;
+inline constexpr int kFileWidth = 40, kFileHeight = 30, kFileLayers = 4;
 
 /// Images of the values that a code knows.
 inline std::vector<Bytes> small_slices(const detail::LayerCodec& codec) {
-  std::vector<Bytes> slices = random_images(kSmallWidth, kSmallHeight, kSmallLayers, 5).slices;
+  std::vector<Bytes> slices = random_images(kFileWidth, kFileHeight, kFileLayers, 5).slices;
   slices[0].assign(slices[0].size(), 255);
   for (Bytes& slice : slices) {
     for (std::uint8_t& v : slice) v = codec.shown()[v];
@@ -86,31 +86,31 @@ inline std::vector<Bytes> coded(const detail::LayerCodec& codec, int layer, cons
 
 /// cbddlp of version 2 with `sets` images a layer; of version 1 with one.
 inline SmallFile small_photon(int sets) {
-  const auto codec = detail::bit_sets_code(kSmallWidth, kSmallHeight, sets, false);
+  const auto codec = detail::bit_sets_code(kFileWidth, kFileHeight, sets, false);
   SmallFile file{"small" + std::to_string(sets) + ".cbddlp", "photon", {}, small_slices(*codec)};
   FileMaker m;
   m.zeros(0x70 + 0x3c);
   m.set_u32(0, 0x12fd0019);
   m.set_u32(4, 2);
-  m.set_f32(0x08, kSmallWidth * 0.05);
-  m.set_f32(0x0c, kSmallHeight * 0.05);
-  m.set_f32(0x1c, kSmallLayers * 0.05);
+  m.set_f32(0x08, kFileWidth * 0.05);
+  m.set_f32(0x0c, kFileHeight * 0.05);
+  m.set_f32(0x1c, kFileLayers * 0.05);
   m.set_f32(0x20, 0.05);
   m.set_f32(0x24, 8);
   m.set_f32(0x28, 60);
   m.set_u32(0x30, 2);
-  m.set_u32(0x34, kSmallWidth);
-  m.set_u32(0x38, kSmallHeight);
+  m.set_u32(0x34, kFileWidth);
+  m.set_u32(0x38, kFileHeight);
   m.set_u32(0x40, 0x70 + 0x3c);
-  m.set_u32(0x44, kSmallLayers);
+  m.set_u32(0x44, kFileLayers);
   m.set_u32(0x4c, 500);
   m.set_u32(0x54, 0x70);
   m.set_u32(0x58, 0x3c);
   m.set_u32(0x5c, static_cast<std::uint32_t>(sets));
-  std::size_t at = m.size() + static_cast<std::size_t>(sets * kSmallLayers) * 0x24;
+  std::size_t at = m.size() + static_cast<std::size_t>(sets * kFileLayers) * 0x24;
   Bytes data;
   for (int s = 0; s < sets; ++s) {
-    for (int n = 0; n < kSmallLayers; ++n) {
+    for (int n = 0; n < kFileLayers; ++n) {
       const Bytes piece =
           coded(*codec, n, file.slices[static_cast<std::size_t>(n)])[static_cast<std::size_t>(s)];
       m.f32(0.05 * (n + 1)).f32(n < 2 ? 60 : 8).f32(0);
@@ -127,7 +127,7 @@ inline SmallFile small_photon(int sets) {
 /// PHZ or FDG.
 inline SmallFile small_phz(bool fdg) {
   constexpr std::uint32_t key = 0x1234567;
-  const auto codec = detail::phz_code(kSmallWidth, kSmallHeight, key,
+  const auto codec = detail::phz_code(kFileWidth, kFileHeight, key,
                                       fdg ? detail::PhzCipher::fdg : detail::PhzCipher::phz);
   SmallFile file{fdg ? "small.fdg" : "small.phz", fdg ? "fdg" : "phz", {}, small_slices(*codec)};
   FileMaker m;
@@ -140,21 +140,21 @@ inline SmallFile small_phz(bool fdg) {
   m.set_f32(fdg ? 0x28 : 0x10, 60);
   m.set_u32(fdg ? 0x0c : 0x14, 2);
   m.set_u32(fdg ? 0x14 : 0x64, 2);
-  m.set_u32(0x18, kSmallWidth);
-  m.set_u32(0x1c, kSmallHeight);
-  m.set_u32(fdg ? 0x08 : 0x28, kSmallLayers);
+  m.set_u32(0x18, kFileWidth);
+  m.set_u32(0x1c, kFileHeight);
+  m.set_u32(fdg ? 0x08 : 0x28, kFileLayers);
   m.set_u32(fdg ? 0x38 : 0x30, 500);
-  m.set_f32(fdg ? 0x4c : 0x48, kSmallLayers * 0.05);
-  m.set_f32(bed, kSmallWidth * 0.05);
-  m.set_f32(bed + 4, kSmallHeight * 0.05);
+  m.set_f32(fdg ? 0x4c : 0x48, kFileLayers * 0.05);
+  m.set_f32(bed, kFileWidth * 0.05);
+  m.set_f32(bed + 4, kFileHeight * 0.05);
   m.set_u32(fdg ? 0x5c : 0x58, key);
   m.set_u32(fdg ? 0x74 : 0x90, 0xd8);
   m.set_u32(fdg ? 0x78 : 0x94, 5);
   m.text("Sonic");
   m.set_u32(table, static_cast<std::uint32_t>(m.size()));
-  std::size_t at = m.size() + kSmallLayers * 0x24;
+  std::size_t at = m.size() + kFileLayers * 0x24;
   Bytes data;
-  for (int n = 0; n < kSmallLayers; ++n) {
+  for (int n = 0; n < kFileLayers; ++n) {
     const Bytes piece = coded(*codec, n, file.slices[static_cast<std::size_t>(n)])[0];
     m.f32(0.05 * (n + 1)).f32(n < 2 ? 60 : 8).f32(0);
     m.u32(static_cast<std::uint32_t>(at + data.size()))
@@ -168,8 +168,8 @@ inline SmallFile small_phz(bool fdg) {
 
 /// Photon Workshop of version 1 with the code PWS, or of 516 with PW0 and anti-aliasing of 16.
 inline SmallFile small_workshop(bool pws) {
-  const auto codec = pws ? detail::bit_sets_code(kSmallWidth, kSmallHeight, 4, true)
-                         : detail::pw0_code(kSmallWidth, kSmallHeight, false);
+  const auto codec = pws ? detail::bit_sets_code(kFileWidth, kFileHeight, 4, true)
+                         : detail::pw0_code(kFileWidth, kFileHeight, false);
   SmallFile file{pws ? "small.pws" : "small.pwmx", "photon-workshop", {}, small_slices(*codec)};
   FileMaker m;
   m.text("ANYCUBIC").zeros(4).u32(pws ? 1 : 516).u32(pws ? 4 : 8).zeros(pws ? 28 : 32);
@@ -178,8 +178,8 @@ inline SmallFile small_workshop(bool pws) {
   m.text("HEADER").zeros(6).u32(0x54);
   m.f32(50).f32(0.05).f32(2).f32(0.5).f32(40).f32(1).f32(6).f32(6).f32(4).f32(1);
   m.u32(pws ? 4 : 16)
-      .u32(kSmallWidth)
-      .u32(kSmallHeight)
+      .u32(kFileWidth)
+      .u32(kFileHeight)
       .f32(1)
       .f32(2)
       .u32(36)
@@ -201,14 +201,14 @@ inline SmallFile small_workshop(bool pws) {
         .zeros(10)
         .u32(16)
         .zeros(4);
-    m.f32(kSmallWidth * 0.05).f32(kSmallHeight * 0.05).f32(100).u32(516).u32(0);
+    m.f32(kFileWidth * 0.05).f32(kFileHeight * 0.05).f32(100).u32(516).u32(0);
   }
   here(0x24);
-  m.text("LAYERDEF").zeros(4).u32(4 + kSmallLayers * 0x20).u32(kSmallLayers);
-  std::size_t at = m.size() + kSmallLayers * 0x20;
+  m.text("LAYERDEF").zeros(4).u32(4 + kFileLayers * 0x20).u32(kFileLayers);
+  std::size_t at = m.size() + kFileLayers * 0x20;
   m.set_u32(pws ? 0x2c : 0x30, static_cast<std::uint32_t>(at));
   Bytes data;
-  for (int n = 0; n < kSmallLayers; ++n) {
+  for (int n = 0; n < kFileLayers; ++n) {
     const Bytes& slice = file.slices[static_cast<std::size_t>(n)];
     const Bytes piece = coded(*codec, n, slice)[0];
     m.u32(static_cast<std::uint32_t>(at + data.size()))
@@ -225,7 +225,7 @@ inline SmallFile small_workshop(bool pws) {
 
 /// CXDLP of version 1, 2 or 3.
 inline SmallFile small_cxdlp(int version) {
-  const auto codec = detail::cxdlp_code(kSmallWidth, kSmallHeight);
+  const auto codec = detail::cxdlp_code(kFileWidth, kFileHeight);
   SmallFile file{"small" + std::to_string(version) + ".cxdlp", "cxdlp", {}, small_slices(*codec)};
   FileMaker m(true);
   const std::string magic =
@@ -242,20 +242,20 @@ inline SmallFile small_cxdlp(int version) {
     m.u16(static_cast<unsigned>(version));
     text(std::string("CL-60\0", 6));
   }
-  m.u16(kSmallLayers).u16(kSmallWidth).u16(kSmallHeight).zeros(version >= 2 ? 64 : 0);
+  m.u16(kFileLayers).u16(kFileWidth).u16(kFileHeight).zeros(version >= 2 ? 64 : 0);
   for (const std::size_t side : {116, 290, 290}) m.zeros(2 * side * side).text("\r\n");
   wide("2.0");
   wide("1.5");
   wide("0.05");
   for (const unsigned v : {25, 1, 40, 1, 5, 1, 5, 1, 2, 255, 255}) m.u16(v);
-  for (int n = 0; n < kSmallLayers; ++n) m.u32(100);
+  for (int n = 0; n < kFileLayers; ++n) m.u32(100);
   m.text("\r\n");
   if (version >= 3) {
     text(std::string("program\0", 8));
     text(std::string("resin\0", 6));
     m.zeros(20).text("\r\n");
   }
-  for (int n = 0; n < kSmallLayers; ++n) {
+  for (int n = 0; n < kFileLayers; ++n) {
     const Bytes piece = coded(*codec, n, file.slices[static_cast<std::size_t>(n)])[0];
     m.u32(100).u32(static_cast<std::uint32_t>(piece.size() / 6)).add(piece).text("\r\n");
   }
@@ -278,24 +278,24 @@ inline SmallFile small_cxdlp(int version) {
 }
 
 inline SmallFile small_lgs() {
-  const auto codec = detail::lgs_code(kSmallWidth, kSmallHeight);
+  const auto codec = detail::lgs_code(kFileWidth, kFileHeight);
   SmallFile file{"small.lgs", "lgs", {}, small_slices(*codec)};
   FileMaker m;
   m.text("Longer3D").zeros(0xb4 - 8);
   m.set_u32(0x10, 10);
   m.set_f32(0x1c, 20);
   m.set_f32(0x20, 20);
-  m.set_f32(0x24, kSmallHeight);
-  m.set_f32(0x28, kSmallWidth);
+  m.set_f32(0x24, kFileHeight);
+  m.set_f32(0x28, kFileWidth);
   m.set_f32(0x2c, 0.05);
   m.set_f32(0x30, 6000);
   m.set_f32(0x34, 40000);
   m.set_f32(0x44, 0.1);
-  m.set_u32(0xa4, kSmallLayers);
+  m.set_u32(0xa4, kFileLayers);
   m.set_u32(0xac, 4);
   m.set_u32(0xb0, 3);
   m.zeros(24);
-  for (int n = 0; n < kSmallLayers; ++n) {
+  for (int n = 0; n < kFileLayers; ++n) {
     const Bytes piece = coded(*codec, n, file.slices[static_cast<std::size_t>(n)])[0];
     m.u32(static_cast<std::uint32_t>(piece.size())).add(piece);
   }
@@ -307,7 +307,7 @@ inline SmallFile small_lgs() {
 inline SmallFile small_new(const std::string& format, const detail::LayerCodec& codec) {
   SmallFile file{"small." + format, format, {}, small_slices(codec)};
   const TemporaryFolder folder;
-  Images images{{kSmallWidth, kSmallHeight, kSmallLayers, 50, 50, 50}, file.slices};
+  Images images{{kFileWidth, kFileHeight, kFileLayers, 50, 50, 50}, file.slices};
   StackInfo info = info_of(images.grid);
   info.kind = StackKind::foreign;
   info.exposure_s = 2.5;
@@ -319,8 +319,8 @@ inline SmallFile small_new(const std::string& format, const detail::LayerCodec& 
 }
 
 inline std::vector<SmallFile> small_print_files() {
-  return {small_new("ctb", *detail::ctb_code(kSmallWidth, kSmallHeight, 0)),
-          small_new("goo", *detail::goo_code(kSmallWidth, kSmallHeight, false)),
+  return {small_new("ctb", *detail::ctb_code(kFileWidth, kFileHeight, 0)),
+          small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false)),
           small_photon(1),
           small_photon(4),
           small_phz(false),

@@ -6,7 +6,9 @@
 #include <set>
 
 #include "print_file_fixture.hpp"
+#include "refusal.hpp"
 #include "rounds.hpp"
+#include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/print_file.hpp"
 #include "stack/container/binary_file.hpp"
@@ -19,6 +21,7 @@ void PrintTo(const SmallFile& file, std::ostream* out) { *out << file.name; }
 namespace {
 
 using detail::LayerCodecPtr;
+using ::testing::AllOf;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
@@ -152,7 +155,7 @@ TEST_P(SmallPrintFiles, AreRead) {
   const StackReader r = reader();
   EXPECT_EQ(r.info().format, GetParam().format);
   EXPECT_EQ(r.info().kind, StackKind::foreign);
-  EXPECT_EQ(r.grid().layers, kSmallLayers);
+  EXPECT_EQ(r.grid().layers, kFileLayers);
   EXPECT_NEAR(r.grid().pixel_x_um, 50, 1e-3);
   EXPECT_NEAR(r.grid().pixel_y_um, 50, 1e-3);
   EXPECT_NEAR(r.grid().layer_um, 50, 1e-3);
@@ -173,13 +176,13 @@ Images changed_images(const StackReader& r, int layers) {
   Images images{r.grid(), read_images(r)};
   images.grid.layers = layers;
   // One pixel of one layer, and what is added.
-  images.slices[2][5 * kSmallWidth + 7] = images.slices[2][5 * kSmallWidth + 7] > 0 ? 0 : 255;
+  images.slices[2][5 * kFileWidth + 7] = images.slices[2][5 * kFileWidth + 7] > 0 ? 0 : 255;
   images.slices.resize(static_cast<std::size_t>(layers), images.slices.back());
   return images;
 }
 
 TEST_P(SmallPrintFiles, ChangedImagesAndMoreLayersAreReadBack) {
-  for (const int layers : {kSmallLayers, kSmallLayers + 3, kSmallLayers - 1}) {
+  for (const int layers : {kFileLayers, kFileLayers + 3, kFileLayers - 1}) {
     const std::string out = folder_ / ("out_" + GetParam().name);
     const StackReader r = reader();
     const Images images = changed_images(r, layers);
@@ -235,7 +238,7 @@ TEST_P(SmallPrintFiles, ARecordBesideIsBelievedOnlyOfItsOwnFile) {
   StackFile other(folder_ / ("other_" + GetParam().name));
   other.keep_from = path_;
   StackInfo foreign = r.info();
-  write_stack(other, changed_images(r, kSmallLayers), foreign);
+  write_stack(other, changed_images(r, kFileLayers), foreign);
   EXPECT_FALSE(std::filesystem::exists(record_beside(other.path)));
   std::filesystem::copy_file(other.path, file.path,
                              std::filesystem::copy_options::overwrite_existing);
@@ -301,7 +304,7 @@ class PrintFileRefusals : public testing::Test {
 };
 
 TEST_F(PrintFileRefusals, OfCtb) {
-  const SmallFile ctb = small_new("ctb", *detail::ctb_code(kSmallWidth, kSmallHeight, 0));
+  const SmallFile ctb = small_new("ctb", *detail::ctb_code(kFileWidth, kFileHeight, 0));
   const auto u32 = [&](std::size_t at) {
     std::uint32_t v;
     std::memcpy(&v, ctb.bytes.data() + at, 4);
@@ -351,7 +354,7 @@ TEST_F(PrintFileRefusals, OfPhoton) {
 }
 
 TEST_F(PrintFileRefusals, OfGoo) {
-  const SmallFile goo = small_new("goo", *detail::goo_code(kSmallWidth, kSmallHeight, false));
+  const SmallFile goo = small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false));
   const auto byte = [&](std::size_t at, std::uint8_t value) {
     return refusal(
         goo, [&](FileMaker& m) { m.bytes[at] = value; }, true);
@@ -423,14 +426,14 @@ TEST_F(PrintFileRefusals, CorrectionsWithMoreLevelsThanAFileHas) {
     context.notice = [&](const std::string& text) {
       if (told) *told += text;
     };
-    return printer_for_file(printer, file, {kSmallWidth, kSmallHeight, 1, 50, 50, 50}, context);
+    return printer_for_file(printer, file, {kFileWidth, kFileHeight, 1, 50, 50, 50}, context);
   };
   std::string told;
-  EXPECT_EQ(fitted(small_new("goo", *detail::goo_code(kSmallWidth, kSmallHeight, false)), &told),
+  EXPECT_EQ(fitted(small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false)), &told),
             printer);
   EXPECT_EQ(told, "");
   const Printer ctb =
-      fitted(small_new("ctb", *detail::ctb_code(kSmallWidth, kSmallHeight, 0)), &told);
+      fitted(small_new("ctb", *detail::ctb_code(kFileWidth, kFileHeight, 0)), &told);
   EXPECT_EQ(ctb.bit_depth, 7);
   EXPECT_THAT(told, HasSubstr("holds 128 grey levels"));
   ASSERT_EQ(ctb.calibration.size(), 128u);
@@ -445,6 +448,49 @@ TEST_F(PrintFileRefusals, CorrectionsWithMoreLevelsThanAFileHas) {
   printer.bit_depth = 1;
   printer.calibration = {{0, 0}, {1, 10}};
   EXPECT_EQ(fitted(small_photon(1)), printer);
+}
+
+TEST_F(PrintFileRefusals, TimesThatAFileCannotSayAreRefusedBeforeAnythingIsComputed) {
+  struct Case {
+    SmallFile file;
+    double exposure_s, bottom_s;
+    int bottom_layers, fade_layers;
+    const char* words;  ///< none: they can be said
+  };
+  const auto goo = small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false));
+  for (const Case& c :
+       {Case{small_cxdlp(3), 2.53, 40, 1, 0, "tenths of a second"},
+        Case{small_cxdlp(3), 2.5, 40, 1, 2, "fade"}, Case{small_cxdlp(3), 2.6, 41, 1, 0, nullptr},
+        Case{small_lgs(), 6.1, 40, 1, 2, "fade"}, Case{small_lgs(), 6.123, 40, 3, 0, nullptr},
+        Case{small_workshop(true), 2.2, 40, 1, 2, "fade"},
+        Case{small_photon(4), 8.1, 60, 2, 3, "fade"}, Case{goo, 2.7, 30, 1, 4, nullptr}}) {
+    SCOPED_TRACE(c.file.name);
+    const std::string path = folder_ / c.file.name;
+    write_file(path, c.file.bytes);
+    const StackReader target(path, folder_.path());
+    StackFile file(folder_ / ("out" + c.file.name.substr(c.file.name.rfind('.'))));
+    file.format = c.file.format;
+    file.keep_from = path;
+    StackInfo info;
+    info.kind = StackKind::corrected;
+    info.grid = target.grid();
+    info.process.emplace();
+    info.process->mode = ExposureMode::layerwise;
+    info.process->exposure_s = c.exposure_s;
+    info.process->bottom_exposure_s = c.bottom_s;
+    info.process->bottom_layers = c.bottom_layers;
+    info.process->fade_layers = c.fade_layers;
+    const auto before = folder_.count();
+    if (c.words) {
+      EXPECT_THAT(test::refusal([&] { check_file_times(file, info); }),
+                  AllOf(HasSubstr(path), HasSubstr(c.words)));
+    } else {
+      check_file_times(file, info);
+    }
+    // The file's own times can always be said.
+    check_file_times(file, target.info());
+    EXPECT_EQ(folder_.count(), before);
+  }
 }
 
 TEST(PrintFiles, FormatsSayWhatTheyCanHold) {

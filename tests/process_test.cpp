@@ -16,6 +16,7 @@
 
 #include "refusal.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
@@ -737,18 +738,57 @@ TEST(FlowKeys, AreReadAtTheTopAndInTheirTables) {
   }
 }
 
+TEST_F(DefinitionFiles, LightThatIsToBeMeasuredIsRefusedWhereItIsNeeded) {
+  const std::string text = with(kPrinter, "calibration = [[0, 1.0], [128, 31.0], [255, 100.0]]",
+                                "calibration = \"to be measured\"");
+  const std::string file = write("dark.toml", text);
+  const Printer display = load_display(file);
+  EXPECT_FALSE(light_is_measured(display));
+  EXPECT_TRUE(display.calibration.empty());
+  const Printer whole = parse_printer(kPrinter, "dark.toml");
+  EXPECT_TRUE(light_is_measured(whole));
+  EXPECT_EQ(parse_display(kPrinter, "dark.toml"), whole);
+  Printer same = display;
+  same.calibration = whole.calibration;
+  EXPECT_EQ(same, whole);
+  for (const auto& load : {std::function([&] { load_printer(file); }),
+                           std::function([&] { parse_printer(text, file); }),
+                           std::function([&] { complete_printer(text, file); })}) {
+    EXPECT_THAT(
+        refusal(load),
+        testing::AllOf(testing::StartsWith(file), testing::HasSubstr("line "),
+                       testing::HasSubstr("blue.calibration: is to be measured"),
+                       testing::HasSubstr("printer 'dlp-1'"), testing::HasSubstr("power meter"),
+                       testing::HasSubstr("255"), testing::HasSubstr("testpart levels"),
+                       testing::HasSubstr("resinctl import")));
+  }
+  // Nothing else stands for it, and nothing else is forgiven.
+  for (const char* other : {"\"To be measured\"", "\"\"", "\"unknown\"", "[]", "0"}) {
+    const std::string wrong = with(kPrinter, "calibration = [[0, 1.0], [128, 31.0], [255, 100.0]]",
+                                   std::string("calibration = ") + other);
+    EXPECT_THROW(parse_display(wrong, "p.toml"), InputError) << other;
+  }
+  EXPECT_THROW(parse_display(with(text, "width_px = 1280", "width_pixels = 1280"), "p.toml"),
+               InputError);
+}
+
 TEST_F(DefinitionFiles, ShippedOnesParseAndAreFoundByName) {
   int printers = 0, resins = 0;
   for (const auto& entry : fs::directory_iterator(SLICECORR_PRINTERS_DIR)) {
     if (entry.path().extension() != ".toml") continue;
     ++printers;
     const std::string name = entry.path().stem().string();
-    const Printer p = load_printer(entry.path().string());
+    const Printer p = load_display(entry.path().string());
     EXPECT_EQ(p.name, name);
     set("SLICECORR_DB", SLICECORR_PRINTERS_DIR);
-    EXPECT_EQ(load_printer(name), p);
+    EXPECT_EQ(load_display(name), p);
     unsetenv("SLICECORR_DB");
-    EXPECT_EQ(load_printer(name), p);  // the source's own database, found from the build folder
+    EXPECT_EQ(load_display(name), p);  // the source's own database, found from the build folder
+    if (light_is_measured(p)) {
+      EXPECT_EQ(load_printer(name), p);
+    } else {
+      EXPECT_THAT(refusal([&] { load_printer(name); }), testing::HasSubstr("to be measured"));
+    }
   }
   for (const auto& entry : fs::directory_iterator(SLICECORR_DB_DIR)) {
     if (entry.path().extension() != ".toml") continue;

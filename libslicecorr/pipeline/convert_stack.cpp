@@ -7,6 +7,7 @@
 #include "pipeline/uv_images.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
+#include "slicecorr/file_times.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
@@ -69,6 +70,7 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
     info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * grid.pixel_x_um *
                            grid.pixel_y_um * grid.layer_um * 1e-9;
   }
+  check_file_times(file, info);
   StackWriter writer(file, grid, context);
   if (info.printer && info.resin && info.process) {
     const PlaceModels models(*info.printer, *info.resin, *info.process, grid, slices.frame());

@@ -22,6 +22,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
+#include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/print_file.hpp"
 
@@ -39,31 +40,11 @@ using detail::LightCounts;
 using detail::pixels_of_columns;
 using detail::PlacePlans;
 using detail::PlaceWindows;
-using detail::SliceRange;
 using detail::TargetScan;
 using detail::VolumeReducer;
 using detail::whole_image;
 
 namespace {
-
-/// The slice ranges of a band that are read in parallel: where there are few bands, the last of
-/// them would keep one thread busy and leave the others idle.
-std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t bands) {
-  constexpr int enough = 64, least_slices = 16;
-  const int layers = target.grid().layers;
-  int count = 1;
-  if (target.reads_any_slices() && bands > 0) {
-    const int wanted = (enough + static_cast<int>(bands) - 1) / static_cast<int>(bands);
-    count = std::clamp(wanted, 1, std::max(1, layers / least_slices));
-  }
-  std::vector<SliceRange> ranges;
-  ranges.reserve(static_cast<std::size_t>(count));
-  for (int i = 0; i < count; ++i) {
-    ranges.push_back({static_cast<int>(std::int64_t{layers} * i / count),
-                      static_cast<int>(std::int64_t{layers} * (i + 1) / count)});
-  }
-  return ranges;
-}
 
 Grid with_layers(Grid grid, int layers) {
   grid.layers = layers;
@@ -458,34 +439,6 @@ Correction StackCorrection::result() {
 
 }  // namespace
 
-StackInfo write_target(const SliceSource& target, const StackFile& file,
-                       const ExecutionContext& context) {
-  const Grid& grid = target.grid();
-  StackWriter writer(file, grid, context);
-  const SliceSource* edges = target.edge_heights();
-  if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;
-  TargetScan scan(target);
-  const auto bands = bands_of(grid, target.bounds());
-  const auto ranges = slice_ranges_of(target, bands.size());
-  parallel_for(context, "slice", bands.size() * ranges.size(), [&](std::size_t i) {
-    const PixelBox& band = bands[i / ranges.size()];
-    StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
-    scan.read(band, ranges[i % ranges.size()], [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) context.check_cancelled();
-      encoder.put(n, band.x0, band.x1, rows);
-    });
-    if (i % ranges.size() == 0) detail::put_edge_heights(edges, band, encoder, context);
-  });
-  StackInfo info;
-  info.grid = grid;
-  detail::set_frame(info, target);
-  info.kind = StackKind::target;
-  info.has_edge_heights = edges != nullptr;
-  scan.fill(info);
-  writer.finish(info, scan.picture());
-  return info;
-}
-
 CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
                                const ExecutionContext& context) {
   const PlacePlans plans(target, setup, context);
@@ -496,6 +449,11 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   Setup setup = asked;
   setup.printer = printer_for_file(asked.printer, file, target.grid(), context);
+  StackInfo planned;
+  planned.kind = StackKind::corrected;
+  planned.grid = target.grid();
+  planned.process = setup.process;
+  check_file_times(file, planned);
   const SlicesAlone alone(target);
   const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
   if (wanted.doses()) detail::check_graded(wanted, setup);

@@ -38,6 +38,7 @@ std::string readers_of(const std::string& part) {
       {"wedge", "slicecorr tune or resinctl fit --model jacobs"},
       {"dead-zone", "resinctl fit --model deadzone-steady"},
       {"flat-field", "resinctl import --format flat-field"},
+      {"levels", "resinctl import --format calibration"},
       {"spread", "resinctl fit-spread"}};
   const auto found = readers.find(part);
   return found == readers.end() ? "another version of slicecorr" : found->second;

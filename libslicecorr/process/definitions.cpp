@@ -13,6 +13,7 @@
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/csv.hpp"
 #include "support/text/nearest.hpp"
@@ -394,7 +395,14 @@ std::string find_definition(const std::string& name, std::string_view kind) {
                                name, looked, known.empty() ? "none" : known));
 }
 
-Printer parse_printer(std::string_view text, const std::string& source) {
+namespace {
+
+bool is_to_be_measured(const TomlTable& blue) {
+  const toml::node* node = blue.node("calibration");
+  return node && node->is_string() && **node->as_string() == kToBeMeasured;
+}
+
+Printer printer_of(std::string_view text, const std::string& source, bool needs_light) {
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
   Printer printer;
@@ -423,7 +431,11 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   detail::flat_field_keys(display);
   const TomlTable blue = root.required_table("blue");
   printer.wavelength_nm = blue.number("wavelength_nm", 0, 1e5).value_or(0);
-  printer.calibration = calibration(blue, printer.bit_depth, true);
+  if (!is_to_be_measured(blue)) {
+    printer.calibration = calibration(blue, printer.bit_depth, true);
+  } else if (needs_light) {
+    blue.fail("calibration", "is " + how_to_measure_light(printer));
+  }
   printer.spread.gaussians = detail::spread_keys(blue, printer).gaussians;
   if (const auto uv = root.table("uv")) {
     UvLamp lamp;
@@ -461,6 +473,30 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   }
   detail::tomography_keys(root, printer);
   return printer;
+}
+
+}  // namespace
+
+Printer parse_printer(std::string_view text, const std::string& source) {
+  return printer_of(text, source, true);
+}
+
+Printer parse_display(std::string_view text, const std::string& source) {
+  return printer_of(text, source, false);
+}
+
+bool light_is_measured(const Printer& printer) { return !printer.calibration.empty(); }
+
+std::string how_to_measure_light(const Printer& printer) {
+  return fmt::format(
+      "{}: nobody has told yet how bright the display of printer '{}' is. Lay a power meter{} on "
+      "the display without its vat, show even images of six grey levels or more, {} and 0 among "
+      "them, and note the mW/cm² of each (slicecorr testpart levels makes these images, with a "
+      "table to fill in; resinctl import makes a printer file of the table). Expected [[grey level, "
+      "mW/cm²], ...] or a .csv file",
+      kToBeMeasured, printer.name,
+      printer.wavelength_nm > 0 ? fmt::format(" for {:g} nm", printer.wavelength_nm) : "",
+      printer.levels() - 1);
 }
 
 Resin parse_resin(std::string_view text, const std::string& source,

@@ -6,7 +6,9 @@
 #include <filesystem>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/file_greys.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "stack/container/container.hpp"
 #include "stack/formats/archive_format.hpp"
 
@@ -37,6 +39,26 @@ double intensity_at(const Printer& printer, double level) {
 
 }  // namespace
 
+namespace {
+
+/// Null where all grey values are held, and where nothing is known: what is not made from nothing.
+detail::LayerCodecPtr codec_of(const StackFile& file, const detail::ArchiveFormat& format,
+                               const Grid& grid) {
+  if (file.keep_from.empty()) return format.new_codec(grid);
+  const auto kept =
+      detail::open_container(file.keep_from, std::filesystem::temp_directory_path().string());
+  return format.read(*kept).codec;
+}
+
+}  // namespace
+
+FileGreys greys_of_file(const StackFile& file, const Grid& grid) {
+  const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
+  if (format.container() != detail::ContainerKind::binary) return detail::all_grey();
+  const detail::LayerCodecPtr codec = codec_of(file, format, grid);
+  return codec ? codec->shown() : detail::all_grey();
+}
+
 bool file_holds_levels(const detail::ShownGrey& shown, const Printer& printer) {
   return holds_levels(shown, printer.levels());
 }
@@ -45,12 +67,7 @@ Printer printer_for_file(const Printer& printer, const StackFile& file, const Gr
                          const ExecutionContext& context) {
   const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
   if (format.container() != detail::ContainerKind::binary) return printer;
-  detail::LayerCodecPtr codec = format.new_codec(grid);
-  if (!file.keep_from.empty()) {
-    const auto kept =
-        detail::open_container(file.keep_from, std::filesystem::temp_directory_path().string());
-    codec = format.read(*kept).codec;
-  }
+  const detail::LayerCodecPtr codec = codec_of(file, format, grid);
   if (!codec || holds_levels(codec->shown(), printer.levels())) return printer;
   const detail::ShownGrey& shown = codec->shown();
   const int in_file = detail::levels_of(shown);
@@ -69,7 +86,7 @@ Printer printer_for_file(const Printer& printer, const StackFile& file, const Gr
     --few.bit_depth;
   } while (few.bit_depth > 1 && !holds_levels(shown, few.levels()));
   few.calibration.clear();
-  for (int level = 0; level < few.levels(); ++level) {
+  for (int level = 0; level < few.levels() && light_is_measured(printer); ++level) {
     const int value = shown[static_cast<std::size_t>(pixel_of(level, few.levels()))];
     few.calibration.push_back({static_cast<double>(level),
                                intensity_at(printer, value * (printer.levels() - 1) / 255.0)});

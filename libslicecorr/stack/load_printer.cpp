@@ -11,6 +11,7 @@
 #include "process/spread_keys.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/png/png.hpp"
 #include "support/toml/toml_table.hpp"
@@ -163,8 +164,10 @@ FlatField load_flat_field(const std::string& path, const Printer& printer, bool 
   return field;
 }
 
-Printer complete_printer(std::string_view text, const std::string& source) {
-  Printer printer = parse_printer(text, source);
+namespace {
+
+/// `printer` with the pictures that its file names.
+Printer with_pictures(Printer printer, std::string_view text, const std::string& source) {
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
   printer.spread.picture = spread_picture(root.required_table("blue"), printer);
@@ -179,6 +182,18 @@ Printer complete_printer(std::string_view text, const std::string& source) {
     display.fail("flat_field", e.what());
   }
   return printer;
+}
+
+}  // namespace
+
+Printer complete_printer(std::string_view text, const std::string& source) {
+  return with_pictures(parse_printer(text, source), text, source);
+}
+
+Printer load_display(const std::string& name_or_path) {
+  const std::string path = find_definition(name_or_path, "printer");
+  const std::string text = read_text_file(path);
+  return with_pictures(parse_display(text, path), text, path);
 }
 
 Printer load_printer(const std::string& name_or_path) {

@@ -1,34 +1,23 @@
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
 #include <cstring>
-#include <map>
-#include <mutex>
-#include <optional>
-#include <span>
 #include <stdexcept>
 
 #include "base/run_length.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/print_file.hpp"
-#include "slicecorr/stack.hpp"
-#include "stack/blob_store.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
-#include "stack/formats/archive_format.hpp"
 #include "stack/formats/png_archive.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/layer_encoding.hpp"
-#include "stack/png/png.hpp"
 #include "stack/recording_entry.hpp"
+#include "stack/stack_writer_parts.hpp"
 
 namespace slicecorr {
 namespace {
 
-using detail::ArchiveContents;
-using detail::ArchiveFormat;
 using detail::PixelCode;
 using detail::raw_stride;
 
@@ -36,133 +25,57 @@ using detail::raw_stride;
 /// microseconds.
 constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
 
-/// Whether layers of the two are lit for different times.
-bool exposures_differ(const StackInfo& a, const StackInfo& b) {
-  const int layers = std::min(a.grid.layers, b.grid.layers);
-  for (int n = 0; n < layers; ++n) {
-    if (detail::light_on_of_layer(a, n) != detail::light_on_of_layer(b, n)) return true;
-  }
-  return false;
-}
-
 }  // namespace
 
-struct StackWriter::Impl {
-  using Pieces = std::vector<BlobStore::Blob>;
+StackWriter::Impl::Impl(const StackFile& f, const Grid& g, const ExecutionContext& j)
+    : grid(g),
+      context(j),
+      file(f),
+      format(detail::format_named(f.format, f.path)),
+      output(detail::make_container_output(
+          f.path, format.container(), f.keep_from,
+          // Our own archives are read slice by slice, in any order, and should be read fast.
+          f.archive                          ? detail::ImagePacking::smallest
+          : &format == &detail::uvj_format() ? detail::ImagePacking::stored
+                                             : detail::ImagePacking::deflated)),
+      store(output->folder(), kMemoryBudget, j),
+      rows(band_rows(g)),
+      bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {
+  if (!file.keep_from.empty()) {
+    open_kept();
+  } else if (format.packs_rgb()) {
+    code = {1, 0, 8, 2, true, format.packs_bgr()};
+  } else if (format.container() == detail::ContainerKind::binary) {
+    codec = format.new_codec(g);
+    if (!codec) {
+      throw InputError(f.path, "",
+                       "files of the format " + std::string(format.name()) +
+                           " are only changed, not made from nothing; expected a file of the "
+                           "same printer as the template, or a format that can be made new");
+    }
+  }
+  if (!code.is_plain()) grey_adlers.resize(bands.size());
+}
 
-  /// The piece of a band without light, by its number of rows.
-  struct Black {
-    std::vector<std::uint8_t> chunk;
-    std::uint32_t adler = 1, grey_adler = 1;
-  };
+bool StackWriter::Impl::changes_exposures(const StackInfo& info) const {
+  if (!kept) return true;
+  return codec ? detail::replaces_exposures(info, kept_contents.info)
+               : detail::exposures_differ(info, kept_contents.info);
+}
 
-  Grid grid;
-  ExecutionContext context;
-  StackFile file;
-  const ArchiveFormat& format;
-  std::unique_ptr<detail::Container> kept;  ///< the archive that is changed; null for a new one
-  ArchiveContents kept_contents;
-  PixelCode code;
-  detail::LayerCodecPtr codec;  ///< of a binary file
-  std::unique_ptr<detail::ContainerOutput> output;
-  BlobStore store;
-  int rows = 0;  ///< of a band
-  /// Pieces by slice; of size 0 where black, empty until a band is begun.
-  std::vector<Pieces> bands, uv_bands;
-  std::vector<Pieces> edge_bands;  ///< edge heights by node; empty where the archive keeps none
-  /// Adler-32 of the pieces' grey rows, where the bytes in the PNG are not the grey values.
-  std::vector<std::vector<std::uint32_t>> grey_adlers;
-  std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
-  UvRows uv_rows;    ///< counts over `uv_of_pixel`, whose first is that of black
-  std::mutex mutex;  ///< of beginning a band
-
-  Impl(const StackFile& f, const Grid& g, const ExecutionContext& j)
-      : grid(g),
-        context(j),
-        file(f),
-        format(detail::format_named(f.format, f.path)),
-        output(detail::make_container_output(
-            f.path, format.container(), f.keep_from,
-            // Our own archives are read slice by slice, in any order, and should be read fast.
-            f.archive                          ? detail::ImagePacking::smallest
-            : &format == &detail::uvj_format() ? detail::ImagePacking::stored
-                                               : detail::ImagePacking::deflated)),
-        store(output->folder(), kMemoryBudget, j),
-        rows(band_rows(g)),
-        bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {
-    if (!file.keep_from.empty()) {
-      open_kept();
-    } else if (format.packs_rgb()) {
-      code = {1, 0, 8, 2, true, format.packs_bgr()};
-    } else if (format.container() == detail::ContainerKind::binary) {
-      codec = format.new_codec(g);
-      if (!codec) {
-        throw InputError(f.path, "",
-                         "files of the format " + std::string(format.name()) +
-                             " are only changed, not made from nothing; expected a file of the "
-                             "same printer as the template, or a format that can be made new");
-      }
-    }
-    if (!code.is_plain()) grey_adlers.resize(bands.size());
+void StackWriter::Impl::begin_band(std::size_t band) {
+  const std::scoped_lock lock(mutex);
+  if (bands[band].empty()) bands[band].resize(static_cast<std::size_t>(grid.layers));
+  if (!grey_adlers.empty() && grey_adlers[band].empty()) {
+    grey_adlers[band].resize(static_cast<std::size_t>(grid.layers));
   }
-  void open_kept();
-
-  int rows_of(std::size_t band) const {
-    return std::min(rows, grid.height_px - static_cast<int>(band) * rows);
+  if (uv_of_pixel && uv_bands[band].empty()) {
+    uv_bands[band].resize(static_cast<std::size_t>(grid.layers));
   }
-  std::size_t raw_size(std::size_t band) const {
-    return raw_stride(grid.width_px) * static_cast<std::size_t>(rows_of(band));
+  if (!edge_bands.empty() && edge_bands[band].empty()) {
+    edge_bands[band].resize(static_cast<std::size_t>(grid.layers) + 1);
   }
-  void begin_band(std::size_t band) {
-    const std::scoped_lock lock(mutex);
-    if (bands[band].empty()) bands[band].resize(static_cast<std::size_t>(grid.layers));
-    if (!grey_adlers.empty() && grey_adlers[band].empty()) {
-      grey_adlers[band].resize(static_cast<std::size_t>(grid.layers));
-    }
-    if (uv_of_pixel && uv_bands[band].empty()) {
-      uv_bands[band].resize(static_cast<std::size_t>(grid.layers));
-    }
-    if (!edge_bands.empty() && edge_bands[band].empty()) {
-      edge_bands[band].resize(static_cast<std::size_t>(grid.layers) + 1);
-    }
-  }
-  /// Pixels of `value`, rows with their filter bytes.
-  std::vector<std::uint8_t> plain_band(std::size_t band, std::uint8_t value) const {
-    std::vector<std::uint8_t> raw(raw_size(band), value);
-    const std::size_t stride = raw_stride(grid.width_px);
-    for (std::size_t at = 0; at < raw.size(); at += stride) raw[at] = 0;
-    return raw;
-  }
-  std::map<int, Black> make_black(std::uint8_t value, const PixelCode& pixels) const;
-  /// Checksums of all slices of one set of images, which are then added to the archive.
-  struct Images {
-    const std::vector<Pieces>& bands;
-    PixelCode code;
-    std::map<int, Black> black;
-    std::vector<std::uint32_t> adlers;       ///< of the PNGs' bytes
-    std::vector<std::uint32_t> grey_adlers;  ///< of grey rows: what stands for the image
-    std::vector<std::uint64_t> sizes;
-    Pieces small;  ///< data of each slice as one chunk, where files are to be small
-    bool lit(std::size_t band, std::size_t slice) const {
-      return !bands[band].empty() && bands[band][slice].size != 0;
-    }
-  };
-  Images gather(const std::vector<Pieces>& from, std::uint8_t background, std::size_t layers,
-                const PixelCode& pixels) const;
-  void make_small(Images& images);
-  void add_images(const std::vector<std::string>& names, const Images& images);
-  std::string stem() const;
-  /// Whether the exposures of what is written are others than those of the kept archive.
-  bool changes_exposures(const StackInfo& info) const {
-    // A part without times gets those of the archive that it is put into.
-    return !kept || (exposures_differ(info, kept_contents.info) &&
-                     (!codec || detail::exposure_summary(info).normal_s > 0));
-  }
-  void write_archive(const StackInfo& info, const GreyImage& preview);
-  void read_pixels(std::size_t slice, std::uint8_t* pixels) const;
-  void write_binary(const StackInfo& info, const GreyImage& preview);
-  void check_rewritten(const std::string& written, const StackInfo& info) const;
-};
+}
 
 /// Opens the archive that is changed. New images get the pixel code of those that it has, since its
 /// readers expect that.
@@ -510,183 +423,6 @@ void StackWriter::finish(const StackInfo& info, const GreyImage& preview) {
     throw std::invalid_argument("the info of a stack does not fit its images");
   }
   impl_->write_archive(info, preview);
-}
-
-struct StackWriter::BandEncoder::Impl {
-  /// Makes the pieces of plain grey images that have much in common.
-  struct Plain {
-    detail::IdatEncoder encoder;
-    BlobStore::Blob last;  ///< what `encoder` made last
-  };
-
-  StackWriter::Impl* writer;
-  int y0, y1;
-  Plain slices, edges;
-  std::vector<std::uint8_t> chunk;  ///< of the present slice
-  /// Where the bytes of images are not the grey values: rows of a band with their filter bytes,
-  /// black but for the columns that were put; and the same in the image's pixel code.
-  std::vector<std::uint8_t> raw, changed;
-  detail::IdatEncoder uv_encoder;
-
-  BlobStore::Blob piece_of(Plain& images, detail::IdatEncoder::Found found,
-                           const detail::GreyRows& rows);
-  void put_band(std::size_t band, int slice, const detail::GreyRows& rows);
-  void put_edges(std::size_t band, int node, const detail::GreyRows& rows);
-  template <class Put>
-  void put_bands(int x0, int x1, const std::uint8_t* rows, const Put& put);
-  BlobStore::Blob keep(std::uint32_t adler);
-  BlobStore::Blob keep_runs(const detail::GreyRows& rows);
-  std::vector<std::uint8_t> last_runs;  ///< of a binary file's band, as `keep_runs` made them last
-  BlobStore::Blob last_runs_blob;
-  std::span<const std::uint8_t> make_raw(std::size_t band, const detail::GreyRows& rows);
-};
-
-StackWriter::BandEncoder::BandEncoder(StackWriter& writer, int y0, int y1)
-    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, {}, {}, {}, {}, {}, {}, {}}) {
-  StackWriter::Impl& w = *writer.impl_;
-  const bool ends_well = y1 == w.grid.height_px || (y1 < w.grid.height_px && y1 % w.rows == 0);
-  if (y0 < 0 || y0 >= y1 || y0 % w.rows != 0 || !ends_well) {
-    throw std::invalid_argument("rows of a band encoder are no whole bands");
-  }
-  for (int y = y0; y < y1; y += w.rows) w.begin_band(static_cast<std::size_t>(y / w.rows));
-}
-
-StackWriter::BandEncoder::~BandEncoder() = default;
-StackWriter::BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
-
-/// Puts the chunk of the present slice into the store.
-BlobStore::Blob StackWriter::BandEncoder::Impl::keep(std::uint32_t adler) {
-  BlobStore::Blob piece = writer->store.put(chunk.data(), chunk.size());
-  piece.adler = adler;
-  return piece;
-}
-
-/// Columns and their runs, as StackReader keeps them: binary files code whole images.
-BlobStore::Blob StackWriter::BandEncoder::Impl::keep_runs(const detail::GreyRows& rows) {
-  const std::int32_t columns[2] = {rows.x0, rows.x1};
-  const auto pixels =
-      static_cast<std::size_t>(rows.x1 - rows.x0) * static_cast<unsigned>(rows.rows);
-  if (pixels == 0 || (rows.pixels[0] == 0 && detail::run_end(rows.pixels, 0, pixels) == pixels)) {
-    return {};
-  }
-  chunk.resize(sizeof columns);
-  std::memcpy(chunk.data(), columns, sizeof columns);
-  detail::run_length_encode(rows.pixels, pixels, chunk);
-  if (chunk != last_runs) {
-    last_runs = chunk;
-    last_runs_blob = writer->store.put(chunk.data(), chunk.size());
-  }
-  return last_runs_blob;
-}
-
-std::span<const std::uint8_t> StackWriter::BandEncoder::Impl::make_raw(
-    std::size_t band, const detail::GreyRows& rows) {
-  raw.assign(writer->raw_size(band), 0);
-  const std::size_t stride = raw_stride(rows.width_px);
-  const auto width = static_cast<std::size_t>(rows.x1 - rows.x0);
-  for (int y = 0; y < rows.rows; ++y) {
-    std::memcpy(raw.data() + stride * static_cast<unsigned>(y) + 1 + rows.x0,
-                rows.pixels + width * static_cast<unsigned>(y), width);
-  }
-  return raw;
-}
-
-/// The piece of what `images.encoder` took last. Parts that go straight up repeat a slice many
-/// times: its chunk is kept once.
-BlobStore::Blob StackWriter::BandEncoder::Impl::piece_of(Plain& images,
-                                                         detail::IdatEncoder::Found found,
-                                                         const detail::GreyRows& rows) {
-  if (found == detail::IdatEncoder::Found::other) {
-    chunk.clear();
-    images.encoder.make(chunk);
-    images.last = keep(detail::adler_of(rows));
-  }
-  return images.last;
-}
-
-void StackWriter::BandEncoder::Impl::put_edges(std::size_t band, int node,
-                                               const detail::GreyRows& rows) {
-  BlobStore::Blob& piece = writer->edge_bands[band][static_cast<std::size_t>(node)];
-  piece = {};
-  if (rows.pixels == nullptr) return;
-  const detail::IdatEncoder::Found found = edges.encoder.take(rows);
-  if (found != detail::IdatEncoder::Found::black) piece = piece_of(edges, found, rows);
-}
-
-void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
-                                              const detail::GreyRows& rows) {
-  using Found = detail::IdatEncoder::Found;
-  const auto n = static_cast<std::size_t>(slice);
-  BlobStore::Blob& piece = writer->bands[band][n];
-  piece = {};
-  if (writer->uv_of_pixel) writer->uv_bands[band][n] = {};
-  if (rows.pixels == nullptr) return;
-  if (writer->codec) {
-    piece = keep_runs(rows);
-    return;
-  }
-  const Found found = slices.encoder.take(rows);
-  if (found == Found::black) return;
-  if (writer->code.is_plain()) {
-    piece = piece_of(slices, found, rows);
-  } else {
-    const std::span<const std::uint8_t> grey = make_raw(band, rows);
-    writer->grey_adlers[band][n] = detail::adler_of(grey);
-    writer->code.expand(grey, rows.width_px, changed);
-    chunk.clear();
-    const std::uint32_t adler = slices.encoder.encode(changed, chunk);
-    piece = keep(adler);
-  }
-  if (!writer->uv_of_pixel) return;
-  const std::size_t stride = raw_stride(rows.width_px);
-  make_raw(band, rows);
-  const int first_row = static_cast<int>(band) * writer->rows;
-  for (std::size_t i = 0; i < raw.size(); i += stride) {
-    const std::span<std::uint8_t> row(raw.data() + i + 1, stride - 1);
-    if (writer->uv_rows) {
-      writer->uv_rows(slice, first_row + static_cast<int>(i / stride), row);
-    } else {
-      for (std::uint8_t& pixel : row) pixel = (*writer->uv_of_pixel)[pixel];
-    }
-  }
-  chunk.clear();
-  const std::uint32_t adler = uv_encoder.encode(raw, chunk);
-  writer->uv_bands[band][n] = keep(adler);
-}
-
-/// Calls `put` for each band of the rows, with what is in it.
-template <class Put>
-void StackWriter::BandEncoder::Impl::put_bands(int x0, int x1, const std::uint8_t* rows,
-                                               const Put& put) {
-  const Grid& grid = writer->grid;
-  if (x0 < 0 || x1 > grid.width_px) throw std::invalid_argument("columns outside of the stack");
-  x1 = std::max(x0, x1);
-  for (int y = y0; y < y1; y += writer->rows) {
-    const auto band = static_cast<std::size_t>(y / writer->rows);
-    const std::size_t offset = static_cast<std::size_t>(y - y0) * static_cast<unsigned>(x1 - x0);
-    put(band, detail::GreyRows{grid.width_px, x0, x1, writer->rows_of(band),
-                               rows == nullptr ? nullptr : rows + offset});
-  }
-}
-
-void StackWriter::BandEncoder::put(int slice, int x0, int x1, const std::uint8_t* rows) {
-  Impl& s = *impl_;
-  if (slice < 0 || slice >= s.writer->grid.layers) {
-    throw std::invalid_argument("slice outside of the stack");
-  }
-  s.put_bands(x0, x1, rows,
-              [&](std::size_t band, const detail::GreyRows& its) { s.put_band(band, slice, its); });
-}
-
-void StackWriter::BandEncoder::put_edge_heights(int node, int x0, int x1,
-                                                const std::uint8_t* rows) {
-  Impl& s = *impl_;
-  if (s.writer->edge_bands.empty()) return;
-  if (node < 0 || node > s.writer->grid.layers) {
-    throw std::invalid_argument("node outside of the stack");
-  }
-  s.put_bands(x0, x1, rows,
-              [&](std::size_t band, const detail::GreyRows& its) { s.put_edges(band, node, its); });
 }
 
 }  // namespace slicecorr

@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/measurements.hpp"
 #include "slicecorr/units.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 
 namespace slicecorr::resins {
 
@@ -185,7 +186,7 @@ void check_shape(CheckedFile& definition, const FlatField& field, const std::str
                  std::size_t line) {
   std::optional<Printer> printer;
   try {
-    printer = parse_printer(definition.text, definition.path);
+    printer = parse_display(definition.text, definition.path);
   } catch (const Error&) {
     return;  // said elsewhere
   }

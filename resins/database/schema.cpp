@@ -451,7 +451,8 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
      .key = "calibration",
      .type = calibration,
      .required = true,
-     .what = "grey level and mW/cm² at the window, all levels, never falling"},
+     .what =
+         "grey level and mW/cm² at the window, all levels, never falling; or \"to be measured\""},
     {.table = "blue",
      .key = "spread",
      .type = spread,

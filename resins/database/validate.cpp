@@ -12,6 +12,7 @@
 #include "database/schema.hpp"
 #include "slicecorr/beam_vat.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -366,7 +367,7 @@ class Checker : private CheckedFile {
       if (kind == "resin") {
         parse_resin(text, path);
       } else {
-        parse_beam_vat(text, path, parse_printer(text, path));
+        parse_beam_vat(text, path, parse_display(text, path));
       }
     } catch (const Error& e) {
       std::string message = e.what();

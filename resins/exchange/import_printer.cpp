@@ -17,7 +17,8 @@
 #include "exchange/import.hpp"
 #include "exchange/light_readings.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/process.hpp"
+#include "slicecorr/measuring_form.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
@@ -170,6 +171,12 @@ class SensorReadings {
 
 /// Levels and light as a file has them: two columns, or, for a lookup table, the light alone.
 std::vector<Reading> read_curve(const ImportSource& source, bool every_level, double levels) {
+  // In a table of a test part what was not measured is empty, and nothing else may have changed.
+  const bool form = source.text.find("# slicecorr testpart") < 8;
+  if (form) {
+    expect_form_of(source.path, {"levels"});
+    read_form(source.path);
+  }
   const CsvTable table(source.text, source.path, CsvTable::Header::optional);
   const std::size_t columns = table.header().size();
   const bool alone = every_level && columns == 1;
@@ -192,6 +199,7 @@ std::vector<Reading> read_curve(const ImportSource& source, bool every_level, do
     }
     const auto level = alone ? std::optional(expected) : table.number(row, first);
     const auto value = table.number(row, light);
+    if (form && level && !value) continue;
     if (!level || !value) table.fail(row, level ? light : first, "is empty; expected a number");
     if (*value < 0) table.fail(row, light, fmt::format("is {:g}; expected at least 0", *value));
     if (every_level && *level != expected) {
@@ -220,7 +228,7 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
   Imported made;
   made.kind = "printer";
   TomlEdit edit = printer_text(source, options, made.name);
-  const int bit_depth = parse_printer(edit.text(), made.name + ".toml").bit_depth;
+  const int bit_depth = parse_display(edit.text(), made.name + ".toml").bit_depth;
   const std::vector<Reading> points = read_curve(source, every_level, std::exp2(bit_depth));
   const std::size_t read = points.size();
   // Readings of the same level are averaged.
@@ -282,7 +290,7 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
   edit.set("provenance", std::string_view(lamp) == "uv" ? "uv_measurements" : "measurements",
            toml_text(fmt::format("calibration measured, {} readings, {}", read, source.file)));
   made.text = edit.text();
-  parse_printer(made.text, made.name + ".toml");
+  parse_display(made.text, made.name + ".toml");
   return {made};
 }
 
@@ -303,7 +311,7 @@ FlatField light_behind(GreyImage mask, const std::string& path) {
 
 /// Maps that lie across a portrait display can only be maps of the plate.
 void set_frame(TomlEdit& edit, const GreyImage& image, const std::string& path, Imported& made) {
-  const Printer printer = parse_printer(edit.text(), made.name + ".toml");
+  const Printer printer = parse_display(edit.text(), made.name + ".toml");
   edit.remove("display", "flat_field_reference");
   slicecorr::FlatField map;
   map.width_px = image.width_px;
@@ -356,7 +364,7 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   std::optional<LightMapOfReadings> map;
   const bool of_plate = options.frame != "image";
   if (readings) {
-    const Printer printer = parse_printer(edit.text(), made.name + ".toml");
+    const Printer printer = parse_display(edit.text(), made.name + ".toml");
     const Grid plate = plate_grid(printer);
     const double width_um =
         of_plate ? plate.width_px * plate.pixel_x_um : printer.width_px * printer.pixel_x_um;
@@ -454,7 +462,7 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
                                  field.image.height_px)));
   made.text = edit.text();
   made.attachments.push_back(std::move(image));
-  parse_printer(made.text, made.name + ".toml");
+  parse_display(made.text, made.name + ".toml");
   return {made};
 }
 

@@ -10,6 +10,7 @@
 #include "exchange/import.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/exchange.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
@@ -102,7 +103,8 @@ Imported with_its_files(const std::string& path, const std::string& kind) {
                                    {"uv", "calibration"},
                                    {"uv", "spread"},
                                    {"rotation", "wobble"}}) {
-    if (const auto file = root[table][key].value<std::string>(); file && kind == "printer") {
+    if (const auto file = root[table][key].value<std::string>();
+        file && kind == "printer" && *file != kToBeMeasured) {
       attach(table, key, *file);
     }
   }

@@ -15,7 +15,7 @@
 #include "describe.hpp"
 #include "slicecorr/beam_vat.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/load_printer.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/plots.hpp"
@@ -104,7 +104,7 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
   auto list = ordered_json::array();
   for (const Definition& d : list_definitions("printer")) {
     try {
-      const Printer p = load_printer(d.path);
+      const Printer p = load_display(d.path);
       std::istringstream in(words);
       bool fits = a.wavelength_nm == 0 || std::abs(p.wavelength_nm - a.wavelength_nm) <= 10;
       for (std::string word; in >> word;) fits = fits && d.name.find(word) != std::string::npos;
@@ -114,8 +114,10 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
            p.pixel_x_um == p.pixel_y_um ? fmt::format("{:g}", p.pixel_x_um)
                                         : fmt::format("{:g} x {:g}", p.pixel_x_um, p.pixel_y_um),
            p.wavelength_nm > 0 ? fmt::format("{:g}", p.wavelength_nm) : "-",
-           fmt::format("{:g} to {:g}", p.calibration.front().intensity_mw_cm2,
-                       p.calibration.back().intensity_mw_cm2),
+           light_is_measured(p)
+               ? fmt::format("{:g} to {:g}", p.calibration.front().intensity_mw_cm2,
+                             p.calibration.back().intensity_mw_cm2)
+               : std::string(kToBeMeasured),
            p.uv ? fmt::format("{:g} to {:g}", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()) : "-",
            p.vial ? fmt::format("{:g}", 2 * p.vial->inner_mm) : "-", d.path});
       list.push_back(ordered_json::parse(printer_json(p, d.path)));
@@ -162,7 +164,7 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
   const Located at = locate(a.name);
   if (at.kind == "printer") {
     if (!a.html.empty()) throw InputError(at.path, "", "is a printer; --html is for resins");
-    const Printer printer = load_printer(at.path);
+    const Printer printer = load_display(at.path);
     std::optional<Resin> resin;
     if (!a.resin.empty()) {
       if (!printer.vial && !load_beam_vat(at.path, printer)) {

@@ -11,6 +11,7 @@
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/units.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "slicecorr/vial.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -380,13 +381,20 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
                             display.number("flat_field_mean", 0, 1, true).value_or(0)));
     if (p.flat_field) out += line("", "curing light " + light_in_words(p));
   }
-  const double low = p.calibration.front().intensity_mw_cm2;
-  const double high = p.calibration.back().intensity_mw_cm2;
   out += "\nCuring light\n";
   if (p.wavelength_nm > 0) out += line("wavelength", fmt::format("{:g} nm", p.wavelength_nm));
-  out += line("intensity", fmt::format("{:g} to {:g} mW/cm² at the {}, {} calibration points", low,
-                                       high, p.vial ? "axis" : "window", p.calibration.size()));
-  if (low > 0) out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
+  if (light_is_measured(p)) {
+    const double low = p.calibration.front().intensity_mw_cm2;
+    const double high = p.calibration.back().intensity_mw_cm2;
+    out +=
+        line("intensity", fmt::format("{:g} to {:g} mW/cm² at the {}, {} calibration points", low,
+                                      high, p.vial ? "axis" : "window", p.calibration.size()));
+    if (low > 0) {
+      out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
+    }
+  } else {
+    out += line("intensity", how_to_measure_light(p));
+  }
   if (!p.spread.none()) out += line("spread", spread_in_words(p.spread));
   if (p.uv) {
     out += "\nUV light\n";
@@ -440,7 +448,11 @@ std::string printer_json(const Printer& p, const std::string& path) {
     for (const CalibrationPoint& c : points) list.push_back({c.level, c.intensity_mw_cm2});
     return list;
   };
-  j["calibration"] = curve(p.calibration);
+  if (light_is_measured(p)) {
+    j["calibration"] = curve(p.calibration);
+  } else {
+    j["calibration"] = kToBeMeasured;
+  }
   const auto spread_in = [](nlohmann::ordered_json& at, const LightSpread& spread) {
     for (const SpreadGaussian& g : spread.gaussians) at["spread"].push_back({g.sigma_um, g.weight});
     if (!spread.picture) return;

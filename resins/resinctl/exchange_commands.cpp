@@ -6,7 +6,7 @@
 #include "commands.hpp"
 #include "describe.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/load_printer.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
 
@@ -54,10 +54,13 @@ struct ExportArguments {
 };
 
 std::string export_printer(const Located& at, const std::string& format) {
-  const Printer printer = load_printer(at.path);
+  const Printer printer = load_display(at.path);
   if (format == "toml") return with_its_files(at.path, at.kind).text;
   if (format == "json") return printer_json(printer, at.path) + "\n";
   if (format == "csv") {
+    if (!light_is_measured(printer)) {
+      throw InputError(at.path, "blue.calibration", "is " + how_to_measure_light(printer));
+    }
     std::string text = "grey_level,intensity_mw_cm2\n";
     for (const CalibrationPoint& p : printer.calibration) {
       text += fmt::format("{:g},{:.10g}\n", p.level, p.intensity_mw_cm2);

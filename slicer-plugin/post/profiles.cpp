@@ -8,6 +8,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 #include "support/text/ascii.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -40,6 +41,24 @@ bool is_wavelength(const std::string& word) {
                      [](unsigned char c) { return std::isdigit(c) != 0; });
 }
 
+/// "pro", "2", "4k", "m3": in a profile such words tell one model of a printer from another. A layer
+/// height ("0.05") is none.
+bool tells_models_apart(const std::string& word) {
+  static const Words known = {"c", "dlp", "lite", "max", "mini",  "mono", "plus", "premium", "pro",
+                              "s", "se",  "sky",  "sq",  "ultra", "x",    "xl",   "zero"};
+  const bool digits =
+      std::any_of(word.begin(), word.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+  return known.contains(word) || (digits && word[0] != '0' && !is_wavelength(word));
+}
+
+/// Whether a printer of this name is meant by a profile: all its words are there, and none that
+/// makes it another model. Its light would be another's.
+bool is_this_printer(const Words& name, const Words& profile) {
+  return std::all_of(profile.begin(), profile.end(), [&](const std::string& word) {
+    return name.contains(word) || !tells_models_apart(word);
+  });
+}
+
 }  // namespace
 
 std::string definition_of_profile(const std::string& profile, const std::string& kind,
@@ -51,6 +70,7 @@ std::string definition_of_profile(const std::string& profile, const std::string&
   bool several = false;
   for (const Definition& definition : list_definitions(kind)) {
     std::vector<Words> names;
+    bool to_be_measured = false;
     try {
       const toml::table root = parse_toml(read_text_file(definition.path), definition.path);
       const auto text = [&](const char* key) {
@@ -58,6 +78,7 @@ std::string definition_of_profile(const std::string& profile, const std::string&
       };
       const double made_for = root["cure"]["wavelength_nm"].value<double>().value_or(0);
       if (wavelength_nm > 0 && made_for > 0 && made_for != wavelength_nm) continue;
+      to_be_measured = root["blue"]["calibration"].value<std::string>() == kToBeMeasured;
       Words name = words_of(definition.name);
       std::erase_if(name, is_wavelength);
       names.push_back(std::move(name));
@@ -71,13 +92,18 @@ std::string definition_of_profile(const std::string& profile, const std::string&
     }
     std::size_t matched = 0;
     for (const Words& words : names) {
-      if (std::includes(wanted.begin(), wanted.end(), words.begin(), words.end())) {
+      if (std::includes(wanted.begin(), wanted.end(), words.begin(), words.end()) &&
+          (kind != "printer" || is_this_printer(words, wanted))) {
         matched = std::max(matched, words.size());
       }
     }
-    if (matched == 0 || matched < most) continue;
-    several = matched == most;
-    most = matched;
+    if (matched == 0) continue;
+    // Whoever measured a printer has a file of the same maker and product beside the one that is to be
+    // measured, and means that.
+    const std::size_t fits = 2 * matched + (to_be_measured ? 0 : 1);
+    if (fits < most) continue;
+    several = fits == most;
+    most = fits;
     best = definition.name;
   }
   return several ? std::string() : best;

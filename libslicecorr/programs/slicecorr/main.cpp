@@ -21,7 +21,7 @@
 #include "programs/common/uncertain_options.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/load_printer.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
@@ -59,7 +59,7 @@ struct Arguments {
     MissingFacts facts;
     facts.layer_um = layer_um;
     if (!setup.printer.empty()) {
-      const Printer p = load_printer(setup.printer);
+      const Printer p = load_display(setup.printer);
       facts.pixel_x_um = p.pixel_x_um;
       facts.pixel_y_um = p.pixel_y_um;
     }
@@ -79,7 +79,7 @@ struct Arguments {
 int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
   check_output(a.output, a.mesh.parts);
-  const Printer printer = load_printer(a.setup.printer);
+  const Printer printer = load_display(a.setup.printer);
   const MeshSlices slices = slice_parts(a.mesh, printer, a.setup.wanted_surface(), context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
   const StackInfo info = write_target(*fitted, a.file(), context);
@@ -430,7 +430,7 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
   // For a printer whose display is known the images are turned to it.
   Printer printer;
   if (!a.setup.printer.empty()) {
-    printer = load_printer(a.setup.printer);
+    printer = load_display(a.setup.printer);
   } else if (stack.info().printer) {
     printer = *stack.info().printer;
   }

@@ -9,12 +9,16 @@
 
 #include "programs/common/make_part.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/file_greys.hpp"
+#include "slicecorr/level_images.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/measuring_form.hpp"
-#include "slicecorr/pipeline.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/test_part.hpp"
 #include "slicecorr/tuning_part.hpp"
 #include "slicecorr/turned.hpp"
+#include "slicecorr/write_images.hpp"
 
 namespace slicecorr::cli {
 
@@ -42,8 +46,8 @@ struct Beside {
   explicit Beside(const TestPartOptions& o)
       : form(o.form.empty() ? beside(o, ".csv") : o.form),
         sheet(o.sheet.empty() ? beside(o, ".html") : o.sheet) {
-    const std::vector<std::string> inputs = {o.printer, o.resin, o.output};
-    check_output(o.output, {o.printer, o.resin});
+    const std::vector<std::string> inputs = {o.printer, o.resin, o.output, o.kept};
+    check_output(o.output, {o.printer, o.resin, o.kept});
     check_output(form, inputs);
     check_output(sheet, inputs);
     if (form == sheet) throw InputError("--form and --sheet are the same file; expected two");
@@ -68,14 +72,44 @@ struct Beside {
   }
 };
 
+/// The archive to write, in the place of the layers of another where one is given.
+StackFile file_of(const TestPartOptions& o, const ExecutionContext& context) {
+  StackFile file(o.output);
+  file.format = o.format;
+  file.format = format_of(file);
+  if (!o.kept.empty()) {
+    file.keep_from = o.kept;
+    context.tell(o.kept + ": its settings and pictures stay, its layers become those of the part");
+  }
+  return file;
+}
+
+int level_images(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
+  if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
+  const StackFile file = file_of(o, context);
+  const Beside beside(o);
+  const Printer printer = load_display(o.printer);
+  const LevelImages part(printer, greys_of_file(file, plate_grid(printer)),
+                         {.layer_um = o.layer_um, .image_s = o.exposure_s});
+  const std::string form = form_text(part.form());
+  beside.check(form);
+  const FittedSlices fitted = fit_for_output(part, file, printer, context);
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
+  const StackInfo info = write_images(*fitted, part.image_s(), file, context);
+  console.say(fmt::format("{}: {} images of one grey level each, {:g} s each; fill in {}, print {}",
+                          o.output, info.grid.layers, o.exposure_s, beside.form, beside.sheet));
+  return kDone;
+}
+
 int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionContext& context,
                 Console& console) {
   if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
-  StackFile file(o.output);
-  file.format = o.format;
-  format_of(file);
+  const StackFile file = file_of(o, context);
   const Beside beside(o);
-  const Printer printer = load_printer(o.printer);
+  Printer printer = load_printer(o.printer);
+  // Levels are such as the archive holds, at the light that it really shows.
+  const bool grey = kind != TuningPartKind::comb && kind != TuningPartKind::flat_field;
+  if (grey) printer = printer_for_file(printer, file, plate_grid(printer), context);
   std::optional<Resin> resin;
   if (!o.resin.empty()) resin = load_resin(o.resin);
   TuningPart::Ask ask;
@@ -88,7 +122,10 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   beside.check(form);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
   beside.write(form, part.sheet(beside.form_name(), o.printer));
-  const StackInfo info = write_target(*fitted, file, context);
+  // Combs are corrected before they are printed, which says how long.
+  const StackInfo info = part.image_s().empty()
+                             ? write_target(*fitted, file, context)
+                             : write_images(*fitted, part.image_s(), file, context);
   console.say(fmt::format("{}: {} images, {} places to measure; fill in {}, print {}", o.output,
                           info.grid.layers, part.rows().size(), beside.form, beside.sheet));
   return kDone;
@@ -98,12 +135,11 @@ int test_part(const TestPartOptions& o, const ExecutionContext& context, Console
   for (const TuningPartKind kind : kKinds) {
     if (o.kind == word_of(kind)) return tuning_part(kind, o, context, console);
   }
-  StackFile file(o.output);
-  file.format = o.format;
-  format_of(file);
+  if (o.kind == "levels") return level_images(o, context, console);
+  const StackFile file = file_of(o, context);
   const Beside beside(o);
   check_output(o.picture, {o.printer, o.output});
-  const Printer printer = load_printer(o.printer);
+  const Printer printer = load_display(o.printer);
   const SpreadTestPart part(printer, o.layer_um, o.height_um);
   const std::string form = form_text(part.form());
   beside.check(form);
@@ -135,8 +171,10 @@ void add_test_part(Program& program, TestPartOptions& o) {
          "KIND", o.kind,
          "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
          "printed), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
-         "(lines and gaps), flat-field (plugs all over the plate)")
-      ->check(CLI::IsMember({"spread", "comb", "staircase", "wedge", "dead-zone", "flat-field"}))
+         "(lines and gaps), flat-field (plugs all over the plate), levels (even images of grey "
+         "levels, for a power meter)")
+      ->check(CLI::IsMember(
+          {"spread", "comb", "staircase", "wedge", "dead-zone", "flat-field", "levels"}))
       ->capture_default_str();
   sub->add_option("--resin", o.resin,
                   "Resin of a staircase, wedge or flat-field: a .toml file or a name");
@@ -152,9 +190,15 @@ void add_test_part(Program& program, TestPartOptions& o) {
       ->capture_default_str();
   sub->add_option("--uv-mw-cm2", o.uv_mw_cm2, "dead-zone: UV light at the window")
       ->check(number_in(0, 1e6, true));
-  sub->add_option("--exposure-s", o.exposure_s, "dead-zone: how long plugs are lit")
+  sub->add_option("--exposure-s", o.exposure_s,
+                  "dead-zone, levels: how long plugs are lit, or an image is shown")
       ->check(number_in(0, 1e6, true))
       ->capture_default_str();
+  sub->add_option(
+         "--template", o.kept,
+         "File of the same format whose settings and pictures stay, as the printer's slicer "
+         "made it")
+      ->check(CLI::ExistingFile);
   sub->add_option("--format", o.format, "Format of the archive, where its name does not tell");
   sub->add_option(
       "--picture", o.picture,

@@ -8,7 +8,7 @@
 namespace slicecorr::cli {
 
 struct TestPartOptions {
-  std::string printer, output, format, form, picture, kind = "spread", resin, sheet;
+  std::string printer, output, format, form, picture, kind = "spread", resin, sheet, kept;
   double layer_um = 50, height_um = 500, uv_mw_cm2 = 0, exposure_s = 30;
 };
 void add_test_part(Program& program, TestPartOptions& options);

@@ -76,6 +76,14 @@ ExposureSummary exposure_summary(const StackInfo& info) {
   return s;
 }
 
+bool exposures_differ(const StackInfo& a, const StackInfo& b) {
+  const int layers = std::min(a.grid.layers, b.grid.layers);
+  for (int n = 0; n < layers; ++n) {
+    if (light_on_of_layer(a, n) != light_on_of_layer(b, n)) return true;
+  }
+  return false;
+}
+
 }  // namespace slicecorr::detail
 
 namespace slicecorr {

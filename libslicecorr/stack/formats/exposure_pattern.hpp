@@ -22,5 +22,12 @@ struct ExposureSummary {
   bool uneven = false;
 };
 ExposureSummary exposure_summary(const StackInfo& info);
+/// Whether layers of the two are lit for different times.
+bool exposures_differ(const StackInfo& a, const StackInfo& b);
+/// Whether a part that is put into a binary file takes the place of the file's times: a part without
+/// times gets those that are there.
+inline bool replaces_exposures(const StackInfo& part, const StackInfo& file) {
+  return exposures_differ(part, file) && exposure_summary(part).normal_s > 0;
+}
 
 }  // namespace slicecorr::detail

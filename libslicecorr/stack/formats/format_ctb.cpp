@@ -46,6 +46,24 @@ void add_facts(const CtbFile& ctb, ArchiveContents& contents) {
                                   ctb.print->f32(0x18), ctb.print->f32(0x1c)));
   }
   if (ctb.slicer) {
+    const BinaryBlock& its = *ctb.slicer;
+    if (its.f32(0) > 0 || its.f32(8) > 0) {
+      add("second lift", fmt::format("{:g} mm at {:g} mm/min, bottom {:g} mm at {:g} mm/min, back "
+                                     "{:g} mm at {:g} mm/min",
+                                     its.f32(8), its.f32(0x0c), its.f32(0), its.f32(4),
+                                     its.f32(0x10), its.f32(0x14)));
+    }
+    // Of version 4 on in a block of its own.
+    const BinaryBlock* const v4 = ctb.v4 ? &*ctb.v4 : nullptr;
+    add("waits", fmt::format("{:g} s before lifts, {:g} s after them, {:g} s before light",
+                             v4 ? v4->f32(0x20) : 0, v4 ? v4->f32(0x1c) : its.f32(0x18),
+                             v4 ? v4->f32(0x18) : its.f32(0x34)));
+    if (!ctb.resin_name.empty()) add("resin", ctb.resin_name);
+    const std::uint32_t program = its.u32(0x30);
+    if (program > 0) {
+      add("program version", fmt::format("{}.{}.{}.{}", program >> 24, program >> 16 & 0xff,
+                                         program >> 8 & 0xff, program & 0xff));
+    }
     add("anti-aliasing", fmt::format("{}, level {}", ctb.slicer->u8(0x24) == 0x0f ? "on" : "off",
                                      ctb.slicer->u32(0x2c)));
     add("times of single layers", ctb.has_layer_flag() ? "heeded" : "not heeded");

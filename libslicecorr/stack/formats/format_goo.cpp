@@ -24,7 +24,7 @@ constexpr std::size_t kProgram = 0x0c, kProgramVersion = 0x2c, kPrinter = 0x5c, 
                       kResin = 0x9c, kAntiAliasing = 0xbc, kSmall = 0xc2, kLarge = 0x69e4,
                       kLayers = 0x2faee, kWidth = 0x2faf2, kHeight = 0x2faf4, kMirrorX = 0x2faf6,
                       kMirrorY = 0x2faf7, kDisplay = 0x2faf8, kLayerMm = 0x2fb04,
-                      kExposure = 0x2fb08, kMode = 0x2fb0c, kLightOff = 0x2fb0d,
+                      kExposure = 0x2fb08, kMode = 0x2fb0c, kLightOff = 0x2fb0d, kWaits = 0x2fb11,
                       kBottomExposure = 0x2fb29, kBottomLayers = 0x2fb2d, kLifts = 0x2fb31,
                       kBottomLight = 0x2fb71, kLight = 0x2fb73, kLayerFlag = 0x2fb75,
                       kPrintTime = 0x2fb76, kVolume = 0x2fb7a, kWeight = 0x2fb7e, kPrice = 0x2fb82,
@@ -120,8 +120,21 @@ void add_facts(const GooFile& goo, const BinaryFile& file, ArchiveContents& cont
     return fmt::format("{:g} mm at {:g} mm/min", head.f32(kLifts + i * kPairBytes),
                        head.f32(kLifts + i * kPairBytes + 4));
   };
-  add("lift", fmt::format("{}, bottom {}, back {}", pair(1), pair(0), pair(3)));
-  add("anti-aliasing", std::to_string(head.u16(kAntiAliasing)));
+  add("lift", fmt::format("{}, bottom {}, back {}, bottom {}", pair(1), pair(0), pair(3), pair(2)));
+  bool two_stages = false;
+  for (std::size_t i = 4; i < 8; ++i) two_stages |= head.f32(kLifts + i * kPairBytes) > 0;
+  if (two_stages) {
+    add("second lift",
+        fmt::format("{}, bottom {}, back {}, bottom {}", pair(5), pair(4), pair(7), pair(6)));
+  }
+  // Before lifts, after them, after the way back: first those of bottom layers.
+  const auto waits = [&](std::size_t first) {
+    return fmt::format("{:g} s, {:g} s, {:g} s", head.f32(kWaits + 4 * first),
+                       head.f32(kWaits + 4 * first + 4), head.f32(kWaits + 4 * first + 8));
+  };
+  add("waits", waits(3) + " before and after lifts and before light, bottom " + waits(0));
+  add("anti-aliasing", fmt::format("{}, grey {}, blur {}", head.u16(kAntiAliasing),
+                                   head.u16(kAntiAliasing + 2), head.u16(kAntiAliasing + 4)));
   add("times of single layers", head.u8(kLayerFlag) != 0 ? "heeded" : "not heeded");
   add("transition layers", std::to_string(head.u16(kTransition)));
   add("resin used", fmt::format("{:g} ml, {:g} g, cost {:g}", head.f32(kVolume) / 1000,

@@ -1,0 +1,141 @@
+#include "slicecorr/level_images.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "pipeline/part_sheet.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "support/text/escape.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+/// As many as show a curve like that of a display, which is steep where it is bright.
+constexpr int kImages = 9;
+
+/// The images side by side, each with its number and level.
+std::string swatches(const std::vector<int>& levels, const std::vector<std::uint8_t>& values) {
+  constexpr int kSide = 70, kStep = 78;
+  std::string svg = fmt::format(
+      "<svg viewBox=\"0 0 {0} 104\" width=\"{0}\" height=\"104\" role=\"img\" "
+      "aria-label=\"the images from the first to the last\">",
+      kStep * static_cast<int>(levels.size()));
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    const int x = kStep * static_cast<int>(i);
+    svg += fmt::format(
+        "<rect x=\"{0}\" y=\"1\" width=\"{1}\" height=\"{1}\" fill=\"rgb({2},{2},{2})\" "
+        "stroke=\"#888\"/><text text-anchor=\"middle\" x=\"{3}\" y=\"88\" font-size=\"12\">image "
+        "{4}</text><text text-anchor=\"middle\" x=\"{3}\" y=\"102\" font-size=\"12\">level "
+        "{5}</text>",
+        x + 1, kSide, values[i], x + 1 + kSide / 2, i + 1, levels[i]);
+  }
+  return svg + "</svg>";
+}
+
+}  // namespace
+
+LevelImages::LevelImages(const Printer& printer, const FileGreys& greys, const Ask& ask)
+    : ask_(ask),
+      printer_name_(printer.name),
+      wavelength_nm_(printer.wavelength_nm),
+      grid_(plate_grid(printer)) {
+  if (!(ask.layer_um > 0)) throw InputError("layers are 0 um high; expected more");
+  if (!(ask.image_s > 0)) throw InputError("images are shown for 0 s; expected more");
+  const int top = printer.levels() - 1;
+  std::vector<int> held;
+  for (int level = 0; level <= top; ++level) {
+    const int value = pixel_of_level(level, printer.levels());
+    if (greys[static_cast<std::size_t>(value)] == value) held.push_back(level);
+  }
+  if (held.empty() || held.front() != 0 || held.back() != top) {
+    throw InputError(fmt::format(
+        "the archive holds {} of the {} grey levels of printer '{}', black and full light not both "
+        "among them; expected both",
+        held.size(), top + 1, printer.name));
+  }
+  for (int n = 0; n < kImages; ++n) {
+    const double wanted = 1.0 * top * n / (kImages - 1);
+    int best = held.front();
+    for (const int level : held) {
+      if (std::abs(level - wanted) < std::abs(best - wanted)) best = level;
+    }
+    if (!levels_.empty() && best <= levels_.back()) continue;  // few levels
+    levels_.push_back(best);
+    values_.push_back(static_cast<std::uint8_t>(pixel_of_level(best, printer.levels())));
+  }
+  grid_.layer_um = ask.layer_um;
+  grid_.layers = static_cast<int>(levels_.size());
+}
+
+void LevelImages::read_band(const PixelBox& band, const Sink& sink) const {
+  std::vector<std::uint8_t> rows(static_cast<std::size_t>(band.width()) *
+                                 static_cast<std::size_t>(band.height()));
+  for (int n = 0; n < grid_.layers; ++n) {
+    const std::uint8_t value = values_[static_cast<std::size_t>(n)];
+    rows.assign(rows.size(), value);
+    sink(n, value == 0 ? nullptr : rows.data());
+  }
+}
+
+MeasuringForm LevelImages::form() const {
+  MeasuringForm f;
+  f.part = "levels";
+  f.facts.emplace_back("width_px", fmt::format("{}", grid_.width_px));
+  f.facts.emplace_back("height_px", fmt::format("{}", grid_.height_px));
+  f.columns = {"level", "mw_cm2"};
+  f.known = 1;
+  f.note =
+      "Fill in mw_cm2, mW/cm² at the window; leave empty what was not measured, but for the first "
+      "and the last; change nothing else.";
+  for (const int level : levels_) f.rows.push_back({fmt::format("{}", level)});
+  return f;
+}
+
+std::string LevelImages::sheet(const std::string& form_file,
+                               const std::string& printer_file) const {
+  detail::PartSheet s;
+  s.title = "Light of the grey levels, " + printer_name_;
+  s.about =
+      "What light each grey level gives at the window. Corrections are made of these numbers: "
+      "nothing else of a printer matters as much, and no two displays are alike.";
+  s.tools = {
+      fmt::format("A power meter for {}, with a sensor smaller than the display, that tells "
+                  "mW/cm² to two digits at full light and in the dark (0.01 mW/cm² or finer)",
+                  wavelength_nm_ > 0 ? fmt::format("{:g} nm", wavelength_nm_)
+                                     : "the wavelength of your printer, mostly 405 nm"),
+      "Glasses against that light, and gloves"};
+  s.steps = {
+      "Take off vat and platform, so that nothing lies on the display and nothing can come down on "
+      "the sensor. Where the printer insists on a vat, take one that is empty and clean; what you "
+      "then measure is the light at its film, which is right, too.",
+      "Let the lamp be lit for some minutes if you can: cold lamps are brighter.",
+      "Lay the sensor face down onto the middle of the display.",
+      fmt::format(
+          "Print the file: <b>{} images</b>, each all of one grey, from black to full light, "
+          "each lit for <b>{:g} s</b>. What the printer's motor does does not matter.",
+          levels_.size(), ask_.image_s),
+      "At each image wait until the reading stands still, and write it down; that of black, too, "
+      "which is small: its light adds up over a whole print. Take off what the meter shows while "
+      "the lamp is off.",
+      "A display whose readings do not rise from image to image, or jump from nothing to full, "
+      "shows no grey: write <b>bit_depth = 1</b> into a copy of the printer's file, and measure "
+      "black and full light."};
+  s.picture = swatches(levels_, values_);
+  s.caption = "The images, from the first to the last.";
+  s.heads = {"image", "level", "mW/cm²"};
+  for (std::size_t i = 0; i < levels_.size(); ++i) {
+    s.rows.push_back({fmt::format("{}", i + 1), fmt::format("{}", levels_[i])});
+  }
+  s.after = fmt::format(
+      "Copy the last column into <b>{}</b>. What was not measured stays empty, but the first and the "
+      "last are needed. Change nothing else there.",
+      escape_markup(form_file));
+  s.commands = {fmt::format("resinctl import {} --format calibration --printer {} --name my-{}",
+                            form_file, printer_file, printer_name_)};
+  return sheet_page(s);
+}
+
+}  // namespace slicecorr

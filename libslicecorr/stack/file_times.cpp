@@ -1,0 +1,38 @@
+#include "slicecorr/file_times.hpp"
+
+#include <filesystem>
+
+#include "stack/container/binary_file.hpp"
+#include "stack/formats/archive_format.hpp"
+#include "stack/formats/exposure_pattern.hpp"
+
+namespace slicecorr {
+
+void check_file_times(const StackFile& file, const StackInfo& info) {
+  const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
+  // Archives of images tell what they can't say; refusals are of binary files that are changed.
+  if (format.container() != detail::ContainerKind::binary || file.keep_from.empty()) return;
+  const auto kept =
+      detail::open_container(file.keep_from, std::filesystem::temp_directory_path().string());
+  if (format.container() != kept->kind() || !format.recognises(*kept)) return;  // said elsewhere
+  const detail::ArchiveContents contents = format.read(*kept);
+  if (!detail::replaces_exposures(info, contents.info)) return;
+  // A rehearsal: all of the file but its layers, which is never finished.
+  detail::CodedLayers layers{*contents.codec};
+  const auto count = static_cast<std::size_t>(info.grid.layers);
+  layers.sizes.resize(count * static_cast<std::size_t>(contents.codec->pieces()), 0);
+  layers.lit_pixels.resize(count, 0);
+  layers.append = [](std::size_t, std::vector<std::uint8_t>&) {};
+  detail::BinaryOutput output(file.path, file.keep_from);
+  const GreyImage preview;
+  format.write({.info = info,
+                .stem = {},
+                .checksums = {},
+                .preview = preview,
+                .kept = kept.get(),
+                .kept_contents = &contents,
+                .layers = &layers},
+               output);
+}
+
+}  // namespace slicecorr

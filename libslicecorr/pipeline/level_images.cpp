@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "pipeline/part_sheet.hpp"
+#include "pipeline/sheet_commands.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "support/text/escape.hpp"
@@ -133,8 +134,7 @@ std::string LevelImages::sheet(const std::string& form_file,
       "Copy the last column into <b>{}</b>. What was not measured stays empty, but the first and the "
       "last are needed. Change nothing else there.",
       escape_markup(form_file));
-  s.commands = {fmt::format("resinctl import {} --format calibration --printer {} --name my-{}",
-                            form_file, printer_file, printer_name_)};
+  s.commands = commands_on("levels", form_file, printer_file);
   return sheet_page(s);
 }
 

@@ -251,7 +251,11 @@ class MeasureLightProgram : public ProgramFixture {
 TEST_F(MeasureLightProgram, WhatNeedsLightIsRefusedAndWhatDoesNotIsDone) {
   good({"slice", "ladder.stl", "-o", "target.uvj", "--printer", "dark.toml", "--layer-um", "50"});
   good({"convert", "target.uvj", "-o", "target.goo", "--printer", "dark.toml"});
-  good({"testpart", "spread", "--printer", "dark.toml", "-o", "lines.uvj"});
+  std::string wide = kDark;
+  wide.replace(wide.find("160"), 3, "640");
+  wide.replace(wide.find("120"), 3, "480");
+  write("wide.toml", wide);
+  good({"testpart", "spread", "--printer", "wide.toml", "-o", "lines.uvj"});
   const auto before = folder_.count();
   const Command light{"--printer", "dark.toml", "--resin", "figure-2-2"};
   const Command speed{"--speed-mm-h", "800"};
@@ -266,7 +270,7 @@ TEST_F(MeasureLightProgram, WhatNeedsLightIsRefusedAndWhatDoesNotIsDone) {
   refused(call(Command{"testpart", "staircase", "-o", "stairs.uvj"} + light));
   refused(other("slicecorr-post", Command{"target.goo", "--exposure-s", "2"} + light));
   refused(other("resinctl", {"recommend", "--printer", "dark.toml", "--resin", "figure-2-2",
-                             "--height-um", "100"}));
+                             "--height-um", "100", "--speed-mm-h", "800"}));
   refused(other("resinctl", {"export", "dark.toml", "--format", "csv"}));
   const RunResult farm =
       other("slicefarm", Command{"submit", "target.uvj", "--dir", "farm"} + light + speed);
@@ -347,7 +351,7 @@ TEST_F(MeasureLightProgram, LevelsBecomeACalibrationByWhichPartsAreCorrected) {
   EXPECT_THAT(text_of("db/my-dark.toml"), HasSubstr("20 readings"));
   good({"slice", "ladder.stl", "-o", "target.uvj", "--printer", "dark.toml", "--layer-um", "50"});
   good({"correct", "target.uvj", "-o", "part.uvj", "--printer", "db/my-dark.toml", "--resin",
-        "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "12"});
+        "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "24"});
 
   // A table of another part, with rows moved, or without its ends.
   std::string moved = filled("levels.goo.csv");
@@ -402,6 +406,8 @@ TEST_F(MeasureLightProgram, StacksOfStaircasesSayForHowLongEachImageIsShown) {
     SCOPED_TRACE(name);
     Command make{"testpart", "staircase", "--printer", "lit.toml",
                  "--resin",  "slow.toml", "-o",        name};
+    const std::string file = std::string(name) + ".csv";
+    make = make + Command{"--form", file, "--sheet", std::string(name) + ".html"};
     if (std::string(name) == "stairs.zip") make = make + Command{"--format", "chitubox"};
     good(make);
     const StackReader stack(folder_ / name, folder_.path());
@@ -410,7 +416,6 @@ TEST_F(MeasureLightProgram, StacksOfStaircasesSayForHowLongEachImageIsShown) {
     EXPECT_GT(info.grid.layers, 6);
     // A plug is lit, summed over the images that show it, for as long as the table says; its grey
     // value gives the light that the table says.
-    const std::string file = std::filesystem::path(name).stem().string() + ".csv";
     std::istringstream lines(text_of(file));
     std::vector<double> shown_s, mw_cm2;
     for (std::string line; std::getline(lines, line);) {
@@ -456,9 +461,10 @@ TEST_F(MeasureLightProgram, StacksOfStaircasesSayForHowLongEachImageIsShown) {
     }
   }
   // What can't say times of single layers tells so.
-  const RunResult sl1 = good({"testpart", "staircase", "--printer", "lit.toml", "--resin",
-                              "slow.toml", "-o", "stairs.sl1"});
-  EXPECT_THAT(sl1.err, HasSubstr("layers"));
+  const RunResult sl1 =
+      good({"testpart", "staircase", "--printer", "lit.toml", "--resin", "slow.toml", "-o",
+            "stairs.sl1", "--form", "s.csv", "--sheet", "s.html"});
+  EXPECT_THAT(sl1.err, HasSubstr("no exposure time of their own for each layer"));
 }
 
 }  // namespace

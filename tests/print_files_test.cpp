@@ -511,7 +511,7 @@ TEST(PrintFiles, WhatIsOnlyChangedIsNotMadeFromNothing) {
     write_stack(folder / "a.lgs", images, info_of(images.grid));
     ADD_FAILURE();
   } catch (const InputError& e) {
-    EXPECT_THAT(e.what(), HasSubstr("as a template"));
+    EXPECT_THAT(e.what(), HasSubstr("as the template"));
   }
 }
 

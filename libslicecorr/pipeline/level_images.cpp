@@ -122,7 +122,7 @@ std::string LevelImages::sheet(const std::string& form_file,
       "Lay the sensor face down onto the middle of the display.",
       fmt::format(
           "Print the file: <b>{} images</b>, each all of one grey, from black to full light, "
-          "each lit for <b>{:g} s</b>. What the printer's motor does does not matter.",
+          "each lit for <b>{:g} s</b>. The printer's motor may do what it will.",
           levels_.size(), ask_.image_s),
       "At each image wait until the reading stands still, and write it down; that of black, too, "
       "which is small: its light adds up over a whole print. Take off what the meter shows while "

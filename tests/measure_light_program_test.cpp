@@ -58,13 +58,22 @@ TEST(LevelImages, ShowLevelsThatTheFileHolds) {
     return LevelImages(display_of(bits), greys, {}).levels();
   };
   const FileGreys all = held(*detail::goo_code(8, 8, false));
-  EXPECT_THAT(levels(all), ElementsAre(0, 32, 64, 96, 127, 159, 191, 223, 255));
-  // CTB keeps seven bits: the grey values 2v + 1.
-  EXPECT_THAT(levels(held(*detail::ctb_code(8, 8, 0))),
-              ElementsAre(0, 31, 63, 95, 127, 159, 191, 223, 255));
-  // Sixteen levels: multiples of 17.
-  EXPECT_THAT(levels(held(*detail::pw0_code(8, 8, false))),
-              ElementsAre(0, 34, 68, 102, 119, 153, 187, 221, 255));
+  EXPECT_THAT(levels(all), ElementsAre(0, 8, 10, 12, 14, 17, 20, 24, 29, 34, 41, 49, 59, 71, 85,
+                                       103, 123, 148, 177, 213, 255));
+  // CTB keeps seven bits, the grey values 2v + 1; Photon Workshop four, multiples of 17.
+  for (const auto& codec : {detail::ctb_code(8, 8, 0), detail::pw0_code(8, 8, false),
+                            detail::lgs_code(8, 8), detail::bit_sets_code(8, 8, 8, false)}) {
+    const auto some = levels(codec->shown());
+    EXPECT_GE(some.size(), 8u);
+    EXPECT_EQ(some.front(), 0);
+    EXPECT_EQ(some.back(), 255);
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      EXPECT_EQ(codec->shown()[static_cast<std::size_t>(some[i])], some[i]);
+      if (i > 0) {
+        EXPECT_GT(some[i], some[i - 1]);
+      }
+    }
+  }
   EXPECT_THAT(levels(held(*detail::bit_sets_code(8, 8, 1, false))), ElementsAre(0, 255));
   EXPECT_THAT(levels(all, 2), ElementsAre(0, 1, 2, 3));
   EXPECT_THAT(levels(all, 1), ElementsAre(0, 1));
@@ -73,6 +82,24 @@ TEST(LevelImages, ShowLevelsThatTheFileHolds) {
   EXPECT_THAT(refusal([&] { levels(no_full); }), HasSubstr("black and full light"));
   EXPECT_THROW(LevelImages(display_of(), all, {.layer_um = 0}), InputError);
   EXPECT_THROW(LevelImages(display_of(), all, {.image_s = 0}), InputError);
+}
+
+// A calibration is straight between its points: off a power of the level by g (g - 1) / 8 (b - a)^2 / (a b)
+// at most between the levels a and b, to the second order; a tenth more for the rest.
+TEST(LevelImages, AreCloseEnoughForACurve) {
+  const auto levels = LevelImages(display_of(), held(*detail::goo_code(8, 8, false)), {}).levels();
+  for (const double g : {1.0, 2.2, 3.0}) {
+    for (std::size_t i = 2; i < levels.size(); ++i) {
+      const double a = levels[i - 1], b = levels[i];
+      const double bound = 1.1 * g * (g - 1) / 8 * (b - a) * (b - a) / (a * b);
+      EXPECT_LT(bound, 0.042);
+      for (double x = a; x <= b; ++x) {
+        const double straight =
+            std::pow(a, g) + (std::pow(b, g) - std::pow(a, g)) * (x - a) / (b - a);
+        EXPECT_NEAR(straight / std::pow(x, g), 1, bound + 1e-12) << g << " " << x;
+      }
+    }
+  }
 }
 
 TEST(LevelImages, AreEvenAllOverThePlate) {
@@ -224,7 +251,11 @@ class MeasureLightProgram : public ProgramFixture {
 TEST_F(MeasureLightProgram, WhatNeedsLightIsRefusedAndWhatDoesNotIsDone) {
   good({"slice", "ladder.stl", "-o", "target.uvj", "--printer", "dark.toml", "--layer-um", "50"});
   good({"convert", "target.uvj", "-o", "target.goo", "--printer", "dark.toml"});
-  good({"testpart", "spread", "--printer", "dark.toml", "-o", "lines.uvj"});
+  std::string wide = kDark;
+  wide.replace(wide.find("160"), 3, "640");
+  wide.replace(wide.find("120"), 3, "480");
+  write("wide.toml", wide);
+  good({"testpart", "spread", "--printer", "wide.toml", "-o", "lines.uvj"});
   const auto before = folder_.count();
   const Command light{"--printer", "dark.toml", "--resin", "figure-2-2"};
   const Command speed{"--speed-mm-h", "800"};
@@ -239,7 +270,7 @@ TEST_F(MeasureLightProgram, WhatNeedsLightIsRefusedAndWhatDoesNotIsDone) {
   refused(call(Command{"testpart", "staircase", "-o", "stairs.uvj"} + light));
   refused(other("slicecorr-post", Command{"target.goo", "--exposure-s", "2"} + light));
   refused(other("resinctl", {"recommend", "--printer", "dark.toml", "--resin", "figure-2-2",
-                             "--height-um", "100"}));
+                             "--height-um", "100", "--speed-mm-h", "800"}));
   refused(other("resinctl", {"export", "dark.toml", "--format", "csv"}));
   const RunResult farm =
       other("slicefarm", Command{"submit", "target.uvj", "--dir", "farm"} + light + speed);
@@ -281,13 +312,13 @@ TEST_F(MeasureLightProgram, LevelsBecomeACalibrationByWhichPartsAreCorrected) {
     const RunResult made = good(make);
     EXPECT_EQ(made.err.find("rounded"), std::string::npos) << made.err;
     const StackInfo info = StackReader::read_info(folder_ / name);
-    EXPECT_EQ(info.grid.layers, 9);
+    EXPECT_GT(info.grid.layers, 15);
     EXPECT_EQ(info.exposure_s, 20);
     EXPECT_TRUE(info.layer_exposure_s.empty());
     EXPECT_EQ(info.bottom_layers, 0);
     // What the images show is what the table says.
     const StackReader stack(folder_ / name, folder_.path());
-    std::vector<int> shown(9);
+    std::vector<int> shown(static_cast<std::size_t>(info.grid.layers));
     stack.read_band({0, 0, 160, 120}, [&](int n, const std::uint8_t* rows) {
       if (!rows) return;
       shown[static_cast<std::size_t>(n)] = rows[0];
@@ -301,30 +332,30 @@ TEST_F(MeasureLightProgram, LevelsBecomeACalibrationByWhichPartsAreCorrected) {
     EXPECT_EQ(shown, said);
   }
   EXPECT_THAT(text_of("levels.goo.html"),
-              AllOf(HasSubstr("<b>9 images</b>"), HasSubstr("<b>20 s</b>"), HasSubstr("level 255"),
+              AllOf(HasSubstr("<b>21 images</b>"), HasSubstr("<b>20 s</b>"), HasSubstr("level 255"),
                     HasSubstr("resinctl import levels.goo.csv --format calibration --printer "
                               "dark.toml --name my-dark")));
   // One that was not measured is left out; the table may come back changed in nothing else.
-  write("levels.csv", filled("levels.goo.csv", {96}));
+  write("levels.csv", filled("levels.goo.csv", {103}));
   const Command import{"import",    "levels.csv", "--format", "calibration", "--printer",
                        "dark.toml", "--name",     "my-dark",  "--folder",    "db"};
   const RunResult r = other("resinctl", import);
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const Printer mine = load_printer(folder_ / "db/my-dark.toml");
-  ASSERT_EQ(mine.calibration.size(), 8u);
+  ASSERT_EQ(mine.calibration.size(), 20u);
   for (const CalibrationPoint& p : mine.calibration) {
-    EXPECT_NE(p.level, 96);
+    EXPECT_NE(p.level, 103);
     EXPECT_NEAR(p.intensity_mw_cm2, light_of(p.level), 5.1e-5);
   }
   EXPECT_EQ(mine.orientation, load_display(folder_ / "dark.toml").orientation);
-  EXPECT_THAT(text_of("db/my-dark.toml"), HasSubstr("8 readings"));
+  EXPECT_THAT(text_of("db/my-dark.toml"), HasSubstr("20 readings"));
   good({"slice", "ladder.stl", "-o", "target.uvj", "--printer", "dark.toml", "--layer-um", "50"});
   good({"correct", "target.uvj", "-o", "part.uvj", "--printer", "db/my-dark.toml", "--resin",
-        "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "12"});
+        "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "24"});
 
   // A table of another part, with rows moved, or without its ends.
   std::string moved = filled("levels.goo.csv");
-  const std::size_t at = moved.find("\n32,");
+  const std::size_t at = moved.find("\n34,");
   ASSERT_NE(at, std::string::npos);
   moved.replace(at, 4, "\n33,");
   write("levels.csv", moved);
@@ -332,7 +363,7 @@ TEST_F(MeasureLightProgram, LevelsBecomeACalibrationByWhichPartsAreCorrected) {
   write("levels.csv", filled("levels.goo.csv", {255}));
   const RunResult no_full = other("resinctl", import + Command{"--replace"});
   EXPECT_EQ(no_full.exit_code, 2);
-  EXPECT_THAT(no_full.err, HasSubstr("goes from level 0 to 223"));
+  EXPECT_THAT(no_full.err, HasSubstr("goes from level 0 to 213"));
   good({"testpart", "comb", "--printer", "db/my-dark.toml", "-o", "comb.uvj"});
   const RunResult comb = other("resinctl", {"import", "comb.csv", "--format", "calibration",
                                             "--printer", "dark.toml", "--folder", "db"});
@@ -354,7 +385,7 @@ TEST_F(MeasureLightProgram, LevelsGoIntoATemplate) {
   std::vector<int> shown;
   stack.read_band({0, 0, 40, 30},
                   [&](int, const std::uint8_t* rows) { shown.push_back(rows ? rows[0] : 0); });
-  EXPECT_THAT(shown, ElementsAre(0, 34, 68, 102, 119, 153, 187, 221, 255));
+  EXPECT_THAT(shown, ElementsAre(0, 17, 34, 51, 68, 85, 102, 119, 153, 170, 221, 255));
   EXPECT_EQ(stack.info().exposure_s, 30);
 }
 
@@ -375,6 +406,8 @@ TEST_F(MeasureLightProgram, StacksOfStaircasesSayForHowLongEachImageIsShown) {
     SCOPED_TRACE(name);
     Command make{"testpart", "staircase", "--printer", "lit.toml",
                  "--resin",  "slow.toml", "-o",        name};
+    const std::string file = std::string(name) + ".csv";
+    make = make + Command{"--form", file, "--sheet", std::string(name) + ".html"};
     if (std::string(name) == "stairs.zip") make = make + Command{"--format", "chitubox"};
     good(make);
     const StackReader stack(folder_ / name, folder_.path());
@@ -383,7 +416,6 @@ TEST_F(MeasureLightProgram, StacksOfStaircasesSayForHowLongEachImageIsShown) {
     EXPECT_GT(info.grid.layers, 6);
     // A plug is lit, summed over the images that show it, for as long as the table says; its grey
     // value gives the light that the table says.
-    const std::string file = std::filesystem::path(name).stem().string() + ".csv";
     std::istringstream lines(text_of(file));
     std::vector<double> shown_s, mw_cm2;
     for (std::string line; std::getline(lines, line);) {
@@ -429,9 +461,10 @@ TEST_F(MeasureLightProgram, StacksOfStaircasesSayForHowLongEachImageIsShown) {
     }
   }
   // What can't say times of single layers tells so.
-  const RunResult sl1 = good({"testpart", "staircase", "--printer", "lit.toml", "--resin",
-                              "slow.toml", "-o", "stairs.sl1"});
-  EXPECT_THAT(sl1.err, HasSubstr("layers"));
+  const RunResult sl1 =
+      good({"testpart", "staircase", "--printer", "lit.toml", "--resin", "slow.toml", "-o",
+            "stairs.sl1", "--form", "s.csv", "--sheet", "s.html"});
+  EXPECT_THAT(sl1.err, HasSubstr("no exposure time of their own for each layer"));
 }
 
 }  // namespace

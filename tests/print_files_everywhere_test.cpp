@@ -22,7 +22,7 @@ constexpr const char* kLcd =
     "height_px = 120\npixel_um = 50.0\nmirror = \"x\"\n[blue]\nwavelength_nm = 405\n"
     "calibration = [[0, 0.002], [255, 4.0]]\n[stage]\ntravel_mm = 100\n";
 const Command kLight{"--printer", "lcd.toml", "--resin", "liqcreate-strong-x-405nm"};
-const Command kLayers{"--mode", "layerwise", "--exposure-s", "12"};
+const Command kLayers{"--mode", "layerwise", "--exposure-s", "24"};
 
 /// The ending of the format.
 class PrintFilesEverywhere : public ProgramFixture,
@@ -44,7 +44,7 @@ class PrintFilesEverywhere : public ProgramFixture,
     StackInfo info = info_of(images.grid);
     info.kind = StackKind::foreign;
     info.exposure_s = 9;
-    info.bottom_exposure_s = 20;
+    info.bottom_exposure_s = 40;
     info.bottom_layers = 2;
     write_stack(folder_ / part(), images, info);
     exported_ = read_file(folder_ / part());
@@ -65,6 +65,7 @@ class PrintFilesEverywhere : public ProgramFixture,
     EXPECT_EQ(info.kind, StackKind::corrected);
     EXPECT_TRUE(info.parameters_checked);
     EXPECT_EQ(info.format, GetParam());
+    ASSERT_TRUE(info.printer);
     EXPECT_EQ(info.printer->name, "lcd");
     EXPECT_TRUE(fs::exists(record_beside(folder_ / name)));
   }
@@ -137,7 +138,7 @@ TEST_P(PrintFilesEverywhere, PythonAndTheCInterfaceCorrectIt) {
       "import slicecorr\n"
       "figures = slicecorr.correct('" +
       part() + "', 'python" + ending() +
-      "', printer='lcd.toml', resin='liqcreate-strong-x-405nm', mode='layerwise', exposure_s=12)\n"
+      "', printer='lcd.toml', resin='liqcreate-strong-x-405nm', mode='layerwise', exposure_s=24)\n"
       "print(figures['layers'])\n";
   const RunResult r = run_program({"/usr/bin/python3", "-W", "error", "-c", script}, options);
   ASSERT_EQ(r.exit_code, 0) << r.err;

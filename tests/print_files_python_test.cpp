@@ -187,8 +187,8 @@ TEST(PrintFilesPythonToo, ACorrectedFileIsReadBack) {
   const RunResult r =
       run_program({SLICECORR_BIN_DIR "/slicecorr", "--quiet", "correct", folder / "part.ctb", "-o",
                    folder / "corrected.ctb", "--printer", folder / "mars.toml", "--resin",
-                   "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "12",
-                   "--bottom-layers", "3", "--bottom-exposure-s", "30"},
+                   "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "30",
+                   "--bottom-layers", "3", "--bottom-exposure-s", "60"},
                   options);
   ASSERT_EQ(r.exit_code, 0) << r.err;
   expect_same(folder / "part.ctb");
@@ -196,8 +196,8 @@ TEST(PrintFilesPythonToo, ACorrectedFileIsReadBack) {
   const json before = second_reader(folder / "part.ctb", 50, 1),
              after = second_reader(folder / "corrected.ctb", 50, 1);
   EXPECT_NE(before["layers"], after["layers"]);
-  EXPECT_EQ(after["exposure_s"], 12);
-  EXPECT_EQ(after["bottom_s"], 30);
+  EXPECT_EQ(after["exposure_s"], 30);
+  EXPECT_EQ(after["bottom_s"], 60);
   EXPECT_EQ(after["bottom_layers"], 3);
   for (const char* key : {"version", "size", "count", "bed", "heights"}) {
     EXPECT_EQ(before[key], after[key]) << key;

@@ -14,24 +14,31 @@ namespace slicecorr {
 
 namespace {
 
-/// As many as show a curve like that of a display, which is steep where it is bright.
-constexpr int kImages = 9;
+/// Black, and levels that rise by a fifth, from a 32nd of the greatest on: between two of them a straight
+/// line is near any power of the level, to g (g - 1) / 8 * 0.2^2 of the light for the power g.
+constexpr int kRising = 20;
+constexpr double kFirst = 8.0 / 255;
+
+double wanted_share(int n) {
+  return n == 0 ? 0 : std::pow(kFirst, static_cast<double>(kRising - n) / (kRising - 1));
+}
 
 /// The images side by side, each with its number and level.
 std::string swatches(const std::vector<int>& levels, const std::vector<std::uint8_t>& values) {
-  constexpr int kSide = 70, kStep = 78;
+  constexpr int kSide = 44, kStep = 50, kInRow = 11, kRow = 84;
+  const int rows = (static_cast<int>(levels.size()) + kInRow - 1) / kInRow;
   std::string svg = fmt::format(
-      "<svg viewBox=\"0 0 {0} 104\" width=\"{0}\" height=\"104\" role=\"img\" "
-      "aria-label=\"the images from the first to the last\">",
-      kStep * static_cast<int>(levels.size()));
+      "<svg viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" role=\"img\" aria-label=\"the images "
+      "from the first to the last\">",
+      kStep * kInRow, kRow * rows);
   for (std::size_t i = 0; i < levels.size(); ++i) {
-    const int x = kStep * static_cast<int>(i);
+    const int x = kStep * static_cast<int>(i % kInRow) + 1,
+              y = kRow * static_cast<int>(i / kInRow) + 1, middle = x + kSide / 2;
     svg += fmt::format(
-        "<rect x=\"{0}\" y=\"1\" width=\"{1}\" height=\"{1}\" fill=\"rgb({2},{2},{2})\" "
-        "stroke=\"#888\"/><text text-anchor=\"middle\" x=\"{3}\" y=\"88\" font-size=\"12\">image "
-        "{4}</text><text text-anchor=\"middle\" x=\"{3}\" y=\"102\" font-size=\"12\">level "
-        "{5}</text>",
-        x + 1, kSide, values[i], x + 1 + kSide / 2, i + 1, levels[i]);
+        "<rect x=\"{0}\" y=\"{1}\" width=\"{2}\" height=\"{2}\" fill=\"rgb({3},{3},{3})\" "
+        "stroke=\"#888\"/><text text-anchor=\"middle\" x=\"{4}\" y=\"{5}\" font-size=\"11\">{6}</text>"
+        "<text text-anchor=\"middle\" x=\"{4}\" y=\"{7}\" font-size=\"11\">level {8}</text>",
+        x, y, kSide, values[i], middle, y + kSide + 13, i + 1, y + kSide + 26, levels[i]);
   }
   return svg + "</svg>";
 }
@@ -57,8 +64,8 @@ LevelImages::LevelImages(const Printer& printer, const FileGreys& greys, const A
         "among them; expected both",
         held.size(), top + 1, printer.name));
   }
-  for (int n = 0; n < kImages; ++n) {
-    const double wanted = 1.0 * top * n / (kImages - 1);
+  for (int n = 0; n <= kRising; ++n) {
+    const double wanted = top * wanted_share(n);
     int best = held.front();
     for (const int level : held) {
       if (std::abs(level - wanted) < std::abs(best - wanted)) best = level;
@@ -116,7 +123,7 @@ std::string LevelImages::sheet(const std::string& form_file,
       "Lay the sensor face down onto the middle of the display.",
       fmt::format(
           "Print the file: <b>{} images</b>, each all of one grey, from black to full light, "
-          "each lit for <b>{:g} s</b>. What the printer's motor does does not matter.",
+          "each lit for <b>{:g} s</b>. The printer's motor may do what it will.",
           levels_.size(), ask_.image_s),
       "At each image wait until the reading stands still, and write it down; that of black, too, "
       "which is small: its light adds up over a whole print. Take off what the meter shows while "
@@ -125,7 +132,7 @@ std::string LevelImages::sheet(const std::string& form_file,
       "shows no grey: write <b>bit_depth = 1</b> into a copy of the printer's file, and measure "
       "black and full light."};
   s.picture = swatches(levels_, values_);
-  s.caption = "The images, from the first to the last.";
+  s.caption = "The images in their order, with their levels.";
   s.heads = {"image", "level", "mW/cm²"};
   for (std::size_t i = 0; i < levels_.size(); ++i) {
     s.rows.push_back({fmt::format("{}", i + 1), fmt::format("{}", levels_[i])});

@@ -29,7 +29,7 @@ std::string sheet_page(const PartSheet& s) {
       "var(--line)}}.blank th{{font-weight:400}}li{{margin:.3em 0}}svg{{max-width:100%;height:auto}}"
       "svg text{{fill:var(--fg)}}.part{{fill:#4a78a8}}.plate{{fill:#11151a;stroke:var(--line)}}"
       ".place{{stroke:var(--fg)}}svg .on{{fill:#fff}}svg .off{{fill:#11151a}}@media print{{body{{"
-      "font-size:12px;max-width:none}}tr,figure,li{{break-inside:avoid}}td,th{{padding:.12rem "
+      "font-size:12px;max-width:none}}pre{{white-space:pre-wrap}}tr,figure,li{{break-inside:avoid}}td,th{{padding:.12rem "
       ".6rem}}h2{{margin-top:1em}}*{{-webkit-print-color-adjust:exact;print-color-adjust:exact}}}}"
       "</style></head><body><main><h1>{0}</h1><p>{2}</p>",
       escape_markup(s.title), page_page_css, s.about);

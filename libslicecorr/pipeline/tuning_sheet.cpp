@@ -126,8 +126,9 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       s.steps = {
           "No UV light, no stage. Fill the well, wait until bubbles are gone.",
           "Show the images one after the other without a pause, each for its time: " + images +
-              ". The stack says these times; where a printer shows it by itself, take off the "
-              "platform first, and see that its lamp is off while its motor moves.",
+              ". A stack whose format has times of single layers says them, too: where a printer "
+              "shows it by itself, take off the platform first, and see that its lamp is off while "
+              "its motor moves.",
           "Switch the light off right after the last one: black pixels give dose, too, which "
           "is counted up to there.",
           kWash, "Measure each plug's height in its middle, from the glass."};

@@ -434,7 +434,8 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
   if (!is_to_be_measured(blue)) {
     printer.calibration = calibration(blue, printer.bit_depth, true);
   } else if (needs_light) {
-    blue.fail("calibration", "is " + how_to_measure_light(printer));
+    blue.fail("calibration", "is " + how_to_measure_light(printer) +
+                                 "; expected [[grey level, mW/cm²], ...] or a .csv file");
   }
   printer.spread.gaussians = detail::spread_keys(blue, printer).gaussians;
   if (const auto uv = root.table("uv")) {
@@ -489,11 +490,10 @@ bool light_is_measured(const Printer& printer) { return !printer.calibration.emp
 
 std::string how_to_measure_light(const Printer& printer) {
   return fmt::format(
-      "{}: nobody has told yet how bright the display of printer '{}' is. Lay a power meter{} on "
-      "the display without its vat, show even images of six grey levels or more, {} and 0 among "
-      "them, and note the mW/cm² of each (slicecorr testpart levels makes these images, with a "
-      "table to fill in; resinctl import makes a printer file of the table). Expected [[grey level, "
-      "mW/cm²], ...] or a .csv file",
+      "{}: nobody has told yet how bright the display of printer '{}' is at each grey level. Lay a "
+      "power meter{} on the display without its vat, show even images of many grey levels, dark ones "
+      "close together, 0 and {} among them, and note the mW/cm² of each. slicecorr testpart levels makes "
+      "these images, with a table to fill in, and resinctl import a printer file of the table",
       kToBeMeasured, printer.name,
       printer.wavelength_nm > 0 ? fmt::format(" for {:g} nm", printer.wavelength_nm) : "",
       printer.levels() - 1);

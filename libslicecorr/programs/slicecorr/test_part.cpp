@@ -94,8 +94,8 @@ int level_images(const TestPartOptions& o, const ExecutionContext& context, Cons
   const std::string form = form_text(part.form());
   beside.check(form);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  beside.write(form, part.sheet(beside.form_name(), o.printer));
   const StackInfo info = write_images(*fitted, part.image_s(), file, context);
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
   console.say(fmt::format("{}: {} images of one grey level each, {:g} s each; fill in {}, print {}",
                           o.output, info.grid.layers, o.exposure_s, beside.form, beside.sheet));
   return kDone;
@@ -109,7 +109,18 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   Printer printer = load_printer(o.printer);
   // Levels are such as the archive holds, at the light that it really shows.
   const bool grey = kind != TuningPartKind::comb && kind != TuningPartKind::flat_field;
-  if (grey) printer = printer_for_file(printer, file, plate_grid(printer), context);
+  if (grey) {
+    ExecutionContext untold = context;
+    untold.notice = nullptr;
+    const int levels = printer.levels();
+    printer = printer_for_file(printer, file, plate_grid(printer), untold);
+    if (printer.levels() < levels) {
+      context.tell(
+          fmt::format("{}: the format {} holds fewer grey levels than printer {} has: those of "
+                      "the part are such as it holds",
+                      file.path, file.format, printer.name));
+    }
+  }
   std::optional<Resin> resin;
   if (!o.resin.empty()) resin = load_resin(o.resin);
   TuningPart::Ask ask;
@@ -121,11 +132,11 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   const std::string form = form_text(part.form());
   beside.check(form);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  beside.write(form, part.sheet(beside.form_name(), o.printer));
   // Combs are corrected before they are printed, which says how long.
   const StackInfo info = part.image_s().empty()
                              ? write_target(*fitted, file, context)
                              : write_images(*fitted, part.image_s(), file, context);
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
   console.say(fmt::format("{}: {} images, {} places to measure; fill in {}, print {}", o.output,
                           info.grid.layers, part.rows().size(), beside.form, beside.sheet));
   return kDone;
@@ -145,12 +156,12 @@ int test_part(const TestPartOptions& o, const ExecutionContext& context, Console
   beside.check(form);
   const FittedSlices shown = FittedSlices::for_display(part, printer, folder_of(o.output), context);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
+  const StackInfo info = write_target(*fitted, file, context);
   beside.write(form, part.sheet(beside.form_name(), o.printer));
   if (!o.picture.empty()) {
     const auto png = encode_png(picture_of(*shown));
     write_text_file(o.picture, {png.begin(), png.end()});
   }
-  const StackInfo info = write_target(*fitted, file, context);
   console.say(fmt::format(
       "{}: {} slices, {:.4f} ml; lines and gaps of {:g} to {:g} um; fill in {}, print {}", o.output,
       info.grid.layers, info.part_volume_mm3 * 1e-3, part.features().front().width_um,

@@ -102,21 +102,21 @@ int run_program(int argc, char** argv) {
   const auto grouped = [&](CLI::Option* option) { return option->group(watching); };
   grouped(app->add_option("--watch", a.watch.folders, "Folders to watch")->type_name("DIR"))
       ->expected(1, 1000);
-  grouped(app->add_flag("--recursive", a.watch.recursive, "Folders in them, too"));
+  grouped(app->add_flag("--recursive", a.watch.recursive, "Watch the folders in them, too"));
   grouped(app->add_flag("--new-only", a.watch.new_only,
-                        "Leave what is there at the start, but for work that was cut short"));
+                        "Leave alone what is there at the start, except work that was cut short"));
   grouped(
       app->add_flag("--once", a.watch.once, "Correct what is there, then stop; 2 if any failed"));
   grouped(app->add_option("--jobs", a.watch.jobs, "Files at once; they share the threads"))
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
   grouped(app->add_option("--settle-s", a.watch.settle_s,
-                          "A file is taken when it stayed the same for so long"))
+                          "Take a file when it has stayed the same for this long"))
       ->check(cli::number_in(0, 3600))
       ->capture_default_str();
   grouped(app->add_option("--patience-s", a.watch.patience_s,
-                          "A file that is no whole archive is given up when it stayed the same for "
-                          "so long"))
+                          "Give up a file that is no whole archive when it has stayed the same for "
+                          "this long"))
       ->check(cli::number_in(0, 86400))
       ->capture_default_str();
   grouped(app->add_option("--log", a.log, "Add a line per file to FILE [stderr]"));

@@ -115,8 +115,9 @@ void add_run_commands(cli::Program& program) {
       ->check(CLI::Range(1, 100000));
   run->add_option("--slurm-throttle", a->slurm.throttle, "Tasks of an array that run at a time")
       ->check(CLI::Range(1, 100000));
-  run->add_option("--slurm-time-factor", a->slurm.time_factor,
-                  "Slurm's time limit: so many times the estimate, half an hour at least; 0: none")
+  run->add_option(
+         "--slurm-time-factor", a->slurm.time_factor,
+         "Slurm's time limit: this many times the estimate, half an hour at least; 0: none")
       ->check(cli::number_in(0, 1000))
       ->capture_default_str();
   run->add_option("--slurm-poll-s", a->slurm.poll_s,

@@ -107,9 +107,10 @@ void add_status_commands(cli::Program& program) {
                     "newest, urgency, ended or worst (height error) [by state, or by id]")
         ->check(CLI::IsMember({"newest", "urgency", "ended", "worst"}));
     o->filter.limit = 40;
-    app->add_option("--limit", o->filter.limit, "At most so many jobs [40]")
+    app->add_option("--limit", o->filter.limit, "Show at most this many jobs [40]")
         ->check(CLI::Range(0, 1'000'000));
-    app->add_option("--offset", o->filter.offset, "Pass over so many jobs")
+    app->add_option("--offset", o->filter.offset,
+                    "Leave out this many jobs before the first one shown")
         ->check(CLI::NonNegativeNumber);
     app->add_option("--json", o->json, "Write JSON to this file; - for stdout");
   }

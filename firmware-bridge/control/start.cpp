@@ -36,36 +36,38 @@ std::string impossible(const Machine& machine, const Status& s) {
       (stage.travel_um > 0 && !(s.stage_um <= stage.travel_um + beyond))) {
     if (stage.turns()) {
       return fmt::format(
-          "the stage is said to be at {:.2f}°, it counts {:g} turns from its index on",
+          "the machine says that its stage is at {:.2f}°; it counts {:g} turns from its index on",
           s.stage_um / stage.um_per_deg, stage.travel_um / stage.turn_um());
     }
-    return fmt::format("the stage is said to be at {:.3f} mm, its travel is 0 to {:g} mm",
-                       s.stage_um * 1e-3, stage.travel_um * 1e-3);
+    return fmt::format(
+        "the machine says that its stage is at {:.3f} mm; its travel is 0 to {:g} mm",
+        s.stage_um * 1e-3, stage.travel_um * 1e-3);
   }
   const double fastest = kTimesFaster * std::max(stage.max_speed_um_s, stage.lift_speed_um_s);
   if (s.stage_speed_um_s && fastest > 0 && !(std::abs(*s.stage_speed_um_s) <= fastest)) {
     if (stage.turns()) {
-      return fmt::format("the stage is said to turn by {:.1f} °/s, {:g} °/s is its fastest",
-                         *s.stage_speed_um_s / stage.um_per_deg,
-                         fastest / kTimesFaster / stage.um_per_deg);
+      return fmt::format(
+          "the machine says that its stage turns by {:.1f} °/s; its fastest is {:g} °/s",
+          *s.stage_speed_um_s / stage.um_per_deg, fastest / kTimesFaster / stage.um_per_deg);
     }
-    return fmt::format("the stage is said to go {:.1f} mm/h, {:g} mm/h is its fastest",
+    return fmt::format("the machine says that its stage goes {:.1f} mm/h; its fastest is {:g} mm/h",
                        *s.stage_speed_um_s * 3.6, fastest / kTimesFaster * 3.6);
   }
   if (s.temperature_c && !(*s.temperature_c >= kColdestC && *s.temperature_c <= kHottestC)) {
-    return fmt::format("it is said to be {:.1f} °C warm", *s.temperature_c);
+    return fmt::format("the machine says that it is {:.1f} °C warm", *s.temperature_c);
   }
   const auto light = [](double share, double most, double tolerance) {
     return share >= -tolerance && share <= kTimesBrighter * most + tolerance;
   };
   if (!light(s.blue_measured, machine.blue.max_share, machine.blue.tolerance)) {
-    return fmt::format("the blue lamp is said to give {:.1f} % of full light",
+    return fmt::format("the machine says that its blue lamp gives {:.1f} % of full light",
                        s.blue_measured * 100);
   }
   const double uv = machine.printer.uv ? machine.printer.uv->max_mw_cm2() : 0;
   if (uv > 0 && s.uv_measured && !light(*s.uv_measured / uv, 1, machine.uv.tolerance)) {
-    return fmt::format("the UV lamp is said to give {:.1f} mW/cm², {:g} mW/cm² is its most",
-                       *s.uv_measured, uv);
+    return fmt::format(
+        "the machine says that its UV lamp gives {:.1f} mW/cm²; its most is {:g} mW/cm²",
+        *s.uv_measured, uv);
   }
   return {};
 }

@@ -225,7 +225,7 @@ int main(int argc, char** argv) {
   app->add_option("--fault", o.faults, fault_help())->expected(1)->take_all();
   app->add_flag("--lockstep", o.lockstep,
                 "Time passes by exchanges and images alone: the same print is the same every time");
-  app->add_option("--time-rate", o.time_rate, "So many times as fast as real time [1]")
+  app->add_option("--time-rate", o.time_rate, "How many times as fast as real time [1]")
       ->check(cli::number_in(0.001, 1000));
   app->add_flag("--check-machine", o.check_machine,
                 "Drives a real machine through every command without light, and reports: its stage "

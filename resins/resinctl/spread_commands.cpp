@@ -213,9 +213,10 @@ void add_spread(cli::Program& program) {
       ->check(number_above_zero())
       ->excludes("--exposure-s");
   sub->add_flag("--moving", a->moving, "The platform moved, the dose is to be fitted");
-  sub->add_option("--dose", a->dose,
-                  "Where edges lie when the exposure is said: at the dose of gel, or at that which "
-                  "correction aims at (aim)")
+  sub->add_option(
+         "--dose", a->dose,
+         "With --exposure-s or --speed-mm-h: edges lie at the gel dose (gel), or at the dose "
+         "that the correction aims at (aim)")
       ->check(CLI::IsMember({"gel", "aim"}))
       ->capture_default_str();
   sub->add_option("--blue-mw-cm2", a->blue_mw_cm2, "Full light at the window [that of --printer]")

@@ -40,8 +40,9 @@ FarmServer::FarmServer(const FarmFolder& folder, ServeOptions options)
     : parts_(std::make_unique<Parts>(folder, std::move(options))) {
   Parts& p = *parts_;
   http::GuardRules rules = rules_of(p.options);
-  if (!rules.loopback && p.options.token.empty()) {
-    throw InputError("beyond this machine even reading needs a token: give --token-file");
+  if (!rules.loopback && p.options.token.empty() && p.options.accounts.empty()) {
+    throw InputError(
+        "beyond this machine even reading needs a token: give --token-file or --accounts");
   }
   auto& server = p.server;
   server.set_payload_max_length(

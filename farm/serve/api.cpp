@@ -215,8 +215,9 @@ bool Api::read_shell(const std::string& path, httplib::Response& response) {
                  "text/css; charset=utf-8");
   }
   constexpr std::pair<const char*, const std::string_view*> scripts[] = {
-      {"common.js", &page_common_js}, {"live.js", &page_live_js},   {"actions.js", &page_actions_js},
-      {"parts.js", &page_parts_js},   {"plate.js", &page_plate_js}, {"print.js", &page_print_js},
+      {"common.js", &page_common_js},      {"live.js", &page_live_js},
+      {"actions.js", &page_actions_js},    {"parts.js", &page_parts_js},
+      {"plate.js", &page_plate_js},        {"print.js", &page_print_js},
       {"materials.js", &page_materials_js}};
   for (const auto& [name, text] : scripts) {
     if (path == std::string("/pages/") + name) {
@@ -231,10 +232,9 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
   if (read_shell(path, response)) return;
   Query query(request);
   const std::string ticket = query.text("ticket");
-  const Asker asker =
-      !ticket.empty() && tickets_.valid(ticket, path)
-          ? Asker{}
-          : accounts_.asker(request, Role::look, false);
+  const Asker asker = !ticket.empty() && tickets_.valid(ticket, path)
+                          ? Asker{}
+                          : accounts_.asker(request, Role::look, false);
   if (!route_of("GET", path)) not_there();
   if (path == "/metrics") {
     query.end();

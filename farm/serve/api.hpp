@@ -90,8 +90,7 @@ class Api {
              httplib::Response& response);
   void set_priority(JobId id, const std::string& text, const std::string& by,
                     httplib::Response& response);
-  void print(JobId id, const std::string& text, const std::string& by,
-             httplib::Response& response);
+  void print(JobId id, const std::string& text, const std::string& by, httplib::Response& response);
   void start_study(const std::string& text, const Asker& asker, httplib::Response& response);
   void add_resin(const std::string& text, const std::string& by, httplib::Response& response);
   void add_printer(const std::string& text, httplib::Response& response);

@@ -70,8 +70,10 @@ std::vector<std::string> texts_of(const toml::table& table, const char* key,
   const toml::array* array = node->as_array();
   for (std::size_t i = 0; array && i < array->size(); ++i) {
     const auto text = (*array)[i].value<std::string>();
-    if (!text) array = nullptr;
-    else list.push_back(*text);
+    if (!text)
+      array = nullptr;
+    else
+      list.push_back(*text);
   }
   if (!array) throw InputError(path, key, "expected a list of texts");
   return list;
@@ -104,7 +106,8 @@ std::vector<Bridge> read_bridges(const std::string& path) {
       const auto plain = [](char c) {
         return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
       };
-      if (b.name.empty() || b.name.size() > 60 || !std::all_of(b.name.begin(), b.name.end(), plain)) {
+      if (b.name.empty() || b.name.size() > 60 ||
+          !std::all_of(b.name.begin(), b.name.end(), plain)) {
         read.fail("name", "expected a name of small letters, digits, - and _");
       }
       if (b.printer.empty()) read.fail("printer", "expected the name of a printer");
@@ -123,8 +126,8 @@ Json Bridges::list() {
   Json json = Json::array();
   for (const Bridge& b : read_bridges(folder_.root + "/bridges.toml")) {
     Json one = {{"name", b.name}, {"printer", b.printer}, {"page", b.page}};
-    std::vector<std::string> ask{program_path(rules_, "printbridge"), "status", "--printer",
-                                 b.printer, "--json", "-"};
+    std::vector<std::string> ask{
+        program_path(rules_, "printbridge"), "status", "--printer", b.printer, "--json", "-"};
     ask.insert(ask.end(), b.status_options.begin(), b.status_options.end());
     const CommandResult result = run_command(ask, kStatusTime, {}, {}, child_limits(rules_, ""));
     Json state = Json::parse(result.out, nullptr, false);
@@ -135,8 +138,11 @@ Json Bridges::list() {
       const auto sent = shared_->sent.find(b.name);
       if (sent != shared_->sent.end()) {
         const Sent& s = sent->second;
-        one["sent"] = {{"job", s.job},         {"name", s.name},       {"by", s.by},
-                       {"dry_run", s.dry_run}, {"running", s.running}};
+        one["sent"] = {{"job", s.job},
+                       {"name", s.name},
+                       {"by", s.by},
+                       {"dry_run", s.dry_run},
+                       {"running", s.running}};
         if (!s.running) {
           one["sent"]["exit_code"] = s.exit_code;
           CommandResult said;
@@ -157,10 +163,10 @@ Json Bridges::print(const std::string& bridge, const std::string& stack, const J
   const auto b =
       std::find_if(all.begin(), all.end(), [&](const Bridge& x) { return x.name == bridge; });
   if (b == all.end()) throw ApiError(404, "bridge", "there is no bridge of this name");
-  if (b->printer != job.work.printer) {
-    throw ApiError(409, "bridge",
-                   "the job is for the printer " + job.work.printer + ", the bridge drives " +
-                       b->printer);
+  if (b->printer != job.printer) {
+    throw ApiError(
+        409, "bridge",
+        "the job is for the printer " + job.printer + ", the bridge drives " + b->printer);
   }
   {
     const std::scoped_lock lock(shared_->mutex);

@@ -38,9 +38,7 @@ std::string with_user(const std::string& text, const Asker& asker) {
   return json.dump();
 }
 
-[[noreturn]] void not_there() {
-  throw ApiError(404, "not_found", "there is nothing at this path");
-}
+[[noreturn]] void not_there() { throw ApiError(404, "not_found", "there is nothing at this path"); }
 
 }  // namespace
 
@@ -188,9 +186,9 @@ void Api::steer(JobId id, const std::string& what, const std::string& text, cons
     }
   }
   if (!queue.retry(id, by)) {
-    throw ApiError(409, "state",
-                   std::string("the job is ") + name_of(job.state) +
-                       ", expected failed or cancelled");
+    throw ApiError(
+        409, "state",
+        std::string("the job is ") + name_of(job.state) + ", expected failed or cancelled");
   }
   send_json(response, 200, {{"id", id}, {"state", "queued"}});
 }
@@ -220,9 +218,9 @@ void Api::set_priority(JobId id, const std::string& text, const std::string& by,
       (has_time && !queue.set_ready_by(id, ready_by_ms, by))) {
     Reader reader(*this);
     const auto job = reader->job(id);
-    throw ApiError(409, "state",
-                   std::string("the job is ") + (job ? name_of(job->state) : "gone") +
-                       ", expected queued");
+    throw ApiError(
+        409, "state",
+        std::string("the job is ") + (job ? name_of(job->state) : "gone") + ", expected queued");
   }
   Json answer = {{"id", id}};
   if (has_priority) answer["priority"] = priority->get<int>();

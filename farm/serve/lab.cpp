@@ -33,8 +33,7 @@ const char* type_of(const std::string& name) {
 
 /// A folder that goes with the request.
 struct Scratch {
-  explicit Scratch(const FarmFolder& folder)
-      : path(folder.root + "/studies/" + random_token()) {
+  explicit Scratch(const FarmFolder& folder) : path(folder.root + "/studies/" + random_token()) {
     std::error_code error;
     fs::create_directories(path, error);
     if (error) throw DeviceError(path + ": can't be made: " + error.message());
@@ -142,7 +141,8 @@ void Api::add_resin(const std::string& text, const std::string& by, httplib::Res
     throw ApiError(400, "json", "expected {\"study\": \"...\"}, a fit that is done");
   }
   const auto [path, name] = studies_.fitted(study->get<std::string>());
-  std::vector<std::string> arguments{"resinctl", "add", path, "-m", "fitted in a browser, by " + by};
+  std::vector<std::string> arguments{"resinctl", "add", path, "-m",
+                                     "fitted in a browser, by " + by};
   if (flag_of(json, "replace")) arguments.emplace_back("--replace");
   ask_program(std::move(arguments));
   send_json(response, 201, {{"resin", name}});
@@ -192,13 +192,12 @@ void Api::print(JobId id, const std::string& text, const std::string& by,
   if (!job || job->state != JobState::done) {
     throw ApiError(409, "state", "the job is not done");
   }
-  const auto stack =
-      std::find_if(job->files.begin(), job->files.end(),
-                   [](const ResultFile& f) { return f.ending != "html" && f.ending != "json"; });
+  const auto stack = std::find_if(job->files.begin(), job->files.end(), [](const ResultFile& f) {
+    return f.ending != "html" && f.ending != "json";
+  });
   std::error_code error;
   if (stack == job->files.end() ||
-      static_cast<std::int64_t>(fs::file_size(job->output(stack->ending), error)) !=
-          stack->bytes ||
+      static_cast<std::int64_t>(fs::file_size(job->output(stack->ending), error)) != stack->bytes ||
       error) {
     throw ApiError(410, "gone", "the output was moved or changed since the job was done");
   }

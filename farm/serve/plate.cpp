@@ -155,7 +155,8 @@ TriangleMesh cell_faces(const SliceSource& stack) {
     if (!rows) return;
     for (int y = 0; y < box.height(); ++y) {
       for (int x = 0; x < box.width(); ++x) {
-        lit[at(x / sx, y / sy, n / sz)] += rows[static_cast<std::size_t>(y) * box.width() + x] > 127;
+        lit[at(x / sx, y / sy, n / sz)] +=
+            rows[static_cast<std::size_t>(y) * box.width() + x] > 127;
       }
     }
   });

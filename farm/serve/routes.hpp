@@ -12,8 +12,8 @@
 namespace slicecorr::farm::detail {
 
 struct Route {
-  const char* method;  ///< GET answers HEAD, too
-  const char* path;    ///< "/api/v1/jobs/{id}/log": what is in braces stands for one segment
+  const char* method;        ///< GET answers HEAD, too
+  const char* path;          ///< "/api/v1/jobs/{id}/log": what is in braces stands for one segment
   std::optional<Role> role;  ///< none: everybody who reaches the server
 };
 

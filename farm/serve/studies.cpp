@@ -146,8 +146,9 @@ void Studies::work() {
     std::string message;
     try {
       run(*study);
-      state = study->cancelled ? State::cancelled : study->exit_code == 0 ? State::done
-                                                                           : State::failed;
+      state = study->cancelled        ? State::cancelled
+              : study->exit_code == 0 ? State::done
+                                      : State::failed;
     } catch (const std::exception& e) {
       message = without_folders(e.what(), folder_);
     }
@@ -262,9 +263,7 @@ std::string Studies::file(const std::string& token, const std::string& name) con
   return path;
 }
 
-std::string Studies::layers(const std::string& token) const {
-  return path_of(token, "layers.bin");
-}
+std::string Studies::layers(const std::string& token) const { return path_of(token, "layers.bin"); }
 
 std::pair<std::string, std::string> Studies::fitted(const std::string& token) const {
   std::string name;

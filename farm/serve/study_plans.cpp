@@ -182,8 +182,8 @@ StudyStep fixed(const std::string& what, Arguments arguments) {
 
 StudyStep section_step(const std::string& design) {
   return {"drawing the section", [design](const std::string& folder) {
-            Arguments arguments{"slicecorr", "section",   "check.uvj",  "--target",
-                                design,      "-o", "section.png"};
+            Arguments arguments{"slicecorr", "section", "check.uvj",  "--target",
+                                design,      "-o",      "section.png"};
             if (const auto row = worst_row(folder + "/check.json")) {
               arguments.push_back(fmt::format("--y={}", *row));
             }
@@ -202,11 +202,13 @@ PartsAsked parts_asked(Asked& asked, bool with_resin) {
   p.paths = asked.uploads("parts");
   p.printer = {"--printer=" + checked_name(asked.required("printer", "a name"), "printer")};
   // A plate needs no resin; that it is named does no harm.
-  if (const Json* resin = asked.find("resin")) p.resin = {"--resin=" + checked_name(*resin, "resin")};
+  if (const Json* resin = asked.find("resin"))
+    p.resin = {"--resin=" + checked_name(*resin, "resin")};
   if (with_resin && p.resin.empty()) wrong("resin", "a name");
   p.archive = !is_mesh_name(p.paths[0]);
   for (const std::string& path : p.paths) {
-    if (p.paths.size() > 1 && !is_mesh_name(path)) wrong("parts", "meshes, or one archive of slices");
+    if (p.paths.size() > 1 && !is_mesh_name(path))
+      wrong("parts", "meshes, or one archive of slices");
   }
   if (const Json* layer = asked.find("layer_um")) {
     p.layer = {"--layer-um=" + number_of(*layer, "layer_um")};
@@ -226,17 +228,20 @@ StudyPlan plate_plan(Asked& asked) {
   plan.kind = "plate";
   plan.files = {"plate.json", "plate.bin"};
   if (p.archive) {
-    plan.steps = {fixed("reading the layers", joined({{"slicefarm", "plate", "--stack", p.paths[0]},
-                                                      p.printer, p.layer}))};
+    plan.steps = {
+        fixed("reading the layers",
+              joined({{"slicefarm", "plate", "--stack", p.paths[0]}, p.printer, p.layer}))};
     return plan;
   }
   Arguments placing = p.placing;
-  plan.steps.push_back(
-      fixed("slicing", joined({{"slicecorr", "slice"}, p.paths, p.printer, p.layer, placing,
-                               {"-o", "design.uvj"}})));
+  plan.steps.push_back(fixed(
+      "slicing",
+      joined(
+          {{"slicecorr", "slice"}, p.paths, p.printer, p.layer, placing, {"-o", "design.uvj"}})));
   std::erase_if(placing, [](const std::string& a) { return a.starts_with("--antialias"); });
-  plan.steps.push_back(fixed("drawing", joined({{"slicefarm", "plate", "--stack", "design.uvj"},
-                                                p.paths, p.printer, placing})));
+  plan.steps.push_back(fixed(
+      "drawing",
+      joined({{"slicefarm", "plate", "--stack", "design.uvj"}, p.paths, p.printer, placing})));
   return plan;
 }
 
@@ -252,9 +257,14 @@ StudyPlan speed_plan(Asked& asked) {
   StudyPlan plan;
   plan.kind = "plan";
   plan.files = {"plan.json", "plan.svg"};
-  plan.steps = {fixed("finding the speed",
-                      joined({{"slicecorr", "plan"}, p.paths, p.printer, p.resin, p.layer,
-                              p.placing, process, {"--json", "plan.json", "-o", "plan.svg"}}))};
+  plan.steps = {fixed("finding the speed", joined({{"slicecorr", "plan"},
+                                                   p.paths,
+                                                   p.printer,
+                                                   p.resin,
+                                                   p.layer,
+                                                   p.placing,
+                                                   process,
+                                                   {"--json", "plan.json", "-o", "plan.svg"}}))};
   return plan;
 }
 
@@ -267,23 +277,34 @@ StudyPlan check_plan(Asked& asked) {
   plan.files = {"check.json", "check.html", "section.png"};
   if (p.archive) {
     const std::string& design = p.paths[0];
-    plan.steps = {
-        fixed("correcting", joined({{"slicecorr", "correct", design, "-o", "check.uvj"}, p.printer,
-                                    p.resin, p.layer, process})),
-        fixed("predicting", joined({{"slicecorr", "verify", "check.uvj", "--target", design, "--json",
-                                     "check.json"}, p.layer})),
-        fixed("drawing", {"slicecorr", "report", "check.uvj", "--target", design, "-o",
-                          "check.html"}),
-        section_step(design)};
+    plan.steps = {fixed("correcting", joined({{"slicecorr", "correct", design, "-o", "check.uvj"},
+                                              p.printer,
+                                              p.resin,
+                                              p.layer,
+                                              process})),
+                  fixed("predicting", joined({{"slicecorr", "verify", "check.uvj", "--target",
+                                               design, "--json", "check.json"},
+                                              p.layer})),
+                  fixed("drawing", {"slicecorr", "report", "check.uvj", "--target", design, "-o",
+                                    "check.html"}),
+                  section_step(design)};
     return plan;
   }
-  plan.steps = {
-      fixed("slicing, correcting and predicting",
-            joined({{"slicecorr", "run"}, p.paths, p.printer, p.resin, p.layer, p.placing, process,
-                    {"-o", "check.uvj"}})),
-      fixed("slicing the design", joined({{"slicecorr", "slice"}, p.paths, p.printer, p.layer,
-                                          p.placing, {"-o", "design.uvj"}})),
-      section_step("design.uvj")};
+  plan.steps = {fixed("slicing, correcting and predicting", joined({{"slicecorr", "run"},
+                                                                    p.paths,
+                                                                    p.printer,
+                                                                    p.resin,
+                                                                    p.layer,
+                                                                    p.placing,
+                                                                    process,
+                                                                    {"-o", "check.uvj"}})),
+                fixed("slicing the design", joined({{"slicecorr", "slice"},
+                                                    p.paths,
+                                                    p.printer,
+                                                    p.layer,
+                                                    p.placing,
+                                                    {"-o", "design.uvj"}})),
+                section_step("design.uvj")};
   return plan;
 }
 
@@ -303,10 +324,14 @@ StudyPlan fit_plan(Asked& asked) {
   }
   asked.add(how, kFitting);
   plan.files = {"fit.json", "fit.svg", plan.name + ".toml"};
-  plan.steps = {fixed("fitting", joined({{"resinctl", "fit"}, data, law, how,
-                                         {"--name=" + plan.name, "-o", plan.name + ".toml",
-                                          "--json", "fit.json"}})),
-                fixed("drawing", joined({{"resinctl", "plot"}, data, law, {"-o", "fit.svg"}}))};
+  plan.steps = {
+      fixed("fitting",
+            joined({{"resinctl", "fit"},
+                    data,
+                    law,
+                    how,
+                    {"--name=" + plan.name, "-o", plan.name + ".toml", "--json", "fit.json"}})),
+      fixed("drawing", joined({{"resinctl", "plot"}, data, law, {"-o", "fit.svg"}}))};
   return plan;
 }
 

@@ -139,10 +139,9 @@ void add_serve_commands(cli::Program& program) {
   }
   {
     auto o = std::make_shared<PlateCommand>();
-    CLI::App* app = program.add("plate", "Parts for a browser to show: what studies start",
-                                [o](const ExecutionContext& context, cli::Console&) {
-                                  return plate(*o, context);
-                                });
+    CLI::App* app = program.add(
+        "plate", "Parts for a browser to show: what studies start",
+        [o](const ExecutionContext& context, cli::Console&) { return plate(*o, context); });
     app->add_option("PART", o->mesh.parts, "Meshes that were sliced");
     app->add_option("--stack", o->job.stack, "Their slices, or an archive")->required();
     app->add_option("--printer", o->job.printer, "Printer")->required();

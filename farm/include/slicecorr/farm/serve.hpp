@@ -52,19 +52,19 @@ std::vector<Account> read_accounts_file(const std::string& path);
 
 /// How child programs run that work for requests: `slicecorr`, `resinctl`, `printbridge`.
 struct ChildRules {
-  std::string programs;  ///< folder of the programs; empty: that of this program
-  int studies = 1;       ///< that run at a time, >= 1
-  int most_waiting = 16;                        ///< studies that wait; more are refused (503)
-  double study_s = 900;                         ///< of each program of a study; then it is ended
+  std::string programs;   ///< folder of the programs; empty: that of this program
+  int studies = 1;        ///< that run at a time, >= 1
+  int most_waiting = 16;  ///< studies that wait; more are refused (503)
+  double study_s = 900;   ///< of each program of a study; then it is ended
   std::int64_t memory_bytes = std::int64_t{3} << 30;  ///< of data of each program
   std::int64_t file_bytes = std::int64_t{2} << 30;    ///< of each file that it writes
-  int kept = 50;         ///< studies that are kept for their results; the oldest go
+  int kept = 50;  ///< studies that are kept for their results; the oldest go
 };
 
 struct ServeOptions {
   std::string host = "127.0.0.1";
-  int port = 0;            ///< 0..65535; 0: the system chooses
-  std::string token;       ///< of an account without a name that may operate; empty: there is none
+  int port = 0;       ///< 0..65535; 0: the system chooses
+  std::string token;  ///< of an account without a name that may operate; empty: there is none
   /// Further accounts. Without any account nothing can be changed, and only loopback is served.
   std::vector<Account> accounts;
   ChildRules children;

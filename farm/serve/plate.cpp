@@ -25,7 +25,6 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the files are little-endian");
 
-constexpr int kMostCells = 96;
 constexpr std::size_t kLayersHead = 8;
 
 struct Box {
@@ -138,12 +137,12 @@ TriangleMesh simplified(const TriangleMesh& mesh, std::size_t most) {
   }
 }
 
-TriangleMesh cell_faces(const SliceSource& stack) {
+TriangleMesh cell_faces(const SliceSource& stack, int most_cells) {
   const Grid& grid = stack.grid();
   const PixelBox box = stack.bounds();
   TriangleMesh mesh;
   if (box.empty()) return mesh;
-  const auto step_of = [](int n) { return (n + kMostCells - 1) / kMostCells; };
+  const auto step_of = [&](int n) { return (n + most_cells - 1) / most_cells; };
   const int sx = step_of(box.width()), sy = step_of(box.height()), sz = step_of(grid.layers);
   const int nx = (box.width() + sx - 1) / sx, ny = (box.height() + sy - 1) / sy,
             nz = (grid.layers + sz - 1) / sz;
@@ -266,7 +265,11 @@ void write_plate(const PlateJob& job, const ExecutionContext& context) {
   }
   const bool cells = mesh.triangles.empty();
   if (cells) {
-    mesh = cell_faces(stack);
+    // Lattices have many faces: larger cells then.
+    for (int most = 96; most >= 8; most = most * 3 / 4) {
+      mesh = cell_faces(stack, most);
+      if (mesh.triangles.size() <= kMostShownTriangles) break;
+    }
   } else {
     std::optional<std::array<double, 2>> center;
     if (job.center_mm.size() == 2) center = {{job.center_mm[0], job.center_mm[1]}};

@@ -30,8 +30,9 @@ inline constexpr int kMostLayerPixels = 2048;
 /// The mesh with corners joined that lie close together, until it has at most `most` triangles.
 TriangleMesh simplified(const TriangleMesh& mesh, std::size_t most);
 
-/// Faces of a stack's cells, at most 96 a side, where it has no mesh: mm, as `on_plate` has meshes.
-TriangleMesh cell_faces(const SliceSource& stack);
+/// Faces of a stack's cells, at most `most_cells` a side, where it has no mesh: mm, as `on_plate` has
+/// meshes.
+TriangleMesh cell_faces(const SliceSource& stack, int most_cells);
 
 std::string triangles_file(const TriangleMesh& mesh);
 

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "farm_filled.hpp"
+#include "farm_served.hpp"
 #include "ladder.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
@@ -25,55 +26,16 @@ using slicecorr::test::run_program;
 using slicecorr::test::RunOptions;
 using test::Farm;
 using test::fill;
+using test::body_of;
 using test::Filled;
+using test::kToken;
+using test::Served;
+using test::status_of;
+using test::with_token;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
 const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
-const std::string kToken(64, 'k');
-
-/// A server in this process, on a port of its own.
-class Served {
- public:
-  explicit Served(Farm& farm, ServeOptions options = {}) {
-    options.clock = &farm.clock;
-    server_ = std::make_unique<FarmServer>(farm.folder, std::move(options));
-    thread_ = std::thread([this] { server_->run(); });
-    port = server_->port();
-  }
-  ~Served() {
-    server_->stop();
-    thread_.join();
-  }
-  httplib::Client client() const {
-    httplib::Client c("127.0.0.1", port);
-    c.set_read_timeout(60);
-    return c;
-  }
-  httplib::Client authorised() const {
-    httplib::Client c = client();
-    c.set_default_headers({{"Authorization", "Bearer " + kToken}});
-    return c;
-  }
-  int port = 0;
-
- private:
-  std::unique_ptr<FarmServer> server_;
-  std::thread thread_;
-};
-
-ServeOptions with_token() {
-  ServeOptions options;
-  options.token = kToken;
-  return options;
-}
-
-json body_of(const httplib::Result& result) {
-  return result ? json::parse(result->body, nullptr, false) : json();
-}
-
-int status_of(const httplib::Result& result) { return result ? result->status : -1; }
-
 /// A connection that sends what it likes.
 class Raw {
  public:
@@ -195,7 +157,7 @@ TEST(Serve, HeadersOfEveryAnswer) {
   const Served served(farm);
   auto client = served.client();
   for (const std::string& path :
-       {std::string("/"), std::string("/live.js"), std::string("/live.css"), std::string("/report"),
+       {std::string("/"), std::string("/pages/live.js"), std::string("/pages/style.css"), std::string("/report"),
         std::string("/metrics"), std::string("/api/v1/overview"), std::string("/api/v1/jobs"),
         std::string("/api/v1/report"), std::string("/api/v1/timeline.svg"), std::string("/nothing"),
         std::string("/api/v1/jobs?limit=x"),
@@ -424,7 +386,7 @@ TEST(Access, BeyondTheMachineReadingNeedsTheToken) {
   const Served served(farm, options);
   auto client = served.client();
   EXPECT_EQ(status_of(client.Get("/")), 200);
-  EXPECT_EQ(status_of(client.Get("/live.js")), 200);
+  EXPECT_EQ(status_of(client.Get("/pages/live.js")), 200);
   for (const char* path :
        {"/api/v1/overview", "/api/v1/jobs", "/api/v1/jobs/1", "/api/v1/jobs/1/log",
         "/api/v1/events", "/metrics", "/report", "/api/v1/report", "/api/v1/timeline.svg",
@@ -721,21 +683,32 @@ TEST(Docs, CurlExamplesRun) {
   int commands = 0;
   bool open = false;
   for (std::string line; std::getline(in, line);) {
-    const bool begins = line.starts_with("    curl ") || line.starts_with("    PART=$(curl ");
+    const bool begins = line.starts_with("    curl ") || line.starts_with("    while curl ") ||
+                        line.find("=$(curl ") != std::string::npos;
     if (!begins && !open) continue;
     commands += begins;
     open = line.ends_with("\\");
     script += line + "\n";
   }
-  ASSERT_GE(commands, 8);
+  ASSERT_GE(commands, 20);
   Farm farm;
   const Filled f = fill(farm);
   slicecorr::test::write_stl(farm.root + "/part.stl", slicecorr::test::ladder());
   test::write_file(farm.root + "/token", kToken + "\n");
   ServeOptions options = with_token();
   options.submit = make_submitter({farm.folder, {}, "web"});
+  options.children.programs = SLICECORR_BIN_DIR;
+  std::string heights = "dose_mj_cm2,cured_height_um\n";
+  for (const int dose : {15, 20, 30, 50, 80}) {
+    heights += fmt::format("{},{:.1f}\n", dose, 200 * std::log(dose / 10.0));
+  }
+  test::write_file(farm.root + "/heights.csv", heights);
+  // What is added goes to a database of the test's own.
+  fs::create_directories(farm.root + "/db");
+  ::setenv("SLICECORR_DB", (farm.root + "/db").c_str(), 1);
   const Served served(farm, options);
   RunOptions run;
+  run.timeout = std::chrono::minutes(3);
   run.folder = farm.root;
   run.environment = {{"FARM", fmt::format("http://127.0.0.1:{}", served.port)},
                      {"JOB", std::to_string(f.again)},
@@ -752,6 +725,9 @@ TEST(Docs, CurlExamplesRun) {
   EXPECT_EQ(model.job(f.again)->state, JobState::cancelled);
   EXPECT_EQ(model.job(f.failed[4])->state, JobState::queued);
   EXPECT_FALSE(model.settings().paused);
+  EXPECT_TRUE(fs::exists(farm.root + "/curve.svg"));
+  EXPECT_THAT(result.out, HasSubstr("lab-printer"));
+  ::unsetenv("SLICECORR_DB");
 }
 
 // --- the program --------------------------------------------------------------------------------

@@ -4,12 +4,14 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstdlib>
 #include <system_error>
 
@@ -39,6 +41,18 @@ std::string find_program(const std::string& name) {
   return {};
 }
 
+/// In the child, before the program: system calls only.
+bool bound(const CommandLimits& limits) {
+  const auto set = [](int what, std::int64_t most) {
+    const rlimit limit{static_cast<rlim_t>(most), static_cast<rlim_t>(most)};
+    return most <= 0 || ::setrlimit(static_cast<__rlimit_resource_t>(what), &limit) == 0;
+  };
+  if (limits.nice > 0 && ::setpriority(PRIO_PROCESS, 0, limits.nice) != 0) return false;
+  if (!limits.folder.empty() && ::chdir(limits.folder.c_str()) != 0) return false;
+  return set(RLIMIT_CPU, static_cast<std::int64_t>(std::ceil(limits.cpu_s))) &&
+         set(RLIMIT_DATA, limits.data_bytes) && set(RLIMIT_FSIZE, limits.file_bytes);
+}
+
 }  // namespace
 
 std::string CommandResult::complaint() const {
@@ -54,7 +68,8 @@ std::string CommandResult::complaint() const {
 }
 
 Command::Command(const std::vector<std::string>& arguments, std::chrono::milliseconds most,
-                 std::string input, const std::vector<std::string>& environment)
+                 std::string input, const std::vector<std::string>& environment,
+                 const CommandLimits& limits)
     : input_(std::move(input)), begin_(SteadyTime::now()), most_(most) {
   // All memory is taken before the fork: the child only makes system calls.
   const std::string program = find_program(arguments.at(0));
@@ -89,8 +104,10 @@ Command::Command(const std::vector<std::string>& arguments, std::chrono::millise
     ::sigemptyset(&none);
     ::sigprocmask(SIG_SETMASK, &none, nullptr);
     ::signal(SIGPIPE, SIG_DFL);
-    if (::getppid() == parent && ::dup2(in[0], STDIN_FILENO) >= 0 &&
+    if (bound(limits) && ::getppid() == parent && ::dup2(in[0], STDIN_FILENO) >= 0 &&
         ::dup2(out[1], STDOUT_FILENO) >= 0 && ::dup2(err[1], STDERR_FILENO) >= 0) {
+      // Connections of a server, which it did not open itself, may lack close-on-exec.
+      ::close_range(STDERR_FILENO + 1, ~0U, 0);
       ::execve(program.c_str(), argv.data(), envp.data());
     }
     ::_exit(127);
@@ -204,8 +221,9 @@ double Command::seconds() const {
 }
 
 CommandResult run_command(const std::vector<std::string>& arguments, std::chrono::milliseconds most,
-                          const std::string& input, const std::vector<std::string>& environment) {
-  Command command(arguments, most, input, environment);
+                          const std::string& input, const std::vector<std::string>& environment,
+                          const CommandLimits& limits) {
+  Command command(arguments, most, input, environment, limits);
   while (!command.wait(most + std::chrono::seconds(1))) {
   }
   return command.result();

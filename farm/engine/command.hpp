@@ -5,6 +5,7 @@
 #include <sys/types.h>
 
 #include <chrono>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,14 @@ struct CommandResult {
   std::string complaint() const;
 };
 
+/// Bounds on a program beside its time; 0: none.
+struct CommandLimits {
+  double cpu_s = 0;
+  std::int64_t data_bytes = 0, file_bytes = 0;
+  int nice = 0;        ///< added to its niceness
+  std::string folder;  ///< that it works in; empty: that of this process
+};
+
 /// A program that runs. It is killed when it takes longer than allowed, when this object goes, and
 /// when this process ends. An object belongs to one thread, that which made it.
 class Command {
@@ -31,7 +40,8 @@ class Command {
   /// `arguments[0]` is found in $PATH. `environment`: "NAME=value", put in the place of what this
   /// process has. `input` is its stdin.
   Command(const std::vector<std::string>& arguments, std::chrono::milliseconds most,
-          std::string input = {}, const std::vector<std::string>& environment = {});
+          std::string input = {}, const std::vector<std::string>& environment = {},
+          const CommandLimits& limits = {});
   ~Command();
   Command(const Command&) = delete;
   Command& operator=(const Command&) = delete;
@@ -42,6 +52,8 @@ class Command {
   /// The same, but waits for the end up to `most`.
   bool wait(std::chrono::milliseconds most);
   const CommandResult& result() const { return result_; }
+  /// What it has printed on stderr so far.
+  const std::string& said() const { return result_.err; }
   /// Descriptors that become readable when there is something to take; for poll(2).
   std::vector<int> descriptors() const;
   double seconds() const;  ///< from start to end, or till now
@@ -65,6 +77,7 @@ class Command {
 /// Runs a program to its end and gives what it printed.
 CommandResult run_command(const std::vector<std::string>& arguments, std::chrono::milliseconds most,
                           const std::string& input = {},
-                          const std::vector<std::string>& environment = {});
+                          const std::vector<std::string>& environment = {},
+                          const CommandLimits& limits = {});
 
 }  // namespace slicecorr::farm::detail

@@ -23,13 +23,6 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-/// A part's own report has scripts in it, and lies where users write: it gets an origin of its own,
-/// from which it can ask for nothing.
-constexpr const char* kPartPolicy =
-    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src "
-    "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors "
-    "'none'";
-
 /// Adds an item to the text of a JSON list that is not closed yet.
 void add_item(std::string& list, const std::string& item) {
   if (list.back() != '[') list += ',';
@@ -146,9 +139,25 @@ Api::Reader::~Reader() {
 
 // --- answers ------------------------------------------------------------------------------------
 
+namespace {
+
+std::vector<Account> all_accounts(const ServeOptions& options) {
+  std::vector<Account> accounts = options.accounts;
+  if (!options.token.empty()) accounts.push_back({"", Role::operate, options.token});
+  return accounts;
+}
+
+}  // namespace
+
 Api::Api(const FarmFolder& folder, const ServeOptions& options, GuardRules rules,
          const std::atomic<bool>& stopping)
-    : folder_(folder), options_(options), rules_(std::move(rules)), stopping_(stopping) {}
+    : folder_(folder),
+      options_(options),
+      rules_(std::move(rules)),
+      stopping_(stopping),
+      accounts_(all_accounts(options), rules_.loopback),
+      studies_(folder, options.children),
+      bridges_(folder, options.children) {}
 
 bool Api::before_body(const httplib::Request& request, httplib::Response& response) {
   try {
@@ -161,7 +170,9 @@ bool Api::before_body(const httplib::Request& request, httplib::Response& respon
     if (request.method != "POST" && request.method != "PUT") {
       throw ApiError(405, "method", "expected GET, HEAD, POST or PUT");
     }
-    check_access(rules_, request, Access::change);
+    const Route* route = route_of(request.method, request.path);
+    const Role role = route && route->role ? *route->role : Role::look;
+    accounts_.asker(request, role, !route || role > Role::look);
     const bool part = request.method == "PUT";
     const std::int64_t bytes =
         body_bytes(request, part ? options_.most_upload_bytes : options_.most_body_bytes);
@@ -186,19 +197,32 @@ bool Api::before_body(const httplib::Request& request, httplib::Response& respon
   return true;
 }
 
-bool Api::read_shell(const std::string& path, httplib::Response& response) const {
-  const auto shell = [&](std::string_view text, const char* type) {
-    send(response, 200, std::string(text), type);
+bool Api::read_shell(const std::string& path, httplib::Response& response) {
+  const auto shell = [&](std::string text, const char* type) {
+    send(response, 200, std::move(text), type);
     response.set_header("Content-Security-Policy", kShellPolicy);
     return true;
   };
-  if (path == "/") return shell(page_live_html, kHtmlType);
-  if (path == "/live.js") return shell(page_live_js, "text/javascript; charset=utf-8");
-  if (path == "/live.css") {
+  if (path == "/") return shell(std::string(page_live_html), kHtmlType);
+  if (path == "/print") return shell(std::string(page_print_html), kHtmlType);
+  if (path == "/materials") return shell(std::string(page_materials_html), kHtmlType);
+  if (path == "/api/v1/openapi.json") return shell(std::string(page_openapi_json), kJsonType);
+  if (path == "/healthz") return shell("ok\n", kTextType);
+  if (path == "/pages/style.css") {
     return shell(std::string(slicecorr::detail::page_page_css) +
                      std::string(slicecorr::detail::page_tiles_css) + std::string(page_farm_css) +
-                     std::string(page_live_css),
+                     std::string(page_live_css) + std::string(page_lab_css),
                  "text/css; charset=utf-8");
+  }
+  constexpr std::pair<const char*, const std::string_view*> scripts[] = {
+      {"common.js", &page_common_js},      {"live.js", &page_live_js},
+      {"actions.js", &page_actions_js},    {"parts.js", &page_parts_js},
+      {"plate.js", &page_plate_js},        {"print.js", &page_print_js},
+      {"materials.js", &page_materials_js}};
+  for (const auto& [name, text] : scripts) {
+    if (path == std::string("/pages/") + name) {
+      return shell(std::string(*text), "text/javascript; charset=utf-8");
+    }
   }
   return false;
 }
@@ -206,10 +230,12 @@ bool Api::read_shell(const std::string& path, httplib::Response& response) const
 void Api::read(const httplib::Request& request, httplib::Response& response) {
   const std::string& path = request.path;
   if (read_shell(path, response)) return;
-  if (path == "/healthz") return send(response, 200, "ok\n", kTextType);
-
-  check_access(rules_, request, Access::read);
   Query query(request);
+  const std::string ticket = query.text("ticket");
+  const Asker asker = !ticket.empty() && tickets_.valid(ticket, path)
+                          ? Asker{}
+                          : accounts_.asker(request, Role::look, false);
+  if (!route_of("GET", path)) not_there();
   if (path == "/metrics") {
     query.end();
     return send(response, 200, metrics_.get([&] {
@@ -226,39 +252,57 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     response.set_header("Content-Security-Policy", policy_for_styles(html));
     return send(response, 200, html, kHtmlType);
   }
+  // The route says that there are at least three.
   const std::vector<std::string> parts = segments_of(path);
-  if (parts.size() < 3 || parts[0] != "api" || parts[1] != "v1") not_there();
+  if (parts[0] != "api") not_there();
   const std::string& what = parts[2];
   if (what == "jobs" && parts.size() > 3) {
     const JobId id = id_of(parts[3]);
     if (id == 0) not_there();
-    return job(id, {parts.begin() + 4, parts.end()}, request, response);
+    return job(id, {parts.begin() + 4, parts.end()}, query, response);
   }
-  if (parts.size() > 3) not_there();
-  read_farm(what, query, response);
+  if (what == "studies") {
+    query.end();
+    return read_study({parts.begin() + 3, parts.end()}, response);
+  }
+  if (what == "resins" && parts.size() > 3) {
+    query.end();
+    return resin_curve(parts[3], response);
+  }
+  read_farm(what, asker, query, response);
 }
 
-void Api::read_farm(const std::string& what, Query& query, httplib::Response& response) {
+void Api::read_farm(const std::string& what, const Asker& asker, Query& query,
+                    httplib::Response& response) {
+  if (what == "jobs") return list_jobs(query, response);
+  if (what == "events") return list_events(query, response);
+  query.end();
   if (what == "overview") {
-    query.end();
     return send(response, 200, overview_.get([&] {
       Reader reader(*this);
       return overview_json(read_overview(*reader, folder_, *options_.clock));
     }),
                 kJsonType);
   }
-  if (what == "jobs") return list_jobs(query, response);
-  if (what == "events") return list_events(query, response);
   if (what == "report") {
-    query.end();
     return send(response, 200, report_json_.get([&] { return morning_json(morning()); }),
                 kJsonType);
   }
   if (what == "timeline.svg") {
-    query.end();
     return send(response, 200, timeline_.get([&] { return timeline_svg(morning()); }),
                 "image/svg+xml");
   }
+  if (what == "me") {
+    return send_json(response, 200, {{"name", asker.name}, {"role", name_of(asker.role)}});
+  }
+  if (what == "printers") {
+    return send(response, 200, ask_program({"resinctl", "list", "--printers", "--json", "-"}),
+                kJsonType);
+  }
+  if (what == "resins") {
+    return send(response, 200, ask_program({"resinctl", "list", "--json", "-"}), kJsonType);
+  }
+  if (what == "bridges") return send_json(response, 200, {{"bridges", bridges_.list()}});
   not_there();
 }
 
@@ -293,9 +337,8 @@ void Api::list_events(Query& query, httplib::Response& response) {
   return send(response, 200, text + "]}", kJsonType);
 }
 
-void Api::job(JobId id, const std::vector<std::string>& rest, const httplib::Request& request,
+void Api::job(JobId id, const std::vector<std::string>& rest, Query& query,
               httplib::Response& response) {
-  Query query(request);
   Reader reader(*this);
   const auto job = reader->job(id);
   if (!job) throw ApiError(404, "not_found", "there is no such job");
@@ -334,10 +377,20 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
   const auto listed = std::find_if(job.files.begin(), job.files.end(),
                                    [&](const ResultFile& f) { return f.ending == ending; });
   if (listed == job.files.end()) throw ApiError(404, "not_found", "the job has no such output");
-  const int file =
-      ::open(job.output(ending).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  const bool page = ending == "html";
+  response.set_header("Content-Security-Policy", page ? kPartPolicy : kBarePolicy);
+  const char* type = page ? kHtmlType : ending == "json" ? kJsonType : "application/octet-stream";
+  const bool shown = page || ending == "json";
+  send_file(job.output(ending), listed->bytes, type, shown ? "" : job.name + "." + ending,
+            response);
+}
+
+void send_file(const std::string& path, std::int64_t bytes, const char* type,
+               const std::string& download, httplib::Response& response) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   struct stat s {};
-  if (file < 0 || ::fstat(file, &s) != 0 || !S_ISREG(s.st_mode) || s.st_size != listed->bytes) {
+  if (file < 0 || ::fstat(file, &s) != 0 || !S_ISREG(s.st_mode) ||
+      (bytes >= 0 && s.st_size != bytes)) {
     if (file >= 0) ::close(file);
     throw ApiError(410, "gone", "the output was moved or changed since the job was done");
   }
@@ -345,11 +398,9 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
     ::close(*f);
     delete f;
   });
-  const bool page = ending == "html";
-  response.set_header("Content-Security-Policy", page ? kPartPolicy : kBarePolicy);
-  if (!page && ending != "json") {
+  if (!download.empty()) {
     std::string name;
-    for (const char c : job.name + "." + ending) {
+    for (const char c : download) {
       const auto u = static_cast<unsigned char>(c);
       const bool plain = (u >= '0' && u <= '9') || (u >= 'A' && u <= 'Z') ||
                          (u >= 'a' && u <= 'z') || c == '-' || c == '_' || c == '.';
@@ -358,7 +409,6 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
     response.set_header("Content-Disposition", "attachment; filename*=UTF-8''" + name);
   }
   const auto size = static_cast<std::size_t>(s.st_size);
-  const char* type = page ? kHtmlType : ending == "json" ? kJsonType : "application/octet-stream";
   if (size == 0) return response.set_content("", type);
   response.set_content_provider(
       size, type, [handle](std::size_t at, std::size_t left, httplib::DataSink& sink) {

@@ -8,9 +8,14 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
+#include <semaphore>
 #include <string>
 #include <vector>
 
+#include "serve/accounts.hpp"
+#include "serve/bridges.hpp"
+#include "serve/studies.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/serve.hpp"
@@ -45,7 +50,6 @@ class Api {
   /// POST and PUT, checked before.
   void change(const httplib::Request& request, httplib::Response& response,
               const httplib::ContentReader& body);
-  /// Headers that every answer has.
 
  private:
   /// A view on the record for one request. Views are kept for later requests: opening one costs
@@ -64,32 +68,69 @@ class Api {
     std::unique_ptr<ReadModel> model_;
   };
   void read(const httplib::Request& request, httplib::Response& response);
-  /// The live page, which holds nothing of the farm; false: `path` is not of it.
-  bool read_shell(const std::string& path, httplib::Response& response) const;
-  /// What is at /api/v1/`what`, but for single jobs.
-  void read_farm(const std::string& what, Query& query, httplib::Response& response);
+  /// The pages, which hold nothing of the farm; false: `path` is not of them.
+  static bool read_shell(const std::string& path, httplib::Response& response);
+  /// What is at /api/v1/`what`, but for single jobs and studies.
+  void read_farm(const std::string& what, const Asker& asker, Query& query,
+                 httplib::Response& response);
+  void read_study(const std::vector<std::string>& rest, httplib::Response& response);
+  void resin_curve(const std::string& name, httplib::Response& response);
   void list_jobs(Query& query, httplib::Response& response);
   void list_events(Query& query, httplib::Response& response);
   MorningReport morning();
-  void job(JobId id, const std::vector<std::string>& rest, const httplib::Request& request,
+  void job(JobId id, const std::vector<std::string>& rest, Query& query,
            httplib::Response& response);
-  void file(const Job& job, const std::string& ending, httplib::Response& response);
+  static void file(const Job& job, const std::string& ending, httplib::Response& response);
   void upload(const std::string& name, const httplib::Request& request, httplib::Response& response,
               const httplib::ContentReader& body);
-  void submit(const httplib::Request& request, httplib::Response& response,
+  void submit(const Asker& asker, const httplib::Request& request, httplib::Response& response,
               const httplib::ContentReader& body);
-  void steer(const std::vector<std::string>& path, const httplib::Request& request,
-             httplib::Response& response, const httplib::ContentReader& body);
+  void pause(bool pause, const std::string& by, httplib::Response& response);
+  void steer(JobId id, const std::string& what, const std::string& text, const Asker& asker,
+             httplib::Response& response);
+  void set_priority(JobId id, const std::string& text, const std::string& by,
+                    httplib::Response& response);
+  void print(JobId id, const std::string& text, const std::string& by, httplib::Response& response);
+  void start_study(const std::string& text, const Asker& asker, httplib::Response& response);
+  void add_resin(const std::string& text, const std::string& by, httplib::Response& response);
+  void add_printer(const std::string& text, httplib::Response& response);
+  void give_ticket(const std::string& text, httplib::Response& response);
+  /// Runs a program that takes a moment. Throws `ApiError` with what it says when it fails.
+  std::string ask_program(std::vector<std::string> arguments, const std::string& input = {},
+                          const std::string& folder = {});
+  /// The job, where the asker may change it.
+  Job job_of(JobId id, const Asker& asker);
   std::string whole_body(const httplib::Request& request, const httplib::ContentReader& body) const;
 
   FarmFolder folder_;
   const ServeOptions& options_;
   GuardRules rules_;
   const std::atomic<bool>& stopping_;
+  Accounts accounts_;
+  Tickets tickets_;
+  Studies studies_;
+  Bridges bridges_;
+  std::counting_semaphore<> programs_{2};  ///< that requests wait for, at a time
   std::mutex readers_mutex_, submit_mutex_;
   std::vector<std::unique_ptr<ReadModel>> readers_;
   Kept overview_{1}, metrics_{1}, report_{5}, report_json_{5}, timeline_{5};
 };
+
+/// Sends a file as it is now; `download`: the name under which it is to be kept, empty: it is shown.
+/// 410 when it is gone, or has another size than `bytes` (-1: whatever it has).
+void send_file(const std::string& path, std::int64_t bytes, const char* type,
+               const std::string& download, httplib::Response& response);
+
+void send_json(httplib::Response& response, int status, const nlohmann::ordered_json& json);
+/// An object of JSON; throws `ApiError`.
+nlohmann::ordered_json parsed(const std::string& text);
+
+/// A page that somebody's part brought with it has scripts in it, and lies where users write: it gets
+/// an origin of its own, from which it can ask for nothing.
+inline constexpr const char* kPartPolicy =
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src "
+    "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors "
+    "'none'";
 
 /// "/api/v1/jobs/7" to its parts.
 std::vector<std::string> segments_of(const std::string& path);

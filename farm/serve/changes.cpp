@@ -17,8 +17,30 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-constexpr const char* kJsonType = "application/json; charset=utf-8";
-constexpr const char* kBy = "api";
+/// Jobs of an account are jobs of its user, whatever the request says; who operates may name others.
+std::string with_user(const std::string& text, const Asker& asker) {
+  Json json = parsed(text);
+  if (asker.name.empty()) return text;
+  Json& defaults = json["defaults"];
+  if (defaults.is_null()) defaults = Json::object();
+  if (!defaults.is_object()) return text;
+  if (asker.role >= Role::operate) {
+    if (!defaults.contains("user")) defaults["user"] = asker.name;
+    return json.dump();
+  }
+  defaults["user"] = asker.name;
+  const auto jobs = json.find("jobs");
+  if (jobs != json.end() && jobs->is_array()) {
+    for (Json& job : *jobs) {
+      if (job.is_object()) job.erase("user");
+    }
+  }
+  return json.dump();
+}
+
+[[noreturn]] void not_there() { throw ApiError(404, "not_found", "there is nothing at this path"); }
+
+}  // namespace
 
 void send_json(httplib::Response& response, int status, const Json& json) {
   send(response, status, json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n",
@@ -30,8 +52,6 @@ Json parsed(const std::string& text) {
   if (!json.is_object()) throw ApiError(400, "json", "expected a JSON object");
   return json;
 }
-
-}  // namespace
 
 std::string Api::whole_body(const httplib::Request& request,
                             const httplib::ContentReader& body) const {
@@ -51,16 +71,27 @@ std::string Api::whole_body(const httplib::Request& request,
 void Api::change(const httplib::Request& request, httplib::Response& response,
                  const httplib::ContentReader& body) {
   try {
+    const Route* route = route_of(request.method, request.path);
+    if (!route || !route->role) not_there();
+    const Asker asker = accounts_.asker(request, *route->role, *route->role > Role::look);
+    const std::string by = asker.name.empty() ? "api" : asker.name;
     const std::vector<std::string> path = segments_of(request.path);
-    const bool api = path.size() > 2 && path[0] == "api" && path[1] == "v1";
-    if (api && request.method == "PUT" && path.size() == 4 && path[2] == "parts") {
-      return upload(path[3], request, response, body);
+    const std::string& what = path[2];
+    if (what == "parts") return upload(path[3], request, response, body);
+    if (what == "jobs" && path.size() == 3) return submit(asker, request, response, body);
+    Query(request).end();
+    const std::string text = whole_body(request, body);
+    if (what == "pause" || what == "resume") return pause(what == "pause", by, response);
+    if (what == "jobs") return steer(id_of(path[3]), path[4], text, asker, response);
+    if (what == "studies" && path.size() == 3) return start_study(text, asker, response);
+    if (what == "studies") {
+      studies_.cancel(path[3], asker);
+      return send_json(response, 200, {{"study", path[3]}, {"asked", true}});
     }
-    if (api && request.method == "POST" && path.size() == 3 && path[2] == "jobs") {
-      return submit(request, response, body);
-    }
-    if (api && request.method == "POST") return steer(path, request, response, body);
-    throw ApiError(404, "not_found", "there is nothing at this path");
+    if (what == "resins") return add_resin(text, by, response);
+    if (what == "printers") return add_printer(text, response);
+    if (what == "tickets") return give_ticket(text, response);
+    not_there();
   } catch (const ApiError& e) {
     send_error(response, e.status, e.code, e.what());
   } catch (const InputError& e) {
@@ -103,14 +134,13 @@ void Api::upload(const std::string& name, const httplib::Request& request,
   send_json(response, 201, {{"part", part.keep()}, {"bytes", bytes}});
 }
 
-void Api::submit(const httplib::Request& request, httplib::Response& response,
+void Api::submit(const Asker& asker, const httplib::Request& request, httplib::Response& response,
                  const httplib::ContentReader& body) {
   Query query(request);
   const bool dry_run = query.flag("dry_run");
   query.end();
   if (!options_.submit) throw ApiError(403, "read_only", "this server takes no jobs");
-  const std::string text = whole_body(request, body);
-  parsed(text);
+  const std::string text = with_user(whole_body(request, body), asker);
   // Reading meshes takes memory: one submission at a time.
   std::unique_lock lock(submit_mutex_, std::try_to_lock);
   if (!lock.owns_lock()) throw ApiError(503, "busy", "another submission is being checked");
@@ -118,32 +148,33 @@ void Api::submit(const httplib::Request& request, httplib::Response& response,
   send(response, reply.status, std::move(reply.json), kJsonType);
 }
 
-void Api::steer(const std::vector<std::string>& path, const httplib::Request& request,
-                httplib::Response& response, const httplib::ContentReader& body) {
-  Query(request).end();
-  const auto not_there = [] { throw ApiError(404, "not_found", "there is nothing at this path"); };
-  const std::string text = whole_body(request, body);
-  if (path.size() == 3 && (path[2] == "pause" || path[2] == "resume")) {
-    Queue queue(folder_.database(), *options_.clock);
-    const bool pause = path[2] == "pause";
-    std::vector<std::pair<std::string, std::string>> changes{{"paused", pause ? "yes" : "no"}};
-    if (!pause) changes.emplace_back("draining", "no");
-    queue.change_settings(changes, kBy);
-    return send_json(response, 200, {{"paused", pause}});
-  }
-  if (path.size() != 5 || path[2] != "jobs") not_there();
-  const JobId id = id_of(path[3]);
-  const std::string& what = path[4];
-  if (id == 0 || (what != "cancel" && what != "retry" && what != "priority")) not_there();
+void Api::pause(bool pause, const std::string& by, httplib::Response& response) {
   Queue queue(folder_.database(), *options_.clock);
-  const auto state_of = [&]() -> std::string {
-    Reader reader(*this);
-    const auto job = reader->job(id);
-    if (!job) throw ApiError(404, "not_found", "there is no such job");
-    return name_of(job->state);
-  };
+  std::vector<std::pair<std::string, std::string>> changes{{"paused", pause ? "yes" : "no"}};
+  if (!pause) changes.emplace_back("draining", "no");
+  queue.change_settings(changes, by);
+  send_json(response, 200, {{"paused", pause}});
+}
+
+Job Api::job_of(JobId id, const Asker& asker) {
+  Reader reader(*this);
+  auto job = id == 0 ? std::nullopt : reader->job(id);
+  if (!job) throw ApiError(404, "not_found", "there is no such job");
+  if (asker.role < Role::operate && job->user != asker.name) {
+    throw ApiError(403, "role", "the job is somebody else's");
+  }
+  return *std::move(job);
+}
+
+void Api::steer(JobId id, const std::string& what, const std::string& text, const Asker& asker,
+                httplib::Response& response) {
+  const std::string by = asker.name.empty() ? "api" : asker.name;
+  const Job job = job_of(id, asker);
+  if (what == "priority") return set_priority(id, text, by, response);
+  if (what == "print") return print(id, text, by, response);
+  Queue queue(folder_.database(), *options_.clock);
   if (what == "cancel") {
-    switch (queue.cancel(id, kBy)) {
+    switch (queue.cancel(id, by)) {
       case CancelOutcome::cancelled:
         return send_json(response, 200, {{"id", id}, {"state", "cancelled"}});
       case CancelOutcome::asked:
@@ -154,12 +185,16 @@ void Api::steer(const std::vector<std::string>& path, const httplib::Request& re
         throw ApiError(404, "not_found", "there is no such job");
     }
   }
-  if (what == "retry") {
-    if (!queue.retry(id, kBy)) {
-      throw ApiError(409, "state", "the job is " + state_of() + ", expected failed or cancelled");
-    }
-    return send_json(response, 200, {{"id", id}, {"state", "queued"}});
+  if (!queue.retry(id, by)) {
+    throw ApiError(
+        409, "state",
+        std::string("the job is ") + name_of(job.state) + ", expected failed or cancelled");
   }
+  send_json(response, 200, {{"id", id}, {"state", "queued"}});
+}
+
+void Api::set_priority(JobId id, const std::string& text, const std::string& by,
+                       httplib::Response& response) {
   const Json json = parsed(text);
   const auto priority = json.find("priority"), ready_by = json.find("ready_by");
   const bool has_priority = priority != json.end(), has_time = ready_by != json.end();
@@ -178,9 +213,14 @@ void Api::steer(const std::vector<std::string>& path, const httplib::Request& re
     if (minute < 0) throw ApiError(400, "json", "ready_by: expected \"HH:MM\" or \"none\"");
     ready_by_ms = next_local_minute(options_.clock->wall_ms(), minute);
   }
-  if ((has_priority && !queue.set_priority(id, priority->get<int>(), kBy)) ||
-      (has_time && !queue.set_ready_by(id, ready_by_ms, kBy))) {
-    throw ApiError(409, "state", "the job is " + state_of() + ", expected queued");
+  Queue queue(folder_.database(), *options_.clock);
+  if ((has_priority && !queue.set_priority(id, priority->get<int>(), by)) ||
+      (has_time && !queue.set_ready_by(id, ready_by_ms, by))) {
+    Reader reader(*this);
+    const auto job = reader->job(id);
+    throw ApiError(
+        409, "state",
+        std::string("the job is ") + (job ? name_of(job->state) : "gone") + ", expected queued");
   }
   Json answer = {{"id", id}};
   if (has_priority) answer["priority"] = priority->get<int>();

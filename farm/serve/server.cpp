@@ -2,6 +2,7 @@
 
 #include "serve/api.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/serve.hpp"
 #include "support/http/guarded_server.hpp"
 
@@ -40,9 +41,12 @@ FarmServer::FarmServer(const FarmFolder& folder, ServeOptions options)
     : parts_(std::make_unique<Parts>(folder, std::move(options))) {
   Parts& p = *parts_;
   http::GuardRules rules = rules_of(p.options);
-  if (!rules.loopback && p.options.token.empty()) {
-    throw InputError("beyond this machine even reading needs a token: give --token-file");
+  if (!rules.loopback && p.options.token.empty() && p.options.accounts.empty()) {
+    throw InputError(
+        "beyond this machine even reading needs a token: give --token-file or --accounts");
   }
+  // A farm that nobody has submitted to yet gets its record, so that the first part may come from here.
+  Queue(folder.database(), *p.options.clock);
   auto& server = p.server;
   server.set_payload_max_length(
       static_cast<std::size_t>(std::max(p.options.most_upload_bytes, p.options.most_body_bytes)));

@@ -8,7 +8,9 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "programs/common/mesh_options.hpp"
 #include "programs/common/run_server.hpp"
+#include "serve/plate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/serve.hpp"
@@ -20,9 +22,10 @@ namespace {
 
 struct ServeCommand {
   FarmOptions farm;
-  std::string listen = "127.0.0.1:8420", token_file, user;
+  std::string listen = "127.0.0.1:8420", token_file, accounts_file, user;
   std::vector<std::string> host_names, allowed_folders;
   double most_upload_mb = 512;
+  int studies = 1;
   bool notify = true;
 };
 
@@ -31,9 +34,12 @@ int serve(const ServeCommand& o, cli::Console& console) {
   ServeOptions options;
   std::tie(options.host, options.port) = http::host_and_port(o.listen);
   if (!o.token_file.empty()) options.token = http::read_token_file(o.token_file);
+  if (!o.accounts_file.empty()) options.accounts = read_accounts_file(o.accounts_file);
+  options.children.studies = o.studies;
   for (const std::string& name : o.host_names) options.host_names += name + ",";
   options.most_upload_bytes = static_cast<std::int64_t>(o.most_upload_mb * 1e6);
-  if (!options.token.empty()) {
+  const bool reading = options.token.empty() && options.accounts.empty();
+  if (!reading) {
     options.submit =
         make_submitter({folder, o.allowed_folders, o.user.empty() ? user_name() : o.user});
   }
@@ -42,10 +48,27 @@ int serve(const ServeCommand& o, cli::Console& console) {
   std::optional<Notifier> notifier;
   if (o.notify) notifier.emplace(folder);
   cli::print_result(server.address() + "\n");
-  console.say(options.token.empty() ? "serving; nothing can be changed without --token-file"
-                                    : "serving");
+  console.say(reading ? "serving; nothing can be changed without --token-file or --accounts"
+                      : "serving");
   return http::serve_until_ended([&] { server.run(); }, [&] { server.stop(); },
                                  [&] { notifier.reset(); });
+}
+
+struct PlateCommand {
+  detail::PlateJob job;
+  cli::MeshOptions mesh;
+};
+
+/// What a study runs: writes the files for a browser into the present folder.
+int plate(const PlateCommand& o, const ExecutionContext& context) {
+  detail::PlateJob job = o.job;
+  job.parts = o.mesh.parts;
+  job.placement = o.mesh.placement();
+  job.center_mm = o.mesh.center_mm;
+  job.layer_um = o.mesh.layer_um;
+  job.folder = ".";
+  detail::write_plate(job, context);
+  return cli::kDone;
 }
 
 struct NotifyCommand {
@@ -98,6 +121,12 @@ void add_serve_commands(cli::Program& program) {
     app->add_option("--token-file", o->token_file,
                     "File (mode 0600) with the token that changes need, and all requests beyond "
                     "this machine");
+    app->add_option("--accounts", o->accounts_file,
+                    "File (mode 0600) with a line ROLE NAME TOKEN for everybody who may use the "
+                    "farm; roles: look, submit, operate");
+    app->add_option("--studies", o->studies,
+                    "Plates, plans, checks and fits that are computed at a time [1]")
+        ->check(CLI::Range(1, 64));
     app->add_option("--host-name", o->host_names,
                     "Further name under which browsers reach this server, as NAME");
     app->add_option(
@@ -107,6 +136,19 @@ void add_serve_commands(cli::Program& program) {
         ->check(cli::number_in(0.001, 1e6));
     app->add_option("--user", o->user, "User of submitted jobs that name none [who serves]");
     app->add_flag("!--no-notify", o->notify, "Send no notifications (DIR/notify.toml)");
+  }
+  {
+    auto o = std::make_shared<PlateCommand>();
+    CLI::App* app = program.add(
+        "plate", "Parts for a browser to show: what studies start",
+        [o](const ExecutionContext& context, cli::Console&) { return plate(*o, context); });
+    app->add_option("PART", o->mesh.parts, "Meshes that were sliced");
+    app->add_option("--stack", o->job.stack, "Their slices, or an archive")->required();
+    app->add_option("--printer", o->job.printer, "Printer")->required();
+    app->add_option("--layer-um", o->mesh.layer_um, "Where the archive says none")
+        ->check(cli::number_in(1, 1000));
+    o->mesh.add_placement_to(*app);
+    app->group("");  // not for people
   }
   {
     auto o = std::make_shared<NotifyCommand>();

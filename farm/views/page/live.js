@@ -1,74 +1,6 @@
 'use strict';
-// Everything that comes from the farm goes into the page as text, never as markup.
-const $ = (id) => document.getElementById(id);
-const el = (name, text, kind) => {
-  const e = document.createElement(name);
-  if (text !== undefined) e.textContent = text;
-  if (kind) e.className = kind;
-  return e;
-};
 const pageSize = 20;
 let offset = 0, lastEvent = -1, shown = 0, timelineUrl = '', timer = 0, asked = 0, chosen = false;
-
-const count = (n) => Number(n).toLocaleString('en-US');
-function bytes(n) {
-  if (!(n >= 0)) return '-';
-  const units = ['B', 'kB', 'MB', 'GB', 'TB'];
-  let u = 0;
-  while (n >= 999.95 && u < 4) { n /= 1000; u++; }
-  return (u ? n.toFixed(1) : n) + ' ' + units[u];
-}
-function duration(s) {
-  if (s === null || !(s >= 0)) return '-';
-  if (s < 10) return s.toFixed(1) + ' s';
-  s = Math.round(s);
-  const two = (n) => String(n).padStart(2, '0');
-  if (s < 60) return s + ' s';
-  if (s < 3600) return Math.floor(s / 60) + ' min ' + two(s % 60) + ' s';
-  if (s < 172800) return Math.floor(s / 3600) + ' h ' + two(Math.floor(s / 60) % 60) + ' min';
-  return Math.floor(s / 86400) + ' d ' + two(Math.floor(s / 3600) % 24) + ' h';
-}
-function moment(ms) {
-  if (!ms) return '-';
-  const d = new Date(ms), time = d.toLocaleTimeString('en-GB');
-  return Math.abs(Date.now() - ms) < 43200000 ? time : d.toLocaleDateString('en-CA') + ' ' + time.slice(0, 5);
-}
-const minute = (ms) => moment(ms).replace(/:\d\d$/, (s, at, all) => all.length === 8 ? '' : s);
-// Three digits that count, and never an exponent.
-const figure = (v) => Math.abs(v) >= 999.5 ? count(Math.round(v))
-  : Number(v.toPrecision(3)).toLocaleString('en-US', {maximumFractionDigits: 9});
-const um = (v) => figure(v) + ' um';
-
-async function ask(path) {
-  const token = sessionStorage.getItem('token');
-  const answer = await fetch(path, token ? {headers: {Authorization: 'Bearer ' + token}} : {});
-  if (answer.status === 401) {
-    $('ask').hidden = false;
-    $('all').hidden = true;
-    throw new Error(token ? 'The token is not the one of this farm.' : 'This farm is shown to those who have its token.');
-  }
-  if (!answer.ok) throw new Error('The farm answers ' + answer.status + '.');
-  return answer;
-}
-
-function facts(list, pairs) {
-  list.replaceChildren();
-  for (const [name, value] of pairs) {
-    if (value === '' || value === null || value === undefined) continue;
-    list.append(el('dt', name), value instanceof Node ? value : el('dd', value));
-  }
-}
-
-function bar(fraction, words) {
-  const p = el('div', undefined, 'progress');
-  p.setAttribute('role', 'progressbar');
-  p.setAttribute('aria-valuenow', Math.round(100 * fraction));
-  p.setAttribute('aria-label', words);
-  const i = el('i');
-  i.style.width = 100 * fraction + '%';
-  p.append(i, el('b', words));
-  return p;
-}
 
 function jobLink(id, name) {
   const b = el('button', name, 'link');
@@ -104,9 +36,8 @@ function overview(o) {
   $('pace').textContent = all === 0 ? 'No job was submitted yet.'
     : j.queued + j.running === 0 ? 'Nothing is left to do.'
     : duration(o.queued_s) + ' of work on one core' + (o.eta_s === null ? '' : ', done about ' + moment(o.now_ms + 1000 * o.eta_s));
-  const trouble = j.queued && o.holds ? 'Jobs wait and nothing starts: ' + o.holds + '.' : '';
-  $('trouble').textContent = trouble;
-  $('trouble').hidden = !trouble;
+  $('holds').textContent = j.queued && o.holds ? 'Jobs wait and nothing starts: ' + o.holds + '.' : '';
+  $('holds').hidden = !$('holds').textContent;
   $('running').replaceChildren(...(o.running.length ? o.running.map((r) => {
     const row = el('div', undefined, 'run'), name = el('div', undefined, 'name'), a = r.attempt;
     name.append(jobLink(r.id, r.id + ' ' + r.name));
@@ -188,21 +119,14 @@ function tomoWords(f) {
     + ', prints in ' + duration(f.print_time_s) + (f.feasible ? '' : '; misses');
 }
 
-function reportLink(j) {
-  const a = el('a', 'open');
-  a.href = '/api/v1/jobs/' + j.id + '/files/html';
-  a.target = '_blank';
-  a.rel = 'noopener';
-  a.setAttribute('aria-label', 'report of ' + j.name);
-  return a;
-}
+const reportLink = (j) => link('/api/v1/jobs/' + j.id + '/files/html', 'open', 'report of ' + j.name);
 
 async function table() {
   const mine = ++asked, state = document.querySelector('input[name=state]:checked').value;
   const order = {queued: 'urgency', worst: 'worst'}[state] || 'ended';
   const q = new URLSearchParams({state: state === 'worst' ? 'done' : state, order, limit: pageSize, offset});
   for (const [key, id] of [['text', 'find'], ['user', 'user'], ['label', 'label']]) if ($(id).value) q.set(key, $(id).value);
-  const page = await (await ask('/api/v1/jobs?' + q)).json();
+  const page = await read('/api/v1/jobs?' + q);
   if (mine !== asked) return;  // a later question has been asked
   if (page.jobs.length === 0 && offset > 0) { offset = 0; return table(); }
   jobRows(state, page.jobs);
@@ -216,7 +140,7 @@ async function table() {
 }
 
 async function showJob(id, go) {
-  const j = await (await ask('/api/v1/jobs/' + id)).json();
+  const j = await read('/api/v1/jobs/' + id);
   shown = id;
   $('detail').hidden = false;
   $('detail-title').textContent = 'Job ' + j.id + ': ' + j.name;
@@ -229,6 +153,7 @@ async function showJob(id, go) {
     ['Parts', j.parts.join(', ')], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
     ['Print', j.figures && !j.figures.height_error_um ? tomoWords(j.figures) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
     ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', j.output_folder], ['Report', report]]);
+  jobActions(j);
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
     + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + a.message : '') : a.phase))));
   $('log').textContent = j.tries.length ? await (await ask('/api/v1/jobs/' + id + '/log?bytes=20000')).text() : 'not tried yet';
@@ -236,7 +161,7 @@ async function showJob(id, go) {
 }
 
 async function events() {
-  const list = (await (await ask('/api/v1/events?limit=15')).json()).events;
+  const list = (await read('/api/v1/events?limit=15')).events;
   $('events').replaceChildren(...list.reverse().map((e) => {
     const line = el('li', undefined, e.kind);
     line.append(el('span', moment(e.at_ms), 'dim'), ' ');
@@ -248,7 +173,7 @@ async function events() {
 }
 
 async function timeline() {
-  const url = URL.createObjectURL(await (await ask('/api/v1/timeline.svg')).blob());
+  const url = await blobUrl('/api/v1/timeline.svg');
   // What is newest can be seen, also where the picture is wider than the window.
   if (!timelineUrl) $('timeline').addEventListener('load', () => { const box = $('timeline').closest('.scroll'); box.scrollLeft = box.scrollWidth; }, {once: true});
   $('timeline').src = url;
@@ -257,41 +182,41 @@ async function timeline() {
 }
 
 let drawn = 0;
+async function look() {
+  const o = await read('/api/v1/overview');
+  overview(o);
+  farmActions(o);
+  if (o.last_event !== lastEvent) {
+    lastEvent = o.last_event;
+    await Promise.all([table(), events(), shown ? showJob(shown, false) : null]);
+  }
+  if (Date.now() - drawn > 15000) {
+    drawn = Date.now();
+    await timeline();
+    await bridges();
+  }
+}
 async function tick() {
   clearTimeout(timer);
   try {
-    const o = await (await ask('/api/v1/overview')).json();
-    $('ask').hidden = true;
-    $('all').hidden = false;
-    $('to-report').hidden = sessionStorage.getItem('token') !== null;
-    overview(o);
-    if (o.last_event !== lastEvent) {
-      lastEvent = o.last_event;
-      await Promise.all([table(), events(), shown ? showJob(shown, false) : null]);
-    }
-    if (Date.now() - drawn > 15000) {
-      drawn = Date.now();
-      await timeline();
-    }
-    document.body.dataset.ready = 'yes';
-  } catch (e) {
-    $('trouble').textContent = e instanceof TypeError ? 'The farm’s server does not answer.' : e.message;
-    $('trouble').hidden = false;
-  }
+    await look();
+    // A complaint about a click stays until the next; that the farm does not answer goes when it does.
+    if (lost) { lost = false; calm(); }
+  } catch (e) { lost = true; tell(e); }
   if (!document.hidden) timer = setTimeout(tick, 2000);
 }
+let lost = false;
 
-const again = () => { offset = 0; table().catch(() => {}); };
+const again = () => { offset = 0; table().catch(tell); };
 $('states').addEventListener('change', () => { chosen = true; again(); });
 for (const id of ['find', 'user', 'label']) $(id).addEventListener('input', again);
-$('back').addEventListener('click', () => { offset = Math.max(0, offset - pageSize); table().catch(() => {}); });
-$('on').addEventListener('click', () => { offset += pageSize; table().catch(() => {}); });
-$('ask').addEventListener('submit', (e) => {
-  e.preventDefault();
-  sessionStorage.setItem('token', $('token').value);
-  $('token').value = '';
+$('back').addEventListener('click', () => { offset = Math.max(0, offset - pageSize); table().catch(tell); });
+$('on').addEventListener('click', () => { offset += pageSize; table().catch(tell); });
+document.addEventListener('visibilitychange', () => { if (!document.hidden && timer) tick(); });
+begin(async () => {
   lastEvent = -1;
-  tick();
+  drawn = 0;
+  await look();
+  clearTimeout(timer);
+  timer = setTimeout(tick, 2000);
 });
-document.addEventListener('visibilitychange', () => { if (!document.hidden) tick(); });
-tick();

@@ -86,20 +86,25 @@ void check_headers(const GuardRules& rules, const httplib::Request& request) {
   if (request.ranges.size() > 1) throw ApiError(416, "range", "expected one range at most");
 }
 
-void check_access(const GuardRules& rules, const httplib::Request& request, Access access) {
-  if (access == Access::shell || (access == Access::read && rules.loopback)) return;
-  if (rules.token.empty()) {
-    throw ApiError(403, "read_only", "this server changes nothing (no --token-file)");
-  }
+bool has_bearer(const httplib::Request& request, const std::string& token) {
   constexpr std::string_view scheme = "bearer ";
   const std::string given = request.get_header_value("Authorization");
   const bool bearer = given.size() > scheme.size() &&
                       lower_case(given.substr(0, scheme.size())) == scheme &&
                       request.get_header_value_count("Authorization") == 1;
   // Hashes have one length, and comparing them takes one time, whatever was sent.
-  const auto wanted = digest(rules.token);
+  const auto wanted = digest(token);
   const auto have = digest(bearer ? std::string_view(given).substr(scheme.size()) : "");
-  if (!bearer || CRYPTO_memcmp(wanted.data(), have.data(), wanted.size()) != 0) {
+  const bool same = CRYPTO_memcmp(wanted.data(), have.data(), wanted.size()) == 0;
+  return bearer && same;
+}
+
+void check_access(const GuardRules& rules, const httplib::Request& request, Access access) {
+  if (access == Access::shell || (access == Access::read && rules.loopback)) return;
+  if (rules.token.empty()) {
+    throw ApiError(403, "read_only", "this server changes nothing (no --token-file)");
+  }
+  if (!has_bearer(request, rules.token)) {
     throw ApiError(401, "token", "expected the header 'Authorization: Bearer TOKEN'");
   }
 }

@@ -42,6 +42,10 @@ bool is_loopback(const std::string& ip);
 void check_headers(const GuardRules& rules, const httplib::Request& request);
 void check_access(const GuardRules& rules, const httplib::Request& request, Access access);
 
+/// Whether the request's one Authorization header is "Bearer" and this token; takes one time whatever
+/// was sent.
+bool has_bearer(const httplib::Request& request, const std::string& token);
+
 /// Size of the body that a request announces; 0 without one. Throws `ApiError` for bodies without a
 /// length, encoded ones, and those above `most`.
 std::int64_t body_bytes(const httplib::Request& request, std::int64_t most);

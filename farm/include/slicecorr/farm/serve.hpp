@@ -1,5 +1,5 @@
 /// @file serve.hpp
-/// The farm over HTTP: a page that only reads, a REST API under /api/v1, metrics.
+/// The farm over HTTP: pages to prepare prints and to follow them, a REST API under /api/v1, metrics.
 ///
 /// What it is built against: pages of other sites in the same browser (no cookies, Host and Origin
 /// are checked, changes need a bearer token), names that lead elsewhere (DNS rebinding, paths),
@@ -30,10 +30,44 @@ struct SubmitReply {
   std::string json;
 };
 
+/// What an account may do; each may do what those before it may.
+enum class Role {
+  look,     ///< read everything
+  submit,   ///< upload, study and queue parts; cancel and retry its own jobs
+  operate,  ///< all jobs, the order of the queue, resins and printers, sending to machines
+};
+/// "look", "submit" or "operate".
+const char* name_of(Role role);
+
+/// Somebody who may use the server. Jobs that an account submits are jobs of the user `name`.
+struct Account {
+  std::string name;  ///< empty: whoever has the token
+  Role role = Role::look;
+  std::string token;
+};
+
+/// Reads accounts: lines `ROLE NAME TOKEN` in a file of the user's own with mode 0600 or 0400; empty
+/// lines and those that begin with # are passed over. Throws `InputError` with file and line.
+std::vector<Account> read_accounts_file(const std::string& path);
+
+/// How child programs run that work for requests: `slicecorr`, `resinctl`, `printbridge`.
+struct ChildRules {
+  std::string programs;   ///< folder of the programs; empty: that of this program
+  int studies = 1;        ///< that run at a time, >= 1
+  int most_waiting = 16;  ///< studies that wait; more are refused (503)
+  double study_s = 900;   ///< of each program of a study; then it is ended
+  std::int64_t memory_bytes = std::int64_t{3} << 30;  ///< of data of each program
+  std::int64_t file_bytes = std::int64_t{2} << 30;    ///< of each file that it writes
+  int kept = 50;  ///< studies that are kept for their results; the oldest go
+};
+
 struct ServeOptions {
   std::string host = "127.0.0.1";
-  int port = 0;            ///< 0..65535; 0: the system chooses
-  std::string token;       ///< empty: nothing can be changed, and only loopback is served
+  int port = 0;       ///< 0..65535; 0: the system chooses
+  std::string token;  ///< of an account without a name that may operate; empty: there is none
+  /// Further accounts. Without any account nothing can be changed, and only loopback is served.
+  std::vector<Account> accounts;
+  ChildRules children;
   std::string host_names;  ///< further names in Host headers that are ours, separated by commas
   /// Takes the body of POST /api/v1/jobs. Empty: submissions are refused.
   std::function<SubmitReply(const std::string& body, bool dry_run,

@@ -1,0 +1,222 @@
+#include "serve/bridges.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+#include "serve/studies.hpp"
+#include "slicecorr/error.hpp"
+#include "support/toml/toml_table.hpp"
+
+namespace slicecorr::farm::detail {
+
+namespace fs = std::filesystem;
+using http::ApiError;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// What a bridge refuses it mostly says by then: stacks are read first.
+constexpr auto kFirstWords = std::chrono::seconds(3);
+constexpr auto kStatusTime = std::chrono::seconds(5);
+
+std::string log_of(const FarmFolder& folder, const std::string& bridge) {
+  return folder.root + "/bridges/" + bridge + ".log";
+}
+
+std::string text_of(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+/// Starts a program that outlives this one, with its output in `log`. -1: it can't be started.
+pid_t start_detached(const std::vector<std::string>& arguments, const std::string& log) {
+  // All memory is taken before the fork.
+  std::vector<char*> argv;
+  for (const std::string& s : arguments) argv.push_back(const_cast<char*>(s.c_str()));
+  argv.push_back(nullptr);
+  const pid_t pid = ::fork();
+  if (pid != 0) return pid;
+  ::setsid();
+  sigset_t none;
+  ::sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  const int in = ::open("/dev/null", O_RDONLY);
+  const int out = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+  if (in < 0 || out < 0 || ::dup2(in, STDIN_FILENO) < 0 || ::dup2(out, STDOUT_FILENO) < 0 ||
+      ::dup2(out, STDERR_FILENO) < 0) {
+    ::_exit(127);
+  }
+  ::close_range(STDERR_FILENO + 1, ~0U, 0);
+  ::execv(argv[0], argv.data());
+  ::_exit(127);
+}
+
+std::vector<std::string> texts_of(const toml::table& table, const char* key,
+                                  const std::string& path) {
+  std::vector<std::string> list;
+  const toml::node* node = table.get(key);
+  if (!node) return list;
+  const toml::array* array = node->as_array();
+  for (std::size_t i = 0; array && i < array->size(); ++i) {
+    const auto text = (*array)[i].value<std::string>();
+    if (!text)
+      array = nullptr;
+    else
+      list.push_back(*text);
+  }
+  if (!array) throw InputError(path, key, "expected a list of texts");
+  return list;
+}
+
+}  // namespace
+
+std::vector<Bridge> read_bridges(const std::string& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return {};
+  const toml::table table = parse_toml(read_text_file(path), path);
+  std::vector<Bridge> bridges;
+  for (const auto& [key, node] : table) {
+    const toml::array* list = node.as_array();
+    if (key.str() != "bridge" || !list) throw InputError(path, "", "expected [[bridge]] tables");
+    for (const toml::node& each : *list) {
+      const toml::table* t = each.as_table();
+      if (!t) throw InputError(path, "", "expected [[bridge]] tables");
+      const TomlTable read(*t, path, "bridge");
+      for (const auto& [k, n] : *t) {
+        const std::string_view known[] = {"name", "printer", "options", "status_options", "page"};
+        if (std::find(std::begin(known), std::end(known), k.str()) == std::end(known)) {
+          read.fail(k.str(), "is no key of a bridge");
+        }
+      }
+      Bridge b;
+      b.name = read.text("name", "");
+      b.printer = read.text("printer", "");
+      b.page = read.text("page", "");
+      const auto plain = [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+      };
+      if (b.name.empty() || b.name.size() > 60 ||
+          !std::all_of(b.name.begin(), b.name.end(), plain)) {
+        read.fail("name", "expected a name of small letters, digits, - and _");
+      }
+      if (b.printer.empty()) read.fail("printer", "expected the name of a printer");
+      if (!b.page.empty() && !b.page.starts_with("http://") && !b.page.starts_with("https://")) {
+        read.fail("page", "expected an address that begins with http:// or https://");
+      }
+      b.options = texts_of(*t, "options", path);
+      b.status_options = texts_of(*t, "status_options", path);
+      bridges.push_back(std::move(b));
+    }
+  }
+  return bridges;
+}
+
+Json Bridges::list() {
+  Json json = Json::array();
+  for (const Bridge& b : read_bridges(folder_.root + "/bridges.toml")) {
+    Json one = {{"name", b.name}, {"printer", b.printer}, {"page", b.page}};
+    std::vector<std::string> ask{
+        program_path(rules_, "printbridge"), "status", "--printer", b.printer, "--json", "-"};
+    ask.insert(ask.end(), b.status_options.begin(), b.status_options.end());
+    const CommandResult result = run_command(ask, kStatusTime, {}, {}, child_limits(rules_, ""));
+    Json state = Json::parse(result.out, nullptr, false);
+    one["state"] = state.is_discarded() ? Json(nullptr) : state;
+    if (!result.ok()) one["trouble"] = told_by(result, folder_);
+    {
+      const std::scoped_lock lock(shared_->mutex);
+      const auto sent = shared_->sent.find(b.name);
+      if (sent != shared_->sent.end()) {
+        const Sent& s = sent->second;
+        one["sent"] = {{"job", s.job},
+                       {"name", s.name},
+                       {"by", s.by},
+                       {"dry_run", s.dry_run},
+                       {"running", s.running}};
+        if (!s.running) {
+          one["sent"]["exit_code"] = s.exit_code;
+          CommandResult said;
+          said.exit_code = s.exit_code;
+          said.err = text_of(log_of(folder_, b.name));
+          one["sent"]["message"] = told_by(said, folder_);
+        }
+      }
+    }
+    json.push_back(one);
+  }
+  return json;
+}
+
+Json Bridges::print(const std::string& bridge, const std::string& stack, const Job& job,
+                    bool dry_run, bool machine_is_clear, const std::string& by) {
+  const std::vector<Bridge> all = read_bridges(folder_.root + "/bridges.toml");
+  const auto b =
+      std::find_if(all.begin(), all.end(), [&](const Bridge& x) { return x.name == bridge; });
+  if (b == all.end()) throw ApiError(404, "bridge", "there is no bridge of this name");
+  if (b->printer != job.printer) {
+    throw ApiError(
+        409, "bridge",
+        "the job is for the printer " + job.printer + ", the bridge drives " + b->printer);
+  }
+  {
+    const std::scoped_lock lock(shared_->mutex);
+    Sent& s = shared_->sent[bridge];
+    if (s.running) throw ApiError(409, "bridge", "the bridge prints");
+    s = {job.id, job.name, by, true, dry_run, -1};
+  }
+  const auto not_started = [&](int code) {
+    const std::scoped_lock lock(shared_->mutex);
+    shared_->sent[bridge].running = false;
+    shared_->sent[bridge].exit_code = code;
+  };
+  std::vector<std::string> command{program_path(rules_, "printbridge"), "print", stack, "--printer",
+                                   b->printer};
+  command.insert(command.end(), b->options.begin(), b->options.end());
+  if (dry_run) command.emplace_back("--dry-run");
+  if (machine_is_clear) command.emplace_back("--machine-is-clear");
+  std::error_code error;
+  const std::string log = log_of(folder_, bridge);
+  fs::create_directories(fs::path(log).parent_path(), error);
+  const pid_t pid = start_detached(command, log);
+  if (pid < 0) {
+    not_started(4);
+    throw ApiError(503, "device", "printbridge can't be started");
+  }
+  // Whoever waits for it may go before it: what they share lives as long as either.
+  std::thread([shared = shared_, bridge, pid] {
+    int status = 0;
+    while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+    }
+    const std::scoped_lock lock(shared->mutex);
+    Sent& s = shared->sent[bridge];
+    s.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 1;
+    s.running = false;
+  }).detach();
+  const auto until = std::chrono::steady_clock::now() + kFirstWords;
+  for (;;) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    const std::scoped_lock lock(shared_->mutex);
+    const Sent& s = shared_->sent[bridge];
+    if (!s.running) {
+      CommandResult said;
+      said.exit_code = s.exit_code;
+      said.err = text_of(log);
+      if (s.exit_code != 0) throw ApiError(409, "bridge", told_by(said, folder_));
+      return {{"bridge", bridge}, {"job", job.id}, {"dry_run", dry_run}, {"running", false}};
+    }
+    if (std::chrono::steady_clock::now() > until) break;
+  }
+  return {{"bridge", bridge}, {"job", job.id}, {"dry_run", dry_run}, {"running", true}};
+}
+
+}  // namespace slicecorr::farm::detail

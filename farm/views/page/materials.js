@@ -1,0 +1,76 @@
+'use strict';
+// Resins from measurements, printers by a form, and what there is.
+let resins = [], fit = null;
+const tables = new Parts($('drop'), $('files'), $('tables'), /\.csv$/i, () => { $('fit').disabled = !tables.there.length; $('fitted').hidden = true; });
+
+const parameterNames = {h_um: 'Absorbance height (to 1/e)', dc_mj_cm2: 'Dose that gels', m: 'Exponent of intensity', critical_dose_prime: 'D′c, dose that gels', gel_a_mj_cm2: 'A of the time to gel', gel_b_sqrt_mw_cm2_s: 'B of the time to gel'};
+
+$('fit').addEventListener('click', async () => {
+  calm();
+  $('fit').disabled = true;
+  $('add-said').textContent = '';
+  try {
+    const request = {kind: 'fit', data: tables.there.map((t) => t.part), model: $('model').value, name: $('resin-name').value.trim()};
+    if ($('bootstrap').value !== '0') request.bootstrap = Number($('bootstrap').value);
+    fit = await study(request, $('fit-said'));
+    $('fitted').hidden = !fit;
+    if (!fit) return;
+    fit.name = request.name;
+    const f = await read(fit.path + '/files/fit.json');
+    $('fit-words').textContent = 'Fit of ' + count(f.n) + ' measurements: R² ' + f.r2.toFixed(4) + ', residuals of ' + um(f.rmse_um) + ' (RMSE).'
+      + (f.outliers.length ? ' ' + count(f.outliers.length) + ' of them lie far off.' : ' None lies far off.');
+    $('fit-figures').replaceChildren(tableOf([['', 'value', '95 % within'], ...Object.entries(f.parameters).map(([name, p]) => [parameterNames[name] || name,
+      figure(p.value) + ' ' + (p.unit || ''), p.ci95 ? figure(p.ci95[0]) + ' to ' + figure(p.ci95[1]) : '-'])], 'What the fit says'));
+    $('fit-warnings').replaceChildren(...(f.warnings || []).map((w) => el('li', typeof w === 'string' ? w : w.message || w.text || JSON.stringify(w))));
+    $('fit-picture').src = await blobUrl(fit.path + '/files/fit.svg');
+  } catch (e) { tell(e); } finally { $('fit').disabled = !tables.there.length; }
+});
+
+$('add-resin').addEventListener('click', async () => {
+  calm();
+  try {
+    await change('/api/v1/resins', {study: fit.study, replace: $('replace').checked});
+    $('add-said').textContent = 'The resin ' + fit.name + ' is there.';
+    await list();
+  } catch (e) { tell(e); }
+});
+
+$('new-printer').addEventListener('submit', async (event) => {
+  event.preventDefault();
+  calm();
+  $('printer-said').textContent = '';
+  const form = new FormData(event.target), printer = {name: form.get('name').trim(), replace: form.get('replace') !== null};
+  for (const key of ['width_px', 'height_px', 'pixel_um', 'bit_depth', 'wavelength_nm', 'max_speed_mm_h', 'travel_mm']) if (form.get(key) !== '') printer[key] = Number(form.get(key));
+  printer.readings = form.get('readings').split('\n').filter((l) => l.trim()).map((l) => l.trim().split(/[\s,;]+/).map(Number));
+  try {
+    if (printer.readings.some((r) => r.length !== 2 || r.some((v) => !Number.isFinite(v)))) throw new Error('Light at the window: expected a grey level and mW/cm² on each line.');
+    await change('/api/v1/printers', printer);
+    $('printer-said').textContent = 'The printer ' + printer.name + ' is there.';
+    await list();
+  } catch (e) { tell(e); }
+});
+
+function showResins() {
+  const words = $('find').value.toLowerCase().split(/\s+/).filter(Boolean);
+  const found = resins.filter((r) => words.every((w) => [r.name, r.maker, r.product, r.colour, r.chemistry].join(' ').toLowerCase().includes(w)));
+  const dose = (d) => (d && d.mj_cm2 !== undefined && d.mj_cm2 !== null ? figure(d.mj_cm2) : '-');
+  $('resins').replaceChildren(tableOf([['Name', 'light, nm', 'absorbance height, um', 'gels at, mJ/cm²', 'aims at, mJ/cm²', 'curve'],
+    ...found.map((r) => [r.name, r.wavelength_nm || '-', r.absorbance_height_um ? figure(r.absorbance_height_um.base_e) : '-', dose(r.gel_dose), dose(r.aim), button('show', () => curve(r.name), 'link')])], 'Resins, ' + count(found.length) + ' of ' + count(resins.length)));
+}
+async function curve(name) {
+  calm();
+  $('curve-picture').src = await blobUrl('/api/v1/resins/' + name + '/curve.svg');
+  $('curve-title').textContent = name;
+  $('curve').hidden = false;
+  $('curve-title').focus();
+}
+$('find').addEventListener('input', showResins);
+
+async function list() {
+  const [p, r] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins')]);
+  resins = r;
+  showResins();
+  $('printers').replaceChildren(tableOf([['Name', 'pixels', 'pixel, um', 'light, nm', 'brightest, mW/cm²', 'fastest, mm/h'],
+    ...p.map((x) => [x.name, x.width_px + ' x ' + x.height_px, x.pixel_um ? x.pixel_um.map(figure).join(' x ') : '-', x.wavelength_nm || '-', x.calibration && x.calibration.length ? figure(x.calibration[x.calibration.length - 1][1]) : '-', x.max_speed_mm_h ? count(x.max_speed_mm_h) : '-'])], 'Printers'));
+}
+begin(async () => { $('fit').disabled = !tables.there.length; await list(); });

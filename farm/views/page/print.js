@@ -1,0 +1,149 @@
+'use strict';
+// From parts to jobs: plate, speed, before and after, queue. Each step asks the server for a study.
+const meshName = /\.(stl|obj|ply|off|3mf)(\.gz)?$/i;
+const partName = /\.(stl|obj|ply|off|3mf|sl1s?|uvj|zip|cws|nanodlp|vdt|ctb|photon|pws|pw0|goo|phz|fdg|cxdlp|lgs|tar\.gz|vda)(\.gz)?$/i;
+const round = new PlateView($('round')), layers = new LayerView($('layer-canvas'), $('layer'), $('layer-said'));
+const value = (id) => ($(id).value === '' ? undefined : Number($(id).value));
+let printers = [], plan = null;
+
+const parts = new Parts($('drop'), $('files'), $('parts'), partName, partsChanged);
+
+function partsChanged() {
+  const there = parts.there, several = there.length > 1;
+  $('how').hidden = !several;
+  $('which').replaceChildren(...there.map((p) => new Option(p.name, p.part)));
+  for (const id of ['look', 'plan', 'check', 'queue']) $(id).disabled = !there.length;
+  // What was found holds for other parts.
+  for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true;
+}
+const together = () => !$('how').hidden && document.querySelector('input[name=how]:checked').value === 'plate';
+// The parts that are looked at: all of the plate, or one print of several.
+const chosen = () => (together() ? parts.there : parts.there.filter((p) => $('how').hidden || p.part === $('which').value));
+
+function numbers(text, key, n) {
+  if (!text.trim()) return undefined;
+  const list = text.split(/[\s,;]+/).filter(Boolean).map(Number);
+  if (list.length !== n || list.some((v) => !Number.isFinite(v))) throw new Error(key + ': expected ' + n + ' numbers.');
+  return list;
+}
+
+// What the form says, for studies and for jobs: keys are those of jobs files.
+function setup(list) {
+  const s = {printer: $('printer').value, resin: $('resin').value, mode: $('mode').value};
+  if (value('layer_um') !== undefined) s.layer_um = value('layer_um');
+  if (list.every((p) => meshName.test(p.name))) {
+    if ($('units').value !== 'auto') s.units = $('units').value;
+    if (value('fit_mm') !== undefined) s.fit_mm = value('fit_mm');
+    const rotate = numbers($('rotate').value, 'Turned about x, y, z', 3);
+    if (rotate) s.rotate_deg = rotate;
+  }
+  return s;
+}
+function speed() {
+  if (value('speed') === undefined) throw new Error('Say the speed, or let it be found.');
+  return $('mode').value === 'layerwise' ? {exposure_s: value('speed')} : {speed_mm_h: value('speed')};
+}
+// A plan may hold with settings of its own only.
+const withPlan = () => (plan && plan.edge_aim_um !== null && plan.edge_aim_um !== undefined && value('speed') === plannedSpeed() ? {edge_aim_um: plan.edge_aim_um} : {});
+const plannedSpeed = () => plan.speed_mm_h ?? plan.exposure_s;
+
+async function during(id, work) {
+  calm();
+  $(id).disabled = true;
+  try { await work(); } catch (e) { tell(e); } finally { $(id).disabled = !parts.there.length; }
+}
+const asks = (kind, list, more) => ({kind, parts: list.map((p) => p.part), ...setup(list), ...more});
+
+$('look').addEventListener('click', () => during('look', async () => {
+  const list = chosen(), request = asks('plate', list, {});
+  delete request.mode;
+  const s = await study(request, $('plate-said'));
+  $('plate').hidden = !s;
+  if (!s) return;
+  const f = await read(s.path + '/files/plate.json');
+  const size = f.upper_mm.map((u, k) => (u - f.lower_mm[k]).toFixed(2));
+  const facts_ = el('dl');
+  facts(facts_, [['Size', size.join(' x ') + ' mm on a plate of ' + f.plate_mm.map((v) => figure(v)).join(' x ') + ' mm'], ['Layers', count(f.layers) + ' of ' + figure(f.layer_um) + ' um'],
+    ['Volume', f.volume_ml > 0 ? figure(f.volume_ml) + ' ml' : ''], ['Triangles', f.triangles ? count(f.triangles) + (f.shown_triangles < f.triangles ? ', ' + count(f.shown_triangles) + ' shown' : '') : ''],
+    ['Faults of the mesh', f.defects.join('; ')]]);
+  $('plate-facts').replaceChildren(facts_);
+  round.show(readTriangles(await (await ask(s.path + '/files/plate.bin')).arrayBuffer()), f.plate_mm);
+  await layers.show(s.path, f);
+  $('round').dataset.triangles = f.shown_triangles;
+}));
+
+$('plan').addEventListener('click', () => during('plan', async () => {
+  const list = chosen(), request = asks('plan', list, {tolerance_um: value('tolerance_um'), gap_contrast: value('gap_contrast')});
+  const s = await study(request, $('plan-said'));
+  $('planned').hidden = !s;
+  if (!s) return;
+  plan = await read(s.path + '/files/plan.json');
+  const what = plan.speed_mm_h !== undefined && plan.speed_mm_h !== null ? figure(plan.speed_mm_h) + ' mm/h' : figure(plan.exposure_s) + ' s for each layer';
+  $('plan-words').textContent = what + ' is the fastest with edges within ' + figure(plan.tolerance_um) + ' um and a contrast of ' + plan.gap_contrast + ' in gaps; the print takes ' + duration(plan.print_time_s)
+    + '. What limits it: ' + (plan.limit || plan.limited_by) + '.' + (plan.with ? ' It holds with ' + plan.with + '.' : '');
+  $('use').textContent = 'Use ' + what;
+  $('plan-picture').src = await blobUrl(s.path + '/files/plan.svg');
+}));
+$('use').addEventListener('click', () => { $('speed').value = plannedSpeed(); });
+
+$('check').addEventListener('click', () => during('check', async () => {
+  const list = chosen(), s = await study(asks('check', list, {...speed(), ...withPlan()}), $('check-said'));
+  $('checked').hidden = !s;
+  if (!s) return;
+  const f = await read(s.path + '/files/check.json'), before = f.uncorrected;
+  const h = f.height_error_um, [x, y] = f.worst_pixel || [-1, -1];
+  $('worst').textContent = (h && h.max_abs !== null ? 'The worst place is ' + um(h.max_abs) + ' off' + (before && before.height_error_um ? ', where without correction the worst is ' + um(before.height_error_um.max_abs) : '') + '. ' : '')
+    + (x >= 0 ? 'It is at pixel ' + x + ', ' + y + '; the section goes through it.' : '');
+  const row = (words, of) => [words, before ? of(before) : '', of(f)];
+  const off = (key) => (v) => (v.height_error_um && v.height_error_um[key] !== null ? um(v.height_error_um[key]) : '-');
+  const number = (key) => (v) => (v[key] === undefined ? '-' : count(v[key]));
+  $('figures').replaceChildren(tableOf([['', 'as sliced', 'corrected'], row('Height error, mean', off('mean_abs')), row('95 % within', off('p95_abs')), row('largest', off('max_abs')),
+    row('Lost features', number('lost_features')), row('Merged gaps', number('merged_features')), row('Voxels cured through', number('cure_through_voxels')), row('Voxels undercured', number('undercure_voxels'))], 'What prints'));
+  $('section').src = await blobUrl(s.path + '/files/section.png');
+  $('check-link').replaceChildren(link(s.path + '/files/check.html', 'All of it: sections in three directions, doses, lists of places'));
+}));
+
+$('queue').addEventListener('click', () => during('queue', async () => {
+  const all = parts.there, prints = together() ? [all] : all.map((p) => [p]);
+  const more = {...speed(), ...withPlan()};
+  if ($('ready').value) more.ready_by = $('ready').value;
+  if (value('copies') > 1) more.copies = value('copies');
+  const labels = $('labels').value.split(',').map((l) => l.trim()).filter(Boolean);
+  if (labels.length) more.labels = labels;
+  const jobs = prints.map((list) => ({parts: list.map((p) => p.part), ...setup(list), ...more}));
+  $('queue-said').textContent = 'reading and checking ' + (jobs.length === 1 ? 'the part' : count(jobs.length) + ' parts');
+  let r;
+  try { r = await change('/api/v1/jobs', {jobs}); } catch (e) { $('queue-said').textContent = ''; throw e; }
+  const rows = [['Job', 'name', 'layers', 'takes about']];
+  r.ids.forEach((id, n) => { const e = r.estimates[Math.min(n, r.estimates.length - 1)]; rows.push([id, e.name, count(e.layers), e.duplicate || e.cached ? 'done before' : duration(e.seconds)]); });
+  $('queue-said').textContent = r.ids.length === 1 ? 'One job is queued.' : count(r.ids.length) + ' jobs are queued.';
+  const farm = el('p'), a = el('a', 'Watch them on the farm');
+  a.href = '/';
+  farm.append(a);
+  $('queued').replaceChildren(tableOf(rows, 'What was queued'), farm);
+}));
+
+for (const [id, view] of [['round', round], ['layer', layers]]) {
+  $(id + '-in').addEventListener('click', () => view.scale(1.3));
+  $(id + '-out').addEventListener('click', () => view.scale(1 / 1.3));
+}
+$('setup').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
+$('how').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
+$('mode').addEventListener('change', () => { $('speed-words').textContent = $('mode').value === 'layerwise' ? 'Exposure, s' : 'Speed, mm/h'; $('speed').value = ''; });
+
+// What was chosen last is chosen again.
+for (const id of ['printer', 'resin', 'layer_um']) $(id).addEventListener('change', () => localStorage.setItem('print-' + id, $(id).value));
+begin(async () => {
+  partsChanged();
+  const [p, r] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins')]);
+  printers = p;
+  // Tomographic printers print in another way.
+  const plain = printers.filter((x) => x.width_px && x.calibration && !x.vial);
+  $('printer').replaceChildren(...plain.map((x) => new Option(x.name)));
+  $('resin').replaceChildren(...r.map((x) => new Option(x.name)));
+  for (const id of ['printer', 'resin', 'layer_um']) {
+    const last = localStorage.getItem('print-' + id);
+    if (last && (id === 'layer_um' || [...$(id).options].some((o) => o.value === last))) $(id).value = last;
+  }
+  if (!may('submit')) for (const id of ['look', 'plan', 'check', 'queue', 'files']) $(id).disabled = true;
+});

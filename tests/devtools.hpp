@@ -1,0 +1,225 @@
+/// @file devtools.hpp
+/// Chromium driven by its DevTools protocol over two pipes: pages are clicked, typed into and looked
+/// at as somebody would.
+#pragma once
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "browser.hpp"
+#include "support/text/base64.hpp"
+
+namespace slicecorr::test {
+
+/// One page of a browser of its own. Throws `std::runtime_error` where the browser does not answer.
+class DrivenPage {
+ public:
+  using Json = nlohmann::json;
+
+  explicit DrivenPage(const BrowserFolder& folder) {
+    int in[2], out[2];
+    if (::pipe2(in, O_CLOEXEC) != 0 || ::pipe2(out, O_CLOEXEC) != 0) {
+      throw std::runtime_error("no pipes");
+    }
+    const std::string program = chromium();
+    const std::string profile = "--user-data-dir=" + (folder.path / "driven").string();
+    std::vector<const char*> argv{program.c_str(),
+                                  "--headless",
+                                  "--no-sandbox",
+                                  "--disable-gpu",
+                                  "--disable-quic",
+                                  "--no-first-run",
+                                  "--hide-scrollbars",
+                                  "--disable-background-networking",
+                                  "--disable-component-update",
+                                  "--disable-sync",
+                                  "--remote-debugging-pipe",
+                                  profile.c_str(),
+                                  nullptr};
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::setpgid(0, 0);
+      const int quiet = ::open("/dev/null", O_RDWR);
+      ::dup2(quiet, STDIN_FILENO);
+      ::dup2(quiet, STDOUT_FILENO);
+      ::dup2(quiet, STDERR_FILENO);
+      // The protocol's places are 3 and 4; the pipes may lie there crosswise.
+      const int from = ::fcntl(in[0], F_DUPFD, 100), to = ::fcntl(out[1], F_DUPFD, 100);
+      ::dup2(from, 3);
+      ::dup2(to, 4);
+      ::execv(argv[0], const_cast<char* const*>(argv.data()));
+      ::_exit(127);
+    }
+    ::close(in[0]);
+    ::close(out[1]);
+    to_ = in[1];
+    from_ = out[0];
+    const Json target = call("Target.createTarget", {{"url", "about:blank"}});
+    session_ = call("Target.attachToTarget",
+                    {{"targetId", target["targetId"]}, {"flatten", true}})["sessionId"];
+    call("Page.enable");
+    call("Runtime.enable");
+    call("Log.enable");
+    call("DOM.enable");
+  }
+  ~DrivenPage() {
+    ::kill(-pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+    ::close(to_);
+    ::close(from_);
+  }
+  DrivenPage(const DrivenPage&) = delete;
+  DrivenPage& operator=(const DrivenPage&) = delete;
+
+  /// How large the window is, and whether the person likes it dark.
+  void look_like(int width, int height, bool dark) {
+    width_ = width;
+    call("Emulation.setDeviceMetricsOverride",
+         {{"width", width}, {"height", height}, {"deviceScaleFactor", 1}, {"mobile", false}});
+    call("Emulation.setEmulatedMedia",
+         {{"features",
+           Json::array({{{"name", "prefers-color-scheme"}, {"value", dark ? "dark" : "light"}}})}});
+  }
+  void open(const std::string& address) {
+    call("Page.navigate", {{"url", address}});
+    wait_for("document.readyState === 'complete'");
+  }
+  /// What an expression gives; promises are waited for.
+  Json eval(const std::string& expression) {
+    const Json r =
+        call("Runtime.evaluate",
+             {{"expression", expression}, {"awaitPromise", true}, {"returnByValue", true}});
+    if (r.contains("exceptionDetails")) {
+      throw std::runtime_error(expression + ": " + r["exceptionDetails"].dump());
+    }
+    return r["result"].value("value", Json());
+  }
+  /// Waits until an expression holds.
+  void wait_for(const std::string& expression, double seconds = 60) {
+    const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    while (std::chrono::steady_clock::now() < until) {
+      try {
+        if (eval("Boolean(" + expression + ")") == true) return;
+      } catch (const std::runtime_error&) {  // between two pages
+      }
+      ::usleep(50'000);
+    }
+    throw std::runtime_error("did not come: " + expression + "; the page says: " +
+                             eval("document.body.innerText").dump().substr(0, 3000));
+  }
+  std::string text(const std::string& id) {
+    return eval("document.getElementById('" + id + "').innerText").get<std::string>();
+  }
+  void click(const std::string& selector) {
+    eval("(() => { const e = document.querySelector(" + Json(selector).dump() +
+         "); if (!e || e.disabled) throw new Error('can not be clicked'); e.click(); })()");
+  }
+  /// Puts a value in, as typing it does.
+  void set(const std::string& id, const std::string& value) {
+    eval("(() => { const e = document.getElementById('" + id +
+         "'); e.value = " + Json(value).dump() +
+         "; for (const n of ['input', 'change']) e.dispatchEvent(new Event(n, {bubbles: true})); "
+         "})()");
+  }
+  void choose_files(const std::string& selector, const std::vector<std::string>& paths) {
+    const Json root = call("DOM.getDocument");
+    const Json node =
+        call("DOM.querySelector", {{"nodeId", root["root"]["nodeId"]}, {"selector", selector}});
+    call("DOM.setFileInputFiles", {{"nodeId", node["nodeId"]}, {"files", paths}});
+  }
+  /// One key, down and up: "Tab", "Enter", "ArrowLeft", "+".
+  void key(const std::string& name) {
+    static const std::map<std::string, int> codes{
+        {"Tab", 9},         {"Enter", 13},     {"ArrowLeft", 37}, {"ArrowUp", 38},
+        {"ArrowRight", 39}, {"ArrowDown", 40}, {"PageUp", 33}};
+    const auto code = codes.find(name);
+    Json down{{"type", "keyDown"}, {"key", name}};
+    if (code != codes.end()) down["windowsVirtualKeyCode"] = code->second;
+    if (name == "Enter") down["text"] = "\r";
+    if (name.size() == 1) down["text"] = name;
+    call("Input.dispatchKeyEvent", down);
+    down["type"] = "keyUp";
+    down.erase("text");
+    call("Input.dispatchKeyEvent", down);
+  }
+  /// The whole page as a picture.
+  void picture(const std::filesystem::path& file) {
+    const int height = eval("document.documentElement.scrollHeight").get<int>();
+    const Json shot =
+        call("Page.captureScreenshot",
+             {{"format", "png"},
+              {"captureBeyondViewport", true},
+              {"clip", {{"x", 0}, {"y", 0}, {"width", width_}, {"height", height}, {"scale", 1}}}});
+    const auto bytes = slicecorr::detail::from_base64(shot["data"].get<std::string>());
+    ASSERT_TRUE(bytes);
+    std::filesystem::create_directories(file.parent_path());
+    std::ofstream(file, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes->data()),
+               static_cast<std::streamsize>(bytes->size()));
+  }
+  /// Errors of scripts, and what the policy blocked.
+  const std::vector<std::string>& complaints() const { return complaints_; }
+
+ private:
+  Json call(const std::string& method, Json params = Json::object()) {
+    const int id = ++calls_;
+    Json message{{"id", id}, {"method", method}, {"params", std::move(params)}};
+    if (!session_.empty()) message["sessionId"] = session_;
+    std::string text = message.dump();
+    text.push_back('\0');
+    for (std::size_t at = 0; at < text.size();) {
+      const ssize_t n = ::write(to_, text.data() + at, text.size() - at);
+      if (n <= 0) throw std::runtime_error("the browser is gone");
+      at += static_cast<std::size_t>(n);
+    }
+    for (;;) {
+      const Json answer = next();
+      if (answer.value("id", 0) != id) continue;
+      if (answer.contains("error"))
+        throw std::runtime_error(method + ": " + answer["error"].dump());
+      return answer["result"];
+    }
+  }
+  Json next() {
+    for (;;) {
+      const std::size_t end = buffer_.find('\0');
+      if (end != std::string::npos) {
+        Json message = Json::parse(buffer_.substr(0, end));
+        buffer_.erase(0, end + 1);
+        const std::string method = message.value("method", "");
+        if (method == "Runtime.exceptionThrown" ||
+            (method == "Log.entryAdded" && message["params"]["entry"]["level"] == "error" &&
+             message["params"]["entry"]["source"] != "network")) {
+          complaints_.push_back(message["params"].dump());
+        }
+        return message;
+      }
+      pollfd fd{from_, POLLIN, 0};
+      if (::poll(&fd, 1, 90'000) <= 0) throw std::runtime_error("the browser does not answer");
+      char bytes[65536];
+      const ssize_t n = ::read(from_, bytes, sizeof bytes);
+      if (n <= 0) throw std::runtime_error("the browser is gone");
+      buffer_.append(bytes, static_cast<std::size_t>(n));
+    }
+  }
+
+  pid_t pid_ = -1;
+  int to_ = -1, from_ = -1, calls_ = 0, width_ = 800;
+  std::string session_, buffer_;
+  std::vector<std::string> complaints_;
+};
+
+}  // namespace slicecorr::test

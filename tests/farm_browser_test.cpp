@@ -1,0 +1,353 @@
+// A lab's day in a real browser: parts, plate, speed, before and after, queue, resins, printers, machines.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "devtools.hpp"
+#include "farm_served.hpp"
+#include "ladder.hpp"
+
+namespace slicecorr::farm {
+namespace {
+
+namespace fs = std::filesystem;
+using slicecorr::test::BrowserFolder;
+using slicecorr::test::chromium;
+using slicecorr::test::DrivenPage;
+using test::Farm;
+using test::fill;
+using test::Served;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+const std::string kSubmit(40, 's'), kOperate(40, 'p');
+
+class Browser : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
+    fs::create_directories(farm_.root + "/db");
+    ::setenv("SLICECORR_DB", (farm_.root + "/db").c_str(), 1);
+    options_.accounts = {{"sam", Role::submit, kSubmit}, {"pia", Role::operate, kOperate}};
+    options_.submit = make_submitter({farm_.folder, {}, "web"});
+    // The programs as they are, but for a machine that is always ready.
+    options_.children.programs = farm_.root + "/programs";
+    fs::create_directories(options_.children.programs);
+    for (const char* program : {"slicecorr", "slicefarm", "resinctl"}) {
+      fs::create_symlink(std::string(SLICECORR_BIN_DIR) + "/" + program,
+                         options_.children.programs + "/" + program);
+    }
+    const std::string bridge = options_.children.programs + "/printbridge";
+    test::write_file(bridge,
+                     "#!/bin/sh\n[ $1 = status ] && echo '{\"running\": false, \"phase\": "
+                     "\"done\"}'\nexit 0\n");
+    fs::permissions(bridge, fs::perms::owner_all);
+  }
+  void TearDown() override { ::unsetenv("SLICECORR_DB"); }
+
+  void serve() {
+    served_ = std::make_unique<Served>(farm_, options_);
+    page_ = std::make_unique<DrivenPage>(folder_);
+    page_->look_like(1300, 900, false);
+  }
+  std::string at(const std::string& path) const {
+    return fmt::format("http://127.0.0.1:{}{}", served_->port, path);
+  }
+  void open(const std::string& path) {
+    page_->open(at(path));
+    page_->wait_for("document.body.dataset.ready === 'yes'");
+  }
+  void sign_in(const std::string& token) {
+    page_->click("#who button");
+    page_->set("token", token);
+    page_->click("#ask button");
+    page_->wait_for("document.getElementById('ask').hidden && me.role !== 'look'");
+  }
+  /// The page as it is now on a desk and on a phone, light and dark; nothing is wider than a phone.
+  void pictures(const std::string& name) {
+    const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "farm-pictures";
+    for (const int width : {400, 1300}) {
+      for (const bool dark : {false, true}) {
+        page_->look_like(width, 900, dark);
+        ::usleep(300'000);  // pictures are drawn anew
+        EXPECT_EQ(page_->eval("document.documentElement.scrollWidth"), width) << name;
+        page_->picture(out / fmt::format("{}-{}-{}.png", name, width, dark ? "dark" : "light"));
+      }
+    }
+    page_->look_like(1300, 900, false);
+  }
+  void see(const std::string& id) {
+    page_->wait_for("!document.getElementById('" + id + "').hidden || !trouble.hidden || " +
+                    "document.querySelector('.controls .holds')");
+    ASSERT_EQ(page_->eval("document.getElementById('" + id + "').hidden"), false)
+        << page_->text("all");
+  }
+
+  BrowserFolder folder_;
+  Farm farm_;
+  ServeOptions options_;
+  std::unique_ptr<Served> served_;
+  std::unique_ptr<DrivenPage> page_;
+};
+
+TEST_F(Browser, FromPartsToTheQueue) {
+  serve();
+  const std::string ladder = farm_.root + "/ladder.stl";
+  slicecorr::test::write_stl(ladder, slicecorr::test::ladder());
+  // A part that people know, where it is there.
+  const std::string benchy = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/3DBenchy.stl";
+  const std::string part =
+      fs::exists(benchy) ? benchy
+                         : std::string(SLICECORR_SOURCE_DIR) +
+                               "/tests/data/meshes/clean/ksr_fdmtest_v4.stl";
+  open("/print");
+  EXPECT_EQ(page_->eval("document.getElementById('queue').disabled"), true);
+  sign_in(kOperate);
+  EXPECT_THAT(page_->text("who"), HasSubstr("pia may operate"));
+  test::write_file(farm_.root + "/notes.txt", "no part");
+  page_->choose_files("#files", {part, ladder, farm_.root + "/notes.txt"});
+  page_->wait_for("parts.there.length === 2");
+  EXPECT_THAT(page_->text("parts"), HasSubstr("not sent: no part"));
+  page_->click("#parts .part:last-child button");
+  page_->set("printer", "dual-wavelength-dlp");
+  page_->set("resin", "benchy-resin");
+  page_->set("fit_mm", "12");
+
+  page_->click("#look");
+  see("plate");
+  page_->wait_for("document.getElementById('layer-canvas').dataset.layer");
+  EXPECT_THAT(page_->text("plate-facts"), HasSubstr("64 x 40 mm"));
+  // The part is seen, and turns.
+  const auto picture = [&](const char* id) {
+    return page_->eval(fmt::format("document.getElementById('{}').toDataURL()", id));
+  };
+  const auto colours = page_->eval(
+      "(() => { const c = document.getElementById('round'), d = c.getContext('2d').getImageData(0, "
+      "0, c.width, c.height).data; let n = 0; for (let i = 0; i < d.length; i += 4) if (d[i + 2] > "
+      "d[i] + 20) n++; return n / (c.width * c.height); })()");
+  EXPECT_GT(colours.get<double>(), 0.03);
+  EXPECT_LT(colours.get<double>(), 0.6);
+  auto before = picture("round");
+  page_->eval("document.getElementById('round').focus()");
+  page_->key("ArrowLeft");
+  page_->key("+");
+  ::usleep(300'000);
+  EXPECT_NE(picture("round"), before);
+  before = picture("layer-canvas");
+  page_->eval("document.getElementById('layer').focus()");
+  const int layer = page_->eval("Number(layer.value)").get<int>();
+  page_->key("ArrowRight");
+  page_->wait_for(
+      fmt::format("document.getElementById('layer-canvas').dataset.layer === '{}'", layer + 1));
+  EXPECT_THAT(page_->text("layer-said"), HasSubstr(fmt::format("layer {}", layer + 2)));
+  EXPECT_NE(picture("layer-canvas"), before);
+  before = picture("layer-canvas");
+  page_->click("#layer-in");
+  EXPECT_NE(picture("layer-canvas"), before);
+
+  page_->click("#plan");
+  see("planned");
+  EXPECT_THAT(page_->text("plan-words"), HasSubstr("What limits it: "));
+  page_->wait_for("document.getElementById('plan-picture').naturalWidth > 100");
+  page_->click("#use");
+  EXPECT_GT(page_->eval("Number(document.getElementById('speed').value)").get<double>(), 100);
+
+  page_->click("#check");
+  see("checked");
+  EXPECT_THAT(page_->text("worst"), HasSubstr("The worst place is"));
+  EXPECT_THAT(page_->text("figures"), HasSubstr("Height error, mean"));
+  page_->wait_for("document.getElementById('section').naturalWidth > 100");
+
+  page_->set("ready", "07:00");
+  page_->set("labels", "browser, first");
+  page_->click("#queue");
+  page_->wait_for("document.getElementById('queue-said').textContent.includes('queued')");
+  EXPECT_EQ(page_->text("queue-said"), "2 jobs are queued.");
+  pictures("print");
+  auto model = farm_.model();
+  const auto jobs = model.jobs({});
+  ASSERT_EQ(jobs.size(), 2U);
+  EXPECT_EQ(jobs[0].user, "pia");
+  EXPECT_EQ(jobs[0].labels, (std::vector<std::string>{"browser", "first"}));
+  EXPECT_EQ(local_minute(jobs[0].ready_by_ms), 7 * 60);
+
+  // On the farm: reorder, cancel, try again.
+  open("/");
+  page_->wait_for("document.querySelectorAll('#rows tr').length === 2");
+  page_->click("#rows tr:last-child button.link");
+  page_->wait_for("!document.getElementById('detail').hidden");
+  const auto press = [&](const std::string& words) {
+    page_->wait_for(
+        "[...document.querySelectorAll('#detail button, #farm-actions button')].some((b) "
+        "=> b.textContent === '" +
+        words + "')");
+    page_->eval(
+        "[...document.querySelectorAll('#detail button, #farm-actions button')].find((b) => "
+        "b.textContent === '" +
+        words + "').click()");
+  };
+  const JobId last = page_->eval("shown").get<JobId>();
+  press("Before all others");
+  page_->wait_for("document.querySelector('#rows tr:first-child td:last-child').textContent === '" +
+                  std::to_string(last) + "'");
+  EXPECT_EQ(farm_.model().job(last)->priority, 1);
+  press("Cancel this job");
+  page_->wait_for("document.getElementById('facts').textContent.includes('cancelled')");
+  EXPECT_EQ(farm_.model().job(last)->state, JobState::cancelled);
+  press("Try again");
+  page_->wait_for("document.getElementById('facts').textContent.includes('queued')");
+  EXPECT_EQ(farm_.model().job(last)->state, JobState::queued);
+  press("Start no more jobs");
+  page_->wait_for("document.getElementById('farm-actions').textContent === 'Start jobs again'");
+  EXPECT_TRUE(farm_.model().settings().paused);
+  EXPECT_THAT(page_->complaints(), IsEmpty());
+}
+
+TEST_F(Browser, WhatIsDoneGoesToAMachine) {
+  const auto filled = fill(farm_);
+  test::write_file(farm_.root + "/bridges.toml",
+                   "[[bridge]]\nname = \"left\"\nprinter = \"dual-wavelength-dlp\"\npage = "
+                   "\"http://127.0.0.1:8421/\"\n");
+  serve();
+  open("/");
+  sign_in(kOperate);
+  page_->wait_for("!document.getElementById('machines').hidden");
+  EXPECT_THAT(page_->text("bridges"), HasSubstr("left"));
+  page_->eval("showJob(" + std::to_string(filled.done[0]) + ", true)");
+  page_->wait_for("document.getElementById('job-actions').textContent.includes('Print it')");
+  EXPECT_THAT(page_->text("job-actions"), HasSubstr("Download uvj (5.0 kB)"));
+  page_->eval(
+      "[...document.querySelectorAll('#job-actions button')].find((b) => b.textContent === "
+      "'Print it').click()");
+  page_->wait_for("document.getElementById('bridges').textContent.includes('ended well')");
+  EXPECT_THAT(page_->text("bridges"), HasSubstr("sent by pia"));
+  pictures("farm");
+  // A name that would do harm is text here, too.
+  page_->eval("showJob(" + std::to_string(filled.nasty) + ", true)");
+  page_->wait_for("document.getElementById('detail-title').textContent.includes('<img')");
+  EXPECT_EQ(page_->eval("document.querySelectorAll('#detail img').length"), 0);
+  EXPECT_THAT(page_->complaints(), IsEmpty());
+}
+
+TEST_F(Browser, AResinAndAPrinter) {
+  serve();
+  std::string csv = "intensity_mw_cm2,exposure_s,cured_height_um\n";
+  // Heights of the kinetic law h ln(I^m t / D'c): h = 150 um, m = 0.8, D'c = 12.
+  for (const double i : {5.0, 15.0}) {
+    for (const double t : {6.0, 10.0, 16.0, 25.0, 40.0}) {
+      csv +=
+          fmt::format("{},{},{:.3f}\n", i, t, 150 * std::log(std::pow(i, 0.8) * t / 12) + t / 50);
+    }
+  }
+  test::write_file(farm_.root + "/heights.csv", csv);
+  open("/materials");
+  EXPECT_THAT(page_->text("resins"), HasSubstr("benchy-resin"));
+  EXPECT_EQ(page_->eval("document.getElementById('new-printer').hidden"), true);
+  sign_in(kOperate);
+  page_->choose_files("#files", {farm_.root + "/heights.csv"});
+  page_->wait_for("tables.there.length === 1");
+  page_->set("resin-name", "Bad Name");
+  page_->click("#fit");
+  page_->wait_for("!document.getElementById('trouble').hidden");
+  EXPECT_THAT(page_->text("trouble"), HasSubstr("small letters"));
+  page_->set("resin-name", "lab-clear");
+  page_->set("model", "kinetic");
+  page_->click("#fit");
+  see("fitted");
+  EXPECT_THAT(page_->text("fit-words"), HasSubstr("Fit of 10 measurements"));
+  EXPECT_THAT(page_->text("fit-figures"), HasSubstr("Absorbance height"));
+  page_->wait_for("document.getElementById('fit-picture').naturalWidth > 100");
+  page_->click("#add-resin");
+  page_->wait_for("document.getElementById('resins').textContent.includes('lab-clear')");
+  page_->set("find", "lab-clear");
+  page_->click("#resins button.link");
+  page_->wait_for("document.getElementById('curve-picture').naturalWidth > 100");
+  for (const auto& [name, value] : {std::pair{"name", "lab-printer"},
+                                    {"width_px", "1920"},
+                                    {"height_px", "1080"},
+                                    {"pixel_um", "50"},
+                                    {"readings", "0 0.1\n64 4\n255 30"}}) {
+    page_->eval(fmt::format("document.querySelector('#new-printer [name={}]').value = {}", name,
+                            nlohmann::json(value).dump()));
+  }
+  page_->click("#new-printer button");
+  page_->wait_for("document.getElementById('printers').textContent.includes('lab-printer')");
+  pictures("materials");
+  // Both can be chosen for a print.
+  open("/print");
+  EXPECT_EQ(page_->eval("[...resin.options].some((o) => o.value === 'lab-clear')"), true);
+  EXPECT_EQ(page_->eval("[...printer.options].some((o) => o.value === 'lab-printer')"), true);
+  EXPECT_THAT(page_->complaints(), IsEmpty());
+}
+
+TEST_F(Browser, ByKeyboardAlone) {
+  serve();
+  const std::string ladder = farm_.root + "/ladder.stl";
+  slicecorr::test::write_stl(ladder, slicecorr::test::ladder());
+  open("/print");
+  sign_in(kSubmit);
+  page_->choose_files("#files", {ladder});
+  page_->wait_for("parts.there.length === 1");
+  page_->set("printer", "dual-wavelength-dlp");
+  page_->set("resin", "benchy-resin");
+  page_->eval("document.querySelector('nav a').focus()");
+  // Everything that can be clicked is reached, in the order of the page, and shows that it is.
+  std::vector<std::string> reached;
+  for (int i = 0; i < 60; ++i) {
+    page_->key("Tab");
+    const std::string id = page_->eval("document.activeElement.id || ''").get<std::string>();
+    if (id.empty()) continue;
+    reached.push_back(id);
+    const auto seen = page_->eval(
+        "(() => { let e = document.activeElement; if (e.type === 'file') e = e.closest('.drop'); "
+        "const s = getComputedStyle(e); return s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) "
+        ">= 2; })()");
+    EXPECT_EQ(seen, true) << id;
+    if (id == "queue") break;
+  }
+  std::size_t at = 0;
+  for (const char* wanted : {"files", "printer", "resin", "layer_um", "mode", "fit_mm", "rotate",
+                             "look", "speed", "plan", "check", "ready", "queue"}) {
+    const auto found = std::find(reached.begin() + static_cast<long>(at), reached.end(), wanted);
+    ASSERT_NE(found, reached.end()) << wanted << ": " << nlohmann::json(reached).dump();
+    at = static_cast<std::size_t>(found - reached.begin());
+  }
+  // Without a speed the queue says what is missing, where a screen reader hears it.
+  page_->key("Enter");
+  page_->wait_for("!document.getElementById('trouble').hidden");
+  EXPECT_THAT(page_->text("trouble"), HasSubstr("Say the speed"));
+  page_->set("speed", "800");
+  page_->eval("document.getElementById('queue').focus()");
+  page_->key("Enter");
+  page_->wait_for("document.getElementById('queue-said').textContent.includes('One job')");
+  EXPECT_EQ(farm_.model().jobs({})[0].user, "sam");
+  // Every field has a name that is read out.
+  EXPECT_EQ(page_->eval("[...document.querySelectorAll('input, select, textarea')].filter((e) => "
+                        "!e.labels.length && !e.getAttribute('aria-label')).length"),
+            0);
+}
+
+TEST_F(Browser, WhoMayOnlyLookIsTold) {
+  fill(farm_);
+  serve();
+  open("/print");
+  EXPECT_THAT(page_->text("all"), HasSubstr("You may look"));
+  open("/");
+  page_->wait_for("document.querySelectorAll('#rows tr').length > 0");
+  page_->click("#rows button.link");
+  page_->wait_for("!document.getElementById('detail').hidden");
+  EXPECT_THAT(page_->text("detail"), Not(HasSubstr("Cancel this job")));
+  EXPECT_EQ(page_->text("farm-actions"), "");
+  // A wrong token is told of, and takes nothing away.
+  page_->click("#who button");
+  page_->set("token", std::string(40, 'x'));
+  page_->click("#ask button");
+  page_->wait_for("me.role === 'look'");
+  EXPECT_THAT(page_->complaints(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace slicecorr::farm

@@ -201,7 +201,7 @@ BeamJob lattice_job(const BeamVat& vat) {
 }
 
 TEST(BeamJobs, ComeBackFromTheirFiles) {
-  const test::TemporaryFolder folder("beam_jobs");
+  const test::TemporaryFolder folder;
   const BeamJob job =
       lattice_job(vat_of(std::string(kSix) + "display = [1, 2, 3, 4, 4, 4]\n"
                                              "middle_px = [[30, 20], [30, 20], [30, "
@@ -227,7 +227,7 @@ TEST(BeamJobs, ComeBackFromTheirFiles) {
 }
 
 TEST(BeamJobs, DamageIsToldByEntryAndKey) {
-  const test::TemporaryFolder folder("beam_jobs_damaged");
+  const test::TemporaryFolder folder;
   const std::string path = folder / "job.uvj";
   write_beam_job(path, lattice_job(vat_of(kSix)));
   const test::Entries good = test::unzip(path);

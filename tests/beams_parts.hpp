@@ -36,11 +36,13 @@ inline tomo::Box<std::uint8_t> lattice_part() {
                  [](int x, int y, int z) { return (x % 6 < 2) + (y % 6 < 2) + (z % 6 < 2) >= 2; });
 }
 
-/// A cube of 6 cells with a hollow of 2 in its middle.
+/// A cube of 6 cells with a hollow of 2 in its middle, and a cell of resin around it.
 inline tomo::Box<std::uint8_t> hollow_part() {
-  const auto hollow = [](int i) { return i == 2 || i == 3; };
-  return part_of(6, 6, 6,
-                 [&](int x, int y, int z) { return !(hollow(x) && hollow(y) && hollow(z)); });
+  const auto hollow = [](int i) { return i == 3 || i == 4; };
+  const auto cube = [](int i) { return i >= 1 && i < 7; };
+  return part_of(8, 8, 8, [&](int x, int y, int z) {
+    return cube(x) && cube(y) && cube(z) && !(hollow(x) && hollow(y) && hollow(z));
+  });
 }
 
 /// Four of the eight octants, no two of which share a face.

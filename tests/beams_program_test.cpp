@@ -69,7 +69,7 @@ dose_factor = 1
     return test::run_program(words);
   }
   bool written() const { return std::filesystem::exists(path("job.uvj")); }
-  test::TemporaryFolder folder_{"beams_program"};
+  test::TemporaryFolder folder_;
 };
 
 TEST_F(BeamsProgram, ALatticeFromBothSides) {

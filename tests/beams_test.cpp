@@ -191,6 +191,7 @@ TEST(Beams, ABallOfGreyImagesInClosedForm) {
   EXPECT_NEAR(f.most_outside, 0.99963, 5.1e-6);
   EXPECT_EQ(f.ver, 0);
   EXPECT_EQ(f.jaccard, 1);
+  EXPECT_EQ(f.best_jaccard, 1);
 }
 
 TEST(Beams, TheSolversLightIsThatOfTheDirectSumAndItsOperatorsAreTransposes) {

@@ -22,6 +22,8 @@ constexpr double kFirstRung = 0.998, kLastRung = 0.02;
 /// Resin gels once and nothing turns: bright cells of the part do no harm.
 constexpr double kMostDose = 1e6;
 constexpr int kProofSteps = 320;
+/// Contrast from which on nobody asks what stands against more.
+constexpr double kNotWorthProving = 1.001;
 /// Cells that weigh less than this in a proof, of the one that weighs most, are not told of.
 constexpr float kWeighs = 0.05F;
 
@@ -52,7 +54,7 @@ class Grey {
       }
     }
     GreyImages found;
-    if (bound_ <= 1) prove(found);
+    if (!(best_contrast_ > kNotWorthProving)) prove(found);
     found.contrast_bound = std::max(bound_, 0.0);
     put(images);
     found.images = std::move(images);

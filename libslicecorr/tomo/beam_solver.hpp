@@ -12,7 +12,7 @@ namespace slicecorr::tomo::detail {
 struct GreyImages {
   std::vector<BeamImage> images;
   double contrast_bound = std::numeric_limits<double>::infinity();
-  /// As `BeamPrint` says; where the bound is 1 or less.
+  /// As `BeamPrint` says; where hardly any contrast was found.
   std::vector<std::array<int, 3>> in_the_way;
 };
 

@@ -284,10 +284,13 @@ BeamFigures figures_of(const Box<std::uint8_t>& part, const Box<float>& light) {
     while (i < inside.size() && inside[i] >= t) ++i;
     while (o < outside.size() && outside[o] >= t) ++o;
     const double jaccard = static_cast<double>(i) / static_cast<double>(f.part_cells + o);
-    if (jaccard < f.jaccard) continue;
-    f.jaccard = jaccard;
+    if (jaccard < f.best_jaccard) continue;
+    f.best_jaccard = jaccard;
     f.threshold = t;
   }
+  f.jaccard = least > 0 ? static_cast<double>(f.part_cells) /
+                              static_cast<double>(f.part_cells + f.wrong_cells)
+                        : f.best_jaccard;
   return f;
 }
 

@@ -25,6 +25,11 @@ using tomo::Beam;
 using tomo::BeamImages;
 using tomo::Box;
 
+/// A bound of contrast of 1, with what single precision leaves.
+constexpr double kProven = 1.002;
+/// Absorption times the vat's length from which on absorption counts.
+constexpr double kDim = 0.05;
+
 nlohmann::ordered_json finite(double v) {
   return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
 }
@@ -83,6 +88,7 @@ std::string json_of(const Result& r) {
   j["contrast_shown"] = finite(f.contrast);
   j["contrast_bound"] = finite(r.print.contrast_bound);
   j["jaccard"] = f.jaccard;
+  j["best_jaccard"] = f.best_jaccard;
   j["hull_jaccard"] = r.print.hull_jaccard;
   j["hull_cells"] = r.print.hull_cells;
   j["ver"] = f.ver;
@@ -131,8 +137,10 @@ std::string in_words(const Result& r) {
     text += fmt::format(" (no images have more than {:.4g})", r.print.contrast_bound);
   }
   if (!job.vat.phase) text += fmt::format("; {} as the display shows it", number(f.contrast));
-  text += fmt::format("\noverlap {:.5f}; what silhouettes mark out has {:.5f}, {} cells too many\n",
-                      f.jaccard, r.print.hull_jaccard, r.print.hull_cells);
+  text += fmt::format(
+      "\noverlap {:.5f} when all of the part has gelled, {:.5f} at the best exposure; what silhouettes "
+      "mark out has {:.5f}, {} cells too many\n",
+      f.jaccard, f.best_jaccard, r.print.hull_jaccard, r.print.hull_cells);
   text += fmt::format("light in the part at least {:.4g} mW/cm², outside at most {:.4g}\n",
                       f.least_inside * job.brightest_mw_cm2, f.most_outside * job.brightest_mw_cm2);
   if (r.printable()) {
@@ -188,7 +196,7 @@ std::string why_not(Result& r, const ExecutionContext& context) {
         r.print.hull_cells, r.print.hull_jaccard, cells_in_words(r));
   }
   std::string text =
-      grey && r.print.contrast_bound <= 1
+      grey && r.print.contrast_bound <= kProven
           ? fmt::format(
                 "no images of these beams print this part: outside of it, cells such as {} "
                 "must get as much light (no contrast is above {:.4g})",
@@ -207,14 +215,16 @@ std::string why_not(Result& r, const ExecutionContext& context) {
         setup.alpha_per_mm, r.most_absorption_per_mm,
         units::height10_from_e(1e3 / r.most_absorption_per_mm));
   }
+  // Where hardly any light is lost on its way, beams from both sides are no better.
+  const bool dim =
+      setup.alpha_per_mm * *std::max_element(setup.vat_mm.begin(), setup.vat_mm.end()) > kDim;
   const auto beams = static_cast<int>(setup.beams.size());
-  if (setup.alpha_per_mm > 0 && beams <= 3) {
-    const int both = 2 * beams;
+  if (dim && beams <= 3) {
     text += fmt::format("{} {} beams, from both sides, lose less (--beams {})",
-                        r.most_absorption_per_mm > 0 ? "; or" : ". Beside less absorption,", both,
-                        both);
+                        r.most_absorption_per_mm > 0 ? "; or" : ". Beside less absorption,",
+                        2 * beams, 2 * beams);
   } else if (r.most_absorption_per_mm == 0) {
-    text += ". Expected another part, or more beams";
+    text += ". Expected another part";
   }
   return text;
 }

@@ -68,7 +68,8 @@ std::string figures_table(const BeamReport& r) {
       "gels first: " + seconds(r.job.window.last_s));
   row("Exposure", seconds(r.job.exposure_s), "what the job asks for, or would print best");
   row("Overlap", figure(f.jaccard),
-      "best Jaccard index of what gels and what should, at any exposure; 1 is all right");
+      "Jaccard index of what gels and what should, when all of the part has gelled; 1 is all right");
+  row("Best overlap", figure(f.best_jaccard), "the same at the exposure that suits best");
   row("Overlap of the hull", figure(r.print.hull_jaccard),
       fmt::format("of what silhouettes mark out, which has {} cells too many",
                   count(r.print.hull_cells)));
@@ -97,7 +98,7 @@ std::string tiles(const BeamReport& r) {
          fmt::format("exposure; from {} to {}", seconds(r.job.window.first_s),
                      seconds(r.job.window.last_s)));
   }
-  tile("", figure(r.figures.jaccard), "overlap with the part");
+  tile("", figure(r.figures.best_jaccard), "best overlap with the part");
   return html + "</div>";
 }
 

@@ -84,8 +84,11 @@ struct BeamFigures {
   std::size_t unlit_cells = 0;  ///< of the part
   std::size_t wrong_cells = 0;  ///< outside, with at least `least_inside`
   double ver = 0;               ///< `wrong_cells` over all cells
-  /// Best Jaccard index |P and T| / |P or T| of P = {light >= t}, and its t.
-  double jaccard = 0, threshold = 0;
+  /// Jaccard index |P and T| / |P or T| of P = {light >= least_inside}: when all of the part has
+  /// gelled. Where some of the part is dark, the best one.
+  double jaccard = 0;
+  /// The best index of P = {light >= t}, and its t.
+  double best_jaccard = 0, threshold = 0;
 };
 /// `part`: 255 part, 0 empty, else neither; `light` of the same size.
 BeamFigures figures_of(const Box<std::uint8_t>& part, const Box<float>& light);

@@ -182,13 +182,13 @@ TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
       swept(folder_ / "out.uvj", folder_ / "square.uvj", s["slice"], folder_.path());
   EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
   EXPECT_EQ(j["undercure_voxels"], 0);
-  // People are told whose light a share is of.
+  // Those who correct are told what those who verify are.
   const RunResult seen = call({"verify", "out.uvj", "--target", "square.uvj"});
   EXPECT_THAT(seen.out, HasSubstr("by the light that the images show"));
-  const RunResult planned = call({"correct", "square.uvj", "-o", "again.uvj", "--printer",
+  const RunResult corrected = call({"correct", "square.uvj", "-o", "again.uvj", "--printer",
                                   "flood.toml", "--resin", "resin.toml", "--speed-mm-h", "300",
                                   "--even-dead-zone", "constant", "--gap-um", "120"});
-  EXPECT_THAT(planned.err, HasSubstr("by the light that is planned"));
+  EXPECT_THAT(corrected.err, HasSubstr("by the light that the images show"));
 }
 
 TEST_F(EvenDeadZoneProgram, BytesDoNotDependOnThreads) {

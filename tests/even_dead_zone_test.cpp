@@ -61,7 +61,22 @@ struct Printed {
   FlowDoses told, seen;  ///< with the correction, and of the stack that was read back
   Prediction print;
   double find_s = 0, correct_s = 0;
+  double pitch_um = 0;  ///< of the cells
 };
+
+/// What the correction tells is what the images bring that lie in the archive, to the last bit.
+void expect_same(const FlowDoses& told, const FlowDoses& seen) {
+  ASSERT_EQ(told.slices.size(), seen.slices.size());
+  for (std::size_t i = 0; i < told.slices.size(); ++i) {
+    const FlowDoses::Slice &a = told.slices[i], &b = seen.slices[i];
+    EXPECT_EQ(a.slice, b.slice);
+    EXPECT_EQ(a.area_mm2, b.area_mm2) << a.slice;
+    EXPECT_EQ(a.even.within_10, b.even.within_10) << a.slice;
+    EXPECT_EQ(a.even.mean, b.even.mean) << a.slice;
+    EXPECT_EQ(a.even.max_window, b.even.max_window) << a.slice;
+    EXPECT_EQ(a.without.within_10, b.without.within_10) << a.slice;
+  }
+}
 
 Printed print(const TriangleMesh& mesh, const Setup& asked, const std::string& folder,
               bool antialias = true) {
@@ -78,6 +93,7 @@ Printed print(const TriangleMesh& mesh, const Setup& asked, const std::string& f
   auto start = Clock::now();
   setup.process = find_even_light(target, setup);
   printed.find_s = since(start);
+  printed.pitch_um = setup.process.even_light->pitch_um;
   start = Clock::now();
   const StackFile file(folder + "/out.uvj");
   const Correction correction = correct_stack(target, setup, file, {});
@@ -89,6 +105,7 @@ Printed print(const TriangleMesh& mesh, const Setup& asked, const std::string& f
   EXPECT_EQ(read.process, setup.process);
   printed.print = verify_stack(stack, target, read);
   printed.seen = *printed.print.flow;
+  expect_same(printed.told, printed.seen);
   return printed;
 }
 
@@ -127,19 +144,13 @@ TEST(EvenDeadZone, ADiscBecomesEvenWithBothLights) {
   // Chapter IV: constant light 17 to 23 % of the radius, both lights by place 91 to 95 % of it, which is
   // 83 to 90 % of the area; the ring of cells on the outline, 125 um of 4 mm wide, more or less.
   const double ring = 1 - std::pow(1 - 0.125 / 4, 2);
-  ASSERT_EQ(p.told.slices.size(), 5U);
-  const double planned = p.told.slices[0].even.within_10;
-  EXPECT_GT(planned, 0.91 * 0.91 - ring);
   for (std::size_t i = 0; i < 5; ++i) {
     const FlowDoses::Slice& s = p.seen.slices[i];
-    // One section has one light: planned it is the same in all slices.
-    EXPECT_EQ(p.told.slices[i].even.within_10, planned);
-    // Shown it differs in the grey pixels of the outline, each of which is lit as its own column asks:
-    // not at all in the first slices, and most in the last ones. They lie in the ring, and what flows
-    // in through them is missing in the cells next to it.
+    // Shown light of one section differs in the grey pixels of the outline, each of which is lit as its own
+    // column asks: not at all in the first slices, and most in the last ones. They lie in the ring, and
+    // what flows in through them is missing in the cells next to it.
     EXPECT_NEAR(s.even.within_10, p.seen.slices[0].even.within_10, ring);
-    EXPECT_GT(s.even.within_10, planned - 2 * ring);
-    EXPECT_LT(s.even.within_10, planned + ring);
+    EXPECT_GT(s.even.within_10, 0.91 * 0.91 - 2 * ring);
     EXPECT_GT(s.even.within_10, s.without.within_10 + 0.45);
     EXPECT_LT(s.without.within_10, 0.4);
     EXPECT_LT(s.even.max_window, 1);
@@ -166,8 +177,6 @@ TEST(EvenDeadZone, OfOneSectionAllSlicesGetOneLight) {
   for (const FlowDoses::Slice& s : p.seen.slices) {
     EXPECT_EQ(s.even.within_10, p.seen.slices[0].even.within_10);
     EXPECT_EQ(s.even.mean, p.seen.slices[0].even.mean);
-    // What was planned, but for levels.
-    EXPECT_NEAR(s.even.within_10, p.told.within_10(), 0.02);
   }
 }
 
@@ -180,8 +189,6 @@ TEST(EvenDeadZone, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   // 77 % with blue in Chebyshev patterns of 15 terms at this gap; 20 % with constant light at 80 um.
   EXPECT_GT(p.seen.within_10(), 0.6);
   EXPECT_LT(p.seen.within_10_without(), 0.35);
-  // What is told beforehand is what the images bring, but for pixels of the outline.
-  EXPECT_NEAR(p.told.within_10(), p.seen.within_10(), 0.05);
   EXPECT_EQ(p.print.undercure_voxels, 0U);
 }
 
@@ -195,10 +202,15 @@ void real_part(const std::string& name, double scale, int pixels, EvenDeadZone e
   const Printed p = print(read_mesh(path, placement),
                           flow_setup(flow_printer(pixels, true), even, 120), folder.path());
   tell(name, p);
-  // What images show is clearly better than without, and what was told beforehand, but for what the
-  // polish of columns changes.
-  EXPECT_GT(p.seen.within_10(), 1.5 * p.seen.within_10_without());
-  EXPECT_NEAR(p.told.within_10(), p.seen.within_10(), 0.1);
+  // What images show is clearly better than without, and nowhere worse than what even_finder.cpp lets be:
+  // of slices without a pattern 3 % of the section, and two cells.
+  EXPECT_GT(p.seen.within_10(), 1.3 * p.seen.within_10_without());
+  const double pitch_mm = p.pitch_um * 1e-3;
+  for (const FlowDoses::Slice& s : p.seen.slices) {
+    const double cell = pitch_mm * pitch_mm / s.area_mm2;
+    EXPECT_GT(s.even.within_10, s.without.within_10 - 0.03 - 2 * cell) << s.slice;
+    EXPECT_LT(s.even.max_window, std::max(1.0, s.without.max_window + 0.02)) << s.slice;
+  }
   EXPECT_EQ(p.print.undercure_voxels, 0U);
   EXPECT_EQ(p.print.lost_features, 0U);
 }

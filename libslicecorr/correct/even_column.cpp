@@ -17,7 +17,9 @@ constexpr int kSlopeLayers = 40;
 }  // namespace
 
 EvenColumn::EvenColumn(const InhibitedPlan& plan)
-    : plan_(plan), levels_(static_cast<std::size_t>(plan.all_layers)) {
+    : plan_(plan),
+      more_(static_cast<std::size_t>(plan.all_layers) + 2, 0.0),
+      levels_(static_cast<std::size_t>(plan.all_layers)) {
   const double a = plan.kernel->a();
   far_ = plan.near + static_cast<int>(std::ceil(kFarHeights / -std::log(a)));
   powers_.push_back(1);
@@ -55,7 +57,9 @@ int EvenColumn::least_level(int n, int distance, double need) const {
 
 /// The first node that demands dose, and what it gets at least when all that follow get theirs.
 EvenColumn::Edge EvenColumn::edge_of(Run first, Run past) const {
-  if (first->coverage == 255) return {first->first, 1};
+  if (first->coverage == 255) {
+    return {first->first, std::max(0.0, 1 + more_[static_cast<std::size_t>(first->first)])};
+  }
   Edge edge{first->first + 1, 0};
   int node = edge.node, above = first->coverage;
   for (Run run = first; run != past && node <= edge.node + kSlopeLayers;) {
@@ -71,9 +75,8 @@ EvenColumn::Edge EvenColumn::edge_of(Run first, Run past) const {
   return edge;
 }
 
-/// Lights slices from `end` on until the node there has its dose; returns the slice after them.
-int EvenColumn::light_after(int end) {
-  double need = 1;
+/// Lights slices from `end` on until the node there has what it needs; returns the slice after them.
+int EvenColumn::light_after(int end, double need) {
   int n = end;
   for (; n < plan_.all_layers && need > 0; ++n) {
     const int level = even_at(n);
@@ -106,7 +109,12 @@ void EvenColumn::light_feature(Run first, Run past) {
     return;
   }
   const int end = std::prev(last_full)->end;
-  const int past_light = light_after(end);
+  // What a feature after gives its own edge falls on the way to this one's end.
+  double from_later = 0;
+  if (later_dose_ > 0) {
+    from_later = later_dose_ * powers_[static_cast<std::size_t>(std::max(0, later_node_ - end))];
+  }
+  const int past_light = light_after(end, 1 + more_[static_cast<std::size_t>(end)] - from_later);
   const Edge edge = edge_of(first, past);
   const bool platform = first->first == 0;
   double dose = 0;
@@ -146,8 +154,13 @@ void EvenColumn::light_feature(Run first, Run past) {
 
 const std::vector<Level>& EvenColumn::levels(const std::vector<CoverageRun>& runs,
                                              const std::vector<Level>& even) {
-  std::fill(levels_.begin(), levels_.end(), Level{0});
   even_ = &even;
+  std::fill(more_.begin(), more_.end(), 0.0);
+  return levels_again(runs);
+}
+
+const std::vector<Level>& EvenColumn::levels_again(const std::vector<CoverageRun>& runs) {
+  std::fill(levels_.begin(), levels_.end(), Level{0});
   later_node_ = 0;
   later_dose_ = 0;
   for (Run past = runs.end(); past != runs.begin();) {

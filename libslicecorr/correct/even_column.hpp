@@ -1,6 +1,5 @@
-/// The levels that columns will get where light is even over the flow (`Process::even_light`), known
-/// before anything is solved: what the rule (inhibited_rule.hpp) comes to, from the runs of a column
-/// in one pass.
+/// The levels that columns get where light is even over the flow (`Process::even_light`), from the runs
+/// of a column in one pass: what the rule (inhibited_rule.hpp) comes to, and tried before it.
 ///
 /// A feature gets even light from its edge towards the platform on as soon as that edge bears it: the
 /// light that this edge gets from all slices after is at most what it demands. Nearer to the edge the
@@ -25,6 +24,9 @@ class EvenColumn {
   /// the levels of all slices; valid until the next call.
   const std::vector<Level>& levels(const std::vector<CoverageRun>& runs,
                                    const std::vector<Level>& even);
+  /// The same once more, where the edge at a node is to get so much more dose than before.
+  const std::vector<Level>& levels_again(const std::vector<CoverageRun>& runs);
+  double& more_at(int node) { return more_[static_cast<std::size_t>(node)]; }
 
  private:
   using Run = std::vector<CoverageRun>::const_iterator;
@@ -35,7 +37,7 @@ class EvenColumn {
   };
   void light_feature(Run first, Run past);
   Edge edge_of(Run first, Run past) const;
-  int light_after(int end);
+  int light_after(int end, double need);
   double one(int n, int level, int distance) const;
   int least_level(int n, int distance, double need) const;
   int even_at(int n) const { return plan_.cap_of(n, *even_); }
@@ -43,6 +45,7 @@ class EvenColumn {
   const InhibitedPlan& plan_;
   int far_ = 0;                    ///< slices within which light of an edge is summed one by one
   std::vector<double> powers_;     ///< of a
+  std::vector<double> more_;       ///< dose that edges are to get besides, by node
   std::array<Level, 256> grey_{};  ///< by coverage
   const std::vector<Level>* even_ = nullptr;
   std::vector<Level> levels_;

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "correct/column_band.hpp"
+#include "correct/even_column.hpp"
 #include "correct/inhibited_doses.hpp"
 #include "correct/inhibited_judge.hpp"
 #include "correct/inhibited_polish.hpp"
@@ -19,7 +21,9 @@ struct InhibitedColumn::Impl {
         doses(p),
         rule(p, design, doses, caps),
         judge(p, design, doses),
-        polish(p, design, doses, caps) {}
+        polish(p, design, doses, caps) {
+    if (p.even) even.emplace(p);
+  }
 
   /// What came of levels that were tried.
   struct Outcome {
@@ -35,7 +39,10 @@ struct InhibitedColumn::Impl {
   void raise_demands();
   bool raise_around_dips(double times, bool edges_too);
   void polish_best();
-  void search();
+  bool has_full_features() const;
+  bool even_light_does(const std::vector<CoverageRun>& runs);
+  bool greys_have_theirs() const;
+  void search(const std::vector<CoverageRun>& runs);
 
   const InhibitedPlan& plan;
   std::vector<Level> caps;  ///< highest levels, per slice; empty: those of the plan
@@ -44,6 +51,7 @@ struct InhibitedColumn::Impl {
   LevelRule rule;
   ColumnJudge judge;
   ColumnPolish polish;
+  std::optional<EvenColumn> even;  ///< where light is even over the flow
 
   std::vector<Level> best_of_all;  ///< for all aims
   // The best levels for the present aims.
@@ -52,7 +60,8 @@ struct InhibitedColumn::Impl {
   double least_um = 0;  ///< their score
   int wrong_voxels = 0;
   bool perfect = false;
-  std::vector<int> lags;  ///< those of the best levels, per feature
+  bool greys_right = false;  ///< by even light
+  std::vector<int> lags;     ///< those of the best levels, per feature
 };
 
 InhibitedColumn::Impl::Outcome InhibitedColumn::Impl::keep_if_better() {
@@ -108,7 +117,7 @@ bool InhibitedColumn::Impl::aim_edges() {
 }
 
 void InhibitedColumn::Impl::try_one_lag_for_all() {
-  lags.assign(design.features.size(), 0);
+  lags.assign(design.features.size(), plan.lags.front());
   for (const int lag : plan.lags) {
     for (ColumnDesign::Feature& f : design.features) f.lag = lag;
     const Outcome outcome = try_lags_and_aim();
@@ -174,14 +183,64 @@ void InhibitedColumn::Impl::polish_best() {
   }
 }
 
+/// Whether every feature has a node that demands all of its dose: others are no more than grey.
+bool InhibitedColumn::Impl::has_full_features() const {
+  return std::all_of(design.features.begin(), design.features.end(), [&](const auto& f) {
+    return std::any_of(design.demand.begin() + f.upper, design.demand.begin() + f.lower + 1,
+                       [](double demand) { return demand >= 1; });
+  });
+}
+
+/// Gives the column even light, and its edges what brings them to their places. Whether that is right;
+/// else it is one try among others.
+bool InhibitedColumn::Impl::even_light_does(const std::vector<CoverageRun>& runs) {
+  doses.take(even->levels(runs, caps), false);
+  for (int round = 0;; ++round) {
+    const Outcome outcome = keep_if_better();
+    if (outcome.better) greys_right = greys_have_theirs();
+    perfect = outcome.perfect && greys_right;
+    if (perfect && best_dips.empty()) return true;
+    if (round == plan.tuning.even_rounds) return false;
+    bool any = false;
+    for (const ColumnDesign::Edge& edge : design.edges) {
+      const double lacks = 1.0 - doses.beside(edge.node, edge.aim);
+      if (std::abs(lacks) < plan.tuning.aim_enough) continue;
+      even->more_at(edge.node) += lacks;
+      any = true;
+    }
+    if (!any) return false;
+    doses.take(even->levels_again(runs), false);
+  }
+}
+
+/// Whether grey nodes have the dose that they demand.
+bool InhibitedColumn::Impl::greys_have_theirs() const {
+  for (std::size_t k = 0; k < design.demand.size(); ++k) {
+    const double demand = design.demand[k];
+    if (demand <= 0 || demand >= 1) continue;
+    if (doses.node(static_cast<int>(k)) < demand - plan.tuning.even_grey_lacks) return false;
+  }
+  return true;
+}
+
 /// Finds the best levels for the design's aims.
-void InhibitedColumn::Impl::search() {
+void InhibitedColumn::Impl::search(const std::vector<CoverageRun>& runs) {
   least_um = std::numeric_limits<double>::infinity();
   perfect = false;
+  if (even && !doses.has_floors() && has_full_features()) {
+    if (even_light_does(runs)) return;
+    // Near to what was planned before anything else.
+    if (greys_right) {
+      polish_best();
+      if (wrong_voxels == 0 && best_dips.empty()) return;
+    } else {
+      least_um = std::numeric_limits<double>::infinity();
+    }
+  }
   try_one_lag_for_all();
   // Lags of their own help features without room; of heights they mend little.
   const bool fits = perfect || (design.has_heights && wrong_voxels == 0);
-  if (!fits && lags.size() > 1 && lags.size() <= plan.tuning.own_lag_features) {
+  if (!fits && !even && lags.size() > 1 && lags.size() <= plan.tuning.own_lag_features) {
     try_a_lag_for_each();
   }
   raise_demands();
@@ -199,7 +258,7 @@ const std::vector<Level>& InhibitedColumn::solve(const std::vector<CoverageRun>&
   double least_um = std::numeric_limits<double>::infinity();
   for (const double farthest : s.plan.tuning.farthest_edge_layers) {
     s.design.read(runs, farthest);
-    s.search();
+    s.search(runs);
     if (s.least_um < least_um) {
       least_um = s.least_um;
       s.best_of_all = s.best;

@@ -24,12 +24,15 @@ ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosi
     tables_.push_back(std::move(table));
     sums_.push_back(std::move(sums));
   }
+  for (double power = 1; power > 1e-12; power *= a_) powers_.push_back(power);
 }
 
 double ExtraLight::one(int setting, int l, int j) const {
   const std::vector<double>& t = tables_[static_cast<std::size_t>(setting)];
   if (j < near_) return t[static_cast<std::size_t>(j * levels_ + l)];
-  return t[static_cast<std::size_t>((near_ - 1) * levels_ + l)] * std::pow(a_, j - near_ + 1);
+  const auto beyond = static_cast<std::size_t>(j - near_ + 1);
+  const double power = beyond < powers_.size() ? powers_[beyond] : std::pow(a_, beyond);
+  return t[static_cast<std::size_t>((near_ - 1) * levels_ + l)] * power;
 }
 
 double ExtraLight::sum(int setting, int l, int j) const {
@@ -62,8 +65,11 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
       layer_um(model.layer_um),
       merge_one_slice_gaps(merge),
       even(kernel->gap_um() > 0) {
-  // What shines inside features is given: none of it is too much.
-  if (even) tuning.excess_weight = 0;
+  if (even) {
+    // What shines inside features is given: none of it is too much.
+    tuning.excess_weight = 0;
+    tuning.tolerance_um = tuning.height_tolerance_um = tuning.even_tolerance_um;
+  }
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
   uniform = uniform && kernel->settings() == 1;
   if (!uniform) {

@@ -38,6 +38,7 @@ class ExtraLight {
   int near_, levels_;
   double a_;
   std::vector<std::vector<double>> tables_, sums_;
+  std::vector<double> powers_;  ///< of a, down to where nothing is left
 };
 
 /// Stands for the highest levels of a column that has none of its own.

@@ -88,6 +88,17 @@ struct InhibitedTuning {
   double split_depth_layers = 100;
   double most_split_depth_layers = 4;
 
+  // Even light (even_column.hpp), tried before anything else where light is even over the flow.
+
+  /// Most rounds in which edges get what they lack.
+  int even_rounds = 3;
+  /// Edges within this of their place are right there: one level of some 150 moves an edge by as
+  /// much, and other tries would come no nearer, at ten times the time and with other light than was
+  /// planned.
+  double even_tolerance_um = 3;
+  /// Dose that nodes of grey layers may lack.
+  double even_grey_lacks = 0.05;
+
   // Features that come apart: the nodes around the dip demand more, round by round.
 
   /// Most rounds in which demands are raised.

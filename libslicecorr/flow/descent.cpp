@@ -9,7 +9,8 @@ namespace {
 
 constexpr std::size_t kMemory = 12;
 constexpr int kRest = 10;  ///< steps over which progress is judged
-constexpr double kProgress = 1e-6;
+/// Progress below which it ends, of the value: what is left is worth a tenth of a percent of a section.
+constexpr double kProgress = 1e-3;
 constexpr double kArmijo = 1e-4;
 
 using Vector = std::vector<double>;
@@ -66,18 +67,18 @@ Vector direction(const Vector& gradient, const std::deque<Pair>& pairs,
 
 }  // namespace
 
-Descent descend(Vector x, const Slope& slope, int iterations) {
+Descent descend(Vector x, const Vector& least, const Slope& slope, int iterations) {
   const std::size_t n = x.size();
   Vector gradient(n), next(n), next_gradient(n), steepest(n);
   std::deque<Pair> pairs;
   std::deque<double> values;
   std::vector<char> free(n);
-  for (double& v : x) v = std::clamp(v, 0.0, 1.0);
+  for (std::size_t i = 0; i < n; ++i) x[i] = std::clamp(x[i], least[i], 1.0);
   Descent at{std::move(x), 0, 0};
   at.value = slope(at.x, gradient);
   for (; at.iterations < iterations; ++at.iterations) {
     for (std::size_t i = 0; i < n; ++i) {
-      free[i] = !(at.x[i] <= 0 && gradient[i] >= 0) && !(at.x[i] >= 1 && gradient[i] <= 0);
+      free[i] = !(at.x[i] <= least[i] && gradient[i] >= 0) && !(at.x[i] >= 1 && gradient[i] <= 0);
     }
     Vector d = direction(gradient, pairs, free);
     if (!(dot(d, gradient) < 0)) {
@@ -90,7 +91,7 @@ Descent descend(Vector x, const Slope& slope, int iterations) {
     for (int half = 0; half < 30 && !lower; ++half) {
       double gain = 0;
       for (std::size_t i = 0; i < n; ++i) {
-        next[i] = std::clamp(at.x[i] + length * d[i], 0.0, 1.0);
+        next[i] = std::clamp(at.x[i] + length * d[i], least[i], 1.0);
         gain += gradient[i] * (next[i] - at.x[i]);
       }
       value = slope(next, next_gradient);

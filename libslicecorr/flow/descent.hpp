@@ -1,5 +1,5 @@
 /// @file descent.hpp
-/// The least of a smooth function of numbers between 0 and 1: projected L-BFGS.
+/// The least of a smooth function of numbers up to 1: projected L-BFGS.
 #pragma once
 
 #include <functional>
@@ -16,8 +16,9 @@ struct Descent {
 /// Value at `x`, and its gradient.
 using Slope = std::function<double(const std::vector<double>& x, std::vector<double>& gradient)>;
 
-/// Goes downhill from `x` until the value falls by less than a millionth in ten steps, or
-/// `iterations` are over.
-Descent descend(std::vector<double> x, const Slope& slope, int iterations);
+/// Goes downhill from `x` until the value falls by less than a thousandth in ten steps, or `iterations` are
+/// over. No number falls below that of `least`, 0..1.
+Descent descend(std::vector<double> x, const std::vector<double>& least, const Slope& slope,
+                int iterations);
 
 }  // namespace slicecorr::detail

@@ -10,6 +10,7 @@
 #include "flow/coarser_section.hpp"
 #include "flow/descent.hpp"
 #include "flow/image_light.hpp"
+#include "flow/optimise_from.hpp"
 #include "flow/solvable.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_section.hpp"
@@ -21,6 +22,11 @@ namespace {
 /// above, times this, per cell.
 constexpr double kWindowMargin = 0.005;
 constexpr double kWindowCost = 30;
+/// No place gets less than this share of the best constant light: nothing is won by less, and columns so
+/// dim could not be drawn beside bright ones.
+constexpr double kLeastShare = 0.3;
+/// Times that light is sought, with ten times the window's cost each, until its doses hold.
+constexpr int kWindowRounds = 4;
 /// Gaps of the first look and steps of the second; steps of light at each.
 constexpr int kCoarseGaps = 7, kFineGaps = 5, kLook = 60, kRefine = 40;
 constexpr int kConstantGaps = 12, kConstantFine = 12;
@@ -134,7 +140,7 @@ class AtGap {
 
   Choice patterned(std::vector<double> x, int iterations, double window_cost = kWindowCost) const {
     const detail::Descent d = detail::descend(
-        std::move(x),
+        std::move(x), least(),
         [&](const std::vector<double>& at, std::vector<double>& gradient) {
           return value(at, gradient, window_cost);
         },
@@ -169,6 +175,17 @@ class AtGap {
   }
 
  private:
+  /// What no place gets less of.
+  std::vector<double> least() const {
+    std::vector<double> x(blue_size() + uv_size(), 0.0);
+    if (!sweep_.linear() || x.size() == 2) return x;
+    const Choice even = constant_linear();
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      x[k] = kLeastShare * even.x[k < blue_size() ? 0 : 1];
+    }
+    return x;
+  }
+
   std::size_t blue_size() const {
     const FlowPattern p = t_.goal.pattern;
     return p == FlowPattern::blue || p == FlowPattern::both ? t_.asked.size() : 1;
@@ -443,6 +460,13 @@ Scan scan_of(const Task& task, const AtGap& at, const Choice& choice, int iterat
   return scan;
 }
 
+Scan scan_of(const Task& task, const detail::StartLight& start) {
+  Scan scan{task.goal.min_gap_um, start.blue_mw_cm2, start.uv_mw_cm2, 0};
+  for (double& v : scan.blue) v /= task.goal.max_blue_mw_cm2;
+  for (double& v : scan.uv) v /= task.goal.max_uv_mw_cm2;
+  return scan;
+}
+
 /// The best gap, on coarser cells where there are many, and the light found there. `refined`: light is
 /// sought on these cells, too, from that of the coarser ones.
 Scan scan_gaps(const Task& task, bool refined) {
@@ -499,16 +523,19 @@ DoseSummary summarise(const FlowSection& section, const SectionDose& dose,
   return s;
 }
 
-SectionOptimum optimise_section(const FlowSection& section, const GapPressure& pressure,
-                                const FlowResin& resin, double speed_mm_h, const SectionGoal& goal,
-                                const ExecutionContext& context) {
+namespace {
+
+/// The best light; `start` null: from the best constant light, by way of coarser cells.
+SectionOptimum optimum(const FlowSection& section, const GapPressure& pressure,
+                       const FlowResin& resin, double speed_mm_h, const SectionGoal& goal,
+                       const detail::StartLight* start, const ExecutionContext& context) {
   check_section(section);
   check_goal(section, resin, goal);
   if (pressure.gap_um > 0) {
     throw InputError("flow", "pressure", "is of a gap that varies; expected that of an even one");
   }
   const Task task = make_task(section, pressure, resin, speed_mm_h, goal, context);
-  const Scan scan = scan_gaps(task, false);
+  const Scan scan = start ? scan_of(task, *start) : scan_gaps(task, false);
   const AtGap at(task, scan.gap_um);
   Choice choice;
   choice.gap_um = scan.gap_um;
@@ -527,8 +554,10 @@ SectionOptimum optimise_section(const FlowSection& section, const GapPressure& p
   } else {
     choice.x = at.shares(scan.blue, scan.uv);
     double cost = kWindowCost;
-    for (int round = 0; round < 4; ++round, cost *= 10) {
-      choice = at.patterned(std::move(choice.x), goal.iterations, cost);
+    for (int round = 0; round < kWindowRounds; ++round, cost *= 10) {
+      choice =
+          at.patterned(std::move(choice.x),
+                       round == 0 ? goal.iterations : std::min(goal.iterations, kRefine), cost);
       best.iterations += choice.iterations;
       shine();
       if (best.summary.max_window <= goal.max_window) break;
@@ -544,6 +573,21 @@ SectionOptimum optimise_section(const FlowSection& section, const GapPressure& p
   fill_outside(task, best.blue_mw_cm2);
   fill_outside(task, best.uv_mw_cm2);
   return best;
+}
+
+}  // namespace
+
+SectionOptimum optimise_section(const FlowSection& section, const GapPressure& pressure,
+                                const FlowResin& resin, double speed_mm_h, const SectionGoal& goal,
+                                const ExecutionContext& context) {
+  return optimum(section, pressure, resin, speed_mm_h, goal, nullptr, context);
+}
+
+SectionOptimum detail::optimise_section_from(const StartLight& start, const FlowSection& section,
+                                             const GapPressure& pressure, const FlowResin& resin,
+                                             double speed_mm_h, const SectionGoal& goal,
+                                             const ExecutionContext& context) {
+  return optimum(section, pressure, resin, speed_mm_h, goal, &start, context);
 }
 
 }  // namespace slicecorr

@@ -11,6 +11,8 @@
 #include "pipeline/correct_spread.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/dose_meter.hpp"
+#include "pipeline/even_cells.hpp"
+#include "pipeline/kept_images.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/robust_design.hpp"
 #include "pipeline/shortcomings.hpp"
@@ -101,8 +103,9 @@ class StackCorrection {
   StackWriter writer_;
   TargetScan scan_;
   const std::vector<PixelBox> bands_;
-  std::optional<PlaceWindows> window_;   ///< where UV light keeps a dead zone
-  std::optional<VolumeReducer> volume_;  ///< where the reduced volume is asked for
+  std::optional<PlaceWindows> window_;      ///< where UV light keeps a dead zone
+  std::optional<VolumeReducer> volume_;     ///< where the reduced volume is asked for
+  std::optional<detail::KeptImages> kept_;  ///< where light is even over the flow
 
   detail::SurfaceCollector surface_after_, surface_before_;
   std::optional<detail::UncertainTotal> uncertain_;  ///< where it is asked how sure it is
@@ -117,14 +120,15 @@ class StackCorrection {
 /// A band on its way through the correction.
 class StackCorrection::Band {
  public:
-  Band(StackCorrection& whole, const PixelBox& box)
+  Band(StackCorrection& whole, std::size_t index)
       : whole_(whole),
-        box_(box),
-        columns_(columns_of(box)),
+        index_(index),
+        box_(whole.bands_[index]),
+        columns_(columns_of(box_)),
         design_(columns_),
         upwards_(columns_),
-        encoder_(whole.writer_, box.y0, box.y1) {
-    if (whole.volume_) reduced_.emplace(*whole.volume_, box);
+        encoder_(whole.writer_, box_.y0, box_.y1) {
+    if (whole.volume_) reduced_.emplace(*whole.volume_, box_);
   }
 
   /// All columns get the same light.
@@ -161,6 +165,7 @@ class StackCorrection::Band {
   }
   void put(int n, const std::uint8_t* pixels) {
     encoder_.put(n, box_.x0, box_.x1, pixels);
+    if (whole_.kept_) whole_.kept_->put(index_, n, pixels);
     if (reduced_) upwards_.append(pixels);
   }
   /// Columns of one value of light, null for all of the band. Their figures go on from those
@@ -178,6 +183,7 @@ class StackCorrection::Band {
                            const PutPixels& put_pixels);
 
   StackCorrection& whole_;
+  const std::size_t index_;
   const PixelBox& box_;
   const std::size_t columns_;
   std::optional<VolumeReducer::Band> reduced_;
@@ -208,6 +214,9 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
   if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
+  if (setup_.process.even_light) {
+    kept_.emplace(target, detail::judged_slices(*setup_.process.even_light), bands_);
+  }
   if (ask.volume_cells > 0) {
     volume_.emplace(plans_.models(), target.bounds(), plans_.layers(), plans_.all_layers(),
                     plans_.levels(), ask.volume_cells);
@@ -390,7 +399,7 @@ void StackCorrection::Band::finish() {
 
 void StackCorrection::correct_bands() {
   parallel_for(context_, "correct", bands_.size(), [&](std::size_t i) {
-    Band band(*this, bands_[i]);
+    Band band(*this, i);
     plans_.even() ? band.correct_even() : band.correct_by_light();
     band.finish();
   });
@@ -418,7 +427,7 @@ Correction StackCorrection::result() {
   result.after = of_whole_image(after_, plans_.all_layers());
   result.after.dead_zones = std::move(dead_zones);
   if (setup_.process.even_light) {
-    result.after.flow = flow_doses(target_, nullptr, setup_, context_);
+    result.after.flow = flow_doses(target_, &*kept_, setup_, context_);
   }
   result.after.regions = regions_;
   if (uncertain_) {

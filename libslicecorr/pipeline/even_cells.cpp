@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <mutex>
 #include <optional>
 
 #include "flow/solvable.hpp"
 #include "parallel/silent.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/kept_images.hpp"
 #include "pipeline/planned_images.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -411,8 +411,9 @@ FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const 
   using namespace detail;
   if (!setup.process.even_light) return {};
   const EvenLight& light = *setup.process.even_light;
-  std::optional<PlannedImages> planned;
-  if (!shown) shown = &planned.emplace(target, setup, context);
+  const std::vector<int> slices = judged_slices(light);
+  std::optional<KeptImages> solved;
+  if (!shown) shown = &solved.emplace(solved_images(target, setup, slices, context));
   const EvenSections sections(LitPart(target, *shown), setup, {light.gap_um, light.pitch_um},
                               context);
   const FlowGrid& grid = sections.part().grid();
@@ -421,7 +422,6 @@ FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const 
   }
   FlowDoses all;
   all.gap_um = light.gap_um;
-  const std::vector<int> slices = judged_slices(light);
   for (const std::vector<int>& some : in_parts(slices, grid)) {
     const FlowDoses doses =
         judge_light(sections, some, shown_cells(*shown, target, grid, some, setup, context), target,

@@ -55,6 +55,7 @@ class EvenUvImages {
   std::shared_ptr<const EvenLight> blue_light_;  ///< with curing light in place of UV light
   EvenPixels pixels_, blue_;
   std::array<double, 256> share_of_{};  ///< by pixel, of full curing light, of 255
+  double uv_of_blue_ = 0;  ///< share of UV light that keeps a share of curing light off the window
   std::uint8_t of_black_ = 0;
   std::vector<std::uint8_t> of_share_;  ///< by share of full light, in steps of 1/kSteps of 1/255
   static constexpr int kSteps = 16;

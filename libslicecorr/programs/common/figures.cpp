@@ -104,15 +104,27 @@ std::string doses_table(const Prediction& p) {
 }
 
 /// Dose and dead zone in resin that flows, slice by slice; empty where no light was made for it.
-std::string flow_table(const Prediction& p, FlowLightOf of) {
+std::string flow_table(const Prediction& p) {
   if (!p.flow || p.flow->slices.empty()) return {};
   const FlowDoses& flow = *p.flow;
   std::string text = fmt::format(
-      "  flow: dead zone of {:.4g} um; by the light {} {:.1f} % of the sections get their dose within "
-      "10 %, by the best that is the same everywhere {:.1f} %{}\n",
-      flow.gap_um, of == FlowLightOf::plan ? "that is planned" : "that the images show",
-      100 * flow.within_10(), 100 * flow.within_10_without(),
-      of == FlowLightOf::plan ? "; `slicecorr verify` tells what the images bring" : "");
+      "  flow: dead zone of {:.4g} um; by the light that the images show {:.1f} % of the sections get "
+      "their dose within 10 %, by the best that is the same everywhere {:.1f} %\n",
+      flow.gap_um, 100 * flow.within_10(), 100 * flow.within_10_without());
+  std::size_t sticks = 0, sticks_without = 0;
+  const FlowDoses::Slice* worst = nullptr;
+  for (const FlowDoses::Slice& s : flow.slices) {
+    sticks_without += s.without.max_window >= 1 ? 1 : 0;
+    if (s.even.max_window < 1) continue;
+    ++sticks;
+    if (!worst || s.even.max_window > worst->even.max_window) worst = &s;
+  }
+  if (worst) {
+    text += fmt::format(
+        "  flow: resin gels at the window in {} of {} slices looked at, most in slice {} (dose {:.2f}); "
+        "with light that is the same everywhere in {}\n",
+        sticks, flow.slices.size(), worst->slice, worst->even.max_window, sticks_without);
+  }
   text += fmt::format("  {:>7}{:>19}{:>24}{:>24}{:>24}{:>10}\n", "slice", "within 10 %, %",
                       "dose, min mean max", "dead zone, um", "without, um", "window");
   // A screen full; all of them are in the JSON.
@@ -134,14 +146,13 @@ std::string flow_table(const Prediction& p, FlowLightOf of) {
 
 }  // namespace
 
-std::string summary(const Prediction& after, const std::optional<Prediction>& before,
-                    FlowLightOf flow) {
+std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
   std::vector<Figures> columns;
   if (before) columns.push_back({"uncorrected", &*before});
   columns.push_back({"corrected", &after});
   // What can be relied on comes before what is computed from inputs as if they were right.
   std::string text = after.uncertain ? uncertainty_in_words(*after.uncertain) : std::string();
-  text += figures_table(columns) + doses_table(after) + flow_table(after, flow);
+  text += figures_table(columns) + doses_table(after) + flow_table(after);
   if (const auto& l = after.layerwise) {
     text += fmt::format(
         "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "

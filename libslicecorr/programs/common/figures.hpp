@@ -9,12 +9,8 @@
 
 namespace slicecorr::cli {
 
-/// Whose dose in flowing resin a prediction tells: that of the light which the correction planned, or
-/// of the light which images show.
-enum class FlowLightOf { plan, images };
 /// The human summary of a prediction.
-std::string summary(const Prediction& after, const std::optional<Prediction>& before,
-                    FlowLightOf flow = FlowLightOf::plan);
+std::string summary(const Prediction& after, const std::optional<Prediction>& before);
 /// The same figures of several predictions side by side, each under its heading.
 struct Figures {
   std::string heading;

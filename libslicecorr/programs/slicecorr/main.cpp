@@ -152,7 +152,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   }
   a.uncertain.write_map(p, console);
   if (a.json.empty()) {
-    print_result(summary(p, std::nullopt, FlowLightOf::images));
+    print_result(summary(p, std::nullopt));
   } else {
     print_or_write(a.json, p.to_json());
   }
@@ -214,7 +214,7 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
                                                       before, title_of(a.input), context),
                                         context));
   console.say(
-      fmt::format("{}: written\n{}", a.output, summary(after, before, FlowLightOf::images)));
+      fmt::format("{}: written\n{}", a.output, summary(after, before)));
   return kDone;
 }
 

@@ -1,0 +1,412 @@
+#include "pipeline/even_finder.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "flow/image_light.hpp"
+#include "flow/optimise_from.hpp"
+#include "parallel/silent.hpp"
+#include "pipeline/kept_images.hpp"
+#include "pipeline/planned_images.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/even_dead_zone.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+constexpr double kFull = 255;
+/// Sections of neighbouring slices that differ by more than this share of the greater get slices looked
+/// at between them.
+constexpr double kChanged = 0.2;
+/// Cells whose light is sought in all slices together, about: a quarter of a minute of one core. Half of them for
+/// slices chosen beforehand, the rest for those that turn out badly. Slices asked for go before it.
+constexpr double kMostCells = 8e4;
+constexpr int kFirstIterations = 40;
+/// Rounds of a look at what comes out, and the last one in which patterns are still sought.
+constexpr int kRounds = 5, kLastPattern = 2;
+/// Share of the section by which light by place may do worse than light that is the same everywhere
+/// before it is given up, and the latter before it is sought anew: its own changes between slices, and
+/// levels, cost as much.
+constexpr double kWorse = 0.005, kWorseConstant = 0.03;
+/// The same of the greatest dose at the window, where resin sticks with both.
+constexpr double kSticksMore = 0.02;
+
+FlowPattern pattern_of(EvenDeadZone even) {
+  switch (even) {
+    case EvenDeadZone::blue:
+      return FlowPattern::blue;
+    case EvenDeadZone::uv:
+      return FlowPattern::uv;
+    case EvenDeadZone::both:
+      return FlowPattern::both;
+    default:
+      return FlowPattern::constant;
+  }
+}
+
+/// A value rounded up to a ladder, each step `kStep` below the one before, down from `greatest`: so
+/// few that each can have tables of its own.
+double on_ladder(double value, double greatest, double least) {
+  constexpr double kStep = 1.02;
+  if (value >= greatest) return greatest;
+  const double steps =
+      std::floor(std::log(greatest / std::max(value, 1e-9)) / std::log(kStep) + 1e-9);
+  return std::clamp(greatest * std::pow(kStep, -steps), least, greatest);
+}
+
+/// How much worse one light is than the other, as a share of the section; where it makes resin stick, all
+/// of it.
+double worse_by(const FrontDose& light, const FrontDose& other) {
+  if (light.max_window >= 1 && light.max_window > other.max_window + kSticksMore) return 1;
+  return other.within_10 - light.within_10;
+}
+
+}  // namespace
+
+EvenFinder::EvenFinder(const SliceSource& target, const Setup& setup,
+                       const ExecutionContext& context, int every)
+    : target_(target),
+      setup_(setup),
+      context_(context),
+      alone_(silent(context)),
+      every_(every),
+      design_(target, setup, {setup.gap_um, 0}, context) {
+  goal_.pattern = pattern_of(setup.process.even_dead_zone);
+  goal_.max_blue_mw_cm2 = even_blue_cap(target, setup);
+  goal_.max_uv_mw_cm2 = setup.printer.uv->max_mw_cm2();
+}
+
+Process EvenFinder::find() {
+  const std::vector<int> first = design_.slices_of(every_);
+  if (first.empty()) {
+    throw InputError(fmt::format(
+        "an even dead zone is found on cells of {:g} um; no slice of the part has a section of "
+        "three and more of them across",
+        design_.part().grid().pitch_um));
+  }
+  set_most_slices(first);
+  Process process = process_of(starting_light(first));
+  process = process_of(guessed_light(planned(process)));
+  const int rounds = goal_.pattern == FlowPattern::constant ? 1 : kRounds;
+  for (int round = 0; round < rounds; ++round) {
+    if (!mend(planned(process), round)) break;
+    process = process_of(std::move(found_));
+  }
+  return process;
+}
+
+void EvenFinder::tell(const Process& process) const {
+  const std::set<SharedLight> lights(found_.lights.begin(), found_.lights.end());
+  const auto at_cap = std::count_if(lights.begin(), lights.end(), [](const auto& l) {
+    return l->best.blue_at_cap || l->best.uv_at_cap;
+  });
+  const auto constant = std::count(found_.how.begin(), found_.how.end(), How::constant);
+  context_.tell(fmt::format(
+      "light for an even dead zone of {:.4g} um ({}): {} of {} slices looked at, {} sections",
+      process.even_light->gap_um, name_of(process.even_dead_zone), found_.slices.size(),
+      design_.part().slices(), lights.size()));
+  if (gap_at_limit_) {
+    context_.tell(
+        fmt::format("the best dead zone lies at the end of what is tried, {:g} to {:g} um",
+                    SectionGoal{}.min_gap_um, SectionGoal{}.max_gap_um));
+  }
+  if (at_cap > 0) {
+    context_.tell(
+        fmt::format("in {} of {} sections the best light is more than the lamps give somewhere",
+                    at_cap, lights.size()));
+  }
+  if (constant > 0) {
+    context_.tell(fmt::format(
+        "in {} of {} slices light that is the same everywhere does better and is taken: what edges "
+        "leave dark, and what changes from slice to slice, costs more there than a pattern wins",
+        constant, found_.slices.size()));
+  }
+}
+
+void EvenFinder::set_most_slices(const std::vector<int>& first) {
+  double cells = 0;
+  const double pitch_mm = design_.part().grid().pitch_um * 1e-3;
+  for (const int n : first) {
+    cells += part_area_mm2(design_.section(design_.mask_of(n))) / (pitch_mm * pitch_mm);
+  }
+  const double each = cells / static_cast<double>(first.size());
+  most_slices_ = std::max(first.size(), static_cast<std::size_t>(kMostCells / std::max(1.0, each)));
+}
+
+/// The best constant light of the largest section, for all slices: bright enough to tell what stays
+/// dark. The gap of all slices is that which suits this section.
+EvenFinder::Found EvenFinder::starting_light(const std::vector<int>& slices) {
+  const std::size_t largest = design_.largest(slices);
+  const FlowSection section = design_.section(largest);
+  const GapPressure pressure = design_.pressure(largest, context_);
+  const auto optimum = [&](const SectionGoal& goal) {
+    return optimise_section(section, pressure, design_.resin(), setup_.process.speed_mm_h, goal,
+                            context_);
+  };
+  if (setup_.gap_um > 0) {
+    goal_.min_gap_um = goal_.max_gap_um = setup_.gap_um;
+  } else {
+    const SectionOptimum best = optimum(goal_);
+    gap_at_limit_ = best.gap_at_limit;
+    goal_.min_gap_um = goal_.max_gap_um = best.gap_um;
+  }
+  SectionGoal constant = goal_;
+  constant.pattern = FlowPattern::constant;
+  return {{slices.front()}, {light_of(section, nullptr, optimum(constant))}, {How::roughly}};
+}
+
+/// The light of each slice that is looked at, for what of it will be lit as far as that is known without
+/// a solve.
+EvenFinder::Found EvenFinder::guessed_light(const Setup& setup) {
+  const PlannedImages images(target_, setup, alone_);
+  const EvenSections sections(LitPart(target_, images), setup, cells(), context_);
+  Found found{chosen_slices(sections), {}, {}};
+  // Nothing is lit that is wide enough: light stays as it is.
+  if (found.slices.empty()) return std::move(found_);
+  for (const auto& some : in_parts(found.slices, sections.part().grid())) {
+    const auto shown = shown_cells(images, target_, sections.part().grid(), some, setup, alone_);
+    std::vector<Task> tasks;
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      tasks.push_back({some[i], How::roughly, shown[i].image, nullptr});
+    }
+    for (SharedLight& light : seek(sections, tasks, "even dead zone")) {
+      found.lights.push_back(std::move(light));
+    }
+  }
+  found.how.assign(found.slices.size(), How::roughly);
+  return found;
+}
+
+/// Looks at what comes out with the light of `setup`, and seeks light anew where that is not good; false
+/// where it is.
+bool EvenFinder::mend(const Setup& setup, int round) {
+  const bool all = round == 0;
+  const std::vector<int> slices = all ? found_.slices : judged_slices(*setup.process.even_light);
+  const KeptImages images = solved_images(target_, setup, slices, alone_);
+  const EvenSections sections(LitPart(target_, images), setup, cells(), alone_);
+  const FlowGrid& grid = sections.part().grid();
+  std::map<int, std::pair<How, SharedLight>> mended;
+  std::size_t room = most_slices_ - std::min(most_slices_, found_.slices.size());
+  for (const auto& some : in_parts(slices, grid)) {
+    const auto shown = shown_cells(images, target_, grid, some, setup, alone_);
+    std::vector<Task> tasks;
+    const auto add = [&](int slice, How how) {
+      const auto at = std::lower_bound(some.begin(), some.end(), slice) - some.begin();
+      tasks.push_back({slice, how, shown[static_cast<std::size_t>(at)].image, light_near(slice)});
+    };
+    if (all) {
+      for (const int n : some) {
+        if (sections.can_be_solved(n)) add(n, How::sought);
+      }
+    } else {
+      const FlowDoses doses = judge_light(sections, some, shown, target_, setup, alone_);
+      for (const FlowDoses::Slice& s : doses.slices) {
+        if (const std::optional<How> how = next_try(s, round, room)) add(s.slice, *how);
+      }
+    }
+    std::vector<SharedLight> lights = seek(sections, tasks, "even light");
+    for (std::size_t k = 0; k < tasks.size(); ++k) {
+      mended[tasks[k].slice] = {tasks[k].how, std::move(lights[k])};
+    }
+  }
+  for (auto& [slice, found] : mended) {
+    const auto at = std::lower_bound(found_.slices.begin(), found_.slices.end(), slice);
+    const auto i = at - found_.slices.begin();
+    if (at == found_.slices.end() || *at != slice) {
+      found_.slices.insert(at, slice);
+      found_.how.insert(found_.how.begin() + i, found.first);
+      found_.lights.insert(found_.lights.begin() + i, std::move(found.second));
+      continue;
+    }
+    found_.how[static_cast<std::size_t>(i)] = found.first;
+    found_.lights[static_cast<std::size_t>(i)] = std::move(found.second);
+  }
+  return !mended.empty();
+}
+
+/// What is to be tried with a slice that was judged; nothing where it is good.
+std::optional<EvenFinder::How> EvenFinder::next_try(const FlowDoses::Slice& judged, int round,
+                                                    std::size_t& room) const {
+  const double worse = worse_by(judged.even, judged.without);
+  if (worse <= kWorse) return std::nullopt;
+  const auto at = std::lower_bound(found_.slices.begin(), found_.slices.end(), judged.slice);
+  if (at == found_.slices.end() || *at != judged.slice) {
+    // Light between two slices does not fit: it gets its own.
+    if (room == 0 || worse <= kWorseConstant) return std::nullopt;
+    --room;
+    return round <= kLastPattern ? How::sought : How::constant;
+  }
+  switch (found_.how[static_cast<std::size_t>(at - found_.slices.begin())]) {
+    case How::roughly:
+      return How::sought;
+    case How::sought:
+      return round <= kLastPattern ? How::again : How::constant;
+    case How::again:
+      return How::constant;
+    case How::constant:
+      break;
+  }
+  if (worse <= kWorseConstant) return std::nullopt;
+  return How::constant;
+}
+
+/// The light of a slice, or of the one before it that has some.
+EvenFinder::SharedLight EvenFinder::light_near(int slice) const {
+  const auto past = std::upper_bound(found_.slices.begin(), found_.slices.end(), slice);
+  const auto i = std::max<std::ptrdiff_t>(1, past - found_.slices.begin()) - 1;
+  return found_.lights[static_cast<std::size_t>(i)];
+}
+
+/// The light of each task; of those that are alike it is sought once.
+std::vector<EvenFinder::SharedLight> EvenFinder::seek(const EvenSections& sections,
+                                                      const std::vector<Task>& tasks,
+                                                      const char* stage) const {
+  std::map<std::string, std::size_t> known;
+  std::vector<std::size_t> index, first;
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    const auto [at, fresh] =
+        known.try_emplace(key_of(sections.mask_of(tasks[i].slice), tasks[i]), first.size());
+    if (fresh) first.push_back(i);
+    index.push_back(at->second);
+  }
+  std::vector<SharedLight> lights(first.size());
+  parallel_for(context_, stage, first.size(), [&](std::size_t k) {
+    const Task& task = tasks[first[k]];
+    SectionGoal goal = goal_;
+    goal.image = task.image;
+    if (task.how == How::constant) goal.pattern = FlowPattern::constant;
+    if (task.how == How::roughly) goal.iterations = kFirstIterations;
+    const std::size_t mask = sections.mask_of(task.slice);
+    const FlowSection section = sections.section(mask);
+    const GapPressure pressure = sections.pressure(mask, alone_);
+    const double speed_mm_h = setup_.process.speed_mm_h;
+    SectionOptimum best =
+        task.start && goal.pattern != FlowPattern::constant
+            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2},
+                                    section, pressure, sections.resin(), speed_mm_h, goal, alone_)
+            : optimise_section(section, pressure, sections.resin(), speed_mm_h, goal, alone_);
+    lights[k] = light_of(section, goal.image.get(), std::move(best));
+  });
+  std::vector<SharedLight> of_task;
+  for (const std::size_t k : index) of_task.push_back(lights[k]);
+  return of_task;
+}
+
+/// Equal for what differs by less than the light's own steps.
+std::string EvenFinder::key_of(std::size_t mask, const Task& task) {
+  constexpr double kShares = 64, kLight = 2;
+  std::string key(reinterpret_cast<const char*>(&mask), sizeof mask);
+  const auto add = [&](double steps) {
+    key.push_back(static_cast<char>(static_cast<unsigned>(std::lround(steps)) & 255U));
+  };
+  add(static_cast<double>(task.how));
+  const ImageLight& image = *task.image;
+  for (std::size_t c = 0; c < image.shares.size(); ++c) {
+    for (const float share : image.shares[c]) add(static_cast<double>(share) * kShares);
+    add(image.blue_mw_cm2[c] * kLight);
+    add(image.uv_mw_cm2[c] * kLight);
+  }
+  return key;
+}
+
+/// Slices 0, every, ..., and more where sections change.
+std::vector<int> EvenFinder::chosen_slices(const EvenSections& sections) const {
+  std::vector<int> slices = sections.slices_of(every_);
+  const std::size_t most = std::max(slices.size(), most_slices_ / 2);
+  for (bool more = true; more && slices.size() < most;) {
+    more = false;
+    for (std::size_t i = slices.size(); i-- > 1 && slices.size() < most;) {
+      const int middle = (slices[i - 1] + slices[i]) / 2;
+      if (middle == slices[i - 1] || !sections.can_be_solved(middle)) continue;
+      if (sections.changed(slices[i - 1], slices[i]) <= kChanged) continue;
+      slices.insert(slices.begin() + static_cast<std::ptrdiff_t>(i), middle);
+      more = true;
+    }
+  }
+  return slices;
+}
+
+/// Cells beside the section get what the nearest ones have, smoothly.
+EvenFinder::SharedLight EvenFinder::light_of(const FlowSection& section, const ImageLight* image,
+                                             SectionOptimum optimum) {
+  const double mean_uv = mean_over_part(section, optimum.uv_mw_cm2);
+  std::vector<std::uint8_t> known(section.size(), 0);
+  for (const std::size_t i : asked_cells(section, image)) known[i] = 1;
+  for (auto* light : {&optimum.blue_mw_cm2, &optimum.uv_mw_cm2}) {
+    extend_outwards(*light, known, section.width, section.height);
+  }
+  return std::make_shared<const SectionLight>(SectionLight{std::move(optimum), mean_uv});
+}
+
+Process EvenFinder::process_of(Found found) {
+  found_ = std::move(found);
+  Process process = setup_.process;
+  process.even_light = light();
+  process.uv = schedule();
+  if (patterned()) process.even_light->uv = uv_bytes();
+  return process;
+}
+
+EvenLight EvenFinder::light() const {
+  const FlowGrid& grid = design_.part().grid();
+  EvenLight light;
+  light.columns = grid.columns;
+  light.rows = grid.rows;
+  light.pitch_um = grid.pitch_um;
+  light.left_um = grid.left_um;
+  light.top_um = grid.top_um;
+  light.gap_um = goal_.min_gap_um;
+  light.slices = found_.slices;
+  const double full = setup_.printer.calibration.back().intensity_mw_cm2;
+  light.blue = bytes([](const SectionOptimum& o) { return &o.blue_mw_cm2; },
+                     [&](double mw_cm2) { return std::round(mw_cm2 / full * kFull); });
+  return light;
+}
+
+std::shared_ptr<const std::vector<std::uint8_t>> EvenFinder::uv_bytes() const {
+  return bytes(
+      [](const SectionOptimum& o) { return &o.uv_mw_cm2; },
+      [&](double mw_cm2) { return std::ceil(mw_cm2 / goal_.max_uv_mw_cm2 * kFull - 1e-9); });
+}
+
+/// Bytes of all slices from one of the lights of each.
+template <class CellsOf, class ByteOf>
+std::shared_ptr<const std::vector<std::uint8_t>> EvenFinder::bytes(const CellsOf& cells_of,
+                                                                   const ByteOf& byte_of) const {
+  std::vector<std::uint8_t> all;
+  for (const SharedLight& light : found_.lights) {
+    for (const double v : *cells_of(light->best)) {
+      all.push_back(static_cast<std::uint8_t>(std::clamp(byte_of(v), 1.0, kFull)));
+    }
+  }
+  return std::make_shared<const std::vector<std::uint8_t>>(std::move(all));
+}
+
+/// One intensity for each slice: what its section needs at most in the mean, as a slow lamp can.
+UvSchedule EvenFinder::schedule() const {
+  const double most = goal_.max_uv_mw_cm2, least = setup_.printer.uv->min_mw_cm2();
+  const std::vector<int>& slices = found_.slices;
+  std::vector<double> at;
+  for (const SharedLight& light : found_.lights) at.push_back(light->mean_uv_mw_cm2);
+  if (!patterned()) at = slowed(std::move(at), slices, kLampStep * most);
+  UvSchedule uv;
+  uv.kind = patterned() ? UvKind::patterned : UvKind::per_slice;
+  std::size_t i = 0;
+  for (int n = 0; n <= slices.back(); ++n) {
+    while (i + 1 < slices.size() && slices[i + 1] <= n) ++i;
+    const bool between = i + 1 < slices.size() && n > slices[i];
+    const double share =
+        between ? static_cast<double>(n - slices[i]) / (slices[i + 1] - slices[i]) : 0.0;
+    const double value = between ? at[i] + share * (at[i + 1] - at[i]) : at[i];
+    uv.slice_mw_cm2.push_back(on_ladder(value, most, least));
+  }
+  return uv;
+}
+
+}  // namespace slicecorr::detail

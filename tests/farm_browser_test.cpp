@@ -234,7 +234,7 @@ TEST_F(Browser, WhatIsDoneGoesToAMachine) {
 TEST_F(Browser, AResinAndAPrinter) {
   serve();
   std::string csv = "intensity_mw_cm2,exposure_s,cured_height_um\n";
-  // Heights of the kinetic law h ln(I^m t / D'c): h = 150 um, m = 0.8, D'c = 12.
+  // Heights of the kinetic law h/m ln(I^m t / D'c), nearly: h = 120 um, m = 0.8, D'c = 12.
   for (const double i : {5.0, 15.0}) {
     for (const double t : {6.0, 10.0, 16.0, 25.0, 40.0}) {
       csv +=

@@ -248,9 +248,13 @@ TEST_F(LabFiles, AResinFromATable) {
   }
   EXPECT_TRUE(found);
   EXPECT_THAT(sam.Get("/api/v1/resins/test-resin/curve.svg")->body, HasSubstr("<svg"));
-  // A second one of the name needs to be wanted.
-  EXPECT_EQ(status_of(post(pia, "/api/v1/resins", {{"study", s["study"]}})), 400);
-  EXPECT_EQ(status_of(post(pia, "/api/v1/resins", {{"study", s["study"]}, {"replace", true}})),
+  // The same again changes nothing; another of the name needs to be wanted.
+  EXPECT_EQ(status_of(post(pia, "/api/v1/resins", {{"study", s["study"]}})), 201);
+  request["data"] = {upload(sam, "heights.csv", csv + "200,610\n")};
+  const json other = study(sam, request);
+  ASSERT_EQ(other["state"], "done") << other.dump();
+  EXPECT_EQ(status_of(post(pia, "/api/v1/resins", {{"study", other["study"]}})), 400);
+  EXPECT_EQ(status_of(post(pia, "/api/v1/resins", {{"study", other["study"]}, {"replace", true}})),
             201);
   for (const char* bad : {"no-such-resin", "..%2fx", "-o", "x.toml"}) {
     EXPECT_EQ(status_of(sam.Get((std::string("/api/v1/resins/") + bad + "/curve.svg").c_str())),

@@ -493,7 +493,7 @@ TEST(Harm, BodiesThatAreTooLargeOrLie) {
               "HTTP/1.1 404")
         << name;
   }
-  EXPECT_EQ(send("PUT /api/v1/parts/", "Content-Length: 5\r\n", "solid"), "HTTP/1.1 400");
+  EXPECT_EQ(send("PUT /api/v1/parts/", "Content-Length: 5\r\n", "solid"), "HTTP/1.1 404");
   EXPECT_EQ(send("PUT /api/v1/parts/a/b.stl", "Content-Length: 5\r\n", "solid"), "HTTP/1.1 404");
   // Of all these uploads one is there, whole.
   std::vector<fs::path> files;

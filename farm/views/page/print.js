@@ -12,7 +12,7 @@ function partsChanged() {
   const there = parts.there, several = there.length > 1;
   $('how').hidden = !several;
   $('which').replaceChildren(...there.map((p) => new Option(p.name, p.part)));
-  for (const id of ['look', 'plan', 'check', 'queue']) $(id).disabled = !there.length;
+  for (const id of ['look', 'plan', 'check', 'queue']) $(id).disabled = !there.length || !may('submit');
   // What was found holds for other parts.
   for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true;
 }
@@ -134,6 +134,7 @@ $('mode').addEventListener('change', () => { $('speed-words').textContent = $('m
 // What was chosen last is chosen again.
 for (const id of ['printer', 'resin', 'layer_um']) $(id).addEventListener('change', () => localStorage.setItem('print-' + id, $(id).value));
 begin(async () => {
+  $('files').disabled = !may('submit');
   partsChanged();
   const [p, r] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins')]);
   printers = p;
@@ -145,5 +146,4 @@ begin(async () => {
     const last = localStorage.getItem('print-' + id);
     if (last && (id === 'layer_um' || [...$(id).options].some((o) => o.value === last))) $(id).value = last;
   }
-  if (!may('submit')) for (const id of ['look', 'plan', 'check', 'queue', 'files']) $(id).disabled = true;
 });

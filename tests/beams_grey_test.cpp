@@ -6,6 +6,7 @@
 #include <random>
 
 #include "beams_parts.hpp"
+#include "slicecorr/error.hpp"
 
 namespace slicecorr::tomo {
 namespace {

@@ -2,10 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <random>
 
 #include "beams_parts.hpp"
+#include "slicecorr/error.hpp"
 
 namespace slicecorr::tomo {
 namespace {

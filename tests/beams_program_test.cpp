@@ -99,7 +99,9 @@ TEST_F(BeamsProgram, ALatticeFromBothSides) {
   const std::string page = test::to_text(test::read_file(path("page.html")));
   EXPECT_THAT(page, HasSubstr("prints as designed"));
   EXPECT_THAT(page, HasSubstr("id=\"tomo-data\""));
-  EXPECT_EQ(page.find("http"), std::string::npos);
+  for (const char* loads : {"src=\"http", "https:", "@import"}) {
+    EXPECT_EQ(page.find(loads), std::string::npos) << loads;
+  }
 }
 
 TEST_F(BeamsProgram, EndOnImagesLeaveTheOutsideDark) {

@@ -99,7 +99,9 @@ TEST_F(BeamsProgram, ALatticeFromBothSides) {
   const std::string page = test::to_text(test::read_file(path("page.html")));
   EXPECT_THAT(page, HasSubstr("prints as designed"));
   EXPECT_THAT(page, HasSubstr("id=\"tomo-data\""));
-  EXPECT_EQ(page.find("http"), std::string::npos);
+  for (const char* loads : {"src=\"http", "https:", "@import"}) {
+    EXPECT_EQ(page.find(loads), std::string::npos) << loads;
+  }
 }
 
 TEST_F(BeamsProgram, EndOnImagesLeaveTheOutsideDark) {
@@ -227,6 +229,33 @@ TEST_F(BeamsProgram, TheModelVatPrintsAMesh) {
   EXPECT_EQ(j["part_cells"], 8000);
   EXPECT_EQ(j["hull_jaccard"], 1);
   EXPECT_GT(j["contrast"], 2.9);
+}
+
+TEST_F(BeamsProgram, GreyImagesReachWhatHighsFinds) {
+  constexpr const char* kPython = "/usr/bin/python3";
+  if (test::run_program({kPython, "-c", "import scipy.optimize"}).exit_code != 0) {
+    GTEST_SKIP() << "SciPy is not installed (scripts/setup --all)";
+  }
+  // alpha of 0.02 a cell of 0.1 mm.
+  resin(2);
+  // A cup with a foot, on no symmetry's side.
+  write_npy(path("cup.npy"), test::part_of(13, 11, 12, [](int x, int y, int z) {
+              const int u = x - 6, v = y - 5, r = u * u + v * v;
+              return z == 1 ? r < 16 : z < 5 ? r < 3 : z < 11 && r < 24 && (z == 5 || r >= 12);
+            }));
+  for (const char* beams : {"3", "6"}) {
+    const auto best = test::run_program(
+        {kPython, SLICECORR_SOURCE_DIR "/tests/beams_linprog.py", path("cup.npy"), beams, "0.02"});
+    ASSERT_EQ(best.exit_code, 0) << best.err;
+    const double most = std::stod(best.out);
+    const auto r = run(
+        "cup", {"--images", "grey", "--beams", beams, "--json", "-", "--report", path("c.html")});
+    const auto j = nlohmann::json::parse(r.out, nullptr, false);
+    ASSERT_TRUE(j.is_object()) << r.err;
+    EXPECT_LE(j["contrast"].get<double>(), most * (1 + 1e-4));
+    EXPECT_GE(j["contrast"].get<double>(), most * 0.98);
+    EXPECT_GE(j["contrast_bound"].get<double>(), most * (1 - 1e-4));
+  }
 }
 
 TEST_F(BeamsProgram, CommandsOfThePageRun) {

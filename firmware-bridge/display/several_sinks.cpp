@@ -1,3 +1,5 @@
+#include "display/several_sinks.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,41 +10,38 @@
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::bridge {
-namespace {
 
-class SeveralSinks final : public FrameSink {
- public:
-  explicit SeveralSinks(std::vector<std::unique_ptr<FrameSink>> sinks) : sinks_(std::move(sinks)) {}
-
-  Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
-    const Shown first = sinks_.front()->show(frame, at_s);
-    for (std::size_t i = 1; i < sinks_.size(); ++i) {
-      const Shown other = sinks_[i]->show(frame, at_s);
-      if (other.number != first.number) {
-        throw DeviceError(fmt::format("{} shows image {}, {} image {}", sinks_.front()->describe(),
-                                      first.number, sinks_[i]->describe(), other.number));
-      }
+Shown SeveralSinks::show(const std::shared_ptr<const Frame>& frame, double at_s) {
+  const Shown first = sinks_.front()->show(frame, at_s);
+  for (std::size_t i = 1; i < sinks_.size(); ++i) {
+    const Shown other = sinks_[i]->show(frame, at_s);
+    if (other.number != first.number) {
+      throw DeviceError(fmt::format("{} shows image {}, {} image {}", sinks_.front()->describe(),
+                                    first.number, sinks_[i]->describe(), other.number));
     }
-    return first;
   }
-  void black() noexcept override {
-    for (const auto& sink : sinks_) sink->black();
-  }
-  void tick(double at_s) override {
-    for (const auto& sink : sinks_) sink->tick(at_s);
-  }
-  void check() override {
-    for (const auto& sink : sinks_) sink->check();
-  }
-  std::string describe() const override {
-    std::string all;
-    for (const auto& sink : sinks_) all += (all.empty() ? "" : ", ") + sink->describe();
-    return all;
-  }
+  return first;
+}
 
- private:
-  std::vector<std::unique_ptr<FrameSink>> sinks_;
-};
+void SeveralSinks::black() noexcept {
+  for (const auto& sink : sinks_) sink->black();
+}
+
+void SeveralSinks::tick(double at_s) {
+  for (const auto& sink : sinks_) sink->tick(at_s);
+}
+
+void SeveralSinks::check() {
+  for (const auto& sink : sinks_) sink->check();
+}
+
+std::string SeveralSinks::describe() const {
+  std::string all;
+  for (const auto& sink : sinks_) all += (all.empty() ? "" : ", ") + sink->describe();
+  return all;
+}
+
+namespace {
 
 /// "drm:A:B" -> "drm", "A", "B".
 std::vector<std::string> parts_of(const std::string& name) {

@@ -389,7 +389,8 @@ std::string find_definition(const std::string& name, std::string_view kind) {
   }
   // Where it can only be a slip, all that is known would hide the one name.
   if (const std::string near = nearest(name, names); !near.empty()) {
-    throw InputError(fmt::format("no {} '{}'; did you mean '{}'?", kind, name, near));
+    throw InputError(fmt::format("no {0} '{1}'; did you mean '{2}'? Looked for {1}.toml in {3}",
+                                 kind, name, near, looked));
   }
   throw InputError(fmt::format("no {0} '{1}'; looked for {1}.toml in {2}; known {0}s: {3}", kind,
                                name, looked, known.empty() ? "none" : known));

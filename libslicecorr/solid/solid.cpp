@@ -514,10 +514,12 @@ void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
     factor[k] = mine > 0 ? theirs / mine : 1;
     larger = larger || mine > 1.25 * theirs + 4 * step_mm[k];
     smaller = smaller && theirs > 1.2 * mine + 4 * step_mm[k];
-    beside =
-        beside || high[k] < shown[0][k] - 4 * step_mm[k] || low[k] > shown[1][k] + 4 * step_mm[k];
+    const double margin = 0.25 * theirs + 4 * step_mm[k];
+    beside = beside || low[k] < shown[0][k] - margin || high[k] > shown[1][k] + margin;
   }
   const auto [least, most] = std::minmax_element(factor, factor + 3);
+  // The middle one: a slice more or less does not count.
+  const double middle = factor[0] + factor[1] + factor[2] - *least - *most;
   const bool alike = *most < 1.15 * *least;
   // Supports make no stack so much larger than its part along all axes: the part is turned besides.
   const bool tiny = *least > 3;
@@ -535,8 +537,7 @@ void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
         0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (shown[0][0] + shown[1][0]),
         0.5 * (shown[0][1] + shown[1][1]));
   } else if (alike) {
-    text += fmt::format(" (a scale of about {:.3g} would fit)",
-                        std::cbrt(factor[0] * factor[1] * factor[2]));
+    text += fmt::format(" (a scale of about {:.3g} would fit)", middle);
   } else if (const double scale = scale_if_turned(low, high, shown); scale > 0) {
     text += fmt::format(" (turned, and with a scale of about {:.3g}, it would fit)", scale);
   }

@@ -26,6 +26,11 @@ class BeamProjector final : public Projector {
   int nx() const { return nx_; }
   int ny() const { return ny_; }
   int nz() const { return nz_; }
+  /// Share of a beam's light that is left at a cell.
+  float left(std::size_t beam, int x, int y, int z) const {
+    const int axis = beams_[beam].axis;
+    return left_[beam][static_cast<std::size_t>(axis == 0 ? x : axis == 1 ? y : z)];
+  }
   /// Where the light of a beam at a cell stands.
   std::size_t pixel(std::size_t beam, int x, int y, int z) const {
     const int axis = beams_[beam].axis, k = static_cast<int>(beam);

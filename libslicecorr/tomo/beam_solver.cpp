@@ -36,6 +36,7 @@ class Grey {
         cells_(part),
         projector_(part, cells_, setup),
         target_(target_of()),
+        enough_(enough()),
         best_(projector_.grid()) {}
 
   GreyImages find(std::vector<BeamImage> images) {
@@ -81,6 +82,20 @@ class Grey {
     return target;
   }
 
+  /// Per pixel what alone gives the part's cells on its ray a dose of 1; 0 where it meets none. More
+  /// is of no use: with this, these cells still have enough, and all others have less.
+  Light enough() const {
+    Light light(projector_.grid());
+    each_cell([&](int x, int y, int z, std::uint8_t v) {
+      if (v != 255) return;
+      for (std::size_t k = 0; k < projector_.beams().size(); ++k) {
+        float& most = light.values[projector_.pixel(k, x, y, z)];
+        most = std::max(most, 1 / projector_.left(k, x, y, z));
+      }
+    });
+    return light;
+  }
+
   /// The deciding cells: use(x, y, z among them, coverage).
   template <class Use>
   void each_cell(const Use& use) const {
@@ -121,30 +136,38 @@ class Grey {
       best_.values[at] = images[k].at(row, column);
     });
   }
-  /// The best light as images whose brightest pixel is 1. Rays that meet none of the part are dark.
+  /// The best light as images whose brightest pixel is 1.
   void put(std::vector<BeamImage>& images) const {
-    float brightest = 0;
+    const float brightest = *std::max_element(best_.values.begin(), best_.values.end());
     each_pixel([&](std::size_t k, std::size_t at, int row, int column) {
-      if (images[k].at(row, column) > 0) brightest = std::max(brightest, best_.values[at]);
-    });
-    each_pixel([&](std::size_t k, std::size_t at, int row, int column) {
-      float& share = images[k].share[place(images[k], row, column)];
-      if (share > 0) share = brightest > 0 ? best_.values[at] / brightest : 0;
+      images[k].share[place(images[k], row, column)] =
+          brightest > 0 ? best_.values[at] / brightest : 0;
     });
   }
 
-  /// Makes the least dose of the part 1; returns the contrast.
-  double scale(Light& light) const {
+  struct Extremes {
+    double least = kNone, most = 0;  ///< of the part, and outside
+  };
+  Extremes look_at(const Light& light) const {
     const Field dose =
         slicecorr::tomo::adjoint(projector_, slicecorr::detail::silent(context_), light);
-    double least = kNone, most = 0;
+    Extremes e;
     for (std::size_t i = 0; i < target_.kinds.size(); ++i) {
-      if (target_.kinds[i] == Kind::gel) least = std::min<double>(least, dose.values[i]);
-      if (target_.kinds[i] == Kind::empty) most = std::max<double>(most, dose.values[i]);
+      if (target_.kinds[i] == Kind::gel) e.least = std::min<double>(e.least, dose.values[i]);
+      if (target_.kinds[i] == Kind::empty) e.most = std::max<double>(e.most, dose.values[i]);
     }
-    if (!(least > 0)) return 0;
-    for (float& v : light.values) v = static_cast<float>(v / least);
-    return most > 0 ? least / most : kNone;
+    return e;
+  }
+  /// Makes the least dose of the part 1, and no pixel brighter than is of use; returns the contrast.
+  double scale(Light& light) const {
+    const Extremes before = look_at(light);
+    if (!(before.least > 0)) return 0;
+    for (std::size_t i = 0; i < light.values.size(); ++i) {
+      light.values[i] =
+          std::min(static_cast<float>(light.values[i] / before.least), enough_.values[i]);
+    }
+    const Extremes after = look_at(light);
+    return after.most > 0 ? after.least / after.most : kNone;
   }
 
   /// The rung that was missed, nothing when all were reached.
@@ -206,6 +229,7 @@ class Grey {
   const DecidingCells cells_;
   const BeamProjector projector_;
   const Target target_;
+  const Light enough_;
   Light best_;
   double best_contrast_ = 0;
   double bound_ = kNone;

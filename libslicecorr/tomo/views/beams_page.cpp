@@ -13,6 +13,7 @@
 #include "support/text/display_text.hpp"
 #include "support/text/escape.hpp"
 #include "tomo/views/gel_cells.hpp"
+#include "tomo/views/page_parts.hpp"
 #include "tomo/views/page_text.hpp"
 
 namespace slicecorr::tomo {
@@ -44,12 +45,9 @@ double gelling_mw_cm2(const BeamReport& r) {
 }
 
 std::string figures_table(const BeamReport& r) {
-  std::string html =
-      R"(<div class="scroll"><table class="figures"><thead><tr><th scope="col">Figure</th><th scope="col">Value</th><th scope="col" style="text-align:left">What it means</th></tr></thead><tbody>)";
+  detail::FigureTable table;
   const auto row = [&](const char* name, const std::string& value, const std::string& meaning) {
-    html += fmt::format(
-        R"(<tr><th scope="row">{}</th><td>{}</td><td style="white-space:normal;text-align:left">{}</td></tr>)",
-        name, value, escape_markup(meaning));
+    table.row(name, value, meaning);
   };
   const BeamFigures& f = r.figures;
   const double light = r.job.brightest_mw_cm2;
@@ -79,14 +77,13 @@ std::string figures_table(const BeamReport& r) {
   row("Absorption", figure(r.job.setup.alpha_per_mm) + " / mm",
       fmt::format("of light that crosses the vat {} is left along x",
                   figure(std::exp(-r.job.setup.alpha_per_mm * r.job.vat.inside_mm[0]))));
-  return html + "</tbody></table></div>";
+  return table.html();
 }
 
 std::string tiles(const BeamReport& r) {
   std::string html = R"(<div class="tiles">)";
   const auto tile = [&](const char* kind, const std::string& value, const std::string& what) {
-    html +=
-        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
+    html += detail::tile(kind, value, what);
   };
   const bool good = r.job.window.open();
   tile(good ? "good" : "bad", good ? "prints as designed" : "not as designed",
@@ -247,21 +244,8 @@ std::string histogram(const BeamReport& r, double gels) {
     for (const double n : *bins) tallest = std::max(tallest, n);
   }
   Panel panel({"light, mW/cm²", false, 0, most}, {"cells", true, 0.7, tallest * 1.5}, 260);
-  const auto draw = [&](const std::vector<double>& bins, int series) {
-    std::vector<Point> low, high;
-    for (std::size_t i = 0; i < kBins; ++i) {
-      // Single cells are seen, too.
-      const double n = bins[i] > 0 ? bins[i] : 0.7;
-      for (const std::size_t edge : {i, i + 1}) {
-        low.push_back({most * static_cast<double>(edge) / kBins, 0.7});
-        high.push_back({most * static_cast<double>(edge) / kBins, n});
-      }
-    }
-    panel.band(low, high, Style::series, series);
-    panel.line(high, Style::series, series);
-  };
-  draw(outside, 0);
-  draw(inside, 1);
+  detail::draw_bins(panel, outside, most, 0);
+  detail::draw_bins(panel, inside, most, 1);
   panel.vertical(gels, "gels");
   Picture picture("Light of the part and outside",
                   "How many cells have how much light, on a logarithmic scale.");

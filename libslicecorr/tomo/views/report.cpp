@@ -16,6 +16,7 @@
 #include "support/text/display_text.hpp"
 #include "support/text/escape.hpp"
 #include "tomo/views/gel_cells.hpp"
+#include "tomo/views/page_parts.hpp"
 #include "tomo/views/page_text.hpp"
 
 namespace slicecorr::tomo {
@@ -45,12 +46,9 @@ std::string percent(double share) { return fmt::format("{} %", figure(100 * shar
 std::string figures_table(const Printed& p) {
   const PrintFigures& f = p.figures;
   const Metrics& m = f.metrics;
-  std::string html =
-      R"(<div class="scroll"><table class="figures"><thead><tr><th scope="col">Figure</th><th scope="col">Value</th><th scope="col" style="text-align:left">What it means</th></tr></thead><tbody>)";
+  detail::FigureTable table;
   const auto row = [&](const char* name, const std::string& value, const std::string& meaning) {
-    html += fmt::format(
-        R"(<tr><th scope="row">{}</th><td>{}</td><td style="white-space:normal;text-align:left">{}</td></tr>)",
-        name, value, escape_markup(meaning));
+    table.row(name, value, meaning);
   };
   row("Contrast C", figure(m.contrast),
       "least dose of the part over most of void: void begins to gel after so many times the print's "
@@ -96,14 +94,13 @@ std::string figures_table(const Printed& p) {
                     percent(transmittance(vial, n, 0, 0))),
         fmt::format("at {:.3f} mm from the axis, where the part ends, and at the axis", r));
   }
-  return html + "</tbody></table></div>";
+  return table.html();
 }
 
 std::string tiles(const PrintFigures& f) {
   std::string html = R"(<div class="tiles">)";
   const auto tile = [&](const char* kind, const std::string& value, const std::string& what) {
-    html +=
-        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
+    html += detail::tile(kind, value, what);
   };
   const bool good = f.feasible();
   tile(good ? "good" : "bad", good ? "as designed" : "not as designed",
@@ -148,21 +145,8 @@ std::string histogram_svg(const Printed& p) {
     for (const double n : *bins) tallest = std::max(tallest, n);
   }
   Panel panel({"dose, mJ/cm³", false, 0, most}, {"voxels", true, 0.7, tallest * 1.5}, 260);
-  const auto draw = [&](const std::vector<double>& bins, Style style, int series) {
-    std::vector<Point> low, high;
-    for (std::size_t i = 0; i < kBins; ++i) {
-      // Single voxels are seen, too.
-      const double n = bins[i] > 0 ? bins[i] : 0.7;
-      for (const std::size_t edge : {i, i + 1}) {
-        low.push_back({most * static_cast<double>(edge) / kBins, 0.7});
-        high.push_back({most * static_cast<double>(edge) / kBins, n});
-      }
-    }
-    panel.band(low, high, style, series);
-    panel.line(high, style, series);
-  };
-  draw(empty, Style::series, 0);
-  draw(gel, Style::series, 1);
+  detail::draw_bins(panel, empty, most, 0);
+  detail::draw_bins(panel, gel, most, 1);
   panel.vertical(p.figures.gel_dose_mj_cm3, "gels");
   Picture picture(
       "Doses of part and void",

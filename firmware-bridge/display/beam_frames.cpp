@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
+#include "display/several_sinks.hpp"
 #include "frames/turned_image.hpp"
 #include "frames/vector_state.hpp"
 #include "frames/wire.hpp"
@@ -36,50 +38,33 @@ class BeamFrames final : public FrameSource {
   std::shared_ptr<const Frame> first_;
 };
 
-class GroupSink final : public FrameSink {
+/// Each display has an image of its own.
+class GroupSink final : public SeveralSinks {
  public:
   GroupSink(std::vector<std::unique_ptr<FrameSink>> sinks, const tomo::BeamJob& job,
             const Printer& printer)
-      : sinks_(std::move(sinks)) {
+      : SeveralSinks(std::move(sinks)) {
     for (const GreyImage& image : job.shown.displays) images_.push_back(frame_of(image, printer));
   }
 
   Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
+    const int expected = frame ? frame->number : kBlackFrame;
     Shown last;
     for (std::size_t i = 0; i < sinks_.size(); ++i) {
-      const std::shared_ptr<const Frame> own = frame ? images_[i] : nullptr;
-      const Shown shown = sinks_[i]->show(own, at_s);
-      const int expected = frame ? frame->number : kBlackFrame;
+      const Shown shown = sinks_[i]->show(frame ? images_[i] : nullptr, at_s);
       if (shown.number != expected) {
         throw DeviceError(fmt::format("{} shows image {}, expected {}", sinks_[i]->describe(),
                                       shown.number, expected));
       }
       // All of them show it from when the last one does.
-      if (i == 0) {
-        last = shown;
-      } else {
-        last.at_s = std::max(last.at_s, shown.at_s);
-      }
+      const double before_s = i > 0 ? last.at_s : shown.at_s;
+      if (i == 0) last = shown;
+      last.at_s = std::max(before_s, shown.at_s);
     }
     return last;
   }
-  void black() noexcept override {
-    for (const auto& sink : sinks_) sink->black();
-  }
-  void tick(double at_s) override {
-    for (const auto& sink : sinks_) sink->tick(at_s);
-  }
-  void check() override {
-    for (const auto& sink : sinks_) sink->check();
-  }
-  std::string describe() const override {
-    std::string all;
-    for (const auto& sink : sinks_) all += (all.empty() ? "" : ", ") + sink->describe();
-    return all;
-  }
 
  private:
-  std::vector<std::unique_ptr<FrameSink>> sinks_;
   std::vector<std::shared_ptr<const Frame>> images_;
 };
 

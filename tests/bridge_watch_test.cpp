@@ -283,7 +283,7 @@ TEST_F(BridgeView, WatchThroughAPipe) {
   bool stopped = false;
   options.signal = SIGCONT;
   options.signal_when = [&](const std::string& out, const std::string&) {
-    if (!stopped && out.find("printing, frame ") != std::string::npos) {
+    if (!stopped && out.find("frames shown") != std::string::npos) {
       stopped = true;
       EXPECT_EQ(bridge({"stop"}, r.printer).exit_code, 0);
     }

@@ -479,13 +479,13 @@ double scale_if_turned(const Point3& low, const Point3& high, const std::array<P
   }
   std::sort(mine.begin(), mine.end());
   std::sort(theirs.begin(), theirs.end());
-  double least = std::numeric_limits<double>::infinity(), most = 0;
+  std::array<double, 3> factor{};
   for (std::size_t k = 0; k < 3; ++k) {
     if (!(mine[k] > 0)) return 0;
-    least = std::min(least, theirs[k] / mine[k]);
-    most = std::max(most, theirs[k] / mine[k]);
+    factor[k] = theirs[k] / mine[k];
   }
-  return most < 1.15 * least ? std::sqrt(least * most) : 0;
+  std::sort(factor.begin(), factor.end());
+  return factor[2] < 1.15 * factor[0] ? factor[1] : 0;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "page_commands.hpp"
 #include "program_fixture.hpp"
 #include "real_files.hpp"
 #include "slicecorr/chemistry.hpp"
@@ -81,6 +82,16 @@ TEST_F(EvenOxygenProgram, ChangesTheLightOfSlices) {
               HasSubstr("--even-oxygen"));
   EXPECT_THAT(good({"verify", "plain.uvj", "--target", "target.uvj"}).err,
               Not(HasSubstr("oxygen")));
+}
+
+TEST_F(EvenOxygenProgram, TheCommandOfItsPageRuns) {
+  const auto commands =
+      page_commands(SLICECORR_SOURCE_DIR "/docs/chemistry.md", "slicecorr correct");
+  ASSERT_EQ(commands.size(), 1U);
+  const RunResult r =
+      run_program({"/bin/sh", "-c", SLICECORR_BIN_DIR "/" + commands.front()}, options_);
+  EXPECT_EQ(r.exit_code, 0) << commands.front() << r.err;
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "part.uvj"));
 }
 
 TEST_F(EvenOxygenProgram, ThreadsChangeNothing) {

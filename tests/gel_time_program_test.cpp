@@ -5,11 +5,11 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "ladder.hpp"
+#include "page_commands.hpp"
 #include "program_fixture.hpp"
 #include "slicecorr/process.hpp"
 
@@ -72,19 +72,15 @@ TEST_F(GelTimeProgram, PrintsAsDesignedAndEverythingLooksAtIt) {
 }
 
 TEST_F(GelTimeProgram, CommandsOfItsPageRun) {
-  const std::filesystem::path page = SLICECORR_SOURCE_DIR "/docs/gel-time.md";
-  std::ifstream lines(page);
   std::filesystem::create_directories(folder_ / "build");
   std::filesystem::create_directory_symlink(SLICECORR_BIN_DIR, folder_ / "build/bin");
   std::filesystem::copy_file(folder_ / "ladder.stl", folder_ / "part.stl");
-  int commands = 0;
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.starts_with("    build/bin/")) continue;
-    ++commands;
+  const auto commands = page_commands(SLICECORR_SOURCE_DIR "/docs/gel-time.md", "build/bin/");
+  for (const std::string& line : commands) {
     const RunResult r = run_program({"/bin/sh", "-c", line}, options_);
     EXPECT_EQ(r.exit_code, 0) << line << r.err;
   }
-  EXPECT_EQ(commands, 4);
+  EXPECT_EQ(commands.size(), 5U);
 }
 
 TEST_F(GelTimeProgram, LightThatSpreadsIsCountedAndColumnsAreCorrectedAlone) {

@@ -43,39 +43,60 @@ LightPattern pattern_of(const OxygenImage& image, const std::vector<std::uint8_t
   return p;
 }
 
-/// What one image is asked: oxygen that each cell is to use up, below 0 where it is not to gel, and the end
-/// groups that it would use up alone, 0 where that would not gel.
+/// What one image is asked: oxygen that each cell is to use up, below 0 where it is not to gel; and where it
+/// would gel alone in the exposure the end groups that it would use up, and when it would gel.
 struct Asked {
-  std::vector<double> used_up, cure;
+  std::vector<double> used_up, cure, gel_s;
 };
 
-OxygenTally tally_of(const Chemistry& c, const OxygenImage& image, const Asked& asked,
-                     const OxygenLight& light, Consumption& A,
-                     const std::vector<std::uint8_t>& level, double exposure_s,
-                     const ExecutionContext& context, EvenOxygen* found) {
-  OxygenTally tally;
-  const LightPattern pattern = pattern_of(image, level, light);
-  std::vector<double> u(pattern.share.begin(), pattern.share.end());
+/// The oxygen that light uses up against what is asked.
+void tally_oxygen(const std::vector<double>& share, const Asked& asked, double margin,
+                  Consumption& A, const ExecutionContext& context, OxygenTally& tally,
+                  std::size_t* short_of_light) {
+  std::vector<double> u = share;
   A.apply(u, context);
   for (std::size_t k = 0; k < u.size(); ++k) {
-    const double want = asked.used_up[k];
-    if (want < 0) continue;
-    const double share = u[k] / want;
-    tally.missed += std::abs(share - 1);
-    tally.least = std::min(tally.least, share);
-    if (found && share < 1 - light.margin) ++found->short_of_light;
+    if (asked.used_up[k] < 0) continue;
+    const double got = u[k] / asked.used_up[k];
+    tally.missed += std::abs(got - 1);
+    tally.least = std::min(tally.least, got);
+    if (short_of_light && got < 1 - margin) ++*short_of_light;
   }
-  const PatternRun run = run_pattern(c, pattern, judging_setup(light, exposure_s), context);
-  for (std::size_t k = 0; k < u.size(); ++k) {
+}
+
+/// When a cell gelled; what has not by the end of the exposure counts as so late.
+constexpr double kLate = 1.25;
+double gel_or_late(const PatternRun& run, std::size_t k, double exposure_s) {
+  return std::min(run.gel_time_s[k], kLate * exposure_s);
+}
+
+/// What has cured at the end of the exposure.
+void tally_cure(const Chemistry& c, const OxygenImage& image, const Asked& asked,
+                const PatternRun& run, double exposure_s, OxygenTally& tally) {
+  for (std::size_t k = 0; k < asked.cure.size(); ++k) {
     const auto used = static_cast<double>(run.used_up[k]);
     if (image.solid[k] == 0) {
       tally.dark_gelled += used >= c.gel_conversion;
     } else if (asked.cure[k] > 0) {
       tally.cure += std::min(1.0, used / asked.cure[k]);
       tally.behind += used < asked.cure[k] / 2;
+      tally.off += std::abs(std::log(gel_or_late(run, k, exposure_s) / asked.gel_s[k]));
     }
   }
-  return tally;
+}
+
+/// Cells that gel late by the full equations get more light, those that gel early less: after T oxygen still
+/// comes from beside, which the linear theory does not see.
+void nudge(const OxygenImage& image, const Asked& asked, const PatternRun& run, double exposure_s,
+           const LightWanted& bounds, std::vector<double>& share) {
+  // A cell's light is oxygen to its neighbours, too: all of a step would be too much.
+  constexpr double most = 1.25, part = 0.7;
+  for (std::size_t k = 0; k < share.size(); ++k) {
+    if (image.solid[k] == 0 || !(asked.cure[k] > 0)) continue;
+    const double late = gel_or_late(run, k, exposure_s) / asked.gel_s[k];
+    share[k] = std::clamp(share[k] * std::clamp(std::pow(late, part), 1 / most, most),
+                          bounds.least[k], bounds.most[k]);
+  }
 }
 
 }  // namespace
@@ -84,6 +105,7 @@ void OxygenTally::add(const OxygenTally& o) {
   missed += o.missed;
   least = std::min(least, o.least);
   cure += o.cure;
+  off += o.off;
   behind += o.behind;
   dark_gelled += o.dark_gelled;
 }
@@ -125,9 +147,11 @@ EvenOxygen even_oxygen(const Chemistry& c, const OxygenImage& image, const Oxyge
   found.by_s = oxygen_time_s(c, brightest, exposure_s);
 
   const double full = light.level_mw_cm2.back(), black = light.level_mw_cm2.front() / full;
+  const GelTime gel = gel_time_of(c);
   Asked asked;
   asked.used_up.assign(n, -1.0);
   asked.cure.assign(n, 0.0);
+  asked.gel_s.assign(n, 0.0);
   LightWanted wanted;
   wanted.least.assign(shown.share.begin(), shown.share.end());
   wanted.most = wanted.least;
@@ -136,12 +160,13 @@ EvenOxygen even_oxygen(const Chemistry& c, const OxygenImage& image, const Oxyge
     if (image.solid[k] == 0) continue;
     const auto i = static_cast<double>(own[k]);
     asked.used_up[k] = found.by_s * radicals_mol_l_s(c, i) / c.oxygen_mol_l;
-    wanted.least[k] = black;
+    wanted.least[k] = std::max(black, light.least_share * static_cast<double>(shown.share[k]));
     wanted.most[k] = 1;
     const double left_s = exposure_s - inhibition_time_s(c, i);
     const double cure = left_s > 0 ? conversion_after_inhibition(c, i, left_s) : 0;
     if (cure < c.gel_conversion) continue;
     asked.cure[k] = cure;
+    asked.gel_s[k] = gel_time_s(gel, i);
     ++found.judged;
   }
   wanted.used_up = asked.used_up;
@@ -151,19 +176,41 @@ EvenOxygen even_oxygen(const Chemistry& c, const OxygenImage& image, const Oxyge
   }
   Consumption A(c, image.width, image.height, setup.sides, light.cell_um, light.spread_um, full);
   A.set_time(found.by_s);
-  const std::vector<double> x =
-      find_light(A, wanted, {shown.share.begin(), shown.share.end()}, light.steps, context);
-  found.level = image.level;
+  std::vector<double> share{shown.share.begin(), shown.share.end()};
+  tally_oxygen(share, asked, light.margin, A, context, found.before, nullptr);
+  tally_cure(c, image, asked, run_pattern(c, shown, setup, context), exposure_s, found.before);
+  share = find_light(A, wanted, std::move(share), light.steps, context);
+  OxygenTally oxygen;
+  for (int round = 0; round <= light.rounds; ++round) {
+    std::vector<std::uint8_t> level = image.level;
+    for (std::size_t k = 0; k < n; ++k) {
+      if (image.solid[k] != 0) level[k] = nearest_level(light.level_mw_cm2, share[k] * full);
+    }
+    const LightPattern pattern = pattern_of(image, level, light);
+    if (round == 0) {
+      tally_oxygen({pattern.share.begin(), pattern.share.end()}, asked, light.margin, A, context,
+                   oxygen, &found.short_of_light);
+    }
+    const PatternRun run = run_pattern(c, pattern, setup, context);
+    OxygenTally tally = oxygen;
+    tally_cure(c, image, asked, run, exposure_s, tally);
+    // A dark cell that gels is as bad as one that gels at e times its time.
+    const auto wrong = [](const OxygenTally& t) {
+      return t.off + static_cast<double>(t.dark_gelled);
+    };
+    if (round == 0 || wrong(tally) < wrong(found.after)) {
+      found.after = tally;
+      found.level = std::move(level);
+    }
+    if (found.judged == 0) break;
+    nudge(image, asked, run, exposure_s, wanted, share);
+  }
   for (std::size_t k = 0; k < n; ++k) {
-    if (image.solid[k] == 0) continue;
-    found.level[k] = nearest_level(light.level_mw_cm2, x[k] * full);
     const double had = light.level_mw_cm2[image.level[k]];
-    if (had > 0) {
+    if (image.solid[k] != 0 && had > 0) {
       found.brightest = std::max(found.brightest, light.level_mw_cm2[found.level[k]] / had);
     }
   }
-  found.before = tally_of(c, image, asked, light, A, image.level, exposure_s, context, nullptr);
-  found.after = tally_of(c, image, asked, light, A, found.level, exposure_s, context, &found);
   return found;
 }
 

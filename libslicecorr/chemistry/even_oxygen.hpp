@@ -3,7 +3,8 @@
 /// Where oxygen diffuses in the plane of a slice, the dark around feeds small features and edges, and
 /// they gel late. What each place is to use up is what its own light would without that: until the
 /// brightest place runs out, at T, that is u = T Ri(i) / O(0). The light that is found uses up as much
-/// although oxygen diffuses (consumption.hpp). What is not to gel keeps the light that it has, and
+/// although oxygen diffuses (consumption.hpp), and is then changed in a few rounds by when cells gel by
+/// the full equations; the best round counts. What is not to gel keeps the light that it has, and
 /// keeps some oxygen.
 #pragma once
 
@@ -28,16 +29,23 @@ struct OxygenLight {
   /// Intensity of each level where the layer gels last, never falling.
   std::vector<double> level_mw_cm2;
   double margin = 0.15;  ///< share of its oxygen that everything else keeps until T, 0..1
-  int steps = 80;        ///< of the search, >= 1
+  /// Least light of what is to gel, over what it has. Where neighbours use up the oxygen of a cell it would
+  /// need none till T, and not cure after that.
+  double least_share = 0.75;
+  int steps = 80;  ///< of the search, >= 1
+  int rounds = 3;  ///< in which light is changed by what the full equations say, >= 0
 };
 
 /// How far light does what it is to. Sums over cells, so that slices add up.
 struct OxygenTally {
-  double missed = 0;  ///< of oxygen used up by T, over what is wanted, either way
-  double least = 1;   ///< of it in one cell
+  /// Of oxygen used up by T, over what is wanted: the sum of what is missed, either way, and the least of one
+  /// cell; as the search leaves it, before the rounds.
+  double missed = 0, least = 1;
   /// By the full equations at the end of the exposure: end groups used up over those without diffusion,
   /// of cells that would gel by this exposure alone; and how many of these have less than half.
   double cure = 0;
+  double off =
+      0;  ///< of the same cells: how far times to gel are from those without diffusion, |ln|
   std::size_t behind = 0, dark_gelled = 0;
   void add(const OxygenTally& o);
 };

@@ -216,7 +216,9 @@ OxygenEffort EvenSlices::effort(const ExecutionContext& context) const {
     e.bytes = std::max(
         e.bytes,
         static_cast<double>(pattern_bytes(place.width(), place.height(), chemistry_)) + 80 * cells);
-    e.seconds += cells * (2 * steps / kCellStepsPerS + 2 * light_.steps / kFilteredPerS);
+    // The judge sees what was, what the search found, and what the rounds make of it.
+    const int runs = 2 + light_.rounds;
+    e.seconds += cells * (runs * steps / kCellStepsPerS + 2 * light_.steps / kFilteredPerS);
   }
   const int threads = std::min(thread_count(context), std::max(1, e.slices));
   e.seconds /= threads;
@@ -297,6 +299,8 @@ OxygenFigures EvenSlices::even_out(const ExecutionContext& context) {
   f.least_after = after.least;
   f.cure_before = mean(before.cure, f.judged);
   f.cure_after = mean(after.cure, f.judged);
+  f.off_before = mean(before.off, f.judged);
+  f.off_after = mean(after.off, f.judged);
   f.behind_before = before.behind;
   f.behind_after = after.behind;
   f.dark_gelled_before = before.dark_gelled;
@@ -446,9 +450,11 @@ std::string oxygen_in_words(const OxygenFigures& f) {
   }
   if (f.judged > 0) {
     text += fmt::format(
-        "  full equations: {} of {} voxels that gel in their own exposure cure less than half as far as "
-        "without diffusion, {} without the change; on average {:.0f} %, {:.0f} % without\n",
-        f.behind_after, f.judged, f.behind_before, 100 * f.cure_after, 100 * f.cure_before);
+        "  full equations, of {} voxels that would gel in their own exposure: times to gel are off by "
+        "{:.0f} % on average, {:.0f} % without the change; {} cure less than half as far as without "
+        "diffusion, {} without; on average {:.0f} % of it, {:.0f} % without\n",
+        f.judged, 100 * std::expm1(f.off_after), 100 * std::expm1(f.off_before), f.behind_after,
+        f.behind_before, 100 * f.cure_after, 100 * f.cure_before);
   } else {
     text += "  no voxel gels in its own exposure alone: what later slices add is not followed\n";
   }

@@ -28,7 +28,8 @@ struct OxygenFigures {
   int slices = 0;    ///< that have some
   int distinct = 0;  ///< that differ from the one before: those were reckoned
   std::size_t voxels = 0;
-  /// Oxygen used up over what is wanted: the mean error, and the least of any voxel.
+  /// Oxygen used up over what is wanted, by the linear theory: the mean error, and the least of any voxel;
+  /// before light is changed by the full equations as well.
   double missed_before = 0, missed_after = 0, least_before = 0, least_after = 0;
   std::size_t short_of_light = 0;  ///< stay further than the margin below it even so
   double brightest = 1;            ///< most that a voxel's light has grown by
@@ -37,6 +38,9 @@ struct OxygenFigures {
   /// it.
   std::size_t judged = 0;
   double cure_before = 0, cure_after = 0;
+  /// The same voxels: how far times to gel are from those without diffusion, the mean of |ln|; what does
+  /// not gel in 1.25 times its exposure counts as gelling then.
+  double off_before = 0, off_after = 0;
   std::size_t behind_before = 0, behind_after = 0;
   std::size_t dark_gelled_before = 0, dark_gelled_after = 0;  ///< voxels not lit that gel
 };

@@ -37,7 +37,7 @@ class EvenOxygenProgram : public ProgramFixture {
     chemistry = chemistry.substr(0, chemistry.find("[provenance]"));
     resin_ =
         "name = \"dyed\"\n[cure]\nmodel = \"gel-time\"\nabsorbance_height_um = 100\n"
-        "absorbance_base = \"e\"\ngel_a_mj_cm2 = " +
+        "absorbance_base = \"e\"\nwavelength_nm = 365\ngel_a_mj_cm2 = " +
         std::to_string(g.A) + "\ngel_b_sqrt_mw_cm2_s = " + std::to_string(g.B) +
         "\ndose_factor = 1\n";
     write("no-chemistry.toml", resin_);

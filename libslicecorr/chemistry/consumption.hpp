@@ -43,10 +43,9 @@ struct LightWanted {
   double most_elsewhere = 1;
 };
 /// Shares of light that minimise the squares of u less what is wanted, and of what is too much elsewhere,
-/// by `steps` steps of projected gradient with momentum from `start` on. Progress is reported as
+/// with `A` what light uses up, by `steps` steps of projected gradient with momentum from `start` on. Progress is reported as
 /// "finding light".
-std::vector<double> find_light(Consumption& consumption, const LightWanted& wanted,
-                               std::vector<double> start, int steps,
-                               const ExecutionContext& context);
+std::vector<double> find_light(Consumption& A, const LightWanted& wanted, std::vector<double> start,
+                               int steps, const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

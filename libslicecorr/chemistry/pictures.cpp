@@ -155,7 +155,9 @@ std::string gel_time_sheet(const PatternRun& run, const LightPattern& target, do
   if (f.dark_gelled_at_end > 0) key(paler(colour_of(0.5)), "paler: dark, and gelled");
   if (f.lit_gelled < f.lit) key(kLate, "lit, and not gelled");
   key({255, 255, 255}, "dark");
-  return canvas->file(std::max(map.width_px, wide) + 2 * edge, y + edge);
+  const double widest =
+      std::max({static_cast<double>(edge + map.width_px), edge + canvas->width_of(words), x});
+  return canvas->file(widest + edge, y + edge);
 }
 
 std::string overlap_svg(const PatternRun& even, const PatternRun* corrected,

@@ -69,7 +69,7 @@ struct OxygenCorrection {
 /// Corrects `target` as `correct_stack` does, changes the light of its slices, and writes the stack,
 /// whose `StackInfo::program` says so. What it takes is told before; progress is reported as "evening
 /// out oxygen". `ask.volume_cells` must be 0.
-OxygenCorrection correct_even_oxygen(const SliceSource& target, const Setup& setup,
+OxygenCorrection correct_even_oxygen(const SliceSource& target, const Setup& asked,
                                      const StackFile& file, const CorrectionAsk& ask,
                                      const OxygenAsk& oxygen, const ExecutionContext& context = {});
 

@@ -291,6 +291,27 @@ TEST(ChemistryPattern, InhibitorAndOxygenFromOutsideDelay) {
   EXPECT_GT(late, inhibition_time_supplied_s(hydrogel(), 100, 0.5));
 }
 
+TEST(ChemistryPattern, ABleachingFilmLosesInitiatorByTheClosedForm) {
+  // What a film takes up is 1 - exp(-x), x = eps I L, however it lies in it: e^x - 1 falls as exp(-kd t).
+  Chemistry c = hydrogel();
+  c.oxygen_mol_l = 1;  // enough for all radicals, and so their count: oxygen that is gone
+  const LightPattern p{1, 1, {1.0F}};
+  PatternSetup s = setup_of(5, 1e6, 0.3, 1e-4);
+  s.film_um = 3 * light_height_um(c);
+  const double kd = initiation_per_s(c, 1e6);
+  const auto initiator_left = [&] {
+    const double gone = 1 - static_cast<double>(run_pattern(c, p, s).oxygen_left[0]);
+    return 1 - gone / (2 * c.initiator_mol_l);
+  };
+  const double fixed = initiator_left();
+  s.bleaches = true;
+  const double bleached = initiator_left();
+  // Steps take the light of their beginning: to the first order of kd h.
+  EXPECT_NEAR(bleached, std::log1p(std::expm1(3.0) * std::exp(-kd * 0.3)) / 3, 2 * kd * 1e-4);
+  EXPECT_NEAR(fixed, std::exp(-kd * mean_light_share(c, s.film_um) * 0.3), 1e-4);
+  EXPECT_LT(bleached, fixed - 0.1);
+}
+
 // --- judging ---
 
 TEST(ChemistryFigures, OverlapAndDarkCells) {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "page_commands.hpp"
 #include "program_fixture.hpp"
 #include "resins_text.hpp"
 #include "slicecorr/stack.hpp"
@@ -74,6 +75,26 @@ TEST_F(ChemistryProgram, SaysTimesAndDrawsThem) {
   EXPECT_NE(csv.find("\n2.6,0,"), std::string::npos);
 }
 
+TEST_F(ChemistryProgram, CommandsOfItsPageRun) {
+  write_squares();
+  std::filesystem::copy_file(std::filesystem::path(folder_.path()) / "squares.png",
+                             std::filesystem::path(folder_.path()) / "mask.png");
+  const std::string page = SLICECORR_SOURCE_DIR "/docs/chemistry.md";
+  std::vector<std::string> commands = page_commands(page, "build/bin/resinctl");
+  ASSERT_EQ(commands.size(), 2U);
+  for (const std::string& line : page_commands(page, "slicecorr pattern")) {
+    commands.push_back("build/bin/" + line);
+  }
+  EXPECT_EQ(commands.size(), 4U);
+  std::filesystem::create_directories(std::filesystem::path(folder_.path()) / "build");
+  std::filesystem::create_directory_symlink(SLICECORR_BIN_DIR,
+                                            std::filesystem::path(folder_.path()) / "build/bin");
+  for (const std::string& line : commands) {
+    const RunResult r = run_program({"/bin/sh", "-c", line}, options_);
+    EXPECT_EQ(r.exit_code, 0) << line << r.err;
+  }
+}
+
 TEST_F(ChemistryProgram, RefusesWhatNeverGels) {
   RunResult r = resinctl({"chemistry", kHydrogel, "--intensity-mw-cm2", "1",
                           "--oxygen-supply-per-s", "0.1", "--json", "-"});
@@ -110,6 +131,15 @@ TEST_F(ChemistryProgram, CorrectsAnImageAndJudgesIt) {
   EXPECT_LT(j["balance_error"].get<double>(), 1e-10);
   EXPECT_THAT(r.err, HasSubstr("MiB"));
   expect_sound_svg(text_of("curve.svg"));
+  // The same map as SVG, whose words can be read.
+  ASSERT_EQ(pattern({"corrected.png", "--pixel-um", "5", "--resin", kHydrogel, "--intensity-mw-cm2",
+                     "1000", "--time-s", "0.6", "-o", "map.svg"})
+                .exit_code,
+            0);
+  const std::string map = text_of("map.svg");
+  EXPECT_EQ(map.rfind("<svg ", 0), 0U);
+  EXPECT_THAT(map, HasSubstr("gels at"));
+  EXPECT_THAT(map, HasSubstr("100 um"));
   const std::string cells = text_of("cells.csv");
   EXPECT_EQ(std::count(cells.begin(), cells.end(), '\n'), 64 * 64 + 1);
   EXPECT_TRUE(std::filesystem::exists(std::filesystem::path(folder_.path()) / "corrected.png"));
@@ -130,6 +160,9 @@ TEST_F(ChemistryProgram, PatternsThatDoNotFitAreRefused) {
   EXPECT_EQ(r.exit_code, 3);
   EXPECT_THAT(r.err, HasSubstr("mW/cm² would"));
   EXPECT_FALSE(std::filesystem::exists(std::filesystem::path(folder_.path()) / "c.png"));
+  r = pattern(good + Command{"100", "--time-s", "2", "-o", "map.jpg"});
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_THAT(r.err, HasSubstr(".png or .svg"));
   r = pattern(good + Command{"-5", "--time-s", "1"});
   EXPECT_EQ(r.exit_code, 2);
   r = pattern({"no.png", "--pixel-um", "5", "--resin", kHydrogel, "--intensity-mw-cm2", "1",

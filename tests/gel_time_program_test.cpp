@@ -5,10 +5,11 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "ladder.hpp"
+#include "page_commands.hpp"
 #include "program_fixture.hpp"
 #include "slicecorr/process.hpp"
 
@@ -71,19 +72,49 @@ TEST_F(GelTimeProgram, PrintsAsDesignedAndEverythingLooksAtIt) {
 }
 
 TEST_F(GelTimeProgram, CommandsOfItsPageRun) {
-  const std::filesystem::path page = SLICECORR_SOURCE_DIR "/docs/gel-time.md";
-  std::ifstream lines(page);
   std::filesystem::create_directories(folder_ / "build");
   std::filesystem::create_directory_symlink(SLICECORR_BIN_DIR, folder_ / "build/bin");
   std::filesystem::copy_file(folder_ / "ladder.stl", folder_ / "part.stl");
-  int commands = 0;
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.starts_with("    build/bin/")) continue;
-    ++commands;
+  const auto commands = page_commands(SLICECORR_SOURCE_DIR "/docs/gel-time.md", "build/bin/");
+  for (const std::string& line : commands) {
     const RunResult r = run_program({"/bin/sh", "-c", line}, options_);
     EXPECT_EQ(r.exit_code, 0) << line << r.err;
   }
-  EXPECT_EQ(commands, 4);
+  EXPECT_EQ(commands.size(), 5U);
+}
+
+TEST_F(GelTimeProgram, LightThatSpreadsIsCountedAndColumnsAreCorrectedAlone) {
+  write("blurred.toml", std::string(kSmallPrinter) + "spread = [[60.0, 1.0]]\n");
+  const Command with{"--printer", "blurred.toml", "--resin", "clear.toml", "--speed-mm-h", "800"};
+  // A rail a millimetre wide, columns 40 to 59, is an edge of its own to either side: what light two pixels
+  // at equal distances from it get adds up to full light and black. Intensities do so, doses would not.
+  const auto intensity = [&](int x) {
+    const RunResult r = good(
+        Command{"probe", "target.uvj", "--x", std::to_string(x), "--y", "60", "--quiet"} + with);
+    std::istringstream lines(r.out);
+    std::string line, cell;
+    for (int row = 0; row < 4; ++row) std::getline(lines, line);
+    std::istringstream cells(line);
+    for (int column = 0; column < 4; ++column) std::getline(cells, cell, ',');
+    return std::stod(cell);
+  };
+  for (const int away : {0, 1, 2}) {
+    EXPECT_NEAR(intensity(40 + away) + intensity(39 - away), 101, 1e-3) << away;
+  }
+  EXPECT_GT(intensity(40), 51);
+  const RunResult r = good(Command{"correct", "target.uvj", "-o", "part.uvj"} + with);
+  EXPECT_THAT(r.err, HasSubstr("the resin has a time to gel: each column is corrected alone"));
+  const json after = figures("part.uvj", "target.uvj");
+  EXPECT_TRUE(after.contains("edge_error_in_plane_um"));
+  // The same levels as without spread, which are judged by more light than their own.
+  good(Command{"correct", "target.uvj", "-o", "sharp.uvj"} + kWith);
+  EXPECT_EQ(images("part.uvj"), images("sharp.uvj"));
+  EXPECT_GT(after["cure_through_voxels"].get<double>(), 0);
+  write("milky.toml", std::string(kResinText) + "scatter_um2_per_um = 0.1\n");
+  bad(2,
+      {"correct", "target.uvj", "-o", "x.uvj", "--printer", "small.toml", "--resin", "milky.toml",
+       "--speed-mm-h", "800"},
+      {"scatter_um2_per_um", "gel-time"});
 }
 
 TEST_F(GelTimeProgram, ThreadsChangeNothing) {

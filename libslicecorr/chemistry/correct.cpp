@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "chemistry/consumption.hpp"
 #include "chemistry/light.hpp"
-#include "chemistry/plane_filter.hpp"
 #include "slicecorr/chemistry_pattern.hpp"
 #include "slicecorr/error.hpp"
 
@@ -13,56 +13,12 @@ namespace slicecorr {
 
 namespace {
 
+using detail::Consumption;
+using detail::LightWanted;
+
 /// The time that is taken where none is asked for, over the least one: what full light needs leaves no
 /// light to choose where oxygen comes fastest.
 constexpr double kTimeToSpare = 1.25;
-
-/// Oxygen that light uses up by T, over that at the start: u = K_T * G * i / O(0), linear while nobody
-/// runs out of it.
-class Consumption {
- public:
-  Consumption(const Chemistry& c, const LightPattern& p, const PatternSetup& s)
-      : c_(c),
-        s_(s),
-        weights_(detail::spread_weights(s.spread_um, s.cell_um)),
-        filter_(p.width, p.height, s.sides) {}
-
-  void set_time(double T_s) {
-    const double per_cell = *c_.oxygen_um2_s / (s_.cell_um * s_.cell_um);
-    const double ri = radicals_mol_l_s(c_, s_.intensity_mw_cm2 * mean_light_share(c_, s_.film_um)) /
-                      c_.oxygen_mol_l;
-    // The waves of the cells' own diffusion, as `run_pattern` has it, and of their spread of light.
-    const auto symbol = [](double theta) {
-      const double s2 = std::sin(theta / 2) * std::sin(theta / 2);
-      return 4 * (s2 + s2 * s2 / 3);
-    };
-    const auto spread = [&](double theta) {
-      double sum = weights_[0];
-      for (std::size_t j = 1; j < weights_.size(); ++j) {
-        sum += 2 * weights_[j] * std::cos(static_cast<double>(j) * theta);
-      }
-      return sum;
-    };
-    filter_.set([&](double tx, double ty) {
-      const double rate = per_cell * (symbol(tx) + symbol(ty));
-      const double life = rate * T_s < 1e-9 ? T_s : -std::expm1(-rate * T_s) / rate;
-      return ri * life * spread(tx) * spread(ty);
-    });
-    most_ = ri * T_s;
-  }
-  void apply(std::vector<double>& light, const ExecutionContext& context) {
-    filter_.apply(light, context);
-  }
-  /// No wave grows by more than this.
-  double most() const { return most_; }
-
- private:
-  const Chemistry& c_;
-  const PatternSetup& s_;
-  std::vector<double> weights_;
-  detail::PlaneFilter filter_;
-  double most_ = 0;
-};
 
 struct Extremes {
   double least_inside = 0, most_outside = 0;
@@ -79,39 +35,15 @@ Extremes extremes(const std::vector<double>& u, const std::vector<char>& inside)
   return e;
 }
 
-/// Projected gradient with momentum, which begins anew where it would climb.
+/// Light for a target whose oxygen is to be used up everywhere.
 std::vector<double> search(Consumption& A, const std::vector<char>& inside, double margin,
                            int steps, const ExecutionContext& context) {
-  const std::size_t n = inside.size();
-  std::vector<double> x(inside.begin(), inside.end()), y = x, gradient(n);
-  const double length = 1 / (2 * A.most() * A.most());
-  double t = 1;
-  for (int step = 0; step < steps; ++step) {
-    context.check_cancelled();
-    context.report("finding light", static_cast<double>(step) / steps);
-    gradient = y;
-    A.apply(gradient, context);
-    for (std::size_t k = 0; k < n; ++k) {
-      const double u = gradient[k];
-      gradient[k] = 2 * (inside[k] ? u - 1 : std::max(0.0, u - (1 - margin)));
-    }
-    A.apply(gradient, context);
-    const double next_t = (1 + std::sqrt(1 + 4 * t * t)) / 2, w = (t - 1) / next_t;
-    double climbs = 0;
-    for (std::size_t k = 0; k < n; ++k) {
-      const double next = std::clamp(y[k] - length * gradient[k], 0.0, 1.0);
-      climbs += gradient[k] * (next - x[k]);
-      y[k] = next + w * (next - x[k]);
-      x[k] = next;
-    }
-    t = next_t;
-    if (climbs > 0) {
-      t = 1;
-      y = x;
-    }
-  }
-  context.report("finding light", 1);
-  return x;
+  LightWanted wanted;
+  for (const char in : inside) wanted.used_up.push_back(in ? 1 : -1);
+  wanted.least.assign(inside.size(), 0.0);
+  wanted.most.assign(inside.size(), 1.0);
+  wanted.most_elsewhere = 1 - margin;
+  return detail::find_light(A, wanted, {inside.begin(), inside.end()}, steps, context);
 }
 
 /// The least time in which full light on the target alone uses up its oxygen; infinite where diffusion
@@ -159,7 +91,11 @@ CorrectedPattern correct_pattern(const Chemistry& c, const LightPattern& target,
   if (std::find(inside.begin(), inside.end(), 1) == inside.end()) {
     throw InputError("nothing of the image is lit; expected pixels of at least half of the light");
   }
-  Consumption A(c, target, setup);
+  const auto consumption = [&](const PatternSetup& s) {
+    return Consumption(c, target.width, target.height, s.sides, s.cell_um, s.spread_um,
+                       s.intensity_mw_cm2 * mean_light_share(c, s.film_um));
+  };
+  Consumption A = consumption(setup);
   const double begin =
       inhibition_time_s(c, setup.intensity_mw_cm2 * mean_light_share(c, setup.film_um));
   constexpr double most_times = 4096;
@@ -202,7 +138,7 @@ CorrectedPattern correct_pattern(const Chemistry& c, const LightPattern& target,
   for (double brighter = 2; brighter <= 64; brighter *= 2) {
     PatternSetup more = setup;
     more.intensity_mw_cm2 *= brighter;
-    Consumption B(c, target, more);
+    Consumption B = consumption(more);
     const double T =
         kTimeToSpare * least_time(B, inside, begin / brighter, begin * most_times, context);
     if (!std::isfinite(T)) continue;

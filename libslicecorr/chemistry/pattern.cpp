@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "chemistry/diffusion.hpp"
@@ -99,6 +100,7 @@ class Plane {
   }
 
   const std::vector<double>& oxygen() const { return O_.now; }
+  const std::vector<double>& initiator() const { return I_.now; }
   std::vector<double> P0, P1, P2, P3, gel_time, broken;
 
  private:
@@ -160,10 +162,43 @@ class Plane {
   Spreading I_, Ir_, O_, Q_;
 };
 
+/// The share of the initiator that breaks in half a step of `h` in each cell: what the reaction is told.
+class Breaking {
+ public:
+  /// `intensity`: in each cell, mW/cm², with the mean over the film as it is at first.
+  Breaking(const Chemistry& c, const PatternSetup& s, const std::vector<float>& intensity,
+           int width, double h)
+      : c_(c), intensity_(intensity), width_(static_cast<std::size_t>(width)), half_(h / 2) {
+    if (s.bleaches && s.film_um > 0) film_um_ = s.film_um;
+  }
+  bool changes() const { return film_um_ > 0; }
+  void set(Plane& plane, const ExecutionContext& context) const {
+    const double first = film_um_ > 0 ? mean_light_share(c_, film_um_) : 1;
+    parallel_for(context, "reacting", intensity_.size() / width_, [&](std::size_t y) {
+      Chemistry now = c_;
+      for (std::size_t x = 0; x < width_; ++x) {
+        const std::size_t at = y * plane.stride() + x;
+        double i = intensity_[y * width_ + x];
+        if (film_um_ > 0 && i > 0) {
+          now.initiator_mol_l = plane.initiator()[at];
+          i *= mean_light_share(now, film_um_) / first;
+        }
+        plane.broken[at] = -std::expm1(-initiation_per_s(c_, i) * half_);
+      }
+    });
+  }
+
+ private:
+  const Chemistry& c_;
+  const std::vector<float>& intensity_;
+  std::size_t width_;
+  double half_, film_um_ = 0;
+};
+
 /// Light on, or off, for some seconds: so many equal steps.
 void walk(Plane& plane, const Chemistry& c, const PatternSetup& s, double seconds, double step_s,
-          double& time, const std::vector<float>* intensity, double whole_s,
-          const ExecutionContext& context, std::size_t& steps) {
+          double& time, const PatternRun* lit, double whole_s, const ExecutionContext& context,
+          std::size_t& steps) {
   if (!(seconds > 0)) return;
   const auto count = static_cast<std::size_t>(std::ceil(seconds / step_s * (1 - 1e-12)));
   const double h = seconds / static_cast<double>(count);
@@ -171,21 +206,19 @@ void walk(Plane& plane, const Chemistry& c, const PatternSetup& s, double second
   reaction.h = h;
   reaction.supply_per_s = s.supply_per_s;
   reaction.outside_mol_l = c.oxygen_mol_l;
-  const std::size_t stride = plane.stride();
-  std::fill(plane.broken.begin(), plane.broken.end(), 0.0);
-  if (intensity) {
-    const std::size_t width = intensity->size() * stride / plane.broken.size();
-    for (std::size_t k = 0; k < intensity->size(); ++k) {
-      plane.broken[k / width * stride + k % width] =
-          -std::expm1(-initiation_per_s(c, (*intensity)[k]) * h / 2);
-    }
-  }
   const ExecutionContext quiet = detail::silent(context);
+  std::fill(plane.broken.begin(), plane.broken.end(), 0.0);
+  std::optional<Breaking> light;
+  if (lit) {
+    light.emplace(c, s, lit->intensity_mw_cm2, lit->width, h);
+    light->set(plane, quiet);
+  }
   const double begin = time;
   // Two halves of diffusion that meet are one whole.
   plane.diffuse_for(h / 2, s.cell_um);
   for (std::size_t k = 0; k < count; ++k) {
     reaction.time = begin + static_cast<double>(k) * h;
+    if (k > 0 && light && light->changes()) light->set(plane, quiet);
     plane.step(&reaction, true, quiet);
     if (k == 0) plane.diffuse_for(h, s.cell_um);
     if (k % 16 == 0) context.report("reacting", (reaction.time + h) / whole_s);
@@ -308,8 +341,7 @@ PatternRun run_pattern(const Chemistry& c, const LightPattern& pattern, const Pa
   Plane plane(c, radicals_um2_s(c, setup.cell_um), pattern.width, pattern.height, setup.sides);
   double time = 0;
   const double whole = setup.light_s + setup.dark_s;
-  walk(plane, c, setup, setup.light_s, run.step_s, time, &run.intensity_mw_cm2, whole, context,
-       run.steps);
+  walk(plane, c, setup, setup.light_s, run.step_s, time, &run, whole, context, run.steps);
   walk(plane, c, setup, setup.dark_s, run.step_s, time, nullptr, whole, context, run.steps);
   context.report("reacting", 1);
 

@@ -165,12 +165,10 @@ V chains_of(const Rates& k, V source, V O, V Q, V p) {
   return p;
 }
 
+/// Backward Euler of all but the initiator, with X radicals of the initiator, those set free among them.
 template <bool kInhibitor, bool kTaken>
-State euler(const Rates& k, V broken, const State& y, V guess) {
+State euler_of(const Rates& k, V X, const State& y, V guess) {
   State z = y;
-  const V out = mul(y.I, broken);
-  z.I = sub(y.I, out);
-  const V X = add(y.Ir, add(out, out));
   const Starts s = starts_of<kTaken>(k, y, X);
   z.Ir = most_of(sub(sub(X, s.chains), s.taken), constant(0));
   const V P0 = sub(y.P0, s.chains);
@@ -190,22 +188,19 @@ State euler(const Rates& k, V broken, const State& y, V guess) {
   z.P1 = p;
   return z;
 }
+template <bool kInhibitor, bool kTaken>
+State euler(const Rates& k, V broken, const State& y, V guess) {
+  const V out = mul(y.I, broken);
+  State z = euler_of<kInhibitor, kTaken>(k, add(y.Ir, add(out, out)), y, guess);
+  z.I = sub(y.I, out);
+  return z;
+}
 
-V extrapolated(V half, V whole) { return add(half, sub(half, whole)); }
-
-/// Twice the halves less the whole, with nothing below 0.
+/// Undoes as much of the reactions of O, Q and Ir as puts them to 0 where they are below. Tells where
+/// end groups of a kind are below 0.
 template <bool kInhibitor>
-State second_order(const State& half, const State& whole) {
+M lifted(State& z) {
   const V zero = constant(0);
-  State z;
-  z.I = half.I;
-  z.Ir = extrapolated(half.Ir, whole.Ir);
-  z.P0 = extrapolated(half.P0, whole.P0);
-  z.P1 = extrapolated(half.P1, whole.P1);
-  z.P2 = extrapolated(half.P2, whole.P2);
-  z.P3 = extrapolated(half.P3, whole.P3);
-  z.O = extrapolated(half.O, whole.O);
-  z.Q = half.Q;
   const auto undo = [&](V& taken, V& back, V& product) {
     const V missing = most_of(zero, sub(zero, taken));
     taken = add(taken, missing);
@@ -213,22 +208,60 @@ State second_order(const State& half, const State& whole) {
     product = sub(product, missing);
   };
   undo(z.O, z.P1, z.P3);
-  if constexpr (kInhibitor) {
-    z.Q = extrapolated(half.Q, whole.Q);
-    undo(z.Q, z.P1, z.P3);
-  }
+  if constexpr (kInhibitor) undo(z.Q, z.P1, z.P3);
   undo(z.Ir, z.P0, z.P1);
-  const V least = least_of(least_of(z.P0, z.P1), least_of(z.P2, z.P3));
-  const M bad = above(zero, least);
+  return above(zero, least_of(least_of(z.P0, z.P1), least_of(z.P2, z.P3)));
+}
+/// All but the initiator from another state.
+void replace(M where, const State& by, State& z) {
+  z.Ir = pick(where, by.Ir, z.Ir);
+  z.P0 = pick(where, by.P0, z.P0);
+  z.P1 = pick(where, by.P1, z.P1);
+  z.P2 = pick(where, by.P2, z.P2);
+  z.P3 = pick(where, by.P3, z.P3);
+  z.O = pick(where, by.O, z.O);
+  z.Q = pick(where, by.Q, z.Q);
+}
+/// On the line from one state to another, `times` as far; Q only where there is some, I not at all.
+template <bool kInhibitor>
+State on_line(const State& from, const State& to, double times) {
+  const V t = constant(times);
+  const auto of = [&](V a, V b) { return add(a, mul(t, sub(b, a))); };
+  State z = to;
+  z.Ir = of(from.Ir, to.Ir);
+  z.P0 = of(from.P0, to.P0);
+  z.P1 = of(from.P1, to.P1);
+  z.P2 = of(from.P2, to.P2);
+  z.P3 = of(from.P3, to.P3);
+  z.O = of(from.O, to.O);
+  if constexpr (kInhibitor) z.Q = of(from.Q, to.Q);
+  return z;
+}
+
+/// Twice the halves less the whole, with nothing below 0.
+template <bool kInhibitor>
+State second_order(const State& half, const State& whole) {
+  State z = on_line<kInhibitor>(whole, half, 2);
+  const M bad = lifted<kInhibitor>(z);
+  if (!none(bad)) replace(bad, half, z);
+  return z;
+}
+
+/// Two stages of backward Euler over gamma h each, gamma = 1 - sqrt(1/2): the second begins 1 / gamma - 1
+/// times as far as the first has come. `broken` is the share of the initiator over all of h.
+constexpr double kGamma = 0.2928932188134524, kBeyond = 2.414213562373095;
+template <bool kInhibitor, bool kTaken>
+State two_stages(const Rates& stage, const Rates& whole, V broken, const State& y) {
+  const V out = mul(y.I, broken);
+  const V set_free = mul(constant(2 * kGamma), out);
+  const State one = euler_of<kInhibitor, kTaken>(stage, add(y.Ir, set_free), y, y.P1);
+  State beyond = on_line<kInhibitor>(y, one, kBeyond);
+  const M bad = lifted<kInhibitor>(beyond);
+  State z = euler_of<kInhibitor, kTaken>(stage, add(beyond.Ir, set_free), beyond, beyond.P1);
   if (!none(bad)) {
-    z.Ir = pick(bad, half.Ir, z.Ir);
-    z.P0 = pick(bad, half.P0, z.P0);
-    z.P1 = pick(bad, half.P1, z.P1);
-    z.P2 = pick(bad, half.P2, z.P2);
-    z.P3 = pick(bad, half.P3, z.P3);
-    z.O = pick(bad, half.O, z.O);
-    z.Q = pick(bad, half.Q, z.Q);
+    replace(bad, euler_of<kInhibitor, kTaken>(whole, add(y.Ir, add(out, out)), y, y.P1), z);
   }
+  z.I = sub(y.I, out);
   return z;
 }
 
@@ -236,7 +269,8 @@ template <bool kInhibitor, bool kTaken>
 void react_as(const ReactionStep& r, const double* broken, const CellArrays& c, std::size_t count,
               double* gel_time, StepError* error) {
   const std::size_t lanes = 2 * hn::Lanes(Doubles());
-  const Rates whole = rates_of(r, r.h), half = rates_of(r, r.h / 2);
+  const Rates whole = rates_of(r, r.h), half = rates_of(r, r.h / 2),
+              gamma = rates_of(r, kGamma * r.h);
   const bool rests = r.supply_per_s == 0;
   V worst = constant(0);
   for (std::size_t i = 0; i < count; i += lanes) {
@@ -252,35 +286,39 @@ void react_as(const ReactionStep& r, const double* broken, const CellArrays& c, 
     y.P3 = load(c.P3 + i);
     y.O = load(c.O + i);
     y.Q = kInhibitor ? load(c.Q + i) : constant(0);
+    const auto put = [&](const State& z) {
+      store(z.I, c.I + i);
+      store(settled(z.Ir), c.Ir + i);
+      store(z.P0, c.P0 + i);
+      store(settled(z.P1), c.P1 + i);
+      store(z.P2, c.P2 + i);
+      store(z.P3, c.P3 + i);
+      store(settled(z.O), c.O + i);
+      if constexpr (kInhibitor) store(settled(z.Q), c.Q + i);
+      if (gel_time) {
+        const V level = constant(r.gel_p0);
+        const M now = both(above(y.P0, level), at_least(level, z.P0));
+        if (!none(now)) {
+          const V share = div(sub(y.P0, level), sub(y.P0, z.P0));
+          const V at = add(constant(r.time), mul(constant(r.h), share));
+          store(pick(now, at, load(gel_time + i)), gel_time + i);
+        }
+      }
+    };
+    const V twice = sub(add(g, g), mul(g, g));
+    if (!error) {
+      put(two_stages<kInhibitor, kTaken>(gamma, whole, twice, y));
+      continue;
+    }
     State two = euler<kInhibitor, kTaken>(half, g, y, y.P1);
     const V middle = two.P1;
-    two = euler<kInhibitor, kTaken>(half, g, two, extrapolated(middle, y.P1));
-    const V twice = sub(add(g, g), mul(g, g));
+    two = euler<kInhibitor, kTaken>(half, g, two, add(middle, sub(middle, y.P1)));
     const State one = euler<kInhibitor, kTaken>(whole, twice, y, two.P1);
-    const State z = second_order<kInhibitor>(two, one);
-    store(z.I, c.I + i);
-    store(settled(z.Ir), c.Ir + i);
-    store(z.P0, c.P0 + i);
-    store(settled(z.P1), c.P1 + i);
-    store(z.P2, c.P2 + i);
-    store(z.P3, c.P3 + i);
-    store(settled(z.O), c.O + i);
-    if constexpr (kInhibitor) store(settled(z.Q), c.Q + i);
-    if (gel_time) {
-      const V level = constant(r.gel_p0);
-      const M now = both(above(y.P0, level), at_least(level, z.P0));
-      if (!none(now)) {
-        const V share = div(sub(y.P0, level), sub(y.P0, z.P0));
-        const V at = add(constant(r.time), mul(constant(r.h), share));
-        store(pick(now, at, load(gel_time + i)), gel_time + i);
-      }
-    }
-    if (error) {
-      const V by_O = div(size_of(sub(two.O, one.O)), constant(error->scale_O));
-      const V by_P = div(size_of(sub(two.P0, one.P0)), constant(error->scale_P));
-      const V by_p = div(size_of(sub(two.P1, one.P1)), add(two.P1, constant(error->scale_p)));
-      worst = most_of(worst, most_of(by_O, most_of(by_P, by_p)));
-    }
+    put(second_order<kInhibitor>(two, one));
+    const V by_O = div(size_of(sub(two.O, one.O)), constant(error->scale_O));
+    const V by_P = div(size_of(sub(two.P0, one.P0)), constant(error->scale_P));
+    const V by_p = div(size_of(sub(two.P1, one.P1)), add(two.P1, constant(error->scale_p)));
+    worst = most_of(worst, most_of(by_O, most_of(by_P, by_p)));
   }
   if (error) error->worst = hn::GetLane(hn::MaxOfLanes(Doubles(), hn::Max(worst.a, worst.b)));
 }

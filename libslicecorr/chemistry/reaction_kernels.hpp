@@ -10,10 +10,18 @@
 ///
 /// whose left side rises in p: one root, above 0, found by Newton's method within a bracket. Nothing
 /// gets below 0, and P0 + P1 + P2 + P3 is kept to rounding. With kIO radicals of the initiator share
-/// between end groups and oxygen by the root of another rising function. Two steps over h/2 less one
-/// over h, Y = 2 Y(h/2, h/2) - Y(h), is of second order; where that would take O, Q or Ir below 0,
-/// as much of their reaction is undone as puts them to 0, and where it would P0 to P3, the two
-/// halves count alone.
+/// between end groups and oxygen by the root of another rising function.
+///
+/// Of second order are two ways to put such steps together:
+///
+/// - Cells of a plane take two stages over gamma h each, gamma = 1 - sqrt(1/2), the second from
+///   (1/gamma - 1) times as far as the first has come, with gamma of what the initiator sets free over h
+///   as the source of each: as Alexander's diagonally implicit method of two stages, L-stable, with the
+///   exact initiator. Stages that begin below 0 are lifted: as much of the reaction of O, Q or Ir is undone as puts
+///   them to 0; where that is not enough, the cell takes one plain step over h.
+/// - A single cell, whose steps are chosen by their error, takes two steps over h/2 less one over h, Y =
+///   2 Y(h/2, h/2) - Y(h), lifted in the same way; where that is not enough the two halves count
+///   alone. This takes half as long again.
 ///
 /// All instruction sets give the same bits.
 #pragma once
@@ -45,7 +53,7 @@ ReactionStep reaction_of(const Chemistry& c);
 
 /// `broken[i]`: 1 - exp(-kd h/2) of cell i, its share of the initiator that breaks in half a step.
 /// `gel_time`: where a cell comes to gel in this step, its time is noted, by a straight line between
-/// its ends; null: not asked. `error`: null, or room for the greatest difference that the halves make
+/// its ends; null: not asked. `error`: null, with two stages, or with halves and whole, room for the greatest difference that the halves make
 /// in any cell, over 1: O over `scale_O`, P0 over `scale_P`, P1 over itself plus `scale_p`.
 struct StepError {
   double scale_O = 1, scale_P = 1, scale_p = 1;

@@ -17,7 +17,7 @@ class GelTimeWalker final : public DoseWalker {
         kernel_(*model.gel_time),
         cut_(kernel_),
         columns_(columns),
-        slots_(static_cast<std::size_t>(kernel_.reach()) + 2 * kStride),
+        slots_(static_cast<std::size_t>(kernel_.reach()) + std::size_t{2} * kStride),
         marks_(slots_.size() / kStride + 2),
         own_(columns),
         state_(columns),

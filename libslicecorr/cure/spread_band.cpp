@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 
 namespace slicecorr::detail {
@@ -79,6 +80,12 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
     }
   }
   if (!scatter_.none()) {
+    if (model.gel_time) {
+      refuse(fmt::format(
+          "resin '{}' has scatter_um2_per_um and model \"gel-time\"; expected one of both: "
+          "scattered light of such resins does not add up from slice to slice",
+          resin.name));
+    }
     if (model.m != 1.0) {
       refuse(
           fmt::format("resin '{}' has scatter_um2_per_um and an exponent m of {:g}; expected 1: "
@@ -115,7 +122,7 @@ PixelBox SpreadLight::grown(const PixelBox& box, int x, int y) const {
 
 std::optional<FinestWidths> SpreadLight::finest() const {
   const CureModel& m = model();
-  if (m.inhibited) return std::nullopt;
+  if (m.inhibited || m.gel_time) return std::nullopt;
   const LightSpread& spread = models_.printer().spread;
   const bool layerwise = m.mode == ExposureMode::layerwise;
   // Layer by layer each layer gels in its own exposure, and black adds up.
@@ -163,7 +170,9 @@ const std::vector<double>& SpreadBand::intensities(std::uint8_t place, int) {
     const PixelCurve& curve = light_.models_.curve(place);
     const double m = light_.model().m;
     values.assign(curve.begin(), curve.end());
-    if (m != 1.0) {
+    if (const GelTimeKernel* const kernel = light_.model().gel_time.get()) {
+      for (double& v : values) v = kernel->intensity_mw_cm2(v);
+    } else if (m != 1.0) {
       for (double& v : values) v = std::pow(v, 1.0 / m);
     }
   }
@@ -239,7 +248,9 @@ void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, const Ligh
   }
   out_.resize(columns_of(to));
   spread.apply(in_.data(), from, out_.data(), to);
-  if (const double m = light_.model().m; m != 1.0 && !light_.under_uv()) {
+  if (const GelTimeKernel* const kernel = light_.model().gel_time.get()) {
+    for (double& v : out_) v = kernel->phi(v);
+  } else if (const double m = light_.model().m; m != 1.0 && !light_.under_uv()) {
     for (double& v : out_) v = std::pow(v, m);
   }
   copy_common(out_, to, field, field_);

@@ -29,7 +29,7 @@ class SpreadLight {
   /// Of the models' printer and resin, for images of `grid` that lie like `frame`. `models` must
   /// outlive this. Throws `InputError`
   /// where what spreads can't be counted: light made for an even dead zone; scatter under UV light, in
-  /// a resin whose exponent m is not 1, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
+  /// a resin whose exponent m is not 1 or that has a time to gel, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
   SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
   /// Light stays where it is.
@@ -120,7 +120,7 @@ class SpreadBand {
   CodedBand coded_;
   ShownBand images_;
   /// Relative intensity of each pixel value to the power 1 / m, by value of the display's light;
-  /// under UV light the intensity.
+  /// under UV light and with a time to gel the intensity.
   std::array<std::vector<double>, 256> intensities_;
   std::map<int, std::vector<double>> uv_intensities_, dark_uv_;  ///< by setting
   std::vector<double> dark_;          ///< the light of a black image, over `field_`

@@ -494,6 +494,7 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
   const CureModel& model = plans_->models().brightest();
   const char* const alone = model.bath_slices > 0       ? "the resin ends"
                             : model.mirrored_slices > 0 ? "the platform sends light back"
+                            : model.gel_time            ? "the resin has a time to gel"
                             : !model.inhibited          ? nullptr
                             : !plans_->even() ? "the display's light is uneven under UV light"
                             : !detail::can_couple_under_uv(model) ? "UV light is patterned"

@@ -44,6 +44,9 @@ struct PatternSetup {
   double spread_um = 0;  ///< sigma of light that spreads like a Gaussian, >= 0
   /// Thickness of the film: it is cured by the mean of the light in it. 0: as thin as needs be.
   double film_um = 0;
+  /// Initiator that has broken lets light pass, so that a film gets the more light the longer it is lit: the
+  /// mean is that of the initiator that a cell has left. All that is broken in a film is then exact.
+  bool bleaches = false;
   double supply_per_s = 0;  ///< ks: oxygen comes from outside at ks (O(0) - O), >= 0
   double step_s = 0;        ///< 0: as `step_of` says
 };

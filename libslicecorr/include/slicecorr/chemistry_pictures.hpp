@@ -14,6 +14,10 @@ namespace slicecorr {
 /// When each cell gelled: from yellow, the first, to dark blue, the last; what was meant to gel and did
 /// not is red, what stayed liquid is white, and the dark that gelled is paler than the lit.
 ColourImage gel_time_picture(const PatternRun& run, const LightPattern& target);
+/// The same as a file with a scale, the times of its colours and words; `svg`, or else as PNG. Cells are
+/// drawn as whole pixels, so that what is small fills the sheet.
+std::string gel_time_sheet(const PatternRun& run, const LightPattern& target, double cell_um,
+                           const std::string& name, bool svg);
 
 /// How like the target what has gelled is, over time: the image as it is shown, and corrected where
 /// there is one. `name`: of the resin.

@@ -14,6 +14,7 @@
 #include "hand_over.hpp"
 #include "hologram.hpp"
 #include "options.hpp"
+#include "oxygen.hpp"
 #include "pattern.hpp"
 #include "plan.hpp"
 #include "programs/common/dose_options.hpp"
@@ -40,6 +41,7 @@ struct Arguments {
   SetupOptions setup;
   UncertainOptions uncertain;
   DoseOptions doses;
+  OxygenOptions oxygen;
   SimulateOptions simulate;
   std::string input, output, format, target, json, kept;
   std::vector<std::string> leave_alone;
@@ -104,9 +106,18 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
                             context);
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, nullptr, a.missing(),
                            folder_of(a.output), context);
-  const Correction result = with_dose_words(setup, [&] {
-    return correct_stack(*wanted, setup, file, {.before = !console.quiet()}, context);
-  });
+  const CorrectionAsk ask{.before = !console.quiet()};
+  if (a.oxygen.even) {
+    const OxygenCorrection even = with_dose_words(setup, [&] {
+      return correct_even_oxygen(*wanted, setup, file, ask, a.oxygen.ask, context);
+    });
+    const Correction& c = even.correction;
+    console.say(fmt::format("{}: {} slices\n{}{}", a.output, c.info.grid.layers,
+                            summary(c.after, c.before), oxygen_in_words(even.oxygen)));
+    return kDone;
+  }
+  const Correction result = with_dose_words(
+      setup, [&] { return correct_stack(*wanted, setup, file, ask, context); });
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -141,6 +152,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   check_output(a.output, {a.input, a.target});
   check_output(a.uncertain.map, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
+  tell_even_oxygen(given.stack.info(), context);
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.target), context);
   const Prediction p = verify_stack(given.stack, *wanted, given.setup, context);
@@ -203,6 +215,7 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
   const StackReader& stack = given.stack;
+  tell_even_oxygen(stack.info(), context);
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.output), context);
   const SliceSource& target = *wanted;
@@ -515,6 +528,7 @@ int run_program(int argc, char** argv) {
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
   a.uncertain.add_to(*sub, true);
+  a.oxygen.add_to(*sub);
   doses_of_stack(sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 

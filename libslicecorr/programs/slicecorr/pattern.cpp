@@ -23,6 +23,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+bool svg(const std::string& path) { return path.ends_with(".svg"); }
+
 std::string bytes_text(const std::vector<std::uint8_t>& bytes) {
   return {bytes.begin(), bytes.end()};
 }
@@ -130,13 +132,15 @@ void check_outputs(const PatternOptions& o) {
     check_output(output, taken);
     if (!output.empty() && output != "-") taken.push_back(output);
   }
-  const auto ends = [](const std::string& path, const char* with) {
-    if (!path.empty() && std::filesystem::path(path).extension() != with) {
-      throw InputError(path, "", fmt::format("expected a picture that ends in {}", with));
-    }
+  const auto ends = [](const std::string& path, const char* with, const char* or_with = nullptr) {
+    const auto end = std::filesystem::path(path).extension();
+    if (path.empty() || end == with || (or_with && end == or_with)) return;
+    throw InputError(path, "",
+                     fmt::format("expected a picture that ends in {}{}", with,
+                                 or_with ? fmt::format(" or {}", or_with) : std::string()));
   };
   ends(o.correct, ".png");
-  ends(o.output, ".png");
+  ends(o.output, ".png", ".svg");
   ends(o.curve, ".svg");
 }
 
@@ -155,6 +159,7 @@ int pattern_command(const PatternOptions& o, const ExecutionContext& context, Co
   s.sides = o.sides == "walls" ? Sides::walls : Sides::periodic;
   s.spread_um = o.spread_um;
   s.film_um = o.film_um;
+  s.bleaches = o.bleaching;
   s.supply_per_s = o.supply_per_s;
   s.step_s = o.step_ms / 1000;
   const GreyImage image = read_image(o, context);
@@ -167,6 +172,10 @@ int pattern_command(const PatternOptions& o, const ExecutionContext& context, Co
         fmt::format("Warning: the thinnest lit part is {} cells across; below {} times to gel "
                     "are coarse. --refine makes cells smaller.",
                     cells, fine));
+  }
+  if (s.bleaches && !(s.film_um > 0)) {
+    throw InputError(
+        "--bleaching: nothing bleaches in a film without thickness; expected --film-um");
   }
   if (const double takes = absorbed_share(c, s.film_um); takes > 0.1) {
     console.say(
@@ -209,7 +218,7 @@ int pattern_command(const PatternOptions& o, const ExecutionContext& context, Co
   }
   if (!o.csv.empty()) print_or_write(o.csv, csv_of(run, target));
   if (!o.output.empty()) {
-    write_text_file(o.output, bytes_text(encode_png(gel_time_picture(run, target))));
+    write_text_file(o.output, gel_time_sheet(run, target, s.cell_um, resin.name, svg(o.output)));
     console.say(fmt::format("{}: written", o.output));
   }
   if (!o.curve.empty()) {
@@ -256,6 +265,8 @@ void add_pattern(Program& program, PatternOptions& o) {
       ->check(number_in(0, 1e6));
   sub->add_option("--film-um", o.film_um, "Thickness of the film, whose mean light counts [0]")
       ->check(number_in(0, 1e7));
+  sub->add_flag("--bleaching", o.bleaching,
+                "Initiator that has broken lets light pass: the film's light grows");
   sub->add_option("--sides", o.sides, "What is beside the image: itself again, or walls")
       ->check(CLI::IsMember({"periodic", "walls"}))
       ->capture_default_str();
@@ -282,7 +293,7 @@ void add_pattern(Program& program, PatternOptions& o) {
   sub->add_option("--search-steps", o.steps, "With --correct: steps of the search")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
-  sub->add_option("-o,--output", o.output, "Draw when each pixel gels (.png)");
+  sub->add_option("-o,--output", o.output, "Draw when each pixel gels (.png or .svg)");
   sub->add_option("--curve", o.curve,
                   "Draw over time how well what has gelled matches the image (.svg)");
   sub->add_option("--csv", o.csv, "Write a row for each cell here (- for stdout)");

@@ -13,6 +13,7 @@ struct PatternOptions {
   double spread_um = 0, film_um = 0, supply_per_s = 0, step_ms = 0;
   double used_up_by_s = 0, margin = 0.15;
   int refine = 1, slice = -1, steps = 500;
+  bool bleaching = false;
 };
 
 /// Adds `pattern`, which keeps what it is told in `options`.

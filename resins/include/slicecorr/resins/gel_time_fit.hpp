@@ -63,6 +63,6 @@ struct GelTimeFit {
 };
 
 /// Throws `InputError` where there are less than two intensities.
-GelTimeFit fit_gel_time(const TimesToGel& times);
+GelTimeFit fit_gel_time(const TimesToGel& data);
 
 }  // namespace slicecorr::resins

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "beams_parts.hpp"
 #include "slicecorr/beam_vat.hpp"
@@ -160,6 +161,32 @@ TEST(BeamJobs, LevelsAreTheNearestAndBlackStillShines) {
   EXPECT_NEAR(shown.images[0].share[0], (0.5 + level * step) / 8, 1e-6);
   EXPECT_THAT(message([&] { shown_beams(images, setup, vat_of(kSix), printer(), 11); }),
               HasSubstr("gives up to 10"));
+}
+
+TEST(BeamJobs, CellsGetTheirOwnLightWhereverTheyLieOnPixels) {
+  // Odd numbers of cells lie half a pixel beside those of a display with an even number; three pixels
+  // to a cell lie in it.
+  std::mt19937 random(5);
+  const Printer p = printer();
+  for (const double cell_mm : {0.1, 0.3}) {
+    for (const int cells : {10, 11}) {
+      const BeamSetup setup = beam_setup(6, cell_mm);
+      std::vector<BeamImage> images;
+      for (const Beam& beam : setup.beams) {
+        BeamImage image{beam, cells, cells, {}};
+        for (int i = 0; i < cells * cells; ++i) {
+          image.share.push_back(0.05F + 0.95F * static_cast<float>(random() % 256) / 255);
+        }
+        images.push_back(std::move(image));
+      }
+      const ShownBeams shown = shown_beams(images, setup, vat_of(kSix), p, 10);
+      for (std::size_t k = 0; k < images.size(); ++k) {
+        for (std::size_t i = 0; i < images[k].share.size(); ++i) {
+          ASSERT_NEAR(shown.images[k].share[i], images[k].share[i], 0.5 / 255) << cells << " " << i;
+        }
+      }
+    }
+  }
 }
 
 TEST(BeamJobs, ImagesMustFitOnTheirDisplays) {

@@ -13,7 +13,9 @@
 namespace slicecorr::tomo {
 namespace {
 
-constexpr double kTouch = 1e-6;  ///< of a cell, that rounding may take
+/// Of a pixel, by which its middle counts as further left and up: where it lies on the edge of a cell
+/// the one before has it, whatever was rounded.
+constexpr double kNudge = 1e-6;
 constexpr int kHologramSteps = 50;
 
 /// Whether columns of a beam's image run to the right, as seen from its display.
@@ -41,8 +43,8 @@ class Place {
 
   /// The cell under the middle of a pixel.
   std::size_t cell(int column, int row) const {
-    const double across = (column + 0.5 - way_.column_px) * px_;
-    const double up = (way_.row_px - row - 0.5) * py_;
+    const double across = (column + 0.5 - kNudge - way_.column_px) * px_;
+    const double up = (way_.row_px - row - 0.5 + kNudge) * py_;
     const int c = clamp((right_ ? across : -across) + 0.5 * image_.columns, image_.columns);
     const int r = clamp(up + 0.5 * image_.rows, image_.rows);
     return static_cast<std::size_t>(r) * static_cast<std::size_t>(image_.columns) +
@@ -50,18 +52,19 @@ class Place {
   }
   int column_of_cell(int c) const {
     const double across = c + 0.5 - 0.5 * image_.columns;
-    return static_cast<int>(std::floor((right_ ? across : -across) / px_ + way_.column_px));
+    return pixel_at((right_ ? across : -across) / px_ + way_.column_px);
   }
   int row_of_cell(int r) const {
-    return static_cast<int>(std::floor(way_.row_px - (r + 0.5 - 0.5 * image_.rows) / py_));
+    return pixel_at(way_.row_px - (r + 0.5 - 0.5 * image_.rows) / py_);
   }
 
  private:
   static int clamp(double at, int cells) {
     return std::clamp(static_cast<int>(std::floor(at)), 0, cells - 1);
   }
-  /// Pixels whose middle lies in the image.
-  static int pixel(double edge) { return static_cast<int>(std::ceil(edge - 0.5 - kTouch)); }
+  static int pixel_at(double place) { return static_cast<int>(std::floor(place + 0.5 * kNudge)); }
+  /// The first whose middle lies behind an edge.
+  static int pixel(double edge) { return static_cast<int>(std::ceil(edge - 0.5 + kNudge)); }
 
   const BeamImage& image_;
   const BeamWay& way_;

@@ -181,6 +181,13 @@ std::string why_not(Result& r, const ExecutionContext& context) {
         "that ends where the part does (--vat-mm)",
         ideal.unlit_cells, ideal.part_cells);
   }
+  const double pixel_um = std::max(r.job.printer.pixel_x_um, r.job.printer.pixel_y_um);
+  if (ideal.contrast > 1 && pixel_um > 1e3 * setup.cell_mm * (1 + 1e-9)) {
+    return fmt::format(
+        "the images have a contrast of {:.4g}, but pixels of {:g} um are coarser than cells of {:g} "
+        "mm and leave {:.4g} of it; expected cells of {:g} mm or more (--voxel-mm)",
+        ideal.contrast, pixel_um, setup.cell_mm, r.figures.contrast, pixel_um * 1e-3);
+  }
   if (ideal.contrast > 1) {
     return fmt::format(
         "the images have a contrast of {:.4g}, but {} grey levels from {:.4g} to {:.4g} mW/cm² leave "

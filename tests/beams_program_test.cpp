@@ -112,6 +112,10 @@ TEST_F(BeamsProgram, EndOnImagesLeaveTheOutsideDark) {
   EXPECT_TRUE(j["time_window_s"][1].is_null());
   EXPECT_EQ(j["most_outside_mw_cm2"], 0);
   EXPECT_THAT(r.err, HasSubstr("nothing else does"));
+  // It is no stack, whatever its name ends in.
+  const auto info = test::run_program({SLICECORR_BIN_DIR "/slicecorr", "info", path("job.uvj")});
+  EXPECT_EQ(info.exit_code, 2);
+  EXPECT_THAT(info.err, HasSubstr("a print with beams, not of slices"));
 }
 
 TEST_F(BeamsProgram, GreyImagesPrintWhatNoHullHas) {

@@ -301,6 +301,11 @@ ArchiveContents parse_uvj_config(std::string_view text, const std::string& file)
   const Json json = parse_json(text, place, times);
   const Node root(json, "", place);
   ArchiveContents config;
+  if (root.has("kind") && root["kind"].is_text("beams")) {
+    root.refuse(
+        "is that of a print with beams, not of slices: `printbridge print` shows it, "
+        "`slicecorr beams` makes another; expected a stack");
+  }
   read_properties(root["Properties"], config.info);
   if (root.has("Layers")) {
     root["Layers"].list(0, 1000000);

@@ -92,19 +92,20 @@ std::string gel_time_sheet(const PatternRun& run, const LightPattern& target, do
   constexpr int edge = 16, wide = 640, bar = 14, bar_width = 240;
   constexpr double line = detail::Canvas::kLine;
   const PatternFigures f = figures_of(run, target);
-  const std::string words =
-      fmt::format("{}: {} of {} lit cells of {:g} um gelled, and {} dark ones", name, f.lit_gelled,
-                  f.lit, cell_um, f.dark_gelled_at_end);
+  const std::string words = fmt::format("{}: {} of {} lit cells gelled", name, f.lit_gelled, f.lit);
+  const std::string more =
+      fmt::format("and {} dark ones; cells of {:g} um", f.dark_gelled_at_end, cell_um);
   std::unique_ptr<detail::Canvas> canvas;
   if (svg) {
-    canvas = std::make_unique<detail::SvgCanvas>(words);
+    canvas = std::make_unique<detail::SvgCanvas>(words + " " + more);
   } else {
     canvas = std::make_unique<detail::PixelCanvas>();
   }
   const ColourImage map =
       magnified(gel_time_picture(run, target), std::max(1, wide / std::max(1, run.width)));
-  double y = edge + line;
-  canvas->text(edge, y - 6, words);
+  double y = edge + 2 * line;
+  canvas->text(edge, y - line - 6, words);
+  canvas->text(edge, y - 6, more);
   canvas->image(edge, y, map);
   y += map.height_px + line;
   // A round length of at most a third of the picture.
@@ -156,7 +157,8 @@ std::string gel_time_sheet(const PatternRun& run, const LightPattern& target, do
   if (f.lit_gelled < f.lit) key(kLate, "lit, and not gelled");
   key({255, 255, 255}, "dark");
   const double widest =
-      std::max({static_cast<double>(edge + map.width_px), edge + canvas->width_of(words), x});
+      std::max({static_cast<double>(edge + map.width_px), edge + canvas->width_of(words),
+                edge + canvas->width_of(more), x});
   return canvas->file(widest + edge, y + edge);
 }
 
@@ -179,7 +181,9 @@ std::string overlap_svg(const PatternRun& even, const PatternRun* corrected,
     }
     panel.line(points, chart::Style::series, series);
     const Overlap o = best_overlap(run, target);
-    panel.ring({o.time_s, o.jaccard}, figure(o.jaccard));
+    // Two words beside each other would hide each other.
+    const bool told = !corrected || &run == corrected;
+    panel.ring({o.time_s, o.jaccard}, told ? figure(o.jaccard) : std::string());
     picture.legend_line(chart::Style::series, what, series);
   };
   draw(even, 0, "even light");

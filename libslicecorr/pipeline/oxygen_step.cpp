@@ -311,7 +311,7 @@ OxygenFigures EvenSlices::even_out(const ExecutionContext& context) {
 std::string effort_in_words(const OxygenEffort& e) {
   const double minutes = e.seconds / 60;
   return fmt::format(
-      "evening out oxygen: {} different slices of up to {:.0f} cells, some {} and {:.1f} MiB",
+      "evening out oxygen: {} different slices of up to {:.0f} cells, at most some {} and {:.1f} MiB",
       e.slices, e.most_cells,
       minutes < 1 ? fmt::format("{:.0f} s", std::max(1.0, e.seconds))
                   : fmt::format("{:.0f} min", minutes),

@@ -47,7 +47,7 @@ struct OxygenFigures {
 /// In lines for people.
 std::string oxygen_in_words(const OxygenFigures& f);
 
-/// What it takes, before it begins; `seconds` is good to a factor of two or three.
+/// What it takes at most, before it begins; `seconds` is good to a factor of a few.
 struct OxygenEffort {
   int slices = 0;
   double most_cells = 0, bytes = 0, seconds = 0;

@@ -270,7 +270,7 @@ TEST_F(MeasureLightProgram, WhatNeedsLightIsRefusedAndWhatDoesNotIsDone) {
   refused(call(Command{"testpart", "staircase", "-o", "stairs.uvj"} + light));
   refused(other("slicecorr-post", Command{"target.goo", "--exposure-s", "2"} + light));
   refused(other("resinctl", {"recommend", "--printer", "dark.toml", "--resin", "figure-2-2",
-                             "--height-um", "100", "--speed-mm-h", "800"}));
+                             "--speed-mm-h", "800", "--tolerance-um", "25"}));
   refused(other("resinctl", {"export", "dark.toml", "--format", "csv"}));
   const RunResult farm =
       other("slicefarm", Command{"submit", "target.uvj", "--dir", "farm"} + light + speed);

@@ -111,6 +111,28 @@ class PrintFilesPython : public testing::TestWithParam<const char*> {
     const RunResult r = run_program(command, options);
     ASSERT_EQ(r.exit_code, 0) << r.err;
   }
+  /// The pixels of one in new files, and back into the first as a template, which gives the first.
+  void write_and_read_back() const {
+    const std::string file = original();
+    if (file.empty()) GTEST_SKIP() << lacks(real_file(std::string("slices/binary/") + GetParam()));
+    const Grid grid = StackReader::read_info(file).grid;
+    const int step = step_of(grid);
+    const json before = second_reader(file, grid.layers, step);
+    const std::string goo = folder_ / "made.goo", ctb = folder_ / "made.ctb",
+                      back = folder_ / ("back" + std::filesystem::path(file).extension().string());
+    good({"convert", file, "-o", goo});
+    expect_same(goo);
+    const json made = second_reader(goo, grid.layers, step);
+    for (const char* key :
+         {"size", "count", "layers", "times", "exposure_s", "bottom_s", "bottom_layers"}) {
+      EXPECT_EQ(made[key], before[key]) << key;
+    }
+    good({"convert", goo, "-o", ctb});
+    expect_same(ctb);
+    good({"convert", goo, "-o", back, "--template", file});
+    expect_same(back);
+    EXPECT_EQ(read_file(back), read_file(file));
+  }
   TemporaryFolder folder_;
 };
 INSTANTIATE_TEST_SUITE_P(Real, PrintFilesPython,
@@ -127,31 +149,20 @@ TEST_P(PrintFilesPython, BothReadTheSame) {
   expect_same(file);
 }
 
-// The pixels of one in new files, and back into the first as a template, which gives the first.
-TEST_P(PrintFilesPython, WhatTheProgramsWriteIsReadBack) {
-  const std::string file = original();
-  if (file.empty()) GTEST_SKIP() << lacks(real_file(std::string("slices/binary/") + GetParam()));
-  const Grid grid = StackReader::read_info(file).grid;
-  const int step = step_of(grid);
-  if (step > 1 && std::filesystem::path(file).extension() != ".pwmo") {
-    GTEST_SKIP() << "large: at night alone";
-  }
-  const json before = second_reader(file, grid.layers, step);
-  const std::string goo = folder_ / "made.goo", ctb = folder_ / "made.ctb",
-                    back = folder_ / ("back" + std::filesystem::path(file).extension().string());
-  good({"convert", file, "-o", goo});
-  expect_same(goo);
-  const json made = second_reader(goo, grid.layers, step);
-  for (const char* key :
-       {"size", "count", "layers", "times", "exposure_s", "bottom_s", "bottom_layers"}) {
-    EXPECT_EQ(made[key], before[key]) << key;
-  }
-  good({"convert", goo, "-o", ctb});
-  expect_same(ctb);
-  good({"convert", goo, "-o", back, "--template", file});
-  expect_same(back);
-  EXPECT_EQ(read_file(back), read_file(file));
-}
+using PrintFilesPythonWritten = PrintFilesPython;
+INSTANTIATE_TEST_SUITE_P(Real, PrintFilesPythonWritten,
+                         testing::Values("mariner_pyramid.v3.ctb", "msla_photon_mono.v515.pwmo.gz"),
+                         [](const auto& info) { return name_of(info.param); });
+TEST_P(PrintFilesPythonWritten, AreReadBack) { write_and_read_back(); }
+
+using PrintFilesPythonNight = PrintFilesPython;
+INSTANTIATE_TEST_SUITE_P(Real, PrintFilesPythonNight,
+                         testing::Values("msla_saturn.v4.ctb", "msla_mars4max.goo.gz",
+                                         "msla_photon_mono_x.v516.pwmx.gz",
+                                         "msla_photon_mono_4k.v516.pwma.gz",
+                                         "msla_photon_m3.v516.pm3.gz"),
+                         [](const auto& info) { return name_of(info.param); });
+TEST_P(PrintFilesPythonNight, LargeOnesAreReadBack) { write_and_read_back(); }
 
 TEST(PrintFilesPythonToo, SmallOnesWithAllLevels) {
   const TemporaryFolder folder;

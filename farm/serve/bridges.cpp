@@ -43,6 +43,7 @@ std::string text_of(const std::string& path) {
 pid_t start_detached(const std::vector<std::string>& arguments, const std::string& log) {
   // All memory is taken before the fork.
   std::vector<char*> argv;
+  argv.reserve(arguments.size() + 1);
   for (const std::string& s : arguments) argv.push_back(const_cast<char*>(s.c_str()));
   argv.push_back(nullptr);
   const pid_t pid = ::fork();

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "serve/api.hpp"
 #include "serve/plate.hpp"
@@ -56,9 +57,9 @@ bool flag_of(const Json& json, const char* key) {
   return value->get<bool>();
 }
 
-void check_keys(const Json& json, std::initializer_list<const char*> known) {
-  for (const auto& [key, value] : json.items()) {
-    if (std::none_of(known.begin(), known.end(), [&](const char* k) { return key == k; })) {
+void check_keys(const Json& json, std::initializer_list<std::string_view> known) {
+  for (const auto& item : json.items()) {
+    if (std::find(known.begin(), known.end(), item.key()) == known.end()) {
       throw ApiError(400, "json", "has a key that this request does not take");
     }
   }

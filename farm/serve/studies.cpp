@@ -254,7 +254,7 @@ std::string Studies::path_of(const std::string& token, const std::string& name) 
 }
 
 std::string Studies::file(const std::string& token, const std::string& name) const {
-  const std::string path = path_of(token, name);
+  std::string path = path_of(token, name);
   const std::scoped_lock lock(mutex_);
   const auto& files = find(token)->plan.files;
   if (std::find(files.begin(), files.end(), name) == files.end()) {

@@ -157,6 +157,9 @@ async function study(request, box) {
 
 // --- parts of pages -----------------------------------------------------------------------------------------------------
 
+// Parts that came by the browser go by their names, not by where the farm keeps them.
+const plain = (text) => String(text || '').replace(/\S*\/uploads\/[0-9a-f]{32}\//g, '');
+
 function facts(list, pairs) {
   list.replaceChildren();
   for (const [name, value] of pairs) {

@@ -105,7 +105,7 @@ function jobRows(state, list) {
     } else {
       cell(j.user, 'words');
       cell(j.reason, 'words');
-      cell(j.message, 'words message');
+      cell(plain(j.message), 'words message');
       cell(j.attempts);
       cell(moment(j.ended_ms));
     }
@@ -149,14 +149,14 @@ async function showJob(id, go) {
     report = el('dd');
     report.append(reportLink(j));
   }
-  facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', j.message],
-    ['Parts', j.parts.join(', ')], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
+  facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', plain(j.message)],
+    ['Parts', plain(j.parts.join(', '))], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
     ['Print', j.figures && !j.figures.height_error_um ? tomoWords(j.figures) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
-    ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', j.output_folder], ['Report', report]]);
+    ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', /\/results\/\d+$/.test(j.output_folder) ? '' : j.output_folder], ['Report', report]]);
   jobActions(j);
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
-    + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + a.message : '') : a.phase))));
-  $('log').textContent = j.tries.length ? await (await ask('/api/v1/jobs/' + id + '/log?bytes=20000')).text() : 'not tried yet';
+    + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + plain(a.message) : '') : a.phase))));
+  $('log').textContent = j.tries.length ? plain(await (await ask('/api/v1/jobs/' + id + '/log?bytes=20000')).text()) : 'not tried yet';
   if (go) $('detail-title').focus();
 }
 

@@ -127,8 +127,11 @@ PlateParts read_parts(const MeshOptions& options, const ExecutionContext& contex
                              r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
                              r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
     if (r.defects.any()) {
-      all.defects.push_back(fmt::format("{}: {}", path, describe(r.defects)));
-      context.tell(all.defects.back());
+      const std::string text = fmt::format("{}: {}", path, describe(r.defects));
+      context.tell(text);
+      // Triangles without area and bodies that touch are told, and print as they are meant.
+      const MeshDefects& d = r.defects;
+      if (d.open_edges + d.misoriented_edges + d.flipped_triangles > 0) all.defects.push_back(text);
     }
     if (all.mesh.triangles.empty()) {
       all.mesh = std::move(part);

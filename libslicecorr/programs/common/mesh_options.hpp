@@ -39,7 +39,7 @@ struct PlateParts {
   TriangleMesh mesh;
   EdgeDefects edge_defects;
   std::vector<std::string>
-      defects;  ///< a line for each file that has any: "part.stl: 3 open edges"
+      defects;  ///< a line for each file whose print may not be what was meant: "part.stl: 3 open edges"
 };
 
 /// What is known of parts besides their slices.

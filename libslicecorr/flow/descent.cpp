@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kMemory = 12;
 constexpr int kRest = 10;  ///< steps over which progress is judged
 /// Progress below which it ends, of the value: what is left is worth a tenth of a percent of a section.
-constexpr double kProgress = 1e-3;
+constexpr double kProgress = 3e-4;
 constexpr double kArmijo = 1e-4;
 
 using Vector = std::vector<double>;

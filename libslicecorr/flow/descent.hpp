@@ -16,7 +16,7 @@ struct Descent {
 /// Value at `x`, and its gradient.
 using Slope = std::function<double(const std::vector<double>& x, std::vector<double>& gradient)>;
 
-/// Goes downhill from `x` until the value falls by less than a thousandth in ten steps, or `iterations` are
+/// Goes downhill from `x` until the value falls by less than 0.03 % in ten steps, or `iterations` are
 /// over. No number falls below that of `least`, 0..1.
 Descent descend(std::vector<double> x, const std::vector<double>& least, const Slope& slope,
                 int iterations);

@@ -24,9 +24,9 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using slicecorr::test::run_program;
 using slicecorr::test::RunOptions;
+using test::body_of;
 using test::Farm;
 using test::fill;
-using test::body_of;
 using test::Filled;
 using test::kToken;
 using test::Served;
@@ -157,9 +157,10 @@ TEST(Serve, HeadersOfEveryAnswer) {
   const Served served(farm);
   auto client = served.client();
   for (const std::string& path :
-       {std::string("/"), std::string("/pages/live.js"), std::string("/pages/style.css"), std::string("/report"),
-        std::string("/metrics"), std::string("/api/v1/overview"), std::string("/api/v1/jobs"),
-        std::string("/api/v1/report"), std::string("/api/v1/timeline.svg"), std::string("/nothing"),
+       {std::string("/"), std::string("/pages/live.js"), std::string("/pages/style.css"),
+        std::string("/report"), std::string("/metrics"), std::string("/api/v1/overview"),
+        std::string("/api/v1/jobs"), std::string("/api/v1/report"),
+        std::string("/api/v1/timeline.svg"), std::string("/nothing"),
         std::string("/api/v1/jobs?limit=x"),
         fmt::format("/api/v1/jobs/{}/files/html", f.done[0])}) {
     const auto answer = client.Get(path.c_str());

@@ -116,8 +116,8 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
                             summary(c.after, c.before), oxygen_in_words(even.oxygen)));
     return kDone;
   }
-  const Correction result = with_dose_words(
-      setup, [&] { return correct_stack(*wanted, setup, file, ask, context); });
+  const Correction result =
+      with_dose_words(setup, [&] { return correct_stack(*wanted, setup, file, ask, context); });
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -226,8 +226,7 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
                                                       before, title_of(a.input), context),
                                         context));
-  console.say(
-      fmt::format("{}: written\n{}", a.output, summary(after, before)));
+  console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
   return kDone;
 }
 

@@ -23,6 +23,19 @@ double wanted_share(int n) {
   return n == 0 ? 0 : std::pow(kFirst, static_cast<double>(kRising - n) / (kRising - 1));
 }
 
+constexpr const char* kNothingOnIt =
+    "Take off vat and platform, so that nothing lies on the display and nothing can come down on the "
+    "sensor. Where the printer insists on a vat, take one that is empty and clean; what you then "
+    "measure is the light at its film, which is right, too.";
+constexpr const char* kRead =
+    "At each image wait until the reading stands still, and write it down; that of black, too, which "
+    "is small: its light adds up over a whole print. Take off what the meter shows while the lamp is "
+    "off.";
+constexpr const char* kNoGrey =
+    "A display whose readings do not rise from image to image, or jump from nothing to full, shows no "
+    "grey: write <b>bit_depth = 1</b> into a copy of the printer's file, and measure black and full "
+    "light.";
+
 /// The images side by side, each with its number and level.
 std::string swatches(const std::vector<int>& levels, const std::vector<std::uint8_t>& values) {
   constexpr int kSide = 44, kStep = 50, kInRow = 11, kRow = 84;
@@ -116,21 +129,15 @@ std::string LevelImages::sheet(const std::string& form_file,
                                      : "the wavelength of your printer, mostly 405 nm"),
       "Glasses against that light, and gloves"};
   s.steps = {
-      "Take off vat and platform, so that nothing lies on the display and nothing can come down on "
-      "the sensor. Where the printer insists on a vat, take one that is empty and clean; what you "
-      "then measure is the light at its film, which is right, too.",
+      kNothingOnIt,
       "Let the lamp be lit for some minutes if you can: cold lamps are brighter.",
       "Lay the sensor face down onto the middle of the display.",
       fmt::format(
           "Print the file: <b>{} images</b>, each all of one grey, from black to full light, "
           "each lit for <b>{:g} s</b>. The printer's motor may do what it will.",
           levels_.size(), ask_.image_s),
-      "At each image wait until the reading stands still, and write it down; that of black, too, "
-      "which is small: its light adds up over a whole print. Take off what the meter shows while "
-      "the lamp is off.",
-      "A display whose readings do not rise from image to image, or jump from nothing to full, "
-      "shows no grey: write <b>bit_depth = 1</b> into a copy of the printer's file, and measure "
-      "black and full light."};
+      kRead,
+      kNoGrey};
   s.picture = swatches(levels_, values_);
   s.caption = "The images in their order, with their levels.";
   s.heads = {"image", "level", "mW/cm²"};

@@ -19,7 +19,6 @@ namespace slicecorr {
 namespace {
 
 using detail::PixelCode;
-using detail::raw_stride;
 
 /// Memory for all pieces together, bytes. Beyond it a piece costs two system calls, some
 /// microseconds.

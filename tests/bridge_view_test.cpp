@@ -777,8 +777,8 @@ TEST(Live, ShowsWhatAPersonNeeds) {
        {"printing for 8.0 s", "part.uvj", " 45 %", "13 s elapsed", "1.0 s left", "18 of 40",
         "0.180 of 0.400 mm", "799.6 mm/h, planned 799.9",
         "-0.25 um off now, 1.50 at most, 20 borne", "75.0 % asked, 74.0 % measured",
-        "20.00 mW/cm² asked, 19.50 mW/cm² measured", "31.5 °C", "18 of 40 frames", "3 of 16", "3 cycles of 10 ms",
-        "2 frames", "6.50 um late", "up to 0.05 um", "up to 10 um"}) {
+        "20.00 mW/cm² asked, 19.50 mW/cm² measured", "31.5 °C", "18 of 40 frames", "3 of 16",
+        "3 cycles of 10 ms", "2 frames", "6.50 um late", "up to 0.05 um", "up to 10 um"}) {
     EXPECT_THAT(text, HasSubstr(what));
   }
   EXPECT_THAT(text, Not(HasSubstr("to do")));

@@ -45,7 +45,8 @@ TEST_F(FirstDay, ADesignOfAnotherScaleIsRefusedAtOnce) {
          std::string("a scale of about ") + fits, "would fit"});
   }
   bad(2, solid + Command{"--rotate-deg", "0,90,0", "--scale", "0.1"},
-      {"the design is 0.25 x 0.20 x 0.40 mm", "turned, and with a scale of about 10, it would fit"});
+      {"the design is 0.25 x 0.20 x 0.40 mm",
+       "turned, and with a scale of about 10, it would fit"});
   // Turned, it has other sides; aside, the right ones in another place.
   bad(2, solid + Command{"--rotate-deg", "0,90,0"}, {"the design is 2.50 x 2.00 x 4.00 mm"});
   bad(2, solid + Command{"--center-mm", "1,1"}, {"lies beside what the stack shows"});

@@ -139,9 +139,10 @@ std::string tiles(const PrintRecord& r) {
                           : "");
   const int count = r.last ? r.last->frames_shown : static_cast<int>(r.frames.size());
   tile(text::count(count),
-       r.facts.frames > 0 ? fmt::format("of {} frames shown{}", text::count(r.facts.frames),
-                                        count > 0 ? fmt::format(", numbers 0 to {}", count - 1) : "")
-                          : "frames shown",
+       r.facts.frames > 0
+           ? fmt::format("of {} frames shown{}", text::count(r.facts.frames),
+                         count > 0 ? fmt::format(", numbers 0 to {}", count - 1) : "")
+           : "frames shown",
        r.facts.frames > 0 && count < r.facts.frames && bad ? "bad" : "");
   const int late = late_frames(r);
   tile(text::count(late), "late", late > 0 ? "bad" : "");

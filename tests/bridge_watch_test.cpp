@@ -256,7 +256,7 @@ TEST_F(BridgeView, WatchOnATerminal) {
   const auto frame_shown = [&] {
     std::smatch m;
     const std::string screen = terminal.screen();
-    return std::regex_search(screen, m, std::regex("frame +([0-9]+) of")) ? std::stoi(m[1]) : -1;
+    return std::regex_search(screen, m, std::regex("shown +([0-9]+) of")) ? std::stoi(m[1]) : -1;
   };
   const int before = frame_shown();
   ASSERT_TRUE(terminal.until([&] { return frame_shown() > before + 1; })) << terminal.screen();

@@ -36,7 +36,7 @@ constexpr int kMostRounds = 7, kLeastRounds = 2, kLastRounds = 2;
 constexpr double kMostVoxels = 2.5e8;
 /// Light that is rougher fits its own slice better and the next ones worse (`SectionGoal::smooth_um`): with
 /// 40 um 3DBenchy at a fifth of its size got 40 %, with 150 um 51 %, and nothing stuck to the window.
-constexpr double kSmoothUm = 100;
+constexpr double kSmoothUm = 150;
 /// Most dose at the window that light is sought with, at each try: what images show of it, and what lies
 /// between two slices, comes to more here and there, and must stay below 1.
 constexpr std::array kWindows{0.9, 0.7, 0.4, 0.4};

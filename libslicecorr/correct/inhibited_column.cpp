@@ -240,7 +240,9 @@ void InhibitedColumn::Impl::search(const std::vector<CoverageRun>& runs) {
   try_one_lag_for_all();
   // Lags of their own help features without room; of heights they mend little.
   const bool fits = perfect || (design.has_heights && wrong_voxels == 0);
-  if (!fits && !even && lags.size() > 1 && lags.size() <= plan.tuning.own_lag_features) {
+  // Of even light edges alone are no reason to leave what was planned.
+  if (!fits && (!even || wrong_voxels > 0) && lags.size() > 1 &&
+      lags.size() <= plan.tuning.own_lag_features) {
     try_a_lag_for_each();
   }
   raise_demands();

@@ -15,14 +15,9 @@ namespace {
 
 constexpr double kLeastGapUm = 1, kSettledUm = 0.25;
 constexpr int kMostRounds = 160;
-/// Over the last so many rounds a front is at rest that stays within so much, and from which so much is
-/// missing to where its dose would be 1.
+/// Of the last so many rounds a front is at rest that moves by less.
 constexpr int kWatchedRounds = 12;
 constexpr double kRestUm = 2, kRestShare = 0.1;
-constexpr double kMissing = 0.3;  ///< of which a step is this share: `front_step_um`
-/// A front whose steps change their sign takes shorter ones, down to this share, and longer ones again
-/// while they don't: what flows in from cells that move, too, answers late.
-constexpr double kShorter = 0.6, kLonger = 1.1, kShortest = 0.05;
 /// Where less of the cells comes to rest, the rounds say nothing.
 constexpr double kLeastAtRest = 0.9;
 /// Share of the cells with the thinnest gaps, and of those with the thickest, that are left out: single
@@ -56,8 +51,6 @@ DeadZoneRange dead_zone_under(const FlowSection& given, const FlowResin& resin, 
   }
   std::vector<double> gap_um(section.size(), start_um), felt_um = gap_um;
   std::vector<double> low_um(section.size(), kThickestGapUm), high_um(section.size(), 0);
-  std::vector<double> share(section.size(), 1.0), before_um(section.size(), 0);
-  std::vector<double> missing_um(section.size(), 0);  ///< mean of the steps that would be taken
   GapPressure now = solve_pressure(section, context);
   DeadZoneRange zone;
   // Where the front of the even gap comes to 1 at the rate that holds there.
@@ -90,23 +83,16 @@ DeadZoneRange dead_zone_under(const FlowSection& given, const FlowResin& resin, 
     for (const std::size_t k : part) {
       const double step = detail::front_step_um(resin.kinetics, speed_um_s, felt_um[k],
                                                 light.blue_mw_cm2, light.uv_mw_cm2, dose.front[k]);
-      share[k] =
-          std::clamp(share[k] * (step * before_um[k] < 0 ? kShorter : kLonger), kShortest, 1.0);
-      before_um[k] = step;
-      const double next = std::clamp(felt_um[k] + share[k] * step, kLeastGapUm, kThickestGapUm);
-      settled = settled && std::abs(felt_um[k] + step - gap_um[k]) < kSettledUm;
+      const double next = std::clamp(felt_um[k] + step, kLeastGapUm, kThickestGapUm);
+      settled = settled && std::abs(next - gap_um[k]) < kSettledUm;
       gap_um[k] = next;
       if (zone.rounds < kMostRounds - kWatchedRounds) continue;
       low_um[k] = std::min(low_um[k], next);
       high_um[k] = std::max(high_um[k], next);
-      missing_um[k] += step / kWatchedRounds;
     }
   }
   const auto rests = [&](std::size_t k) {
-    const double most = kRestUm + kRestShare * gap_um[k];
-    // At an end of the range a front rests whatever is missing.
-    const bool held = gap_um[k] >= kThickestGapUm;
-    return high_um[k] - low_um[k] <= most && (held || std::abs(missing_um[k]) <= kMissing * most);
+    return high_um[k] - low_um[k] <= kRestUm + kRestShare * gap_um[k];
   };
   const auto still =
       static_cast<double>(std::count_if(part.begin(), part.end(), [&](std::size_t k) {

@@ -63,6 +63,10 @@ void check_goal(const FlowSection& section, const FlowResin& resin, const Sectio
   }
 }
 
+/// What it costs where cells are to hold curing light off the window and don't: the mean square of what is
+/// missing, as a share of the cap, times this.
+constexpr double kHoldOffCost = 10;
+
 /// What stays the same for all gaps.
 struct Task {
   const FlowSection& section;
@@ -76,6 +80,7 @@ struct Task {
       asked;  ///< whose light is sought: those of part, and others that they show
   std::vector<int> right, below;  ///< of those, their neighbours among them; -1 without
   std::vector<double> distance_um;
+  bool holds_off = false;  ///< `StartLight::holds_off`
 
   std::vector<double> weight(double gap_um) const {
     std::vector<double> w(section.size(), 0.0);
@@ -245,6 +250,7 @@ class AtGap {
     sum += rough(x, 0, blue_size(), gradient);
     sum += rough(x, blue_size(), uv_size(), gradient);
     sum += pulled(x, gradient);
+    if (t_.holds_off) sum += held_off(x, gradient);
     return sum;
   }
 
@@ -274,6 +280,22 @@ class AtGap {
     };
     along(t_.right, t_.section.pitch_x_um);
     along(t_.below, t_.section.pitch_y_um);
+    return sum;
+  }
+
+  double held_off(const std::vector<double>& x, std::vector<double>& gradient) const {
+    const double uv_to_blue =
+        t_.resin.kinetics.beta * t_.goal.max_uv_mw_cm2 / t_.goal.max_blue_mw_cm2;
+    const double cost = kHoldOffCost / static_cast<double>(t_.asked.size());
+    double sum = 0;
+    for (std::size_t k = 0; k < t_.asked.size(); ++k) {
+      const std::size_t b = blue_size() > 1 ? k : 0, u = blue_size() + (uv_size() > 1 ? k : 0);
+      const double lacks = x[b] - uv_to_blue * x[u];
+      if (!(lacks > 0)) continue;
+      sum += cost * lacks * lacks;
+      gradient[b] += 2 * cost * lacks;
+      gradient[u] -= 2 * cost * lacks * uv_to_blue;
+    }
     return sum;
   }
 
@@ -534,7 +556,8 @@ SectionOptimum optimum(const FlowSection& section, const GapPressure& pressure,
   if (pressure.gap_um > 0) {
     throw InputError("flow", "pressure", "is of a gap that varies; expected that of an even one");
   }
-  const Task task = make_task(section, pressure, resin, speed_mm_h, goal, context);
+  Task task = make_task(section, pressure, resin, speed_mm_h, goal, context);
+  task.holds_off = start && start->holds_off;
   const Scan scan = start ? scan_of(task, *start) : scan_gaps(task, false);
   const AtGap at(task, scan.gap_um);
   Choice choice;

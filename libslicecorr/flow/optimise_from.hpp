@@ -10,6 +10,9 @@ namespace slicecorr::detail {
 struct StartLight {
   const std::vector<double>& blue_mw_cm2;
   const std::vector<double>& uv_mw_cm2;
+  /// Cells are to keep their curing light off the window each by itself, beta Iuv >= Ib, wherever resin
+  /// comes from.
+  bool holds_off = false;
 };
 SectionOptimum optimise_section_from(const StartLight& start, const FlowSection& section,
                                      const GapPressure& pressure, const FlowResin& resin,

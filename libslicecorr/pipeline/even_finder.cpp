@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -11,6 +12,7 @@
 #include "flow/image_light.hpp"
 #include "flow/optimise_from.hpp"
 #include "parallel/silent.hpp"
+#include "pipeline/bands.hpp"
 #include "pipeline/kept_images.hpp"
 #include "pipeline/planned_images.hpp"
 #include "slicecorr/error.hpp"
@@ -28,8 +30,19 @@ constexpr double kChanged = 0.2;
 /// slices chosen beforehand, the rest for those that turn out badly. Slices asked for go before it.
 constexpr double kMostCells = 8e4;
 constexpr int kFirstIterations = 40;
-/// Rounds of a look at what comes out, and the last one in which patterns are still sought.
-constexpr int kRounds = 5, kLastPattern = 2;
+/// Rounds of a look at what comes out, and the voxels of all images that they are solved for, about: one
+/// core solves some five million in a second. Patterns are sought in all rounds but the last ones.
+constexpr int kMostRounds = 7, kLeastRounds = 2, kLastRounds = 2;
+constexpr double kMostVoxels = 2.5e8;
+/// Light that is rougher fits its own slice better and the next ones worse (`SectionGoal::smooth_um`): with
+/// 40 um 3DBenchy at a fifth of its size got 40 %, with 150 um 51 %, and nothing stuck to the window.
+constexpr double kSmoothUm = 150;
+/// Most dose at the window that light is sought with, at each try: what images show of it, and what lies
+/// between two slices, comes to more here and there, and must stay below 1.
+constexpr std::array kWindows{0.9, 0.7, 0.4, 0.4};
+/// From this try on every cell keeps its own curing light off the window: that costs a little and lasts where
+/// resin flows otherwise than it was sought for.
+constexpr std::size_t kHoldsOff = 2;
 /// Share of the section by which light by place may do worse than light that is the same everywhere
 /// before it is given up, and the latter before it is sought anew: its own changes between slices, and
 /// levels, cost as much.
@@ -80,6 +93,12 @@ EvenFinder::EvenFinder(const SliceSource& target, const Setup& setup,
   goal_.pattern = pattern_of(setup.process.even_dead_zone);
   goal_.max_blue_mw_cm2 = even_blue_cap(target, setup);
   goal_.max_uv_mw_cm2 = setup.printer.uv->max_mw_cm2();
+  goal_.max_window = kWindows.front();
+  goal_.smooth_um = kSmoothUm;
+  const double voxels = static_cast<double>(columns_of(target.bounds())) * target.grid().layers;
+  rounds_ = std::clamp(static_cast<int>(std::min(100.0, kMostVoxels / std::max(1.0, voxels))),
+                       kLeastRounds, kMostRounds);
+  if (goal_.pattern == FlowPattern::constant) rounds_ = 1;
 }
 
 Process EvenFinder::find() {
@@ -93,8 +112,7 @@ Process EvenFinder::find() {
   set_most_slices(first);
   Process process = process_of(starting_light(first));
   process = process_of(guessed_light(planned(process)));
-  const int rounds = goal_.pattern == FlowPattern::constant ? 1 : kRounds;
-  for (int round = 0; round < rounds; ++round) {
+  for (int round = 0; round < rounds_; ++round) {
     if (!mend(planned(process), round)) break;
     process = process_of(std::move(found_));
   }
@@ -158,7 +176,7 @@ EvenFinder::Found EvenFinder::starting_light(const std::vector<int>& slices) {
   }
   SectionGoal constant = goal_;
   constant.pattern = FlowPattern::constant;
-  return {{slices.front()}, {light_of(section, nullptr, optimum(constant))}, {How::roughly}};
+  return {{slices.front()}, {light_of(section, nullptr, optimum(constant))}, {How::roughly}, {0}};
 }
 
 /// The light of each slice that is looked at, for what of it will be lit as far as that is known without
@@ -166,20 +184,21 @@ EvenFinder::Found EvenFinder::starting_light(const std::vector<int>& slices) {
 EvenFinder::Found EvenFinder::guessed_light(const Setup& setup) {
   const PlannedImages images(target_, setup, alone_);
   const EvenSections sections(LitPart(target_, images), setup, cells(), context_);
-  Found found{chosen_slices(sections), {}, {}};
+  Found found{chosen_slices(sections), {}, {}, {}};
   // Nothing is lit that is wide enough: light stays as it is.
   if (found.slices.empty()) return std::move(found_);
   for (const auto& some : in_parts(found.slices, sections.part().grid())) {
     const auto shown = shown_cells(images, target_, sections.part().grid(), some, setup, alone_);
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < some.size(); ++i) {
-      tasks.push_back({some[i], How::roughly, shown[i].image, nullptr});
+      tasks.push_back({some[i], How::roughly, 0, shown[i].image, nullptr});
     }
     for (SharedLight& light : seek(sections, tasks, "even dead zone")) {
       found.lights.push_back(std::move(light));
     }
   }
   found.how.assign(found.slices.size(), How::roughly);
+  found.tries.assign(found.slices.size(), 0);
   return found;
 }
 
@@ -191,14 +210,20 @@ bool EvenFinder::mend(const Setup& setup, int round) {
   const KeptImages images = solved_images(target_, setup, slices, alone_);
   const EvenSections sections(LitPart(target_, images), setup, cells(), alone_);
   const FlowGrid& grid = sections.part().grid();
-  std::map<int, std::pair<How, SharedLight>> mended;
+  struct Mended {
+    How how;
+    std::size_t tries;
+    SharedLight light;
+  };
+  std::map<int, Mended> mended;
   std::size_t room = most_slices_ - std::min(most_slices_, found_.slices.size());
   for (const auto& some : in_parts(slices, grid)) {
     const auto shown = shown_cells(images, target_, grid, some, setup, alone_);
     std::vector<Task> tasks;
     const auto add = [&](int slice, How how) {
       const auto at = std::lower_bound(some.begin(), some.end(), slice) - some.begin();
-      tasks.push_back({slice, how, shown[static_cast<std::size_t>(at)].image, light_near(slice)});
+      tasks.push_back({slice, how, tries_of(slice), shown[static_cast<std::size_t>(at)].image,
+                       light_near(slice)});
     };
     if (all) {
       for (const int n : some) {
@@ -212,7 +237,7 @@ bool EvenFinder::mend(const Setup& setup, int round) {
     }
     std::vector<SharedLight> lights = seek(sections, tasks, "even light");
     for (std::size_t k = 0; k < tasks.size(); ++k) {
-      mended[tasks[k].slice] = {tasks[k].how, std::move(lights[k])};
+      mended[tasks[k].slice] = {tasks[k].how, tasks[k].tries + 1, std::move(lights[k])};
     }
   }
   for (auto& [slice, found] : mended) {
@@ -220,12 +245,14 @@ bool EvenFinder::mend(const Setup& setup, int round) {
     const auto i = at - found_.slices.begin();
     if (at == found_.slices.end() || *at != slice) {
       found_.slices.insert(at, slice);
-      found_.how.insert(found_.how.begin() + i, found.first);
-      found_.lights.insert(found_.lights.begin() + i, std::move(found.second));
+      found_.how.insert(found_.how.begin() + i, found.how);
+      found_.tries.insert(found_.tries.begin() + i, found.tries);
+      found_.lights.insert(found_.lights.begin() + i, std::move(found.light));
       continue;
     }
-    found_.how[static_cast<std::size_t>(i)] = found.first;
-    found_.lights[static_cast<std::size_t>(i)] = std::move(found.second);
+    found_.how[static_cast<std::size_t>(i)] = found.how;
+    found_.tries[static_cast<std::size_t>(i)] = found.tries;
+    found_.lights[static_cast<std::size_t>(i)] = std::move(found.light);
   }
   return !mended.empty();
 }
@@ -240,20 +267,23 @@ std::optional<EvenFinder::How> EvenFinder::next_try(const FlowDoses::Slice& judg
     // Light between two slices does not fit: it gets its own.
     if (room == 0 || worse <= kWorseConstant) return std::nullopt;
     --room;
-    return round <= kLastPattern ? How::sought : How::constant;
+    return How::sought;
   }
-  switch (found_.how[static_cast<std::size_t>(at - found_.slices.begin())]) {
-    case How::roughly:
-      return How::sought;
-    case How::sought:
-      return round <= kLastPattern ? How::again : How::constant;
-    case How::again:
-      return How::constant;
-    case How::constant:
-      break;
+  const auto i = static_cast<std::size_t>(at - found_.slices.begin());
+  if (found_.how[i] != How::constant) {
+    const bool again = found_.tries[i] < kWindows.size() && round < rounds_ - kLastRounds;
+    return again ? How::sought : How::constant;
   }
   if (worse <= kWorseConstant) return std::nullopt;
   return How::constant;
+}
+
+/// How often the light of a slice was sought for what came out. One that has none yet lies where light
+/// changes fast, and is to be safe.
+std::size_t EvenFinder::tries_of(int slice) const {
+  const auto at = std::lower_bound(found_.slices.begin(), found_.slices.end(), slice);
+  if (at == found_.slices.end() || *at != slice) return kHoldsOff;
+  return found_.tries[static_cast<std::size_t>(at - found_.slices.begin())];
 }
 
 /// The light of a slice, or of the one before it that has some.
@@ -282,13 +312,17 @@ std::vector<EvenFinder::SharedLight> EvenFinder::seek(const EvenSections& sectio
     goal.image = task.image;
     if (task.how == How::constant) goal.pattern = FlowPattern::constant;
     if (task.how == How::roughly) goal.iterations = kFirstIterations;
+    if (task.how == How::sought) {
+      goal.max_window = kWindows[std::min(task.tries, kWindows.size() - 1)];
+    }
     const std::size_t mask = sections.mask_of(task.slice);
     const FlowSection section = sections.section(mask);
     const GapPressure pressure = sections.pressure(mask, alone_);
     const double speed_mm_h = setup_.process.speed_mm_h;
     SectionOptimum best =
         task.start && goal.pattern != FlowPattern::constant
-            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2},
+            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2,
+                                     task.tries >= kHoldsOff},
                                     section, pressure, sections.resin(), speed_mm_h, goal, alone_)
             : optimise_section(section, pressure, sections.resin(), speed_mm_h, goal, alone_);
     lights[k] = light_of(section, goal.image.get(), std::move(best));

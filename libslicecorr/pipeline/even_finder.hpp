@@ -36,7 +36,6 @@ class EvenFinder {
   enum class How {
     roughly,   ///< in a few steps, for images that were guessed
     sought,    ///< for images as they come out
-    again,     ///< the same once more
     constant,  ///< the same everywhere: a pattern does no better
   };
   /// Light that is found, slice by slice.
@@ -44,11 +43,13 @@ class EvenFinder {
     std::vector<int> slices;
     std::vector<SharedLight> lights;
     std::vector<How> how;
+    std::vector<std::size_t> tries;  ///< for images as they came out
   };
   /// What is to be done to a slice: its light is sought so, for this image.
   struct Task {
     int slice = 0;
     How how = How::sought;
+    std::size_t tries = 0;  ///< before
     std::shared_ptr<const ImageLight> image;
     SharedLight start;  ///< light that is nearly right; null: none is
   };
@@ -64,6 +65,7 @@ class EvenFinder {
   Found guessed_light(const Setup& setup);
   bool mend(const Setup& setup, int round);
   std::optional<How> next_try(const FlowDoses::Slice& judged, int round, std::size_t& room) const;
+  std::size_t tries_of(int slice) const;
   SharedLight light_near(int slice) const;
   std::vector<SharedLight> seek(const EvenSections& sections, const std::vector<Task>& tasks,
                                 const char* stage) const;
@@ -92,6 +94,7 @@ class EvenFinder {
   SectionGoal goal_;
   Found found_;
   std::size_t most_slices_ = 0;  ///< whose light is sought
+  int rounds_ = 0;               ///< of a look at what comes out, at most
   bool gap_at_limit_ = false;
 };
 

@@ -74,7 +74,7 @@ TEST_F(Resinctl, ListFindsByWhatIsAsked) {
   EXPECT_EQ(count({"--maker", "liqcreate", "--wavelength-nm", "385"}), 7U);
   EXPECT_EQ(count({"liqcreate", "black"}), 2U);
   EXPECT_EQ(count({"--height-um", "500:"}) + count({"--height-um", ":499.9"}), all);
-  EXPECT_EQ(count({"--printers"}), 34U);
+  EXPECT_EQ(count({"--printers"}), 35U);
   const std::string table = ok({"list", "--maker", "MakerJuice"});
   EXPECT_THAT(table,
               AllOf(HasSubstr("NAME"), HasSubstr("makerjuice-standard-yellow"),

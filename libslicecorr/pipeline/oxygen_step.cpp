@@ -333,7 +333,7 @@ void check_even_oxygen(const Setup& setup, const SliceSource& target, const Oxyg
   if (process.mode != ExposureMode::layerwise) {
     refuse(
         "layer by layer alone: in a continuous print a slice has moved on before oxygen comes "
-        "from beside; expected --mode layerwise");
+        "from beside; expected a print layer by layer");
   }
   if (!resin.chemistry) {
     throw InputError(resin.name, "chemistry",

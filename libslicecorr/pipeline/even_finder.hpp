@@ -66,6 +66,8 @@ class EvenFinder {
   bool mend(const Setup& setup, int round);
   std::optional<How> next_try(const FlowDoses::Slice& judged, int round, std::size_t& room) const;
   std::size_t tries_of(int slice) const;
+  std::vector<int> sticking(const Setup& setup) const;
+  Found with_constant(const std::vector<int>& slices, const Setup& setup) const;
   SharedLight light_near(int slice) const;
   std::vector<SharedLight> seek(const EvenSections& sections, const std::vector<Task>& tasks,
                                 const char* stage) const;
@@ -96,6 +98,8 @@ class EvenFinder {
   std::size_t most_slices_ = 0;  ///< whose light is sought
   int rounds_ = 0;               ///< of a look at what comes out, at most
   bool gap_at_limit_ = false;
+  std::size_t given_up_ =
+      0;  ///< slices in which resin stuck when patterns were given up; 0: they were not
 };
 
 }  // namespace slicecorr::detail

@@ -71,6 +71,6 @@ async function list() {
   resins = r;
   showResins();
   $('printers').replaceChildren(tableOf([['Name', 'pixels', 'pixel, um', 'light, nm', 'brightest, mW/cm²', 'fastest, mm/h'],
-    ...p.map((x) => [x.name, x.width_px + ' x ' + x.height_px, x.pixel_um ? x.pixel_um.map(figure).join(' x ') : '-', x.wavelength_nm || '-', x.calibration && x.calibration.length ? figure(x.calibration[x.calibration.length - 1][1]) : '-', x.max_speed_mm_h ? count(x.max_speed_mm_h) : '-'])], 'Printers'));
+    ...p.map((x) => [x.name, x.width_px + ' x ' + x.height_px, x.pixel_um ? x.pixel_um.map(figure).join(' x ') : '-', x.wavelength_nm || '-', Array.isArray(x.calibration) && x.calibration.length ? figure(x.calibration[x.calibration.length - 1][1]) : 'to be measured', x.max_speed_mm_h ? count(x.max_speed_mm_h) : '-'])], 'Printers'));
 }
 begin(async () => { $('fit').disabled = !tables.there.length; await list(); });

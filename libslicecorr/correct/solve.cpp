@@ -123,11 +123,14 @@ std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std:
 
 }  // namespace
 
+// Solvers that have even light keep what they are given.
+// NOLINTNEXTLINE(performance-unnecessary-value-param)
 void detail::BandSolver::keep_light(BandCorrector::ColumnLevels) {
   throw Error("even light needs UV light");
 }
 
 struct BandCorrector::Impl {
+  explicit Impl(std::unique_ptr<detail::BandSolver> s) : solver(std::move(s)) {}
   std::unique_ptr<detail::BandSolver> solver;
 };
 

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "beams_parts.hpp"
+#include "refusal.hpp"
 #include "slicecorr/beam_vat.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/beams_page.hpp"
@@ -20,17 +21,8 @@ namespace {
 using test::beam_setup;
 using test::lattice_part;
 using test::part_of;
+using test::refusal;
 using testing::HasSubstr;
-
-template <class Call>
-std::string message(Call call) {
-  try {
-    call();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  return "nothing was thrown";
-}
 
 std::string printer_toml(const std::string& more = "") {
   return R"(name = "vat"
@@ -74,7 +66,7 @@ mirror = [false, false, false, true, true, true]
 }
 
 TEST(BeamVats, SayFileLineAndKeyOfWhatIsWrong) {
-  const auto refused = [](const std::string& beams) { return message([&] { vat_of(beams); }); };
+  const auto refused = [](const std::string& beams) { return refusal([&] { vat_of(beams); }); };
   EXPECT_THAT(refused("from = [\"-x\"]\n"), HasSubstr("vat_mm"));
   EXPECT_THAT(refused("vat_mm = [2, 2]\nfrom = [\"-x\"]\n"), HasSubstr("[x, y, z]"));
   EXPECT_THAT(refused("vat_mm = [2, 2, 0]\nfrom = [\"-x\"]\n"), HasSubstr("each above 0"));
@@ -95,7 +87,7 @@ TEST(BeamVats, SayFileLineAndKeyOfWhatIsWrong) {
   EXPECT_THAT(refused(std::string("vat_mm = [2, 2, 2]\nfrom = [\"-x\"]\nfocal_mm = 100\n") +
                       "pitch_um = 8\nlevels = 1\n"),
               HasSubstr("levels"));
-  EXPECT_THAT(message([] {
+  EXPECT_THAT(refusal([] {
                 way_of(vat_of("vat_mm = [2, 2, 2]\nfrom = [\"-x\"]\n"), {2, false});
               }),
               HasSubstr("no beam from -z"));
@@ -159,7 +151,7 @@ TEST(BeamJobs, LevelsAreTheNearestAndBlackStillShines) {
   EXPECT_EQ(*std::max_element(shown.displays[0].pixels.begin(), shown.displays[0].pixels.end()),
             static_cast<int>(level));
   EXPECT_NEAR(shown.images[0].share[0], (0.5 + level * step) / 8, 1e-6);
-  EXPECT_THAT(message([&] { shown_beams(images, setup, vat_of(kSix), printer(), 11); }),
+  EXPECT_THAT(refusal([&] { shown_beams(images, setup, vat_of(kSix), printer(), 11); }),
               HasSubstr("gives up to 10"));
 }
 
@@ -196,14 +188,14 @@ TEST(BeamJobs, ImagesMustFitOnTheirDisplays) {
   const BeamPrint print = find_beams(part, setup);
   BeamVat vat = plain_vat({5, 5, 5}, {"-x", "-y", "-z"}, printer());
   EXPECT_THAT(
-      message([&] { shown_beams(print.images, setup, vat, printer(), 10); }),
+      refusal([&] { shown_beams(print.images, setup, vat, printer(), 10); }),
       HasSubstr("from -x is 5 x 5 mm large and lies beyond the edge of display 1 (6 x 4 mm)"));
   // Two beams on one display, one over the other.
   const Box<std::uint8_t> small =
       part_of(20, 20, 20, [](int x, int y, int z) { return x + y + z < 50; });
   const BeamPrint both = find_beams(small, setup);
   for (BeamWay& way : vat.ways) way.display = 1;
-  EXPECT_THAT(message([&] { shown_beams(both.images, setup, vat, printer(), 10); }),
+  EXPECT_THAT(refusal([&] { shown_beams(both.images, setup, vat, printer(), 10); }),
               HasSubstr("lies over that of another on display 1"));
 }
 
@@ -262,7 +254,7 @@ TEST(BeamJobs, DamageIsToldByEntryAndKey) {
     test::Entries entries = good;
     change(entries);
     test::make_zip(path, entries);
-    return message([&] { read_beam_job(path); });
+    return refusal([&] { read_beam_job(path); });
   };
   const auto config = [&](const std::string& from, const std::string& to) {
     return refused([&](test::Entries& entries) {

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "beams_parts.hpp"
+#include "refusal.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 #include "tomo/beam_projector.hpp"
@@ -19,17 +20,8 @@ using test::ball_part;
 using test::beam_setup;
 using test::lattice_part;
 using test::part_of;
+using test::refusal;
 using testing::HasSubstr;
-
-template <class Call>
-std::string message(Call call) {
-  try {
-    call();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  return "nothing was thrown";
-}
 
 /// A cube of n cells in a vat with `margin` cells around it.
 Box<std::uint8_t> cube_part(int n, int margin) {
@@ -98,7 +90,7 @@ TEST(Beams, TheVatIsFilledUpToItsWalls) {
       std::exp(-0.3 * 7.5 * 0.5) + std::exp(-0.3 * 5.5 * 0.5) + std::exp(-0.3 * (0.35 + 6.5 * 0.5)),
       1e-6);
   setup.vat_mm = {6, 1.9, 6};
-  EXPECT_THAT(message([&] { filled_vat(part, setup); }),
+  EXPECT_THAT(refusal([&] { filled_vat(part, setup); }),
               HasSubstr("take 2 mm along y, the vat is 1.9 mm inside"));
 }
 
@@ -291,10 +283,10 @@ TEST(Beams, GelTimesByModel) {
 TEST(Beams, BadInputIsRefusedInWords) {
   const Box<std::uint8_t> part = ball_part(8);
   const auto refused = [&](const BeamSetup& s, const Box<std::uint8_t>& p) {
-    return message([&] { find_beams(p, s); });
+    return refusal([&] { find_beams(p, s); });
   };
-  EXPECT_THAT(message([] { beams_of(5); }), HasSubstr("5 beams; expected 2, 3, 4 or 6"));
-  EXPECT_THAT(message([] { beam_images_named("gray"); }),
+  EXPECT_THAT(refusal([] { beams_of(5); }), HasSubstr("5 beams; expected 2, 3, 4 or 6"));
+  EXPECT_THAT(refusal([] { beam_images_named("gray"); }),
               HasSubstr("expected silhouette, end-on or grey"));
   EXPECT_THAT(refused(beam_setup(3, 0), part), HasSubstr("cells of more than 0 mm"));
   EXPECT_THAT(refused(beam_setup(3, 1, -1), part), HasSubstr("absorption of 0 or more"));
@@ -306,7 +298,7 @@ TEST(Beams, BadInputIsRefusedInWords) {
   BeamSetup small = beam_setup(3);
   small.vat_mm = {8, 8, 7};
   EXPECT_THAT(refused(small, part), HasSubstr("take 8 mm along z, the vat is 7 mm inside"));
-  EXPECT_THAT(message([] { cut_cells({}, 1); }), HasSubstr("no triangle"));
+  EXPECT_THAT(refusal([] { cut_cells({}, 1); }), HasSubstr("no triangle"));
 }
 
 TEST(Beams, MemoryIsToldBefore) {

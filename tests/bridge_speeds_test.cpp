@@ -80,6 +80,20 @@ TEST(BridgeSpeeds, NoSliceIsFasterThanItsOwn) {
   }
 }
 
+/// Light of a slice: seconds of it at its full share.
+double light_s_of(const Bench& b, int n) {
+  double light_s = 0;
+  for (const auto& showing : b.model.exposures()[static_cast<std::size_t>(n)].showings) {
+    if (showing.image != kBlackImage) light_s += showing.light_s;
+  }
+  return light_s;
+}
+
+/// Light of a slice, 1: as planned.
+double light_of(const Bench& b, const PrintPlan& plan, int n) {
+  return light_s_of(b, n) / (plan.layer_um / plan.speed_um_s);
+}
+
 TEST(BridgeSpeeds, EachSliceGetsItsLight) {
   const Machine m = test_machine();
   for (const std::string& name : kProfiles) {
@@ -91,13 +105,8 @@ TEST(BridgeSpeeds, EachSliceGetsItsLight) {
       b.run();
       ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
       const double slice_s = plan.layer_um / plan.speed_um_s;
-      const auto& slices = b.model.exposures();
-      ASSERT_GE(slices.size(), 40U);
+      ASSERT_GE(b.model.exposures().size(), 40U);
       for (int n = 0; n < 40; ++n) {
-        double light_s = 0;
-        for (const auto& showing : slices[static_cast<std::size_t>(n)].showings) {
-          if (showing.image != kBlackImage) light_s += showing.light_s;
-        }
         // While the speed changes by a t the lamp holds its share for a cycle and takes settle_s to
         // it: of each change so much of the difference in light is lost or too much, once for where
         // the slice begins and once for where it ends.
@@ -106,19 +115,10 @@ TEST(BridgeSpeeds, EachSliceGetsItsLight) {
           change += std::abs(plan.speed_at(k) - plan.speed_at(n)) / plan.speed_um_s;
         }
         const double lag_s = m.limits.cycle_s + m.blue.settle_s;
-        EXPECT_NEAR(light_s / slice_s, 1, 0.006 + change * lag_s / slice_s) << n;
+        EXPECT_NEAR(light_s_of(b, n) / slice_s, 1, 0.006 + change * lag_s / slice_s) << n;
       }
     }
   }
-}
-
-/// Light of a slice, 1: as planned.
-double light_of(const Bench& b, const PrintPlan& plan, int n) {
-  double light_s = 0;
-  for (const auto& showing : b.model.exposures()[static_cast<std::size_t>(n)].showings) {
-    if (showing.image != kBlackImage) light_s += showing.light_s;
-  }
-  return light_s / (plan.layer_um / plan.speed_um_s);
 }
 
 TEST(BridgeSpeeds, LampsThatStayGiveEachSliceTheLightOfItsOwnSpeed) {
@@ -132,19 +132,14 @@ TEST(BridgeSpeeds, LampsThatStayGiveEachSliceTheLightOfItsOwnSpeed) {
       Bench b(m, plan);
       b.run();
       ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
-      const auto& slices = b.model.exposures();
-      ASSERT_GE(slices.size(), 40U);
+      ASSERT_GE(b.model.exposures().size(), 40U);
       for (int n = 0; n < 40; ++n) {
-        double light_s = 0;
-        for (const auto& showing : slices[static_cast<std::size_t>(n)].showings) {
-          if (showing.image != kBlackImage) light_s += showing.light_s;
-        }
         // As where lamps follow, and once more: where the stage has changed its speed in the faster
         // slice, the slower one begins with a lamp that was dimmed, or the faster with one that was not.
         double change = 0;
         for (const int k : {n - 1, n + 1}) change += std::abs(plan.speed_at(k) - plan.speed_at(n));
         const double lag_s = m.limits.cycle_s + m.blue.settle_s;
-        EXPECT_NEAR(light_s / (plan.layer_um / plan.speed_at(n)), 1,
+        EXPECT_NEAR(light_s_of(b, n) / (plan.layer_um / plan.speed_at(n)), 1,
                     0.006 + 2 * change * lag_s / plan.layer_um)
             << n;
       }

@@ -213,7 +213,8 @@ TEST(EvenDose, WithoutEvenLightNothingCounts) {
   Process p = even_process(90, 140, 80);
   p.even_light.reset();
   p.even_dead_zone = EvenDeadZone::off;
-  const InhibitedKernel& kernel = *even_model(p).inhibited;
+  const CureModel model = even_model(p);
+  const InhibitedKernel& kernel = *model.inhibited;
   EXPECT_EQ(kernel.gap_um(), 0);
   EXPECT_EQ(kernel.flow_factor(0, 100), 1);
 }

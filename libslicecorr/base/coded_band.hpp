@@ -46,15 +46,18 @@ class CodedBand {
   }
   std::size_t bytes() const { return code_.capacity() + slices_.capacity() * sizeof(Range); }
   int slices() const { return static_cast<int>(slices_.size()); }
-  bool black(int slice) const { return range(slice).first == range(slice).past; }
-  /// Whether two slices are alike.
+  /// True for slices that there are none of, too.
+  bool black(int slice) const {
+    return slice < 0 || slice >= slices() || range(slice).first == range(slice).past;
+  }
+  /// Whether two slices are alike; both must be there.
   bool same(int slice, int other) const {
     return range(slice) == range(other) ||
            std::equal(begin_of(slice), end_of(slice), begin_of(other), end_of(other));
   }
   /// Writes a slice to `out`; black outside the columns that are coded.
   void read(int slice, std::uint8_t* out) const {
-    if (slice < 0 || slice >= slices() || black(slice)) {
+    if (black(slice)) {
       std::memset(out, 0, columns_);
       return;
     }
@@ -63,7 +66,7 @@ class CodedBand {
   /// The same without its zeros, in order of the columns, in place of what `out` held.
   void read_nonzero(int slice, std::vector<NonZero>& out) const {
     out.clear();
-    if (slice < 0 || slice >= slices() || black(slice)) return;
+    if (black(slice)) return;
     run_length_nonzero(begin_of(slice), end_of(slice), columns_, out);
   }
   std::size_t columns() const { return columns_; }

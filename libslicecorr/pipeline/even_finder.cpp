@@ -40,9 +40,9 @@ constexpr double kSmoothUm = 150;
 /// Most dose at the window that light is sought with, at each try: what images show of it, and what lies
 /// between two slices, comes to more here and there, and must stay below 1.
 constexpr std::array kWindows{0.9, 0.7, 0.4, 0.4};
-/// From this try on every cell keeps its own curing light off the window: that costs a little and lasts where
-/// resin flows otherwise than it was sought for.
-constexpr std::size_t kHoldsOff = 2;
+/// With this try starts a slice that lies between those that light was sought for, where that does not fit:
+/// light changes fast there, and is to be safe.
+constexpr std::size_t kBetween = 2;
 /// Share of the section by which light by place may do worse than light that is the same everywhere
 /// before it is given up, and the latter before it is sought anew: its own changes between slices, and
 /// levels, cost as much.
@@ -119,15 +119,20 @@ Process EvenFinder::find() {
   set_most_slices(first);
   Process process = process_of(starting_light(first));
   process = process_of(guessed_light(planned(process)));
+  // Where resin sticks with the light of `process`; nothing where that was not looked at yet.
+  std::optional<std::vector<int>> last;
   for (int round = 0; round < rounds_; ++round) {
-    if (!mend(planned(process), round)) return process;
+    Look look = mend(planned(process), round);
+    if (!look.sought) {
+      last = std::move(look.sticks);
+      break;
+    }
     process = process_of(std::move(found_));
   }
   if (goal_.pattern == FlowPattern::constant) return process;
-  // What came last was not looked at yet.
   for (std::size_t most = found_.slices.size() / kFew;;) {
     const Setup setup = planned(process);
-    const std::vector<int> sticks = sticking(setup);
+    const std::vector<int> sticks = last ? *std::exchange(last, std::nullopt) : sticking(setup);
     if (sticks.empty()) return process;
     const bool few = sticks.size() <= most;
     if (!few) given_up_ = sticks.size();
@@ -274,9 +279,8 @@ EvenFinder::Found EvenFinder::guessed_light(const Setup& setup) {
   return found;
 }
 
-/// Looks at what comes out with the light of `setup`, and seeks light anew where that is not good; false
-/// where it is.
-bool EvenFinder::mend(const Setup& setup, int round) {
+/// Looks at what comes out with the light of `setup`, and seeks light anew where that is not good.
+EvenFinder::Look EvenFinder::mend(const Setup& setup, int round) {
   const bool all = round == 0;
   const std::vector<int> slices = all ? found_.slices : judged_slices(*setup.process.even_light);
   const KeptImages images = solved_images(target_, setup, slices, alone_);
@@ -288,6 +292,7 @@ bool EvenFinder::mend(const Setup& setup, int round) {
     SharedLight light;
   };
   std::map<int, Mended> mended;
+  Look look;
   std::size_t room = most_slices_ - std::min(most_slices_, found_.slices.size());
   for (const auto& some : in_parts(slices, grid)) {
     const auto shown = shown_cells(images, target_, grid, some, setup, alone_);
@@ -304,6 +309,7 @@ bool EvenFinder::mend(const Setup& setup, int round) {
     } else {
       const FlowDoses doses = judge_light(sections, some, shown, target_, setup, alone_);
       for (const FlowDoses::Slice& s : doses.slices) {
+        if (sticks_more(s.even, s.without)) look.sticks.push_back(s.slice);
         if (const std::optional<How> how = next_try(s, round, room)) add(s.slice, *how);
       }
     }
@@ -326,7 +332,8 @@ bool EvenFinder::mend(const Setup& setup, int round) {
     found_.tries[static_cast<std::size_t>(i)] = found.tries;
     found_.lights[static_cast<std::size_t>(i)] = std::move(found.light);
   }
-  return !mended.empty();
+  look.sought = !mended.empty();
+  return look;
 }
 
 /// What is to be tried with a slice that was judged; nothing where it is good.
@@ -350,11 +357,10 @@ std::optional<EvenFinder::How> EvenFinder::next_try(const FlowDoses::Slice& judg
   return How::constant;
 }
 
-/// How often the light of a slice was sought for what came out. One that has none yet lies where light
-/// changes fast, and is to be safe.
+/// How often the light of a slice was sought for what came out.
 std::size_t EvenFinder::tries_of(int slice) const {
   const auto at = std::lower_bound(found_.slices.begin(), found_.slices.end(), slice);
-  if (at == found_.slices.end() || *at != slice) return kHoldsOff;
+  if (at == found_.slices.end() || *at != slice) return kBetween;
   return found_.tries[static_cast<std::size_t>(at - found_.slices.begin())];
 }
 
@@ -393,8 +399,7 @@ std::vector<EvenFinder::SharedLight> EvenFinder::seek(const EvenSections& sectio
     const double speed_mm_h = setup_.process.speed_mm_h;
     SectionOptimum best =
         task.start && goal.pattern != FlowPattern::constant
-            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2,
-                                     task.tries >= kHoldsOff},
+            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2},
                                     section, pressure, sections.resin(), speed_mm_h, goal, alone_)
             : optimise_section(section, pressure, sections.resin(), speed_mm_h, goal, alone_);
     lights[k] = light_of(section, goal.image.get(), std::move(best));

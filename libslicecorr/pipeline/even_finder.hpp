@@ -53,6 +53,12 @@ class EvenFinder {
     std::shared_ptr<const ImageLight> image;
     SharedLight start;  ///< light that is nearly right; null: none is
   };
+  /// What a look at the slices that are judged found.
+  struct Look {
+    bool sought = false;  ///< some slices have new light since
+    std::vector<int>
+        sticks;  ///< slices in which resin sticks where with constant light it does not; rising
+  };
 
   bool patterned() const { return setup_.printer.uv->patterned; }
   Setup planned(const Process& process) const {
@@ -63,7 +69,7 @@ class EvenFinder {
   Found starting_light(const std::vector<int>& slices);
   void set_most_slices(const std::vector<int>& first);
   Found guessed_light(const Setup& setup);
-  bool mend(const Setup& setup, int round);
+  Look mend(const Setup& setup, int round);
   std::optional<How> next_try(const FlowDoses::Slice& judged, int round, std::size_t& room) const;
   std::size_t tries_of(int slice) const;
   std::vector<int> sticking(const Setup& setup) const;

@@ -154,11 +154,12 @@ TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
     };
     EXPECT_LT(width(s), width(s["without"])) << s;
     // What verify says is what the images of the archive do: cells on the outline alone, of which it
-    // leaves out those that are lit by less than a quarter, may differ.
+    // leaves out those that are lit by less than a quarter, may differ: at most half of the ring, whose dose is
+    // off by half.
     const DoseSummary own =
         swept(folder_ / "out.uvj", folder_ / "disc.uvj", s["slice"], folder_.path());
     EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
-    EXPECT_NEAR(own.mean, s["dose"]["mean"].get<double>(), 0.01);
+    EXPECT_NEAR(own.mean, s["dose"]["mean"].get<double>(), ring / 2 * 0.5);
   }
   // The part itself is no worse for it: solid, nothing lost.
   EXPECT_EQ(j["undercure_voxels"], 0);

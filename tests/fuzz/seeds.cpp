@@ -1,14 +1,188 @@
-// Writes a small file of each binary print format, for the fuzzer to begin with: fuzz-seeds FOLDER.
+// Writes what the fuzzers begin with, small files of each kind: fuzz-seeds FOLDER.
+#include <fmt/format.h>
+#include <zlib.h>
+
 #include <filesystem>
 
+#include "archive_texts.hpp"
 #include "print_file_fixture.hpp"
+#include "stack/png/png.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace slicecorr;
+using test::Bytes, test::to_bytes;
+
+void write(const fs::path& path, const Bytes& bytes) {
+  fs::create_directories(path.parent_path());
+  test::write_file(path.string(), bytes);
+}
+
+/// Copies the files below a folder of the project that end so, but for large ones.
+void copy(const std::string& from, const std::string& ending, const fs::path& folder) {
+  for (const auto& file : fs::recursive_directory_iterator(fs::path(SLICECORR_SOURCE_DIR) / from)) {
+    if (!file.is_regular_file() || file.path().extension() != ending) continue;
+    if (file.file_size() <= 8192)
+      write(folder / file.path().filename(), test::read_file(file.path()));
+  }
+}
+
+/// A tetrahedron, in each format, and what else a format can say.
+void write_meshes(const fs::path& folder) {
+  for (const std::string kind : {"stl", "obj", "ply"}) {
+    copy("tests/data/meshes", "." + kind, folder / kind);
+  }
+  test::FileMaker binary;
+  binary.zeros(80).u32(4);
+  const double corners[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  const int faces[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  std::string ascii = "solid a\n";
+  for (const auto& face : faces) {
+    binary.zeros(12);
+    ascii += "facet normal 0 0 0\nouter loop\n";
+    for (const int v : face) {
+      for (const double x : corners[v]) binary.f32(x);
+      ascii += fmt::format("vertex {} {} {}\n", corners[v][0], corners[v][1], corners[v][2]);
+    }
+    binary.zeros(2);
+    ascii += "endloop\nendfacet\n";
+  }
+  write(folder / "stl/binary", binary.bytes);
+  write(folder / "stl/ascii", to_bytes(ascii + "endsolid a\n"));
+  const std::string points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
+  const std::string lists = "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+  write(folder / "off/plain", to_bytes("OFF\n4 4 6\n" + points + lists));
+  write(
+      folder / "off/colours",
+      to_bytes("COFF # a comment\n4 1 0\n0 0 0 9 9 9 1\n1 0 0 9 9 9 1\n1 1 0 9 9 9 1\n0 1 0 9 9 9 "
+               "1\n4 0 1 2 3 255 0 0\n"));
+  write(folder / "obj/plain",
+        to_bytes("# a comment\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 1\nf 1 3 2\nf 1//1 2//1 "
+                 "4//1\nf -4 -1 -2 \\\n -3\n"));
+  const std::string head =
+      "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n"
+      "element face 4\nproperty list uchar int vertex_indices\nelement edge 1\nproperty list int "
+      "double weights\nend_header\n";
+  write(folder / "ply/ascii",
+        to_bytes("ply\nformat ascii 1.0\ncomment c\n" + head +
+                 "0 0 0 1\n1 0 0 1\n0 1 0 1\n0 0 1 1\n" + lists + "2 0.5 1\n"));
+  for (const bool big : {false, true}) {
+    test::FileMaker m(big);
+    m.text(fmt::format("ply\nformat binary_{}_endian 1.0\n", big ? "big" : "little") + head);
+    for (const auto& p : corners) m.f32(p[0]).f32(p[1]).f32(p[2]).u8(1);
+    for (const auto& face : faces) {
+      m.u8(3);
+      for (const int v : face) m.u32(static_cast<std::uint32_t>(v));
+    }
+    m.u32(1).zeros(8);
+    write(folder / (big ? "ply/big" : "ply/little"), m.bytes);
+  }
+  const std::string object =
+      R"(<object id="1" type="model"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="3" v3="2"/><triangle v1="1" v2="2" v3="3"/></triangles></mesh></object>)";
+  const std::string start =
+      R"(<?xml version="1.0" encoding="UTF-8"?><model unit="inch" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>)";
+  write(folder / "3mf/plain",
+        to_bytes(start + object + R"(</resources><build><item objectid="1"/></build></model>)"));
+  write(
+      folder / "3mf/components",
+      to_bytes(
+          start + object +
+          R"(<object id="2" type="model"><components><component objectid="1" transform="2 0 0 0 2 0 0 0 2 5 0 0"/></components></object></resources><build><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 0 9"/><item objectid="1"/></build></model>)"));
+}
+
+/// All kinds of colour, depth and filter, plain and interlaced, packed and as they are.
+void write_pngs(const fs::path& folder) {
+  const struct {
+    const char* name;
+    int colour, depth, interlaced, level;
+  } kinds[] = {
+      {"grey1", 0, 1, 0, 0},       {"grey2", 0, 2, 0, 0},      {"grey8", 0, 8, 0, 0},
+      {"grey8packed", 0, 8, 0, 9}, {"grey16", 0, 16, 0, 0},    {"grey8interlaced", 0, 8, 1, 0},
+      {"rgb8", 2, 8, 0, 0},        {"rgb16", 2, 16, 0, 0},     {"palette4", 3, 4, 0, 0},
+      {"palette8", 3, 8, 0, 0},    {"greyalpha8", 4, 8, 0, 0}, {"greyalpha16", 4, 16, 0, 0},
+      {"rgba8", 6, 8, 0, 0},       {"rgba16", 6, 16, 1, 0},    {"rgba8packed", 6, 8, 0, 6}};
+  constexpr int width = 9, height = 7, channels_of[] = {1, 0, 3, 1, 2, 0, 4};
+  for (const auto& kind : kinds) {
+    Bytes png;
+    detail::PixelCode code;
+    code.colour = static_cast<std::uint8_t>(kind.colour);
+    code.bit_depth = static_cast<std::uint8_t>(kind.depth);
+    detail::append_png_header(width, height, code, png);
+    const auto chunk = [&](const char* type, const Bytes& bytes) {
+      const std::size_t at = detail::begin_chunk(type, png);
+      png.insert(png.end(), bytes.begin(), bytes.end());
+      detail::end_chunk(at, png);
+    };
+    if (kind.interlaced != 0) {
+      const std::size_t header_at = 8;
+      Bytes header(png.begin() + header_at + 8, png.begin() + header_at + 21);
+      header[12] = 1;
+      png.resize(header_at);
+      chunk("IHDR", header);
+    }
+    if (kind.colour == 3) {
+      Bytes palette;
+      for (int i = 0; i < 3 * (1 << kind.depth); ++i)
+        palette.push_back(static_cast<std::uint8_t>(i));
+      chunk("PLTE", palette);
+      chunk("tRNS", {0, 128});
+    }
+    // The rows of a pass of an interlaced image, or of the image.
+    Bytes rows;
+    const auto add_rows = [&](int w, int h) {
+      if (w == 0) return;
+      for (int y = 0; y < h; ++y) {
+        rows.push_back(static_cast<std::uint8_t>(y % 5));
+        const int bytes = (w * channels_of[kind.colour] * kind.depth + 7) / 8;
+        for (int i = 0; i < bytes; ++i) rows.push_back(static_cast<std::uint8_t>(17 * i + y));
+      }
+    };
+    if (kind.interlaced == 0) {
+      add_rows(width, height);
+    } else {
+      constexpr int pass[7][4] = {{0, 0, 8, 8}, {4, 0, 8, 8}, {0, 4, 4, 8}, {2, 0, 4, 4},
+                                  {0, 2, 2, 4}, {1, 0, 2, 2}, {0, 1, 1, 2}};
+      for (const auto& [x, y, dx, dy] : pass) {
+        add_rows((width - x + dx - 1) / dx, (height - y + dy - 1) / dy);
+      }
+    }
+    Bytes packed(compressBound(rows.size()) + 64);
+    uLongf size = packed.size();
+    compress2(packed.data(), &size, rows.data(), rows.size(), kind.level);
+    packed.resize(size);
+    const auto middle = packed.begin() + static_cast<std::ptrdiff_t>(size / 2);
+    chunk("IDAT", {packed.begin(), middle});
+    chunk("IDAT", {middle, packed.end()});
+    detail::append_png_iend(png);
+    write(folder / kind.name, png);
+  }
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
-  for (const slicecorr::test::SmallFile& file : slicecorr::test::small_print_files()) {
-    const std::filesystem::path folder = std::filesystem::path(argv[1]) / file.format;
-    std::filesystem::create_directories(folder);
-    slicecorr::test::write_file((folder / file.name).string(), file.bytes);
+  const fs::path folder = argv[1];
+  for (const test::SmallFile& file : test::small_print_files()) {
+    write(folder / file.format / file.name, file.bytes);
   }
+  write_meshes(folder);
+  write_pngs(folder / "png");
+  std::size_t number = 0;
+  for (const fuzz::ArchiveText& text : fuzz::archive_texts()) {
+    Bytes bytes{static_cast<std::uint8_t>(number)};
+    const Bytes& own = text.entries[text.entry].second;
+    bytes.insert(bytes.end(), own.begin(), own.end());
+    write(folder / "archive" / std::to_string(number++), bytes);
+  }
+  copy("resins/db", ".toml", folder / "definition");
+  copy("resins/printers", ".toml", folder / "definition");
+  copy("resins/db", ".csv", folder / "measurements");
+  write(folder / "measurements/dead-zones",
+        to_bytes("# made up\nblue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um,sigma_um\n"
+                 "20,10,5,\"80\",2 # a remark\n20,15,5,120,2\n30,15,5,90,\n"));
+  write(folder / "measurements/heights",
+        to_bytes("\xef\xbb\xbfintensity_mw_cm2;exposure_s\r\n1;2\r\n"));
   return 0;
 }

@@ -84,8 +84,10 @@ std::size_t FileChange::replace(std::uint64_t at, std::uint64_t size, std::uint6
 void FileChange::lay_out() {
   order_.resize(spans_.size());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
+  // What is put between two parts comes before the second of them.
+  const auto key = [&](std::size_t i) { return std::pair(spans_[i].at, spans_[i].size > 0); };
   std::stable_sort(order_.begin(), order_.end(),
-                   [&](std::size_t a, std::size_t b) { return spans_[a].at < spans_[b].at; });
+                   [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
   std::uint64_t from = 0, to = 0;
   for (const std::size_t i : order_) {
     Span& span = spans_[i];
@@ -142,6 +144,34 @@ void FileChange::add_to(BinaryOutput& output) {
   keep(from, kept_.size());
 }
 
+void replace_shared(FileChange& change, const CodedLayers& layers, std::uint64_t head_bytes,
+                    const std::vector<SharedBytes>& kept, std::vector<PieceSpan>& spans) {
+  const auto code_of = [&](std::size_t piece) {
+    std::vector<std::uint8_t> code;
+    layers.append(piece, code);
+    return code;
+  };
+  for (const SharedBytes& bytes : kept) {
+    std::vector<std::size_t> made;
+    for (const std::size_t piece : bytes.pieces) {
+      const std::uint64_t size = layers.sizes[piece];
+      const auto twin = std::find_if(made.begin(), made.end(), [&](std::size_t other) {
+        return layers.sizes[other] == size && code_of(other) == code_of(piece);
+      });
+      if (twin != made.end()) {
+        spans[piece] = {spans[*twin].span, false};
+        continue;
+      }
+      const bool first = made.empty();
+      spans[piece] = {change.replace(first ? bytes.at : bytes.at + bytes.size,
+                                     first ? bytes.size : 0, head_bytes + size),
+                      true};
+      made.push_back(piece);
+    }
+    if (made.empty()) change.replace(bytes.at, bytes.size, 0);
+  }
+}
+
 void check_image_size(const BinaryFile& file, std::uint32_t width_px, std::uint32_t height_px) {
   constexpr std::uint32_t most_across = 32768;
   constexpr std::uint64_t most = std::uint64_t{1} << 28;
@@ -161,7 +191,7 @@ void check_layer_count(const BinaryFile& file, std::uint64_t layers) {
                    fmt::format("says that there are {} layers, expected 1 to 65535", layers));
 }
 
-void check_spans(const BinaryFile& file, std::vector<NamedSpan> spans, bool may_be_equal) {
+void check_spans(const BinaryFile& file, std::vector<NamedSpan> spans) {
   std::stable_sort(spans.begin(), spans.end(), [](const NamedSpan& a, const NamedSpan& b) {
     return a.offset != b.offset ? a.offset < b.offset : a.size < b.size;
   });
@@ -173,8 +203,9 @@ void check_spans(const BinaryFile& file, std::vector<NamedSpan> spans, bool may_
                                    s.offset + s.size, file.size()));
     }
     if (s.size == 0) continue;
-    const bool equal = last && s.offset == last->offset && s.size == last->size;
-    if (last && s.offset < last->offset + last->size && !(equal && may_be_equal)) {
+    const bool shared = last && s.offset == last->offset && s.size == last->size &&
+                        s.sharing != Sharing::none && s.sharing == last->sharing;
+    if (last && s.offset < last->offset + last->size && !shared) {
       throw InputError(file.path(), s.name,
                        fmt::format("overlaps {} at byte {}", last->name, s.offset));
     }

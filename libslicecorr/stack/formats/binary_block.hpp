@@ -85,16 +85,33 @@ class FileChange {
   std::vector<std::size_t> order_;  ///< by place
 };
 
+/// What a piece of a layer becomes in a changed file.
+struct PieceSpan {
+  std::size_t span = 0;
+  bool owns = true;  ///< whether the span is made for this piece
+};
+/// Bytes of a kept file, and the pieces that lie in them. Layers that look the same may share.
+struct SharedBytes {
+  std::uint64_t at = 0, size = 0;
+  std::vector<std::size_t> pieces;  ///< of those that are written; none: the bytes go
+};
+/// Replaces them by the new code of the pieces, each behind `head_bytes` bytes; pieces that shared
+/// still do where they are alike. `spans` has a place for each piece.
+void replace_shared(FileChange& change, const CodedLayers& layers, std::uint64_t head_bytes,
+                    const std::vector<SharedBytes>& kept, std::vector<PieceSpan>& spans);
+
 /// What a format's layers need in common: throws `InputError` where sizes or counts are absurd.
 void check_image_size(const BinaryFile& file, std::uint32_t width_px, std::uint32_t height_px);
 void check_layer_count(const BinaryFile& file, std::uint64_t layers);
+/// Who may use the same bytes as others of its kind.
+enum class Sharing { none, layers, previews };
 /// Spans of bytes that must lie in the file and not overlap: of [offset, offset + size), named.
 struct NamedSpan {
   std::uint64_t offset, size;
   std::string name;
+  Sharing sharing = Sharing::none;
 };
-/// `may_be_equal`: spans of the same bytes are allowed.
-void check_spans(const BinaryFile& file, std::vector<NamedSpan> spans, bool may_be_equal);
+void check_spans(const BinaryFile& file, std::vector<NamedSpan> spans);
 
 /// RGB565 of a grey picture in the middle of a black one, as words.
 std::vector<std::uint16_t> rgb565_preview(const GreyImage& preview, int width_px, int height_px);

@@ -28,7 +28,8 @@ void read_previews(const BinaryFile& file, CtbFile& ctb, std::vector<NamedSpan>&
     // In some files both previews share one.
     if (!ctb.previews.empty() && ctb.previews[0].head.offset() == offset) continue;
     spans.push_back({offset, 0x20, name});
-    spans.push_back({preview.data_offset, preview.data_bytes, name + "'s pixels"});
+    spans.push_back(
+        {preview.data_offset, preview.data_bytes, name + "'s pixels", Sharing::previews});
     ctb.previews.push_back(std::move(preview));
   }
 }
@@ -116,8 +117,10 @@ void read_layers(const BinaryFile& file, CtbFile& ctb, std::vector<NamedSpan>& s
     if (r.bytes == 0) ctb.table.fail(at + 0x10, fmt::format("layer {} has no data", layer));
     ctb.records.push_back(r);
     offsets.push_back(r.offset);
-    spans.push_back(
-        {r.offset - r.head_bytes, r.head_bytes + r.bytes, fmt::format("layer {}", layer)});
+    // A cipher is other for each layer.
+    spans.push_back({r.offset - r.head_bytes, r.head_bytes + r.bytes,
+                     fmt::format("layer {}", layer),
+                     ctb.key == 0 ? Sharing::layers : Sharing::none});
   }
   std::sort(offsets.begin(), offsets.end());
   for (std::uint64_t i = 0; i < count; ++i) {
@@ -275,7 +278,7 @@ CtbFile read_ctb(const BinaryFile& file, CtbFamily family) {
   read_previews(file, ctb, spans);
   read_settings(file, ctb, spans);
   read_layers(file, ctb, spans);
-  check_spans(file, std::move(spans), ctb.key == 0);
+  check_spans(file, std::move(spans));
   check_sets(file, ctb);
   return ctb;
 }

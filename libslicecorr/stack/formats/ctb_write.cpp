@@ -45,55 +45,30 @@ class CtbChange {
   }
 
  private:
-  struct Piece {
-    std::size_t span = 0;
-    bool owns = true;  ///< whether the span is made for this one
-  };
-
   std::size_t piece_of(std::size_t layer, std::size_t set) const { return layer * ctb_.sets + set; }
   std::uint64_t size_of(std::size_t piece) const { return r_.layers->sizes[piece]; }
-  std::vector<std::uint8_t> code_of(std::size_t piece) const {
-    std::vector<std::uint8_t> code;
-    r_.layers->append(piece, code);
-    return code;
-  }
   std::uint64_t head_bytes() const { return ctb_.heads.empty() ? 0 : kCtbLayerHeadBytes; }
 
-  /// A span for each piece. Layers that shared their data still do where they are still alike.
+  /// A span for each piece.
   void place_layers() {
     pieces_.resize(layers_ * ctb_.sets);
     const std::size_t old_layers = ctb_.layers;
-    std::map<std::uint64_t, std::vector<std::size_t>> users;  // pieces by the place of their data
+    std::map<std::uint64_t, SharedBytes> kept;  // by the place of their data
     std::uint64_t end = 0;
     for (std::size_t n = 0; n < old_layers; ++n) {
       for (std::size_t s = 0; s < ctb_.sets; ++s) {
         const CtbFile::Layer& old = ctb_.records[ctb_.record(n, s)];
-        std::vector<std::size_t>& list = users[old.offset];
-        if (n < layers_) list.push_back(piece_of(n, s));
-        sizes_[old.offset] = old;
+        SharedBytes& bytes = kept[old.offset];
+        bytes.at = old.offset - old.head_bytes;
+        bytes.size = old.head_bytes + old.bytes;
+        if (n < layers_) bytes.pieces.push_back(piece_of(n, s));
         end = std::max(end, old.offset + old.bytes);
       }
     }
-    for (const auto& [offset, list] : users) {
-      const CtbFile::Layer& old = sizes_[offset];
-      const std::uint64_t at = offset - old.head_bytes;
-      std::vector<std::size_t> made;
-      for (const std::size_t piece : list) {
-        const auto twin = std::find_if(made.begin(), made.end(), [&](std::size_t other) {
-          return size_of(other) == size_of(piece) && code_of(other) == code_of(piece);
-        });
-        if (twin != made.end()) {
-          pieces_[piece] = {pieces_[*twin].span, false};
-          continue;
-        }
-        const bool first = made.empty();
-        pieces_[piece].span =
-            change_.replace(first ? at : offset + old.bytes, first ? old.head_bytes + old.bytes : 0,
-                            head_bytes() + size_of(piece));
-        made.push_back(piece);
-      }
-      if (list.empty()) change_.replace(at, old.head_bytes + old.bytes, 0);
-    }
+    std::vector<SharedBytes> all;
+    all.reserve(kept.size());
+    for (auto& [at, bytes] : kept) all.push_back(std::move(bytes));
+    replace_shared(change_, *r_.layers, head_bytes(), all, pieces_);
     for (std::size_t n = old_layers; n < layers_; ++n) {
       for (std::size_t s = 0; s < ctb_.sets; ++s) {
         pieces_[piece_of(n, s)].span =
@@ -197,20 +172,33 @@ class CtbChange {
     return table;
   }
 
+  /// What stands before a piece's data: of the copy of its record changes only what does in the
+  /// record. Place and exposure are those of one of the layers that share it; `alone`: of its own.
+  std::vector<std::uint8_t> layer_head(std::size_t layer, std::size_t set, bool alone) const {
+    const std::size_t old = ctb_.record(std::min<std::size_t>(layer, ctb_.layers - 1), set);
+    BinaryBlock head = ctb_.heads[old];
+    const BinaryBlock its = record(layer, set);
+    for (std::size_t at = 0; at < kCtbRecordBytes; at += 4) {
+      const bool changes = its.u32(at) != ctb_.table.u32(old * kCtbRecordBytes + at);
+      if (changes || (alone && at < 8)) head.set_u32(at, its.u32(at));
+    }
+    const std::uint64_t bytes = size_of(piece_of(layer, set));
+    if (bytes != ctb_.records[old].bytes) {
+      head.set_u32(0x24, static_cast<std::uint32_t>(kCtbLayerHeadBytes + bytes));
+    }
+    return std::move(head.bytes());
+  }
+
   void fill_layers() {
     const CodedLayers* const layers = r_.layers;
+    std::map<std::size_t, int> users;  // of spans
+    for (const PieceSpan& piece : pieces_) ++users[piece.span];
     for (std::size_t n = 0; n < layers_; ++n) {
       for (std::size_t s = 0; s < ctb_.sets; ++s) {
         const std::size_t piece = piece_of(n, s);
         if (!pieces_[piece].owns) continue;
         std::vector<std::uint8_t> head;
-        if (!ctb_.heads.empty()) {
-          BinaryBlock block = ctb_.heads[ctb_.record(std::min<std::size_t>(n, ctb_.layers - 1), s)];
-          const BinaryBlock its = record(n, s);
-          std::copy(its.bytes().begin(), its.bytes().end(), block.bytes().begin());
-          block.set_u32(0x24, static_cast<std::uint32_t>(kCtbLayerHeadBytes + size_of(piece)));
-          head = std::move(block.bytes());
-        }
+        if (!ctb_.heads.empty()) head = layer_head(n, s, users[pieces_[piece].span] == 1);
         change_.fill(
             pieces_[piece].span,
             [layers, head = std::move(head)](std::size_t p, std::vector<std::uint8_t>& out) {
@@ -227,8 +215,7 @@ class CtbChange {
   CtbFile ctb_;
   const std::size_t layers_;
   FileChange change_;
-  std::vector<Piece> pieces_;
-  std::map<std::uint64_t, CtbFile::Layer> sizes_;
+  std::vector<PieceSpan> pieces_;
 };
 
 /// Movement that new files say, until somebody sets what the printer needs, mm and mm/min.

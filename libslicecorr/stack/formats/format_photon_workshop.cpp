@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "slicecorr/error.hpp"
 #include "stack/formats/binary_block.hpp"
@@ -111,9 +112,9 @@ WorkshopFile read_workshop(const BinaryFile& file) {
     if (w.layers.real(at + kThickness, "a layer's thickness", 100) == 0) {
       w.layers.fail(at + kThickness, fmt::format("layer {} is 0 mm thick", n));
     }
-    spans.push_back({w.offset(n), w.bytes(n), fmt::format("layer {}", n)});
+    spans.push_back({w.offset(n), w.bytes(n), fmt::format("layer {}", n), Sharing::layers});
   }
-  check_spans(file, std::move(spans), true);
+  check_spans(file, std::move(spans));
   return w;
 }
 
@@ -185,23 +186,24 @@ void change(const ArchiveRequest& r, BinaryOutput& output) {
   const std::size_t mark = changed.replace(0, w.mark.size(), w.mark.size());
   const std::size_t header = changed.replace(w.header.offset(), w.header.size(), w.header.size());
   const std::size_t table = changed.replace(w.layers.offset(), w.layers.size(), w.record(layers));
-  // Layers that share their data get each their own where it changes.
-  std::vector<std::size_t> spans(layers);
-  std::vector<std::size_t> order(old);
-  for (std::size_t n = 0; n < old; ++n) order[n] = n;
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return w.offset(a) < w.offset(b); });
-  std::uint64_t end = 0, last = 0;
-  for (const std::size_t n : order) {
-    const bool own = w.offset(n) != last;
-    last = w.offset(n);
+  const CodedLayers* const coded = r.layers;
+  std::map<std::uint64_t, SharedBytes> kept;  // by their place
+  std::uint64_t end = 0;
+  for (std::size_t n = 0; n < old; ++n) {
+    SharedBytes& bytes = kept[w.offset(n)];
+    bytes.at = w.offset(n);
+    bytes.size = w.bytes(n);
+    if (n < layers) bytes.pieces.push_back(n);
     end = std::max(end, w.offset(n) + w.bytes(n));
-    const std::uint64_t new_size = n < layers ? r.layers->sizes[n] : 0;
-    const std::size_t span = changed.replace(own ? w.offset(n) : w.offset(n) + w.bytes(n),
-                                             own ? w.bytes(n) : 0, new_size);
-    if (n < layers) spans[n] = span;
   }
-  for (std::size_t n = old; n < layers; ++n) spans[n] = changed.replace(end, 0, r.layers->sizes[n]);
+  std::vector<SharedBytes> all;
+  all.reserve(kept.size());
+  for (auto& [at, bytes] : kept) all.push_back(std::move(bytes));
+  std::vector<PieceSpan> spans(layers);
+  replace_shared(changed, *coded, 0, all, spans);
+  for (std::size_t n = old; n < layers; ++n) {
+    spans[n].span = changed.replace(end, 0, coded->sizes[n]);
+  }
   changed.lay_out();
   if (changed.new_size() > 0xffffffffu) {
     throw InputError(file.path(), "", "would be larger than 4 GiB, which its offsets can't say");
@@ -235,14 +237,22 @@ void change(const ArchiveRequest& r, BinaryOutput& output) {
   std::copy_n(w.layers.bytes().begin(), kTableHeadBytes, records.bytes().begin());
   records.set_u32(12, static_cast<std::uint32_t>(4 + layers * kRecordBytes));
   records.set_u32(kTableHeadBytes, static_cast<std::uint32_t>(layers));
+  std::vector<std::uint8_t> before, now;
+  const auto stays = [&](std::size_t n) {
+    if (n >= old || coded->sizes[n] != w.bytes(n)) return false;
+    file.read_at(w.offset(n), w.bytes(n), before, "layer");
+    now.clear();
+    coded->append(n, now);
+    return now == before;
+  };
   for (std::size_t n = 0; n < layers; ++n) {
     const std::size_t to = w.record(n);
     std::copy_n(
         w.layers.bytes().begin() + static_cast<std::ptrdiff_t>(w.record(std::min(n, old - 1))),
         kRecordBytes, records.bytes().begin() + static_cast<std::ptrdiff_t>(to));
-    records.set_u32(to + kOffset, static_cast<std::uint32_t>(changed.place(spans[n])));
-    records.set_u32(to + kBytes, static_cast<std::uint32_t>(r.layers->sizes[n]));
-    records.set_u32(to + kLit, static_cast<std::uint32_t>(r.layers->lit_pixels[n]));
+    records.set_u32(to + kOffset, static_cast<std::uint32_t>(changed.place(spans[n].span)));
+    records.set_u32(to + kBytes, static_cast<std::uint32_t>(coded->sizes[n]));
+    if (!stays(n)) records.set_u32(to + kLit, static_cast<std::uint32_t>(coded->lit_pixels[n]));
     if (r.exposure_changes) {
       records.set_f32(to + kRecordExposure, light_on_of_layer(r.info, static_cast<int>(n)));
     }
@@ -255,10 +265,10 @@ void change(const ArchiveRequest& r, BinaryOutput& output) {
   changed.fill(mark, w.mark.bytes());
   changed.fill(header, w.header.bytes());
   changed.fill(table, records.bytes());
-  const CodedLayers* const coded = r.layers;
   for (std::size_t n = 0; n < layers; ++n) {
+    if (!spans[n].owns) continue;
     changed.fill(
-        spans[n],
+        spans[n].span,
         [coded](std::size_t i, std::vector<std::uint8_t>& out) {
           out.clear();
           coded->append(i, out);

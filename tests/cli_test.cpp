@@ -795,7 +795,7 @@ TEST_F(Cli, VerifyDrawsTheSurface) {
 
 TEST_F(Cli, InterruptedLeavesNothing) {
   using Clock = std::chrono::steady_clock;
-  write_boxes(folder_ / "grid.stl", lattice(20, 20));
+  write_boxes(folder_ / "grid.stl", lattice(20, 12));
   std::filesystem::create_directory(folder_ / "made");
   const auto files = [&] {
     std::vector<std::string> names;

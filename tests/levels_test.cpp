@@ -147,7 +147,7 @@ TEST(Levels, SequencesByTrialAndBySetsOfDosesAreTheSame) {
 TEST(Levels, NoVoxelIsWrongWhereSomeSequenceHasNoneAndFeaturesNeverAre) {
   std::mt19937 random(5);
   int possible = 0, impossible = 0;
-  const int rounds = test::rounds(100);
+  const int rounds = test::rounds(40);
   for (int round = 0; round < rounds; ++round) {
     const int bits = 4 + static_cast<int>(random() % 5);
     const CureModel model = random_model(random, bits);
@@ -164,7 +164,7 @@ TEST(Levels, NoVoxelIsWrongWhereSomeSequenceHasNoneAndFeaturesNeverAre) {
     }
   }
   EXPECT_GT(possible, rounds * 2 / 3);
-  EXPECT_GT(impossible, rounds / 60);
+  EXPECT_GT(impossible, rounds / 100);
 }
 
 TEST(Levels, GapsOfOneSliceCostWhatWasAllowed) {
@@ -229,8 +229,9 @@ TEST(Levels, PlacesEdgesToAHundredthOfAStep) {
   EXPECT_LE(errors.back(), 2.0);
 }
 
-/// 1.02 and 1.93 times the least light that gels at this speed.
-void expect_benchy_with_little_light(const char* length_mm) {
+/// 1.02 and 1.93 times the least light that gels at this speed. Edges of slices are off by `most_um` at
+/// most.
+void expect_benchy_with_little_light(const char* length_mm, double most_um) {
   const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(path);
   namespace fs = std::filesystem;
@@ -263,17 +264,19 @@ void expect_benchy_with_little_light(const char* length_mm) {
       EXPECT_EQ(j["cure_through_voxels"], 0);
       EXPECT_EQ(j["lost_features"], 0);
       EXPECT_LT(j["height_error_um"]["mean_abs"], 0.3);
-      // What gaps of one slice may cost, and no more. Between the slices, where thinner gaps are,
-      // edges have only the middles of layers for a limit.
-      const double most = surface == "mesh" ? 50 : 50 * kDefaultGapShortfall + 0.01;
-      EXPECT_LE(j["height_error_um"]["max_abs"], most);
+      // Between the slices, where thinner gaps are, edges have only the middles of layers for a limit.
+      EXPECT_LE(j["height_error_um"]["max_abs"], surface == "mesh" ? 50 : most_um);
     }
   }
   fs::remove_all(folder);
 }
 
-TEST(Levels, SmallBenchyWithLittleLightToSpare) { expect_benchy_with_little_light("25"); }
-TEST(LevelsNight, BenchyWithLittleLightToSpare) { expect_benchy_with_little_light("60"); }
+// An edge that is off by more than half a layer makes a voxel wrong.
+TEST(Levels, SmallBenchyWithLittleLightToSpare) { expect_benchy_with_little_light("25", 25); }
+// In its full size: what gaps of one slice may cost, and no more.
+TEST(LevelsNight, BenchyWithLittleLightToSpare) {
+  expect_benchy_with_little_light("60", 50 * kDefaultGapShortfall + 0.01);
+}
 
 }  // namespace
 }  // namespace slicecorr

@@ -113,17 +113,15 @@ class PrintFilesPython : public testing::TestWithParam<const char*> {
     const RunResult r = run_program(command, options);
     ASSERT_EQ(r.exit_code, 0) << r.err;
   }
-  /// The pixels of one in new files, and back into the first as a template, which gives the first.
+  /// As it is; its pixels in new files, and back into the first as a template, which gives the first.
   void write_and_read_back() const {
     const std::string file = original();
     if (file.empty()) GTEST_SKIP() << lacks(real_file(std::string("slices/binary/") + GetParam()));
-    const Grid grid = StackReader::read_info(file).grid;
-    const int step = step_of(grid);
-    const json before = second_reader(file, grid.layers, step);
+    json before, made;
+    expect_same(file, &before);
     const std::string goo = folder_ / "made.goo", ctb = folder_ / "made.ctb",
                       back = folder_ / ("back" + std::filesystem::path(file).extension().string());
     good({"convert", file, "-o", goo});
-    json made;
     expect_same(goo, &made);
     for (const char* key :
          {"size", "count", "layers", "times", "exposure_s", "bottom_s", "bottom_layers"}) {
@@ -136,12 +134,10 @@ class PrintFilesPython : public testing::TestWithParam<const char*> {
   }
   TemporaryFolder folder_;
 };
+// What is written and read back below, by day or at night, is read there, too.
 INSTANTIATE_TEST_SUITE_P(Real, PrintFilesPython,
-                         testing::Values("mariner_pyramid.v3.ctb", "msla_saturn.v4.ctb",
-                                         "msla_mars4max.goo.gz", "msla_photon_mono.v515.pwmo.gz",
-                                         "msla_photon_mono_x.v516.pwmx.gz",
-                                         "msla_photon_mono_4k.v516.pwma.gz",
-                                         "msla_photon_m3.v516.pm3.gz"),
+                         testing::Values("msla_saturn.v4.ctb", "msla_mars4max.goo.gz",
+                                         "msla_photon_mono_x.v516.pwmx.gz"),
                          [](const auto& info) { return name_of(info.param); });
 
 TEST_P(PrintFilesPython, BothReadTheSame) {

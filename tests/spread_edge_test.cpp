@@ -163,6 +163,7 @@ TEST_P(EdgePicture, ItsSpreadIsFoundAtEveryAngle) {
   const std::string file = path("angle");
   for (const double sigma_px : {0.8, 3.0, 7.5}) {
     for (const bool level : {false, true}) {
+      if (level && sigma_px != 3.0) continue;
       test::EdgePictureOptions o;
       o.angle_deg = GetParam();
       o.sigma_px = sigma_px;
@@ -233,9 +234,9 @@ TEST(SpreadCoverage, IntervalsOfPicturesHoldTheTruthAsOftenAsTheySay) {
                             fmt::format("slicecorr-edge-{}-coverage.png", ::getpid()))
                                .string();
   int inside = 0;
-  const int runs = test::rounds(40);
+  const int runs = test::rounds(20);
   for (int run = 0; run < runs; ++run) {
-    // Small ones: what an interval says must hold for any number of pixels.
+    // What an interval says must hold for any number of pixels.
     test::EdgePictureOptions o;
     o.width = 48;
     o.height = 32;

@@ -202,7 +202,11 @@ TEST_F(EdgePicture, ThatHasNoEdgeIsRefused) {
               }),
               HasSubstr("shows no edge"));
   EXPECT_THAT(says([](auto& o) { o.angle_deg = 30; }), HasSubstr("leans by 30.0 degrees"));
-  EXPECT_THAT(says([](auto& o) { o.bar_px = 60; }), HasSubstr("no single straight edge"));
+  EXPECT_THAT(says([](auto& o) {
+                o.height = 160;
+                o.bar_px = 60;
+              }),
+              HasSubstr("no single straight edge"));
   EXPECT_THAT(says([](auto& o) {
                 o.off_px = 95;
                 o.sigma_px = 7;

@@ -407,7 +407,7 @@ TEST_F(Cli, FiguresAndFilesOfAllRoutesAgree) {
 TEST_F(Cli, SameInputGivesTheSameBytes) {
   write_boxes(folder_ / "block.stl", {{0, 12.02F, 0, 9.01F, 0, 1}, {3, 10.3F, 2, 8, 1.5F, 2.13F}});
   std::vector<std::map<std::string, std::string>> all;
-  for (const char* threads : {"1", "1", "2", "8"}) {
+  for (const char* threads : {"1", "8"}) {
     std::map<std::string, std::string> made;
     const std::string to = "made.uvj";
     const auto keep = [&](const std::string& name) { made[name] = to_text(bytes(name)); };
@@ -795,7 +795,7 @@ TEST_F(Cli, VerifyDrawsTheSurface) {
 
 TEST_F(Cli, InterruptedLeavesNothing) {
   using Clock = std::chrono::steady_clock;
-  write_boxes(folder_ / "grid.stl", lattice(20, 20));
+  write_boxes(folder_ / "grid.stl", lattice(20, 12));
   std::filesystem::create_directory(folder_ / "made");
   const auto files = [&] {
     std::vector<std::string> names;
@@ -938,7 +938,9 @@ TEST_F(HandMade, AllKindsOfImagesMeanTheSame) {
   EXPECT_EQ(expected["merged_features"], 2 * 13 * 13);
   good(Command{"correct", "target.uvj", "-o", "expected.uvj"} + small());
   for (const Kind kind : {grey8, grey16, rgba, palette, grey1}) {
+    // The container knows nothing of what it packs: two kinds, of which one is copied as it is.
     for (const bool deflated : {false, true}) {
+      if (deflated && kind != grey8 && kind != palette) continue;
       SCOPED_TRACE(fmt::format("{} {}", static_cast<int>(kind), deflated));
       make("made.uvj", kind, 50, deflated);
       EXPECT_EQ(verified("made.uvj", "target.uvj"), expected);

@@ -260,7 +260,7 @@ TEST(CorrectToLevels, AnyPatternOfSlicesPrintsVoxelForVoxel) {
   const CureModel linear = figure_2_2();
   const CureModel gamma =
       make_cure_model(test::gamma_printer(1, 100, 3), test::resin(576, 2000), process(1000), 50);
-  for (int round = 0; round < test::rounds(6000); ++round) {
+  for (int round = 0; round < test::rounds(1000); ++round) {
     const auto longest = 1 + static_cast<unsigned>(random() % 6);
     const auto design = random_pattern(random, longest);
     const Process p = process(1000, round % 3 ? kNoCap : 1.0);

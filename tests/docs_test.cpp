@@ -141,6 +141,7 @@ TEST(Docs, CommandsOfSpreadFitsRun) {
   for (const auto& [name, depth] : {std::pair{"edge.png", 0.0}, {"deep.png", 600.0}}) {
     test::EdgePictureOptions o;
     o.width = 320;
+    o.height = 64;
     o.sigma_px = std::sqrt(1600 + 3 * depth) / 2.5;
     o.noise = 0.01;
     test::write_edge_picture((folder / name).string(), o);

@@ -2,26 +2,34 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "fit_designs.hpp"
+#include "rounds.hpp"
 
 namespace slicecorr::resins {
 namespace {
 
 class Coverage : public ::testing::TestWithParam<test::Design> {};
 
-// The nominal 95 % of 500 runs have a standard deviation of 1 %: 92 to 98 % is three of them.
+// The nominal 95 % of n runs have a standard deviation of sqrt(0.95 0.05 / n), 1 % of 500: three of
+// them are allowed. Fits of fronts that move are slow, so by day there are fewer.
 TEST_P(Coverage, OfEveryParameterIsNominal) {
   const test::Design& d = GetParam();
-  const test::CoverageOf c = test::measure_coverage(d, 500);
+  const bool slow = d.model == FitModel::dead_zone_transient || d.model == FitModel::joint;
+  const int runs = slow ? std::min(500, test::rounds(60)) : 500;
+  const test::CoverageOf c = test::measure_coverage(d, runs);
+  const double allowed = 3 * std::sqrt(0.95 * 0.05 / runs);
   for (const auto& [name, value] : d.truth) {
-    EXPECT_GE(c.parameters.at(name).share, 0.92) << name;
-    EXPECT_LE(c.parameters.at(name).share, 0.98) << name;
+    EXPECT_NEAR(c.parameters.at(name).share, 0.95, allowed) << name;
     RecordProperty(name, fmt::format("{:.3f}", c.parameters.at(name).share));
   }
-  // The scatter was made for the R² that the dissertation prints with three digits.
-  EXPECT_NEAR(c.mean_r2, d.r2, 0.002);
+  // The scatter was made for the R² that the dissertation prints with three digits. That of one run
+  // of n heights scatters by (1 - R²) sqrt(2 / n) about it.
+  const auto heights = d.exact.cured.empty() ? d.exact.dead_zones.size() : d.exact.cured.size();
+  EXPECT_NEAR(c.mean_r2, d.r2,
+              0.0005 + 3 * (1 - d.r2) * std::sqrt(2.0 / static_cast<double>(heights) / runs));
 }
 
 INSTANTIATE_TEST_SUITE_P(Published, Coverage, ::testing::ValuesIn(test::published_designs()),
@@ -55,13 +63,13 @@ test::Design short_exposure(const char* name, const Kinetics& k, double cured_m)
 
 // Whether m is held is seen in the measurements, so the intervals of the others must not believe in
 // it; nor may a profile end where the solver stopped in a bend. Profiles that reach a bound hold
-// the truth more often than 95 %, so only too little counts: 60 runs have a standard deviation
-// of 2.8 %.
+// the truth more often than 95 %, so only too little counts: three standard deviations of the runs.
 TEST(Coverage, OfHuvWhereTheExponentCannotBeKnown) {
   for (const test::Design& d : {short_exposure("figure 3.4", {750, 1, 100, 1, 100}, 1),
                                 short_exposure("another m", {408, 0.8, 64, 0.73, 37.8}, 0.99)}) {
-    const test::CoverageOf c = test::measure_coverage(d, 60);
-    EXPECT_GE(c.parameters.at("huv_um").share, 0.90) << d.name;
+    const int runs = test::rounds(20);
+    const test::CoverageOf c = test::measure_coverage(d, runs);
+    EXPECT_GE(c.parameters.at("huv_um").share, 0.95 - 3 * std::sqrt(0.95 * 0.05 / runs)) << d.name;
     RecordProperty("huv_um " + d.name, fmt::format("{:.3f}", c.parameters.at("huv_um").share));
   }
 }
@@ -123,11 +131,11 @@ TEST(Bootstrap, TooFewResamplingsGiveNoInterval) {
 TEST(Repeatability, ResultsDoNotDependOnThreads) {
   for (test::Design d : {test::kinetic_design("", 67, 168, 0.99, 0.983), test::transient_design(),
                          test::joint_design()}) {
-    d.options.bootstrap = 100;
+    d.options.bootstrap = 24;
     d.options.seed = 42;
     const Measurements data = test::with_scatter(d, 3);
     std::string first;
-    for (const int threads : {1, 2, 5}) {
+    for (const int threads : {1, 5}) {
       ExecutionContext context;
       context.threads = threads;
       const std::string json = fit(data, d.model, d.options, context).to_json();

@@ -471,17 +471,18 @@ TEST_F(FlatFieldTest, NotKnowingItMovesEdges) {
 }
 
 TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {
-  const Grid grid{90, 70, 30, 50, 50, 50};
+  // Several bands of rows, so that there is work to share.
+  const Grid grid{54, 42, 20, 50, 50, 50};
   const MemorySlices target = random_target(grid, 7);
   std::mt19937 random(8);
   Values values(9 * 7);
   for (std::uint8_t& v : values) v = static_cast<std::uint8_t>(240 + random() % 2 * 4);
   for (const Mode& mode : modes()) {
     Settings setup = with(mode.setup, field_of(9, 7, values));
-    setup.printer.width_px = 90;
-    setup.printer.height_px = 70;
+    setup.printer.width_px = 54;
+    setup.printer.height_px = 42;
     std::string first, figures, page;
-    for (const int threads : {1, 2, 5}) {
+    for (const int threads : {1, 5}) {
       ExecutionContext context;
       context.threads = threads;
       const Correction c = correct_stack(target, setup, path("t.uvj"),

@@ -200,9 +200,9 @@ TEST_F(FlowProgram, BlindHolesAreNamed) {
 
 TEST_F(FlowProgram, PicturesAndTables) {
   for (const std::string name : {"flow.svg", "flow.png", "flow.html"}) {
-    const RunResult r =
-        call(with(Command{"flow"} + kDisc, {"-o", name, "--uv-mw-cm2", "275", "--blue-mw-cm2",
-                                            "164", "--profile", "speeds.csv", "--every", "4"}));
+    const RunResult r = call(with(
+        Command{"flow"} + kDisc, {"-o", name, "--uv-mw-cm2", "275", "--blue-mw-cm2", "164",
+                                  "--profile", "speeds.csv", "--every", "4", "--pitch-um", "500"}));
     ASSERT_EQ(r.exit_code, 0) << r.err;
     EXPECT_THAT(r.out, HasSubstr("slowest: slice"));
     EXPECT_GT(std::filesystem::file_size(folder_ / name), 2000U);

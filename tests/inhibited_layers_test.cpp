@@ -10,6 +10,7 @@
 #include <random>
 #include <string>
 
+#include "rounds.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -283,7 +284,7 @@ TEST(InhibitedLayers, PredictionIsWhatIntegrationSays) {
     const CureModel model = s.model();
     int middle = 0;
     while (middle < 255 && model.level_phi[static_cast<std::size_t>(middle)] < 1) ++middle;
-    for (int round = 0; round < 6; ++round) {
+    for (int round = 0; round < test::rounds(2); ++round) {
       std::vector<std::uint8_t> levels, coverage;
       int level = middle, cover = 0;
       for (int n = 0; n < 40; ++n) {

@@ -147,7 +147,8 @@ TEST(Levels, SequencesByTrialAndBySetsOfDosesAreTheSame) {
 TEST(Levels, NoVoxelIsWrongWhereSomeSequenceHasNoneAndFeaturesNeverAre) {
   std::mt19937 random(5);
   int possible = 0, impossible = 0;
-  for (int round = 0; round < test::rounds(300); ++round) {
+  const int rounds = test::rounds(40);
+  for (int round = 0; round < rounds; ++round) {
     const int bits = 4 + static_cast<int>(random() % 5);
     const CureModel model = random_model(random, bits);
     const unsigned longest[] = {1, 2, 4, 12, 25};
@@ -162,8 +163,8 @@ TEST(Levels, NoVoxelIsWrongWhereSomeSequenceHasNoneAndFeaturesNeverAre) {
       ASSERT_FALSE(Possible(model, design, plan.all_layers).any()) << round;
     }
   }
-  EXPECT_GT(possible, 200);
-  EXPECT_GT(impossible, 5);
+  EXPECT_GT(possible, rounds * 2 / 3);
+  EXPECT_GT(impossible, rounds / 100);
 }
 
 TEST(Levels, GapsOfOneSliceCostWhatWasAllowed) {
@@ -228,8 +229,9 @@ TEST(Levels, PlacesEdgesToAHundredthOfAStep) {
   EXPECT_LE(errors.back(), 2.0);
 }
 
-TEST(Levels, BenchyWithLittleLightToSpare) {
-  // 1.02 and 1.93 times the least light that gels at this speed.
+/// 1.02 and 1.93 times the least light that gels at this speed. Edges of slices are off by `most_um` at
+/// most.
+void expect_benchy_with_little_light(const char* length_mm, double most_um) {
   const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(path);
   namespace fs = std::filesystem;
@@ -246,7 +248,7 @@ TEST(Levels, BenchyWithLittleLightToSpare) {
   const std::vector<std::string> printer = {"--printer", "dual-wavelength-dlp"};
   for (const std::string surface : {"slices", "mesh"}) {
     ASSERT_EQ(call({"slice", path, "-o", "target.uvj", "--layer-um", "50", "--antialias", "off",
-                    "--surface", surface, printer[0], printer[1]})
+                    "--fit-mm", length_mm, "--surface", surface, printer[0], printer[1]})
                   .exit_code,
               0);
     for (const std::string dose : {"1764", "900"}) {
@@ -262,13 +264,18 @@ TEST(Levels, BenchyWithLittleLightToSpare) {
       EXPECT_EQ(j["cure_through_voxels"], 0);
       EXPECT_EQ(j["lost_features"], 0);
       EXPECT_LT(j["height_error_um"]["mean_abs"], 0.3);
-      // What gaps of one slice may cost, and no more. Between the slices, where thinner gaps are,
-      // edges have only the middles of layers for a limit.
-      const double most = surface == "mesh" ? 50 : 50 * kDefaultGapShortfall + 0.01;
-      EXPECT_LE(j["height_error_um"]["max_abs"], most);
+      // Between the slices, where thinner gaps are, edges have only the middles of layers for a limit.
+      EXPECT_LE(j["height_error_um"]["max_abs"], surface == "mesh" ? 50 : most_um);
     }
   }
   fs::remove_all(folder);
+}
+
+// An edge that is off by more than half a layer makes a voxel wrong.
+TEST(Levels, SmallBenchyWithLittleLightToSpare) { expect_benchy_with_little_light("25", 25); }
+// In its full size: what gaps of one slice may cost, and no more.
+TEST(LevelsNight, BenchyWithLittleLightToSpare) {
+  expect_benchy_with_little_light("60", 50 * kDefaultGapShortfall + 0.01);
 }
 
 }  // namespace

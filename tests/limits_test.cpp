@@ -12,6 +12,7 @@
 
 #include "memory_slices.hpp"
 #include "models.hpp"
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
@@ -259,26 +260,29 @@ void follow(const Case& c, Tally& tally) {
 TEST(Limits, AllThatARefusalNamesWorks) {
   std::mt19937 random(20);
   Tally tally;
-  for (int i = 0; i < 3000; ++i) follow(any_case(random, false), tally);
+  const int cases = rounds(1000);
+  for (int i = 0; i < cases; ++i) follow(any_case(random, false), tally);
   EXPECT_EQ(tally.failed, 0) << "of " << tally.followed;
-  EXPECT_GT(tally.followed, 1000);
-  EXPECT_GT(tally.none_works, 20);
+  EXPECT_GT(tally.followed, cases / 3);
+  EXPECT_GT(tally.none_works, cases / 150);
   RecordProperty("followed", tally.followed);
 }
 
 TEST(Limits, AllThatARefusalNamesWorksUnderUvLight) {
   std::mt19937 random(21);
   Tally tally;
-  for (int i = 0; i < 60; ++i) follow(any_case(random, true), tally);
+  const int cases = rounds(40);
+  for (int i = 0; i < cases; ++i) follow(any_case(random, true), tally);
   EXPECT_EQ(tally.failed, 0) << "of " << tally.followed;
-  EXPECT_GT(tally.followed, 30);
+  EXPECT_GT(tally.followed, cases / 2);
   RecordProperty("followed", tally.followed);
 }
 
 TEST(Limits, WhatUnevenLightNamesWorksWhereThePartLies) {
   std::mt19937 random(22);
   Tally tally;
-  for (int i = 0; i < 600; ++i) {
+  const int cases = rounds(150);
+  for (int i = 0; i < cases; ++i) {
     Case c = any_case(random, false);
     c.target.emplace(c.grid);
     FlatField field;
@@ -299,7 +303,7 @@ TEST(Limits, WhatUnevenLightNamesWorksWhereThePartLies) {
     follow(c, tally);
   }
   EXPECT_EQ(tally.failed, 0) << "of " << tally.followed;
-  EXPECT_GT(tally.followed, 200);
+  EXPECT_GT(tally.followed, cases / 3);
 }
 
 TEST(Limits, BothThatBindAreNamedAtOnce) {

@@ -1,7 +1,13 @@
 /// Runs the tests of an executable, tells which skipped and why, and fails for a skip where all
 /// must run: SLICECORR_REQUIRE_ALL=1. The few that may skip even then are in tests/may_skip.txt.
+/// SLICECORR_TEST_TIMES=FILE: what each test costs is appended to FILE.
+#include <fcntl.h>
 #include <gmock/gmock.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -52,12 +58,69 @@ class SkipJudge : public testing::EmptyTestEventListener {
   bool refused_ = false;
 };
 
+/// Processor time of this process and of the programs it has waited for.
+double processor_s() {
+  double sum_s = 0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage used{};
+    getrusage(who, &used);
+    for (const timeval& t : {used.ru_utime, used.ru_stime}) {
+      sum_s += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+    }
+  }
+  return sum_s;
+}
+
+/// A line per test: processor time and time by the clock in seconds, and the test's name; a line
+/// per suite for what is set up for all its tests together.
+class Times : public testing::EmptyTestEventListener {
+ public:
+  explicit Times(const char* path)
+      : file_(open(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666)) {}
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void OnTestSuiteStart(const testing::TestSuite& /*suite*/) override { begin(); }
+  void OnTestStart(const testing::TestInfo& test) override {
+    const testing::TestSuite* suite = testing::UnitTest::GetInstance()->current_test_suite();
+    if (suite != suite_) end(std::string(test.test_suite_name()) + " (set up)");
+    suite_ = suite;
+    begin();
+  }
+  void OnTestEnd(const testing::TestInfo& test) override {
+    end(std::string(test.test_suite_name()) + "." + test.name());
+  }
+
+  void begin() {
+    processor_s_ = processor_s();
+    clock_ = Clock::now();
+  }
+  /// One write, so that lines of executables that run beside each other stay whole.
+  void end(const std::string& name) const {
+    const std::chrono::duration<double> passed = Clock::now() - clock_;
+    char line[512];
+    const int length = std::snprintf(line, sizeof line, "%9.3f %9.3f %s\n",
+                                     processor_s() - processor_s_, passed.count(), name.c_str());
+    const auto size = std::min(static_cast<std::size_t>(length), sizeof line - 1);
+    if (write(file_, line, size) < 0) std::perror("SLICECORR_TEST_TIMES");
+  }
+
+  const int file_;
+  const testing::TestSuite* suite_ = nullptr;
+  double processor_s_ = 0;
+  Clock::time_point clock_;
+};
+
 }  // namespace
 
 int main(int argc, char** argv) {
   testing::InitGoogleMock(&argc, argv);
   auto* judge = new SkipJudge;  // owned by the list
   testing::UnitTest::GetInstance()->listeners().Append(judge);
+  if (const char* times = std::getenv("SLICECORR_TEST_TIMES")) {
+    testing::UnitTest::GetInstance()->listeners().Append(new Times(times));
+  }
   const int result = RUN_ALL_TESTS();
   return result != 0 ? result : judge->refused() ? 1 : 0;
 }

@@ -13,6 +13,7 @@
 #include <random>
 
 #include "refusal.hpp"
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -123,10 +124,10 @@ TEST(OpticsFit, PointsWithoutScatterGiveTheMachine) {
               11.8, 1e-5);
 }
 
-// 95 % of 100 runs have a standard deviation of 2.2 %: three of them below is 88.4 %.
+// 95 % of 40 runs have a standard deviation of 3.4 %: three of them below is 84.7 %.
 TEST(OpticsCoverage, IntervalsHoldTheTruthAsOftenAsTheySay) {
   std::map<std::string, int> inside;
-  constexpr int runs = 100;
+  const int runs = test::rounds(40);
   const std::map<std::string, double> truth = {{"distance_mm", 101.2},
                                                {"axis_right_px", 3.7},
                                                {"axis_up_px", -12},
@@ -141,7 +142,7 @@ TEST(OpticsCoverage, IntervalsHoldTheTruthAsOftenAsTheySay) {
     }
   }
   for (const auto& [name, value] : truth) {
-    EXPECT_GE(inside[name], 0.884 * runs) << name;
+    EXPECT_GE(inside[name], 0.95 * runs - 3 * std::sqrt(0.95 * 0.05 * runs)) << name;
     RecordProperty(name, inside[name]);
   }
 }

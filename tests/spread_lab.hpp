@@ -45,8 +45,8 @@ struct Lab {
       const double left = height_e_um > 0 ? std::exp(-m * depth / height_e_um) : 1;
       return dose * left * std::pow(light(gap, full, half, x, depth), m);
     }
-    // Thin slices, each at the depth of its middle; up to where nothing is left.
-    const double he = height_e_um / m, thin = he / 500, end = std::min(depth, 30 * he);
+    // Thin slices, each at the depth of its middle; up to where 2e-9 is left.
+    const double he = height_e_um / m, thin = he / 500, end = std::min(depth, 20 * he);
     double sum = 0;
     for (double u = 0; u < end; u += thin) {
       const double to = std::min(u + thin, end);
@@ -55,13 +55,13 @@ struct Lab {
     }
     return dose * sum;
   }
-  /// By halving.
+  /// By halving, to 1e-9 um.
   double width(WidthKind kind, double designed, double depth = 0, double full = 1) const {
     const bool gap = kind == WidthKind::gap;
     const auto printed = [&](double x) { return dose_at(gap, full, designed / 2, x, depth) >= 1; };
     if (printed(0) == gap) return 0;
     double in = 0, out = designed + 1500;
-    for (int i = 0; i < 60; ++i) {
+    for (int i = 0; i < 42; ++i) {
       const double middle = 0.5 * (in + out);
       (printed(middle) == gap ? out : in) = middle;
     }

@@ -11,6 +11,7 @@
 #include "base/record_log.hpp"
 #include "base/tile_kernels.hpp"
 #include "models.hpp"
+#include "rounds.hpp"
 #include "slicecorr/predict.hpp"
 
 namespace slicecorr {
@@ -211,7 +212,7 @@ void check_all(unsigned seed, int rounds) {
   }
 }
 
-TEST(Tiles, EqualTheDefinitions) { check_all(41, 400); }
+TEST(Tiles, EqualTheDefinitions) { check_all(41, test::rounds(60)); }
 
 TEST(Tiles, EqualTheDefinitionsWithEveryInstructionSet) {
   const std::vector<std::int64_t> targets = [] {
@@ -225,7 +226,7 @@ TEST(Tiles, EqualTheDefinitionsWithEveryInstructionSet) {
   for (const std::int64_t target : targets) {
     hwy::SetSupportedTargetsForTest(target);
     hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    check_all(42, 60);
+    check_all(42, test::rounds(12));
   }
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());

@@ -310,7 +310,8 @@ struct Fins {
     printer.pixel_y_um = 250;
     printer.optics->axis_up_px = -38;  // the image reaches from -2 to 21 mm
     rays = lab_rays(printer, kResin, 0.04, {0, 0, 48, 92, 1, 1});
-    grid = grid_of(rays, 47, 76, 120, 0.25);
+    // As many angles as there are voxels along half of the rim.
+    grid = grid_of(rays, 47, 76, 76, 0.25);
     grid.pixel_mm = 0.5 / kResin;
     grid.radius_mm = 11.5;
     grid.lowest_mm = 0.125;

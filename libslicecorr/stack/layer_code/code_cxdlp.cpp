@@ -46,7 +46,9 @@ class CxdlpCode final : public LayerCodec {
     const auto height = static_cast<std::size_t>(height_px_);
     for (int x0 = 0; x0 < width_px_; x0 += kStrip) {
       const int n = std::min(kStrip, width_px_ - x0);
-      if (!gather(pixels, x0, n, columns.data())) continue;
+      // Most strips of most layers are black, and looking at them is quicker than turning them.
+      if (!is_lit(pixels, x0, n)) continue;
+      gather(pixels, x0, n, columns.data());
       for (int c = 0; c < n; ++c) {
         std::uint64_t y = 0;
         each_pixel_run(columns.data() + height * static_cast<std::size_t>(c), height,
@@ -66,19 +68,25 @@ class CxdlpCode final : public LayerCodec {
   }
 
  private:
-  /// Some columns, each of them in one piece. Returns whether anything in them is lit.
-  bool gather(const std::uint8_t* pixels, int x0, int n, std::uint8_t* columns) const {
+  /// Whether anything in some columns is.
+  bool is_lit(const std::uint8_t* pixels, int x0, int n) const {
+    const auto width = static_cast<std::size_t>(width_px_);
+    for (int y = 0; y < height_px_; ++y) {
+      const std::uint8_t* const row = pixels + width * static_cast<std::size_t>(y) + x0;
+      std::uint8_t lit = 0;
+      for (int c = 0; c < n; ++c) lit |= row[c];
+      if (lit != 0) return true;
+    }
+    return false;
+  }
+  /// Some columns, each of them in one piece.
+  void gather(const std::uint8_t* pixels, int x0, int n, std::uint8_t* columns) const {
     const auto width = static_cast<std::size_t>(width_px_),
                height = static_cast<std::size_t>(height_px_);
-    unsigned lit = 0;
     for (std::size_t y = 0; y < height; ++y) {
       const std::uint8_t* const row = pixels + width * y + x0;
-      for (int c = 0; c < n; ++c) {
-        lit |= row[c];
-        columns[height * static_cast<std::size_t>(c) + y] = row[c];
-      }
+      for (int c = 0; c < n; ++c) columns[height * static_cast<std::size_t>(c) + y] = row[c];
     }
-    return lit != 0;
   }
 };
 

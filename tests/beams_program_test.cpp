@@ -20,20 +20,25 @@ using testing::HasSubstr;
 class BeamsProgram : public testing::Test {
  protected:
   void SetUp() override {
-    write("printer.toml", R"(name = "plain"
+    printer(0);
+    resin(0.2);
+    write_npy(path("lattice.npy"), test::lattice_part());
+    write_npy(path("ball.npy"), test::ball_part(8));
+    write_npy(path("octants.npy"), test::octants_part());
+    write_npy(path("hollow.npy"), test::hollow_part());
+  }
+  /// Light of its black pixels, of 10 at full level.
+  void printer(double black_mw_cm2) const {
+    write("printer.toml", fmt::format(R"(name = "plain"
 [display]
 width_px = 128
 height_px = 128
 pixel_um = 50
 [blue]
 wavelength_nm = 405
-calibration = [[0, 0.0], [255, 10.0]]
-)");
-    resin(0.2);
-    write_npy(path("lattice.npy"), test::lattice_part());
-    write_npy(path("ball.npy"), test::ball_part(8));
-    write_npy(path("octants.npy"), test::octants_part());
-    write_npy(path("hollow.npy"), test::hollow_part());
+calibration = [[0, {:.1f}], [255, 10.0]]
+)",
+                                      black_mw_cm2));
   }
   /// Absorption per cm.
   void resin(double per_cm) const {
@@ -180,15 +185,7 @@ TEST_F(BeamsProgram, WrongInputIsRefused) {
 TEST_F(BeamsProgram, BlackAndLevelsAreCounted) {
   // Black gives a fifth of full light: what three beams leave beside the part is too much for end-on
   // images no longer dark.
-  write("printer.toml", R"(name = "plain"
-[display]
-width_px = 128
-height_px = 128
-pixel_um = 50
-[blue]
-wavelength_nm = 405
-calibration = [[0, 2.0], [255, 10.0]]
-)");
+  printer(2);
   resin(1e-6);
   const auto r = run("lattice", {"--images", "end-on", "--json", "-"});
   ASSERT_EQ(r.exit_code, 0) << r.err;

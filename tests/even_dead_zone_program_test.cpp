@@ -9,7 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "flow_resins.hpp"
+#include "chapter_iv_resins.hpp"
 #include "ladder.hpp"
 #include "lattice.hpp"
 #include "meshes.hpp"
@@ -128,7 +128,7 @@ DoseSummary swept(const std::string& stack_path, const std::string& target_path,
             : schedule[std::min<std::size_t>(static_cast<std::size_t>(slice), schedule.size() - 1)];
   }
   const FlowSection section = part.section(static_cast<std::size_t>(part.mask_of(slice)));
-  const SectionSweep sweep(section, solve_pressure(section), flow_resin_2(), 300,
+  const SectionSweep sweep(section, solve_pressure(section), chapter_iv_resin2(), 300,
                            std::vector{light.gap_um});
   return summarise(section, sweep.dose(blue_sum, uv_sum));
 }
@@ -170,6 +170,15 @@ TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
   const json said = json::parse(info.out);
   EXPECT_EQ(said["even_dead_zone"], "both");
   EXPECT_EQ(said["gap_um"], 120);
+  EXPECT_THAT(call({"info", "out.uvj", "--quiet"}).out,
+              HasSubstr("dead zone    even although resin flows, 120 um (both)\n"));
+  // Whoever asks for suction gets that of this gap, and is sent to who knows the dose.
+  const RunResult pulled = call({"flow", "out.uvj", "--json", "-", "--quiet"});
+  ASSERT_EQ(pulled.exit_code, 0) << pulled.err;
+  const json suction = json::parse(pulled.out);
+  EXPECT_EQ(suction["gap_um"], 120);
+  EXPECT_THAT(suction["gap_from"].get<std::string>(), HasSubstr("the light is for"));
+  EXPECT_THAT(suction["no_dose"].get<std::string>(), HasSubstr("slicecorr verify"));
 }
 
 TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {

@@ -29,7 +29,7 @@ SectionGoal chapter_goal(FlowPattern pattern, double least_um, double most_um) {
 SectionOptimum optimum(const FlowSection& s, const SectionGoal& goal, int threads = 2) {
   ExecutionContext context;
   context.threads = threads;
-  return optimise_section(s, solve_pressure(s), chapter_r2(), kSpeed, goal, context);
+  return optimise_section(s, solve_pressure(s), chapter_iv_resin2(), kSpeed, goal, context);
 }
 
 TEST(OptimiseSection, ConstantLightOfADisc) {
@@ -90,7 +90,7 @@ TEST(OptimiseSection, KnowsWhatImagesShow) {
   smooth.image = image_of(0.6, 0.4, 0.5);
   const SectionOptimum o = optimum(s, smooth);
   const double gap = 120;
-  const SectionSweep sweep(s, solve_pressure(s), chapter_r2(), kSpeed, {&gap, 1});
+  const SectionSweep sweep(s, solve_pressure(s), chapter_iv_resin2(), kSpeed, {&gap, 1});
   const auto shown = [&](const SectionOptimum& asked) {
     return summarise(s, sweep.dose(smooth.image->of_blue(s, asked.blue_mw_cm2),
                                    smooth.image->of_uv(s, asked.uv_mw_cm2)));
@@ -155,7 +155,7 @@ TEST(OptimiseSection, TheGapIsFoundAndMorePatternsAreBetter) {
 
 TEST(OptimiseSection, OtherLawsToo) {
   const FlowSection s = full_section(16, 16, 500);
-  FlowResin resin = chapter_r2();
+  FlowResin resin = chapter_iv_resin2();
   resin.diffusion_m2_s = 0;
   resin.inhibitor_life_s = 0;
   SectionGoal goal = chapter_goal(FlowPattern::constant, 80, 80);
@@ -223,7 +223,7 @@ TEST(FlowRefuses, Sweeps) {
   const auto make = [&](const FlowResin& r, double speed, double gap, int levels) {
     return [&s, &p, r, speed, gap, levels] { SectionSweep(s, p, r, speed, {&gap, 1}, {levels}); };
   };
-  const FlowResin good = chapter_r2();
+  const FlowResin good = chapter_iv_resin2();
   FlowResin bad = good;
   bad.kinetics.huv_um = bad.kinetics.hb_um;
   refuses("huv_um", make(bad, 300, 80, 48));
@@ -264,13 +264,13 @@ TEST(FlowRefuses, Goals) {
   refuses("leave_out_gaps", with([](SectionGoal& g) { g.leave_out_gaps = 1e4; }));
   refuses<InfeasibleError>("no dead zone", with([](SectionGoal& g) { g.max_uv_mw_cm2 = 0; }));
   refuses<InfeasibleError>("no dead zone", [&] {
-    FlowResin resin = chapter_r2();
+    FlowResin resin = chapter_iv_resin2();
     resin.kinetics.beta = 0;
     optimise_section(s, solve_pressure(s), resin, kSpeed, chapter_goal(FlowPattern::uv, 10, 300));
   });
   refuses("varies", [&] {
     const std::vector<double> gap(s.size(), 80.0);
-    optimise_section(s, solve_pressure(s, gap, 80), chapter_r2(), kSpeed,
+    optimise_section(s, solve_pressure(s, gap, 80), chapter_iv_resin2(), kSpeed,
                      chapter_goal(FlowPattern::uv, 10, 300));
   });
   std::atomic<bool> stop{true};

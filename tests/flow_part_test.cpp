@@ -11,7 +11,7 @@
 #include <numbers>
 #include <random>
 
-#include "flow_resins.hpp"
+#include "chapter_iv_resins.hpp"
 #include "memory_slices.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_suction.hpp"
@@ -358,7 +358,7 @@ TEST(FlowPart, ThreadsChangeNothing) {
                       .gap_um = 80,
                       .every = 4,
                       .light = FlowLight{164, 275},
-                      .resin = test::flow_resin_2()};
+                      .resin = test::chapter_iv_resin2()};
   std::vector<SliceFlow> before;
   for (const int threads : {1, 3}) {
     ExecutionContext context;
@@ -449,7 +449,7 @@ TEST(FlowPlatform, ChangeoverIsThatOfForces) {
 // ---- gap and dead zone ----------------------------------------------------------------------------
 
 TEST(FlowGap, MeanDoseIsThatOfStillResin) {
-  Kinetics k = test::flow_resin_2().kinetics;
+  Kinetics k = test::chapter_iv_resin2().kinetics;
   // §8: in 80 um still resin has 0.84065 of its dose (signed), so a resin that needs just that has its
   // even gap there; five digits are given.
   k.critical_dose_prime *= 0.84065;
@@ -461,7 +461,7 @@ TEST(FlowGap, MeanDoseIsThatOfStillResin) {
 
 TEST(FlowGap, SectionsAgreeInTheMean) {
   // What is produced leaves through the front, so the mean over any section of whole cells is 1.
-  const FlowResin resin = test::flow_resin_2();
+  const FlowResin resin = test::chapter_iv_resin2();
   const double gap = even_gap_um(resin.kinetics, 164, 275, 300), blue = 164, uv = 275;
   for (const int rows : {40, 16}) {
     FlowSection s;
@@ -478,7 +478,7 @@ TEST(FlowGap, SectionsAgreeInTheMean) {
 }
 
 TEST(FlowGap, RefusesLightsThatLeaveNone) {
-  const Kinetics k = test::flow_resin_2().kinetics;
+  const Kinetics k = test::chapter_iv_resin2().kinetics;
   EXPECT_THROW(even_gap_um(k, 164, 0, 300), InfeasibleError);
   EXPECT_THROW(even_gap_um(k, 164, 164 / k.beta * 0.999, 300), InfeasibleError);
   EXPECT_NO_THROW(even_gap_um(k, 164, 164 / k.beta * 1.001, 300));
@@ -501,7 +501,7 @@ TEST(FlowGap, DeadZoneOfADiscIsTheFixedPoint) {
     if (std::hypot(x, y) * 425 < 10000) coverage[static_cast<std::size_t>(cell)] += 1.0F / 64;
   }
   const FlowSection s = section_of_coverage(size, size, 425, 425, coverage);
-  const DeadZoneRange zone = dead_zone_under(s, test::flow_resin_2(), 300, 80, {164, 275});
+  const DeadZoneRange zone = dead_zone_under(s, test::chapter_iv_resin2(), 300, 80, {164, 275});
   // Least 41 where fronts rest; else the first step, which stops short of it.
   EXPECT_NEAR(zone.min_um, zone.at_rest ? 41 : 57, 8);
   EXPECT_GT(zone.max_um, 72);

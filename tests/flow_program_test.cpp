@@ -204,7 +204,15 @@ TEST_F(FlowProgram, PicturesAndTables) {
         Command{"flow"} + kDisc, {"-o", name, "--uv-mw-cm2", "275", "--blue-mw-cm2", "164",
                                   "--profile", "speeds.csv", "--every", "4", "--pitch-um", "500"}));
     ASSERT_EQ(r.exit_code, 0) << r.err;
-    EXPECT_THAT(r.out, HasSubstr("slowest: slice"));
+    // The disc is one section, which is told once: what lies between the heads and what follows.
+    EXPECT_THAT(r.out, HasSubstr("4 looked at, 1 section among them"));
+    const std::size_t heads = r.out.find("dead zone um\n"), after = r.out.find("slowest: slice");
+    ASSERT_LT(heads, after);
+    ASSERT_NE(after, std::string::npos);
+    EXPECT_EQ(std::count(r.out.begin() + static_cast<std::ptrdiff_t>(heads),
+                         r.out.begin() + static_cast<std::ptrdiff_t>(after), '\n'),
+              2)
+        << r.out;
     EXPECT_GT(std::filesystem::file_size(folder_ / name), 2000U);
   }
   EXPECT_THAT(to_text(read_file(folder_ / "flow.html")), HasSubstr("<svg"));
@@ -234,7 +242,8 @@ TEST_F(FlowProgram, RefusesWrongInput) {
   resin("thin.toml", "");
   bad(2, with(Command{"flow"} + kDisc, {"--resin", "thin.toml"}), {"thin.toml: viscosity_pa_s"});
   for (const char* value : {"0", "-1", "nan", "inf", "x"}) {
-    bad(2, with(Command{"flow"} + kDisc, {"--gap-um", value}), {"--gap-um"});
+    bad(2, with(Command{"flow"} + kDisc, {"--gap-um", value}),
+        {std::string("--gap-um: is ") + value + ", expected a number above 0 and at most 1000\n"});
     bad(2, with(Command{"flow"} + kDisc, {"--pitch-um", value}), {"--pitch-um"});
     bad(2,
         {"flow", "disc.stl", "--layer-um", "50", "--printer", "printer.toml", "--resin",
@@ -242,7 +251,7 @@ TEST_F(FlowProgram, RefusesWrongInput) {
         {"--speed-mm-h"});
   }
   bad(2, with(Command{"flow"} + kDisc, {"--uv-mw-cm2", "-1"}), {"--uv-mw-cm2"});
-  bad(2, with(Command{"flow"} + kDisc, {"--gap-um", "2000"}), {"--gap-um"});
+  bad(2, with(Command{"flow"} + kDisc, {"--gap-um", "2000"}), {"--gap-um: is 2000"});
   bad(2, with(Command{"flow"} + kDisc, {"--pitch-um", "9000"}), {"third"});
   bad(2, with(Command{"flow"} + kDisc, {"--pitch-um", "10"}), {"pixels"});
   bad(2, with(Command{"flow"} + kDisc, {"--every", "0"}), {"--every"});

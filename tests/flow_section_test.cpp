@@ -28,20 +28,6 @@ double newtons(double integral_um4) {
   return suction_force_n(integral_um4, kViscosity, kSpeed, kGap);
 }
 
-/// Doses at r̄ = 0.1, 0.3, 0.5, 0.7, 0.9 of a disc, means around it.
-constexpr std::array<double, 5> kRadii{0.1, 0.3, 0.5, 0.7, 0.9};
-std::array<double, 5> around(const FlowSection& s, const std::vector<double>& values,
-                             double radius_um) {
-  std::array<double, 5> means{};
-  for (std::size_t k = 0; k < kRadii.size(); ++k) {
-    for (int a = 0; a < 64; ++a) {
-      const double r = kRadii[k] * radius_um, angle = 2 * kPi * a / 64;
-      means[k] += value_at(s, values, r * std::cos(angle), r * std::sin(angle)) / 64;
-    }
-  }
-  return means;
-}
-
 /// Dose along one line of the flow, which came in at F = `share_in`: dt = h dq/(S F).
 double streamline_dose(const FlowResin& r, double blue, double uv, double share_in) {
   const Kinetics& k = r.kinetics;
@@ -120,32 +106,16 @@ TEST(GapPressure, Rectangles) {
   EXPECT_NEAR(pa(square.max_phi_um2) / 2762.7, 1, 1e-3);
 }
 
-FlowSection ring(double pitch_um) {
-  return section_where(9e3, 9e3, pitch_um, [](double x, double y) {
-    const double r = std::hypot(x, y);
-    return r > 3e3 && r < 9e3;
-  });
-}
-
 TEST(GapPressure, RingsOpenAndBlind) {
-  FlowSection s = ring(18e3 / 96);
-  EXPECT_NEAR(pa(solve_pressure(s).max_phi_um2) / 2721.2, 1, 3e-3);
-  // The hole is blind: what is inside of the middle radius and no part.
-  for (int y = 0; y < s.height; ++y) {
-    for (int x = 0; x < s.width; ++x) {
-      const double r = s.pitch_x_um * std::hypot(x - s.width / 2 + 0.5, y - s.height / 2 + 0.5);
-      if (r < 6e3 && s.cells[s.index(x, y)] == FlowCell::bath) {
-        s.cells[s.index(x, y)] = FlowCell::blind;
-      }
-    }
-  }
+  EXPECT_NEAR(pa(solve_pressure(ring_section(18e3 / 96)).max_phi_um2) / 2721.2, 1, 3e-3);
+  const FlowSection s = ring_section(18e3 / 96, FlowCell::blind);
   const GapPressure p = solve_pressure(s);
   // The hole's edge is a staircase, half a cell off at most and less on average.
   EXPECT_NEAR(pa(p.max_phi_um2) / 10547, 1, 5e-3);
   EXPECT_EQ(p.phi_um2[s.index(s.width / 2, s.height / 2)], p.max_phi_um2);
   EXPECT_EQ(p.phi_um2[s.index(s.width / 2 + 5, s.height / 2)], p.max_phi_um2);
   // With even light the dose outside of the hole is that of the full disc.
-  const SectionDose dose = even_dose(sweep_of(s, chapter_r2()), 164, 275);
+  const SectionDose dose = even_dose(sweep_of(s, chapter_iv_resin2()), 164, 275);
   EXPECT_NEAR(value_at(s, dose.front, 0.7 * 9e3, 0), 0.8743, 0.01);
   EXPECT_EQ(dose.front[s.index(s.width / 2, s.height / 2)], 0);
 }
@@ -182,7 +152,7 @@ TEST(GapPressure, GapsThatVary) {
 }
 
 TEST(GapPressure, WhatFlowsInIsWhatIsDrawnIn) {
-  FlowSection s = ring(18e3 / 48);
+  FlowSection s = ring_section(18e3 / 48);
   s.cells[s.index(s.width / 2, 6)] = FlowCell::blind;
   const GapPressure p = solve_pressure(s);
   const detail::FlowPath path(s, p, {});
@@ -242,7 +212,7 @@ TEST(SectionSweep, StreamlinesWithoutDiffusion) {
     double life_s, m;
   };
   for (const Case& c : {Case{INFINITY, 1}, {0, 1}, {3, 1}, {INFINITY, 0.9}}) {
-    FlowResin resin = chapter_r2();
+    FlowResin resin = chapter_iv_resin2();
     resin.diffusion_m2_s = 0;
     resin.inhibitor_life_s = c.life_s;
     resin.kinetics.m = c.m;
@@ -256,7 +226,7 @@ TEST(SectionSweep, StreamlinesWithoutDiffusion) {
 }
 
 TEST(SectionSweep, StreamlinesOfTheTest) {
-  FlowResin resin = chapter_r2();
+  FlowResin resin = chapter_iv_resin2();
   resin.diffusion_m2_s = 0;
   const std::array<double, 5> signed_dose{0.5151, 1.6047, 1.2730, 0.8813, 0.4495};
   for (std::size_t k = 0; k < kRadii.size(); ++k) {
@@ -273,7 +243,7 @@ TEST(SectionSweep, StreamlinesOfTheTest) {
 TEST(SectionSweep, TheMiddleWithoutDiffusion) {
   // Near the middle a coarse grid mixes what differs most, so cells are fine here.
   const FlowSection disc = disc_section(10e3, 160);
-  FlowResin resin = chapter_r2();
+  FlowResin resin = chapter_iv_resin2();
   resin.diffusion_m2_s = 0;
   for (const auto& [life, dose] :
        {std::pair<double, double>{INFINITY, 0.5151}, {0, 1.6311}, {1, 1.525}, {10, 0.841}}) {
@@ -285,14 +255,16 @@ TEST(SectionSweep, TheMiddleWithoutDiffusion) {
 
 TEST(SectionSweep, WithDiffusion) {
   const FlowSection disc = disc_section(10e3, 64);
-  const auto r2 = around(disc, even_dose(sweep_of(disc, chapter_r2()), 164, 275).front, 10e3);
+  const auto r2 =
+      around(disc, even_dose(sweep_of(disc, chapter_iv_resin2()), 164, 275).front, 10e3);
   // A march of the second order in tau and q at 480 levels; 1.011, 1.380, 1.237, 0.8735, 0.4417 are
   // those of one of the first order at 240, which is 0.02 off at 0.1.
   const std::array<double, 5> expected{0.9932, 1.3807, 1.2397, 0.8743, 0.4428};
   for (std::size_t k = 0; k < kRadii.size(); ++k) {
     EXPECT_NEAR(r2[k], expected[k], 0.004) << kRadii[k];
   }
-  const auto r1 = around(disc, even_dose(sweep_of(disc, chapter_r1(), 150), 100, 130).front, 10e3);
+  const auto r1 =
+      around(disc, even_dose(sweep_of(disc, chapter_iv_resin1(), 150), 100, 130).front, 10e3);
   const std::array<double, 5> of_r1{2.905, 2.028, 1.409, 0.896, 0.425};
   for (std::size_t k = 0; k < kRadii.size(); ++k) {
     EXPECT_NEAR(r1[k] / of_r1[k], 1, k == 0 ? 0.03 : 0.01) << kRadii[k];
@@ -302,7 +274,7 @@ TEST(SectionSweep, WithDiffusion) {
 TEST(SectionSweep, Strips) {
   // A rectangle five times as long as wide; in its middle the ends are not felt (e^-2.5pi).
   const FlowSection s = full_section(40, 200, 250);
-  FlowResin resin = chapter_r2();
+  FlowResin resin = chapter_iv_resin2();
   const auto across = [&](double diffusion) {
     resin.diffusion_m2_s = diffusion;
     const SectionDose dose = even_dose(sweep_of(s, resin), 164, 275);
@@ -324,7 +296,7 @@ TEST(SectionSweep, Strips) {
 
 TEST(SectionSweep, Squares) {
   const FlowSection s = full_section(64, 64, 125);
-  const SectionDose dose = even_dose(sweep_of(s, chapter_r2()), 164, 275);
+  const SectionDose dose = even_dose(sweep_of(s, chapter_iv_resin2()), 164, 275);
   EXPECT_NEAR(value_at(s, dose.front, 1e3, 0), 1.376, 0.006);
   EXPECT_NEAR(value_at(s, dose.front, 2e3, 0), 1.141, 0.004);
   EXPECT_NEAR(value_at(s, dose.front, 3e3, 0), 0.677, 0.004);
@@ -341,7 +313,7 @@ TEST(SectionSweep, Squares) {
 
 TEST(SectionSweep, LightAndSpeedTwiceTheSameDose) {
   const FlowSection s = disc_section(6e3, 24);
-  FlowResin resin = chapter_r2();
+  FlowResin resin = chapter_iv_resin2();
   resin.diffusion_m2_s = 0;
   for (const double life : {double{INFINITY}, 0.0}) {
     resin.inhibitor_life_s = life;
@@ -356,9 +328,9 @@ TEST(SectionSweep, LightAndSpeedTwiceTheSameDose) {
 TEST(SectionSweep, AllDoseThatIsGivenLeavesWithTheGel) {
   // Outlines along cells: what enters brings nothing, so it holds to the last bits.
   const FlowSection s = full_section(24, 17, 250);
-  const SectionSweep sweep = sweep_of(s, chapter_r2());
+  const SectionSweep sweep = sweep_of(s, chapter_iv_resin2());
   const SectionDose dose = even_dose(sweep, 164, 275);
-  const Kinetics k = chapter_r2().kinetics;
+  const Kinetics k = chapter_iv_resin2().kinetics;
   const double given = (164 * k.hb_um * -std::expm1(-kGap / k.hb_um) -
                         k.beta * 275 * k.huv_um * -std::expm1(-kGap / k.huv_um)) /
                        (kSpeed / 3.6) / k.critical_dose_prime;
@@ -384,7 +356,7 @@ double product(const std::vector<double>& a, const std::vector<double>& b) {
 
 TEST(SectionSweep, LinearInBothLights) {
   const FlowSection s = odd_section();
-  const SectionSweep sweep = sweep_of(s, chapter_r2());
+  const SectionSweep sweep = sweep_of(s, chapter_iv_resin2());
   ASSERT_TRUE(sweep.linear());
   Random random;
   const auto b1 = random.light(s.size(), 200), u1 = random.light(s.size(), 300);
@@ -401,7 +373,7 @@ TEST(SectionSweep, LinearInBothLights) {
 TEST(SectionSweep, Adjoint) {
   const FlowSection s = odd_section();
   for (const double diffusion : {0.0, 1e-10}) {
-    FlowResin resin = chapter_r2();
+    FlowResin resin = chapter_iv_resin2();
     resin.diffusion_m2_s = diffusion;
     std::vector<double> gap(s.size(), 80.0);
     for (std::size_t i = 0; i < s.size(); ++i) gap[i] += static_cast<double>(i % 7);
@@ -425,7 +397,7 @@ TEST(SectionSweep, GradientsOfEveryLaw) {
     double life_s, m, diffusion;
   };
   for (const Law& law : {Law{INFINITY, 1, 1e-10}, {2, 1, 1e-10}, {0, 1, 0}, {INFINITY, 0.9, 0}}) {
-    FlowResin resin = chapter_r2();
+    FlowResin resin = chapter_iv_resin2();
     resin.diffusion_m2_s = law.diffusion;
     resin.inhibitor_life_s = law.life_s;
     resin.kinetics.m = law.m;
@@ -454,7 +426,7 @@ TEST(SectionSweep, GradientsOfEveryLaw) {
 
 TEST(SectionSweep, CountsWhereDoseWasUndone) {
   const FlowSection s = full_section(30, 30, 250);
-  FlowResin resin = chapter_r2();
+  FlowResin resin = chapter_iv_resin2();
   resin.diffusion_m2_s = 0;
   const SectionSweep sweep = sweep_of(s, resin);
   // Even light that keeps a dead zone and no diffusion: inhibitor first, dose above it.
@@ -470,7 +442,7 @@ TEST(SectionSweep, CountsWhereDoseWasUndone) {
 
 TEST(SectionSweep, ProfilesRunFromTheWindowToTheFront) {
   const FlowSection s = full_section(20, 20, 250);
-  const SectionSweep sweep = sweep_of(s, chapter_r2());
+  const SectionSweep sweep = sweep_of(s, chapter_iv_resin2());
   const double blue = 164, uv = 275;
   const std::vector<double> q = sweep.level_q();
   const std::vector<double> y = sweep.profile({&blue, 1}, {&uv, 1}, 7, 9);

@@ -1,10 +1,13 @@
 /// @file flow_shapes.hpp
-/// Sections and resins of chapter IV, for tests and the benchmark of resin flow.
+/// Sections for tests and tables of resin flow, and chapter IV's resins on them.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
+#include "chapter_iv_resins.hpp"
 #include "slicecorr/flow_section.hpp"
 
 namespace slicecorr::test {
@@ -46,16 +49,21 @@ inline FlowSection full_section(int width, int height, double pitch_um) {
   return s;
 }
 
-/// Table 4.1 has volumetric numbers.
-inline FlowResin chapter_resin(double dose_mj_cm3, double hb_um, double huv_um, double beta) {
-  FlowResin r;
-  r.kinetics = {hb_um, 1, dose_mj_cm3 * hb_um * 1e-4, beta * hb_um / huv_um, huv_um};
-  r.viscosity_pa_s = 0.3;
-  r.diffusion_m2_s = 1e-10;
-  return r;
+/// A ring of 3 to 9 mm whose hole is open, or blind: what is inside of the middle radius and no part.
+inline FlowSection ring_section(double pitch_um, FlowCell hole = FlowCell::bath) {
+  FlowSection s = section_where(9e3, 9e3, pitch_um, [](double x, double y) {
+    const double r = std::hypot(x, y);
+    return r > 3e3 && r < 9e3;
+  });
+  for (int y = 0; y < s.height; ++y) {
+    for (int x = 0; x < s.width; ++x) {
+      const double r = s.pitch_x_um * std::hypot(x - s.width / 2 + 0.5, y - s.height / 2 + 0.5);
+      FlowCell& cell = s.cells[s.index(x, y)];
+      if (r < 6e3 && cell == FlowCell::bath) cell = hole;
+    }
+  }
+  return s;
 }
-inline FlowResin chapter_r1() { return chapter_resin(1500, 600, 50, 7.58e-2); }
-inline FlowResin chapter_r2() { return chapter_resin(1600, 408, 38, 7.45e-2); }
 
 /// Between the cells' middles, x and y um from the section's middle.
 inline double value_at(const FlowSection& s, const std::vector<double>& values, double x_um,
@@ -67,6 +75,20 @@ inline double value_at(const FlowSection& s, const std::vector<double>& values, 
   const double u = x - i, v = y - j;
   return (1 - v) * ((1 - u) * values[s.index(i, j)] + u * values[s.index(i + 1, j)]) +
          v * ((1 - u) * values[s.index(i, j + 1)] + u * values[s.index(i + 1, j + 1)]);
+}
+
+/// Places of a disc over its radius, and means around it there.
+inline constexpr std::array<double, 5> kRadii{0.1, 0.3, 0.5, 0.7, 0.9};
+inline std::array<double, 5> around(const FlowSection& s, const std::vector<double>& values,
+                                    double radius_um) {
+  std::array<double, 5> means{};
+  for (std::size_t k = 0; k < kRadii.size(); ++k) {
+    for (int a = 0; a < 64; ++a) {
+      const double r = kRadii[k] * radius_um, angle = 2 * std::numbers::pi * a / 64;
+      means[k] += value_at(s, values, r * std::cos(angle), r * std::sin(angle)) / 64;
+    }
+  }
+  return means;
 }
 
 /// At 300 mm/h and a gap of 80 um unless said.

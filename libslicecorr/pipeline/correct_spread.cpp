@@ -11,6 +11,7 @@
 
 #include "pipeline/bands.hpp"
 #include "pipeline/columns_alone.hpp"
+#include "pipeline/corrected_info.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/target_scan.hpp"
@@ -118,14 +119,7 @@ Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
   });
 
   StackInfo& info = result.info;
-  info.grid = grid;
-  set_frame(info, target);
-  info.kind = StackKind::corrected;
-  info.printer = setup.printer;
-  info.resin = setup.resin;
-  info.process = setup.process;
-  if (!target.edge_heights()) info.process->surface = Surface::slices;
-  info.original_sha256 = file.original_sha256;
+  fill_corrected(info, grid, target, setup, file);
   result.after = verify_stack(*stack, target, setup, context);
   if (ask.before || ask.volume_cells > 0) {
     const AsSliced shown(target);

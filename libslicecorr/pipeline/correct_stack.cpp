@@ -9,6 +9,7 @@
 #include "pipeline/columns_alone.hpp"
 #include "pipeline/correct_columns.hpp"
 #include "pipeline/correct_spread.hpp"
+#include "pipeline/corrected_info.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/dose_meter.hpp"
 #include "pipeline/even_cells.hpp"
@@ -414,14 +415,7 @@ Correction StackCorrection::result() {
     check_window(*dead_zones, setup_.process);
   }
   StackInfo& info = result.info;
-  info.grid = grid_;
-  detail::set_frame(info, target_);
-  info.kind = StackKind::corrected;
-  info.printer = setup_.printer;
-  info.resin = setup_.resin;
-  info.process = setup_.process;
-  if (!target_.edge_heights()) info.process->surface = Surface::slices;
-  info.original_sha256 = file_.original_sha256;
+  detail::fill_corrected(info, grid_, target_, setup_, file_);
   scan_.fill(info);
 
   result.after = of_whole_image(after_, plans_.all_layers());

@@ -15,6 +15,7 @@
 #include "cure/shown_slices.hpp"
 #include "parallel/silent.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/corrected_info.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/target_scan.hpp"
@@ -416,14 +417,7 @@ OxygenCorrection correct_even_oxygen(const SliceSource& target, const Setup& ask
   StackInfo& info = correction.info;
   scan.fill(info);
   info.program += kMark;
-  info.grid = grid;
-  detail::set_frame(info, wanted);
-  info.kind = StackKind::corrected;
-  info.printer = setup.printer;
-  info.resin = setup.resin;
-  info.process = setup.process;
-  if (!wanted.edge_heights()) info.process->surface = Surface::slices;
-  info.original_sha256 = file.original_sha256;
+  detail::fill_corrected(info, grid, wanted, setup, file);
   correction.after = verify_stack(*shown, wanted, setup, context);
   if (ask.before) {
     const AsSliced as_sliced(wanted);

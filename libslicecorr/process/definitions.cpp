@@ -123,10 +123,13 @@ Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
   const auto prime = table.number("critical_dose_prime", 0, 1e9);
   i.critical_dose_prime = prime.value_or(0);
   if (i.absorbance_height10_um >= resin.absorbance_height10_um) {
+    // In the base of this table, which need not be that of the curing light's.
+    const double written_um = *table.number("absorbance_height_um", 0, 1e9);
     table.fail("absorbance_height_um",
-               fmt::format("is {:g} um in base 10; expected less than the {:g} um of the curing "
-                           "light: without that there is no dead zone at the window",
-                           i.absorbance_height10_um, resin.absorbance_height10_um));
+               fmt::format("is {:g} um; expected less than the curing light's, {:g} um in "
+                           "the same base: without that there is no dead zone at the window",
+                           written_um,
+                           written_um * resin.absorbance_height10_um / i.absorbance_height10_um));
   }
   return i;
 }

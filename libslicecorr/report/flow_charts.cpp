@@ -35,7 +35,7 @@ Slices drawn(Slices slices) {
 }
 
 Panel share_panel(const Slices& slices) {
-  Panel panel(slice_axis(slices), {"within 10 % of the dose, %", false, 0, 100}, 170, false);
+  Panel panel(slice_axis(slices), {"share of area, %", false, 0, 100}, 170, false);
   panel.line(over_slices(slices, [](const auto& s) { return 100 * s.without.within_10; }),
              Style::reference);
   panel.line(over_slices(slices, [](const auto& s) { return 100 * s.even.within_10; }),
@@ -50,13 +50,15 @@ Panel zone_panel(const Slices& slices, double gap_um) {
     all.push_back(s.without.dead_zone_max_um);
   }
   Panel panel(slice_axis(slices), chart::axis_over("dead zone, um", false, all, true), 200);
-  const auto band = [&](auto light, Style style) {
-    panel.band(over_slices(slices, [&](const auto& s) { return (s.*light).dead_zone_min_um; }),
-               over_slices(slices, [&](const auto& s) { return (s.*light).dead_zone_max_um; }),
-               style, 0);
+  const auto least = [&](auto light) {
+    return over_slices(slices, [&](const auto& s) { return (s.*light).dead_zone_min_um; });
   };
-  band(&FlowDoses::Slice::without, Style::other);
-  band(&FlowDoses::Slice::even, Style::series);
+  const auto greatest = [&](auto light) {
+    return over_slices(slices, [&](const auto& s) { return (s.*light).dead_zone_max_um; });
+  };
+  panel.band(least(&FlowDoses::Slice::even), greatest(&FlowDoses::Slice::even), Style::series, 0);
+  panel.line(least(&FlowDoses::Slice::without), Style::reference);
+  panel.line(greatest(&FlowDoses::Slice::without), Style::reference);
   return panel;
 }
 
@@ -75,12 +77,11 @@ std::string flow_charts(const ReportContent& c) {
           100 * flow.within_10(), 100 * flow.within_10_without()));
   picture.legend_line(Style::series, "this stack");
   picture.legend_line(Style::reference, "the best light that is the same everywhere");
-  picture.legend_band(Style::series, "dead zone, least to greatest");
-  picture.legend_band(Style::other, "the same without");
+  picture.legend_band(Style::series, "this stack, least to greatest dead zone");
   picture.add(share_panel(slices));
   picture.add(zone_panel(slices, flow.gap_um));
   return fmt::format(
-      R"(<h3>Resin that flows</h3><p class="dim">Light made for an even dead zone of {:.4g} um. In the mean {:.1f} % of the sections get their dose within 10 %, with the best light that is the same everywhere {:.1f} %. {} slices were looked at.</p><figure><div class="scroll">{}</div></figure>)",
+      R"(<h3>Resin that flows</h3><p class="dim">Light made for an even dead zone of {:.4g} um. In the mean {:.1f} % of the sections get their dose within 10 %, with the best light that is the same everywhere {:.1f} %. {} slices were looked at. Above, the share of each section; below, its dead zone, least and greatest.</p><figure><div class="scroll">{}</div></figure>)",
       flow.gap_um, 100 * flow.within_10(), 100 * flow.within_10_without(), flow.slices.size(),
       picture.svg());
 }

@@ -9,6 +9,7 @@
 
 #include "picture/canvas.hpp"
 #include "slicecorr/flow_report.hpp"
+#include "slicecorr/limit.hpp"
 #include "support/chart/chart.hpp"
 #include "support/page/page_style.hpp"
 #include "support/text/escape.hpp"
@@ -23,6 +24,7 @@ using detail::Segment;
 
 constexpr double kMargin = 16, kChartHeight = 440, kChartTop = 92, kMapSide = 250;
 constexpr Colour kGrid{222, 226, 230}, kLineColour{11, 79, 160}, kLimit{190, 30, 30};
+constexpr Colour kGround{255, 255, 255};
 constexpr Colour kLow{120, 165, 215}, kBath{240, 246, 250}, kBlind{206, 180, 222};
 
 struct Size {
@@ -97,8 +99,9 @@ class HeightChart {
     const double cx = x(value), cy = y(height(slice, layer_um));
     canvas_.rect(cx - 3, cy - 3, 6, 6, kLimit);
     const double wide = canvas_.width_of(word);
-    const bool fits = cx + 8 + wide < left_ + width_;
-    canvas_.text(fits ? cx + 8 : cx - 8 - wide, cy + 5, word);
+    const double from = cx + 8 + wide < left_ + width_ ? cx + 8 : cx - 8 - wide;
+    canvas_.rect(from - 2, cy - 7, wide + 4, 14, kGround);  // curves pass beside the word
+    canvas_.text(from, cy + 5, word);
   }
   double x(double value) const { return left_ + width_ * std::clamp(value / most_, 0.0, 1.0); }
   double y(double mm) const { return kChartTop + kChartHeight * mm / most_mm_; }
@@ -140,15 +143,27 @@ void draw_map(Canvas& canvas, const FlowMap& map, const FlowPicture& p, double l
   double foot = kChartTop + image.height_px + Canvas::kLine;
   canvas.text(left, foot, fmt::format("at x {:.2f}, y {:.2f} mm", map.flow.x_mm, map.flow.y_mm));
   canvas.text(left, foot += Canvas::kLine,
-              fmt::format("at most {:.5g} mm/h", map.flow.speed_limit_mm_h));
-  for (int i = 0; i < static_cast<int>(kMapSide) / 2; ++i) {
-    canvas.rect(left + i, foot + 10, 1, 10, heat(2.0 * i / kMapSide));
+              fmt::format("at most {} mm/h", at_most(map.flow.speed_limit_mm_h)));
+  canvas.text(left, foot += Canvas::kLine,
+              fmt::format("map {:.3g} x {:.3g} mm", s.width * s.pitch_x_um * 1e-3,
+                          s.height * s.pitch_y_um * 1e-3));
+  ColourImage scale_bar;
+  scale_bar.width_px = static_cast<int>(kMapSide);
+  scale_bar.height_px = 10;
+  for (int i = 0; i < scale_bar.width_px * scale_bar.height_px; ++i) {
+    const Colour c = heat((i % scale_bar.width_px) / (kMapSide - 1));
+    scale_bar.rgb.insert(scale_bar.rgb.end(), c.begin(), c.end());
   }
-  canvas.text(left + kMapSide / 2 + 8, foot + 20, "to " + pressure(map.flow.suction_pa));
+  canvas.image(left, foot + 10, scale_bar);
+  foot += 20 + Canvas::kLine - 4;
+  const std::string greatest = pressure(map.flow.suction_pa);
+  canvas.text(left, foot, "0");
+  canvas.text(left + kMapSide - canvas.width_of(greatest), foot, greatest);
 }
 
-Size draw(Canvas& canvas, const FlowPicture& p) {
-  canvas.text(kMargin, 24, p.title);
+/// On a page, the page has the title.
+Size draw(Canvas& canvas, const FlowPicture& p, bool title = true) {
+  if (title) canvas.text(kMargin, 24, p.title);
   double most_mm = p.layer_um * 1e-3, most_pa = 0, most_dose = 0;
   for (const SliceFlow& s : p.slices) {
     most_mm = std::max(most_mm, (s.slice + 1) * p.layer_um * 1e-3);
@@ -189,15 +204,17 @@ Size draw(Canvas& canvas, const FlowPicture& p) {
     left += kMapSide + 28;
   }
   double foot = kChartTop + kChartHeight + 30;
-  canvas.text(
-      kMargin, foot,
-      fmt::format("Platform up; {:g} mm/h, gap {:.4g} um. Red line: {}.{}", p.speed_mm_h, p.gap_um,
-                  p.limit_given ? "what the printer bears" : "1 bar, where resin cavitates",
-                  limit_shown ? "" : " It is beyond what is drawn."));
-  foot += Canvas::kLine;
   canvas.text(kMargin, foot,
-              std::string("Maps: pale to dark is suction, bluish the bath, violet blind voids.") +
-                  (most_dose > 0 ? " Dose: least, mean and greatest of a slice." : ""));
+              fmt::format("Platform up; {:g} mm/h, gap {:.4g} um. {} {}.", p.speed_mm_h, p.gap_um,
+                          limit_shown ? "Red line in suction:" : "Beyond what is drawn:",
+                          p.limit_given ? pressure(p.limit_pa) + ", what the printer bears"
+                                        : "1 bar, where resin cavitates"));
+  foot += Canvas::kLine;
+  canvas.text(kMargin, foot, "Maps: pale to dark is suction, bluish the bath, violet blind voids.");
+  if (most_dose > 0) {
+    foot += Canvas::kLine;
+    canvas.text(kMargin, foot, "Dose: least, mean and greatest of a slice; red, 1: resin gels.");
+  }
   return {std::max(left, 760.0), foot + kMargin};
 }
 
@@ -215,10 +232,10 @@ std::string slice_rows(const FlowPicture& p) {
   html += "</tr></thead><tbody>";
   for (const SliceFlow& s : p.slices) {
     html += fmt::format(
-        "<tr><td>{}</td><td>{:.3f}</td><td>{}</td><td>{:.3g}</td><td>{:.5g}</td><td>{:.2f}</td>"
+        "<tr><td>{}</td><td>{:.3f}</td><td>{}</td><td>{:.3g}</td><td>{}</td><td>{:.2f}</td>"
         "<td>{:.2f}</td>",
         s.slice, HeightChart::height(s, p.layer_um), pressure(s.suction_pa), s.force_n,
-        s.speed_limit_mm_h, s.x_mm, s.y_mm);
+        at_most(s.speed_limit_mm_h), s.x_mm, s.y_mm);
     if (s.dose) {
       html += fmt::format(
           "<td>{:.3g}–{:.3g}–{:.3g}</td><td>{:.1f} %</td><td>{:.3g}</td><td>{:.0f}–{:.0f}</td>",
@@ -234,15 +251,21 @@ std::string slice_rows(const FlowPicture& p) {
 
 }  // namespace
 
-std::string flow_svg(const FlowPicture& picture) {
+namespace {
+
+std::string svg_of(const FlowPicture& picture, bool title) {
   std::string words = picture.title;
   for (const FlowMap& m : picture.maps) {
     words += fmt::format(". Slice {}: {} at most", m.flow.slice, pressure(m.flow.suction_pa));
   }
   detail::SvgCanvas canvas(words);
-  const Size size = draw(canvas, picture);
+  const Size size = draw(canvas, picture, title);
   return canvas.file(size.width, size.height);
 }
+
+}  // namespace
+
+std::string flow_svg(const FlowPicture& picture) { return svg_of(picture, true); }
 
 std::string flow_png(const FlowPicture& picture) {
   detail::PixelCanvas canvas;
@@ -254,7 +277,7 @@ std::string flow_page(const FlowPicture& picture) {
   std::string html = fmt::format(
       R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}</style></head><body><main><h1>{0}</h1>)",
       escape_markup(picture.title), detail::page_page_css, detail::page_tiles_css);
-  std::string svg = flow_svg(picture);
+  std::string svg = svg_of(picture, false);
   // Within a page there is no prologue.
   if (const auto start = svg.find("<svg"); start != std::string::npos) svg.erase(0, start);
   html += "<figure><div class=\"scroll\">" + svg + "</div></figure>";

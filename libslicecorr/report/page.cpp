@@ -97,10 +97,13 @@ std::string figures_table(const ReportContent& c) {
   row("Least dose anywhere in features",
       [](const Prediction& p) { return number_or_dash(p.target_voxels > 0, p.min_inside_layers); });
   if (c.after.dead_zones) {
-    row("Dead zone over lit pixels", [](const Prediction& p) {
-      if (!p.dead_zones || !std::isfinite(p.dead_zones->least())) return std::string("-");
-      return fmt::format("{:.4g} to {:.4g} um", p.dead_zones->least(), p.dead_zones->greatest());
-    });
+    row(c.after.flow ? "Dead zone over lit pixels, if resin stood still"
+                     : "Dead zone over lit pixels",
+        [](const Prediction& p) {
+          if (!p.dead_zones || !std::isfinite(p.dead_zones->least())) return std::string("-");
+          return fmt::format("{:.4g} to {:.4g} um", p.dead_zones->least(),
+                             p.dead_zones->greatest());
+        });
     row("Pixels that cure to the window", [](const Prediction& p) {
       return p.dead_zones ? fmt::format("{}", p.dead_zones->cured_pixels) : std::string("-");
     });

@@ -21,7 +21,7 @@ struct Problem {
         pressure(solve_pressure(section)) {}
   SectionSweep sweep() const {
     const double gap = 80;
-    return {section, pressure, test::chapter_r2(), 300, {&gap, 1}};
+    return {section, pressure, test::chapter_iv_resin2(), 300, {&gap, 1}};
   }
   double cells() const {
     return static_cast<double>(
@@ -76,7 +76,7 @@ void Optimise(benchmark::State& state) {
   one.threads = 1;
   for (auto _ : state) {
     const SectionOptimum o =
-        optimise_section(p.section, p.pressure, test::chapter_r2(), 300, goal, one);
+        optimise_section(p.section, p.pressure, test::chapter_iv_resin2(), 300, goal, one);
     state.counters["share"] = o.summary.within_10;
     state.counters["gap_um"] = o.gap_um;
   }

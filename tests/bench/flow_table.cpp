@@ -1,5 +1,5 @@
 // The tables and the picture of docs/flow-chapter-iv.md from the library: flow_table [PICTURE.svg]
-// prints chapter IV's figures beside ours, and the check values of discs and strips.
+// prints chapter IV's figures beside ours, and the check values of discs, strips and other sections.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "../chapter_iv_resins.hpp"
+#include "../flow_shapes.hpp"
 #include "slicecorr/flow_disc.hpp"
 #include "support/chart/chart.hpp"
 
@@ -87,6 +87,100 @@ void check_values() {
   fmt::print("| still resin, signed, clamped | {:.5f}; {:.5f} |\n",
              still_dose(r2, 300, 80, 164, 275, false), still_dose(r2, 300, 80, 164, 275, true));
   fmt::print("| changeover | {:.2f} um |\n", part_takes_over_um(25, 5, 100));
+}
+
+/// Figures of sections from closed forms and from 64 cells across (96 for the ring).
+void section_values() {
+  using namespace flow_shapes;
+  const auto pa = [](double phi_um2) { return suction_pa(phi_um2, 0.3, 300, 80); };
+  const auto newtons = [](double um4) { return suction_force_n(um4, 0.3, 300, 80); };
+  const auto solved = [](const FlowSection& s) { return solve_pressure(s); };
+  fmt::print("\n| section | check value | closed form | on cells |\n|---|---|---|---|\n");
+  const GapPressure disc = solved(test::disc_section(10e3, 64));
+  fmt::print(
+      "| disc of 10 mm: suction, force | 14,648 Pa, 2.3010 N | {:.0f}, {:.4f} | {:.0f}, {:.4f} |\n",
+      pa(disc_phi_um2(10e3, 0)), newtons(disc_integral_um4(10e3)), pa(disc.max_phi_um2),
+      newtons(disc.integral_um4));
+  // The outline lies within the outermost cells.
+  const double pitch_um = 10e3 / 64.5;
+  const GapPressure oblong =
+      solved(test::section_where(5e3, 10e3, pitch_um, [](double x, double y) {
+        return std::abs(x) < 5e3 && std::abs(y) < 10e3;
+      }));
+  fmt::print(
+      "| rectangle of 10 x 20 mm: middle, mean | 6,672.2, 3,349.8 Pa | {:.1f}, {:.1f} | {:.1f}, {:.1f} |\n",
+      pa(rectangle_max_phi_um2(10e3, 20e3)), pa(rectangle_mean_phi_um2(10e3, 20e3)),
+      pa(oblong.max_phi_um2), pa(oblong.integral_um4 / 200e6));
+  const FlowSection square = test::full_section(64, 64, 125);
+  const GapPressure of_square = solved(square);
+  fmt::print("| square of 8 mm: middle | 2,762.7 Pa | {:.1f} | {:.1f} |\n",
+             pa(rectangle_max_phi_um2(8e3, 8e3)), pa(of_square.max_phi_um2));
+  const GapPressure ellipse =
+      solved(test::section_where(9e3, 4.5e3, 18e3 / 64, [](double x, double y) {
+        return x * x / 81e6 + y * y / 20.25e6 < 1;
+      }));
+  fmt::print(
+      "| ellipse of 9 x 4.5 mm half axes: suction, force | 4,746.1 Pa, 0.30193 N | {:.1f}, {:.5f} | {:.1f}, {:.5f} |\n",
+      pa(ellipse_phi_um2(9e3, 4.5e3, 0, 0)), newtons(ellipse_integral_um4(9e3, 4.5e3)),
+      pa(ellipse.max_phi_um2), newtons(ellipse.integral_um4));
+  const double peak_um = ring_peak_um(3e3, 9e3);
+  fmt::print(
+      "| ring of 3 to 9 mm, hole open: most, at | 2,721.2 Pa at 5.724 mm | {:.1f} at {:.3f} | {:.1f} |\n",
+      pa(ring_phi_um2(3e3, 9e3, peak_um)), peak_um * 1e-3,
+      pa(solved(test::ring_section(18e3 / 96)).max_phi_um2));
+  fmt::print("| the same, hole blind: in the hole | 10,547 Pa | {:.0f} | {:.0f} |\n",
+             pa(disc_phi_um2(9e3, 3e3)),
+             pa(solved(test::ring_section(18e3 / 96, FlowCell::blind)).max_phi_um2));
+
+  const auto along = [&](const std::vector<double>& values, const char* form) {
+    std::string text;
+    for (const double x_um : {1e3, 2e3, 3e3}) {
+      text += (text.empty() ? "" : ", ") +
+              fmt::format(fmt::runtime(form), test::value_at(square, values, x_um, 0));
+    }
+    return text;
+  };
+  fmt::print("| square: F_in at 1, 2, 3 mm | 0.08314, 0.31174, 0.63547 | | {} |\n",
+             along(share_in(square, of_square), "{:.5f}"));
+  const SectionDose dose = test::even_dose(test::sweep_of(square, chapter_iv_resin2()), 164, 275);
+  fmt::print("| square: Omega_f there, R2 164/275 | 1.376, 1.141, 0.677 | | {} |\n",
+             along(dose.front, "{:.3f}"));
+  fmt::print("| square: share within 10 % | 15 % | | {:.1f} % |\n",
+             100 * summarise(square, dose).within_10);
+  const FlowSection coarse = test::full_section(32, 32, 250);
+  const auto share = [&](FlowPattern pattern, double gap_um) {
+    SectionGoal goal;
+    goal.pattern = pattern;
+    goal.min_gap_um = goal.max_gap_um = gap_um;
+    goal.max_blue_mw_cm2 = 200;
+    goal.max_uv_mw_cm2 = 275;
+    return 100 * optimise_section(coarse, solved(coarse), chapter_iv_resin2(), 300, goal)
+                     .summary.within_10;
+  };
+  fmt::print(
+      "| square, best light: constant h 80; blue by place h 120; both h 200 | 20; 77; 93 % | | {:.0f}; {:.0f}; {:.0f} % |\n",
+      share(FlowPattern::constant, 80), share(FlowPattern::blue, 120),
+      share(FlowPattern::both, 200));
+}
+
+/// Omega_f of a disc of 10 mm by cells across, and by the march.
+void section_accuracy() {
+  fmt::print("\n| cells | 0.1 | 0.3 | 0.5 | 0.7 | 0.9 |\n|---|---|---|---|---|---|\n");
+  const auto row = [](const std::string& name, const auto& at) {
+    std::string text;
+    for (const double dose : at) text += fmt::format(" {:.3f} |", dose);
+    fmt::print("| {} |{}\n", name, text);
+  };
+  for (const int cells : {32, 64, 113}) {
+    const FlowSection disc = test::disc_section(10e3, cells);
+    const SectionDose dose = test::even_dose(test::sweep_of(disc, chapter_iv_resin2()), 164, 275);
+    row(fmt::format("{}", cells), test::around(disc, dose.front, 10e3));
+  }
+  const DiscDose march = disc_dose(chapter_iv_resin2(), kDisc, even_curve(80), even_light(164, 275),
+                                   {480, 1600, 0.02});
+  std::vector<double> at;
+  for (const double r : kPlaces) at.push_back(march.front.at(r));
+  row("march along the radius, 480 levels", at);
 }
 
 void dead_zones() {
@@ -231,7 +325,7 @@ std::string picture() {
   for (const double blue : {70.0, 80.0, 90.0, 100.0, 110.0}) {
     const RadialCurve gap = grown({"", blue, 130, 300, 1}).gap_um;
     blues.line(points(gap), chart::Style::series, series++);
-    blues.words({0, gap.value.front()}, fmt::format("{:g}", blue), 10, -6);
+    blues.words({0, gap.value.front()}, fmt::format("{:g}", blue), 10, blue < 110 ? -6 : -1);
   }
   blues.words({0.5, 380}, "blue light, mW/cm², at 300 mm/h", 0, 0, "middle");
   series = 0;
@@ -240,7 +334,8 @@ std::string picture() {
     growth.seconds = 40 * std::max(1.0, 300 / speed);
     const RadialCurve gap = grown({"", 100, 130, speed, 1, growth}).gap_um;
     speeds.line(points(gap), chart::Style::series, series++);
-    speeds.words({0.9, gap.at(0.9)}, fmt::format("{:g}", speed), -4, -6, "end");
+    // The lowest has its word below, where no curve is.
+    speeds.words({0.9, gap.at(0.9)}, fmt::format("{:g}", speed), -4, speed > 75 ? -6 : 16, "end");
   }
   speeds.words({0.5, 380}, "speed, mm/h, at 100 mW/cm²", 0, 0, "middle");
   chart::Panel doses(words, {.title = "relative dose", .low = 0, .high = 1.6}, 190);
@@ -268,6 +363,8 @@ int main(int argc, char** argv) {
     return 0;
   }
   check_values();
+  section_values();
+  section_accuracy();
   dead_zones();
   prints();
   optima();

@@ -166,13 +166,15 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
                               : "");
   }
   if (const auto& zones = after.dead_zones; zones && std::isfinite(zones->least())) {
-    text += fmt::format("  dead zone over lit pixels: {:.3f} to {:.3f} um{}\n", zones->least(),
-                        zones->greatest(),
-                        zones->cured_pixels == 0
-                            ? ""
-                            : fmt::format("; the resin cures to the window at {} pixels, first in "
-                                          "slice {}",
-                                          zones->cured_pixels, zones->cured_slice));
+    // Flow's own figures are above.
+    text +=
+        fmt::format("  dead zone over lit pixels{}: {:.3f} to {:.3f} um{}\n",
+                    after.flow ? ", if resin stood still" : "", zones->least(), zones->greatest(),
+                    zones->cured_pixels == 0
+                        ? ""
+                        : fmt::format("; the resin cures to the window at {} pixels, first in "
+                                      "slice {}",
+                                      zones->cured_pixels, zones->cured_slice));
   }
   return text;
 }

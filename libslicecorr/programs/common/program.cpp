@@ -226,8 +226,9 @@ std::optional<double> number_of(const std::string& text) {
 CLI::Validator number_in(double least, double most, bool above) {
   const bool open = most >= std::numeric_limits<double>::max();
   const std::string expected =
-      open ? fmt::format("a number {} {}", above ? "above" : "of at least", least)
-           : fmt::format("a number from {} to {}", least, most);
+      open    ? fmt::format("a number {} {}", above ? "above" : "of at least", least)
+      : above ? fmt::format("a number above {} and at most {}", least, most)
+              : fmt::format("a number from {} to {}", least, most);
   const auto check = [=](std::string& text) -> std::string {
     const auto value = number_of(text);
     if (value && *value <= most && (above ? *value > least : *value >= least)) return {};

@@ -62,7 +62,7 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
       ->check(number_above_zero());
   app.add_option("--resin-depth-um", resin_depth_um,
                  "Depth of the resin above the window, instead of the printer file's")
-      ->check(number_above_zero() & CLI::Range(0.0, kMostDepthUm));
+      ->check(number_in(0, kMostDepthUm, true));
   app.add_option("--platform-reflectance", platform_reflectance,
                  "Share of the light that the platform sends back, 0 to 1, instead of the printer "
                  "file's")
@@ -85,11 +85,11 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
            "For open gaps one slice high: share of a slice that the feature on their platform "
            "side may lose, up to 0.5; the more it may lose, the less the gap cures "
            "(continuous) [0.18]")
-        ->check(number_above_zero() & CLI::Range(0.0, 0.5));
+        ->check(number_in(0, 0.5, true));
     app.add_option("--edge-aim-um", edge_aim_um,
                    "How far from its height an edge may lie; a larger distance leaves gaps of two "
                    "and three slices darker (continuous) [as near as grey levels allow, some 0.05]")
-        ->check(number_above_zero() & CLI::Range(0.0, kMostEdgeAimUm));
+        ->check(number_in(0, kMostEdgeAimUm, true));
     app.add_option(
            "--platform-features", platform_features,
            "Whether --omega-max caps features that lie on the platform, too (capped). Their "
@@ -119,7 +119,7 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
            "--gap-um", gap_um,
            "Gap between part and window for which suction is judged, where the resin file has "
            "viscosity_pa_s [the dead zone that the UV light holds; without UV light 80]")
-        ->check(number_above_zero() & CLI::Range(0.0, kMostGapUm));
+        ->check(number_in(0, kMostGapUm, true));
   }
   if (correcting) {
     app.add_option(

@@ -28,6 +28,7 @@ struct FlowInput {
   Resin resin;
   double speed_mm_h = 0;
   std::optional<double> uv_mw_cm2;
+  std::optional<Process> process;  ///< that a corrected stack was made for
 };
 
 [[noreturn]] void missing(const char* option) {
@@ -56,6 +57,10 @@ void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in) {
   }
   if (!(in.speed_mm_h > 0)) missing("--speed-mm-h");
   in.uv_mw_cm2 = o.uv_mw_cm2;
+  if (info && info->process && info->process->mode == ExposureMode::continuous) {
+    in.process = info->process;
+    in.process->speed_mm_h = in.speed_mm_h;
+  }
   if (!in.uv_mw_cm2 && info && info->process && info->process->uv.kind == UvKind::constant) {
     in.uv_mw_cm2 = info->process->uv.uv_mw_cm2;
   }
@@ -111,10 +116,26 @@ void plan_pull(const FlowOptions& o, const FlowInput& in, FlowFindings& f) {
   pull.every = o.every;
   f.limit_given = in.printer.suction_limit_pa > 0;
   pull.limit_pa = f.limit_given ? in.printer.suction_limit_pa : kCavitationPa;
+  const bool asked = in.uv_mw_cm2 || o.blue_mw_cm2;
   pull.gap_um = o.gap_um > 0 ? o.gap_um : kDefaultGapUm;
   f.gap_words = o.gap_um > 0 ? "as given" : "assumed; --gap-um says it";
-  const bool asked = in.uv_mw_cm2 || o.blue_mw_cm2;
-  if (!asked) return;
+  if (!asked) {
+    const UvKind uv = in.process ? in.process->uv.kind : UvKind::off;
+    f.no_dose =
+        in.process && in.process->even_light
+            ? "the light of this stack differs from place to place: slicecorr verify tells its dose and "
+              "dead zone"
+        : uv != UvKind::off
+            ? "the UV light of this stack changes: dose and dead zone are known for one intensity "
+              "(--uv-mw-cm2)"
+            : "without UV light there is no dead zone that the light makes: dose and dead zone are not "
+              "known (--uv-mw-cm2)";
+    if (o.gap_um > 0 || uv == UvKind::off) return;
+    const PrintGap gap = print_gap(in.printer, in.resin, *in.process, 0);
+    pull.gap_um = gap.gap_um;
+    f.gap_words = gap.words;
+    return;
+  }
   const double full = in.printer.calibration.back().intensity_mw_cm2;
   const FlowLight light{o.blue_mw_cm2.value_or(full), in.uv_mw_cm2.value_or(0)};
   if (light.blue_mw_cm2 > full) {
@@ -246,7 +267,8 @@ int flow(const FlowOptions& o, const ExecutionContext& context, Console& console
     console.say(fmt::format("{}: written", o.output));
   }
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-  console.say(fmt::format("{} masks solved, {:.1f} s, masks in {:.1f} MB", f.masks, took.count(),
+  console.say(fmt::format("{} {} solved, {:.1f} s, masks in {:.1f} MB", f.masks,
+                          f.masks == 1 ? "section" : "sections", took.count(),
                           static_cast<double>(part.bytes()) * 1e-6));
   return kDone;
 }
@@ -280,7 +302,7 @@ void add_flow(Program& program, FlowOptions& o) {
          fmt::format("Gap between part and window [{:g}; with UV light the gap in which resin gets "
                      "its gel dose in the mean]",
                      kDefaultGapUm))
-      ->check(number_above_zero() & CLI::Range(0.0, kMostGapUm));
+      ->check(number_in(0, kMostGapUm, true));
   sub->add_option("--uv-mw-cm2", o.uv_mw_cm2,
                   "Intensity of inhibiting UV light, even: dose and dead zone are found")
       ->check(number_in(0, std::numeric_limits<double>::max()));

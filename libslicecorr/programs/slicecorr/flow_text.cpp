@@ -15,14 +15,14 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr const char* kNoDose =
-    "without UV light there is no dead zone that the light makes: dose and dead zone are not known "
-    "(--uv-mw-cm2)";
-
 std::string pressure(double pa) {
   return pa >= 1e5   ? fmt::format("{:.3f} bar", pa * 1e-5)
          : pa >= 1e3 ? fmt::format("{:.3f} kPa", pa * 1e-3)
                      : fmt::format("{:.2f} Pa", pa);
+}
+
+std::string counted(int count, const char* what) {
+  return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
 }
 
 double height_mm(const FlowFindings& f, int slice) { return (slice + 0.5) * f.layer_um * 1e-3; }
@@ -45,10 +45,10 @@ std::vector<const SliceFlow*> slowest_apart(const FlowFindings& f, std::size_t m
   std::vector<const SliceFlow*> chosen;
   for (const SliceFlow* s : sorted) {
     if (chosen.size() == most) break;
-    const bool near = std::any_of(chosen.begin(), chosen.end(), [&](const SliceFlow* c) {
-      return std::abs(c->slice - s->slice) < apart;
+    const bool told = std::any_of(chosen.begin(), chosen.end(), [&](const SliceFlow* c) {
+      return c->mask == s->mask || std::abs(c->slice - s->slice) < apart;
     });
-    if (!near) chosen.push_back(s);
+    if (!told) chosen.push_back(s);
   }
   return chosen;
 }
@@ -73,9 +73,9 @@ std::vector<std::string> flow_warnings(const FlowFindings& f) {
     const PlatformFlow::Slice& first = f.platform.slices.front();
     all.push_back(fmt::format(
         "the platform's early slices: under {:g} x {:g} mm of platform slice 0 bears {} mm/h; beside "
-        "the part the gap grows until the part takes over after {} slices ({:.0f} um)",
+        "the part the gap grows until the part takes over after {} ({:.0f} um)",
         f.platform.width_mm, f.platform.height_mm, at_most(first.speed_limit_mm_h),
-        f.platform.changeover_slice, f.platform.changeover_um));
+        counted(f.platform.changeover_slice, "slice"), f.platform.changeover_um));
   }
   if (!f.blind.empty()) {
     const double volume = [&] {
@@ -147,9 +147,10 @@ std::vector<std::string> flow_warnings(const FlowFindings& f) {
 
 std::string flow_table(const FlowFindings& f) {
   std::string text = fmt::format(
-      "{} slices of {:g} um, {} looked at, {} that differ; cells of {:g} um ({} x {})\n"
+      "{} of {:g} um, {} looked at, {} among them; cells of {:g} um ({} x {})\n"
       "{:g} mm/h, gap {:.4g} um ({}), viscosity {:g} Pa·s, limit {:g} Pa ({})\n",
-      f.part_slices, f.layer_um, f.slices.size(), f.masks, f.pitch_um, f.columns, f.rows,
+      counted(f.part_slices, "slice"), f.layer_um, f.slices.size(),
+      counted(static_cast<int>(f.masks), "section"), f.pitch_um, f.columns, f.rows,
       f.pull.speed_mm_h, f.pull.gap_um, f.gap_words, f.pull.viscosity_pa_s, f.pull.limit_pa,
       f.limit_given ? "the printer's" : "where resin cavitates");
   const bool dosed = f.pull.light.has_value();
@@ -177,9 +178,10 @@ std::string flow_table(const FlowFindings& f) {
     const PlatformFlow::Slice& first = f.platform.slices.front();
     text += fmt::format(
         "platform of {:g} x {:g} mm: slice 0 {} and {:.3g} N, at most {} mm/h; the part takes over at "
-        "a gap of {:.0f} um, after {} slices\n",
+        "a gap of {:.0f} um, after {}\n",
         f.platform.width_mm, f.platform.height_mm, pressure(first.suction_pa), first.force_n,
-        at_most(first.speed_limit_mm_h), f.platform.changeover_um, f.platform.changeover_slice);
+        at_most(first.speed_limit_mm_h), f.platform.changeover_um,
+        counted(f.platform.changeover_slice, "slice"));
   }
   constexpr std::size_t kMostBlind = 5;
   for (std::size_t i = 0; i < std::min(kMostBlind, f.blind.size()); ++i) {
@@ -188,7 +190,7 @@ std::string flow_table(const FlowFindings& f) {
   if (f.blind.size() > kMostBlind) {
     text += fmt::format("and {} smaller ones\n", f.blind.size() - kMostBlind);
   }
-  if (!dosed) text += std::string(kNoDose) + "\n";
+  if (!dosed) text += f.no_dose + "\n";
   return text;
 }
 
@@ -208,7 +210,7 @@ std::string flow_json(const FlowFindings& f) {
   j["cells"] = {f.columns, f.rows};
   j["every"] = f.pull.every;
   j["masks"] = f.masks;
-  if (!f.pull.light) j["no_dose"] = kNoDose;
+  if (!f.pull.light) j["no_dose"] = f.no_dose;
   j["slices"] = ordered_json::array();
   for (const SliceFlow& s : f.slices) {
     ordered_json one;

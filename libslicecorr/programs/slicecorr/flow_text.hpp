@@ -14,6 +14,7 @@ struct FlowFindings {
   int columns = 0, rows = 0;  ///< of cells
   FlowPull pull;
   std::string gap_words;     ///< where the gap comes from
+  std::string no_dose;       ///< why no dose is known; empty with light
   bool limit_given = false;  ///< by the printer
   int part_slices = 0;
   std::size_t masks = 0;  ///< that differ, of the slices that were looked at

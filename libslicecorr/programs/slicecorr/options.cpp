@@ -156,6 +156,10 @@ std::string describe_stack(const StackInfo& info) {
     if (const std::string uv = uv_in_words(info.process->uv); !uv.empty()) {
       text += "UV light     " + uv + "\n";
     }
+    if (info.process->even_light) {
+      text += fmt::format("dead zone    even although resin flows, {:.4g} um ({})\n",
+                          info.process->even_light->gap_um, name_of(info.process->even_dead_zone));
+    }
   }
   if (!info.process && info.exposure_s > 0) {
     text += "exposure     " + exposures_in_words(process_of_times(info)) + "\n";

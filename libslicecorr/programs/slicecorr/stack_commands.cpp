@@ -1,0 +1,131 @@
+#include <fmt/format.h>
+
+#include "commands.hpp"
+#include "programs/common/make_part.hpp"
+#include "slicecorr/print_file.hpp"
+#include "slicecorr/turned.hpp"
+#include "support/text/display_text.hpp"
+
+namespace slicecorr::cli::commands {
+
+int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
+  format_of(a.file());
+  check_output(a.output, a.mesh.parts);
+  const Printer printer = load_display(a.setup.printer);
+  const MeshSlices slices = slice_parts(a.mesh, printer, a.setup.wanted_surface(), context);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
+  const StackInfo info = write_target(*fitted, a.file(), context);
+  console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
+                          info.part_volume_mm3 * 1e-3));
+  return kDone;
+}
+
+int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
+  StackFile file = a.file();
+  check_output(a.output, a.with_left_alone({a.input}));
+  check_output(a.output, a.doses.inputs());
+  const StackInfo times = StackReader::read_info(design(a.input));
+  file.format = format_of(file, times.format);
+  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
+  tell_notices(setup, &times, context);
+  // What a slicer wrote besides the slices stays.
+  if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
+  const StackReader target = a.open(a.input, folder_of(a.output), context);
+  const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
+  const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output),
+                            context);
+  const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, nullptr, a.missing(),
+                           folder_of(a.output), context);
+  const CorrectionAsk ask{.before = !console.quiet()};
+  if (a.oxygen.even) {
+    const OxygenCorrection even = with_dose_words(setup, [&] {
+      return correct_even_oxygen(*wanted, setup, file, ask, a.oxygen.ask, context);
+    });
+    const Correction& c = even.correction;
+    console.say(fmt::format("{}: {} slices\n{}{}", a.output, c.info.grid.layers,
+                            summary(c.after, c.before), oxygen_in_words(even.oxygen)));
+    return kDone;
+  }
+  const Correction result =
+      with_dose_words(setup, [&] { return correct_stack(*wanted, setup, file, ask, context); });
+  console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
+                          summary(result.after, result.before)));
+  return kDone;
+}
+
+int run(const Arguments& a, const ExecutionContext& context, Console& console) {
+  format_of(a.file());
+  const std::string base =
+      (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
+  for (const char* kind : {"", ".html", ".json"}) {
+    const std::string path = *kind ? base + kind : a.output;
+    check_output(path, a.with_left_alone(a.mesh.parts));
+    check_output(path, a.doses.inputs());
+  }
+  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, nullptr), a.setup);
+  tell_notices(setup, nullptr, context);
+  MeshesLeftAlone place;
+  const MeshSlices slices =
+      slice_parts(a.mesh, setup.printer, setup.process.surface, a.leave_alone, place, context);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
+  const LeftAloneFiles part(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),
+                            context);
+  const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices, a.missing(),
+                           folder_of(a.output), context);
+  const Correction result = with_dose_words(setup, [&] {
+    return make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
+  });
+  console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
+                          summary(result.after, result.before), a.output));
+  return kDone;
+}
+
+int convert(const Arguments& a, const ExecutionContext& context, Console& console) {
+  StackFile file = a.file();
+  const std::string format = format_of(file);
+  check_output(a.output, {a.input});
+  const StackReader stack = a.open(a.input, folder_of(a.output), context);
+  if (stack.info().format == format) file.keep_from = a.input;
+  if (!a.kept.empty()) {
+    check_output(a.output, {a.kept});
+    file.keep_from = a.kept;
+    context.tell(a.kept + ": its settings and pictures stay, its layers become those of " +
+                 a.input);
+  }
+  // For a printer whose display is known the images are turned to it.
+  Printer printer;
+  if (!a.setup.printer.empty()) {
+    printer = load_display(a.setup.printer);
+  } else if (stack.info().printer) {
+    printer = *stack.info().printer;
+  }
+  const FittedSlices fitted = fit_for_output(stack, a.file(), printer, context);
+  convert_stack(stack, file, context, &*fitted == &stack ? nullptr : &*fitted);
+  console.say(fmt::format("{}: {} slices, format {}", a.output, stack.grid().layers, format));
+  return kDone;
+}
+
+int info(const Arguments& a, const ExecutionContext& context, Console&) {
+  check_output(a.json, {a.input});
+  StackInfo info = StackReader::read_info(a.input);
+  const bool light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  if (info.part_volume_mm3 == 0 && !light) {
+    // All images are looked at, whatever their size: a damaged archive is not described.
+    const StackReader stack(a.input, folder_of(a.input), context, {1, 1, 1});
+    const Grid& g = info.grid;
+    info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
+                           g.pixel_y_um * g.layer_um * 1e-9;
+  }
+  if (a.json.empty()) {
+    std::string text = describe_stack(info);
+    for (const auto& [name, value] : print_file_facts(a.input)) {
+      text += fmt::format("{:<12} {}\n", name, text::printable(value));
+    }
+    print_result(text);
+  } else {
+    print_or_write(a.json, info_json(info, a.input));
+  }
+  return kDone;
+}
+
+}  // namespace slicecorr::cli::commands

@@ -1,0 +1,288 @@
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "programs/common/make_part.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/report.hpp"
+#include "slicecorr/solid.hpp"
+#include "slicecorr/turned.hpp"
+#include "slicecorr/version.hpp"
+
+namespace slicecorr::cli::commands {
+
+namespace {
+
+/// A stack and the target that it was made for, in the stack's grid: checked against each other.
+/// Unpacks in the folders that it is given.
+struct StackAndDesign {
+  StackAndDesign(const Arguments& a, const std::string& folder, const std::string& target_folder,
+                 const ExecutionContext& context)
+      : stack(a.open(a.input, folder, context)),
+        setup(a.uncertain.put(a.setup.resolve(&stack.info(), &stack.info()), a.setup)),
+        read(a.open(design(a.target), target_folder, context)),
+        fitted(FittedSlices::like(stack, read, target_folder, context)),
+        target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context) {
+    const bool all = a.leave_alone.empty();
+    check_target(stack, stack.info(), *target, a.target,
+                 all ? std::optional(read.pixel_sum()) : std::nullopt, context);
+  }
+  StackAndDesign(const StackAndDesign&) = delete;
+  StackAndDesign& operator=(const StackAndDesign&) = delete;
+
+  const StackReader stack;
+  const Setup setup;
+  const StackReader read;
+  const FittedSlices fitted;
+  const LeftAloneFiles target;
+};
+
+/// The reduction that makes a mesh which other programs open with ease. Says how large it will be.
+int handy_reduction(const Arguments& a, const SliceSource& stack, const PlaceModels& models,
+                    const ExecutionContext& context) {
+  constexpr double kHandy = 4e6;
+  const SolidSize size = size_of_solid(stack, models, context);
+  const int reduce = size.reduction(kHandy);
+  const auto in_words = [&](double triangles) {
+    std::string text = fmt::format("{:.2g} million triangles", triangles * 1e-6);
+    // Bytes of a triangle: an STL's record; of a PLY's faces and half as many vertices.
+    const double bytes = a.output.ends_with(".stl") ? 50 : a.output.ends_with(".ply") ? 19 : 0;
+    if (bytes > 0) text += fmt::format(", {:.2g} GB", bytes * triangles * 1e-9);
+    return text;
+  };
+  if (reduce > 1) {
+    context.tell(fmt::format(
+        "the surface takes one pixel in {} along x and y: some {} (--reduce 1 would make some {})",
+        reduce, in_words(size.triangles(reduce)), in_words(size.triangles(1))));
+  }
+  return reduce;
+}
+
+/// The comparison as the report shows it.
+ComparisonTable table_of(const std::vector<Figures>& columns) {
+  ComparisonTable table;
+  table.columns = {"Method",     "mean error", "95 % within", "largest", "cured through",
+                   "undercured", "lost",       "merged",      "overlap"};
+  for (const Figures& c : columns) {
+    const Prediction& p = *c.prediction;
+    const auto edge = [&](double um) {
+      return p.design_error_um().count() ? fmt::format("{:.2f} um", um) : std::string("-");
+    };
+    table.rows.push_back(
+        {c.heading, edge(p.design_error_um().mean()), edge(p.design_error_um().quantile(0.95)),
+         edge(p.design_error_um().greatest()), fmt::format("{}", p.cure_through_voxels),
+         fmt::format("{}", p.undercure_voxels), fmt::format("{}", p.lost_features),
+         fmt::format("{}", p.merged_features), fmt::format("{:.5f}", p.iou())});
+  }
+  table.note =
+      "Height errors at designed edges, from the mesh where its heights are known; voxels cured through and undercured; features lost and "
+      "gaps merged, by column. Erase: the first N slices next to a gap are left out, with the N "
+      "that is best for this part. Grey table: 25, 15, 10, 5 are taken off where the next four "
+      "slices are lit.";
+  return table;
+}
+
+}  // namespace
+
+int verify(const Arguments& a, const ExecutionContext& context, Console& console) {
+  check_output(a.json, {a.input, a.target});
+  check_output(a.output, {a.input, a.target});
+  check_output(a.uncertain.map, {a.input, a.target});
+  const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
+  tell_even_oxygen(given.stack.info(), context);
+  const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
+                           a.missing(), folder_of(a.target), context);
+  const Prediction p = verify_stack(given.stack, *wanted, given.setup, context);
+  if (!a.output.empty()) {
+    const double scale_um = 0.5 * given.stack.grid().layer_um;
+    const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
+                                             surface_picture(*p.maps, false, scale_um)));
+    write_text_file(a.output, {png.begin(), png.end()});
+  }
+  a.uncertain.write_map(p, console);
+  if (a.json.empty()) {
+    print_result(summary(p, std::nullopt));
+  } else {
+    print_or_write(a.json, p.to_json());
+  }
+  bool missed = false;
+  const auto limit = [&](const char* name, const Histogram& errors, double most_um) {
+    if (most_um < 0 || errors.count() == 0 || errors.greatest() <= most_um) return;
+    write_stderr(fmt::format("slicecorr: largest {} error {:.3f} um, allowed are {:g} um\n", name,
+                             errors.greatest(), most_um));
+    missed = true;
+  };
+  limit("height", p.height_error_um, a.max_height_error_um);
+  limit("surface", p.surface_error_um, a.max_surface_error_um);
+  return missed ? kMissed : kDone;
+}
+
+int probe(const Arguments& a, const ExecutionContext& context, Console&) {
+  const StackReader stack = a.open(a.input, folder_of(a.input), context);
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
+  std::optional<StackReader> read;
+  std::optional<FittedSlices> target;
+  if (!a.target.empty()) {
+    read.emplace(design(a.target), folder_of(a.target), context, a.missing());
+    target.emplace(FittedSlices::like(stack, *read, folder_of(a.target), context));
+    check_target(stack, stack.info(), **target, a.target, read->pixel_sum(), context);
+  }
+  const auto rows = probe_stack(stack, target ? &**target : nullptr, setup, a.x, a.y);
+  std::string text =
+      fmt::format("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
+  for (const ProbeRow& r : rows) {
+    text += fmt::format("{},{},{},{},{},{}", r.slice, r.z_um, r.grey, r.intensity_mw_cm2, r.phi,
+                        r.dose);
+    if (target) text += fmt::format(",{}", r.target);
+    text += "\n";
+  }
+  print_result(text);
+  return kDone;
+}
+
+int report(const Arguments& a, const ExecutionContext& context, Console& console) {
+  check_output(a.output, {a.input, a.target});
+  const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
+  const StackReader& stack = given.stack;
+  tell_even_oxygen(stack.info(), context);
+  const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
+                           a.missing(), folder_of(a.output), context);
+  const SliceSource& target = *wanted;
+  const Prediction after = verify_stack(stack, target, given.setup, context);
+  const AsSliced uncorrected(*given.target);
+  const Prediction before = verify_stack(uncorrected, *given.target, given.setup, context);
+  const StackInfo& info = stack.info();
+  write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
+                                                      before, title_of(a.input), context),
+                                        context));
+  console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
+  return kDone;
+}
+
+int section(const Arguments& a, const ExecutionContext& context, Console& console) {
+  check_output(a.output, {a.input, a.target});
+  const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
+  const StackReader& stack = given.stack;
+  const SliceSource& target = *given.target;
+  const PixelBox box = target.bounds();
+  const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
+  const Grid& g = stack.grid();
+  const std::string where = row_in_words(stack, row);
+  write_text_file(
+      a.output, section_sheet(section_of(target, target, given.setup, row),
+                              section_of(stack, target, given.setup, row), g.pixel_x_um, g.layer_um,
+                              fmt::format("{}: {}; platform up", title_of(a.input), where)));
+  console.say(
+      fmt::format("{}: section at {}, platform up; left uncorrected, right this stack; grey right, "
+                  "red cured through, blue undercured",
+                  a.output, where));
+  return kDone;
+}
+
+int solid(const Arguments& a, const ExecutionContext& context, Console& console) {
+  std::vector<std::string> inputs = a.mesh.parts;
+  inputs.insert(inputs.end(), {a.input, a.target});
+  check_output(a.output, inputs);
+  check_output(a.json, inputs);
+  const StackReader stack = a.open(a.input, folder_of(a.output), context);
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
+  const Grid& g = stack.grid();
+  const PlaceModels models(setup.printer, setup.resin, setup.process, g, stack.frame());
+  std::optional<MeshDistance> design_mesh;
+  if (!a.mesh.parts.empty()) {
+    const TriangleMesh placed = on_plate(read_parts(a.mesh, context).mesh, setup.printer,
+                                         a.mesh.slice_options(Surface::slices).center_mm);
+    check_design_size(stack, placed);
+    design_mesh.emplace(placed);
+  }
+  nlohmann::ordered_json figures;
+  if (!a.target.empty()) {
+    const StackReader target = a.open(design(a.target), folder_of(a.output), context);
+    const FittedSlices fitted = FittedSlices::like(stack, target, folder_of(a.output), context);
+    check_target(stack, stack.info(), *fitted, a.target, target.pixel_sum(), context);
+    figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
+                                   g.pixel_y_um * g.layer_um * 1e-9;
+  }
+  const SolidOptions options{a.reduce > 0 ? a.reduce : handy_reduction(a, stack, models, context),
+                             design_mesh ? &*design_mesh : nullptr};
+  const SolidReport r = write_solid(stack, models, a.output, options, context);
+  console.say(
+      fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, {:.3f}, "
+                  "{:.3f} mm",
+                  a.output, r.triangles, r.volume_mm3, r.lower[0], r.lower[1], r.lower[2],
+                  r.upper[0], r.upper[1], r.upper[2]));
+  if (figures.contains("design_volume_mm3")) {
+    console.say(
+        fmt::format("design as sliced: {:.4f} mm³", figures["design_volume_mm3"].get<double>()));
+  }
+  const Histogram& d = r.distance_um;
+  if (d.count()) {
+    console.say(
+        fmt::format("distance to the design: mean {:.3f} um, 95 % within {:.3f} um, largest {:.3f} "
+                    "um, at {} vertices of the whole surface, walls and the steps of pixels "
+                    "included; the height errors of verify are those of edges along z alone",
+                    d.mean(), d.quantile(0.95), d.greatest(), d.count()));
+  }
+  if (!a.json.empty()) {
+    figures["triangles"] = r.triangles;
+    figures["volume_mm3"] = r.volume_mm3;
+    figures["lower_mm"] = r.lower;
+    figures["upper_mm"] = r.upper;
+    figures["reduce"] = options.reduce;
+    if (d.count()) {
+      figures["distance_um"] = {{"mean_abs", d.mean()},
+                                {"p95_abs", d.quantile(0.95)},
+                                {"max_abs", d.greatest()},
+                                {"vertices", d.count()}};
+    }
+    print_or_write(a.json, figures.dump(2));
+  }
+  return kDone;
+}
+
+int compare(const Arguments& a, const ExecutionContext& context, Console& console) {
+  check_output(a.json, a.mesh.parts);
+  check_output(a.output, a.mesh.parts);
+  Setup setup = a.setup.resolve(nullptr, nullptr);
+  tell_notices(setup, nullptr, context);
+  const MeshSlices target = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
+  setup.process = schedule_uv(target, setup, context);
+  const Comparison c = compare_methods(target, setup, context);
+  if (!a.json.empty()) {
+    // Only the erase has an N; the key is there for every method.
+    nlohmann::ordered_json json;
+    const auto add = [&](const char* method, const Prediction& p) {
+      json[method] = nlohmann::ordered_json::parse(p.to_json());
+      json[method]["best_n"] = nullptr;
+    };
+    add("uncorrected", c.uncorrected);
+    add("erase", c.erase);
+    add("table", c.table);
+    if (c.to_slices) add("ours_to_slices", *c.to_slices);
+    add("ours", c.ours);
+    json["erase"]["best_n"] = c.best_n;
+    print_or_write(a.json, json.dump(2));
+  }
+  std::vector<Figures> columns = {{"uncorrected", &c.uncorrected},
+                                  {fmt::format("erase, N = {}", c.best_n), &c.erase},
+                                  {"grey table", &c.table}};
+  if (c.to_slices) columns.push_back({"corrected to slices", &*c.to_slices});
+  columns.push_back({"corrected", &c.ours});
+  if (a.json != "-") print_result(figures_table(columns));
+  if (!a.output.empty()) {
+    const CorrectedSlices corrected(target, setup, context);
+    StackInfo info;
+    info.grid = corrected.grid();
+    info.target_layers = target.grid().layers;
+    info.program = std::string("slicecorr ") + version;
+    ReportContent content = gather_report(corrected, target, setup, info, c.ours, c.uncorrected,
+                                          title_of(a.output), context);
+    content.comparison = table_of(columns);
+    write_text_file(a.output, make_report(content, context));
+    console.say(fmt::format("{}: written", a.output));
+  }
+  return kDone;
+}
+
+}  // namespace slicecorr::cli::commands

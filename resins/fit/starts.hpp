@@ -1,0 +1,22 @@
+/// Where the fit of a model begins.
+#pragma once
+
+#include <string>
+
+#include "fit/prepare.hpp"
+
+namespace slicecorr::resins {
+
+inline bool is_of_cured_alone(FitModel m) {
+  return m == FitModel::jacobs || m == FitModel::kinetic || m == FitModel::gel_time;
+}
+inline bool uses_cured(FitModel m) { return is_of_cured_alone(m) || m == FitModel::joint; }
+inline bool uses_dead_zones(FitModel m) { return !is_of_cured_alone(m); }
+
+/// Throws `InputError`: why the model can't be fitted.
+[[noreturn]] void refuse_fit(const PreparedFit& prepared, const std::string& why);
+
+/// First values of all parameters, from the observations and from what is fixed.
+void choose_starts(PreparedFit& prepared, const FitOptions& options);
+
+}  // namespace slicecorr::resins

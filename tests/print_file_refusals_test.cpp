@@ -1,0 +1,229 @@
+// What is wrong with binary print files, told by place; what they can't hold.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "print_file_fixture.hpp"
+#include "refusal.hpp"
+#include "slicecorr/file_times.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/print_file.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+
+class PrintFileRefusals : public testing::Test {
+ protected:
+  /// The message for a small file, changed by `damage`.
+  std::string refusal(const SmallFile& file, const std::function<void(FileMaker&)>& damage,
+                      bool big = false) {
+    FileMaker m(big);
+    m.bytes = file.bytes;
+    damage(m);
+    write_file(folder_ / file.name, m.bytes);
+    try {
+      StackReader(folder_ / file.name, folder_.path());
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr(folder_ / file.name));
+      return e.what();
+    }
+    return "read";
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(PrintFileRefusals, OfCtb) {
+  const SmallFile ctb = small_new("ctb", *detail::ctb_code(kFileWidth, kFileHeight, 0));
+  const auto u32 = [&](std::size_t at) {
+    std::uint32_t v;
+    std::memcpy(&v, ctb.bytes.data() + at, 4);
+    return v;
+  };
+  const std::size_t table = u32(0x40), layer = u32(table + 0x0c);
+  const auto with = [&](std::size_t at, std::uint32_t value) {
+    return refusal(ctb, [&](FileMaker& m) { m.set_u32(at, value); });
+  };
+  EXPECT_THAT(with(4, 9), HasSubstr("version 9"));
+  EXPECT_THAT(with(0x34, 0), HasSubstr("0 x 30 pixels"));
+  EXPECT_THAT(with(0x34, 40000), HasSubstr("40000 x 30"));
+  EXPECT_THAT(with(0x44, 0), HasSubstr("0 layers"));
+  EXPECT_THAT(with(0x44, 70000), HasSubstr("70000 layers"));
+  EXPECT_THAT(with(0x44, 60000), HasSubstr("layer table"));
+  EXPECT_THAT(with(0x40, 0x7fffffff), HasSubstr("the file ends"));
+  EXPECT_THAT(with(0x24, 0x7fc00000), HasSubstr("exposure is nan"));
+  EXPECT_THAT(with(0x24, 0xbf800000), HasSubstr("exposure is -1"));
+  EXPECT_THAT(with(0x70, 100000), HasSubstr("preview"));
+  EXPECT_THAT(with(table + 0x0c, 0x7fffffff), HasSubstr("the file ends"));
+  EXPECT_THAT(with(table + 0x14, 1), HasSubstr("the file ends"));
+  EXPECT_THAT(with(table + 0x10, 0), HasSubstr("no data"));
+  EXPECT_THAT(with(table + 0x10, u32(table + 0x10) + 1), HasSubstr("not the copy of record 0"));
+  EXPECT_THAT(with(table + 0x18, 0x55), HasSubstr("expected 54h"));
+  EXPECT_THAT(with(table + 0x24, u32(table)), HasSubstr("not above the one before it"));
+  EXPECT_THAT(with(layer - 0x54, 0), HasSubstr("not the copy"));
+  EXPECT_THAT(refusal(ctb, [&](FileMaker& m) { m.bytes[layer + 1] = 0xf1; }), HasSubstr("byte F0"));
+  EXPECT_THAT(refusal(ctb, [&](FileMaker& m) { m.bytes[layer + 2] = 0xff; }),
+              AnyOf(HasSubstr("beyond the image"), HasSubstr("code ends after")));
+  EXPECT_THAT(with(u32(0x68) + 0x20, 300), HasSubstr("at most 256"));
+  EXPECT_THAT(with(0, 0x12fd0107), HasSubstr("encrypted .ctb"));
+}
+
+TEST_F(PrintFileRefusals, OfPhoton) {
+  const SmallFile photon = small_photon(4);
+  const auto with = [&](std::size_t at, std::uint32_t value) {
+    return refusal(photon, [&](FileMaker& m) { m.set_u32(at, value); });
+  };
+  EXPECT_THAT(with(0x5c, 0), HasSubstr("0 sets"));
+  EXPECT_THAT(with(0x5c, 65), HasSubstr("65 sets"));
+  EXPECT_THAT(with(0x5c, 60), HasSubstr("layer table"));
+  EXPECT_THAT(with(0x64, 5), HasSubstr("ciphered"));
+  // The first layer's data one byte further on than they are, into the next one's.
+  std::uint32_t offset;
+  std::memcpy(&offset, photon.bytes.data() + 0xac + 0x0c, 4);
+  EXPECT_THAT(with(0xac + 0x0c, offset + 1), HasSubstr("overlaps"));
+}
+
+TEST_F(PrintFileRefusals, OfGoo) {
+  const SmallFile goo = small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false));
+  const auto byte = [&](std::size_t at, std::uint8_t value) {
+    return refusal(
+        goo, [&](FileMaker& m) { m.bytes[at] = value; }, true);
+  };
+  constexpr std::size_t first = 0x2fb95, data = first + 0x46;
+  EXPECT_THAT(byte(0x2fb8e, 0x70), HasSubstr("little-endian"));
+  EXPECT_THAT(byte(first + 0x40, 0), HasSubstr("0D 0A"));
+  EXPECT_THAT(byte(data, 0x54), HasSubstr("55h"));
+  EXPECT_THAT(byte(data + 1, 0xc1), HasSubstr("check byte"));
+  EXPECT_THAT(byte(goo.bytes.size() - 1, 1), HasSubstr("end mark"));
+  EXPECT_THAT(byte(first + 0x42, 0x70), HasSubstr("the file ends"));
+}
+
+TEST_F(PrintFileRefusals, OfWorkshop) {
+  const SmallFile pwmx = small_workshop(false);
+  const auto with = [&](std::size_t at, std::uint32_t value) {
+    return refusal(pwmx, [&](FileMaker& m) { m.set_u32(at, value); });
+  };
+  EXPECT_THAT(with(0x0c, 519), HasSubstr("version 519"));
+  EXPECT_THAT(with(0x24, 0), HasSubstr("no table LAYERDEF"));
+  EXPECT_THAT(with(0x24, 0x20), HasSubstr("expected the name LAYERDEF"));
+  std::uint32_t colours;
+  std::memcpy(&colours, pwmx.bytes.data() + 0x20, 4);
+  EXPECT_THAT(with(colours + 4, 15), HasSubstr("expected 16"));
+  std::uint32_t layers;
+  std::memcpy(&layers, pwmx.bytes.data() + 0x24, 4);
+  EXPECT_THAT(with(layers + 0x10, 3), HasSubstr("for 3 layers"));
+  EXPECT_THAT(with(layers + 0x14 + 0x14, 0), HasSubstr("0 mm thick"));
+  EXPECT_THAT(with(layers + 0x14 + 4, 0), HasSubstr("no data"));
+}
+
+TEST_F(PrintFileRefusals, OfCxdlp) {
+  const SmallFile cxdlp = small_cxdlp(3);
+  const auto byte = [&](std::size_t at, std::uint8_t value) {
+    return refusal(
+        cxdlp, [&](FileMaker& m) { m.bytes[at] = value; }, true);
+  };
+  EXPECT_THAT(byte(cxdlp.bytes.size() - 1, cxdlp.bytes.back() ^ 1), HasSubstr("checksum"));
+  EXPECT_THAT(byte(300, 5), HasSubstr("checksum"));
+  EXPECT_THAT(byte(14, 4), HasSubstr("version 4"));
+  EXPECT_THAT(refusal(cxdlp, [](FileMaker& m) { m.u8(0); }), HasSubstr("1 bytes follow"));
+}
+
+TEST_F(PrintFileRefusals, WhatIsClosedIsToldWithWhatWorksInstead) {
+  write_file(folder_ / "a.ctb", {0x07, 0x01, 0xfd, 0x12, 4, 0, 0, 0});
+  write_file(folder_ / "b.form", to_bytes("whatever it starts with"));
+  for (const char* name : {"a.ctb", "b.form"}) {
+    try {
+      StackReader(folder_ / name, folder_.path());
+      ADD_FAILURE() << name;
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr("encrypted"));
+      EXPECT_THAT(e.what(), HasSubstr(".goo"));
+    }
+  }
+}
+
+TEST_F(PrintFileRefusals, CorrectionsWithMoreLevelsThanAFileHas) {
+  Printer printer;
+  printer.name = "eight";
+  printer.bit_depth = 8;
+  printer.calibration = {{0, 0}, {255, 10}};
+  const auto fitted = [&](const SmallFile& small, std::string* told = nullptr) {
+    write_file(folder_ / small.name, small.bytes);
+    StackFile file(folder_ / ("out" + small.name.substr(small.name.rfind('.'))));
+    file.format = small.format;
+    file.keep_from = folder_ / small.name;
+    ExecutionContext context;
+    context.notice = [&](const std::string& text) {
+      if (told) *told += text;
+    };
+    return printer_for_file(printer, file, {kFileWidth, kFileHeight, 1, 50, 50, 50}, context);
+  };
+  std::string told;
+  EXPECT_EQ(fitted(small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false)), &told),
+            printer);
+  EXPECT_EQ(told, "");
+  const Printer ctb =
+      fitted(small_new("ctb", *detail::ctb_code(kFileWidth, kFileHeight, 0)), &told);
+  EXPECT_EQ(ctb.bit_depth, 7);
+  EXPECT_THAT(told, HasSubstr("holds 128 grey levels"));
+  ASSERT_EQ(ctb.calibration.size(), 128u);
+  // The file shows level 64 as 129 of 255.
+  EXPECT_NEAR(ctb.calibration[64].intensity_mw_cm2, 10 * 129 / 255.0, 1e-12);
+  EXPECT_EQ(fitted(small_lgs()).bit_depth, 4);
+  // Five levels: four of them.
+  const Printer four = fitted(small_photon(4));
+  EXPECT_EQ(four.bit_depth, 2);
+  EXPECT_NEAR(four.calibration[1].intensity_mw_cm2, 2.5, 0.02);
+  EXPECT_THROW(fitted(small_photon(1)), InputError);
+  printer.bit_depth = 1;
+  printer.calibration = {{0, 0}, {1, 10}};
+  EXPECT_EQ(fitted(small_photon(1)), printer);
+}
+
+TEST_F(PrintFileRefusals, TimesThatAFileCannotSayAreRefusedBeforeAnythingIsComputed) {
+  struct Case {
+    SmallFile file;
+    double exposure_s, bottom_s;
+    int bottom_layers, fade_layers;
+    const char* words;  ///< none: they can be said
+  };
+  const auto goo = small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false));
+  for (const Case& c :
+       {Case{small_cxdlp(3), 2.53, 40, 1, 0, "tenths of a second"},
+        Case{small_cxdlp(3), 2.5, 40, 1, 2, "fade"}, Case{small_cxdlp(3), 2.6, 41, 1, 0, nullptr},
+        Case{small_lgs(), 6.1, 40, 1, 2, "fade"}, Case{small_lgs(), 6.123, 40, 3, 0, nullptr},
+        Case{small_workshop(true), 2.2, 40, 1, 2, "fade"},
+        Case{small_photon(4), 8.1, 60, 2, 3, "fade"}, Case{goo, 2.7, 30, 1, 4, nullptr}}) {
+    SCOPED_TRACE(c.file.name);
+    const std::string path = folder_ / c.file.name;
+    write_file(path, c.file.bytes);
+    const StackReader target(path, folder_.path());
+    StackFile file(folder_ / ("out" + c.file.name.substr(c.file.name.rfind('.'))));
+    file.format = c.file.format;
+    file.keep_from = path;
+    StackInfo info;
+    info.kind = StackKind::corrected;
+    info.grid = target.grid();
+    info.process.emplace();
+    info.process->mode = ExposureMode::layerwise;
+    info.process->exposure_s = c.exposure_s;
+    info.process->bottom_exposure_s = c.bottom_s;
+    info.process->bottom_layers = c.bottom_layers;
+    info.process->fade_layers = c.fade_layers;
+    const auto before = folder_.count();
+    if (c.words) {
+      EXPECT_THAT(test::refusal([&] { check_file_times(file, info); }),
+                  AllOf(HasSubstr(path), HasSubstr(c.words)));
+    } else {
+      check_file_times(file, info);
+    }
+    // The file's own times can always be said.
+    check_file_times(file, target.info());
+    EXPECT_EQ(folder_.count(), before);
+  }
+}
+
+}  // namespace
+}  // namespace slicecorr::test

@@ -215,8 +215,8 @@ void expect_small_page(int cells, int display_px) {
   EXPECT_TRUE(test["ok"].get<bool>()) << test["checks"].dump() << test.value("error", "");
 }
 
-/// 10 million voxels, of which the page shows a part.
-TEST(ReportSize, AFewMegabytes) { expect_small_page(7, 224); }
+/// 30 million voxels.
+TEST(ReportSize, AFewMegabytes) { expect_small_page(10, 320); }
 
 /// 240 million voxels.
 TEST(ReportSizeNight, AFewMegabytesWhateverThePart) { expect_small_page(20, 640); }

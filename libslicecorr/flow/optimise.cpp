@@ -80,7 +80,7 @@ struct Task {
       asked;  ///< whose light is sought: those of part, and others that they show
   std::vector<int> right, below;  ///< of those, their neighbours among them; -1 without
   std::vector<double> distance_um;
-  bool holds_off = false;  ///< whether each cell is to keep its own curing light off the window
+  bool holds_off = false;  ///< `StartLight::holds_off`
 
   std::vector<double> weight(double gap_um) const {
     std::vector<double> w(section.size(), 0.0);
@@ -557,7 +557,7 @@ SectionOptimum optimum(const FlowSection& section, const GapPressure& pressure,
     throw InputError("flow", "pressure", "is of a gap that varies; expected that of an even one");
   }
   Task task = make_task(section, pressure, resin, speed_mm_h, goal, context);
-  task.holds_off = start != nullptr;
+  task.holds_off = start && start->holds_off;
   const Scan scan = start ? scan_of(task, *start) : scan_gaps(task, false);
   const AtGap at(task, scan.gap_um);
   Choice choice;

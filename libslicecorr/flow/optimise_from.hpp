@@ -9,9 +9,11 @@ namespace slicecorr::detail {
 struct StartLight {
   const std::vector<double>& blue_mw_cm2;
   const std::vector<double>& uv_mw_cm2;
+  /// Cells are to keep their curing light off the window each by itself, beta Iuv >= Ib, wherever resin
+  /// comes from: such a light lasts in the next slices.
+  bool holds_off = false;
 };
-/// `optimise_section` at `goal.min_gap_um`, for a light that lasts in the next slices: each cell is to keep its
-/// own curing light off the window, beta Iuv >= Ib, wherever resin comes from.
+/// `optimise_section` at `goal.min_gap_um` from a light that is nearly right.
 SectionOptimum optimise_section_from(const StartLight& start, const FlowSection& section,
                                      const GapPressure& pressure, const FlowResin& resin,
                                      double speed_mm_h, const SectionGoal& goal,

@@ -40,9 +40,9 @@ constexpr double kSmoothUm = 150;
 /// Most dose at the window that light is sought with, at each try: what images show of it, and what lies
 /// between two slices, comes to more here and there, and must stay below 1.
 constexpr std::array kWindows{0.9, 0.7, 0.4, 0.4};
-/// With this try starts a slice that lies between those that light was sought for, where that does not fit:
-/// light changes fast there, and is to be safe.
-constexpr std::size_t kBetween = 2;
+/// From this try on every cell keeps its own curing light off the window, which costs up to 5 % of the section and
+/// lasts where resin flows otherwise than it was sought for. Where there are no rounds for so many tries, all do.
+constexpr std::size_t kHoldsOff = 2;
 /// Share of the section by which light by place may do worse than light that is the same everywhere
 /// before it is given up, and the latter before it is sought anew: its own changes between slices, and
 /// levels, cost as much.
@@ -172,6 +172,7 @@ EvenFinder::Found EvenFinder::with_constant(const std::vector<int>& slices,
     if (next > 0) chosen.insert(next - 1);
   }
   std::vector<int> asked;
+  asked.reserve(chosen.size());
   for (const std::size_t i : chosen) asked.push_back(found_.slices[i]);
   Found found = found_;
   for (const auto& some : in_parts(asked, sections.part().grid())) {
@@ -357,10 +358,14 @@ std::optional<EvenFinder::How> EvenFinder::next_try(const FlowDoses::Slice& judg
   return How::constant;
 }
 
-/// How often the light of a slice was sought for what came out.
+/// Whether there are not as many rounds as it takes to find out which slices need safer light.
+bool EvenFinder::few_rounds() const { return rounds_ - kLastRounds <= static_cast<int>(kHoldsOff); }
+
+/// How often the light of a slice was sought for what came out. One that has none yet lies where light
+/// changes fast, and is to be safe.
 std::size_t EvenFinder::tries_of(int slice) const {
   const auto at = std::lower_bound(found_.slices.begin(), found_.slices.end(), slice);
-  if (at == found_.slices.end() || *at != slice) return kBetween;
+  if (at == found_.slices.end() || *at != slice) return kHoldsOff;
   return found_.tries[static_cast<std::size_t>(at - found_.slices.begin())];
 }
 
@@ -399,12 +404,14 @@ std::vector<EvenFinder::SharedLight> EvenFinder::seek(const EvenSections& sectio
     const double speed_mm_h = setup_.process.speed_mm_h;
     SectionOptimum best =
         task.start && goal.pattern != FlowPattern::constant
-            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2},
+            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2,
+                                     task.tries >= kHoldsOff || few_rounds()},
                                     section, pressure, sections.resin(), speed_mm_h, goal, alone_)
             : optimise_section(section, pressure, sections.resin(), speed_mm_h, goal, alone_);
     lights[k] = light_of(section, goal.image.get(), std::move(best));
   });
   std::vector<SharedLight> of_task;
+  of_task.reserve(index.size());
   for (const std::size_t k : index) of_task.push_back(lights[k]);
   return of_task;
 }

@@ -71,6 +71,7 @@ class EvenFinder {
   Found guessed_light(const Setup& setup);
   Look mend(const Setup& setup, int round);
   std::optional<How> next_try(const FlowDoses::Slice& judged, int round, std::size_t& room) const;
+  bool few_rounds() const;
   std::size_t tries_of(int slice) const;
   std::vector<int> sticking(const Setup& setup) const;
   Found with_constant(const std::vector<int>& slices, const Setup& setup) const;

@@ -195,6 +195,7 @@ TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   // Those who correct are told what those who verify are.
   const RunResult seen = call({"verify", "out.uvj", "--target", "square.uvj"});
   EXPECT_THAT(seen.out, HasSubstr("by the light that the images show"));
+  EXPECT_THAT(seen.out, HasSubstr("dead zone over lit pixels, if resin stood still: "));
   const RunResult corrected = call({"correct", "square.uvj", "-o", "again.uvj", "--printer",
                                     "flood.toml", "--resin", "resin.toml", "--speed-mm-h", "300",
                                     "--even-dead-zone", "constant", "--gap-um", "120"});

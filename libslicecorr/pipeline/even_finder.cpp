@@ -199,7 +199,8 @@ void EvenFinder::tell(const Process& process) const {
   });
   const auto constant = std::count(found_.how.begin(), found_.how.end(), How::constant);
   context_.tell(fmt::format(
-      "light for an even dead zone of {:.4g} um ({}): {} of {} slices looked at, {} sections",
+      "light for an even dead zone of {:.4g} um ({}): {} of {} slices looked at; sections with light "
+      "of their own: {}",
       process.even_light->gap_um, name_of(process.even_dead_zone), found_.slices.size(),
       design_.part().slices(), lights.size()));
   if (gap_at_limit_) {
@@ -208,9 +209,8 @@ void EvenFinder::tell(const Process& process) const {
                     SectionGoal{}.min_gap_um, SectionGoal{}.max_gap_um));
   }
   if (at_cap > 0) {
-    context_.tell(
-        fmt::format("in {} of {} sections the best light is more than the lamps give somewhere",
-                    at_cap, lights.size()));
+    context_.tell(fmt::format("lamps give all they can somewhere in {} of {} sections", at_cap,
+                              lights.size()));
   }
   if (given_up_ > 0) {
     context_.tell(fmt::format(

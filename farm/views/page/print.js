@@ -75,7 +75,7 @@ $('look').addEventListener('click', () => during('look', async () => {
 $('plan').addEventListener('click', () => during('plan', async () => {
   const list = chosen(), request = asks('plan', list, {tolerance_um: value('tolerance_um'), gap_contrast: value('gap_contrast')});
   const s = await study(request, $('plan-said'));
-  $('planned').hidden = !s;
+  $('planned').hidden = true;
   if (!s) return;
   plan = await read(s.path + '/files/plan.json');
   const what = plan.speed_mm_h !== undefined && plan.speed_mm_h !== null ? figure(plan.speed_mm_h) + ' mm/h' : figure(plan.exposure_s) + ' s for each layer';
@@ -83,12 +83,13 @@ $('plan').addEventListener('click', () => during('plan', async () => {
     + '. What limits it: ' + (plan.limit || plan.limited_by) + '.' + (plan.with ? ' It holds with ' + plan.with + '.' : '');
   $('use').textContent = 'Use ' + what;
   $('plan-picture').src = await blobUrl(s.path + '/files/plan.svg');
+  $('planned').hidden = false;
 }));
 $('use').addEventListener('click', () => { $('speed').value = plannedSpeed(); });
 
 $('check').addEventListener('click', () => during('check', async () => {
   const list = chosen(), s = await study(asks('check', list, {...speed(), ...withPlan()}), $('check-said'));
-  $('checked').hidden = !s;
+  $('checked').hidden = true;
   if (!s) return;
   const f = await read(s.path + '/files/check.json'), before = f.uncorrected;
   const h = f.height_error_um, [x, y] = f.worst_pixel || [-1, -1];
@@ -101,6 +102,7 @@ $('check').addEventListener('click', () => during('check', async () => {
     row('Lost features', number('lost_features')), row('Merged gaps', number('merged_features')), row('Voxels cured through', number('cure_through_voxels')), row('Voxels undercured', number('undercure_voxels'))], 'What prints'));
   $('section').src = await blobUrl(s.path + '/files/section.png');
   $('check-link').replaceChildren(link(s.path + '/files/check.html', 'All of it: sections in three directions, doses, lists of places'));
+  $('checked').hidden = false;
 }));
 
 $('queue').addEventListener('click', () => during('queue', async () => {

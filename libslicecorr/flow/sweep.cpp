@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
@@ -224,7 +225,7 @@ void SectionSweep::Impl::carry_pieces(const NodeLight& light, State& state) cons
 
 SectionSweep::Impl::State SectionSweep::Impl::carry(const NodeLight& light) const {
   State state;
-  state.y = std::make_unique_for_overwrite<double[]>(path.net.nodes() * levels.size());
+  state.y = profiles();
   linear ? carry_linear(light, state) : carry_pieces(light, state);
   return state;
 }
@@ -244,26 +245,27 @@ SectionGradient SectionSweep::Impl::back_linear(std::span<const double> front,
                                                 std::span<const double> window) const {
   const std::size_t n = levels.size();
   SectionGradient gradient{std::vector<double>(cells, 0.0), std::vector<double>(cells, 0.0)};
-  std::vector<double> back(path.net.nodes() * n, 0.0);
+  const detail::KeptRoom::Room back = profiles();
+  std::fill_n(back.get(), path.net.nodes() * n, 0.0);
   Light of_levels(*this);
   for (std::size_t s = path.rows.step.size() - 1; s-- > 0;) {
     const std::size_t from = path.rows.step[s], to = path.rows.step[s + 1];
     beside(
-        from, to, back.data(),
+        from, to, back.get(),
         [&](std::size_t node, double* y) {
           if (node < path.net.parts()) weigh(node, front, window, y);
         },
         detail::solve_bands_transposed, detail::solve_transposed<decltype(kNothingHeld)>);
     for (std::size_t k = from; k < to; ++k) {
       const auto node = static_cast<std::size_t>(path.rows.order[k]);
-      double* y = back.data() + node * n;
+      double* y = back.get() + node * n;
       if (node < path.net.parts()) {
         const detail::LevelLight& gain = of_levels.of(node);
         const std::size_t cell = path.net.cell_of[node];
         gradient.blue[cell] = detail::level_sum(n, gain.blue.data(), y);
         gradient.uv[cell] = detail::level_sum(n, gain.uv.data(), y);
       }
-      leave(node, y, back.data());
+      leave(node, y, back.get());
     }
   }
   return gradient;
@@ -274,12 +276,14 @@ SectionGradient SectionSweep::Impl::back_pieces(std::span<const double> front,
                                                 const NodeLight& light, const State& state) const {
   const std::size_t n = levels.size();
   SectionGradient gradient{std::vector<double>(cells, 0.0), std::vector<double>(cells, 0.0)};
-  std::vector<double> back(path.net.nodes() * n, 0.0), scratch(3 * n);
+  const detail::KeptRoom::Room back = profiles();
+  std::fill_n(back.get(), path.net.nodes() * n, 0.0);
+  std::vector<double> scratch(3 * n);
   Light of_levels(*this);
   detail::CellLaw law(resin, levels);
   for (std::size_t k = path.rows.order.size(); k-- > 0;) {
     const auto node = static_cast<std::size_t>(path.rows.order[k]);
-    double* y = back.data() + node * n;
+    double* y = back.get() + node * n;
     if (node < path.net.parts()) {
       weigh(node, front, window, y);
       const std::size_t cell = path.net.cell_of[node];
@@ -289,7 +293,7 @@ SectionGradient SectionSweep::Impl::back_pieces(std::span<const double> front,
     } else {
       detail::solve_transposed(levels, factor(node, scratch.data()), kNothingHeld, y);
     }
-    leave(node, y, back.data());
+    leave(node, y, back.get());
   }
   return gradient;
 }

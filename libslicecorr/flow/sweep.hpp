@@ -7,6 +7,7 @@
 
 #include "cell_law.hpp"
 #include "gap_band.hpp"
+#include "kept_room.hpp"
 #include "net.hpp"
 #include "slicecorr/flow_section.hpp"
 
@@ -22,7 +23,7 @@ struct SectionSweep::Impl {
   };
   /// Y of nodes and levels, (mW/cm²)^m·s, and, where the law is not linear, which piece of it holds.
   struct State {
-    std::unique_ptr<double[]> y;
+    detail::KeptRoom::Room y;
     std::vector<detail::DosePiece> piece;
   };
 
@@ -71,7 +72,11 @@ struct SectionSweep::Impl {
   SectionGradient back_pieces(std::span<const double> front, std::span<const double> window,
                               const NodeLight& light, const State& state) const;
 
+  /// Room for the profiles of all nodes.
+  detail::KeptRoom::Room profiles() const { return room_.take(path.net.nodes() * levels.size()); }
+
   std::vector<double> factors_;  ///< where linear, of every node
+  mutable detail::KeptRoom room_;
 };
 
 }  // namespace slicecorr

@@ -58,7 +58,7 @@ class CodedBand {
   /// Writes a slice to `out`; black outside the columns that are coded.
   void read(int slice, std::uint8_t* out) const {
     if (black(slice)) {
-      std::memset(out, 0, columns_);
+      std::fill_n(out, columns_, std::uint8_t{0});
       return;
     }
     run_length_decode(begin_of(slice), end_of(slice), out, columns_);

@@ -77,7 +77,9 @@ TEST(TuningPart, PlugsOfAStaircaseGetTheirDoses) {
     }
     // Full, half and quarter light, by the nearest levels.
     EXPECT_NEAR(stairs.rows()[6].intensity_mw_cm2, 50, 0.2);
-    if (m >= 1) EXPECT_NEAR(stairs.rows()[12].intensity_mw_cm2, 25, 0.2);
+    if (m >= 1) {
+      EXPECT_NEAR(stairs.rows()[12].intensity_mw_cm2, 25, 0.2);
+    }
   }
 }
 

@@ -229,8 +229,10 @@ TEST(Levels, PlacesEdgesToAHundredthOfAStep) {
   EXPECT_LE(errors.back(), 2.0);
 }
 
-/// 1.02 and 1.93 times the least light that gels at this speed. Edges of slices are off by `most_um` at
-/// most.
+constexpr double kGapsMayCostUm = 50 * kDefaultGapShortfall + 0.01;
+
+/// 1.02 and 1.93 times the least light that gels at this speed. Gaps of one slice cost what they may, but with
+/// 1.02 times, where no levels avoid it, `most_um`.
 void expect_benchy_with_little_light(const char* length_mm, double most_um) {
   const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(path);
@@ -265,7 +267,8 @@ void expect_benchy_with_little_light(const char* length_mm, double most_um) {
       EXPECT_EQ(j["lost_features"], 0);
       EXPECT_LT(j["height_error_um"]["mean_abs"], 0.3);
       // Between the slices, where thinner gaps are, edges have only the middles of layers for a limit.
-      EXPECT_LE(j["height_error_um"]["max_abs"], surface == "mesh" ? 50 : most_um);
+      const double of_slices = dose == "1764" ? most_um : kGapsMayCostUm;
+      EXPECT_LE(j["height_error_um"]["max_abs"], surface == "mesh" ? 50 : of_slices);
     }
   }
   fs::remove_all(folder);
@@ -273,9 +276,9 @@ void expect_benchy_with_little_light(const char* length_mm, double most_um) {
 
 // An edge that is off by more than half a layer makes a voxel wrong.
 TEST(Levels, SmallBenchyWithLittleLightToSpare) { expect_benchy_with_little_light("25", 25); }
-// In its full size: what gaps of one slice may cost, and no more.
+// In its full size no gap costs more.
 TEST(LevelsNight, BenchyWithLittleLightToSpare) {
-  expect_benchy_with_little_light("60", 50 * kDefaultGapShortfall + 0.01);
+  expect_benchy_with_little_light("60", kGapsMayCostUm);
 }
 
 }  // namespace

@@ -177,7 +177,7 @@ TEST(EvenOxygen, LevelsOfPlateausAreTheLowest) {
 }
 
 TEST(EvenOxygen, ThreadsChangeNothingAndItStops) {
-  const OxygenImage image = image_of(48, 40, {{12, 12, 20, 10}, {14, 26, 2, 3}});
+  const OxygenImage image = image_of(24, 20, {{6, 5, 10, 5}, {7, 13, 2, 3}});
   ExecutionContext one, three;
   one.threads = 1;
   three.threads = 3;

@@ -77,9 +77,9 @@ std::string figures_table(const ReportContent& c) {
       [](const Prediction& p) { return counted(p.merged_features) + " of " + counted(p.gaps); });
   row("Gaps one slice high", [](const Prediction& p) { return counted(p.one_slice_gaps); });
   if (c.suction) {
-    const std::string words = fmt::format("{:.4g} kPa, {:.3g} N<br>slice {}; at most {} mm/h",
-                                          c.suction->suction_pa * 1e-3, c.suction->force_n,
-                                          c.suction->slice, at_most(c.suction->speed_limit_mm_h));
+    std::string words = fmt::format("{:.4g} kPa, {:.3g} N<br>slice {}; at most {} mm/h",
+                                    c.suction->suction_pa * 1e-3, c.suction->force_n,
+                                    c.suction->slice, at_most(c.suction->speed_limit_mm_h));
     row("Greatest suction under the part", [&](const Prediction&) { return words; });
   }
   if (c.after.left_alone_voxels > 0) {

@@ -8,6 +8,9 @@
 
 namespace slicecorr::detail {
 
+/// Products that make a thread worth while.
+constexpr std::size_t kProductsAThread = 100000;
+
 std::vector<double> spread_weights(double spread_um, double cell_um) {
   const double sigma = spread_um / cell_um;
   if (!(sigma > 0)) return {1};
@@ -31,7 +34,7 @@ std::vector<float> spread_shares(const std::vector<float>& share, int width, int
   const auto reach = static_cast<std::ptrdiff_t>(w.size()) - 1;
   std::vector<double> along(share.size());
   std::vector<float> out(share.size());
-  const ExecutionContext quiet = silent(context);
+  const ExecutionContext quiet = silent(context, share.size() * w.size(), kProductsAThread);
   parallel_for(quiet, "spreading light", ny, [&](std::size_t y) {
     const float* row = share.data() + y * nx;
     for (std::size_t x = 0; x < nx; ++x) {

@@ -24,6 +24,8 @@ using detail::kCellBlock;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 /// Rows that a thread takes at a time.
 constexpr std::size_t kRows = 4;
+/// Cells that make a thread worth while: some 0.1 ms a step.
+constexpr std::size_t kCellsAThread = 3000;
 
 double fastest_um2_s(const Chemistry& c) {
   return std::max({c.oxygen_um2_s.value_or(0), c.initiator_um2_s.value_or(0),
@@ -206,7 +208,7 @@ void walk(Plane& plane, const Chemistry& c, const PatternSetup& s, double second
   reaction.h = h;
   reaction.supply_per_s = s.supply_per_s;
   reaction.outside_mol_l = c.oxygen_mol_l;
-  const ExecutionContext quiet = detail::silent(context);
+  const ExecutionContext quiet = detail::silent(context, plane.broken.size(), kCellsAThread);
   std::fill(plane.broken.begin(), plane.broken.end(), 0.0);
   std::optional<Breaking> light;
   if (lit) {

@@ -21,11 +21,7 @@ void ColumnLoops::each(std::size_t count, const std::function<void(const Stretch
   const auto width = static_cast<std::size_t>(width_);
   const std::size_t rows = padded(count) / width;
   const std::size_t chunks = (rows + kRowsAChunk - 1) / kRowsAChunk;
-  // To start and end a thread takes as long as a few chunks.
-  ExecutionContext worth = silent(context_);
-  worth.threads = static_cast<int>(
-      std::clamp<std::size_t>(chunks / 4, 1, static_cast<std::size_t>(thread_count(context_))));
-  parallel_for(worth, "", chunks, [&](std::size_t c) {
+  parallel_for(silent(context_, chunks, 4), "", chunks, [&](std::size_t c) {
     const std::size_t first = c * kRowsAChunk, last = std::min(rows, first + kRowsAChunk);
     for (int column = 0; column < width_; column += kW) {
       body({first * width + static_cast<std::size_t>(column), last - first, width, column});

@@ -171,10 +171,7 @@ void DoseSpread::apply(const SpreadSeries& f, Array<float>& numbers,
   // X = 2 L / most - 1.
   Array<float> later(size(), 0.0F), latest(size(), 0.0F);
   const std::size_t chunks = (columns_.size() + kColumnsAChunk - 1) / kColumnsAChunk;
-  // To start and end a thread takes as long as some ten thousand numbers.
-  ExecutionContext worth = slicecorr::detail::silent(context);
-  worth.threads = static_cast<int>(std::clamp<std::size_t>(
-      size() / kNumbersAThread, 1, static_cast<std::size_t>(thread_count(context))));
+  const ExecutionContext worth = slicecorr::detail::silent(context, size(), kNumbersAThread);
   for (std::size_t k = f.size(); k-- > 0;) {
     context.check_cancelled();
     parallel_for(worth, "", chunks, [&](std::size_t chunk) {

@@ -201,12 +201,14 @@ TEST(GreyBeams, MarginsOfTheVatCount) {
 }
 
 TEST(GreyBeams, TheSameForAnyNumberOfThreads) {
-  const Box<std::uint8_t> part = ball_part(20);
+  // Large enough to be shared among threads.
+  const Box<std::uint8_t> part = ball_part(44);
+  BeamSetup setup = grey(3, 0.01);
+  setup.steps = 3;
   ExecutionContext one, four;
   one.threads = 1;
   four.threads = 4;
-  const BeamPrint a = find_beams(part, grey(3, 0.01), one),
-                  b = find_beams(part, grey(3, 0.01), four);
+  const BeamPrint a = find_beams(part, setup, one), b = find_beams(part, setup, four);
   EXPECT_EQ(a.light.values, b.light.values);
   EXPECT_EQ(a.contrast_bound, b.contrast_bound);
   for (std::size_t k = 0; k < a.images.size(); ++k) EXPECT_EQ(a.images[k].share, b.images[k].share);

@@ -259,8 +259,9 @@ TEST(ChemistryPattern, ReactionsAreOfSecondOrder) {
 }
 
 TEST(ChemistryPattern, SameForAnyNumberOfThreads) {
-  LightPattern p = dark(50, 37);
-  light_box(p, 10, 9, 21, 13);
+  // Large enough to be shared among threads.
+  LightPattern p = dark(110, 87);
+  light_box(p, 10, 9, 81, 53);
   PatternSetup s = setup_of(5, 300, 0.9);
   s.spread_um = 6;
   s.dark_s = 0.3;

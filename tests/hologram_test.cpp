@@ -213,10 +213,11 @@ TEST(GerchbergSaxton, RelaysTurnNothing) {
 }
 
 TEST(GerchbergSaxton, ThreadsDoNotChangeABit) {
-  const PhaseDisplay d = display_of(96, 54);
+  // Large enough to be shared among threads.
+  const PhaseDisplay d = display_of(192, 108);
   HologramPlane p;
-  p.power.resize(96 * 54);
-  for (int i = 0; i < 20; ++i) p.power[static_cast<std::size_t>(10 + i) * 96 + 60 + i % 7] = 1;
+  p.power.resize(192 * 108);
+  for (int i = 0; i < 20; ++i) p.power[static_cast<std::size_t>(10 + i) * 192 + 60 + i % 7] = 1;
   HologramPlane q = p;
   q.dz_mm = 5;
   ExecutionContext one, four;

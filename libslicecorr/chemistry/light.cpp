@@ -9,7 +9,7 @@
 namespace slicecorr::detail {
 
 /// Products that make a thread worth while.
-constexpr std::size_t kProductsAThread = 100000;
+constexpr std::size_t kProductsAThread = 20000;
 
 std::vector<double> spread_weights(double spread_um, double cell_um) {
   const double sigma = spread_um / cell_um;

@@ -12,7 +12,7 @@ namespace {
 using slicecorr::detail::silent;
 constexpr std::size_t kLanes = 16;
 /// Products that make a thread worth while.
-constexpr std::size_t kProductsAThread = 200000;
+constexpr std::size_t kProductsAThread = 100000;
 
 /// to += by * from
 SLICECORR_CLONES void add_times(float* to, const float* from, float by, std::size_t lanes) {

@@ -16,7 +16,7 @@ inline constexpr double kHz = 60, kPeriodS = 1 / kHz;
 
 inline Machine machine_of(int width = kWidthPx, int height = kHeightPx) {
   Machine m;
-  m.printer = test::linear_printer(1, 100);
+  m.printer = slicecorr::test::linear_printer(1, 100);
   m.printer.width_px = width;
   m.printer.height_px = height;
   return m;

@@ -22,9 +22,9 @@
 namespace slicecorr::bridge {
 namespace {
 
-using test::kSmallMachine;
-using test::machine_of;
-using test::replaced;
+using slicecorr::test::kSmallMachine;
+using slicecorr::test::machine_of;
+using slicecorr::test::replaced;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using Bytes = std::vector<std::uint8_t>;

@@ -14,9 +14,9 @@
 namespace slicecorr::bridge {
 namespace {
 
-using test::kSmallMachine;
-using test::machine_of;
-using test::replaced;
+using slicecorr::test::kSmallMachine;
+using slicecorr::test::machine_of;
+using slicecorr::test::replaced;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -166,7 +166,8 @@ TEST(Machine, CommandsAndStatesHaveTheirOwnValues) {
 }
 
 TEST(Machine, TheExampleOfTheDocumentsCanBeRead) {
-  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-files.md");
+  const std::string document =
+      slicecorr::test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-files.md");
   const auto begin = document.find("```toml\n"), end = document.find("```\n", begin + 8);
   ASSERT_NE(end, std::string::npos);
   const std::string example = document.substr(begin + 8, end - begin - 8);
@@ -186,14 +187,16 @@ TEST(Machine, TheExampleOfTheDocumentsCanBeRead) {
 }
 
 TEST(Machine, TheDocumentsListAllKeysAndSignals) {
-  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-files.md");
+  const std::string document =
+      slicecorr::test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-files.md");
   for (int i = 0; i <= static_cast<int>(Signal::machine_time_s); ++i) {
     const std::string name(name_of(static_cast<Signal>(i)));
     EXPECT_THAT(document, HasSubstr("`" + name + "`"));
   }
   // What the small machine does not say it has in the shipped file.
   for (const std::string& text :
-       {kSmallMachine, test::text_of(SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml")}) {
+       {kSmallMachine,
+        slicecorr::test::text_of(SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml")}) {
     std::istringstream lines(text.substr(text.find("[stage]")));
     for (std::string line; std::getline(lines, line);) {
       const auto is = line.find(" = ");

@@ -13,9 +13,9 @@
 namespace slicecorr::bridge {
 namespace {
 
-using test::kSmallMachine;
-using test::machine_of;
-using test::replaced;
+using slicecorr::test::kSmallMachine;
+using slicecorr::test::machine_of;
+using slicecorr::test::replaced;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -569,7 +569,8 @@ TEST(Fault, IsReadAsItIsWritten) {
 }
 
 TEST(Fault, AllAreInTheDocuments) {
-  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-sim.md");
+  const std::string document =
+      slicecorr::test::text_of(SLICECORR_SOURCE_DIR "/docs/printer-sim.md");
   for (const SimFaultKind& kind : sim_fault_kinds()) {
     EXPECT_THAT(document, HasSubstr("| `" + std::string(kind.name) + "` |"));
   }

@@ -20,9 +20,9 @@ namespace slicecorr::farm::detail {
 namespace {
 
 namespace fs = std::filesystem;
+using slicecorr::test::captured;
+using slicecorr::test::Folder;
 using std::chrono::milliseconds;
-using test::captured;
-using test::Folder;
 using testing::ElementsAre;
 using testing::HasSubstr;
 

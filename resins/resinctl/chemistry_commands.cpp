@@ -20,7 +20,7 @@ namespace {
 
 using chart::figure;
 
-struct Arguments {
+struct ChemistryArguments {
   std::string resin, json, csv, output;
   std::vector<std::string> light;
   double intensity_mw_cm2 = 0, supply_per_s = 0;
@@ -49,14 +49,15 @@ std::string seconds(double value) { return std::isfinite(value) ? figure(value) 
 struct DeadZone {
   double wall_mol_l = 0, even_um = 0, deep_um = 0;
 };
-std::optional<DeadZone> dead_zone(const Chemistry& c, const Arguments& a) {
+std::optional<DeadZone> dead_zone(const Chemistry& c, const ChemistryArguments& a) {
   if (!c.oxygen_um2_s) return std::nullopt;
   const double wall = a.wall_mol_l.value_or(c.oxygen_mol_l);
   return DeadZone{wall, permeable_dead_zone_um(c, a.intensity_mw_cm2, wall),
                   permeable_dead_zone_um(c, a.intensity_mw_cm2, wall, light_height_um(c))};
 }
 
-nlohmann::ordered_json json_of(const Chemistry& c, const Arguments& a, const CellTimes& t) {
+nlohmann::ordered_json json_of(const Chemistry& c, const ChemistryArguments& a,
+                               const CellTimes& t) {
   const GelTime g = gel_time_of(c);
   const double i = a.intensity_mw_cm2;
   nlohmann::ordered_json j;
@@ -88,7 +89,7 @@ nlohmann::ordered_json json_of(const Chemistry& c, const Arguments& a, const Cel
   return j;
 }
 
-std::string text_of(const std::string& name, const Chemistry& c, const Arguments& a,
+std::string text_of(const std::string& name, const Chemistry& c, const ChemistryArguments& a,
                     const CellTimes& t) {
   const GelTime g = gel_time_of(c);
   const double i = a.intensity_mw_cm2;
@@ -126,7 +127,8 @@ std::string text_of(const std::string& name, const Chemistry& c, const Arguments
   return out;
 }
 
-int chemistry_command(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
+int chemistry_command(const ChemistryArguments& a, const ExecutionContext& context,
+                      cli::Console& console) {
   const std::string path = find_definition(a.resin, "resin");
   for (const std::string& output : {a.json, a.csv, a.output}) cli::check_output(output, {path});
   if (!a.output.empty() && std::filesystem::path(a.output).extension() != ".svg") {
@@ -171,7 +173,7 @@ int chemistry_command(const Arguments& a, const ExecutionContext& context, cli::
 }  // namespace
 
 void add_chemistry(cli::Program& program) {
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<ChemistryArguments>();
   CLI::App* app = program.add(
       "chemistry", "What light does to a resin whose file has [chemistry]: one well mixed cell.",
       [a](const ExecutionContext& context, cli::Console& console) {

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 /// heights then miss by less than a tenth of the absorbance height over its exponent.
 constexpr double kGoodEnough = 0.1;
 
-struct Arguments {
+struct DeriveArguments {
   std::string resin, printer, as = "advice", mode = "continuous", output, json;
   double from = 0, to = 0, depth_um = 0;
   int points = kPointsOfRange;
@@ -41,7 +41,7 @@ struct Range {
 };
 
 /// Light at the window, and how deep below it still counts.
-Range range_of(const Arguments& a, const Resin& resin) {
+Range range_of(const DeriveArguments& a, const Resin& resin) {
   Range r{a.from, a.to, {}};
   std::optional<Printer> printer;
   if (!a.printer.empty()) printer = load_printer(a.printer);
@@ -83,7 +83,7 @@ GelTime gel_time_of_resin(const Resin& resin) {
                    "gel-time finds them from measured times or heights), or a [chemistry]");
 }
 
-int derive_command(const Arguments& a, cli::Console& console) {
+int derive_command(const DeriveArguments& a, cli::Console& console) {
   cli::check_output(a.output, {a.resin});
   cli::check_output(a.json, {a.resin});
   const ResinRecord record = load_record(a.resin);
@@ -189,7 +189,7 @@ void write_new_resin(const std::string& path, const std::string& text, cli::Cons
 }
 
 void add_derive(cli::Program& program) {
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<DeriveArguments>();
   CLI::App* app = program.add(
       "derive",
       "Which law a resin with a time to gel wants in the light that it is printed in: Jacobs', one "

@@ -21,14 +21,14 @@ namespace {
 using namespace resins;
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct OpticsArguments {
   std::string points, printer, resin, json, plot, wobble, write;
   std::vector<std::string> fixed, free;
   bool keep_outliers = false;
 };
 
 /// The printer file with what was found, its earlier version kept.
-void write_printer(const Arguments& a, const OpticsFit& fit, cli::Console& console) {
+void write_printer(const OpticsArguments& a, const OpticsFit& fit, cli::Console& console) {
   const std::string text = read_text_file(a.write);
   const std::string found = printer_with_optics(text, a.write, fit);
   complete_printer(found, a.write);
@@ -39,7 +39,7 @@ void write_printer(const Arguments& a, const OpticsFit& fit, cli::Console& conso
   say_saved(saved, console);
 }
 
-int fit_optics_command(const Arguments& a, cli::Console& console) {
+int fit_optics_command(const OpticsArguments& a, cli::Console& console) {
   for (const std::string& output : {a.json, a.plot, a.wobble}) {
     cli::check_output(output, {a.points});
   }
@@ -86,7 +86,7 @@ constexpr const char* kFooter =
 }  // namespace
 
 void add_optics(cli::Program& program) {
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<OpticsArguments>();
   CLI::App* sub = program.add(
       "fit-optics",
       "Fit a tomographic printer's axes, lens and vial to pins that were found in its light",

@@ -25,7 +25,7 @@ namespace {
 
 using namespace resins;
 
-struct Arguments {
+struct PlotArguments {
   std::vector<std::string> inputs;
   std::string output, kind, model, resin;
   double blue_mw_cm2 = 0, uv_mw_cm2 = -1, time_s = 0;
@@ -49,7 +49,7 @@ std::string words_of(const FitResult& fit) {
                      fit.n, fit.r2, fit.rmse_um);
 }
 
-Drawn draw_fronts(const Resin& resin, const std::string& name, const Arguments& a) {
+Drawn draw_fronts(const Resin& resin, const std::string& name, const PlotArguments& a) {
   const bool asked_uv = a.uv_mw_cm2 >= 0;
   const bool inhibited = asked_uv ? a.uv_mw_cm2 > 0 : resin.inhibition.has_value();
   const Kinetics k = make_kinetics(resin, inhibited, false);
@@ -74,7 +74,7 @@ struct Subject {
 };
 
 /// The picture of `kind` (empty: what the data are of) from measurements.
-Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subject& subject,
+Drawn draw_measurements(const Measurements& data, const PlotArguments& a, const Subject& subject,
                         FitModel cure_model, FitModel zone_model, const ExecutionContext& context) {
   const bool zones = a.kind == "dead-zone" || (a.kind.empty() && data.cured.empty());
   if (a.kind == "collapse") {
@@ -126,7 +126,7 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
           words};
 }
 
-Drawn draw_data(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
+Drawn draw_data(const PlotArguments& a, const ExecutionContext& context, cli::Console& console) {
   if (a.kind == "fronts" || a.kind == "resin") {
     throw InputError(
         fmt::format("--kind {} is drawn from a resin; expected its name or .toml file", a.kind));
@@ -140,7 +140,7 @@ Drawn draw_data(const Arguments& a, const ExecutionContext& context, cli::Consol
                            FitModel::dead_zone_steady, context);
 }
 
-Drawn draw_record(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
+Drawn draw_record(const PlotArguments& a, const ExecutionContext& context, cli::Console& console) {
   if (a.inputs.size() != 1) {
     throw InputError(fmt::format(
         "{} inputs; expected one resin, or CSV files of measurements alone", a.inputs.size()));
@@ -242,7 +242,7 @@ void write_converted(const std::string& svg, const std::string& format, const st
   cli::write_text_file(path, bytes.str());
 }
 
-int plot(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
+int plot(const PlotArguments& a, const ExecutionContext& context, cli::Console& console) {
   const auto is_csv = [](const std::string& path) { return has_ending(path, ".csv"); };
   const bool data = std::all_of(a.inputs.begin(), a.inputs.end(), is_csv);
   cli::check_output(a.output, a.inputs);
@@ -260,7 +260,7 @@ int plot(const Arguments& a, const ExecutionContext& context, cli::Console& cons
 }  // namespace
 
 void add_plot(cli::Program& program) {
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<PlotArguments>();
   CLI::App* app = program.add(
       "plot",
       "Draws a resin's working curve or what else is known of it, or a fit of measurements.",

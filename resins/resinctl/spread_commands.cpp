@@ -22,7 +22,7 @@ namespace {
 using namespace resins;
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct SpreadArguments {
   std::vector<std::string> data, fixed, free;
   std::vector<double> depths_um;
   std::string printer, resin, json, plot, write, write_resin, dose = "gel", light = "blue";
@@ -38,7 +38,7 @@ bool is_picture(const std::string& path) {
 }
 
 /// Everything that was measured, tables and pictures.
-SpreadMeasurements read_all(const Arguments& a) {
+SpreadMeasurements read_all(const SpreadArguments& a) {
   SpreadMeasurements all;
   const auto pictures =
       static_cast<std::size_t>(std::count_if(a.data.begin(), a.data.end(), is_picture));
@@ -77,7 +77,8 @@ SpreadMeasurements read_all(const Arguments& a) {
 }
 
 /// Dose of even full light over that at which edges lie, by how they were exposed.
-std::optional<double> dose_of_schedule(const Arguments& a, const std::optional<Printer>& printer,
+std::optional<double> dose_of_schedule(const SpreadArguments& a,
+                                       const std::optional<Printer>& printer,
                                        const std::optional<Resin>& resin) {
   if (a.exposure_s == 0 && a.speed_mm_h == 0) return std::nullopt;
   const char* const option = a.exposure_s > 0 ? "--exposure-s" : "--speed-mm-h";
@@ -104,7 +105,7 @@ void write(const std::string& path, const std::string& text, const char* kind, c
   say_saved(saved, console);
 }
 
-SpreadFitOptions options_of(const Arguments& a) {
+SpreadFitOptions options_of(const SpreadArguments& a) {
   SpreadFitOptions o;
   o.gaussians = a.gaussians;
   o.keep_outliers = a.keep_outliers;
@@ -114,7 +115,7 @@ SpreadFitOptions options_of(const Arguments& a) {
   return o;
 }
 
-int fit_spread_command(const Arguments& a, cli::Console& console) {
+int fit_spread_command(const SpreadArguments& a, cli::Console& console) {
   for (const std::string& output : {a.json, a.plot}) cli::check_output(output, a.data);
   for (const std::string& file : {a.write, a.write_resin}) {
     if (!file.empty() && !fs::exists(file)) {
@@ -179,7 +180,7 @@ constexpr const char* kFooter =
 void add_spread(cli::Program& program) {
   using cli::number_above_zero;
   using cli::number_in;
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<SpreadArguments>();
   CLI::App* sub = program.add(
       "fit-spread",
       "Fit how far light spreads to printed lines and gaps, or to a picture of a straight edge",

@@ -23,7 +23,7 @@ namespace {
 using namespace resins;
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct TuneArguments {
   std::vector<std::string> tables;
   std::string printer, resin, printed, output, printer_output;
   double sigma_um = 10;
@@ -77,7 +77,7 @@ std::string next_text(const std::vector<NextPart>& parts, double sigma_um) {
 }
 
 /// Beside the resin: "tuned.toml" makes "tuned-printer.toml".
-std::string printer_output_of(const Arguments& a) {
+std::string printer_output_of(const TuneArguments& a) {
   if (!a.printer_output.empty() || a.output.empty() || a.output == "-") return a.printer_output;
   const fs::path resin(a.output);
   return (resin.parent_path() / (resin.stem().string() + "-printer.toml")).string();
@@ -102,7 +102,7 @@ void copy_its_files(const std::string& from, const std::string& to) {
   }
 }
 
-int tune_command(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
+int tune_command(const TuneArguments& a, const ExecutionContext& context, cli::Console& console) {
   const std::string resin_path = find_definition(a.resin, "resin");
   const std::string printer_path = find_definition(a.printer, "printer");
   const std::string printer_output = printer_output_of(a);
@@ -166,7 +166,7 @@ int tune_command(const Arguments& a, const ExecutionContext& context, cli::Conso
 }  // namespace
 
 void add_tune(cli::Program& program) {
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<TuneArguments>();
   CLI::App* sub =
       program.add("tune", "Find what resin and light really are from test parts that were measured",
                   [a](const ExecutionContext& context, cli::Console& console) {

@@ -149,8 +149,8 @@ class SurfaceOfStacks : public ::testing::Test {
 };
 
 /// A plate whose two sides rise with x; its lower side begins at the platform.
-TriangleMesh sloping_plate(double degrees) {
-  TriangleMesh mesh = box({0, 0, 0}, {2.5, 2.5, 0.9});
+TriangleMesh sloping_plate(double degrees, double wide_mm = 2.5) {
+  TriangleMesh mesh = box({0, 0, 0}, {2.5, wide_mm, 0.9});
   for (Point3& v : mesh.vertices) v[2] += std::tan(degrees * std::numbers::pi / 180) * v[0];
   return mesh;
 }
@@ -158,7 +158,7 @@ TriangleMesh sloping_plate(double degrees) {
 TEST_F(SurfaceOfStacks, ShallowUndersidesLieOnTheMesh) {
   for (const double degrees : {5.0, 20.0, 45.0}) {
     for (const double layer_um : {25.0, 50.0, 100.0, 200.0}) {
-      const TriangleMesh mesh = sloping_plate(degrees);
+      const TriangleMesh mesh = sloping_plate(degrees, 0.5);
       const Judged on_mesh = judge(mesh, layer_um, setup(8), true);
       EXPECT_LE(on_mesh.odd * 50, on_mesh.columns) << degrees << " " << layer_um;
       // A step of edge heights is layer_um / 254; a level moves an edge by more than a um at 50 um.
@@ -190,7 +190,7 @@ TEST_F(SurfaceOfStacks, SpheresAreRound) {
 TEST_F(SurfaceOfStacks, LayerByLayerUndersidesLieOnTheMeshAndUpperSidesAtTheWindow) {
   for (const double degrees : {5.0, 20.0}) {
     const slicecorr::Setup s = setup(8, ExposureMode::layerwise);
-    const TriangleMesh mesh = sloping_plate(degrees);
+    const TriangleMesh mesh = sloping_plate(degrees, 0.5);
     const Judged on_mesh = judge(mesh, 50, s, true);
     EXPECT_EQ(on_mesh.odd, 0) << degrees;
     EXPECT_EQ(last_.cure_through_voxels + last_.undercure_voxels, 0U);

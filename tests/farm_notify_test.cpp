@@ -344,7 +344,7 @@ TEST(Notify, TestOfTheProgram) {
   EXPECT_EQ(result.exit_code, 4);
   EXPECT_THAT(result.err, HasSubstr("taken"));
   EXPECT_THAT(result.err, HasSubstr("command /bin/false: exit code 1"));
-  EXPECT_EQ(receiver.messages.size(), 1U);
+  EXPECT_TRUE(receiver.wait([&] { return receiver.messages.size() == 1; }));
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include <system_error>
 
 #include "slicecorr/error.hpp"
+#include "work/memory_limit.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -50,7 +51,8 @@ bool bound(const CommandLimits& limits) {
   if (limits.nice > 0 && ::setpriority(PRIO_PROCESS, 0, limits.nice) != 0) return false;
   if (!limits.folder.empty() && ::chdir(limits.folder.c_str()) != 0) return false;
   return set(RLIMIT_CPU, static_cast<std::int64_t>(std::ceil(limits.cpu_s))) &&
-         set(RLIMIT_DATA, limits.data_bytes) && set(RLIMIT_FSIZE, limits.file_bytes);
+         set(RLIMIT_DATA, kLimitsMemory ? limits.data_bytes : 0) &&
+         set(RLIMIT_FSIZE, limits.file_bytes);
 }
 
 }  // namespace

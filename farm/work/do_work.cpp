@@ -25,6 +25,7 @@
 #include "store/title.hpp"
 #include "work/files.hpp"
 #include "work/make_result.hpp"
+#include "work/memory_limit.hpp"
 #include "work/reporter.hpp"
 #include "work/stages.hpp"
 
@@ -33,6 +34,7 @@ namespace slicecorr::farm {
 namespace fs = std::filesystem;
 using SteadyTime = std::chrono::steady_clock;
 using detail::InputGone;
+using detail::kLimitsMemory;
 using detail::OutputInvalid;
 using detail::Reporter;
 
@@ -214,13 +216,6 @@ std::string in_names_of_user(std::string text, const WorkOrder& order) {
   }
   return text;
 }
-
-/// Sanitizers map far more for themselves than any job takes.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kLimitsMemory = false;
-#else
-constexpr bool kLimitsMemory = true;
-#endif
 
 /// The worker's own limit, whatever the engine: data, which is what a job's memory grows by.
 /// Programs and libraries that are mapped from files don't count.

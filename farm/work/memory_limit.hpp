@@ -1,0 +1,14 @@
+/// @file memory_limit.hpp
+/// Whether programs that this one runs can be bound in their memory.
+#pragma once
+
+namespace slicecorr::farm::detail {
+
+/// Sanitizers map far more for themselves than any job takes.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kLimitsMemory = false;
+#else
+inline constexpr bool kLimitsMemory = true;
+#endif
+
+}  // namespace slicecorr::farm::detail

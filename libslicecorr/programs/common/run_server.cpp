@@ -17,8 +17,10 @@ namespace {
 /// A stop must not take longer, whatever a request is doing. Open transactions are rolled back.
 constexpr int kLongestStopMs = 5000;
 
-volatile std::sig_atomic_t terminated = 0;
-void on_terminate(int) { terminated = 1; }
+/// A thread reads what the signal sets: an atomic without a lock may do both.
+std::atomic<bool> terminated{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+void on_terminate(int) { terminated = true; }
 
 }  // namespace
 
@@ -41,7 +43,7 @@ void take_sigterm() {
   ::sigaction(SIGTERM, &action, nullptr);
 }
 
-bool ended() { return terminated != 0 || cli::interrupted(); }
+bool ended() { return terminated || cli::interrupted(); }
 
 int exit_code_of_end() { return terminated ? cli::kDone : cli::kInterrupted; }
 

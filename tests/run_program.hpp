@@ -19,6 +19,13 @@
 
 namespace slicecorr::test {
 
+/// Instrumented programs take several times as long.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr int kSlowdown = 8;
+#else
+inline constexpr int kSlowdown = 1;
+#endif
+
 struct RunOptions {
   /// Added to the environment of the test, or put in its place there.
   std::map<std::string, std::string> environment;
@@ -28,7 +35,7 @@ struct RunOptions {
   bool unprivileged = false;  ///< as nobody, where the test is root
   int signal = 0;             ///< sent once, as soon as `signal_when` holds
   std::function<bool(const std::string& out, const std::string& err)> signal_when;
-  std::chrono::milliseconds timeout{60000};  ///< killed after this
+  std::chrono::milliseconds timeout{60000};  ///< killed after this, times kSlowdown
 };
 
 struct RunResult {
@@ -90,7 +97,7 @@ inline RunResult run_program(const std::vector<std::string>& command,
   RunResult result;
   std::array<pollfd, 2> pipes{{{out[0], POLLIN, 0}, {err[0], POLLIN, 0}}};
   const std::array<std::string*, 2> texts{&result.out, &result.err};
-  const Clock::time_point end = Clock::now() + options.timeout;
+  const Clock::time_point end = Clock::now() + options.timeout * kSlowdown;
   while (pipes[0].fd >= 0 || pipes[1].fd >= 0) {
     ::poll(pipes.data(), pipes.size(), 2);
     for (std::size_t i = 0; i < pipes.size(); ++i) {

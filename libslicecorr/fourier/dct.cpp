@@ -12,8 +12,6 @@ namespace {
 
 /// Lines that a thread takes at once; even, because two of them are one complex line.
 constexpr std::size_t kLines = 16;
-/// Points that make a thread worth while.
-constexpr std::size_t kPointsAThread = 10000;
 
 /// Cosine transforms of two lines at once, as the real and the imaginary part of one Fourier
 /// transform of their length (J. Makhoul, "A fast cosine transform in one and two dimensions", IEEE
@@ -112,36 +110,35 @@ PlaneDct<Real>& PlaneDct<Real>::operator=(PlaneDct&&) noexcept = default;
 
 template <class Real>
 void PlaneDct<Real>::transform(const ExecutionContext& context, Real* plane, Way way) const {
+  const ExecutionContext worth = silent(context, rows_ * columns_, kPointsAThread);
   const std::size_t row_blocks = (rows_ + kLines - 1) / kLines;
-  parallel_for(silent(context, rows_ * columns_, kPointsAThread), "", row_blocks,
-               [&](std::size_t block) {
-                 LineDct<Real> line = lines_->rows;
-                 const std::size_t end = std::min(rows_, (block + 1) * kLines);
-                 std::vector<Real> nothing(columns_);
-                 for (std::size_t y = block * kLines; y < end; y += 2) {
-                   Real* first = plane + y * columns_;
-                   do_line(line, first, y + 1 < end ? first + columns_ : nothing.data(), way);
-                 }
-               });
+  parallel_for(worth, "", row_blocks, [&](std::size_t block) {
+    LineDct<Real> line = lines_->rows;
+    const std::size_t end = std::min(rows_, (block + 1) * kLines);
+    std::vector<Real> nothing(columns_);
+    for (std::size_t y = block * kLines; y < end; y += 2) {
+      Real* first = plane + y * columns_;
+      do_line(line, first, y + 1 < end ? first + columns_ : nothing.data(), way);
+    }
+  });
   const std::size_t column_blocks = (columns_ + kLines - 1) / kLines;
-  parallel_for(
-      silent(context, rows_ * columns_, kPointsAThread), "", column_blocks, [&](std::size_t block) {
-        LineDct<Real> line = lines_->columns;
-        const std::size_t first = block * kLines, count = std::min(kLines, columns_ - first);
-        // One more than there may be, so that the last has a partner.
-        std::vector<Real> lines((count + 1) * rows_);
-        for (std::size_t y = 0; y < rows_; ++y) {
-          for (std::size_t i = 0; i < count; ++i)
-            lines[i * rows_ + y] = plane[y * columns_ + first + i];
-        }
-        for (std::size_t i = 0; i < count; i += 2) {
-          do_line(line, &lines[i * rows_], &lines[(i + 1) * rows_], way);
-        }
-        for (std::size_t y = 0; y < rows_; ++y) {
-          for (std::size_t i = 0; i < count; ++i)
-            plane[y * columns_ + first + i] = lines[i * rows_ + y];
-        }
-      });
+  parallel_for(worth, "", column_blocks, [&](std::size_t block) {
+    LineDct<Real> line = lines_->columns;
+    const std::size_t first = block * kLines, count = std::min(kLines, columns_ - first);
+    // One more than there may be, so that the last has a partner.
+    std::vector<Real> lines((count + 1) * rows_);
+    for (std::size_t y = 0; y < rows_; ++y) {
+      for (std::size_t i = 0; i < count; ++i)
+        lines[i * rows_ + y] = plane[y * columns_ + first + i];
+    }
+    for (std::size_t i = 0; i < count; i += 2) {
+      do_line(line, &lines[i * rows_], &lines[(i + 1) * rows_], way);
+    }
+    for (std::size_t y = 0; y < rows_; ++y) {
+      for (std::size_t i = 0; i < count; ++i)
+        plane[y * columns_ + first + i] = lines[i * rows_ + y];
+    }
+  });
 }
 
 template class PlaneDct<float>;

@@ -13,8 +13,6 @@ namespace {
 
 /// Rows that a thread takes at once: enough that copying the tables costs little.
 constexpr std::size_t kRows = 16;
-/// Points that make a thread worth while.
-constexpr std::size_t kPointsAThread = 10000;
 /// Columns at once: a cache line of float.
 constexpr std::size_t kColumns = 8;
 
@@ -61,46 +59,44 @@ template <class Real>
 void PlaneFft<Real>::along_rows(const ExecutionContext& context, Complex* plane, Way way,
                                 Real factor, const std::uint8_t* wanted) const {
   const LineFft<Real>& table = lines_->rows[way == Way::backward];
-  parallel_for(silent(context, rows_ * columns_, kPointsAThread), "", blocks_of(rows_, kRows),
-               [&](std::size_t b) {
-                 LineFft<Real> line = table;
-                 std::vector<Complex> in(columns_);
-                 for (std::size_t y = b * kRows; y < std::min(rows_, (b + 1) * kRows); ++y) {
-                   if (wanted != nullptr && wanted[y] == 0) continue;
-                   Complex* row = plane + y * columns_;
-                   for (std::size_t x = 0; x < columns_; ++x) in[x] = row[x] * factor;
-                   line.transform(in.data(), row);
-                 }
-               });
+  const ExecutionContext worth = silent(context, rows_ * columns_, kPointsAThread);
+  parallel_for(worth, "", blocks_of(rows_, kRows), [&](std::size_t b) {
+    LineFft<Real> line = table;
+    std::vector<Complex> in(columns_);
+    for (std::size_t y = b * kRows; y < std::min(rows_, (b + 1) * kRows); ++y) {
+      if (wanted != nullptr && wanted[y] == 0) continue;
+      Complex* row = plane + y * columns_;
+      for (std::size_t x = 0; x < columns_; ++x) in[x] = row[x] * factor;
+      line.transform(in.data(), row);
+    }
+  });
 }
 
 template <class Real>
 void PlaneFft<Real>::along_columns(const ExecutionContext& context, Complex* plane, Way way,
                                    Real factor, const std::uint8_t* wanted) const {
   const LineFft<Real>& table = lines_->columns[way == Way::backward];
-  parallel_for(silent(context, rows_ * columns_, kPointsAThread), "", blocks_of(columns_, kColumns),
-               [&](std::size_t b) {
-                 const std::size_t first = b * kColumns,
-                                   count = std::min(kColumns, columns_ - first);
-                 std::array<std::size_t, kColumns> those{};
-                 std::size_t n = 0;
-                 for (std::size_t i = 0; i < count; ++i) {
-                   if (wanted == nullptr || wanted[first + i] != 0) those[n++] = i;
-                 }
-                 if (n == 0) return;
-                 LineFft<Real> line = table;
-                 std::vector<Complex> in(n * rows_), out(n * rows_);
-                 for (std::size_t y = 0; y < rows_; ++y) {
-                   const Complex* from = plane + y * columns_ + first;
-                   for (std::size_t i = 0; i < n; ++i) in[i * rows_ + y] = from[those[i]] * factor;
-                 }
-                 for (std::size_t i = 0; i < n; ++i)
-                   line.transform(&in[i * rows_], &out[i * rows_]);
-                 for (std::size_t y = 0; y < rows_; ++y) {
-                   Complex* to = plane + y * columns_ + first;
-                   for (std::size_t i = 0; i < n; ++i) to[those[i]] = out[i * rows_ + y];
-                 }
-               });
+  const ExecutionContext worth = silent(context, rows_ * columns_, kPointsAThread);
+  parallel_for(worth, "", blocks_of(columns_, kColumns), [&](std::size_t b) {
+    const std::size_t first = b * kColumns, count = std::min(kColumns, columns_ - first);
+    std::array<std::size_t, kColumns> those{};
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (wanted == nullptr || wanted[first + i] != 0) those[n++] = i;
+    }
+    if (n == 0) return;
+    LineFft<Real> line = table;
+    std::vector<Complex> in(n * rows_), out(n * rows_);
+    for (std::size_t y = 0; y < rows_; ++y) {
+      const Complex* from = plane + y * columns_ + first;
+      for (std::size_t i = 0; i < n; ++i) in[i * rows_ + y] = from[those[i]] * factor;
+    }
+    for (std::size_t i = 0; i < n; ++i) line.transform(&in[i * rows_], &out[i * rows_]);
+    for (std::size_t y = 0; y < rows_; ++y) {
+      Complex* to = plane + y * columns_ + first;
+      for (std::size_t i = 0; i < n; ++i) to[those[i]] = out[i * rows_ + y];
+    }
+  });
 }
 
 template class PlaneFft<float>;

@@ -14,6 +14,9 @@
 
 namespace slicecorr::detail {
 
+/// Points of a plane that make a thread worth while.
+inline constexpr std::size_t kPointsAThread = 10000;
+
 /// KissFFT takes as many steps per point as the sum of a length's prime factors. From this factor on
 /// it is cheaper to transform twice at a friendly length (lines of 32 p: dearer with p = 23, less
 /// than half with p = 31).

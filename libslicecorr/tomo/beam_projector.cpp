@@ -65,35 +65,33 @@ void BeamProjector::forward(std::size_t /*block*/, const float* field, float* li
   std::fill_n(light, grid_.light_of_block(), 0.0F);
   const auto lanes = static_cast<std::size_t>(grid_.lanes());
   const std::size_t rows = std::min(lanes, static_cast<std::size_t>(grid_.light_lanes()));
-  const std::size_t products = grid_.voxels_of_block() * beams_.size();
+  const ExecutionContext worth =
+      silent(context, grid_.voxels_of_block() * beams_.size(), kProductsAThread);
   // Each pixel is one item's alone: those of beams along x and z lie in one y, those of beams along y
   // in one x.
-  parallel_for(silent(context, products, kProductsAThread), "", static_cast<std::size_t>(ny_),
-               [&](std::size_t row) {
-                 const int y = static_cast<int>(row);
-                 for (int x = 0; x < nx_; ++x) {
-                   const float* const column = field + grid_.voxel(x, y, 0);
-                   for (std::size_t k = 0; k < beams_.size(); ++k) {
-                     if (beams_[k].axis == 0) {
-                       add_times(light + pixel(k, x, y, 0), column,
-                                 left_[k][static_cast<std::size_t>(x)], rows);
-                     } else if (beams_[k].axis == 2) {
-                       light[pixel(k, x, y, 0)] = weighted_sum(left_[k].data(), column, lanes);
-                     }
-                   }
-                 }
-               });
-  parallel_for(silent(context, products, kProductsAThread), "", static_cast<std::size_t>(nx_),
-               [&](std::size_t column) {
-                 const int x = static_cast<int>(column);
-                 for (std::size_t k = 0; k < beams_.size(); ++k) {
-                   if (beams_[k].axis != 1) continue;
-                   for (int y = 0; y < ny_; ++y) {
-                     add_times(light + pixel(k, x, y, 0), field + grid_.voxel(x, y, 0),
-                               left_[k][static_cast<std::size_t>(y)], rows);
-                   }
-                 }
-               });
+  parallel_for(worth, "", static_cast<std::size_t>(ny_), [&](std::size_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < nx_; ++x) {
+      const float* const column = field + grid_.voxel(x, y, 0);
+      for (std::size_t k = 0; k < beams_.size(); ++k) {
+        if (beams_[k].axis == 0) {
+          add_times(light + pixel(k, x, y, 0), column, left_[k][static_cast<std::size_t>(x)], rows);
+        } else if (beams_[k].axis == 2) {
+          light[pixel(k, x, y, 0)] = weighted_sum(left_[k].data(), column, lanes);
+        }
+      }
+    }
+  });
+  parallel_for(worth, "", static_cast<std::size_t>(nx_), [&](std::size_t column) {
+    const int x = static_cast<int>(column);
+    for (std::size_t k = 0; k < beams_.size(); ++k) {
+      if (beams_[k].axis != 1) continue;
+      for (int y = 0; y < ny_; ++y) {
+        add_times(light + pixel(k, x, y, 0), field + grid_.voxel(x, y, 0),
+                  left_[k][static_cast<std::size_t>(y)], rows);
+      }
+    }
+  });
 }
 
 void BeamProjector::adjoint(std::size_t /*block*/, const float* light, float* field,
@@ -101,25 +99,25 @@ void BeamProjector::adjoint(std::size_t /*block*/, const float* light, float* fi
   std::fill_n(field, grid_.voxels_of_block(), 0.0F);
   const auto lanes = static_cast<std::size_t>(grid_.lanes());
   const std::size_t rows = std::min(lanes, static_cast<std::size_t>(grid_.light_lanes()));
-  const std::size_t products = grid_.voxels_of_block() * beams_.size();
-  parallel_for(silent(context, products, kProductsAThread), "", static_cast<std::size_t>(ny_),
-               [&](std::size_t row) {
-                 const int y = static_cast<int>(row);
-                 for (int x = 0; x < nx_; ++x) {
-                   float* const column = field + grid_.voxel(x, y, 0);
-                   for (std::size_t k = 0; k < beams_.size(); ++k) {
-                     const float* const here = light + pixel(k, x, y, 0);
-                     if (beams_[k].axis == 2) {
-                       add_weights(column, left_[k].data(), *here, lanes);
-                     } else {
-                       const int at = beams_[k].axis == 0 ? x : y;
-                       add_times(column, here, left_[k][static_cast<std::size_t>(at)], rows);
-                     }
-                   }
-                   // Rows of light that lie beyond the last cell.
-                   std::fill(column + nz_, column + lanes, 0.0F);
-                 }
-               });
+  const ExecutionContext worth =
+      silent(context, grid_.voxels_of_block() * beams_.size(), kProductsAThread);
+  parallel_for(worth, "", static_cast<std::size_t>(ny_), [&](std::size_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < nx_; ++x) {
+      float* const column = field + grid_.voxel(x, y, 0);
+      for (std::size_t k = 0; k < beams_.size(); ++k) {
+        const float* const here = light + pixel(k, x, y, 0);
+        if (beams_[k].axis == 2) {
+          add_weights(column, left_[k].data(), *here, lanes);
+        } else {
+          const int at = beams_[k].axis == 0 ? x : y;
+          add_times(column, here, left_[k][static_cast<std::size_t>(at)], rows);
+        }
+      }
+      // Rows of light that lie beyond the last cell.
+      std::fill(column + nz_, column + lanes, 0.0F);
+    }
+  });
 }
 
 std::unique_ptr<Projector> BeamProjector::of_slices(const std::vector<int>& /*slices*/) const {

@@ -12,6 +12,8 @@ using slicecorr::detail::silent;
 
 constexpr int kW = 16;
 constexpr std::size_t kRowsAChunk = 2048;
+/// From one row of kW numbers to the next.
+constexpr std::ptrdiff_t kStep = kW;
 /// Rows whose products are summed in single precision.
 constexpr std::size_t kRowsASum = 64;
 
@@ -181,8 +183,8 @@ void products(const Stretch& s, const Quadratic& of, double* sums) {
       }
       for (int j = 0; j < pairs; ++j) {
         const float* y = of.changes[j] + at;
-        float* to = free_y + j * kW;
-        float* yq = sum + of.yq(j) * kW;
+        float* to = free_y + j * kStep;
+        float* yq = sum + of.yq(j) * kStep;
         for (int k = 0; k < kW; ++k) {
           to[k] = free[k] * y[k];
           yq[k] += q[k] * y[k];
@@ -190,7 +192,7 @@ void products(const Stretch& s, const Quadratic& of, double* sums) {
       }
       for (int i = 0; i < pairs; ++i) {
         const float* step = of.steps[i] + at;
-        float* sq = sum + of.sq(i) * kW;
+        float* sq = sum + of.sq(i) * kStep;
         float si[kW], yi[kW];
         for (int k = 0; k < kW; ++k) {
           si[k] = step[k];
@@ -198,13 +200,13 @@ void products(const Stretch& s, const Quadratic& of, double* sums) {
           sq[k] += q[k] * si[k];
         }
         for (int j = 0; j < pairs; ++j) {
-          float* sy = sum + of.sy(i, j) * kW;
-          const float* yj = free_y + j * kW;
+          float* sy = sum + of.sy(i, j) * kStep;
+          const float* yj = free_y + j * kStep;
           for (int k = 0; k < kW; ++k) sy[k] += si[k] * yj[k];
         }
         for (int j = 0; j <= i; ++j) {
-          float* yy = sum + of.yy(i, j) * kW;
-          const float* yj = free_y + j * kW;
+          float* yy = sum + of.yy(i, j) * kStep;
+          const float* yj = free_y + j * kStep;
           for (int k = 0; k < kW; ++k) yy[k] += yi[k] * yj[k];
         }
       }
@@ -224,8 +226,8 @@ void descend(const Stretch& s, const Quadratic& of, const float* factors, float*
     for (int i = 0; i < pairs; ++i) {
       const float* step = of.steps[i] + at;
       const float* y = of.changes[i] + at;
-      const float* cs = factors + (1 + i) * kW;
-      const float* cy = factors + (1 + pairs + i) * kW;
+      const float* cs = factors + (1 + i) * kStep;
+      const float* cy = factors + (1 + pairs + i) * kStep;
       for (int k = 0; k < kW; ++k) d[k] += cs[k] * step[k] + cy[k] * y[k];
     }
     for (int k = 0; k < kW; ++k) {

@@ -209,6 +209,7 @@ void write_converted(const std::string& svg, const std::string& format, const st
       "rsvg-convert",       "--format", format,     "--zoom", format == "png" ? "2" : "1",
       "--background-color", "white",    "--output", made};
   std::vector<char*> arguments;
+  arguments.reserve(words.size() + 1);
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
   pid_t child = 0;

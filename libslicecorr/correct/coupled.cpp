@@ -103,7 +103,7 @@ CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightB
 CoupledCorrection::~CoupledCorrection() = default;
 
 void CoupledCorrection::solve_columns(const DesignReader& read, bool leaves_alone,
-                                      const ExecutionContext& context, const ColumnLevels& alone) {
+                                      const ExecutionContext& context, const ColumnLevels& levels) {
   if (tiles_.empty()) return;
   store_ = std::make_unique<BlobStore>(options_.scratch_folder, options_.memory_bytes, context);
   const auto across = static_cast<std::size_t>(across_);
@@ -115,7 +115,7 @@ void CoupledCorrection::solve_columns(const DesignReader& read, bool leaves_alon
   parallel_for(context, "columns", tiles_.size() / across * parts, [&](std::size_t i) {
     const std::size_t first = i % parts * together;
     solve_tiles(tiles_.data() + i / parts * across + first, std::min(together, across - first),
-                {read, leaves_alone, alone}, context);
+                {read, leaves_alone, levels}, context);
   });
   std::vector<std::size_t> all;
   for (std::size_t k = 0; k < tiles_.size(); ++k) all.push_back(k);

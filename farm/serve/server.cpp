@@ -46,7 +46,7 @@ FarmServer::FarmServer(const FarmFolder& folder, ServeOptions options)
         "beyond this machine even reading needs a token: give --token-file or --accounts");
   }
   // A farm that nobody has submitted to yet gets its record, so that the first part may come from here.
-  Queue(folder.database(), *p.options.clock);
+  static_cast<void>(Queue(folder.database(), *p.options.clock));
   auto& server = p.server;
   server.set_payload_max_length(
       static_cast<std::size_t>(std::max(p.options.most_upload_bytes, p.options.most_body_bytes)));

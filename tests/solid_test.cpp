@@ -298,8 +298,7 @@ TEST(Solid, DistanceToTheDesignTellsCorrectedFromUncorrected) {
   EXPECT_LT(good.distance_um.greatest(), 100);
   EXPECT_GT(bad.distance_um.greatest(), 500);
   // All of the surface half a step off.
-  EXPECT_NEAR(good.volume_mm3, 4.0 / 3 * std::numbers::pi * 3.375,
-              4 * std::numbers::pi * 2.25 * 0.025);
+  EXPECT_NEAR(good.volume_mm3, inspect(design).volume, 4 * std::numbers::pi * 2.25 * 0.025);
 }
 
 TEST(Solid, Benchy) {
@@ -307,7 +306,7 @@ TEST(Solid, Benchy) {
   SLICECORR_NEEDS_FILE(path);
   const slicecorr::Setup setup = small_setup();
   Placement placement;
-  placement.scale = 0.15;
+  placement.scale = 0.25;
   const TriangleMesh design = read_mesh(path, placement);
   const MeshSlices target(design, setup.printer, {50, true, {}, {}});
   const CorrectedSlices corrected(target, setup);
@@ -319,8 +318,7 @@ TEST(Solid, Benchy) {
   EXPECT_EQ(m.defects.open_edges, 0U);
   EXPECT_EQ(m.defects.misoriented_edges, 0U);
   EXPECT_LT(r.distance_um.mean(), 25);
-  const double volume = 15550.5 * 0.15 * 0.15 * 0.15;
-  EXPECT_NEAR(r.volume_mm3, volume, 0.05 * volume);
+  EXPECT_NEAR(r.volume_mm3, 15550.5 / 64, 0.05 * 15550.5 / 64);
 }
 
 }  // namespace

@@ -306,7 +306,7 @@ TEST(Solid, Benchy) {
   SLICECORR_NEEDS_FILE(path);
   const slicecorr::Setup setup = small_setup();
   Placement placement;
-  placement.scale = 0.25;
+  placement.scale = 0.15;
   const TriangleMesh design = read_mesh(path, placement);
   const MeshSlices target(design, setup.printer, {50, true, {}, {}});
   const CorrectedSlices corrected(target, setup);
@@ -318,7 +318,9 @@ TEST(Solid, Benchy) {
   EXPECT_EQ(m.defects.open_edges, 0U);
   EXPECT_EQ(m.defects.misoriented_edges, 0U);
   EXPECT_LT(r.distance_um.mean(), 25);
-  EXPECT_NEAR(r.volume_mm3, 15550.5 / 64, 0.05 * 15550.5 / 64);
+  // What lacks is a shell as thick at every size: up to 5 % at a quarter of it, more of smaller ones.
+  const double volume = 15550.5 * std::pow(placement.scale, 3);
+  EXPECT_NEAR(r.volume_mm3, volume, 0.0125 / placement.scale * volume);
 }
 
 }  // namespace

@@ -240,7 +240,7 @@ TEST(Compare, NoGreaterNIsBetter) {
   std::mt19937 random(25);
   const CureModel model = figure_2_2();
   const PixelCurve curve = pixel_curve(model);
-  for (int round = 0; round < 20; ++round) {
+  for (int round = 0; round < 5; ++round) {
     std::vector<Column> design;
     for (int i = 0; i < 64; ++i) {
       Column c;
@@ -308,7 +308,7 @@ Comparison benchy_compared(const std::string& path, double scale) {
 TEST(Compare, SmallBenchyIsFarBetter) {
   const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(path);
-  const Comparison c = benchy_compared(path, 0.3);
+  const Comparison c = benchy_compared(path, 0.2);
   const double ours = c.ours.height_error_um.mean();
   EXPECT_LT(ours, 0.5);
   EXPECT_GT(c.erase.height_error_um.mean(), 100 * ours);

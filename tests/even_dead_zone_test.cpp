@@ -27,11 +27,11 @@ namespace {
 using namespace slicecorr::test;
 
 /// 200 mW/cm² of curing light, 275 mW/cm² of UV light.
-Printer flow_printer(int pixels, bool patterned) {
+Printer flow_printer(int pixels, bool patterned, double pixel_um = 50) {
   Printer p;
   p.name = "vat";
   p.width_px = p.height_px = pixels;
-  p.pixel_x_um = p.pixel_y_um = 50;
+  p.pixel_x_um = p.pixel_y_um = pixel_um;
   p.calibration = {{0, 0}, {255, 200}};
   p.uv = UvLamp{365, patterned, {{0, 0}, {255, 275}}};
   return p;
@@ -79,13 +79,13 @@ void expect_same(const FlowDoses& told, const FlowDoses& seen) {
 }
 
 Printed print(const TriangleMesh& mesh, const Setup& asked, const std::string& folder,
-              bool antialias = true) {
+              bool antialias = true, double layer_um = 50) {
   using Clock = std::chrono::steady_clock;
   const auto since = [](Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
   };
   SliceOptions options;
-  options.layer_um = 50;
+  options.layer_um = layer_um;
   options.antialias = antialias;
   const MeshSlices target(mesh, asked.printer, options);
   Printed printed;
@@ -192,15 +192,17 @@ TEST(EvenDeadZone, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   EXPECT_EQ(p.print.undercure_voxels, 0U);
 }
 
-/// Real parts: uniformity won, and no worse a part.
-void real_part(const std::string& name, double scale, int pixels, EvenDeadZone even) {
+/// Real parts: uniformity won, and no worse a part. Pixels are as wide as layers are thick.
+void real_part(const std::string& name, double scale, int pixels, double layer_um,
+               EvenDeadZone even) {
   const std::string path = real_file(name);
   if (!std::filesystem::exists(path)) GTEST_SKIP() << name << " is not here";
   const TemporaryFolder folder;
   Placement placement;
   placement.scale = scale;
   const Printed p = print(read_mesh(path, placement),
-                          flow_setup(flow_printer(pixels, true), even, 120), folder.path());
+                          flow_setup(flow_printer(pixels, true, layer_um), even, 120),
+                          folder.path(), true, layer_um);
   tell(name, p);
   // What images show is clearly better than without, and nowhere worse than what even_finder.cpp lets be:
   // of slices without a pattern 3 % of the section, and two cells.
@@ -216,8 +218,12 @@ void real_part(const std::string& name, double scale, int pixels, EvenDeadZone e
   EXPECT_EQ(p.print.lost_features, 0U);
 }
 
-TEST(EvenDeadZone, BenchyAtAFifthOfItsSize) {
-  real_part("meshes/clean/3DBenchy.stl", 0.2, 260, EvenDeadZone::both);
+TEST(EvenDeadZone, BenchyAtATenthOfItsSize) {
+  real_part("meshes/clean/3DBenchy.stl", 0.1, 70, 100, EvenDeadZone::both);
+}
+
+TEST(EvenDeadZoneNight, BenchyAtAFifthOfItsSize) {
+  real_part("meshes/clean/3DBenchy.stl", 0.2, 260, 50, EvenDeadZone::both);
 }
 
 // Its sections change faster than slices can be looked at: patterns that fit the slices they were sought for

@@ -123,7 +123,7 @@ TEST(InhibitedDose, EqualsDirectIntegrationOnRandomSchedules) {
       blue.push_back(intensity[level]);
     }
     const ColumnDose dose = column_dose(model, pixels);
-    for (int n = 0; n < slices; n += 7) {
+    for (int n = 0; n < slices; n += 13) {
       const auto i = static_cast<std::size_t>(n);
       const auto reference = [&](double zeta) {
         return integrated(resin, process, layer_um, blue, uv, zeta, 4000);

@@ -44,13 +44,12 @@ json second_reader(const std::string& path, int layers, int step) {
 std::map<int, std::uint32_t> checksums(const StackReader& stack, int step) {
   const Grid& g = stack.grid();
   const auto pixels = static_cast<std::size_t>(g.width_px) * static_cast<std::size_t>(g.height_px);
-  const Bytes black(pixels);
+  Bytes slice(pixels);
   std::map<int, std::uint32_t> sums;
-  stack.read_band({0, 0, g.width_px, g.height_px}, [&](int n, const std::uint8_t* rows) {
-    if (n % step != 0) return;
-    sums[n] = static_cast<std::uint32_t>(
-        ::crc32(0, rows ? rows : black.data(), static_cast<uInt>(pixels)));
-  });
+  for (int n = 0; n < g.layers; n += step) {
+    stack.read_slice(n, slice.data());
+    sums[n] = static_cast<std::uint32_t>(::crc32(0, slice.data(), static_cast<uInt>(pixels)));
+  }
   return sums;
 }
 

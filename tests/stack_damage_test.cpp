@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "rounds.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {
@@ -144,7 +145,7 @@ TEST_F(Damage, ReferenceArchive) {
   const Bytes bytes = test::read_file(test::reference_uvj());
   const auto sound = test::read_images(StackReader(test::reference_uvj(), folder_.path()));
   std::mt19937 random(1);
-  for (int trial = 0; trial < 60; ++trial) {
+  for (int trial = 0; trial < test::rounds(15); ++trial) {
     const std::size_t at = random() % bytes.size();
     Bytes bad = bytes;
     bad[at] ^= static_cast<std::uint8_t>(1 + random() % 255);

@@ -121,16 +121,18 @@ class SurfaceOfStacks : public ::testing::Test {
     const bool layerwise = s.process.mode == ExposureMode::layerwise;
     constexpr int samples = 64;
     std::vector<double> dose(static_cast<std::size_t>(all) * samples);
+    double left[samples];
+    for (int k = 0; k < samples; ++k) {
+      left[k] = std::pow(model.a, 1 - (k + 0.5) / samples);  // from the lower node
+    }
     double later = 0;
     for (int n = all; n-- > 0;) {
       const auto value = images[static_cast<std::size_t>(n)][static_cast<std::size_t>(pixel)];
       const double phi =
           model.level_phi[static_cast<std::size_t>(level_of_pixel(value, s.printer.levels()))];
       for (int k = 0; k < samples; ++k) {
-        const double f = 1 - (k + 0.5) / samples;  // from the lower node
-        const double left = std::pow(model.a, f);
         dose[static_cast<std::size_t>(n * samples + k)] =
-            layerwise ? (phi + later) * left : phi + (later - phi) * left;
+            layerwise ? (phi + later) * left[k] : phi + (later - phi) * left[k];
       }
       later = layerwise ? (phi + later) * model.a : phi + (later - phi) * model.a;
     }

@@ -212,7 +212,7 @@ void check_all(unsigned seed, int rounds) {
   }
 }
 
-TEST(Tiles, EqualTheDefinitions) { check_all(41, test::rounds(60)); }
+TEST(Tiles, EqualTheDefinitions) { check_all(41, test::rounds(25)); }
 
 TEST(Tiles, EqualTheDefinitionsWithEveryInstructionSet) {
   const std::vector<std::int64_t> targets = [] {
@@ -226,7 +226,7 @@ TEST(Tiles, EqualTheDefinitionsWithEveryInstructionSet) {
   for (const std::int64_t target : targets) {
     hwy::SetSupportedTargetsForTest(target);
     hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    check_all(42, test::rounds(12));
+    check_all(42, test::rounds(6));
   }
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());

@@ -263,7 +263,7 @@ TEST(Volume, ErrorsLieWhereEdgesAre) {
 
 TEST(Volume, SamePageForAnyNumberOfThreads) {
   const slicecorr::Setup setup = lattice_setup();
-  const MeshSlices target(test::lattice(3, 3, 3, 3, 0.4), setup.printer, SliceOptions{});
+  const MeshSlices target(test::lattice(2, 2, 2, 3, 0.4), setup.printer, SliceOptions{});
   const CorrectedSlices corrected(target, setup);
   std::string first;
   for (const int threads : {1, 8}) {

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstring>
+#include <memory>
 
 #include "stack/png/png.hpp"
 
@@ -9,7 +10,7 @@ namespace slicecorr::detail {
 
 EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size_t count,
                             const ReadPixels& read_pixels, const BinaryFile* kept,
-                            const ArchiveContents& kept_contents, BlobStore& store,
+                            const ArchiveContents& kept_contents, bool with_adlers, BlobStore& store,
                             const ExecutionContext& context) {
   const auto pieces = static_cast<std::size_t>(codec.pieces());
   EncodedLayers coded{std::vector<BlobStore::Blob>(count * pieces),
@@ -20,12 +21,13 @@ EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size
   coded.layers.lit_pixels.resize(count);
   std::atomic<std::uint64_t> rounded_pixels{0};
   parallel_for(context, "pack", count, [&](std::size_t slice) {
-    std::vector<std::uint8_t> pixels(codec.pixel_count()), old_pixels;
+    const std::size_t pixel_count = codec.pixel_count();
+    const auto pixels = std::make_unique_for_overwrite<std::uint8_t[]>(pixel_count);
     std::vector<std::vector<std::uint8_t>> made, old(pieces);
-    read_pixels(slice, pixels.data());
+    read_pixels(slice, pixels.get());
     std::uint64_t lit = 0, rounded = 0;
     const ShownGrey& shown = codec.shown();
-    each_pixel_run(pixels.data(), pixels.size(), [&](std::uint8_t& v, std::size_t n) {
+    each_pixel_run(pixels.get(), pixel_count, [&](std::uint8_t& v, std::size_t n) {
       const std::uint8_t to = shown[v];
       if (to != 0) lit += n;
       if (to == v) return;
@@ -33,18 +35,20 @@ EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size
       std::memset(&v, to, n);
     });
     rounded_pixels += rounded;
-    coded.adlers[slice] =
-        adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.data()});
-    codec.encode(static_cast<int>(slice), pixels.data(), made);
+    if (with_adlers) {
+      coded.adlers[slice] =
+          adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.get()});
+    }
+    codec.encode(static_cast<int>(slice), pixels.get(), made);
     if (kept != nullptr && slice * pieces < kept_contents.places.size()) {
       for (std::size_t p = 0; p < pieces; ++p) {
         const ArchiveContents::Place& place = kept_contents.places[slice * pieces + p];
         kept->read_at(place.offset, place.size, old[p], "layer");
       }
       if (old != made) {
-        old_pixels.resize(pixels.size());
-        codec.decode(old, old_pixels.data(), {kept->path(), static_cast<int>(slice)});
-        if (old_pixels == pixels) made = std::move(old);
+        const auto old_pixels = std::make_unique_for_overwrite<std::uint8_t[]>(pixel_count);
+        codec.decode(old, old_pixels.get(), {kept->path(), static_cast<int>(slice)});
+        if (std::memcmp(old_pixels.get(), pixels.get(), pixel_count) == 0) made = std::move(old);
       }
     }
     coded.layers.lit_pixels[slice] = lit;

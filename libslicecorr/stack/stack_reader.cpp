@@ -305,7 +305,8 @@ StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slic
   return decoded;
 }
 
-/// Decodes the layers of a binary file.
+/// Decodes the layers of a binary file. What stands for the images is only found where the file says
+/// what it was.
 std::vector<std::uint32_t> StackReader::Impl::decode_layers(const detail::BinaryFile& file,
                                                             const ExecutionContext& context) {
   const Grid& grid = config.info.grid;
@@ -321,15 +322,17 @@ std::vector<std::uint32_t> StackReader::Impl::decode_layers(const detail::Binary
       const ArchiveContents::Place& place = config.places[n * pieces + p];
       file.read_at(place.offset, place.size, code[p], "layer " + std::to_string(n));
     }
-    std::vector<std::uint8_t> pixels(config.codec->pixel_count());
+    const auto pixels = std::make_unique_for_overwrite<std::uint8_t[]>(config.codec->pixel_count());
     const std::size_t lacking =
-        config.codec->decode(code, pixels.data(), {path, static_cast<int>(n)});
-    adlers[n] = detail::adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.data()});
+        config.codec->decode(code, pixels.get(), {path, static_cast<int>(n)});
+    if (config.images_crc32) {
+      adlers[n] = detail::adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.get()});
+    }
     Decoded decoded;
     BandTaker taker{*this, index, static_cast<int>(n), decoded};
     for (int y = 0; y < grid.height_px; y += rows) {
       taker.take(y, std::min(grid.height_px, y + rows),
-                 pixels.data() + width * static_cast<std::size_t>(y), width);
+                 pixels.get() + width * static_cast<std::size_t>(y), width);
     }
     const std::scoped_lock lock(mutex);
     index.lit = index.lit.united(decoded.lit);

@@ -305,7 +305,9 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
   detail::EncodedLayers coded = detail::encode_layers(
       *codec, grid, static_cast<std::size_t>(info.grid.layers),
       [this](std::size_t slice, std::uint8_t* pixels) { read_pixels(slice, pixels); },
-      kept ? &detail::binary_file(*kept) : nullptr, kept_contents, store, context);
+      kept ? &detail::binary_file(*kept) : nullptr, kept_contents,
+      info.kind != StackKind::foreign,  // those of other programs get no record
+      store, context);
   coded.layers.append = [&](std::size_t piece, std::vector<std::uint8_t>& out) {
     store.get(coded.pieces[piece], out);
   };

@@ -1,5 +1,6 @@
 // Lines of CXDLP: 13 bits of the first row, 13 of the last, 14 of the column, all highest bit first, and a
 // byte of grey. Columns ascend, and rows within them.
+#include <algorithm>
 #include <cstring>
 
 #include "stack/layer_code/codes.hpp"
@@ -41,16 +42,28 @@ class CxdlpCode final : public LayerCodec {
     pieces.resize(1);
     std::vector<std::uint8_t>& out = pieces[0];
     out.clear();
-    std::vector<std::uint8_t> columns(static_cast<std::size_t>(kStrip) *
-                                      static_cast<std::size_t>(height_px_));
-    const auto height = static_cast<std::size_t>(height_px_);
+    // Most rows and columns of most layers are black, and looking at them is quicker than turning them.
+    const auto width = static_cast<std::size_t>(width_px_);
+    std::vector<std::uint8_t> lit(width);  // of columns, all their pixels
+    std::size_t top = 0, bottom = 0;       // of the lit rows
+    for (std::size_t y = 0; y < static_cast<std::size_t>(height_px_); ++y) {
+      const std::uint8_t* const row = pixels + width * y;
+      if (row[0] == 0 && run_end(row, 0, width) == width) continue;
+      if (bottom == 0) top = y;
+      bottom = y + 1;
+      for (std::size_t x = 0; x < width; ++x) lit[x] |= row[x];
+    }
+    const std::size_t height = bottom - top;
+    std::vector<std::uint8_t> columns(static_cast<std::size_t>(kStrip) * height);
     for (int x0 = 0; x0 < width_px_; x0 += kStrip) {
       const int n = std::min(kStrip, width_px_ - x0);
-      // Most strips of most layers are black, and looking at them is quicker than turning them.
-      if (!is_lit(pixels, x0, n)) continue;
-      gather(pixels, x0, n, columns.data());
+      if (std::all_of(&lit[static_cast<std::size_t>(x0)], lit.data() + x0 + n,
+                      [](std::uint8_t v) { return v == 0; })) {
+        continue;
+      }
+      gather(pixels + width * top, height, x0, n, columns.data());
       for (int c = 0; c < n; ++c) {
-        std::uint64_t y = 0;
+        std::uint64_t y = top;
         each_pixel_run(columns.data() + height * static_cast<std::size_t>(c), height,
                        [&](std::uint8_t grey, std::size_t count) {
                          const std::uint64_t first = y, last = y + count - 1;
@@ -68,21 +81,10 @@ class CxdlpCode final : public LayerCodec {
   }
 
  private:
-  /// Whether anything in some columns is.
-  bool is_lit(const std::uint8_t* pixels, int x0, int n) const {
+  /// Some columns of some rows, each of them in one piece.
+  void gather(const std::uint8_t* pixels, std::size_t height, int x0, int n,
+              std::uint8_t* columns) const {
     const auto width = static_cast<std::size_t>(width_px_);
-    for (int y = 0; y < height_px_; ++y) {
-      const std::uint8_t* const row = pixels + width * static_cast<std::size_t>(y) + x0;
-      std::uint8_t lit = 0;
-      for (int c = 0; c < n; ++c) lit |= row[c];
-      if (lit != 0) return true;
-    }
-    return false;
-  }
-  /// Some columns, each of them in one piece.
-  void gather(const std::uint8_t* pixels, int x0, int n, std::uint8_t* columns) const {
-    const auto width = static_cast<std::size_t>(width_px_),
-               height = static_cast<std::size_t>(height_px_);
     for (std::size_t y = 0; y < height; ++y) {
       const std::uint8_t* const row = pixels + width * y + x0;
       for (int c = 0; c < n; ++c) columns[height * static_cast<std::size_t>(c) + y] = row[c];

@@ -21,6 +21,8 @@ class Pw0Code final : public LayerCodec {
                      const LayerName& name) const override {
     PixelFill fill(pixels, pixel_count(), name);
     const std::vector<std::uint8_t>& code = pieces[0];
+    // Of a file without grey any code but black shines full.
+    const bool two_levels = levels_of(shown_) == 2;
     for (std::size_t i = 0; i < code.size();) {
       const unsigned value = code[i] >> 4;
       std::size_t count = code[i++] & 0x0f;
@@ -35,14 +37,10 @@ class Pw0Code final : public LayerCodec {
       }
       // Some programs write the last run longer than there is room for it.
       if (i == code.size() && count > fill.room() && fill.room() > 0) count = fill.room();
-      fill.put(static_cast<std::uint8_t>(value * 17), count);
+      const unsigned grey = two_levels && value != 0 ? 255 : value * 17;
+      fill.put(static_cast<std::uint8_t>(grey), count);
     }
-    const std::size_t lacking = fill.finish(width_px_);
-    // Of a file without grey any code but black shines full.
-    if (levels_of(shown_) == 2) {
-      for (std::size_t i = 0; i < pixel_count(); ++i) pixels[i] = pixels[i] ? 255 : 0;
-    }
-    return lacking;
+    return fill.finish(width_px_);
   }
 
   void encode(int, const std::uint8_t* pixels,

@@ -12,6 +12,7 @@
 #include "ladder.hpp"
 #include "models.hpp"
 #include "real_files.hpp"
+#include "rounds.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -240,7 +241,7 @@ TEST(Compare, NoGreaterNIsBetter) {
   std::mt19937 random(25);
   const CureModel model = figure_2_2();
   const PixelCurve curve = pixel_curve(model);
-  for (int round = 0; round < 5; ++round) {
+  for (int round = 0; round < test::rounds(5); ++round) {
     std::vector<Column> design;
     for (int i = 0; i < 64; ++i) {
       Column c;

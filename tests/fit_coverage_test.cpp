@@ -18,7 +18,7 @@ class Coverage : public ::testing::TestWithParam<test::Design> {};
 TEST_P(Coverage, OfEveryParameterIsNominal) {
   const test::Design& d = GetParam();
   const bool slow = d.model == FitModel::dead_zone_transient || d.model == FitModel::joint;
-  const int runs = slow ? std::min(500, test::rounds(60)) : 500;
+  const int runs = slow ? std::min(500, test::rounds(20)) : 500;
   const test::CoverageOf c = test::measure_coverage(d, runs);
   const double allowed = 3 * std::sqrt(0.95 * 0.05 / runs);
   for (const auto& [name, value] : d.truth) {
@@ -67,7 +67,7 @@ test::Design short_exposure(const char* name, const Kinetics& k, double cured_m)
 TEST(Coverage, OfHuvWhereTheExponentCannotBeKnown) {
   for (const test::Design& d : {short_exposure("figure 3.4", {750, 1, 100, 1, 100}, 1),
                                 short_exposure("another m", {408, 0.8, 64, 0.73, 37.8}, 0.99)}) {
-    const int runs = test::rounds(20);
+    const int runs = test::rounds(10);
     const test::CoverageOf c = test::measure_coverage(d, runs);
     EXPECT_GE(c.parameters.at("huv_um").share, 0.95 - 3 * std::sqrt(0.95 * 0.05 / runs)) << d.name;
     RecordProperty("huv_um " + d.name, fmt::format("{:.3f}", c.parameters.at("huv_um").share));

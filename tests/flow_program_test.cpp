@@ -170,7 +170,8 @@ TEST_F(FlowProgram, StacksAreReadLikeMeshes) {
 
 TEST_F(FlowProgram, SameBytesForAnyNumberOfThreads) {
   const Command command =
-      with(Command{"flow"} + kDisc, {"--uv-mw-cm2", "275", "--blue-mw-cm2", "164", "--json", "-"});
+      with(Command{"flow"} + kDisc,
+           {"--uv-mw-cm2", "275", "--blue-mw-cm2", "164", "--pitch-um", "600", "--json", "-"});
   const RunResult one = call(command + Command{"--threads", "1"});
   const RunResult two = call(command + Command{"--threads", "2"});
   EXPECT_EQ(one.exit_code, 0) << one.err;
@@ -200,9 +201,10 @@ TEST_F(FlowProgram, BlindHolesAreNamed) {
 
 TEST_F(FlowProgram, PicturesAndTables) {
   for (const std::string name : {"flow.svg", "flow.png", "flow.html"}) {
-    const RunResult r = call(with(
-        Command{"flow"} + kDisc, {"-o", name, "--uv-mw-cm2", "275", "--blue-mw-cm2", "164",
-                                  "--profile", "speeds.csv", "--every", "4", "--pitch-um", "500"}));
+    const RunResult r =
+        call(with(Command{"flow"} + kDisc,
+                  {"-o", name, "--uv-mw-cm2", "275", "--blue-mw-cm2", "164", "--profile",
+                   "speeds.csv", "--every", "4", "--pitch-um", "1000"}));
     ASSERT_EQ(r.exit_code, 0) << r.err;
     // The disc is one section, which is told once: what lies between the heads and what follows.
     EXPECT_THAT(r.out, HasSubstr("4 looked at, 1 section among them"));

@@ -360,7 +360,7 @@ TEST(LayerwiseSolid, IsClosedOnAnyStackAndHasTheTeeth) {
   EXPECT_NEAR(r.upper[2], 8 * 0.05, 1e-6);
 }
 
-TEST(LayerwiseReal, BenchyComesOutAsDesigned) {
+void expect_benchy_as_designed(double scale) {
   const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(path);
   slicecorr::Setup setup{linear_printer(1, 100), resin(576, 110), layerwise(0.16)};
@@ -369,7 +369,7 @@ TEST(LayerwiseReal, BenchyComesOutAsDesigned) {
   setup.process.bottom_exposure_s = 1;
   setup.process.bottom_layers = 5;
   setup.process.fade_layers = 10;
-  const MeshSlices target(read_mesh(path, {}), setup.printer, SliceOptions{});
+  const MeshSlices target(read_mesh(path, {.scale = scale}), setup.printer, SliceOptions{});
   const TemporaryFolder folder;
   const Correction c = correct_stack(target, setup, folder / "benchy.uvj", {.before = true});
   EXPECT_EQ(c.after.cure_through_voxels + c.after.undercure_voxels, 0U);
@@ -381,6 +381,8 @@ TEST(LayerwiseReal, BenchyComesOutAsDesigned) {
             c.after.layerwise->max_cut_through_um + m.level_step_um() + 1e-9);
   EXPECT_LT(c.after.height_error_um.mean() * 10, c.before->height_error_um.mean());
 }
+TEST(LayerwiseReal, BenchyComesOutAsDesigned) { expect_benchy_as_designed(0.3); }
+TEST(LayerwiseRealNight, BenchyComesOutAsDesigned) { expect_benchy_as_designed(1); }
 
 }  // namespace
 }  // namespace slicecorr::test

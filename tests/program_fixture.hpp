@@ -60,12 +60,13 @@ class ProgramFixture : public ::testing::Test {
     return r;
   }
   /// Refused with this code, in words that have all of these, and nothing is left behind.
-  void bad(int code, const Command& arguments, const std::vector<std::string>& words) const {
+  RunResult bad(int code, const Command& arguments, const std::vector<std::string>& words) const {
     const auto before = folder_.count();
-    const RunResult r = call(arguments);
+    RunResult r = call(arguments);
     EXPECT_EQ(r.exit_code, code) << ::testing::PrintToString(arguments) << r.err;
     for (const auto& word : words) EXPECT_NE(r.err.find(word), std::string::npos) << word << r.err;
     EXPECT_EQ(folder_.count(), before);
+    return r;
   }
   void write(const std::string& name, const std::string& text) const {
     write_file(folder_ / name, to_bytes(text));

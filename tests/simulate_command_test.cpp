@@ -56,8 +56,7 @@ class SimulateCommand : public ProgramFixture {
   }
   /// Refused, with nothing on stdout.
   void refused(int code, const Command& arguments, const std::string& words) const {
-    EXPECT_EQ(call(arguments).out, "");
-    bad(code, arguments, {words});
+    EXPECT_EQ(bad(code, arguments, {words}).out, "");
   }
   std::string text(const std::string& name) const { return to_text(read_file(folder_ / name)); }
   void slice() const {

@@ -38,7 +38,7 @@ class SpoiltInputs : public PostFolder {
   void spoil_everywhere(const std::string& input, const Command& command,
                         const std::string& output) {
     // By night, at all calls of short reads and at many of long ones.
-    const long first = rounds(3), last = rounds(6), between = rounds(3);
+    const long first = rounds(2), last = rounds(4), between = rounds(2);
     const Bytes sound = bytes(input);
     const std::string path = folder_ / input;
     for (const char* how : {"unlink", "truncate", "empty"}) {

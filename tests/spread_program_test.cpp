@@ -38,6 +38,8 @@ double share(int pixels, double sigma_px) {
 /// A field spread by a Gaussian, summed up pixel by pixel.
 Field spread(const Field& light, double sigma_px) {
   const int reach = static_cast<int>(std::ceil(6 * sigma_px)) + 1;
+  std::vector<double> shares;
+  for (int d = -reach; d <= reach; ++d) shares.push_back(share(d, sigma_px));
   Field rows(kPixels), all(kPixels);
   for (int pass = 0; pass < 2; ++pass) {
     const Field& in = pass == 0 ? light : rows;
@@ -46,7 +48,8 @@ Field spread(const Field& light, double sigma_px) {
       for (int x = 0; x < kWidth; ++x) {
         double sum = 0;
         for (int d = -reach; d <= reach; ++d) {
-          sum += share(d, sigma_px) * (pass == 0 ? at(in, x + d, y) : at(in, x, y + d));
+          sum += shares[static_cast<std::size_t>(d + reach)] *
+                 (pass == 0 ? at(in, x + d, y) : at(in, x, y + d));
         }
         out[static_cast<std::size_t>(y) * kWidth + static_cast<std::size_t>(x)] = sum;
       }

@@ -47,15 +47,18 @@ class ReferenceProjector {
     }
   }
 
-  std::vector<double> forward(const std::vector<double>& field) const {
-    std::vector<double> light(static_cast<std::size_t>(g_.angles) * g_.pixels);
-    for_each([&](int v, int p, double w) { light[p] += w * field[v]; });
-    return light;
-  }
-  std::vector<double> adjoint(const std::vector<double>& light) const {
-    std::vector<double> field(static_cast<std::size_t>(g_.voxels) * g_.voxels);
-    for_each([&](int v, int p, double w) { field[v] += w * light[p]; });
-    return field;
+  struct Pair {
+    std::vector<double> forward, adjoint;
+  };
+  /// A of a field and A^T of light.
+  Pair of(const std::vector<double>& field, const std::vector<double>& light) const {
+    Pair pair{std::vector<double>(static_cast<std::size_t>(g_.angles) * g_.pixels),
+              std::vector<double>(static_cast<std::size_t>(g_.voxels) * g_.voxels)};
+    for_each([&](int v, int p, double w) {
+      pair.forward[p] += w * field[v];
+      pair.adjoint[v] += w * light[p];
+    });
+    return pair;
   }
 
  private:

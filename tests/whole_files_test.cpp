@@ -70,7 +70,7 @@ TEST_F(WholeFiles, AKilledRunLeavesNoPageOfAnotherStack) {
   std::string now = "b";
   std::mt19937 random(3);
   int killed = 0;
-  for (int round = 0; round < test::rounds(40); ++round) {
+  for (int round = 0; round < test::rounds(16); ++round) {
     const std::string next = now == "a" ? "b" : "a";
     std::uniform_real_distribution<double> share(0.3, 1.1);
     const RunResult r =

@@ -1,13 +1,13 @@
 #include "stack/block_check.hpp"
 
 #include <fmt/format.h>
-#include <isa-l.h>
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "stack/isa_l.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -114,7 +114,7 @@ void check_times(const StackInfo& plan, const StackInfo& says, const std::string
 std::uint32_t block_crc32(const nlohmann::json& block) {
   std::string text;
   append(block, 0, text);
-  return crc32_gzip_refl(0, reinterpret_cast<const unsigned char*>(text.data()), text.size());
+  return isal::crc32(0, reinterpret_cast<const unsigned char*>(text.data()), text.size());
 }
 
 void check_block(const ArchiveContents& contents, const std::string& file) {

@@ -1,10 +1,9 @@
 #include "stack/flat_field_entry.hpp"
 
-#include <isa-l.h>
-
 #include <algorithm>
 
 #include "slicecorr/error.hpp"
+#include "stack/isa_l.hpp"
 
 namespace slicecorr::detail {
 
@@ -12,8 +11,7 @@ std::uint32_t flat_field_crc32(const FlatField& field) {
   std::uint32_t crc = 0;
   constexpr std::size_t piece = std::size_t{1} << 30;
   for (std::size_t at = 0; at < field.values->size(); at += piece) {
-    crc =
-        crc32_gzip_refl(crc, field.values->data() + at, std::min(piece, field.values->size() - at));
+    crc = isal::crc32(crc, field.values->data() + at, std::min(piece, field.values->size() - at));
   }
   return crc;
 }

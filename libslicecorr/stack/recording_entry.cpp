@@ -1,7 +1,6 @@
 #include "stack/recording_entry.hpp"
 
 #include <fmt/format.h>
-#include <isa-l.h>
 
 #include <algorithm>
 #include <charconv>
@@ -10,6 +9,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
+#include "stack/isa_l.hpp"
 #include "support/text/csv.hpp"
 
 namespace slicecorr {
@@ -106,7 +106,7 @@ std::string recording_csv(const Recording& recording) {
 }
 
 std::uint32_t recording_crc32(std::string_view csv) {
-  return crc32_gzip_refl(0, reinterpret_cast<const unsigned char*>(csv.data()), csv.size());
+  return isal::crc32(0, reinterpret_cast<const unsigned char*>(csv.data()), csv.size());
 }
 
 Recording parse_recording(std::string_view csv, int slices, const std::string& file) {

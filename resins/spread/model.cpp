@@ -14,9 +14,10 @@ double normal_density(double t) { return std::exp(-0.5 * t * t) / std::sqrt(2 * 
 
 /// Its integral from minus infinity to t.
 double first_integral(double t) {
-  // Far from the edge, where most of a picture lies, doubles show no difference from t and 0.
+  // Far from the edge, where most of a picture lies, doubles show no difference from t and 0: it is
+  // 1e-20.
   if (t > 9) return t;
-  if (t < -39) return 0;
+  if (t < -9) return 0;
   return t * normal_integral(t) + normal_density(t);
 }
 

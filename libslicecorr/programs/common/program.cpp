@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cmath>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -21,6 +22,14 @@
 #include "slicecorr/version.hpp"
 #include "support/files/temporary.hpp"
 #include "support/text/display_text.hpp"
+
+namespace hwy::platform {
+/// Highway's shared library asks for it whenever it is loaded and measures for 13 ms, twice what a
+/// short command takes; only its benchmarks use the answer. The library calls the first one that is
+/// defined, which is this.
+std::uint64_t TimerResolution();
+std::uint64_t TimerResolution() { return 1; }
+}  // namespace hwy::platform
 
 namespace slicecorr::cli {
 

@@ -1,7 +1,6 @@
 #include "stack/container/binary_file.hpp"
 
 #include <fcntl.h>
-#include <isa-l.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,6 +11,7 @@
 #include "slicecorr/print_file.hpp"
 #include "stack/container/zip_input.hpp"
 #include "stack/container/zip_output.hpp"
+#include "stack/isa_l.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
 
@@ -134,7 +134,7 @@ std::uint32_t BinaryFile::crc32() const {
   std::vector<std::uint8_t> piece;
   for (std::uint64_t at = 0; at < size_; at += piece.size()) {
     read_at(at, std::min(kPieceBytes, size_ - at), piece, "");
-    crc = crc32_gzip_refl(crc, piece.data(), piece.size());
+    crc = isal::crc32(crc, piece.data(), piece.size());
   }
   return crc;
 }
@@ -162,8 +162,8 @@ void BinaryOutput::finish(const ExecutionContext& context, const Check& check) {
     context.check_cancelled();
     source.make(piece);
     file.write(piece);
-    crc = crc32_gzip_refl(crc, piece.data(), piece.size());
-    crc_ = crc32_gzip_refl(crc_, piece.data(), piece.size());
+    crc = isal::crc32(crc, piece.data(), piece.size());
+    crc_ = isal::crc32(crc_, piece.data(), piece.size());
     xor_ = std::accumulate(piece.begin(), piece.end(), xor_, std::bit_xor<std::uint8_t>());
     bytes += piece.size();
     context.report("write", static_cast<double>(bytes) / static_cast<double>(total));

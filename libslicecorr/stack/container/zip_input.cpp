@@ -1,6 +1,5 @@
 #include "stack/container/zip_input.hpp"
 
-#include <isa-l.h>
 #include <sys/stat.h>
 #include <zip.h>
 
@@ -10,6 +9,7 @@
 #include <string_view>
 
 #include "slicecorr/error.hpp"
+#include "stack/isa_l.hpp"
 #include "support/files/errno_message.hpp"
 
 namespace slicecorr::detail {
@@ -26,7 +26,7 @@ void inflate_all(const std::vector<std::uint8_t>& packed, std::vector<std::uint8
   state->avail_in = static_cast<std::uint32_t>(packed.size());
   state->next_out = out.data();
   state->avail_out = static_cast<std::uint32_t>(out.size());
-  const int result = isal_inflate_stateless(state.get());
+  const int result = isal::inflate_stateless(state.get());
   if (result == ISAL_OUT_OVERFLOW) {
     throw InputError(path, name,
                      "entry holds more than the declared " + std::to_string(out.size()) + " bytes");
@@ -170,7 +170,7 @@ void ZipInput::read(const Entry& entry, std::uint64_t limit, std::vector<std::ui
                      "entry is compressed by method " + std::to_string(p.method) +
                          ", expected stored or deflated");
   }
-  if (crc32_gzip_refl(0, out.data(), out.size()) != p.crc) {
+  if (isal::crc32(0, out.data(), out.size()) != p.crc) {
     throw InputError(path_, name, "entry has a wrong checksum");
   }
 }

@@ -1,7 +1,6 @@
 #include "stack/container/zip_output.hpp"
 
 #include <fcntl.h>
-#include <isa-l.h>
 #include <libdeflate.h>
 #include <unistd.h>
 
@@ -13,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "stack/container/zip_layout.hpp"
 #include "stack/container/zip_pack.hpp"
+#include "stack/isa_l.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
 
@@ -21,7 +21,7 @@ namespace slicecorr::detail {
 namespace {
 
 std::uint32_t crc32_of(const std::vector<std::uint8_t>& data) {
-  return crc32_gzip_refl(0, data.data(), data.size());
+  return isal::crc32(0, data.data(), data.size());
 }
 
 /// A file into which all threads write, each at its own place.

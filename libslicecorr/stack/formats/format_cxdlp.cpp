@@ -2,7 +2,6 @@
 // lines, a checksum of the whole file at its end.
 
 #include <fmt/format.h>
-#include <isa-l.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include "slicecorr/error.hpp"
 #include "stack/formats/binary_block.hpp"
 #include "stack/formats/format_times.hpp"
+#include "stack/isa_l.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -93,7 +93,7 @@ void check_sum(const BinaryFile& file, const CxdlpFile& c) {
   std::vector<std::uint8_t> piece;
   for (std::uint64_t at = 0; at < c.check_at; at += piece.size()) {
     file.read_at(at, std::min<std::uint64_t>(std::uint64_t{1} << 20, c.check_at - at), piece, "");
-    crc = crc32_gzip_refl(crc, piece.data(), piece.size());
+    crc = isal::crc32(crc, piece.data(), piece.size());
     for (const std::uint8_t byte : piece) all ^= byte;
   }
   const std::uint32_t right = c.version == 2 ? all : ~crc;

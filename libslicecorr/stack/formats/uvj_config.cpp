@@ -1,7 +1,5 @@
 #include "stack/formats/uvj_config.hpp"
 
-#include <isa-l.h>
-
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -10,6 +8,7 @@
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "stack/formats/even_light_json.hpp"
+#include "stack/isa_l.hpp"
 #include "stack/recording_entry.hpp"
 
 namespace slicecorr::detail {
@@ -250,7 +249,7 @@ std::uint32_t images_crc32(const std::vector<std::uint32_t>& slice_adlers) {
     const std::uint8_t bytes[4] = {
         static_cast<std::uint8_t>(adler >> 24), static_cast<std::uint8_t>(adler >> 16),
         static_cast<std::uint8_t>(adler >> 8), static_cast<std::uint8_t>(adler)};
-    crc = crc32_gzip_refl(crc, bytes, sizeof bytes);
+    crc = isal::crc32(crc, bytes, sizeof bytes);
   }
   return crc;
 }

@@ -1,12 +1,12 @@
 #include "stack/png/png.hpp"
 
-#include <isa-l.h>
 #include <zlib.h>
 
 #include <algorithm>
 #include <cstring>
 #include <utility>
 
+#include "stack/isa_l.hpp"
 #include "stack/png/png_layout.hpp"
 #include "stack/png/run_deflate.hpp"
 
@@ -35,7 +35,7 @@ std::size_t begin_chunk(const char* type, std::vector<std::uint8_t>& out) {
 void end_chunk(std::size_t start, std::vector<std::uint8_t>& out) {
   const std::size_t length = out.size() - start - 8;
   store_u32(static_cast<std::uint32_t>(length), out.data() + start);
-  append_u32(crc32_gzip_refl(0, out.data() + start + 4, length + 4), out);
+  append_u32(isal::crc32(0, out.data() + start + 4, length + 4), out);
 }
 
 struct IdatEncoder::Impl {
@@ -137,7 +137,7 @@ void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out) {
 }
 
 std::uint32_t adler_of(std::span<const std::uint8_t> bytes) {
-  return isal_adler32(1, bytes.data(), bytes.size());
+  return isal::adler32(1, bytes.data(), bytes.size());
 }
 
 std::uint32_t adler_after_zeros(std::uint32_t adler, std::uint64_t count) {
@@ -156,7 +156,7 @@ std::uint32_t adler_of(const GreyRows& r) {
   std::uint32_t adler = 1;
   for (int y = 0; y < r.rows; ++y) {
     adler = adler_after_zeros(adler, before);
-    adler = isal_adler32(adler, r.pixels + width * static_cast<std::size_t>(y), width);
+    adler = isal::adler32(adler, r.pixels + width * static_cast<std::size_t>(y), width);
     adler = adler_after_zeros(adler, after);
   }
   return adler;

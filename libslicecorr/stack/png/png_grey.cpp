@@ -1,4 +1,3 @@
-#include <isa-l.h>
 #include <libdeflate.h>
 
 #include <algorithm>
@@ -7,6 +6,7 @@
 #include <cstring>
 
 #include "base/coded_band.hpp"
+#include "stack/isa_l.hpp"
 #include "stack/png/png_layout.hpp"
 
 namespace slicecorr::detail {
@@ -78,7 +78,7 @@ class GreyBands {
   bool take(std::uint8_t* band, const Check& check) {
     const int y1 = std::min(height_, y_ + rows_);
     const std::size_t stride = raw_stride(width_), size = next_bytes();
-    stored_adler_ = isal_adler32(stored_adler_, band, size);
+    stored_adler_ = isal::adler32(stored_adler_, band, size);
     bool filtered = false;
     const std::uint8_t* above = last_.data();
     std::uint8_t* row = band;
@@ -92,7 +92,7 @@ class GreyBands {
       above = row;
     }
     differs_ = differs_ || filtered;
-    adler_ = differs_ ? isal_adler32(adler_, band, size) : stored_adler_;
+    adler_ = differs_ ? isal::adler32(adler_, band, size) : stored_adler_;
     std::copy_n(above, stride, last_.data());
     return pass_on(y1, band, check);
   }
@@ -288,7 +288,7 @@ std::uint32_t decode_bits(const PngLayout& layout, int rows, const PngName& name
   const Bytes stream = join(layout, joined);
   Inflater inflater;
   if (!inflate_all(stream, inflater, image) ||
-      isal_adler32(1, image.data(), image.size()) !=
+      isal::adler32(1, image.data(), image.size()) !=
           load_u32(stream.data() + stream.size() - kZlibEnd)) {
     IdatStream slow(layout, name);
     slow.read(image);
@@ -313,7 +313,7 @@ std::uint32_t decode_bits(const PngLayout& layout, int rows, const PngName& name
       }
     }
     const std::size_t size = stride * static_cast<std::size_t>(y1 - y0);
-    adler = isal_adler32(adler, band.data(), size);
+    adler = isal::adler32(adler, band.data(), size);
     sink(y0, y1, band.data());
   }
   return adler;

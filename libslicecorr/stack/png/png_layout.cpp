@@ -1,12 +1,11 @@
 #include "stack/png/png_layout.hpp"
 
-#include <isa-l.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cstring>
 
 #include "slicecorr/error.hpp"
+#include "stack/isa_l.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -139,7 +138,7 @@ PngLayout read_png_layout(Bytes png, int width_px, int height_px, const PngName&
               "PNG chunk at byte " + std::to_string(at) + " reaches over the end of the image");
     }
     const Bytes data = png.subspan(at + 8, length);
-    if (crc32_gzip_refl(0, type.data(), length + 4) != load_u32(data.data() + length)) {
+    if (isal::crc32(0, type.data(), length + 4) != load_u32(data.data() + length)) {
       bad_png(name, "PNG chunk at byte " + std::to_string(at) + " has a wrong checksum");
     }
     const auto is = [&](const char* text) { return std::memcmp(type.data(), text, 4) == 0; };
@@ -211,7 +210,7 @@ std::size_t IdatStream::fill(std::span<std::uint8_t> out) {
     const auto avail_in = z.avail_in;
     z.next_out = out.data() + done;
     z.avail_out = static_cast<std::uint32_t>(std::min(out.size() - done, most));
-    if (isal_inflate(&z) != ISAL_DECOMP_OK) {
+    if (isal::inflate(&z) != ISAL_DECOMP_OK) {
       bad_png(name_, "compressed data of the PNG are damaged");
     }
     const auto filled = static_cast<std::size_t>(z.next_out - (out.data() + done));

@@ -627,7 +627,7 @@ TEST_F(FarmLocal, RealMeshes) {
   SLICECORR_NEEDS_FILE(mesh);
   const std::vector<std::string> process = {
       "--printer", "dual-wavelength-dlp", "--resin", "benchy-resin", "--layer-um",
-      "200",       "--speed-mm-h",        "800"};
+      "200",       "--speed-mm-h",        "800",     "--scale",      "0.5"};
   std::vector<std::string> arguments = {mesh, "--out", dir / "out"};
   arguments.insert(arguments.end(), process.begin(), process.end());
   ASSERT_EQ(farm("submit", arguments).exit_code, 0);

@@ -171,11 +171,11 @@ TEST_F(FarmTomo, AKilledWorkerIsTriedAgainToTheSameBytes) {
   for (const char* fault : {"solve:kill:1", "judge:crash:1", "check:exit=1:1"}) {
     const std::string name = fmt::format("bars-{}", ++n), out = dir / "out";
     const std::string part = make_volume(name + ".npy", n);
-    ASSERT_EQ(submit_tomo({part}, {"--out", out}).exit_code, 0);
+    ASSERT_EQ(submit_tomo({part}, {"--angles", "60", "--out", out}).exit_code, 0);
     const RunResult r = run_all({{"SLICEFARM_TEST_FAULT", fault}});
     ASSERT_EQ(r.exit_code, 0) << r.err;
     EXPECT_EQ(attempts(n).size(), 2U) << fault;
-    tomo_reference((dir / "reference/") + name, solved({"--volume", part}));
+    tomo_reference((dir / "reference/") + name, solved({"--volume", part, "--angles", "60"}));
     expect_same_print(out + "/" + name, (dir / "reference/") + name);
   }
 }

@@ -8,13 +8,12 @@
 #include <nlohmann/json.hpp>
 
 #include "beams_parts.hpp"
-#include "browser.hpp"
+#include "devtools.hpp"
 
 namespace slicecorr::tomo {
 namespace {
 
 namespace fs = std::filesystem;
-using test::browse;
 using test::chromium;
 using Folder = test::BrowserFolder;
 
@@ -44,10 +43,9 @@ TEST(BeamsPage, ControlsWorkAndItCountsAsTheLibraryDoes) {
       beams_page({job, part, print, print.light, print.figures, why}, "ball", {});
   const Folder folder;
   std::ofstream(folder.path / "page.html") << html;
-  for (const char* window : {"--window-size=1280,900", "--window-size=500,900"}) {
-    const auto result = browse(folder, {"--dump-dom", window},
-                               "file://" + (folder.path / "page.html").string() + "#selftest");
-    const auto test = test::selftest_of(result.out);
+  test::DrivenPage page(folder);
+  for (const int window : {1280, 500}) {
+    const auto test = page.selftest("file://" + (folder.path / "page.html").string(), window);
     ASSERT_TRUE(test.is_object());
     EXPECT_EQ(test.value("error", ""), "");
     for (const auto& [name, passed] : test["checks"].items()) {

@@ -141,9 +141,15 @@ class BridgePrograms : public testing::Test {
             {"tolerance_um = 20", "tolerance_um = 400"}};
   }
 
+  /// A stage that lifts less and gathers speed sooner.
+  static std::vector<std::pair<std::string, std::string>> quick() {
+    return {{"lift_mm = 3", "lift_mm = 1"},
+            {"acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 10"}};
+  }
+
   std::string make_part() {
     const std::string path = folder / "lattice.stl";
-    const TriangleMesh mesh = lattice(2, 1, 1, 1.6, 0.25);
+    const TriangleMesh mesh = lattice(part_cells, 1, 1, 1.6, 0.25);
     std::ofstream out(path);
     out << "solid lattice\n";
     for (const auto& t : mesh.triangles) {
@@ -286,6 +292,7 @@ class BridgePrograms : public testing::Test {
   }
 
   TemporaryFolder folder;
+  int part_cells = 2;                 ///< of the lattice, side by side
   std::string shown_ending = ".uvj";  ///< of what simulators record; empty: nothing
 
  private:

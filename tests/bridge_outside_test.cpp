@@ -56,9 +56,14 @@ TEST(BridgeOutside, LampsGoOffFirstInEveryOtherFault) {
   expect_all_hold({"--part", "1/2"});
 }
 
-TEST(BridgeOutside, AJobIsShownAtItsAnglesAndEveryFaultDarkensIt) {
+TEST(BridgeOutside, AJobIsShownAtItsAnglesAndFaultsDarkenIt) {
   if (!has_python()) GTEST_SKIP() << "python3 is not installed";
-  expect_all_hold({"--turn", "--count", "45"});
+  expect_all_hold({"--turn", "--count", "22"});
+}
+
+TEST(BridgeOutsideNight, AJobIsShownAtItsAnglesAndEveryFaultDarkensIt) {
+  if (!has_python()) GTEST_SKIP() << "python3 is not installed";
+  expect_all_hold({"--turn", "--count", "90", "--seed", "2"}, 80);
 }
 
 TEST(BridgeOutside, AVialThatBrakesACycleLateHasNotSlipped) {

@@ -185,7 +185,8 @@ TEST_F(BridgePrint, PrintsAStackAndWhatWasShownIsWhatWasPlanned) {
 }
 
 TEST_F(BridgePrint, PrintsUnderUvLightAndLayerByLayer) {
-  const std::string printer = make_printer("plain");
+  part_cells = 1;
+  const std::string printer = make_printer("plain", quick());
   for (const auto& more :
        {std::vector<std::string>{"--resin", "custom-resin-1", "--speed-mm-h", "300", "--uv-mw-cm2",
                                  "200"},
@@ -193,7 +194,7 @@ TEST_F(BridgePrint, PrintsUnderUvLightAndLayerByLayer) {
                                  "--dead-zone-um", "10", "--uv-schedule", "per-slice", "--ramp",
                                  "lamp-follows", "--ramp-mm", "0.3"},
         std::vector<std::string>{"--resin", "figure-2-2", "--mode", "layerwise", "--exposure-s",
-                                 "1", "--ha-um", "110"}}) {
+                                 "0.3", "--ha-um", "110"}}) {
     SCOPED_TRACE(testing::PrintToString(more));
     const std::string stack = make_stack(printer, "part", more);
     Sim sim = start_sim(printer, true);

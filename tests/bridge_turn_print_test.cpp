@@ -41,19 +41,19 @@ class BridgeTurnPrint : public BridgePrograms {
     write_file(path, to_bytes(text));
     return path;
   }
-  /// A block beside the axis, in 60 frames a turn.
+  /// A block beside the axis, in voxels of twice a pixel, in 60 frames a turn.
   std::string make_job(const std::string& printer, const std::string& name = "part") {
-    Box<std::uint8_t> part{3, 40, 40, std::vector<std::uint8_t>(3 * 40 * 40)};
-    for (int z = 0; z < 3; ++z) {
-      for (int y = 16; y < 27; ++y) {
-        for (int x = 14; x < 24 - 2 * z; ++x) part.values[part.at(z, y, x)] = 255;
+    Box<std::uint8_t> part{2, 20, 20, std::vector<std::uint8_t>(2 * 20 * 20)};
+    for (int z = 0; z < 2; ++z) {
+      for (int y = 8; y < 13; ++y) {
+        for (int x = 7; x < 12 - z; ++x) part.values[part.at(z, y, x)] = 255;
       }
     }
     tomo::write_npy(folder / "part.npy", part);
     const std::string job = folder / (name + ".frames");
     const RunResult r =
         run_program({program("slicecorr"), "tomo", "solve", "--volume", folder / "part.npy",
-                     "--voxel-mm", "0.2", "--printer", printer, "--resin", "model-tomography-resin",
+                     "--voxel-mm", "0.4", "--printer", printer, "--resin", "model-tomography-resin",
                      "--angles", "60", "-o", job, "--iterations", "20", "--quiet"});
     EXPECT_EQ(r.exit_code, 0) << r.err;
     return job;

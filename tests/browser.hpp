@@ -6,9 +6,7 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "run_program.hpp"
@@ -17,7 +15,9 @@ namespace slicecorr::test {
 
 /// Path of Chromium; empty when it is not installed.
 inline std::string chromium() {
-  for (const char* path : {"/usr/bin/chromium", "/usr/bin/chromium-browser"}) {
+  // First what the script in /usr/bin starts: it looks at the computer for a tenth of a second.
+  for (const char* path :
+       {"/usr/lib/chromium/chromium", "/usr/bin/chromium", "/usr/bin/chromium-browser"}) {
     if (std::filesystem::exists(path)) return path;
   }
   return {};
@@ -60,21 +60,6 @@ inline RunResult browse(const BrowserFolder& folder, const std::vector<std::stri
   RunOptions options;
   options.timeout = std::chrono::seconds(120);
   return run_program(command, options);
-}
-
-/// What a page's own test (#selftest) left in it; null when it did not run.
-inline nlohmann::json selftest_of(const std::string& dom) {
-  const std::string mark = "<pre id=\"selftest\">";
-  const auto at = dom.find(mark);
-  if (at == std::string::npos) return {};
-  const auto end = dom.find("</pre>", at);
-  std::string text = dom.substr(at + mark.size(), end - at - mark.size());
-  for (const auto& [code, plain] : {std::pair{"&gt;", ">"}, {"&lt;", "<"}, {"&amp;", "&"}}) {
-    for (auto p = text.find(code); p != std::string::npos; p = text.find(code, p + 1)) {
-      text.replace(p, std::string(code).size(), plain);
-    }
-  }
-  return nlohmann::json::parse(text, nullptr, false);
 }
 
 }  // namespace slicecorr::test

@@ -155,6 +155,42 @@ class DrivenPage {
     down.erase("text");
     call("Input.dispatchKeyEvent", down);
   }
+  /// What the page's own test (#selftest) says, in a window of such a width.
+  Json selftest(const std::string& address, int width) {
+    look_like(width, 900, false);
+    open("about:blank");  // or the same address would only go to its end
+    open(address + "#selftest");
+    wait_for("document.getElementById('selftest')", 120);
+    return Json::parse(eval("document.getElementById('selftest').textContent").get<std::string>(),
+                       nullptr, false);
+  }
+  /// The page as it is on a desk, light and dark, and on a phone: FOLDER/NAME-light.png, -dark.png,
+  /// -phone.png. `ready`: an expression that holds once all is drawn.
+  void looks(const std::string& address, const std::filesystem::path& folder,
+             const std::string& name, const std::string& ready) {
+    open(address);
+    for (const auto& [look, width, dark] :
+         {std::tuple{"light", 1280, false}, {"dark", 1280, true}, {"phone", 400, false}}) {
+      look_like(width, 900, dark);
+      // Pictures are drawn once, for the colours and the width that they find.
+      call("Page.reload");
+      wait_for("document.readyState === 'complete' && " + ready);
+      const auto file = folder / (name + "-" + look + ".png");
+      std::filesystem::remove(file);
+      picture(file);
+      ASSERT_TRUE(std::filesystem::exists(file));
+      EXPECT_GT(std::filesystem::file_size(file), 30'000U) << file;
+    }
+  }
+  /// The page on paper.
+  void print(const std::filesystem::path& file) {
+    const Json sheets = call("Page.printToPDF", {{"printBackground", true}});
+    const auto bytes = slicecorr::detail::from_base64(sheets["data"].get<std::string>());
+    ASSERT_TRUE(bytes);
+    std::ofstream(file, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes->data()),
+               static_cast<std::streamsize>(bytes->size()));
+  }
   /// The whole page as a picture.
   void picture(const std::filesystem::path& file) {
     const int height = eval("document.documentElement.scrollHeight").get<int>();

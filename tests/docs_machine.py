@@ -536,8 +536,18 @@ class Machine:
         step = 0.0005
         self.rest_s += seconds
         while self.rest_s >= step:
-            self.rest_s -= step
             way = target - self.stage
+            if not running and self.speed == 0:
+                self.rest_s = 0.0
+                break
+            # As fast as it may be, and not yet braking when this time is over.
+            ahead = way if self.speed > 0 else -way
+            if running and abs(self.speed) == self.taken[self.map.speed] and ahead > (
+                    abs(self.speed) * (self.rest_s + 2 * step) + self.speed ** 2 / (2 * accelerate)):
+                self.stage += self.speed * self.rest_s
+                self.rest_s = 0.0
+                break
+            self.rest_s -= step
             wanted = 0.0
             if running:
                 left = max(0.0, abs(way) - abs(self.speed) * step)  # when this step is over
@@ -551,7 +561,7 @@ class Machine:
                 break
             # The mean of both speeds: exact for a constant acceleration.
             self.stage += (self.speed + change / 2) * step
-            self.speed += change
+            self.speed = wanted if abs(change) < most else self.speed + change
 
     def run_out(self):
         """The bridge has gone: time passes, and nobody feeds the watchdog."""

@@ -269,7 +269,7 @@ TEST_F(FarmFaults, BrokenAtRandomPlacesNothingIsLost) {
   const char* places[] = {"claimed",    "ordered", "started",   "ended",
                           "committing", "cached",  "delivered", "finished"};
   int killed = 0;
-  for (int round = 0; round < test::rounds(12); ++round) {
+  for (int round = 0; round < test::rounds(8); ++round) {
     std::map<std::string, std::string> environment;
     RunOptions o;
     // One of: a worker, the service, both.
@@ -299,7 +299,7 @@ TEST_F(FarmFaults, BrokenAtRandomPlacesNothingIsLost) {
       submit_parts({make_part(8 + round)}, {"--out", dir / "out"});
     }
   }
-  EXPECT_GE(killed, test::rounds(12) / 2);
+  EXPECT_GE(killed, test::rounds(8) / 2);
   finish_and_check();
 }
 
@@ -309,7 +309,7 @@ TEST_F(FarmFaults, KilledAtRandomMomentsNothingIsLost) {
   const auto pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   ASSERT_EQ(farm("set", {"max-attempts=100"}).exit_code, 0);
   int next = 0, killed_workers = 0, killed_services = 0;
-  for (int round = 0; round < test::rounds(9); ++round) {
+  for (int round = 0; round < test::rounds(6); ++round) {
     SCOPED_TRACE(round);
     if (all_over()) {
       submit_parts({make_part(next), make_part(next + 1), make_part(next + 2)},
@@ -337,8 +337,8 @@ TEST_F(FarmFaults, KilledAtRandomMomentsNothingIsLost) {
     }
     expect_whole_outputs();
   }
-  EXPECT_GE(killed_workers, test::rounds(9) / 3);
-  EXPECT_GE(killed_services, test::rounds(9) / 3);
+  EXPECT_GE(killed_workers, test::rounds(6) / 3);
+  EXPECT_GE(killed_services, test::rounds(6) / 3);
   finish_and_check();
   for (const Job& j : jobs()) {
     EXPECT_THAT(reasons(j.id), Each(AnyOf(Reason::none, Reason::lease_lost, Reason::stopped,
@@ -412,15 +412,15 @@ TEST_F(FarmFaults, AClockThatIsSetAgainAndAgainHarmsNothing) {
 }
 
 TEST_F(FarmFaults, InputsMayGoOnceTheyAreSubmitted) {
-  std::mt19937 random(17);
   std::vector<std::string> parts;
-  for (int i = 0; i < test::rounds(8); ++i) {
+  for (int i = 0; i < test::rounds(4); ++i) {
     parts.push_back(make_part(i));
     reference(parts.back());
   }
   submit_parts(parts, {"--out", dir / "out"});
-  for (const std::string& part : parts) {
-    switch (random() % 4) {
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const std::string& part = parts[i];
+    switch (i % 4) {
       case 0:
         fs::remove(part);
         break;
@@ -499,7 +499,7 @@ TEST_F(FarmFaults, ALockedDatabaseIsWaitedFor) {
 /// Another process writes to the database for long moments, and dies in the middle of one.
 TEST_F(FarmFaults, ADatabaseThatIsLockedAgainAndAgainIsWaitedFor) {
   std::vector<std::string> parts;
-  for (int i = 0; i < test::rounds(20); ++i) parts.push_back(make_part(i));
+  for (int i = 0; i < test::rounds(12); ++i) parts.push_back(make_part(i));
   submit_parts({parts[0]}, {"--out", dir / "out"});
   const std::string path = database(), count = dir / "locks";
   const pid_t other = ::fork();
@@ -543,7 +543,7 @@ TEST_F(FarmFaults, ADiskThatIsFullAgainAndAgainLosesNothing) {
   const auto pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   const std::string filler = farm_dir() + "/filler";
   int next = 0, filled = 0;
-  for (int round = 0; round < test::rounds(6); ++round) {
+  for (int round = 0; round < test::rounds(4); ++round) {
     SCOPED_TRACE(round);
     if (all_over()) {
       submit_parts({make_part(next), make_part(next + 1)}, {"--out", farm_dir() + "/out"});
@@ -569,7 +569,7 @@ TEST_F(FarmFaults, ADiskThatIsFullAgainAndAgainLosesNothing) {
     fs::remove(filler);
     expect_whole_outputs();
   }
-  EXPECT_EQ(filled, test::rounds(6));
+  EXPECT_EQ(filled, test::rounds(4));
   without_delays();
   const RunResult r = run_all();
   ASSERT_EQ(r.exit_code, 0) << r.err;

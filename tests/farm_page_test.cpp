@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "browser.hpp"
+#include "devtools.hpp"
 #include "farm_filled.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/serve.hpp"
@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 using slicecorr::test::browse;
 using slicecorr::test::BrowserFolder;
 using slicecorr::test::chromium;
+using slicecorr::test::DrivenPage;
 using test::Farm;
 using test::fill;
 using ::testing::HasSubstr;
@@ -100,31 +101,10 @@ class FarmPage : public ::testing::Test {
   void SetUp() override {
     if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
   }
-  /// Pictures of a page as it looks on a desk and on a phone, light and dark. `name`: of the files.
-  void pictures(const std::string& name, const std::string& address, int height) {
-    const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "farm-pictures";
-    fs::create_directories(out);
-    // The browser makes no window as narrow as a phone, but a frame of 400 pixels.
-    std::ofstream(folder_.path / "phone.html")
-        << "<body style='margin:0'><iframe src='" << address << "' width=400 height=" << height * 2
-        << " style='border:0'>";
-    const std::string phone = "file://" + (folder_.path / "phone.html").string();
-    const std::string desk = fmt::format("--window-size=1280,{}", height);
-    for (const auto& [look, flags] : std::vector<std::pair<std::string, std::vector<std::string>>>{
-             {"light", {desk}},
-             {"dark", {desk, "--blink-settings=preferredColorScheme=0"}},
-             {"phone", {fmt::format("--window-size=500,{}", height * 2)}}}) {
-      const fs::path file = out / (name + "-" + look + ".png");
-      fs::remove(file);
-      auto all = flags;
-      all.push_back("--screenshot=" + file.string());
-      const auto result = browse(folder_, all, look == "phone" && !served_ ? phone : address);
-      ASSERT_TRUE(fs::exists(file)) << result.err.substr(0, 2000);
-      EXPECT_GT(fs::file_size(file), 30'000U) << file;
-    }
+  static fs::path folder_of_pictures() {
+    return fs::path(SLICECORR_BIN_DIR).parent_path() / "farm-pictures";
   }
   BrowserFolder folder_;
-  bool served_ = false;
 };
 
 /// Lines with SGR sequences as markup.
@@ -156,7 +136,7 @@ TEST_F(FarmPage, PictureOfTheLiveView) {
   auto model = farm.model();
   std::ofstream(folder_.path / "watch.html") << terminal_page(
       live_frame(read_live(model, farm.folder, 30, farm.clock), farm.folder, 112, 30, true));
-  const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "farm-pictures" / "watch.png";
+  const fs::path out = folder_of_pictures() / "watch.png";
   fs::create_directories(out.parent_path());
   fs::remove(out);
   browse(folder_, {"--window-size=975,575", "--screenshot=" + out.string()},
@@ -175,20 +155,14 @@ TEST_F(FarmPage, MorningOnDeskPhoneAndPaper) {
                                         {LinkTo::Kind::files, folder_.path.string()});
   std::ofstream(folder_.path / "page.html") << html;
   const std::string address = "file://" + (folder_.path / "page.html").string();
-  pictures("morning", address, 2100);
-  // Nothing is wider than a phone: only boxes that scroll by themselves hold wide things.
-  const std::string probe =
-      "<script>document.title='width '+document.documentElement.scrollWidth</script>";
-  std::ofstream(folder_.path / "probe.html") << html << probe;
-  std::ofstream(folder_.path / "narrow.html")
-      << "<iframe src='probe.html' width=400 height=900 "
-         "onload=\"document.title=this.contentDocument.title\"></iframe>";
-  const auto dom = browse(folder_, {"--dump-dom", "--allow-file-access-from-files"},
-                          "file://" + (folder_.path / "narrow.html").string());
-  EXPECT_THAT(dom.out, HasSubstr("<title>width 400</title>")) << dom.err.substr(0, 1000);
-  const auto paper = fs::path(SLICECORR_BIN_DIR).parent_path() / "farm-pictures" / "morning.pdf";
+  DrivenPage page(folder_);
+  page.looks(address, folder_of_pictures(), "morning", "true");
+  // Nothing is wider than a phone, as which it was seen last: only boxes that scroll by themselves
+  // hold wide things.
+  EXPECT_EQ(page.eval("document.documentElement.scrollWidth"), 400);
+  const auto paper = folder_of_pictures() / "morning.pdf";
   fs::remove(paper);
-  browse(folder_, {"--print-to-pdf=" + paper.string()}, address);
+  page.print(paper);
   ASSERT_TRUE(fs::exists(paper));
   EXPECT_GT(fs::file_size(paper), 30'000U);
 }
@@ -199,7 +173,6 @@ class LivePage : public FarmPage {
     options.clock = &farm.clock;
     server_ = std::make_unique<FarmServer>(farm.folder, options);
     thread_ = std::thread([this] { server_->run(); });
-    served_ = true;
   }
   void TearDown() override {
     if (!server_) return;
@@ -283,7 +256,9 @@ TEST_F(LivePage, PicturesOnDeskAndPhone) {
   Farm farm(last_evening());
   fill_night(farm, 130);
   serve(farm);
-  pictures("live", server_->address() + "/", 1750);
+  DrivenPage page(folder_);
+  page.looks(server_->address() + "/", folder_of_pictures(), "live",
+             "document.body.dataset.ready === 'yes'");
 }
 
 }  // namespace

@@ -142,6 +142,7 @@ TEST_F(FarmOnSlurm, ItIsToldWhyNothingRuns) {
   // While its nodes report to it, the controller may refuse, or do it and say that it can't.
   EXPECT_TRUE(eventually([&] {
     run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=resume"});
+    ::usleep(300'000);
     return services_log().find("slurm works again\n") != std::string::npos;
   })) << services_log();
   EXPECT_TRUE(eventually([&] { return count(JobState::done) == 1; }));

@@ -187,7 +187,7 @@ class MemoryOfLight : public FarmUneven {
 
 TEST_F(MemoryOfLight, FollowsTheNumberOfItsValues) {
   const Display display{.width_px = 640, .height_px = 400};
-  write_file(dir / "lattice.stl", lattice_stl(30, 18, 20));
+  write_file(dir / "lattice.stl", lattice_stl(30, 18, 5));
   const std::map<std::string, int> values = {{"weak", 2}, {"strong", 156}};
   for (const auto& [name, n] : values) {
     const auto light = [n = n](int x, int) { return 255 - x % n; };

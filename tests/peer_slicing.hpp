@@ -307,13 +307,15 @@ inline Figures compare(const TriangleMesh& mesh, const std::vector<Bytes>& on,
   for (std::size_t n = 0; n < static_cast<std::size_t>(f.layers); ++n) {
     const auto edges = contours.at(static_cast<int>(n));
     const auto slack = slack_of(edges);
+    const std::uint8_t *const smooth_a = ours[n].data(), *const smooth_b = on[n].data(),
+                              *const hard_a = ours_off[n].data(), *const hard_b = off[n].data();
+    std::uint64_t level = 0, level_peer = 0;
     for (int i = 0; i < kWidth * kHeight; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      const int a = ours[n][k], b = on[n][k];
+      const int a = smooth_a[i], b = smooth_b[i];
       f.lit += a != 0;
-      sum += a;
-      sum_peer += b;
-      const bool off_differs = ours_off[n][k] != off[n][k];
+      level += static_cast<std::uint64_t>(a);
+      level_peer += static_cast<std::uint64_t>(b);
+      const bool off_differs = hard_a[i] != hard_b[i];
       if (a == b && !off_differs) continue;
       const auto at = slack.find(i);
       const Slack s = at == slack.end() ? Slack{} : at->second;
@@ -341,8 +343,7 @@ inline Figures compare(const TriangleMesh& mesh, const std::vector<Bytes>& on,
         for (const Edge& e : edges) nearest = std::min(nearest, distance_to(e, x, y));
         f.furthest = std::max(f.furthest, nearest);
         // Half covered or not, within what coverage may differ by; and an edge in the pixel.
-        const double level = off[n][k] ? a : 255 - a;
-        const bool rule = level + bound + shared >= 127.5;
+        const bool rule = (hard_b[i] ? a : 255 - a) + bound + shared >= 127.5;
         if (nearest <= s.off) {
           ++f.near;
         } else if (rule && nearest <= std::sqrt(0.5) + s.off) {
@@ -352,6 +353,8 @@ inline Figures compare(const TriangleMesh& mesh, const std::vector<Bytes>& on,
         }
       }
     }
+    sum += static_cast<double>(level);
+    sum_peer += static_cast<double>(level_peer);
   }
   f.volume_ratio = sum_peer / sum;
   return f;

@@ -40,6 +40,7 @@ TEST_F(PostFormats, EachInPlaceAndBack) {
   Sl1Options wide_part;
   wide_part.width_px = 1280;
   wide_part.height_px = 800;
+  wide_part.layers = 15;
   make_sl1(folder_ / "wide.sl1", wide_part);
   std::set<std::string> known;
   for (const FormatInfo& format : archive_formats()) {
@@ -63,7 +64,7 @@ TEST_F(PostFormats, EachInPlaceAndBack) {
     const StackInfo info = StackReader::read_info(folder_ / name);
     EXPECT_EQ(info.kind, StackKind::corrected);
     EXPECT_EQ(info.format, format.name);
-    EXPECT_EQ(info.grid.layers, 50);
+    EXPECT_EQ(info.grid.layers, base == "wide" ? wide_part.layers : Sl1Options().layers);
     EXPECT_EQ(post(setup + Command{name}).exit_code, 2) << "a second time";
     const Bytes first = bytes(name);
     good(setup + Command{"--exposure-s", "0.1", "--again", name});

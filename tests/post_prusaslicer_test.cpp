@@ -60,9 +60,9 @@ class PrusaSlicer : public PostFolder {
  protected:
   PrusaSlicer() {
     options_.timeout = std::chrono::minutes(5);
-    // The maker's file has 4 mW/cm²; these parts are for a brighter one, on the same display.
+    // The maker's file has 4 mW/cm²; these parts are for a brighter one, on a quarter of the display.
     write("sl1s.toml",
-          "name = \"sl1s-bright\"\n[display]\nwidth_px = 1620\nheight_px = 2560\npixel_um = 50\n"
+          "name = \"sl1s-bright\"\n[display]\nwidth_px = 810\nheight_px = 1280\npixel_um = 50\n"
           "[blue]\ncalibration = [[0, 0.5], [255, 50.0]]\n");
   }
   static bool installed() { return fs::exists("/usr/bin/prusa-slicer"); }
@@ -78,15 +78,15 @@ class PrusaSlicer : public PostFolder {
                                "--supports-enable=0",
                                "--pad-enable=0",
                                "--display-width",
-                               "128",
+                               "64",
                                "--display-height",
-                               "81",
+                               "40.5",
                                "--display-pixels-x",
-                               "2560",
+                               "1280",
                                "--display-pixels-y",
-                               "1620",
+                               "810",
                                "--bed-shape",
-                               "0x0,128x0,128x81,0x81",
+                               "0x0,64x0,64x40.5,0x40.5",
                                "--display-orientation",
                                "portrait",
                                "--display-mirror-x=1",
@@ -157,7 +157,7 @@ TEST_F(PrusaSlicer, BenchyInPlaceAndBack) {
   if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
   const std::string benchy = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(benchy);
-  const RunResult made = export_sl1(benchy, "0.2", "benchy.sl1", {"--scale", "0.4"});
+  const RunResult made = export_sl1(benchy, "0.2", "benchy.sl1", {"--scale", "0.25"});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   fs::copy_file(folder_ / "benchy.sl1", folder_ / "before.sl1");
   good(kSetup + Command{"--backup", "benchy.sl1"});

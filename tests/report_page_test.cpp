@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "browser.hpp"
+#include "devtools.hpp"
 #include "ladder.hpp"
 #include "lattice.hpp"
 #include "models.hpp"
@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 using test::browse;
 using test::chromium;
-using test::selftest_of;
+using test::DrivenPage;
 using Folder = test::BrowserFolder;
 
 struct Page {
@@ -50,26 +50,30 @@ class ReportPage : public ::testing::Test {
   void SetUp() override {
     if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
     Printer printer = test::linear_printer(1, 100);
-    printer.width_px = 320;
-    printer.height_px = 320;
+    printer.width_px = 200;
+    printer.height_px = 140;
     setup_ = {printer, test::resin(576, 2000), test::process(1000)};
-    target_.emplace(test::lattice(3, 3, 4, 3, 0.4), printer, SliceOptions{});
-    page_ = lattice_page(*target_, setup_);
-    std::ofstream(folder_.path / "page.html") << page_.html;
-    address_ = "file://" + (folder_.path / "page.html").string();
+    // Along x it has more pixels than the page has cells.
+    target_.emplace(test::lattice(3, 2, 2, 3, 0.4), printer, SliceOptions{});
+  }
+  /// Writes a page; its address.
+  std::string write(const std::string& html) const {
+    std::ofstream(folder_.path / "page.html") << html;
+    return "file://" + (folder_.path / "page.html").string();
   }
   Folder folder_;
   slicecorr::Setup setup_;
   std::optional<MeshSlices> target_;
-  Page page_;
-  std::string address_;
 };
 
 TEST_F(ReportPage, ControlsWork) {
-  for (const char* window : {"--window-size=1280,900", "--window-size=500,900"}) {
-    const auto result = browse(folder_, {"--dump-dom", window}, address_ + "#selftest");
-    const auto test = selftest_of(result.out);
-    ASSERT_TRUE(test.is_object()) << result.err.substr(0, 2000);
+  const CorrectedSlices corrected(*target_, setup_);
+  const ReducedVolume v = reduce_volume(corrected, *target_, setup_, kReportCells);
+  const std::string address = write(lattice_page(*target_, setup_).html);
+  DrivenPage page(folder_);
+  for (const int window : {1280, 500}) {
+    const auto test = page.selftest(address, window);
+    ASSERT_TRUE(test.is_object());
     EXPECT_EQ(test.value("error", ""), "");
     for (const auto& [name, passed] : test["checks"].items()) {
       EXPECT_TRUE(passed.get<bool>()) << window << ": " << name;
@@ -78,7 +82,6 @@ TEST_F(ReportPage, ControlsWork) {
     RecordProperty("first_picture_ms", test["firstPictureMs"].get<int>());
     // The page computes a column as the program does.
     const int x = test["column"]["x"], y = test["column"]["y"];
-    const CorrectedSlices corrected(*target_, setup_);
     const auto rows = probe_stack(corrected, nullptr, setup_, x, y);
     ASSERT_EQ(test["column"]["levels"].size(), rows.size());
     for (const ProbeRow& row : rows) {
@@ -87,19 +90,10 @@ TEST_F(ReportPage, ControlsWork) {
       ASSERT_NEAR(test["column"]["dose"][n].get<double>(), row.dose, 1e-9);
     }
     // Wrong cells as counted by the library.
-    const ReducedVolume v = reduce_volume(corrected, *target_, setup_, kReportCells);
     std::size_t through = 0;
     for (const std::uint8_t s : v.before.state) through += s & kCellCureThrough;
     EXPECT_EQ(test["wrong"][0][0].get<std::size_t>(), through);
   }
-}
-
-/// What the page's own test finds in a page opened from the folder.
-nlohmann::json selftest_in(const Folder& folder, const std::string& html) {
-  std::ofstream(folder.path / "other.html") << html;
-  const auto result = browse(folder, {"--dump-dom", "--window-size=1280,900"},
-                             "file://" + (folder.path / "other.html").string() + "#selftest");
-  return selftest_of(result.out);
 }
 
 /// The kernel of layer by layer exposure as tables of two distances, with a tail: as the page gets
@@ -133,6 +127,7 @@ TEST_F(ReportPage, ColumnsLayerByLayerAndFromAKernel) {
   setup.process.mode = ExposureMode::layerwise;
   setup.process.exposure_s = 0.16;
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, 50);
+  DrivenPage page(folder_);
   for (const bool kernel : {false, true}) {
     // Both give the same doses; the tables are in single precision. A schedule of its own goes with
     // the first only.
@@ -143,7 +138,7 @@ TEST_F(ReportPage, ColumnsLayerByLayerAndFromAKernel) {
     const auto at = html.find(mark);
     ASSERT_NE(at, std::string::npos);
     if (kernel) html.insert(at + mark.size(), ",\"kernel\":" + kernel_of(model));
-    const auto test = selftest_in(folder_, html);
+    const auto test = page.selftest(write(html), 1280);
     ASSERT_TRUE(test.is_object());
     EXPECT_EQ(test.value("error", ""), "");
     for (const auto& [name, passed] : test["checks"].items()) {
@@ -161,30 +156,16 @@ TEST_F(ReportPage, ColumnsLayerByLayerAndFromAKernel) {
 }
 
 TEST_F(ReportPage, PicturesOnDeskAndPhoneLightAndDark) {
-  const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "report-pictures";
-  fs::create_directories(out);
-  const std::vector<std::pair<std::string, std::vector<std::string>>> looks = {
-      {"desk-light.png", {"--window-size=1280,3600"}},
-      {"desk-dark.png", {"--window-size=1280,3600", "--blink-settings=preferredColorScheme=0"}},
-      {"phone.png", {"--window-size=500,5000"}}};
-  // The browser makes no window as narrow as a phone, but a frame of 400 pixels.
-  std::ofstream(folder_.path / "phone.html")
-      << "<body style='margin:0'><iframe src='page.html' width=400 height=5000 style='border:0'>";
-  for (const auto& [name, flags] : looks) {
-    fs::remove(out / name);
-    auto all = flags;
-    all.push_back("--screenshot=" + (out / name).string());
-    const bool phone = name == "phone.png";
-    const auto result =
-        browse(folder_, all, phone ? "file://" + (folder_.path / "phone.html").string() : address_);
-    ASSERT_TRUE(fs::exists(out / name)) << result.err.substr(0, 2000);
-    EXPECT_GT(fs::file_size(out / name), 30000U) << name;
-  }
+  const std::string address = write(lattice_page(*target_, setup_).html);
+  DrivenPage page(folder_);
+  page.looks(address, fs::path(SLICECORR_BIN_DIR).parent_path() / "report-pictures", "report",
+             "document.documentElement.dataset.ready");
 }
 
 TEST_F(ReportPage, PrintsWithoutScripts) {
   const auto paper = folder_.path / "page.pdf";
-  const std::string still = page_.html.substr(0, page_.html.find("<script"));
+  const std::string html = lattice_page(*target_, setup_).html;
+  const std::string still = html.substr(0, html.find("<script"));
   EXPECT_NE(still.find("<section id=\"explorer\" hidden"), std::string::npos);
   std::ofstream(folder_.path / "still.html") << still;
   const auto result = browse(folder_, {"--print-to-pdf=" + paper.string()},
@@ -208,17 +189,17 @@ void expect_small_page(int cells, int display_px) {
   if (chromium().empty()) GTEST_SKIP() << "chromium is not installed: page made, not opened";
   const Folder folder;
   std::ofstream(folder.path / "page.html") << page.html;
-  const auto result = browse(folder, {"--dump-dom", "--window-size=1280,900"},
-                             "file://" + (folder.path / "page.html").string() + "#selftest");
-  const auto test = selftest_of(result.out);
-  ASSERT_TRUE(test.is_object()) << result.err.substr(0, 2000);
+  DrivenPage browser(folder);
+  const auto test = browser.selftest("file://" + (folder.path / "page.html").string(), 1280);
+  ASSERT_TRUE(test.is_object());
   EXPECT_TRUE(test["ok"].get<bool>()) << test["checks"].dump() << test.value("error", "");
 }
 
-/// 30 million voxels.
-TEST(ReportSize, AFewMegabytes) { expect_small_page(10, 320); }
+/// Nearly as many cells as there may be, of one voxel each.
+TEST(ReportSize, AFewMegabytes) { expect_small_page(5, 160); }
 
-/// 240 million voxels.
+/// 30 and 240 million voxels.
+TEST(ReportSizeNight, AFewMegabytesOfAPart) { expect_small_page(10, 320); }
 TEST(ReportSizeNight, AFewMegabytesWhateverThePart) { expect_small_page(20, 640); }
 
 }  // namespace

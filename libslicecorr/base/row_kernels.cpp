@@ -100,11 +100,4 @@ bool copy_and_find_greys(const std::uint8_t* pixels, std::size_t words, std::uin
 }
 
 }  // namespace slicecorr::detail
-
-/// In place of Highway's own: its shared library measures the timer of its benchmarks, which nobody
-/// uses here, for 8 ms at the start of every program.
-namespace hwy::platform {
-__attribute__((visibility("default"))) std::uint64_t TimerResolution();
-std::uint64_t TimerResolution() { return 1; }
-}  // namespace hwy::platform
 #endif

@@ -51,10 +51,10 @@ class ReportPage : public ::testing::Test {
     if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
     Printer printer = test::linear_printer(1, 100);
     printer.width_px = 200;
-    printer.height_px = 140;
+    printer.height_px = 80;
     setup_ = {printer, test::resin(576, 2000), test::process(1000)};
     // Along x it has more pixels than the page has cells.
-    target_.emplace(test::lattice(3, 2, 2, 3, 0.4), printer, SliceOptions{});
+    target_.emplace(test::lattice(3, 1, 1, 3, 0.4), printer, SliceOptions{});
   }
   /// Writes a page; its address.
   std::string write(const std::string& html) const {

@@ -200,9 +200,9 @@ void real_part(const std::string& name, double scale, int pixels, double layer_u
   const TemporaryFolder folder;
   Placement placement;
   placement.scale = scale;
-  const Printed p = print(read_mesh(path, placement),
-                          flow_setup(flow_printer(pixels, true, layer_um), even, 120),
-                          folder.path(), true, layer_um);
+  const Printed p =
+      print(read_mesh(path, placement), flow_setup(flow_printer(pixels, true, layer_um), even, 120),
+            folder.path(), true, layer_um);
   tell(name, p);
   // What images show is clearly better than without, and nowhere worse than what even_finder.cpp lets be:
   // of slices without a pattern 3 % of the section, and two cells.

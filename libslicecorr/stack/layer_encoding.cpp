@@ -10,8 +10,8 @@ namespace slicecorr::detail {
 
 EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size_t count,
                             const ReadPixels& read_pixels, const BinaryFile* kept,
-                            const ArchiveContents& kept_contents, bool with_adlers, BlobStore& store,
-                            const ExecutionContext& context) {
+                            const ArchiveContents& kept_contents, bool with_adlers,
+                            BlobStore& store, const ExecutionContext& context) {
   const auto pieces = static_cast<std::size_t>(codec.pieces());
   EncodedLayers coded{std::vector<BlobStore::Blob>(count * pieces),
                       std::vector<std::uint32_t>(count),

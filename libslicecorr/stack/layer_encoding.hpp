@@ -28,7 +28,7 @@ using ReadPixels = std::function<void(std::size_t slice, std::uint8_t* pixels)>;
 /// whoever made that; `kept` may be null. Without `with_adlers`, `adlers` are all 0.
 EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size_t count,
                             const ReadPixels& read_pixels, const BinaryFile* kept,
-                            const ArchiveContents& kept_contents, bool with_adlers, BlobStore& store,
-                            const ExecutionContext& context);
+                            const ArchiveContents& kept_contents, bool with_adlers,
+                            BlobStore& store, const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

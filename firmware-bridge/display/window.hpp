@@ -45,7 +45,8 @@ class Window {
   virtual std::string check() = 0;
 };
 
-using OpenWindow = std::unique_ptr<Window> (*)(const WindowWanted& wanted, WindowFound& found);
+/// The caller owns what it returns.
+using OpenWindow = Window* (*)(const WindowWanted& wanted, WindowFound& found);
 
 /// Name of the module's function, an `OpenWindow`.
 inline constexpr const char* kWindowModuleEntry = "slicecorr_open_window";

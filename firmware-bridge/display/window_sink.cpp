@@ -256,7 +256,11 @@ std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Ma
                                             BridgeClock& clock) {
   const auto open = reinterpret_cast<OpenWindow>(
       slicecorr::detail::module_entry("slicecorr-window.so", kWindowModuleEntry, "opens windows"));
-  return detail::make_window_sink(display, machine, clock, open);
+  return detail::make_window_sink(
+      display, machine, clock,
+      [open](const detail::WindowWanted& wanted, detail::WindowFound& found) {
+        return std::unique_ptr<detail::Window>(open(wanted, found));
+      });
 }
 
 }  // namespace slicecorr::bridge

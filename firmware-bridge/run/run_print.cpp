@@ -65,7 +65,6 @@ class Run {
       FrameSink& sink, FrameSink* uv_sink, BridgeClock& clock, const StateFolder& folder,
       const RunOptions& options, const ExecutionContext& context)
       : plan_(plan),
-        machine_(machine),
         link_(link),
         sink_(sink),
         uv_sink_(uv_sink),
@@ -348,7 +347,6 @@ class Run {
   }
 
   const PrintPlan& plan_;
-  const Machine& machine_;
   Link& link_;
   FrameSink& sink_;
   FrameSink* const uv_sink_;

@@ -55,7 +55,8 @@ std::string metrics_text(const Seen& seen, const FaultCounts& faults) {
   t.one("frame_lateness_worst_seconds", "gauge", "The greatest of these.", l.worst_ms * 1e-3);
   if (f.turns()) {
     t.one("turn", "gauge", "Turn that is shown, from 1; 0 before the first frame.", turn_of(f, s));
-    t.one("turns", "gauge", "Turns of the print.", f.frames / f.angles);
+    const int turns = f.frames / f.angles;
+    t.one("turns", "gauge", "Turns of the print.", turns);
     t.one("angle_degrees", "gauge", "Angle of the stage within its turn, from the index on.",
           angle_in_turn_deg(f, s));
     t.one("speed_degrees_per_second", "gauge", "Speed of the stage, measured.",

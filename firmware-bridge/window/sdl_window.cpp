@@ -313,8 +313,8 @@ std::unique_ptr<Window> open_window(const WindowWanted& wanted, WindowFound& fou
 }  // namespace
 }  // namespace slicecorr::bridge::detail
 
-extern "C" __attribute__((visibility("default"))) std::unique_ptr<slicecorr::bridge::detail::Window>
+extern "C" __attribute__((visibility("default"))) slicecorr::bridge::detail::Window*
 slicecorr_open_window(const slicecorr::bridge::detail::WindowWanted& wanted,
                       slicecorr::bridge::detail::WindowFound& found) {
-  return slicecorr::bridge::detail::open_window(wanted, found);
+  return slicecorr::bridge::detail::open_window(wanted, found).release();
 }

@@ -370,24 +370,24 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
   return true;
 }
 
-bool LevelSearch::search(double below, std::uint8_t* out, std::size_t from) {
+bool LevelSearch::search(double below, std::uint8_t* levels, std::size_t from) {
   const ContinuousPlan& p = plan_;
   for (std::size_t t = from; t < p.ladder.size(); t += 2) {
-    if (!aim(p.ladder[t]) || !depth_first(steps_.data(), below, out)) continue;
+    if (!aim(p.ladder[t]) || !depth_first(steps_.data(), below, levels)) continue;
     std::uint8_t better[kMost];
     if (t > 0 && aim(p.ladder[t - 1]) && depth_first(steps_.data(), below, better)) {
-      std::memcpy(out, better, static_cast<std::size_t>(count_));
+      std::memcpy(levels, better, static_cast<std::size_t>(count_));
     }
     return true;
   }
-  if (aim(kWidest) && survivors(below, out)) {
+  if (aim(kWidest) && survivors(below, levels)) {
     double good = kWidest, bad = p.tolerance[0];
     std::uint8_t better[kMost];
     while (good > bad * kSameTolerance) {
       const double middle = std::sqrt(good * bad);
       if (aim(middle) && survivors(below, better)) {
         good = middle;
-        std::memcpy(out, better, static_cast<std::size_t>(count_));
+        std::memcpy(levels, better, static_cast<std::size_t>(count_));
       } else {
         bad = middle;
       }
@@ -412,14 +412,14 @@ const LevelSearch::Prepared& LevelSearch::prepared(const RunAt& run, int n) {
   return *one;
 }
 
-int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out,
+int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* levels,
                         const double* taken) {
   const int j = n - run.node;
   taken_ = taken;
   // Of one slice, as if its dose had been less before it.
   const double told = taken ? below - taken[0] * plan_.b * plan_.per_a : below;
   if (!looks_ahead(run, n)) {
-    out[0] = static_cast<std::uint8_t>(one_slice(run, n, told));
+    levels[0] = static_cast<std::uint8_t>(one_slice(run, n, told));
     return 1;
   }
   // All columns with the same edge have the same above it; of what lies below, only whether the
@@ -435,7 +435,7 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
   Known& known = known_[static_cast<std::size_t>(mixed >> 40) % known_.size()];
   if (!taken && known.edge == run.edge && known.j == j && known.bits == bits &&
       known.first == first && known.height == height) {
-    std::memcpy(out, known.levels, known.count);
+    std::memcpy(levels, known.levels, known.count);
     return known.count;
   }
   int chosen = 0;
@@ -445,21 +445,21 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
     const Prepared& usual = prepared(run, n);
     if (usual.ready) {
       count_ = chosen = plan_.together + 1;
-      found = depth_first(usual.steps.data(), below, out);
+      found = depth_first(usual.steps.data(), below, levels);
       tried = 2;
     }
   }
   if (!found) {
     gather(run, n);
     chosen = cut_ ? first_edge_ : count_;
-    if (!search(below, out, tried)) {
-      out[0] = static_cast<std::uint8_t>(one_slice(run, n, told));
+    if (!search(below, levels, tried)) {
+      levels[0] = static_cast<std::uint8_t>(one_slice(run, n, told));
       return 1;
     }
   }
   if (!taken && chosen <= Known::kSlices) {
     known = {bits, run.edge, j, first, height, static_cast<std::uint8_t>(chosen), {}};
-    std::memcpy(known.levels, out, static_cast<std::size_t>(chosen));
+    std::memcpy(known.levels, levels, static_cast<std::size_t>(chosen));
   }
   return chosen;
 }
@@ -490,24 +490,25 @@ int LevelSearch::one_slice_near(const RunAt& run, int n, double below, const Wan
   return one_slice(run, n, below);
 }
 
-bool LevelSearch::search_below(double below, const Wanted& wanted, double room, std::uint8_t* out) {
+bool LevelSearch::search_below(double below, const Wanted& wanted, double room,
+                               std::uint8_t* levels) {
   // An edge that is where it should comes before a dose that is: of tolerances only the finest.
   constexpr std::size_t most = 6;
   most_ = wanted.most;
   room_ = room;
   bool found = false;
   for (std::size_t t = 0; t <= most && t < plan_.ladder.size() && !found; t += 2) {
-    found = aim(plan_.ladder[t]) && depth_first(steps_.data(), below, out);
+    found = aim(plan_.ladder[t]) && depth_first(steps_.data(), below, levels);
   }
   most_ = nullptr;
   return found;
 }
 
 int LevelSearch::choose_near(const RunAt& run, int n, double below, const Wanted& wanted,
-                             std::uint8_t* out) {
+                             std::uint8_t* levels) {
   taken_ = nullptr;
   if (!looks_ahead(run, n)) {
-    out[0] = static_cast<std::uint8_t>(one_slice_near(run, n, below, wanted));
+    levels[0] = static_cast<std::uint8_t>(one_slice_near(run, n, below, wanted));
     return 1;
   }
   gather(run, n);
@@ -520,10 +521,10 @@ int LevelSearch::choose_near(const RunAt& run, int n, double below, const Wanted
     const int chosen = cut_ ? first_edge_ : count_;
     for (const double room : {wanted.room, wanted.room + plan_.feature_reserve,
                               wanted.room + 4 * plan_.feature_reserve}) {
-      if (search_below(below, wanted, room, out)) return chosen;
+      if (search_below(below, wanted, room, levels)) return chosen;
     }
   }
-  return choose(run, n, below, out);
+  return choose(run, n, below, levels);
 }
 
 }  // namespace slicecorr::detail

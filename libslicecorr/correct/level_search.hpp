@@ -140,9 +140,9 @@ class LevelSearch {
   bool search_below(double below, const Wanted& wanted, double room, std::uint8_t* levels);
   double grey_aim(const RunAt& run, int n, double below) const;
   /// Whether a feature and a gap meet at this edge.
-  bool is_edge(std::int32_t edge) const;
+  bool is_edge(std::int32_t id) const;
   /// Gathers the slices that are chosen together from n on; returns how many.
-  int gather(const RunAt& run, int n);
+  int gather(const RunAt& start, int n);
   /// Sets rules and targets for edges within `tolerance`; false: no light meets them.
   bool aim(double tolerance);
   bool aim(const EdgeCorners& at);
@@ -152,8 +152,8 @@ class LevelSearch {
   bool hold_below(SearchStep& step, int k) const;
   /// Finds levels of the gathered slices; false: no sequence of levels is right.
   bool search(double below, std::uint8_t* levels, std::size_t from);
-  bool depth_first(const SearchStep* steps, double below, std::uint8_t* levels) const;
-  bool survivors(double below, std::uint8_t* levels);
+  bool depth_first(const SearchStep* steps, double below, std::uint8_t* out) const;
+  bool survivors(double below, std::uint8_t* out);
 
   const Edges& edges_;
   const ContinuousPlan& plan_;

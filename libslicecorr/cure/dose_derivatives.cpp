@@ -144,7 +144,7 @@ BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, co
                                  const NearbyModels* nearby)
     : model_(model), wanted_(wanted) {
   if (model.inhibited && nearby && !wanted.noise) {
-    differences_.reset(new Differences{BandDose(model, columns), {}, {}});
+    differences_ = std::make_unique<Differences>(Differences{BandDose(model, columns), {}, {}});
     const auto add = [&](std::vector<double> Fields::*field, const CureModel& near, double step) {
       differences_->each.push_back({field, 1 / step, BandDose(near, columns)});
     };

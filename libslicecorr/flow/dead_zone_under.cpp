@@ -39,19 +39,19 @@ FlowSection for_fixed_point(const FlowSection& fine) {
 
 }  // namespace
 
-DeadZoneRange dead_zone_under(const FlowSection& given, const FlowResin& resin, double speed_mm_h,
+DeadZoneRange dead_zone_under(const FlowSection& section, const FlowResin& resin, double speed_mm_h,
                               double start_um, const FlowLight& light,
                               const ExecutionContext& context) {
-  const FlowSection section = for_fixed_point(given);
+  const FlowSection s = for_fixed_point(section);
   const double speed_um_s = speed_mm_h / 3.6;
-  const std::vector<double> distance_um = outline_distance_um(section);
+  const std::vector<double> distance_um = outline_distance_um(s);
   std::vector<std::size_t> part;
-  for (std::size_t k = 0; k < section.size(); ++k) {
-    if (section.cells[k] == FlowCell::part) part.push_back(k);
+  for (std::size_t k = 0; k < s.size(); ++k) {
+    if (s.cells[k] == FlowCell::part) part.push_back(k);
   }
-  std::vector<double> gap_um(section.size(), start_um), felt_um = gap_um;
-  std::vector<double> low_um(section.size(), kThickestGapUm), high_um(section.size(), 0);
-  GapPressure now = solve_pressure(section, context);
+  std::vector<double> gap_um(s.size(), start_um), felt_um = gap_um;
+  std::vector<double> low_um(s.size(), kThickestGapUm), high_um(s.size(), 0);
+  GapPressure now = solve_pressure(s, context);
   DeadZoneRange zone;
   // Where the front of the even gap comes to 1 at the rate that holds there.
   std::vector<double> first_um;
@@ -66,14 +66,14 @@ DeadZoneRange dead_zone_under(const FlowSection& given, const FlowResin& resin, 
     context.check_cancelled();
     const bool even = zone.rounds == 0;
     if (!even) {
-      felt_um = felt_gap_um(section, gap_um);
+      felt_um = felt_gap_um(s, gap_um);
       // Beside the part the flow feels nothing.
-      for (std::size_t k = 0; k < section.size(); ++k) {
-        if (section.cells[k] != FlowCell::part) felt_um[k] = start_um;
+      for (std::size_t k = 0; k < s.size(); ++k) {
+        if (s.cells[k] != FlowCell::part) felt_um[k] = start_um;
       }
-      now = solve_pressure(section, felt_um, start_um, context);
+      now = solve_pressure(s, felt_um, start_um, context);
     }
-    const SectionSweep sweep(section, now, resin, speed_mm_h,
+    const SectionSweep sweep(s, now, resin, speed_mm_h,
                              even ? std::span<const double>(&start_um, 1) : felt_um, {kLevels});
     const SectionDose dose = sweep.dose({&light.blue_mw_cm2, 1}, {&light.uv_mw_cm2, 1});
     if (even) {

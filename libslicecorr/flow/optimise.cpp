@@ -507,8 +507,8 @@ Scan scan_gaps(const Task& task, bool refined) {
   const GapPressure pressure = solve_pressure(coarse, task.context);
   const Scan below =
       scan_gaps(make_task(coarse, pressure, task.resin, task.speed_mm_h, goal, task.context), true);
-  const Scan scan{below.gap_um, detail::on_finer(s, coarse, below.blue),
-                  detail::on_finer(s, coarse, below.uv), below.iterations};
+  Scan scan{below.gap_um, detail::on_finer(s, coarse, below.blue),
+            detail::on_finer(s, coarse, below.uv), below.iterations};
   if (!refined || task.goal.pattern == FlowPattern::constant) return scan;
   const AtGap at(task, scan.gap_um);
   return scan_of(task, at, at.patterned(at.shares(scan.blue, scan.uv), kRefine), scan.iterations);

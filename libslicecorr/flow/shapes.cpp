@@ -58,10 +58,12 @@ double rectangle_mean_phi_um2(double w, double l) {
   return 12 * square(w) * (1.0 / 12 - 16 * w / (square(kPi * kPi) * kPi * l) * sum);
 }
 
-double ring_phi_um2(double a, double b, double r) {
+double ring_phi_um2(double inner_um, double outer_um, double r) {
+  const double a = inner_um, b = outer_um;
   return 3 * (square(b) - square(r) - (square(b) - square(a)) * std::log(b / r) / std::log(b / a));
 }
-double ring_peak_um(double a, double b) {
+double ring_peak_um(double inner_um, double outer_um) {
+  const double a = inner_um, b = outer_um;
   return std::sqrt((square(b) - square(a)) / (2 * std::log(b / a)));
 }
 

@@ -448,26 +448,26 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
   return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
-Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
+Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
-  Setup setup = asked;
-  setup.printer = printer_for_file(asked.printer, file, target.grid(), context);
+  Setup for_file = setup;
+  for_file.printer = printer_for_file(setup.printer, file, target.grid(), context);
   StackInfo planned;
   planned.kind = StackKind::corrected;
   planned.grid = target.grid();
-  planned.process = setup.process;
+  planned.process = for_file.process;
   check_file_times(file, planned);
   const SlicesAlone alone(target);
-  const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
-  if (wanted.doses()) detail::check_graded(wanted, setup);
-  if (setup.uncertainty) detail::check_uncertain(setup);
-  if (judges_suction(setup)) {
-    plan_correction(wanted, setup, context);  // what does not fit is refused first
-    judge_suction(target, setup, context);
+  const SliceSource& wanted = for_file.process.surface == Surface::mesh ? target : alone;
+  if (wanted.doses()) detail::check_graded(wanted, for_file);
+  if (for_file.uncertainty) detail::check_uncertain(for_file);
+  if (judges_suction(for_file)) {
+    plan_correction(wanted, for_file, context);  // what does not fit is refused first
+    judge_suction(target, for_file, context);
   }
-  if (detail::spreads(setup))
-    return detail::correct_spread_stack(wanted, setup, file, ask, context);
-  StackCorrection correction(wanted, setup, file, ask, context);
+  if (detail::spreads(for_file))
+    return detail::correct_spread_stack(wanted, for_file, file, ask, context);
+  StackCorrection correction(wanted, for_file, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
   correction.tell_shortcomings(result.after);

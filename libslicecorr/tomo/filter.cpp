@@ -62,27 +62,28 @@ void ramp_filter(const ExecutionContext& context, Light& light, Window window, d
     const double mean = (high * high - low * low) / (k == 0 ? 2 * half : 4 * half);
     ramp[k] = static_cast<float>((cut > 0 ? mean : share) * window_at(window, share));
   }
-  const int lanes = grid.light_lanes(), angles = grid.angles;
+  const auto lanes = static_cast<std::size_t>(grid.light_lanes()),
+             pixels = static_cast<std::size_t>(grid.pixels);
   // Two rows at once, one as the real and one as the imaginary part: the filter is real and even.
-  const std::size_t rows = static_cast<std::size_t>(angles) * lanes;
+  const std::size_t rows = static_cast<std::size_t>(grid.angles) * lanes;
   parallel_for(context, "filtering", light.grid.blocks(), [&](std::size_t b) {
     Eigen::FFT<float> fft;
     std::vector<Complex> line(size), spectrum(size);
     float* block = light.block(b);
     const auto at = [&](std::size_t row) {
-      return block + row / lanes * grid.pixels * lanes + row % lanes;
+      return block + row / lanes * pixels * lanes + row % lanes;
     };
     for (std::size_t row = 0; row < rows; row += 2) {
       float* first = at(row);
       float* second = row + 1 < rows ? at(row + 1) : nullptr;
       std::fill(line.begin(), line.end(), Complex());
-      for (int i = 0; i < grid.pixels; ++i) {
+      for (std::size_t i = 0; i < pixels; ++i) {
         line[i] = {first[i * lanes], second == nullptr ? 0 : second[i * lanes]};
       }
       fft.fwd(spectrum.data(), line.data(), size);
       for (int k = 0; k < size; ++k) spectrum[k] *= ramp[k];
       fft.inv(line.data(), spectrum.data(), size);
-      for (int i = 0; i < grid.pixels; ++i) {
+      for (std::size_t i = 0; i < pixels; ++i) {
         first[i * lanes] = line[i].real();
         if (second != nullptr) second[i * lanes] = line[i].imag();
       }

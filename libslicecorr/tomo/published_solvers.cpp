@@ -26,8 +26,8 @@ void clip(Light& light, double sigmas) {
     sum += v;
     squares += static_cast<double>(v) * v;
   }
-  const double count = static_cast<double>(light.values.size() / (grid.blocks() * lanes)) *
-                       (grid.coupled() ? grid.rows : grid.slices);
+  const std::size_t of_lane = light.values.size() / (grid.blocks() * lanes);
+  const double count = static_cast<double>(of_lane) * (grid.coupled() ? grid.rows : grid.slices);
   const double mean = sum / count;
   const double most = mean + sigmas * std::sqrt(std::max(0.0, squares / count - mean * mean));
   for (float& v : light.values) v = std::min(v, static_cast<float>(most));

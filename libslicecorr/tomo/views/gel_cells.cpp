@@ -33,7 +33,7 @@ int hundredths_of(double share) {
 
 }  // namespace
 
-GelTimes gel_cells(const RoundSource& s, int every) {
+GelTimes gel_cells(const RoundSource& s, int voxels_per_cell) {
   int low[3] = {s.nx, s.ny, s.nz}, high[3] = {-1, -1, -1};
   for (int z = 0; z < s.nz; ++z) {
     for (int y = 0; y < s.ny; ++y) {
@@ -52,9 +52,11 @@ GelTimes gel_cells(const RoundSource& s, int every) {
     }
   }
   GelTimes g;
-  g.voxels_per_cell = every;
-  g.cell_mm = every * s.voxel_mm;
-  const auto cells = [&](int i) { return std::max(1, (high[i] - low[i] + every) / every); };
+  g.voxels_per_cell = voxels_per_cell;
+  g.cell_mm = voxels_per_cell * s.voxel_mm;
+  const auto cells = [&](int i) {
+    return std::max(1, (high[i] - low[i] + voxels_per_cell) / voxels_per_cell);
+  };
   g.nx = cells(0);
   g.ny = cells(1);
   g.nz = cells(2);
@@ -65,7 +67,7 @@ GelTimes gel_cells(const RoundSource& s, int every) {
       for (int cx = 0; cx < g.nx; ++cx) {
         const auto place = [&](int i, int c, int d) {
           const int sizes[3] = {s.nx, s.ny, s.nz};
-          return std::min(sizes[i] - 1, std::max(0, low[i]) + c * every + d);
+          return std::min(sizes[i] - 1, std::max(0, low[i]) + c * voxels_per_cell + d);
         };
         std::uint8_t time = 0;
         Kept kind = Kept::empty;
@@ -80,10 +82,11 @@ GelTimes gel_cells(const RoundSource& s, int every) {
           return kind == (gels ? Kept::empty : Kept::part);
         };
         bool wrong = false;
-        for (int d = 0; d < every * every * every && !wrong; ++d) {
-          wrong = look(d % every, d / every % every, d / (every * every));
+        for (int d = 0; d < voxels_per_cell * voxels_per_cell * voxels_per_cell && !wrong; ++d) {
+          wrong = look(d % voxels_per_cell, d / voxels_per_cell % voxels_per_cell,
+                       d / (voxels_per_cell * voxels_per_cell));
         }
-        if (!wrong) look(every / 2, every / 2, every / 2);
+        if (!wrong) look(voxels_per_cell / 2, voxels_per_cell / 2, voxels_per_cell / 2);
         const std::size_t to = place_of(g.nx, g.ny, cx, cy, cz);
         g.time[to] = time;
         g.kind[to] = static_cast<std::uint8_t>(kind);

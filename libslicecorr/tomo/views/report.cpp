@@ -432,7 +432,9 @@ std::vector<SliceContrast> contrast_of_slices(const Printed& p) {
   return slices;
 }
 
-GelTimes gel_times(const Printed& p, int every) { return detail::gel_cells(round_of(p), every); }
+GelTimes gel_times(const Printed& p, int voxels_per_cell) {
+  return detail::gel_cells(round_of(p), voxels_per_cell);
+}
 
 std::string report_page(const Printed& p, const std::string& title,
                         const ExecutionContext& context) {

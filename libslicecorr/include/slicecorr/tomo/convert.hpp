@@ -30,7 +30,7 @@ struct ImageSequence {
 /// Throws `InputError` naming folder and image for images of another size, kind or number than a
 /// turn of the projector has, for levels that the printer does not have, and for rows that light one
 /// slice and differ; as `placed` and `make_bench`.
-TomoJob job_of_images(const ImageSequence& images, const Printer& printer, const Resin& resin,
+TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, const Resin& resin,
                       const Box<std::uint8_t>& part, double voxel_mm,
                       const ExecutionContext& context = {});
 

@@ -198,8 +198,7 @@ class LightAdder {
         sums.followed[cell] += share;
         for (std::size_t k = 0; k < 9; ++k) {
           const double of_cell = row.shares[k / 3] * column.shares[k % 3];
-          // Never below 0, so this rounds as lround does, which is a call.
-          // NOLINTNEXTLINE(bugprone-incorrect-roundings)
+          // NOLINTNEXTLINE(bugprone-incorrect-roundings): never below 0, and lround is a call.
           sums.shares[cell][k] += share * static_cast<std::int32_t>(of_cell * kShareUnit + 0.5);
         }
       }

@@ -10,7 +10,7 @@
 
 namespace slicecorr::detail {
 
-KeptImages::KeptImages(const SliceSource& target, std::vector<int> whole,
+KeptImages::KeptImages(const SliceSource& target, const std::vector<int>& whole,
                        const std::vector<PixelBox>& bands)
     : target_(target), whole_(static_cast<std::size_t>(target.grid().layers), 0) {
   for (const int n : whole) {
@@ -94,12 +94,12 @@ void solve_columns(const PlacePlans& plans, std::uint8_t value, std::size_t colu
 
 }  // namespace
 
-KeptImages solved_images(const SliceSource& target, const Setup& setup, std::vector<int> whole,
-                         const ExecutionContext& context) {
+KeptImages solved_images(const SliceSource& target, const Setup& setup,
+                         const std::vector<int>& whole, const ExecutionContext& context) {
   const PlacePlans plans(target, setup, context);
   const LightMap& map = plans.models().map();
   const auto bands = bands_of(target.grid(), target.bounds());
-  KeptImages images(target, std::move(whole), bands);
+  KeptImages images(target, whole, bands);
   parallel_for(context, "try the light", bands.size(), [&](std::size_t i) {
     const PixelBox& box = bands[i];
     const auto put = [&](int n, const std::uint8_t* pixels) { images.put(i, n, pixels); };

@@ -16,7 +16,8 @@ namespace slicecorr::detail {
 class KeptImages final : public SliceSource {
  public:
   /// `whole`: slices that are kept as grey values. `bands`: what is put, from the top row down.
-  KeptImages(const SliceSource& target, std::vector<int> whole, const std::vector<PixelBox>& bands);
+  KeptImages(const SliceSource& target, const std::vector<int>& whole,
+             const std::vector<PixelBox>& bands);
   const Grid& grid() const override { return target_.grid(); }
   PixelBox bounds() const override { return target_.bounds(); }
   ImageFrame frame() const override { return target_.frame(); }
@@ -38,7 +39,7 @@ class KeptImages final : public SliceSource {
 };
 
 /// What `correct_stack` will show with the even light of a setup, by the same solve. Throws as it does.
-KeptImages solved_images(const SliceSource& target, const Setup& setup, std::vector<int> whole,
-                         const ExecutionContext& context);
+KeptImages solved_images(const SliceSource& target, const Setup& setup,
+                         const std::vector<int>& whole, const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

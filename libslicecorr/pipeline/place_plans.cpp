@@ -397,8 +397,8 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
   return *made;
 }
 
-BandCorrector::ColumnLevels PlacePlans::even_levels(std::uint8_t value,
-                                                    BandPredictor::PixelOfColumn place) const {
+BandCorrector::ColumnLevels PlacePlans::even_levels(
+    std::uint8_t value, const BandPredictor::PixelOfColumn& place) const {
   if (!process_.even_light) return {};
   const LevelTable levels(level_intensities(models_.printer_at(value)));
   const double full = level_intensities(models_.printer()).back();

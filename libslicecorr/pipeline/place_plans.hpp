@@ -36,7 +36,7 @@ class PlacePlans {
   /// The highest levels of columns of a value of light where light is even over the flow, empty
   /// elsewhere; to be used while this lives.
   BandCorrector::ColumnLevels even_levels(std::uint8_t value,
-                                          BandPredictor::PixelOfColumn place) const;
+                                          const BandPredictor::PixelOfColumn& place) const;
   /// The plan of places that get the light of the calibration: of all where light is even.
   const CorrectionPlan& plan() const { return plan(models_.map().reference()); }
 

@@ -97,6 +97,7 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
           "lies above. They tell light over dose, absorbance height and stray light.";
       s.tools = {"A microscope with a scale, or a measuring projector, 0.01 mm or finer"};
       s.steps = {
+          // NOLINTNEXTLINE(bugprone-suspicious-missing-comma): a sentence on several lines.
           "Correct the stack for the resin and speed that you print with, and print it "
           "continuously. Keep the corrected stack: it says what was shown.",
           kWash,
@@ -129,6 +130,7 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
               ". A stack whose format has times of single layers says them, too: where a printer "
               "shows it by itself, take off the platform first, and see that its lamp is off while "
               "its motor moves.",
+          // NOLINTNEXTLINE(bugprone-suspicious-missing-comma): a sentence on several lines.
           "Switch the light off right after the last one: black pixels give dose, too, which "
           "is counted up to there.",
           kWash, "Measure each plug's height in its middle, from the glass."};

@@ -27,7 +27,7 @@ std::vector<double> tolerances_of(const PlanAsk& ask) {
   return all;
 }
 
-PlanTolerance at_tolerance(Planner& planner, PlanAsk ask, const std::vector<PlanGap>& gaps,
+PlanTolerance at_tolerance(Planner& planner, const PlanAsk& ask, const std::vector<PlanGap>& gaps,
                            const Bound& bound) {
   PlanTolerance t;
   t.tolerance_um = ask.tolerance_um;

@@ -73,7 +73,7 @@ template <bool steady>
     }
     const std::int64_t now =
         run[i] + 2 * (1 - run[i] - gap[i]);  // as in BandPredictor::State::Class
-    const double here = (run[i] | gap[i]) & (now == classes[i]) ? dose : kNever;
+    const double here = ((run[i] | gap[i]) & (now == classes[i])) ? dose : kNever;
     least[i] = here < least[i] ? here : least[i];
   }
   for (std::size_t i = 0; i < kBlock; ++i) {

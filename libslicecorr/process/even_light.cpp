@@ -165,6 +165,7 @@ void EvenPixels::blue_of(int x, int y, std::span<std::uint8_t> shares) const {
     } else {
       for (std::size_t n = first; n < std::min(past, shares.size()); ++n) {
         const double share = static_cast<double>(n - first) / static_cast<double>(past - first);
+        // NOLINTNEXTLINE(bugprone-incorrect-roundings): never below 0, and lround is a call.
         shares[n] = static_cast<std::uint8_t>(here + share * (next - here) + 0.5);
       }
     }

@@ -234,6 +234,7 @@ std::vector<std::uint8_t> rgb565_bytes(const GreyImage& preview, int width_px, i
 
 std::vector<double> layer_times(const StackInfo& info) {
   std::vector<double> times_s;
+  times_s.reserve(static_cast<std::size_t>(info.grid.layers));
   for (int n = 0; n < info.grid.layers; ++n) times_s.push_back(light_on_of_layer(info, n));
   return times_s;
 }

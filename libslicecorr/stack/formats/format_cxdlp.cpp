@@ -205,9 +205,9 @@ void change(const ArchiveRequest& r, BinaryOutput& output) {
                       "seconds, so it can't say {:g} and {:g} s",
                       s.normal_s, s.bottom_s));
     }
-    c.settings.set_u16(2 * exposure_tenths, static_cast<std::uint32_t>(tenths));
-    c.settings.set_u16(2 * bottom_exposure_s, static_cast<std::uint32_t>(bottom_s));
-    c.settings.set_u16(2 * bottom_layers, static_cast<std::uint32_t>(s.bottom_layers));
+    c.settings.set_u16(std::size_t{2} * exposure_tenths, static_cast<std::uint32_t>(tenths));
+    c.settings.set_u16(std::size_t{2} * bottom_exposure_s, static_cast<std::uint32_t>(bottom_s));
+    c.settings.set_u16(std::size_t{2} * bottom_layers, static_cast<std::uint32_t>(s.bottom_layers));
   }
   // What the areas mean is not known: they stay, and added layers get the last one's.
   const BinaryBlock areas(file, c.areas_at, std::uint64_t{4} * old, "areas", kBig);

@@ -308,7 +308,7 @@ TEST_F(BridgeView, AskingDoesNotHoldUpThePrint) {
   Running r = start_print(800);
   // As fast as it answers. The socket's thread counts its answers, the control thread how often it
   // has told something: that goes by its clock, whoever asks.
-  constexpr int questions = 1000;
+  constexpr int questions = 1000 / test::kSlowdown;
   std::int64_t first = -1, told = 0;
   double at_s = 0;
   for (int i = 0; i < questions; ++i) {

@@ -3,6 +3,7 @@
 and retired words stand nowhere that they may not. Usage: glossary.py ROOT. Prints what is wrong and ends with 1, else 0."""
 
 import collections
+import functools
 import pathlib
 import re
 import sys
@@ -22,13 +23,21 @@ def rows(text):
                 yield cells
 
 
+@functools.lru_cache(None)
+def text_of(file):
+    try:
+        return file.read_text()
+    except UnicodeDecodeError:
+        return ""
+
+
+@functools.lru_cache(None)
 def files_of(place):
     path = ROOT / place
     if not path.exists():
         wrong.append(f"glossary: {place} is not there")
-    for file in [path] if path.is_file() else sorted(path.rglob("*")):
-        if file.is_file() and file.suffix not in UNREADABLE and file.name not in ("glossary.md", "glossary-code.md"):
-            yield file
+    return [file for file in ([path] if path.is_file() else sorted(path.rglob("*")))
+            if file.is_file() and file.suffix not in UNREADABLE and file.name not in ("glossary.md", "glossary-code.md")]
 
 
 def main():
@@ -47,12 +56,9 @@ def main():
         pattern = re.compile(r"\b" + re.escape(word) + r"s?\b")
         for place in re.findall(r"`([^`]+)`", places):
             for file in files_of(place):
-                try:
-                    lines = file.read_text().splitlines()
-                except UnicodeDecodeError:
-                    continue
-                wrong.extend(f"{file.relative_to(ROOT)}:{n}: '{word}' is retired: {line.strip()[:90]}"
-                             for n, line in enumerate(lines, 1) if pattern.search(line))
+                if word in text_of(file) and pattern.search(text_of(file)):
+                    wrong.extend(f"{file.relative_to(ROOT)}:{n}: '{word}' is retired: {line.strip()[:90]}"
+                                 for n, line in enumerate(text_of(file).splitlines(), 1) if pattern.search(line))
     if len(defined) < 100 or words < 10:
         wrong.append(f"glossary: {len(defined)} terms and {words} retired words; were its tables read?")
     for line in wrong:

@@ -22,7 +22,7 @@ namespace {
 
 /// The ending of a file that is to be written, one of these. Throws `InputError`.
 std::string ending_of(const std::string& output, const std::vector<std::string>& endings) {
-  const std::string ending = std::filesystem::path(output).extension().string();
+  std::string ending = std::filesystem::path(output).extension().string();
   if (std::find(endings.begin(), endings.end(), ending) != endings.end()) return ending;
   std::string list;
   for (const std::string& e : endings) list += (list.empty() ? "" : " or ") + e;

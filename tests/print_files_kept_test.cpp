@@ -146,6 +146,17 @@ TEST_F(KeptPrintFiles, ATableMayStandBehindTheLayers) {
   EXPECT_EQ(read_images(reader(write(with_images(file, slices)))), slices);
 }
 
+TEST_F(KeptPrintFiles, AnOffsetIntoATableGoesWhereItWent) {
+  constexpr std::size_t software = 0x18;  // which nobody reads
+  SmallFile file = small_workshop(false);
+  const std::uint32_t inside = u32(file.bytes, 0x14) + 0x27;
+  set_u32(file.bytes, software, inside);
+  EXPECT_EQ(rewritten(file), file.bytes);
+  std::vector<Bytes> slices = file.slices;
+  slices[0].assign(slices[0].size(), 255);
+  EXPECT_EQ(u32(with_images(file, slices).bytes, software), inside);
+}
+
 TEST_F(KeptPrintFiles, ALayerThatLiesOnSomethingElseIsRefused) {
   SmallFile file = small_workshop(false);
   const std::uint32_t header = u32(file.bytes, 0x14);

@@ -106,7 +106,9 @@ std::uint64_t FileChange::moved(std::uint64_t at) const {
                        [&](std::uint64_t a, std::size_t i) { return a < spans_[i].at; });
   if (after == order_.begin()) return at;
   const Span& span = spans_[*std::prev(after)];
-  if (at < span.at + span.size) return span.place;
+  if (at < span.at + span.size) {
+    return span.place + (span.new_size == span.size ? at - span.at : 0);
+  }
   return span.place + span.new_size + (at - span.at - span.size);
 }
 

@@ -65,7 +65,8 @@ class FileChange {
   std::size_t replace(std::uint64_t at, std::uint64_t size, std::uint64_t new_size);
   /// All spans are known: from now on places can be asked for.
   void lay_out();
-  /// Where a byte that stays comes to lie; of a byte inside of a span, where the span does.
+  /// Where a byte that stays comes to lie; of a byte inside of a span, as far in it where it keeps its
+  /// size, else where it begins.
   std::uint64_t moved(std::uint64_t at) const;
   /// Where the new bytes of a span lie.
   std::uint64_t place(std::size_t span) const { return spans_[span].place; }

@@ -96,7 +96,9 @@ speed_mm_h = 700
     EXPECT_EQ(j.figures->tomo->print_time_s, figures["print_time_s"].get<double>());
     EXPECT_EQ(j.figures->tomo->feasible, figures["feasible"].get<bool>());
     // Sanitizers take memory of their own.
-    if (!SLICECORR_SANITIZED) EXPECT_LE(attempts(id).at(0).peak_mb, attempts(id)[0].memory_mb);
+    if (!SLICECORR_SANITIZED) {
+      EXPECT_LE(attempts(id).at(0).peak_mb, attempts(id)[0].memory_mb);
+    }
     const json told = json::parse(farm("status", {"--json", "-"}).out)["list"];
     for (const json& one : told) {
       if (one["id"] != id) continue;

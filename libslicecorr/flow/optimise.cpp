@@ -459,7 +459,7 @@ void fill_outside(const Task& task, std::vector<double>& light) {
 }
 
 /// Gaps are compared on sections of no more cells than this.
-constexpr std::size_t kScanCells = 800, kScanConstant = 4000;
+constexpr std::size_t kScanCells = 800;
 
 std::size_t parts_of(const FlowSection& s) {
   return static_cast<std::size_t>(std::count(s.cells.begin(), s.cells.end(), FlowCell::part));

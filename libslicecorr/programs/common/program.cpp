@@ -27,8 +27,8 @@ namespace hwy::platform {
 /// Highway's shared library asks for it whenever it is loaded and measures for 13 ms, twice what a
 /// short command takes; only its benchmarks use the answer. The library calls the first one that is
 /// defined, which is this.
-std::uint64_t TimerResolution();
-std::uint64_t TimerResolution() { return 1; }
+std::uint64_t TimerResolution();               // NOLINT(readability-identifier-naming)
+std::uint64_t TimerResolution() { return 1; }  // NOLINT(readability-identifier-naming)
 }  // namespace hwy::platform
 
 namespace slicecorr::cli {

@@ -514,39 +514,6 @@ Scan scan_gaps(const Task& task, bool refined) {
   return scan_of(task, at, at.patterned(at.shares(scan.blue, scan.uv), kRefine), scan.iterations);
 }
 
-}  // namespace
-
-DoseSummary summarise(const FlowSection& section, const SectionDose& dose,
-                      std::span<const double> weight) {
-  if (dose.front.size() != section.size() || dose.window.size() != section.size() ||
-      (!weight.empty() && weight.size() != section.size())) {
-    throw InputError("flow", "dose", "does not have a number per cell of the section");
-  }
-  DoseSummary s;
-  s.min = std::numeric_limits<double>::infinity();
-  s.max = s.max_window = -s.min;
-  double total = 0;
-  for (std::size_t i = 0; i < section.size(); ++i) {
-    if (section.cells[i] != FlowCell::part) continue;
-    s.max_window = std::max(s.max_window, dose.window[i]);
-    const double w = weight.empty() ? 1 : weight[i], d = dose.front[i];
-    if (!(w > 0)) continue;
-    s.min = std::min(s.min, d);
-    s.max = std::max(s.max, d);
-    total += w;
-    s.mean += w * d;
-    s.mean_square += w * (d - 1) * (d - 1);
-    s.within_10 += d >= 0.9 && d <= 1.1 ? w : 0;
-  }
-  if (!(total > 0)) throw InputError("flow", "weight", "no cell of part counts");
-  s.mean /= total;
-  s.mean_square /= total;
-  s.within_10 /= total;
-  return s;
-}
-
-namespace {
-
 /// The best light; `start` null: from the best constant light, by way of coarser cells.
 SectionOptimum optimum(const FlowSection& section, const GapPressure& pressure,
                        const FlowResin& resin, double speed_mm_h, const SectionGoal& goal,

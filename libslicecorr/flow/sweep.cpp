@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "slicecorr/error.hpp"
@@ -377,5 +378,34 @@ std::vector<double> SectionSweep::profile(std::span<const double> blue_mw_cm2,
 }
 
 std::vector<double> SectionSweep::level_q() const { return impl_->levels.middle; }
+
+DoseSummary summarise(const FlowSection& section, const SectionDose& dose,
+                      std::span<const double> weight) {
+  if (dose.front.size() != section.size() || dose.window.size() != section.size() ||
+      (!weight.empty() && weight.size() != section.size())) {
+    throw InputError("flow", "dose", "does not have a number per cell of the section");
+  }
+  DoseSummary s;
+  s.min = std::numeric_limits<double>::infinity();
+  s.max = s.max_window = -s.min;
+  double total = 0;
+  for (std::size_t i = 0; i < section.size(); ++i) {
+    if (section.cells[i] != FlowCell::part) continue;
+    s.max_window = std::max(s.max_window, dose.window[i]);
+    const double w = weight.empty() ? 1 : weight[i], d = dose.front[i];
+    if (!(w > 0)) continue;
+    s.min = std::min(s.min, d);
+    s.max = std::max(s.max, d);
+    total += w;
+    s.mean += w * d;
+    s.mean_square += w * (d - 1) * (d - 1);
+    s.within_10 += d >= 0.9 && d <= 1.1 ? w : 0;
+  }
+  if (!(total > 0)) throw InputError("flow", "weight", "no cell of part counts");
+  s.mean /= total;
+  s.mean_square /= total;
+  s.within_10 /= total;
+  return s;
+}
 
 }  // namespace slicecorr

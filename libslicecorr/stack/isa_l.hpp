@@ -1,7 +1,7 @@
 /// @file isa_l.hpp
 /// ISA-L's functions as they are called here. Those of its own leave the upper halves of wide
 /// registers in use, and until somebody clears them exp, erfc and other code of a processor's basic
-/// set take ten times as long on this thread.
+/// set take twenty times as long on this thread.
 #pragma once
 
 #include <isa-l.h>

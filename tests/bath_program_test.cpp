@@ -20,7 +20,7 @@ namespace {
 using nlohmann::json;
 
 constexpr int kWidth = kSmallWidth, kHeight = kSmallHeight;
-constexpr double kLayerUm = 50, kHeightUm = 2000, kPhiMin = 0.0625, kPhiMax = 6.25;
+constexpr double kLayerUm = 50, kHeightUm = 2000;
 /// Figure 2.2: absorbance height 2000 um, 576 mJ/cm³, 1000 mm/h.
 const Command kProcess{"--printer", "small.toml", "--resin", "figure-2-2", "--speed-mm-h", "1000"};
 const Command kRung{"--x", "80", "--y", "60"};

@@ -31,6 +31,12 @@ inline std::string program(const std::string& name) {
 
 inline std::string text_of(const std::string& path) { return to_text(read_file(path)); }
 
+inline std::string joined(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += line + "\n";
+  return text;
+}
+
 /// Replaces what must be there.
 inline std::string replaced(std::string text, const std::string& what, const std::string& by) {
   const auto at = text.find(what);

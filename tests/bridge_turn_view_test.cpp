@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "bridge_fixture.hpp"
 #include "exposition_reader.hpp"
 #include "slicecorr/bridge/view.hpp"
-#include "stack_fixture.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -24,24 +24,24 @@ using testing::Not;
 // 200 um to a degree: 25 °/s of 5000 um/s, frames of 6 degrees. The first frame begins 3 degrees
 // before the first whole turn.
 constexpr double kUmPerDeg = 200;
-constexpr int kAngles = 60, kTurns = 10;
+constexpr int kSeenAngles = 60, kSeenTurns = 10;
 
 PrintFacts turning_facts() {
   PrintFacts f;
   f.stack = "/tmp/wheel.frames";
   f.printer = "p";
   f.display = "null";
-  f.frames = kAngles * kTurns;
+  f.frames = kSeenAngles * kSeenTurns;
   f.layer_um = 6 * kUmPerDeg;
   f.speed_um_s = 25 * kUmPerDeg;
   f.start_um = 357 * kUmPerDeg;
-  f.end_um = f.start_um + kTurns * 360 * kUmPerDeg;
+  f.end_um = f.start_um + kSeenTurns * 360 * kUmPerDeg;
   f.expected_s = 144;
   f.max_late_um = 3 * kUmPerDeg;
   f.tolerance_um = 1 * kUmPerDeg;
   f.cycle_s = 0.01;
   f.ring_frames = 16;
-  f.angles = kAngles;
+  f.angles = kSeenAngles;
   f.um_per_deg = kUmPerDeg;
   return f;
 }
@@ -77,12 +77,6 @@ Seen turning_seen() {
   return seen;
 }
 
-std::string joined(const std::vector<std::string>& lines) {
-  std::string text;
-  for (const std::string& line : lines) text += line + "\n";
-  return text;
-}
-
 /// Nothing of slices.
 void expect_degrees_only(const std::string& text) {
   for (const char* never : {"mm/h", "z, mm", "slices", "z = "}) {
@@ -100,9 +94,9 @@ TEST(TurnsSeen, TurnsAndAnglesAreCounted) {
   EXPECT_EQ(turn_after(0), 0);
   EXPECT_EQ(turn_in_words(f, s), "before the first of 10 turns");
   EXPECT_EQ(turn_after(1), 1);
-  EXPECT_EQ(turn_after(kAngles), 1);
-  EXPECT_EQ(turn_after(kAngles + 1), 2);
-  EXPECT_EQ(turn_after(kAngles * kTurns), kTurns);
+  EXPECT_EQ(turn_after(kSeenAngles), 1);
+  EXPECT_EQ(turn_after(kSeenAngles + 1), 2);
+  EXPECT_EQ(turn_after(kSeenAngles * kSeenTurns), kSeenTurns);
   EXPECT_EQ(turn_in_words(f, s), "turn 10 of 10");
   const auto at = [&](double deg) {
     s.stage_um = deg * kUmPerDeg;
@@ -196,7 +190,7 @@ TEST(TurnsSeen, InTheStatusAndReadBack) {
   }
 }
 
-const std::string kHeader =
+const std::string kTurnHeader =
     "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,vblank,missed_vblanks,upload_s,present_s,job_frame,from_deg,to_deg\n";
 
 class TurnRecord : public testing::Test {
@@ -231,7 +225,7 @@ class TurnRecord : public testing::Test {
     return fmt::format("{},{},{},{},{},{},{},1,0,1,0,{},{},25,,0.24,,0,0,0,{},{},{}\n", n,
                        deg * kUmPerDeg, (deg + late_deg) * kUmPerDeg, s, s + late_deg / 25,
                        late_deg * kUmPerDeg, 25 * kUmPerDeg, late ? 1 : 0, 0.25 * kUmPerDeg,
-                       n % kAngles, 357 + deg + late_deg, 363 + deg);
+                       n % kSeenAngles, 357 + deg + late_deg, 363 + deg);
   }
   TemporaryFolder folder;
   StateFolder state;
@@ -239,7 +233,7 @@ class TurnRecord : public testing::Test {
 
 TEST_F(TurnRecord, OfAPrintThatWasKilledTheLastFramesAngleIsKnown) {
   put("journal.jsonl", begin() + event(1, "phase printing", "", 0));
-  put("frames.csv", kHeader + row(0, 0.05) + row(1, 0.05) + row(62, 0.05));
+  put("frames.csv", kTurnHeader + row(0, 0.05) + row(1, 0.05) + row(62, 0.05));
   const auto latch = read_latch(state, true);
   ASSERT_TRUE(latch && latch->left && latch->left->stage_deg);
   EXPECT_EQ(latch->frame, 62);
@@ -257,7 +251,7 @@ TEST_F(TurnRecord, ThePageIsInDegrees) {
                            event(20, "fault late_frame", "frame 62 began 4 ° late", 361, 62) +
                            event(20, "phase lamps_off", "", 361.5, 62) +
                            event(20.1, kJournalEnd, "failed", 364));
-  std::string frames = kHeader;
+  std::string frames = kTurnHeader;
   for (int n = 0; n < 62; ++n) frames += row(n, 0.05);
   frames += row(62, 4, true);
   put("frames.csv", frames);

@@ -729,12 +729,6 @@ TEST(Left, StraightLinesTellATwoHundredth) {
 
 // ---- live view and metrics ----
 
-std::string joined(const std::vector<std::string>& lines) {
-  std::string text;
-  for (const std::string& line : lines) text += line + "\n";
-  return text;
-}
-
 Seen some_seen() {
   Seen seen;
   seen.printer = "p";

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <random>
 
+#include "chemistries.hpp"
 #include "cvode_peer.hpp"
 #include "refusal.hpp"
 #include "rounds.hpp"
@@ -17,12 +18,8 @@ namespace slicecorr {
 namespace {
 
 using test::CvodePeer;
+using test::hydrogel;
 using ::testing::HasSubstr;
-
-const Chemistry& hydrogel() {
-  static const Chemistry c = *load_resin(SLICECORR_DB_DIR "/model-hydrogel.toml").chemistry;
-  return c;
-}
 
 CellRun lit(const Chemistry& c, double i, double seconds, double tolerance = 1e-4) {
   CellQuestion q;

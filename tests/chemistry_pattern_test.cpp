@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "chemistries.hpp"
 #include "chemistry/diffusion.hpp"
 #include "chemistry/light.hpp"
 #include "cvode_peer.hpp"
@@ -19,16 +20,9 @@ namespace slicecorr {
 namespace {
 
 using test::CvodePeer;
+using test::diacrylate;
+using test::hydrogel;
 using ::testing::HasSubstr;
-
-const Chemistry& hydrogel() {
-  static const Chemistry c = *load_resin(SLICECORR_DB_DIR "/model-hydrogel.toml").chemistry;
-  return c;
-}
-const Chemistry& diacrylate() {
-  static const Chemistry c = *load_resin(SLICECORR_DB_DIR "/model-diacrylate.toml").chemistry;
-  return c;
-}
 
 LightPattern dark(int width, int height) {
   return {width, height, std::vector<float>(static_cast<std::size_t>(width * height), 0.0F)};

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "chemistries.hpp"
 #include "refusal.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
@@ -16,19 +17,9 @@
 namespace slicecorr {
 namespace {
 
+using test::diacrylate;
+using test::hydrogel;
 using ::testing::HasSubstr;
-
-Chemistry chemistry_of(const char* name) {
-  return *load_resin(std::string(SLICECORR_DB_DIR "/") + name + ".toml").chemistry;
-}
-const Chemistry& hydrogel() {
-  static const Chemistry c = chemistry_of("model-hydrogel");
-  return c;
-}
-const Chemistry& diacrylate() {
-  static const Chemistry c = chemistry_of("model-diacrylate");
-  return c;
-}
 
 /// Figures that are known to six digits.
 void expect_six(double value, double known) { EXPECT_NEAR(value / known, 1, 6e-6) << value; }

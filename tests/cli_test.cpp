@@ -11,6 +11,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "ladder.hpp"
+#include "program_fixture.hpp"
 #include "run_program.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack_fixture.hpp"
@@ -19,18 +21,12 @@ namespace slicecorr::test {
 namespace {
 
 using nlohmann::json;
-using Command = std::vector<std::string>;
 
 constexpr double kLn10 = 2.302585092994046;
 // Figure 2.2 of the dissertation: 50 um slices, absorbance height 2000 um base 10, 576 mJ/cm³,
 // 1000 mm/h, 1 to 100 mW/cm².
-constexpr double kLayerUm = 50, kEta = 0.025, kPhiMin = 0.0625, kPhiMax = 6.25;
+constexpr double kSliceUm = 50, kEta = 0.025;
 const double kA = std::pow(10.0, -kEta);
-
-Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
 
 struct Box {
   float x0, x1, y0, y1, z0, z1;
@@ -62,7 +58,7 @@ void write_boxes(const std::string& path, const std::vector<Box>& boxes) {
   write_file(path, to_bytes(text));
 }
 
-const std::vector<Box>& ladder() {
+const std::vector<Box>& ladder_boxes() {
   static const std::vector<Box> boxes{{-2, -1, -1, 1, 0, 2.5F},
                                       {1, 2, -1, 1, 0, 2.5F},
                                       {-1, 1, -1, 1, .55F, 1.05F},
@@ -70,7 +66,7 @@ const std::vector<Box>& ladder() {
   return boxes;
 }
 // Columns of the ladder: through the rungs (features at slices 11-20 and 31-40), through a rail.
-const Command kRung{"--x", "640", "--y", "400"}, kRail{"--x", "610", "--y", "400"};
+const Command kRungColumn{"--x", "640", "--y", "400"}, kRailColumn{"--x", "610", "--y", "400"};
 
 /// A grid of posts with plates between them, large enough that it takes a while.
 std::vector<Box> lattice(float size, float height) {
@@ -98,7 +94,7 @@ class Cli : public ::testing::Test {
     options_.folder = folder_.path();
     options_.environment = {
         {"SLICECORR_DB", SLICECORR_DB_DIR}, {"HOME", folder_.path()}, {"XDG_CONFIG_HOME", ""}};
-    write_boxes(folder_ / "ladder.stl", ladder());
+    write_boxes(folder_ / "ladder.stl", ladder_boxes());
   }
 
   RunResult call(const Command& arguments) const { return call(arguments, options_); }
@@ -136,7 +132,7 @@ class Cli : public ::testing::Test {
                                      &r.grey, &r.intensity, &r.phi, &r.dose, &r.target);
       EXPECT_EQ(fields, with_target ? 7 : 6) << line;
       EXPECT_EQ(r.slice, static_cast<int>(rows.size()));
-      EXPECT_DOUBLE_EQ(r.z_um, r.slice * kLayerUm);
+      EXPECT_DOUBLE_EQ(r.z_um, r.slice * kSliceUm);
       rows.push_back(r);
     }
     check_doses(rows);
@@ -219,7 +215,7 @@ void expect_clean(const json& j, double largest_um) {
 
 TEST_F(Cli, LadderUncorrectedIsOneSolidPiece) {
   slice();
-  const auto rows = probe("target.uvj", kRung + setup() + Command{"--target", "target.uvj"});
+  const auto rows = probe("target.uvj", kRungColumn + setup() + Command{"--target", "target.uvj"});
   ASSERT_EQ(rows.size(), 50U);
   const std::map<int, double> doses{{0, 1.9512},  {11, 3.6202}, {21, 1.5736},
                                     {31, 2.7496}, {38, 1.0125}, {41, 0.025271}};
@@ -273,7 +269,7 @@ TEST_F(Cli, LadderShowsThePaperSlices) {
   };
   json figures = run(setup() + Command{"--omega-max", "1"});
   EXPECT_LE(figures["height_error_um"]["mean_abs"], 0.4);
-  auto rows = probe("out.uvj", kRung);
+  auto rows = probe("out.uvj", kRungColumn);
   ASSERT_EQ(rows.size(), 54U);
   for (const std::size_t n : {21, 41, 42}) near(rows, n, kPhiMax);
   near(rows, 22, 1.2778);
@@ -288,13 +284,13 @@ TEST_F(Cli, LadderShowsThePaperSlices) {
   figures = run(setup());
   // A third more than the tolerance aimed at: one step of its ladder, and the step of a level.
   EXPECT_LE(figures["height_error_um"]["max_abs"], 0.05 * 1.44);
-  rows = probe("out.uvj", kRung);
+  rows = probe("out.uvj", kRungColumn);
   for (const std::size_t n : {20, 40}) near(rows, n, kPhiMax);
   for (const std::size_t n : {12, 13, 14}) near(rows, n, kPhiMin);
   for (const std::size_t n : {16, 17}) EXPECT_EQ(rows[n].phi, kPhiMin);
   EXPECT_NEAR(1 - rows[23].dose, 0.34598, 2e-3 + room * (1 - kA));
 
-  rows = probe("out.uvj", kRail);
+  rows = probe("out.uvj", kRailColumn);
   for (std::size_t n = 0; n < 50; ++n) EXPECT_EQ(rows[n].phi, kPhiMax) << n;
   for (std::size_t n = 50; n < 53; ++n) near(rows, n, kPhiMax);
   near(rows, 53, 0.18526);
@@ -316,7 +312,7 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
   expect_clean(run(setup(coarse)), 25);
   slice();
   const double step = (kPhiMax - kPhiMin) / 15;
-  for (const Command& column : {kRung, kRail}) {
+  for (const Command& column : {kRungColumn, kRailColumn}) {
     const auto rows = probe("out.uvj", column + Command{"--target", "target.uvj"});
     ASSERT_EQ(rows.size(), 54U);
     for (const Row& r : rows) {
@@ -324,8 +320,8 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
       EXPECT_LE(r.grey, 15);
     }
     const std::vector<Edge> edges =
-        column == kRung ? std::vector<Edge>{{true, 11}, {false, 21}, {true, 31}, {false, 41}}
-                        : std::vector<Edge>{{false, 50}};
+        column == kRungColumn ? std::vector<Edge>{{true, 11}, {false, 21}, {true, 31}, {false, 41}}
+                              : std::vector<Edge>{{false, 50}};
     for (const Edge& e : edges) {
       const auto node = static_cast<std::size_t>(e.node);
       // The print ends where Omega(zeta) = 1: in the layer above the node when the node's dose and
@@ -334,9 +330,9 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
       const double phi = rows[above ? node - 1 : node].phi;
       const double below = rows[above ? node : node + 1].dose;
       const double into_layer = std::log10((1 - phi) / (below - phi)) / -kEta;
-      const double off_um = (above ? into_layer : 1 - into_layer) * kLayerUm;
+      const double off_um = (above ? into_layer : 1 - into_layer) * kSliceUm;
       // A tenth of what one level step does.
-      const double bound = kLayerUm * step * (1 - kA) / (kLn10 * kEta * std::abs(phi - 1));
+      const double bound = kSliceUm * step * (1 - kA) / (kLn10 * kEta * std::abs(phi - 1));
       EXPECT_LE(off_um, 0.1 * bound) << e.node;
     }
   }
@@ -695,7 +691,7 @@ TEST_F(Cli, OutputThatCannotBeWritten) {
   bad(4, {"info", "out.uvj", "--json", "no/x.json"}, {"no/x.json"});
   bad(4, {"info", "out.uvj", "--json", "."}, {".: can't be written"});
 
-  for (const Command& c : {Command{"probe", "out.uvj"} + kRung, Command{"info", "out.uvj"},
+  for (const Command& c : {Command{"probe", "out.uvj"} + kRungColumn, Command{"info", "out.uvj"},
                            Command{"verify", "out.uvj", "--target", "target.uvj"},
                            Command{"verify", "out.uvj", "--target", "target.uvj", "--json", "-"}}) {
     RunOptions full = options_;
@@ -975,7 +971,7 @@ TEST_F(HandMade, FewerAndMoreSlicesThanTheTarget) {
   while (dose < 1) dose = kPhiMax * (1 - kA) + kA * dose, --top;
   const double into =
       std::log10((1 - kPhiMax) / ((dose - kPhiMax * (1 - kA)) / kA - kPhiMax)) / -kEta;
-  const double short_um = (50 - top - 1 + into) * kLayerUm;
+  const double short_um = (50 - top - 1 + into) * kSliceUm;
   EXPECT_NEAR(fewer["height_error_um"]["max_shortfall"], short_um, 1e-6);
 
   make("more.uvj", {grey8}, 60);

@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using Command = std::vector<std::string>;
 
 class CompareTest : public ::testing::Test {
  protected:

@@ -19,7 +19,6 @@ namespace {
 
 using nlohmann::json;
 using testing::HasSubstr;
-using Command = std::vector<std::string>;
 
 Resin parsed(const std::string& cure, const ResinOverrides& overrides = {}) {
   return parse_resin("name = \"r\"\n[cure]\n" + cure +

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "chemistries.hpp"
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
@@ -17,11 +18,7 @@ namespace {
 using detail::EvenOxygen;
 using detail::OxygenImage;
 using detail::OxygenLight;
-
-const Chemistry& hydrogel() {
-  static const Chemistry c = *load_resin(SLICECORR_DB_DIR "/model-hydrogel.toml").chemistry;
-  return c;
-}
+using test::hydrogel;
 
 /// 0 to 1020 mW/cm² in even steps of 4: level 25 is 100.
 OxygenLight light_of(double cell_um, double spread_um) {

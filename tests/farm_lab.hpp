@@ -64,7 +64,7 @@ inline std::string ladder_of(Farm& farm, httplib::Client& client) {
   return upload(client, "ladder.stl", bytes_of(path));
 }
 
-inline json ended(httplib::Client& client, const std::string& token) {
+inline json ended_study(httplib::Client& client, const std::string& token) {
   json state;
   for (int i = 0; i < 1200; ++i) {
     state = body_of(client.Get(("/api/v1/studies/" + token).c_str()));
@@ -78,7 +78,7 @@ inline json ended(httplib::Client& client, const std::string& token) {
 inline json study(httplib::Client& client, const json& request) {
   const auto answer = post(client, "/api/v1/studies", request);
   EXPECT_EQ(status_of(answer), 202) << answer->body;
-  return ended(client, body_of(answer).value("study", ""));
+  return ended_study(client, body_of(answer).value("study", ""));
 }
 
 inline std::string file_of(httplib::Client& client, const json& study, const std::string& name) {

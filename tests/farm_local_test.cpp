@@ -623,7 +623,7 @@ TEST_F(FarmLocal, EveryDisplayGivesTheBytesOfSlicecorr) {
 }
 
 TEST_F(FarmLocal, RealMeshes) {
-  const std::string mesh = test::real_file("meshes/clean/photonic3d_lenscap-36mm.stl");
+  const std::string mesh = slicecorr::test::real_file("meshes/clean/photonic3d_lenscap-36mm.stl");
   SLICECORR_NEEDS_FILE(mesh);
   const std::vector<std::string> process = {
       "--printer", "dual-wavelength-dlp", "--resin", "benchy-resin", "--layer-um",

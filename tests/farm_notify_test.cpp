@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "farm_filled.hpp"
+#include "farm_program.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
@@ -19,11 +20,10 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using slicecorr::test::kSlicefarm;
 using slicecorr::test::run_program;
 using test::Farm;
 using ::testing::HasSubstr;
-
-const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
 
 /// Takes messages; may refuse, or say nothing, as often as wanted.
 class Receiver {
@@ -334,13 +334,13 @@ TEST(Notify, FilesThatAreWrong) {
 
 TEST(Notify, TestOfTheProgram) {
   Farm farm;
-  auto result = run_program({kProgram, "notify", "--test", "--dir", farm.root});
+  auto result = run_program({kSlicefarm, "notify", "--test", "--dir", farm.root});
   EXPECT_EQ(result.exit_code, 2);
   Receiver receiver;
   test::write_file(farm.root + "/notify.toml",
                    fmt::format("[[webhook]]\nurl = \"{}\"\n[[command]]\nrun = [\"/bin/false\"]\n",
                                receiver.url()));
-  result = run_program({kProgram, "notify", "--test", "--dir", farm.root});
+  result = run_program({kSlicefarm, "notify", "--test", "--dir", farm.root});
   EXPECT_EQ(result.exit_code, 4);
   EXPECT_THAT(result.err, HasSubstr("taken"));
   EXPECT_THAT(result.err, HasSubstr("command /bin/false: exit code 1"));

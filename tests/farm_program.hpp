@@ -6,12 +6,14 @@
 
 namespace slicecorr::test {
 
+inline const std::string kSlicefarm = SLICECORR_BIN_DIR "/slicefarm";
+
 /// The one that is shipped; where the environment asks for a fault, the one that has faults
 /// (farm_faults.cpp).
 inline std::string slicefarm_for(const std::map<std::string, std::string>& environment) {
   const bool faulty = environment.contains("SLICEFARM_TEST_FAULT") ||
                       environment.contains("SLICEFARM_TEST_SERVICE_FAULT");
-  return faulty ? SLICECORR_FAULTY_SLICEFARM : SLICECORR_BIN_DIR "/slicefarm";
+  return faulty ? SLICECORR_FAULTY_SLICEFARM : kSlicefarm;
 }
 
 }  // namespace slicecorr::test

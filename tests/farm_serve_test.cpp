@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "farm_filled.hpp"
+#include "farm_program.hpp"
 #include "farm_served.hpp"
 #include "ladder.hpp"
 #include "run_program.hpp"
@@ -22,6 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using slicecorr::test::kSlicefarm;
 using slicecorr::test::run_program;
 using slicecorr::test::RunOptions;
 using test::body_of;
@@ -35,7 +37,6 @@ using test::with_token;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
 /// A connection that sends what it likes.
 class Raw {
  public:
@@ -751,7 +752,7 @@ TEST(Program, ServesUntilItIsTold) {
       asked = true;
       return true;
     };
-    const auto result = run_program({kProgram, "serve", "--dir", farm.root, "--listen",
+    const auto result = run_program({kSlicefarm, "serve", "--dir", farm.root, "--listen",
                                      "127.0.0.1:0", "--token-file", farm.root + "/token"},
                                     options);
     EXPECT_TRUE(asked);
@@ -766,7 +767,7 @@ TEST(Program, ServesUntilItIsTold) {
 TEST(Program, WrongUsage) {
   Farm farm;
   const auto run = [&](std::vector<std::string> more) {
-    std::vector<std::string> command{kProgram, "serve", "--dir", farm.root};
+    std::vector<std::string> command{kSlicefarm, "serve", "--dir", farm.root};
     command.insert(command.end(), more.begin(), more.end());
     return run_program(command);
   };

@@ -30,10 +30,9 @@ namespace slicecorr::farm {
 namespace fs = std::filesystem;
 using std::chrono::seconds;
 using test::eventually;
+using test::kSlicefarm;
 using test::run_program;
 using test::SlurmCluster;
-
-inline const std::string kSlicefarm = SLICECORR_BIN_DIR "/slicefarm";
 
 inline std::string text_of(const std::string& path) {
   std::ifstream in(path, std::ios::binary);

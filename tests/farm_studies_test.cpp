@@ -229,7 +229,7 @@ TEST(Studies, RunBesideTheServerAndEndWhenTold) {
   EXPECT_EQ(status_of(post(olga, "/api/v1/studies/" + first + "/cancel", json::object())), 403);
   for (const std::string& token : {second, first}) {
     EXPECT_EQ(status_of(post(sam, "/api/v1/studies/" + token + "/cancel", json::object())), 200);
-    EXPECT_EQ(ended(sam, token)["state"], "cancelled");
+    EXPECT_EQ(ended_study(sam, token)["state"], "cancelled");
     EXPECT_EQ(status_of(post(sam, "/api/v1/studies/" + token + "/cancel", json::object())), 409);
   }
   // Nothing of it runs on: a third one begins.

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "farm_errors.hpp"
 #include "farm_fixture.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/submit.hpp"
@@ -20,16 +21,6 @@ using nlohmann::json;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-std::vector<std::string> errors_of(const std::function<void()>& action) {
-  std::vector<std::string> list;
-  try {
-    action();
-  } catch (const SubmitErrors& e) {
-    for (const SubmitError& one : e.errors()) list.push_back(one.where + ": " + one.message);
-  }
-  return list;
-}
 
 std::vector<std::string> toml_errors(const std::string& text) {
   return errors_of([&] { parse_jobs_toml(text, "jobs.toml"); });

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "farm_errors.hpp"
 #include "farm_tomo.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/submit.hpp"
@@ -22,16 +23,6 @@ using namespace slicecorr::test;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-std::vector<std::string> errors_of(const std::function<void()>& action) {
-  std::vector<std::string> list;
-  try {
-    action();
-  } catch (const SubmitErrors& e) {
-    for (const SubmitError& one : e.errors()) list.push_back(one.where + ": " + one.message);
-  }
-  return list;
-}
 
 TEST(TomoJobsFile, TomlAndCsvAndJsonSayTheSame) {
   const auto toml = parse_jobs_toml(R"([defaults]

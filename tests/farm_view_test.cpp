@@ -9,6 +9,7 @@
 
 #include "exposition_reader.hpp"
 #include "farm_filled.hpp"
+#include "farm_program.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"
@@ -24,6 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using slicecorr::test::check_metrics;
+using slicecorr::test::kSlicefarm;
 using slicecorr::test::run_program;
 using slicecorr::test::RunOptions;
 using slicecorr::test::Terminal;
@@ -32,8 +34,6 @@ using test::fill;
 using test::Filled;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
 
 // --- words --------------------------------------------------------------------------------------
 
@@ -287,44 +287,44 @@ TEST(Status, ProgramAndItsErrors) {
   Farm farm;
   fill(farm);
   auto result = run_program(
-      {kProgram, "status", "--dir", farm.root, "--state", "failed,cancelled", "--json", "-"});
+      {kSlicefarm, "status", "--dir", farm.root, "--state", "failed,cancelled", "--json", "-"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const json j = json::parse(result.out);
   EXPECT_EQ(j["total"], 12);
   const std::string file = farm.root + "/status.json";
-  result = run_program({kProgram, "status", "--dir", farm.root, "--json", file});
+  result = run_program({kSlicefarm, "status", "--dir", farm.root, "--json", file});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("STATE"));
   EXPECT_TRUE(fs::exists(file));
-  result = run_program({kProgram, "status", "--dir", farm.root + "/nowhere"});
+  result = run_program({kSlicefarm, "status", "--dir", farm.root + "/nowhere"});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.err, HasSubstr("is no farm"));
   EXPECT_FALSE(fs::exists(farm.root + "/nowhere"));
-  EXPECT_EQ(run_program({kProgram, "status", "--dir", farm.root, "--state", "dreaming"}).exit_code,
-            2);
-  EXPECT_EQ(run_program({kProgram, "status", "--dir", farm.root, "--limit", "-1"}).exit_code, 2);
+  EXPECT_EQ(
+      run_program({kSlicefarm, "status", "--dir", farm.root, "--state", "dreaming"}).exit_code, 2);
+  EXPECT_EQ(run_program({kSlicefarm, "status", "--dir", farm.root, "--limit", "-1"}).exit_code, 2);
   // A database that is none.
   test::write_file(farm.root + "/other/farm.sqlite",
                    "this is no database, but long enough to look");
-  result = run_program({kProgram, "status", "--dir", farm.root + "/other"});
+  result = run_program({kSlicefarm, "status", "--dir", farm.root + "/other"});
   EXPECT_EQ(result.exit_code, 2) << result.err;
 }
 
 TEST(Logs, OfEveryAttempt) {
   Farm farm;
   const Filled f = fill(farm);
-  auto result = run_program({kProgram, "logs", "--dir", farm.root, std::to_string(f.failed[0])});
+  auto result = run_program({kSlicefarm, "logs", "--dir", farm.root, std::to_string(f.failed[0])});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("last line of fails-bad_input"));
   EXPECT_THAT(result.out, HasSubstr("attempt 1, local on night-owl: bad_input"));
-  result = run_program({kProgram, "logs", "--dir", farm.root, std::to_string(f.running)});
+  result = run_program({kSlicefarm, "logs", "--dir", farm.root, std::to_string(f.running)});
   EXPECT_THAT(result.out, HasSubstr("correcting"));
-  result = run_program({kProgram, "logs", "--dir", farm.root, std::to_string(f.again)});
+  result = run_program({kSlicefarm, "logs", "--dir", farm.root, std::to_string(f.again)});
   EXPECT_THAT(result.out, HasSubstr("half of a log"));
   EXPECT_THAT(result.out, testing::ContainsRegex("put_back +worker_killed: ended by signal 9"));
-  EXPECT_EQ(run_program({kProgram, "logs", "--dir", farm.root, "4711"}).exit_code, 2);
-  EXPECT_EQ(run_program(
-                {kProgram, "logs", "--dir", farm.root, "--attempt", "7", std::to_string(f.running)})
+  EXPECT_EQ(run_program({kSlicefarm, "logs", "--dir", farm.root, "4711"}).exit_code, 2);
+  EXPECT_EQ(run_program({kSlicefarm, "logs", "--dir", farm.root, "--attempt", "7",
+                         std::to_string(f.running)})
                 .exit_code,
             2);
 }
@@ -421,7 +421,7 @@ TEST(Live, ShowsWhatRunsWaitsAndHappened) {
 TEST(Live, OnATerminal) {
   Farm farm;
   const Filled f = fill(farm);
-  Terminal terminal({kProgram, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 120, 36);
+  Terminal terminal({kSlicefarm, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 120, 36);
   ASSERT_TRUE(terminal.until([&] {
     return terminal.screen().find("elephant-40mm") != std::string::npos &&
            terminal.screen().find("q quit") != std::string::npos;
@@ -463,7 +463,7 @@ TEST(Live, GivesTheTerminalBackOnCtrlCAndSignals) {
   Farm farm;
   fill(farm);
   for (const bool key : {true, false}) {
-    Terminal terminal({kProgram, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 80, 24);
+    Terminal terminal({kSlicefarm, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 80, 24);
     ASSERT_TRUE(
         terminal.until([&] { return terminal.screen().find("q quit") != std::string::npos; }));
     if (key) {
@@ -493,7 +493,7 @@ TEST(Live, LinesWithoutATerminal) {
     return false;
   };
   const auto result = run_program(
-      {kProgram, "watch", "--dir", farm.root, "--until-empty", "--interval-s", "0.05"}, options);
+      {kSlicefarm, "watch", "--dir", farm.root, "--until-empty", "--interval-s", "0.05"}, options);
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("one  done  770 layers in 3.0 s"));
   EXPECT_EQ(result.out.find('\033'), std::string::npos);
@@ -732,13 +732,13 @@ TEST(Morning, AnEmptyFarmHasAPageToo) {
 TEST(Morning, Program) {
   Farm farm;
   fill(farm);
-  auto result = run_program({kProgram, "report", "--dir", farm.root});
+  auto result = run_program({kSlicefarm, "report", "--dir", farm.root});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(fs::exists(farm.root + "/report.html"));
-  result = run_program({kProgram, "report", "--dir", farm.root, "--json", "-", "--since", "2d"});
+  result = run_program({kSlicefarm, "report", "--dir", farm.root, "--json", "-", "--since", "2d"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(json::parse(result.out)["done"], 8);
-  result = run_program({kProgram, "report", "--dir", farm.root, "--since", "soon"});
+  result = run_program({kSlicefarm, "report", "--dir", farm.root, "--since", "soon"});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.err, HasSubstr("--since is 'soon', expected"));
 }

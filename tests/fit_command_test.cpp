@@ -17,7 +17,6 @@ namespace {
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
-using Command = std::vector<std::string>;
 
 std::string csv_of(const resins::Measurements& m) {
   std::string text;

@@ -14,7 +14,7 @@ namespace {
 
 using namespace test;
 
-constexpr double kSpeed = 300;
+constexpr double kSpeedMmH = 300;
 
 SectionGoal chapter_goal(FlowPattern pattern, double least_um, double most_um) {
   SectionGoal g;
@@ -29,7 +29,7 @@ SectionGoal chapter_goal(FlowPattern pattern, double least_um, double most_um) {
 SectionOptimum optimum(const FlowSection& s, const SectionGoal& goal, int threads = 2) {
   ExecutionContext context;
   context.threads = threads;
-  return optimise_section(s, solve_pressure(s), chapter_iv_resin2(), kSpeed, goal, context);
+  return optimise_section(s, solve_pressure(s), chapter_iv_resin2(), kSpeedMmH, goal, context);
 }
 
 TEST(OptimiseSection, ConstantLightOfADisc) {
@@ -90,7 +90,7 @@ TEST(OptimiseSection, KnowsWhatImagesShow) {
   smooth.image = image_of(0.6, 0.4, 0.5);
   const SectionOptimum o = optimum(s, smooth);
   const double gap = 120;
-  const SectionSweep sweep(s, solve_pressure(s), chapter_iv_resin2(), kSpeed, {&gap, 1});
+  const SectionSweep sweep(s, solve_pressure(s), chapter_iv_resin2(), kSpeedMmH, {&gap, 1});
   const auto shown = [&](const SectionOptimum& asked) {
     return summarise(s, sweep.dose(smooth.image->of_blue(s, asked.blue_mw_cm2),
                                    smooth.image->of_uv(s, asked.uv_mw_cm2)));
@@ -160,10 +160,10 @@ TEST(OptimiseSection, OtherLawsToo) {
   resin.inhibitor_life_s = 0;
   SectionGoal goal = chapter_goal(FlowPattern::constant, 80, 80);
   const GapPressure p = solve_pressure(s);
-  const SectionOptimum constant = optimise_section(s, p, resin, kSpeed, goal);
+  const SectionOptimum constant = optimise_section(s, p, resin, kSpeedMmH, goal);
   EXPECT_NEAR(constant.summary.mean, 0.85, 0.15);
   goal.pattern = FlowPattern::blue;
-  const SectionOptimum blue = optimise_section(s, p, resin, kSpeed, goal);
+  const SectionOptimum blue = optimise_section(s, p, resin, kSpeedMmH, goal);
   EXPECT_LT(blue.summary.mean_square, 0.7 * constant.summary.mean_square);
 }
 
@@ -266,11 +266,12 @@ TEST(FlowRefuses, Goals) {
   refuses<InfeasibleError>("no dead zone", [&] {
     FlowResin resin = chapter_iv_resin2();
     resin.kinetics.beta = 0;
-    optimise_section(s, solve_pressure(s), resin, kSpeed, chapter_goal(FlowPattern::uv, 10, 300));
+    optimise_section(s, solve_pressure(s), resin, kSpeedMmH,
+                     chapter_goal(FlowPattern::uv, 10, 300));
   });
   refuses("varies", [&] {
     const std::vector<double> gap(s.size(), 80.0);
-    optimise_section(s, solve_pressure(s, gap, 80), chapter_iv_resin2(), kSpeed,
+    optimise_section(s, solve_pressure(s, gap, 80), chapter_iv_resin2(), kSpeedMmH,
                      chapter_goal(FlowPattern::uv, 10, 300));
   });
   std::atomic<bool> stop{true};

@@ -21,12 +21,6 @@ namespace {
 
 using nlohmann::json;
 using testing::HasSubstr;
-using Command = std::vector<std::string>;
-
-Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
 
 /// The command with other values of options, or more of them.
 Command with(Command command, const Command& options) {

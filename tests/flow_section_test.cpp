@@ -21,7 +21,7 @@ namespace {
 using namespace test;
 
 constexpr double kGap = 80, kViscosity = 0.3, kSpeed = 300;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 double pa(double phi_um2) { return suction_pa(phi_um2, kViscosity, kSpeed, kGap); }
 double newtons(double integral_um4) {
@@ -173,7 +173,7 @@ TEST(GapPressure, WhatFlowsInIsWhatIsDrawnIn) {
   const double cm3_s =
       static_cast<double>(rim.net.parts()) * plate.cell_um2() * (kSpeed / 3.6) * 1e-12;
   EXPECT_NEAR(cm3_s, 0.1636, 0.001);
-  EXPECT_NEAR(cm3_s / (2 * kPi * 2.5 * 25e-4) * 10, 41.7, 0.3);
+  EXPECT_NEAR(cm3_s / (2 * pi * 2.5 * 25e-4) * 10, 41.7, 0.3);
 }
 
 TEST(GapPressure, DistancesAndFeltGaps) {

@@ -14,7 +14,6 @@ namespace {
 
 using nlohmann::json;
 using testing::HasSubstr;
-using Command = std::vector<std::string>;
 
 /// The ladder, and its left half as a region of its own.
 class GradedDoseProgram : public ::testing::Test {

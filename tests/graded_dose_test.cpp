@@ -54,7 +54,7 @@ struct Printed {
   }
 };
 
-CureModel model_of(double layer_um, int bit_depth = 8) {
+CureModel model_of_layers(double layer_um, int bit_depth = 8) {
   return make_cure_model(test::linear_printer(1, 100, bit_depth), test::resin(576, kHeightUm),
                          test::process(1000), layer_um);
 }
@@ -75,7 +75,7 @@ DoseScale scale_to(double most, DoseSide side = DoseSide::nearest) {
 }
 
 TEST(GradedDose, AnEvenDoseIsHeldToHalfALevel) {
-  const CureModel model = model_of(50);
+  const CureModel model = model_of_layers(50);
   const auto coverage = column(200, {{0, 179}});
   const Printed p(model, scale_to(2), coverage, std::vector<std::uint8_t>(200, 255));
   // All but the climb at the end, and rounding does not pile up.
@@ -85,7 +85,7 @@ TEST(GradedDose, AnEvenDoseIsHeldToHalfALevel) {
 }
 
 TEST(GradedDose, ASlopeIsHeldAndItsLightIsThatOfTheClosedForm) {
-  const CureModel model = model_of(10);
+  const CureModel model = model_of_layers(10);
   constexpr int layers = 400;
   const auto coverage = column(layers, {{0, 379}});
   // From 2 at 1 mm to 1 at 2 mm.
@@ -115,7 +115,7 @@ std::vector<std::uint8_t> step_at_100(int layers, std::uint8_t first, std::uint8
 }
 
 TEST(GradedDose, StepsAreMetFromTheSideThatIsNamed) {
-  const CureModel model = model_of(20);
+  const CureModel model = model_of_layers(20);
   constexpr int layers = 300;
   const auto coverage = column(layers, {{0, 279}});
   const double one = level_dose(model) + 1e-9;
@@ -153,7 +153,7 @@ TEST(GradedDose, StepsAreMetFromTheSideThatIsNamed) {
 
 TEST(GradedDose, RandomDosesAreNowhereTooLowOrNowhereTooHigh) {
   std::mt19937 random(23);
-  const CureModel model = model_of(20);
+  const CureModel model = model_of_layers(20);
   constexpr int layers = 200;
   const auto coverage = column(layers, {{0, 179}});
   const double one = level_dose(model) + 1e-9;
@@ -191,7 +191,7 @@ TEST(GradedDose, RandomDosesAreNowhereTooLowOrNowhereTooHigh) {
 }
 
 TEST(GradedDose, GapsStayOpenAndFeaturesPrint) {
-  const CureModel model = model_of(50);
+  const CureModel model = model_of_layers(50);
   const auto coverage = column(200, {{0, 79}, {90, 150}});
   const Printed p(model, scale_to(3), coverage, std::vector<std::uint8_t>(200, 255));
   const CorrectionPlan plan = test::plan_for(model, test::process(1000), 200);
@@ -206,7 +206,7 @@ TEST(GradedDose, GapsStayOpenAndFeaturesPrint) {
 TEST(GradedDose, FeaturesBetweenGapsAreNoBrighterThanWanted) {
   // Two edges, and the slices before them, are chosen by what edges need: 4 % of the levels of
   // three slices are room for that.
-  const CureModel model = model_of(50);
+  const CureModel model = model_of_layers(50);
   const auto coverage = column(50, {{11, 20}, {31, 40}});
   const double room = 1.5 * 11 * level_dose(model);
   for (const DoseSide side : {DoseSide::nearest, DoseSide::at_least, DoseSide::at_most}) {
@@ -235,7 +235,7 @@ TEST(GradedDose, NoVoxelOfRandomColumnsIsWrongThatNeedNotBe) {
   std::mt19937 random(11);
   for (const int bits : {8, 4}) {
     for (const DoseSide side : {DoseSide::nearest, DoseSide::at_least, DoseSide::at_most}) {
-      const CureModel model = model_of(50, bits);
+      const CureModel model = model_of_layers(50, bits);
       const CorrectionPlan plan = test::plan_for(model, test::process(1000), 200);
       for (int k = 0; k < 100; ++k) {
         const auto coverage = random_coverage(random, 200, 1 + k % 3);
@@ -262,7 +262,7 @@ TEST(GradedDose, NoVoxelOfRandomColumnsIsWrongThatNeedNotBe) {
 
 TEST(GradedDose, BandsGiveTheSameAsColumns) {
   std::mt19937 random(5);
-  const CureModel model = model_of(50);
+  const CureModel model = model_of_layers(50);
   constexpr std::size_t columns = 150, layers = 130;
   const CorrectionPlan plan = test::plan_for(model, test::process(1000), layers);
   const DoseScale scale = scale_to(2.5);

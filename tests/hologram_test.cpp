@@ -12,7 +12,7 @@
 namespace slicecorr {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 PhaseDisplay display_of(int width, int height, double pitch_um = 8) {
   PhaseDisplay d;
@@ -246,7 +246,7 @@ TEST(HologramLevels, ShortStrokesShowTheNearestPhase) {
   PhaseDisplay d = display_of(2, 2);
   d.stroke_turns = 0.5;
   d.levels = 4;
-  const auto pi = static_cast<float>(kPi);
+  const auto pi = std::numbers::pi_v<float>;
   // Levels at 0, 1/4, 1/2 and 3/4 of half a turn.
   EXPECT_EQ(grey_of_phase(d, {0.1F * pi, 0.3F * pi, 1.2F * pi, 1.7F * pi}).pixels,
             (std::vector<std::uint8_t>{0, 64, 192, 0}));
@@ -282,7 +282,7 @@ TEST(AngularSpectrum, FocusLiesWhereTheLensPutsIt) {
   for (int y = 0; y < 128; ++y) {
     for (int x = 0; x < 128; ++x) {
       const double r2 = 0.008 * 0.008 * ((x - 64) * (x - 64) + (y - 64) * (y - 64));
-      phase[y * 128 + x] = static_cast<float>(kPi * 20 * r2 / (532e-6 * 100 * 100));
+      phase[y * 128 + x] = static_cast<float>(pi * 20 * r2 / (532e-6 * 100 * 100));
     }
   }
   const auto brightest = [&](double z) {

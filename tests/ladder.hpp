@@ -26,6 +26,9 @@ inline void add_box(TriangleMesh& mesh, const Point3& low, const Point3& high) {
   }
 }
 
+/// Intensities of black and of full light in figure 2.2, over the critical one.
+inline constexpr double kPhiMin = 0.0625, kPhiMax = 6.25;
+
 /// Rails over the full height of 2.5 mm, rungs at slices 11-20 and 31-40 of 50 um.
 inline TriangleMesh ladder() {
   TriangleMesh mesh;

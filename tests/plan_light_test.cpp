@@ -6,17 +6,14 @@
 #include <random>
 #include <set>
 
-#include "models.hpp"
 #include "plan/search.hpp"
+#include "plan_parts.hpp"
 #include "rounds.hpp"
 #include "slicecorr/plan.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::test {
 namespace {
-
-/// Figure 2.2.
-const PlanLight kF = plan_light(figure_2_2(), 1000);
 
 /// The least dose in a gap of g slices whose upper end must have the dose 1 again, by going through it
 /// slice by slice with the least light after which full light can still make the climb.
@@ -42,35 +39,36 @@ bool in_ranges(const std::vector<SpeedRange>& ranges, double speed) {
 }
 
 TEST(PlanGapLight, FigureTwoTwoHasTheSpeedsOfItsCheckValues) {
-  EXPECT_NEAR(kF.smax_mm_h, 6250, 1e-9);
-  EXPECT_NEAR(kF.smin_mm_h, 62.5, 1e-11);
-  EXPECT_NEAR(kF.lam_um, 868.58896, 1e-5);
-  const auto two = gap_speeds(kF, 2, 0.05);
+  EXPECT_NEAR(kFigure22.smax_mm_h, 6250, 1e-9);
+  EXPECT_NEAR(kFigure22.smin_mm_h, 62.5, 1e-11);
+  EXPECT_NEAR(kFigure22.lam_um, 868.58896, 1e-5);
+  const auto two = gap_speeds(kFigure22, 2, 0.05);
   ASSERT_EQ(two.size(), 1U);
   EXPECT_NEAR(two[0].least_mm_h, 588.67, 0.005);
   EXPECT_NEAR(two[0].greatest_mm_h, 3389.69, 0.005);
-  const auto three = gap_speeds(kF, 3, 0.05);
+  const auto three = gap_speeds(kFigure22, 3, 0.05);
   ASSERT_EQ(three.size(), 1U);
   EXPECT_NEAR(three[0].least_mm_h, 115.69, 0.005);
   EXPECT_NEAR(three[0].greatest_mm_h, 4433.33, 0.005);
   // With a hole.
-  const auto hole = gap_speeds(kF, 3, 0.055);
+  const auto hole = gap_speeds(kFigure22, 3, 0.055);
   ASSERT_EQ(hole.size(), 2U);
   EXPECT_NEAR(hole[0].least_mm_h, 126.45, 0.005);
   EXPECT_NEAR(hole[0].greatest_mm_h, 3241.35, 0.005);
   EXPECT_NEAR(hole[1].least_mm_h, 3722.83, 0.005);
   EXPECT_NEAR(hole[1].greatest_mm_h, 4308.11, 0.005);
-  const auto any = gap_speeds_um(kF, 100, 0.05);
+  const auto any = gap_speeds_um(kFigure22, 100, 0.05);
   ASSERT_TRUE(any);
   EXPECT_NEAR(any->least_mm_h, 116.47, 0.005);
   EXPECT_NEAR(any->greatest_mm_h, 3530.40, 0.005);
   // Both ends together (§3).
-  EXPECT_NEAR(any->least_mm_h * any->greatest_mm_h, kF.smin_mm_h * kF.smax_mm_h / 0.95, 1e-6);
-  const BestGap best = best_gap_um(kF, 100);
+  EXPECT_NEAR(any->least_mm_h * any->greatest_mm_h,
+              kFigure22.smin_mm_h * kFigure22.smax_mm_h / 0.95, 1e-6);
+  const BestGap best = best_gap_um(kFigure22, 100);
   EXPECT_NEAR(best.speed_mm_h, 655.14, 0.005);
   EXPECT_NEAR(best.contrast, 0.08988, 1e-5);
   // Absorbance height 20 % lower, areal dose as it is.
-  PlanLight lower = kF;
+  PlanLight lower = kFigure22;
   lower.smax_mm_h *= 0.8;
   lower.smin_mm_h *= 0.8;
   lower.lam_um *= 0.8;
@@ -105,7 +103,7 @@ TEST(PlanGapLight, RangesAreWhereAScanFindsTheContrast) {
   std::uniform_real_distribution<double> share(0, 1);
   int holes = 0;
   for (int round = 0; round < rounds(60); ++round) {
-    PlanLight light = kF;
+    PlanLight light = kFigure22;
     light.smin_mm_h = light.smax_mm_h * std::pow(10, -3 + 2 * share(random));
     light.lam_um = 200 + 900 * share(random);
     const int slices = 2 + static_cast<int>(6 * share(random));
@@ -134,22 +132,22 @@ TEST(PlanGapLight, RangesAreWhereAScanFindsTheContrast) {
 
 TEST(PlanGapLight, SlicesOfNoHeightComeToTheContinuousBound) {
   for (const double gap_um : {60.0, 100.0, 400.0}) {
-    PlanLight fine = kF;
+    PlanLight fine = kFigure22;
     constexpr int kSlices = 4000;
     fine.layer_um = gap_um / kSlices;
-    const BestGap whole = best_gap(fine, kSlices), bound = best_gap_um(kF, gap_um);
+    const BestGap whole = best_gap(fine, kSlices), bound = best_gap_um(kFigure22, gap_um);
     // Where dark and lit meet is off by half a slice: 1/8000 of the contrast, which is flat there.
     EXPECT_LE(whole.contrast, bound.contrast);
     EXPECT_NEAR(whole.contrast, bound.contrast, 1e-3 * bound.contrast);
     const double contrast = 0.6 * bound.contrast;
     const auto ranges = gap_speeds(fine, kSlices, contrast);
-    const auto any = gap_speeds_um(kF, gap_um, contrast);
+    const auto any = gap_speeds_um(kFigure22, gap_um, contrast);
     ASSERT_EQ(ranges.size(), 1U);
     ASSERT_TRUE(any);
     EXPECT_NEAR(ranges[0].least_mm_h, any->least_mm_h, 2e-3 * any->least_mm_h);
     EXPECT_NEAR(ranges[0].greatest_mm_h, any->greatest_mm_h, 2e-3 * any->greatest_mm_h);
-    EXPECT_FALSE(gap_speeds_um(kF, gap_um, bound.contrast * 1.001));
-    EXPECT_TRUE(gap_speeds_um(kF, gap_um, bound.contrast * 0.999));
+    EXPECT_FALSE(gap_speeds_um(kFigure22, gap_um, bound.contrast * 1.001));
+    EXPECT_TRUE(gap_speeds_um(kFigure22, gap_um, bound.contrast * 0.999));
   }
 }
 
@@ -182,25 +180,25 @@ TEST(PlanGapLight, TheDissertationsSetsHaveTheirGapsOfTwoSlices) {
 }
 
 TEST(PlanGapLight, EdgesMoveByTheToleranceAtTheEnds) {
-  const auto r = tolerated_speeds(kF, 25, 0.01);
+  const auto r = tolerated_speeds(kFigure22, 25, 0.01);
   ASSERT_TRUE(r);
   // The dose near an upper edge decays to black, near a lower one it rises to full light: derivatives
   // by differences of where the doses are 1.
   const auto upper = [&](double light) {
     // Dose of a stretch that was 1 at its end under the light 1, in black light after it.
-    const double p0 = kF.black(r->least_mm_h) * light;
-    return kF.lam_um * std::log((light - p0) / (1 - p0));
+    const double p0 = kFigure22.black(r->least_mm_h) * light;
+    return kFigure22.lam_um * std::log((light - p0) / (1 - p0));
   };
   const auto lower = [&](double light) {
-    const double p = kF.full(r->greatest_mm_h);
+    const double p = kFigure22.full(r->greatest_mm_h);
     const double burst = -std::log1p(-1 / p);  // over lam
-    return kF.lam_um * (burst + std::log1p(-1 / (p * light)));
+    return kFigure22.lam_um * (burst + std::log1p(-1 / (p * light)));
   };
   constexpr double kStep = 1e-5;
   EXPECT_NEAR((upper(1 + kStep) - upper(1 - kStep)) / (2 * kStep) * 0.01, 25, 1e-3);
   EXPECT_NEAR((lower(1 + kStep) - lower(1 - kStep)) / (2 * kStep) * 0.01, 25, 1e-3);
-  EXPECT_FALSE(tolerated_speeds(kF, kF.lam_um * 0.01, 0.01));
-  EXPECT_EQ(tolerated_speeds(kF, 25, 0)->greatest_mm_h, kF.smax_mm_h);
+  EXPECT_FALSE(tolerated_speeds(kFigure22, kFigure22.lam_um * 0.01, 0.01));
+  EXPECT_EQ(tolerated_speeds(kFigure22, 25, 0)->greatest_mm_h, kFigure22.smax_mm_h);
 }
 
 TEST(PlanGapLight, RangesMeet) {

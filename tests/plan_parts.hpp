@@ -7,8 +7,12 @@
 #include "memory_slices.hpp"
 #include "models.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/plan.hpp"
 
 namespace slicecorr::test {
+
+/// The light of figure 2.2.
+inline const PlanLight kFigure22 = plan_light(figure_2_2(), 1000);
 
 /// Columns of runs [first, last], one a pixel of a row, full from the platform.
 inline MemorySlices comb(const std::vector<std::vector<std::pair<int, int>>>& columns, int layers) {

@@ -22,9 +22,6 @@ namespace {
 
 using testing::HasSubstr;
 
-/// Figure 2.2.
-const PlanLight kF = plan_light(figure_2_2(), 1000);
-
 TEST(Plan, ATwoSliceGapGoesAsFastAsItsClosedForm) {
   const MemorySlices part = comb({{{0, 19}, {22, 41}}, {{0, 41}}}, 42);
   const PrintPlan plan = plan_print(part, setup_of(part), {});
@@ -186,7 +183,7 @@ TEST(Plan, NothingFeasibleNamesTheNearestContrast) {
   const MemorySlices part = comb({{{0, 19}, {22, 41}}}, 42);
   PlanAsk ask;
   ask.gap_contrast = 0.06;
-  const BestGap best = best_gap(kF, 2);
+  const BestGap best = best_gap(kFigure22, 2);
   EXPECT_LT(best.contrast, 0.06);
   try {
     plan_print(part, setup_of(part), ask);
@@ -199,7 +196,7 @@ TEST(Plan, NothingFeasibleNamesTheNearestContrast) {
     EXPECT_THAT(text, HasSubstr("100 um (2 slices) at pixel 0, 0, slices 20 to 21"));
     EXPECT_THAT(text, HasSubstr("at least 150 um"));
   }
-  EXPECT_FALSE(gap_speeds(kF, 2, 0.05486).empty());
+  EXPECT_FALSE(gap_speeds(kFigure22, 2, 0.05486).empty());
   ask.gap_contrast = 0.05;
   ask.tolerance_um = 8;  // less than lam times 1 %
   try {

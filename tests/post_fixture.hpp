@@ -16,15 +16,8 @@
 
 namespace slicecorr::test {
 
-using Command = std::vector<std::string>;
-
-inline Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
-
 /// Full light of 100 mW/cm²: with a resin of 576 mJ/cm³ and 110 um, 0.07837 s just gel 50 um.
-inline constexpr const char* kSmallPrinter =
+inline constexpr const char* kPostPrinter =
     "name = \"small\"\nmaker = \"Works\"\nproduct = \"Small One\"\n[display]\nwidth_px = 160\n"
     "height_px = 120\npixel_um = 50.0\n[blue]\nwavelength_nm = 405\n"
     "calibration = [[0, 1.0], [255, 100.0]]\n[stage]\ntravel_mm = 100\nmax_speed_mm_h = 2000\n";
@@ -117,8 +110,8 @@ class PostFolder : public ::testing::Test {
     std::filesystem::create_directories(folder_ / "config/slicecorr");
     std::filesystem::copy(SLICECORR_DB_DIR, folder_ / "db",
                           std::filesystem::copy_options::recursive);
-    write("db/printers/small.toml", kSmallPrinter);
-    write("small.toml", kSmallPrinter);
+    write("db/printers/small.toml", kPostPrinter);
+    write("small.toml", kPostPrinter);
   }
   RunResult post(const Command& arguments) const { return post(arguments, options_); }
   RunResult post(const Command& arguments, const RunOptions& options) const {

@@ -33,7 +33,7 @@ const std::map<std::string, std::string> kNotInPlace = {
 
 TEST_F(PostFormats, EachInPlaceAndBack) {
   // An Ember has one display.
-  std::string wide = kSmallPrinter;
+  std::string wide = kPostPrinter;
   wide.replace(wide.find("160"), 3, "1280");
   wide.replace(wide.find("120"), 3, "800");
   write("wide.toml", wide);

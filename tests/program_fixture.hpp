@@ -17,13 +17,6 @@
 
 namespace slicecorr::test {
 
-using Command = std::vector<std::string>;
-
-inline Command operator+(Command left, const Command& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
-
 /// The printer of the examples with a small image, so that the programs take no time.
 inline constexpr int kSmallWidth = 160, kSmallHeight = 120;
 inline constexpr const char* kSmallPrinter =

@@ -104,7 +104,7 @@ TEST_F(Streams, NamesFromFilesDoNotReachATerminalRaw) {
   r = shell("slicecorr slice ladder.stl -o t.uvj --layer-um 50 --printer odd.toml");
   EXPECT_EQ(r.exit_code, 2);
   EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
-  std::string named = kSmallPrinter;
+  std::string named = kPostPrinter;
   named.replace(named.find("small"), 5, "a\\u001b[2Jb\\nslicecorr: all is well");
   write("named.toml", named);
   r = shell(

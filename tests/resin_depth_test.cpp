@@ -29,7 +29,7 @@ CureModel model_with_depth(double depth_um, const Process& process = test::proce
                          kLayerUm);
 }
 
-Process layerwise(double exposure_s) {
+Process with_bottom_layers(double exposure_s) {
   Process p;
   p.mode = ExposureMode::layerwise;
   p.exposure_s = exposure_s;
@@ -95,7 +95,7 @@ TEST(ResinDepth, DosesAreSumsOverTheBath) {
 
 TEST(ResinDepth, DosesLayerByLayer) {
   const auto pixels = random_pixels(100);
-  const CureModel model = model_with_depth(1000, layerwise(5));
+  const CureModel model = model_with_depth(1000, with_bottom_layers(5));
   const PixelCurve curve = pixel_curve(model);
   const ColumnDose dose = column_dose(model, pixels);
   for (int n = 0; n < 100; ++n) {
@@ -250,7 +250,7 @@ TEST(ResinDepth, FewLevelsKnowTheBath) {
 
 TEST(ResinDepth, BlackLightLayerByLayerAddsUpOverTheBathAlone) {
   // Black that gels in deep resin, but not in 500 um: 1 - 10^(-500 / 2000) = 0.438 of it.
-  Process process = layerwise(1);
+  Process process = with_bottom_layers(1);
   process.bottom_layers = 0;
   process.exposure_s =
       1.5 * model_with_depth(0, process).one_minus_a / model_with_depth(0, process).phi_min();
@@ -283,7 +283,7 @@ TEST(ResinDepth, CorrectedWithoutItTooLittleIsPrinted) {
 
 TEST(ResinDepth, CorrectedLayerByLayer) {
   const auto coverage = column(60, {{0, 19}, {25, 30}, {40, 59}});
-  const Process process = layerwise(60);
+  const Process process = with_bottom_layers(60);
   const CureModel model = model_with_depth(1000, process);
   const CorrectionPlan plan = test::plan_for(model, process, 60);
   const auto levels = solve_column(plan, coverage);

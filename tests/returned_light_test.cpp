@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "models.hpp"
+#include "layerwise_models.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/setup.hpp"
@@ -14,9 +14,10 @@ namespace slicecorr {
 namespace {
 
 using test::column;
+using test::layerwise;
 using test::linear_printer;
 
-constexpr double kHeightUm = 2000, kLayerUm = 50;
+constexpr double kHaUm = 2000, kHsUm = 50;
 
 Printer printer_with(double reflectance, double depth_um = 0) {
   Printer p = linear_printer(1, 100);
@@ -26,7 +27,7 @@ Printer printer_with(double reflectance, double depth_um = 0) {
 }
 
 CureModel model_with(double reflectance, double depth_um = 0,
-                     const Process& process = test::process(1000), double height_um = kHeightUm,
+                     const Process& process = test::process(1000), double height_um = kHaUm,
                      double m = 1) {
   Resin resin = test::resin(576, height_um);
   if (m != 1) {
@@ -35,17 +36,10 @@ CureModel model_with(double reflectance, double depth_um = 0,
     resin.critical_dose_mj_cm3 = 0;
     resin.critical_dose_prime = 50;
   }
-  return make_cure_model(printer_with(reflectance, depth_um), resin, process, kLayerUm);
+  return make_cure_model(printer_with(reflectance, depth_um), resin, process, kHsUm);
 }
 
-Process layerwise(double exposure_s) {
-  Process p;
-  p.mode = ExposureMode::layerwise;
-  p.exposure_s = exposure_s;
-  return p;
-}
-
-std::vector<std::uint8_t> random_pixels(int slices) {
+std::vector<std::uint8_t> random_runs(int slices) {
   std::mt19937 random(11);
   std::vector<std::uint8_t> pixels;
   // Runs of light and of dark: doses pass 1 and turn.
@@ -57,7 +51,7 @@ std::vector<std::uint8_t> random_pixels(int slices) {
   return pixels;
 }
 
-double share_um(double reflectance, double z_um, double height_um = kHeightUm) {
+double share_um(double reflectance, double z_um, double height_um = kHaUm) {
   return 1 + reflectance * std::pow(10.0, -2 * z_um / height_um);
 }
 
@@ -83,7 +77,7 @@ TEST(ReturnedLight, CheckValue) {
   EXPECT_NEAR(model_with(0.3).returned(0), 1.3, 1e-12);
   EXPECT_NEAR(model_with(0.3, 0, layerwise(60)).returned(10), 1.09487, 5e-6);
   // The power of the intensity, of which the light that returns is a part.
-  EXPECT_NEAR(model_with(0.3, 0, test::process(1000), kHeightUm, 0.8).returned(10),
+  EXPECT_NEAR(model_with(0.3, 0, test::process(1000), kHaUm, 0.8).returned(10),
               std::pow(share_um(0.3, 500), 0.8), 1e-12);
 }
 
@@ -101,7 +95,7 @@ TEST(ReturnedLight, NoneLeavesTheModelAsItIs) {
 }
 
 TEST(ReturnedLight, DosesAreSumsOverBothWays) {
-  const auto pixels = random_pixels(120);
+  const auto pixels = random_runs(120);
   for (const double depth_um : {0.0, 1500.0}) {
     const CureModel model = model_with(0.4, depth_um);
     const PixelCurve curve = pixel_curve(model);
@@ -120,15 +114,15 @@ TEST(ReturnedLight, DosesAreSumsOverBothWays) {
 }
 
 TEST(ReturnedLight, DosesWithAnExponentAndLayerByLayer) {
-  const auto pixels = random_pixels(80);
-  const CureModel powered = model_with(0.5, 0, test::process(100), kHeightUm, 0.8);
-  const CureModel none = model_with(0, 0, test::process(100), kHeightUm, 0.8);
+  const auto pixels = random_runs(80);
+  const CureModel powered = model_with(0.5, 0, test::process(100), kHaUm, 0.8);
+  const CureModel none = model_with(0, 0, test::process(100), kHaUm, 0.8);
   const CureModel steps = model_with(0.5, 0, layerwise(60)),
                   plain = model_with(0, 0, layerwise(60));
   const ColumnDose a = column_dose(powered, pixels), b = column_dose(none, pixels);
   const ColumnDose c = column_dose(steps, pixels), d = column_dose(plain, pixels);
   for (std::size_t n = 0; n < 80; ++n) {
-    const double z_um = static_cast<double>(n) * kLayerUm;
+    const double z_um = static_cast<double>(n) * kHsUm;
     EXPECT_NEAR(a.middle[n], b.middle[n] * std::pow(share_um(0.5, z_um + 25), 0.8), 1e-10) << n;
     EXPECT_NEAR(c.lower[n], d.lower[n] * share_um(0.5, z_um + 50), 1e-10) << n;
     EXPECT_NEAR(c.middle[n], d.middle[n] * share_um(0.5, z_um + 25), 1e-10) << n;
@@ -140,7 +134,7 @@ TEST(ReturnedLight, InsideLayersAsInFineSteps) {
   // A strong mirror and resin that absorbs much: doses turn inside layers.
   int turned = 0, crossed = 0;
   for (const double m : {1.0, 0.8}) {
-    const auto pixels = random_pixels(60);
+    const auto pixels = random_runs(60);
     const CureModel model = model_with(1, 0, test::process(m == 1 ? 300 : 30), 300, m);
     const PixelCurve curve = pixel_curve(model);
     BandDose band(model, 1);
@@ -152,7 +146,7 @@ TEST(ReturnedLight, InsideLayersAsInFineSteps) {
       const double phi = curve[pixel];
       const auto at = [&](double d) {
         const double left = std::pow(model.a, d);
-        return (phi + (raw - phi) * left) * std::pow(share_um(1, (n + 1 - d) * kLayerUm, 300), m);
+        return (phi + (raw - phi) * left) * std::pow(share_um(1, (n + 1 - d) * kHsUm, 300), m);
       };
       constexpr int steps = 2000;
       double least = at(0);
@@ -186,8 +180,8 @@ TEST(ReturnedLight, SlicesOfSeveralImages) {
   const CureModel model = model_with(0.6, 0, test::process(500), 400);
   Printer fine_printer = printer_with(0.6);
   const CureModel fine =
-      make_cure_model(fine_printer, test::resin(576, 400), test::process(500), kLayerUm / 2);
-  const auto pixels = random_pixels(40);
+      make_cure_model(fine_printer, test::resin(576, 400), test::process(500), kHsUm / 2);
+  const auto pixels = random_runs(40);
   BandDose coarse(model, 1), halves(fine, 1);
   InsideLayer inside, low, high;
   for (int n = 20; n-- > 0;) {
@@ -227,7 +221,7 @@ TEST(ReturnedLight, CorrectedColumnsPrint) {
         const double there = direct_dose(model, phi, static_cast<double>(n) + middle, reflectance);
         (there >= 1.0 ? full : empty) = middle;
       }
-      EXPECT_LT(std::abs(full) * kLayerUm, 1.0) << reflectance << " edge " << n;
+      EXPECT_LT(std::abs(full) * kHsUm, 1.0) << reflectance << " edge " << n;
     }
     // What is planned without light that returns grows into gaps.
     const auto blind =
@@ -333,7 +327,7 @@ double dose_until(const CureModel& model, const std::vector<double>& phi, double
 }
 
 TEST(ReturnedLight, SimulatedColumnsGrowAsTheSumsSay) {
-  const auto pixels = random_pixels(50);
+  const auto pixels = random_runs(50);
   for (const auto& [reflectance, depth_um] :
        {std::pair{0.5, 0.0}, {0.0, 800.0}, {0.5, 800.0}, {0.0, 100.0}}) {
     const CureModel model = model_with(reflectance, depth_um, test::process(800), 500);
@@ -352,7 +346,7 @@ TEST(ReturnedLight, SimulatedColumnsGrowAsTheSumsSay) {
       const double window = p.slice + p.share;
       ASSERT_GT(p.z_um.size(), 5U);
       for (std::size_t i = 0; i < p.z_um.size(); ++i) {
-        EXPECT_NEAR(p.dose[i], dose_until(model, phi, p.z_um[i] / kLayerUm, window), 1e-9)
+        EXPECT_NEAR(p.dose[i], dose_until(model, phi, p.z_um[i] / kHsUm, window), 1e-9)
             << reflectance << " " << depth_um << " at " << p.z_um[i];
       }
     }
@@ -361,7 +355,7 @@ TEST(ReturnedLight, SimulatedColumnsGrowAsTheSumsSay) {
       const double window = step.slice + step.share;
       for (const GelledInterval& g : step.gelled) {
         for (const double z_um : {g.front_um, g.back_um}) {
-          const double zeta = z_um / kLayerUm;
+          const double zeta = z_um / kHsUm;
           if (zeta < 1e-9 || zeta > window - 1e-9) continue;
           EXPECT_NEAR(dose_until(model, phi, zeta, window), 1.0, 1e-6) << zeta;
         }
@@ -372,7 +366,7 @@ TEST(ReturnedLight, SimulatedColumnsGrowAsTheSumsSay) {
 
 TEST(ReturnedLight, AddedDosesSumUp) {
   const CureModel model = model_with(0.5, 800, test::process(800), 500);
-  const auto pixels = random_pixels(30);
+  const auto pixels = random_runs(30);
   for (const double zeta : {0.3, 4.5, 11.9}) {
     double sum = 0;
     std::vector<double> phi;
@@ -398,7 +392,7 @@ TEST(ReturnedLight, PrinterFile) {
   for (const char* bad : {"-0.1", "1.01", "inf", "nan", "\"steel\"", "30"}) {
     EXPECT_THROW(parsed(std::string("platform_reflectance = ") + bad), InputError) << bad;
   }
-  const Resin resin = test::resin(576, kHeightUm);
+  const Resin resin = test::resin(576, kHaUm);
   const Printer printer = printer_with(0.3);
   EXPECT_EQ(parse_definitions_json(definitions_json(printer, resin), "text").first, printer);
   EXPECT_EQ(definitions_json(printer_with(0), resin).find("reflectance"), std::string::npos);
@@ -410,7 +404,7 @@ TEST(ReturnedLight, BlackThatGelsBesideThePlatformIsRefused) {
   const auto check = [&](double reflectance) {
     printer.platform_reflectance = reflectance;
     const CureModel model =
-        make_cure_model(printer, test::resin(576, kHeightUm), test::process(1000), kLayerUm);
+        make_cure_model(printer, test::resin(576, kHaUm), test::process(1000), kHsUm);
     check_feasible(model, printer, test::process(1000));
   };
   EXPECT_NO_THROW(check(0));
@@ -426,13 +420,13 @@ TEST(ReturnedLight, BlackThatGelsBesideThePlatformIsRefused) {
 TEST(ReturnedLight, IsRefusedUnderUvLight) {
   Printer printer = printer_with(0.3);
   printer.uv = UvLamp{365, false, {{0, 0}, {255, 100}}};
-  Resin resin = test::resin(576, kHeightUm);
+  Resin resin = test::resin(576, kHaUm);
   resin.inhibition = Inhibition{0.73, 37.8, 1, 0};
   Process process = test::process(1000);
   process.uv.kind = UvKind::constant;
   process.uv.uv_mw_cm2 = 20;
   try {
-    make_cure_model(printer, resin, process, kLayerUm);
+    make_cure_model(printer, resin, process, kHsUm);
     FAIL() << "light from the platform is not counted under UV light";
   } catch (const InputError& e) {
     EXPECT_NE(std::string(e.what()).find("platform_reflectance"), std::string::npos) << e.what();

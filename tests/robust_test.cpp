@@ -25,7 +25,7 @@ using test::plan_for;
 using test::process;
 using testing::HasSubstr;
 
-Uncertainty off_by(const std::string& text, bool robust = true) {
+Uncertainty robustly_off_by(const std::string& text, bool robust = true) {
   Uncertainty u = parse_uncertainty(text, ExposureMode::continuous, 100, {});
   u.robust = robust;
   return u;
@@ -43,7 +43,7 @@ CureModel case_of_figure_2_2(double share, bool weak) {
 
 TEST(Robust, CornersAreModelsOfTheirOwn) {
   for (const bool weak : {true, false}) {
-    const CureModel off = detail::case_model(figure_2_2(), off_by("ha=5%,dc=5%"), weak);
+    const CureModel off = detail::case_model(figure_2_2(), robustly_off_by("ha=5%,dc=5%"), weak);
     const CureModel made = case_of_figure_2_2(0.05, weak);
     EXPECT_NEAR(off.eta, made.eta, 1e-15);
     EXPECT_NEAR(off.a, made.a, 1e-15);
@@ -52,7 +52,8 @@ TEST(Robust, CornersAreModelsOfTheirOwn) {
     }
   }
   // Light and stray light.
-  const CureModel lit = detail::case_model(figure_2_2(), off_by("light=4%,stray=0.5"), false);
+  const CureModel lit =
+      detail::case_model(figure_2_2(), robustly_off_by("light=4%,stray=0.5"), false);
   EXPECT_NEAR(lit.level_phi[0], (1 * std::exp(0.04) + 0.5) / 16, 1e-12);
   EXPECT_NEAR(lit.level_phi[255], (100 * std::exp(0.04) + 0.5) / 16, 1e-12);
 }
@@ -62,7 +63,7 @@ TEST(Robust, DosesOfFigure22InTheCorners) {
   const auto plan = plan_for(figure_2_2(), process(1000), 50);
   const auto phi = solve_column_exactly(plan, column(50, {{11, 20}, {31, 40}}));
   const auto doses = [&](bool weak) {
-    const CureModel off = detail::case_model(plan.model, off_by("ha=5%,dc=5%"), weak);
+    const CureModel off = detail::case_model(plan.model, robustly_off_by("ha=5%,dc=5%"), weak);
     std::vector<double> changed;
     for (const double p : phi) changed.push_back(p * off.level_phi[255] / plan.model.phi_max());
     return node_doses(off, changed);
@@ -159,7 +160,7 @@ TEST(Robust, FeaturesAndGapsOfRandomColumnsHold) {
   CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 60);
   plan = CorrectionPlan(plan.model, plan.process, 60,
                         plan.all_layers + detail::robust_slices(plan.model));
-  const Uncertainty u = off_by("ha=5%,dc=5%");
+  const Uncertainty u = robustly_off_by("ha=5%,dc=5%");
   const detail::CodedDesign design = design_of(columns);
   const detail::RobustLevels made = detail::robust_levels(plan, u, design, {});
   const Failures plain = failures(made.plain, columns, plan, 0.05);
@@ -182,7 +183,7 @@ TEST(Robust, CovarianceOfAFitGivesMargins) {
   CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 60);
   plan = CorrectionPlan(plan.model, plan.process, 60,
                         plan.all_layers + detail::robust_slices(plan.model));
-  Uncertainty u = off_by("ha=2%,dc=2%");
+  Uncertainty u = robustly_off_by("ha=2%,dc=2%");
   u.from_fit = true;  // 2.45 standard deviations in any direction
   const detail::CodedDesign design = design_of(columns);
   const detail::RobustLevels made = detail::robust_levels(plan, u, design, {});
@@ -198,7 +199,8 @@ TEST(Robust, ColumnsThatHoldStayAsTheyAre) {
   const std::vector<std::vector<std::uint8_t>> columns(3, column(50, {{11, 20}, {31, 40}}));
   CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 50);
   const detail::CodedDesign design = design_of(columns);
-  const detail::RobustLevels made = detail::robust_levels(plan, off_by("ha=5%,dc=5%"), design, {});
+  const detail::RobustLevels made =
+      detail::robust_levels(plan, robustly_off_by("ha=5%,dc=5%"), design, {});
   EXPECT_EQ(made.levels, made.plain);
   std::vector<std::uint8_t> row(3);
   const auto expected = solve_column(plan, columns[0]);
@@ -237,7 +239,8 @@ TEST(Robust, StacksAndTheirFiguresDoNotDependOnThreads) {
   const MemorySlices target = stack_of(random_columns(200, 41));
   const test::TemporaryFolder folder;
   for (const bool robust : {false, true}) {
-    const slicecorr::Setup setup = setup_of(off_by("ha=5%,dc=5%,light=1%,noise=1%", robust));
+    const slicecorr::Setup setup =
+        setup_of(robustly_off_by("ha=5%,dc=5%,light=1%,noise=1%", robust));
     std::string figures;
     test::Bytes stack;
     for (const int threads : {1, 3}) {
@@ -269,7 +272,7 @@ TEST(Robust, StacksAndTheirFiguresDoNotDependOnThreads) {
 TEST(Robust, IsBetterAtTheEndsOfTheRange) {
   const MemorySlices target = stack_of(random_columns(200, 43));
   const auto lost_and_filled = [&](bool robust) {
-    const slicecorr::Setup setup = setup_of(off_by("ha=5%,dc=5%", robust));
+    const slicecorr::Setup setup = setup_of(robustly_off_by("ha=5%,dc=5%", robust));
     const CorrectedSlices slices(target, setup);
     std::uint64_t sum = 0;
     for (const double sign : {-1.0, 1.0}) {
@@ -300,18 +303,18 @@ std::string refusal(const slicecorr::Setup& setup, const SliceSource& target) {
 
 TEST(Robust, WhatCannotBeIsRefused) {
   const MemorySlices target = stack_of(random_columns(4, 47));
-  slicecorr::Setup setup = setup_of(off_by("ha=5%,m=0.02"));
+  slicecorr::Setup setup = setup_of(robustly_off_by("ha=5%,m=0.02"));
   EXPECT_THAT(refusal(setup, target), HasSubstr("errors from a fit"));
-  setup = setup_of(off_by("ha=5%"));
+  setup = setup_of(robustly_off_by("ha=5%"));
   setup.process.mode = ExposureMode::layerwise;
   setup.process.exposure_s = 1;
   setup.resin.absorbance_height10_um = 110;
   EXPECT_THAT(refusal(setup, target), HasSubstr("layer by layer"));
-  setup = setup_of(off_by("ha=5%"));
+  setup = setup_of(robustly_off_by("ha=5%"));
   setup.printer.platform_reflectance = 0.3;
   EXPECT_THAT(refusal(setup, target), HasSubstr("platform"));
   // Light that just gels, and does not in the weak case.
-  setup = setup_of(off_by("ha=5%,dc=5%"));
+  setup = setup_of(robustly_off_by("ha=5%,dc=5%"));
   setup.process.speed_mm_h = 5800;
   EXPECT_THAT(refusal(setup, target), HasSubstr("weak side"));
   setup.process.speed_mm_h = 66;

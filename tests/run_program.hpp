@@ -26,6 +26,14 @@ inline constexpr int kSlowdown = 8;
 inline constexpr int kSlowdown = 1;
 #endif
 
+/// A program and its arguments, or some of these.
+using Command = std::vector<std::string>;
+
+inline Command operator+(Command left, const Command& right) {
+  left.insert(left.end(), right.begin(), right.end());
+  return left;
+}
+
 struct RunOptions {
   /// Added to the environment of the test, or put in its place there.
   std::map<std::string, std::string> environment;
@@ -45,8 +53,7 @@ struct RunResult {
   std::string out, err;
 };
 
-inline RunResult run_program(const std::vector<std::string>& command,
-                             const RunOptions& options = {}) {
+inline RunResult run_program(const Command& command, const RunOptions& options = {}) {
   using Clock = std::chrono::steady_clock;
   // All memory is taken before the fork: the child only makes system calls.
   std::vector<char*> argv;

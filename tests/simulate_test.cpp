@@ -13,30 +13,14 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/report.hpp"
-#include "slicecorr/units.hpp"
+#include "uv_models.hpp"
 
 namespace slicecorr {
 namespace {
 
+using test::uv::resin_1;
+using test::uv::uv_printer;
 using testing::HasSubstr;
-
-Printer uv_printer() {
-  Printer p = test::linear_printer(1, 100);
-  p.uv = UvLamp{365, false, {{0, 0}, {255, 275}}};
-  return p;
-}
-
-/// The dissertation's custom resin 1 (table 3.1).
-Resin resin_1(double m) {
-  Resin r;
-  r.name = "resin 1";
-  r.model = CureModelKind::kinetic;
-  r.m = m;
-  r.absorbance_height10_um = units::height10_from_e(408);
-  r.critical_dose_prime = 64;
-  r.inhibition = Inhibition{0.73, units::height10_from_e(37.8), m, 0};
-  return r;
-}
 
 struct Case {
   std::string name;

@@ -30,7 +30,7 @@ using test::refusal;
 
 namespace fs = std::filesystem;
 using Real = long double;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 using namespace test;  // NOLINT: meshes and slices of the tests
 
 /// Area in pixels.
@@ -124,8 +124,8 @@ TEST(MeshSlices, SphereCutsHaveTheAreaOfThePolyhedronAndNearlyOfTheDisc) {
   const auto all = read(slices);
   for (std::size_t n = 0; n < all.size(); ++n) {
     const double z = (static_cast<double>(n) + 0.5) * 0.05 + low;
-    const double most = kPi * (radius * radius - z * z) / 0.0025;
-    const double least = kPi * std::max(0.0, inner * inner - z * z) / 0.0025;
+    const double most = pi * (radius * radius - z * z) / 0.0025;
+    const double least = pi * std::max(0.0, inner * inner - z * z) / 0.0025;
     const double rounding = rounding_bound(convex_touches(120, 120));
     EXPECT_LE(covered(all[n]), most + rounding) << n;
     EXPECT_GE(covered(all[n]), least - rounding) << n;
@@ -141,13 +141,13 @@ TEST(MeshSlices, ConeCuts) {
   EXPECT_EQ(slices.grid().layers, 100);
   expect_convex_areas(slices, [&](double z) {
     const double r = radius * (1 - z / height);
-    return corners / 2.0 * r * r * std::sin(2 * kPi / corners);
+    return corners / 2.0 * r * r * std::sin(2 * pi / corners);
   });
 }
 
 TEST(MeshSlices, CubeTurnedAboutZ) {
   for (const double degrees : {0.0, 5.0, 30.0, 45.0}) {
-    const MeshSlices slices(turned(box({-1.3, -1.3, 0}, {1.3, 1.3, 1}), 0, degrees * kPi / 180),
+    const MeshSlices slices(turned(box({-1.3, -1.3, 0}, {1.3, 1.3, 1}), 0, degrees * pi / 180),
                             printer(90, 100, 50, 50), layer_of(100));
     expect_convex_areas(slices, [](double) { return 2.6 * 2.6; });
   }
@@ -156,7 +156,7 @@ TEST(MeshSlices, CubeTurnedAboutZ) {
 TEST(MeshSlices, CubeOnAnEdgeTurnedAboutZ) {
   const double a = 2.2;
   for (const double degrees : {0.0, 20.0}) {
-    const MeshSlices slices(turned(box({0, 0, 0}, {a, a, a}), kPi / 4, degrees * kPi / 180),
+    const MeshSlices slices(turned(box({0, 0, 0}, {a, a, a}), pi / 4, degrees * pi / 180),
                             printer(100, 100, 50, 50), layer_of(50));
     expect_convex_areas(slices, [&](double z) {
       return a * 2 * std::max(0.0, std::min(z, a * std::sqrt(2.0) - z));
@@ -168,7 +168,7 @@ TEST(MeshSlices, PixelsNeedNotBeSquare) {
   const MeshSlices slices(cone(2.5, 4, 24), printer(130, 60, 40, 100), layer_of(100));
   expect_convex_areas(slices, [](double z) {
     const double r = 2.5 * (1 - z / 4);
-    return 12 * r * r * std::sin(2 * kPi / 24);
+    return 12 * r * r * std::sin(2 * pi / 24);
   });
   // The box of 125.2 x 50 pixels fills columns 2.4 to 127.6 and rows 5 to 55.
   const MeshSlices plain(box({0, 0, 0}, {5.008, 5, 0.1}), printer(130, 60, 40, 100), layer_of(100));
@@ -809,7 +809,7 @@ TEST(MeshSlices, TheCutterOfTheTestsItself) {
   Cutter cutter(mesh, inspect(mesh), grid);
   for (const int n : {0, 17, 39}) {
     const double r = 2.5 * (1 - (n + 0.5) * 0.1 / 4);
-    EXPECT_NEAR(static_cast<double>(cutter.at(n).area_mm2), 12 * r * r * std::sin(2 * kPi / 24),
+    EXPECT_NEAR(static_cast<double>(cutter.at(n).area_mm2), 12 * r * r * std::sin(2 * pi / 24),
                 1e-12);
     EXPECT_LE(static_cast<double>(cutter.at(n).touched),
               convex_touches(2 * r / 0.05, 2 * r / 0.05));

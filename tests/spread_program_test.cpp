@@ -16,7 +16,7 @@ using nlohmann::json;
 
 constexpr int kWidth = kSmallWidth, kHeight = kSmallHeight;
 constexpr std::size_t kPixels = static_cast<std::size_t>(kWidth) * kHeight;
-constexpr double kPixelUm = 50, kLayerUm = 50, kHeightUm = 2000, kPhiMin = 0.0625, kPhiMax = 6.25;
+constexpr double kPixelUm = 50, kLayerUm = 50, kHeightUm = 2000;
 
 std::string printer_with(const std::string& spread, const std::string& more = "") {
   return kSmallPrinter + std::string("spread = ") + spread + "\n" + more;

@@ -26,7 +26,7 @@ using test::MemorySlices;
 using namespace test::uv;
 using testing::HasSubstr;
 
-constexpr double kPixelUm = 50, kLayerUm = 50;
+constexpr double kPitchUm = 50, kHsUm = 50;
 /// UV light counts to 0.2 % (`InhibitedKernel::by_front`), which the dose follows with m times the
 /// share of UV light in it: less than all of it. Sums here are exact to 1e-4.
 constexpr double kDoseError = 2.2e-3;
@@ -44,7 +44,7 @@ Setup setup(int width_px, int height_px, double speed_mm_h = 300) {
 
 /// The share of a pixel's light that falls `x` pixels further.
 double share(int x, double sigma_um) {
-  const double scale = sigma_um / kPixelUm * std::sqrt(2.0);
+  const double scale = sigma_um / kPitchUm * std::sqrt(2.0);
   return (std::erf((x + 0.5) / scale) - std::erf((x - 0.5) / scale)) / 2;
 }
 
@@ -74,14 +74,14 @@ double integrated(const Setup& s, const std::vector<double>& blue, const std::ve
   const Kinetics k = make_kinetics(s.resin, true, true);
   const bool moving = s.process.mode == ExposureMode::continuous;
   const double time_s =
-      moving ? units::slice_time_s(kLayerUm, s.process.speed_mm_h) : layer_exposure_s(s.process, 0);
+      moving ? units::slice_time_s(kHsUm, s.process.speed_mm_h) : layer_exposure_s(s.process, 0);
   const int steps = moving ? 400 : 1;
   double dose = 0;
   for (std::size_t n = 0; n < blue.size(); ++n) {
     for (int i = 0; i < steps; ++i) {
       const double window = static_cast<double>(n) + (moving ? (i + 0.5) / steps : 1.0);
       if (window < zeta) continue;
-      dose += dose_prime_at(k, blue[n], uv[n], (window - zeta) * kLayerUm, time_s / steps) /
+      dose += dose_prime_at(k, blue[n], uv[n], (window - zeta) * kHsUm, time_s / steps) /
               k.critical_dose_prime;
     }
   }
@@ -90,7 +90,7 @@ double integrated(const Setup& s, const std::vector<double>& blue, const std::ve
 
 MemorySlices random_stack(int width, int height, int layers, unsigned seed) {
   std::mt19937 random(seed);
-  MemorySlices stack({width, height, layers, kPixelUm, kPixelUm, kLayerUm});
+  MemorySlices stack({width, height, layers, kPitchUm, kPitchUm, kHsUm});
   for (int n = 0; n < layers; ++n) {
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
@@ -109,7 +109,7 @@ TEST(FrontLight, IsThatOfTheGreyLevels) {
     Process process = uv_process(1000, 200);
     process.mode = mode;
     process.exposure_s = 1;
-    const CureModel model = model_of(resin_1(0.7), process, kLayerUm);
+    const CureModel model = model_of(resin_1(0.7), process, kHsUm);
     const InhibitedKernel& kernel = *model.inhibited;
     const auto by_front = kernel.by_front(1e-5);
     double most = 0;
@@ -155,7 +155,7 @@ TEST(SpreadUnderUv, DosesAreThoseOfTheRateEquationOfBlurredLight) {
       slicecorr::Setup plain = s;
       plain.printer.spread = {};
       plain.printer.uv->spread = {};
-      const CureModel model = make_cure_model(plain.printer, plain.resin, plain.process, kLayerUm);
+      const CureModel model = make_cure_model(plain.printer, plain.resin, plain.process, kHsUm);
       std::vector<double> blue_of, uv_of;
       for (int v = 0; v < 256; ++v) {
         blue_of.push_back(model.inhibited->level_mw_cm2(v));
@@ -185,7 +185,7 @@ TEST(SpreadUnderUv, EvenLightIsLightThatDoesNotSpread) {
   const slicecorr::Setup s = setup(41, 41);
   slicecorr::Setup plain = s;
   plain.printer.spread = {};
-  MemorySlices stack({41, 41, 30, kPixelUm, kPixelUm, kLayerUm});
+  MemorySlices stack({41, 41, 30, kPitchUm, kPitchUm, kHsUm});
   for (int n = 0; n < 30; ++n) {
     for (int y = 0; y < 41; ++y) {
       for (int x = 0; x < 41; ++x) stack.at(n, x, y) = static_cast<std::uint8_t>(n < 12 ? 60 : 200);
@@ -202,7 +202,7 @@ TEST(SpreadUnderUv, EvenLightIsLightThatDoesNotSpread) {
 TEST(SpreadUnderUv, FiguresSectionsAndTimeAgree) {
   const slicecorr::Setup s = setup(17, 11);
   const MemorySlices stack = random_stack(17, 11, 24, 9);
-  MemorySlices target({17, 11, 24, kPixelUm, kPixelUm, kLayerUm});
+  MemorySlices target({17, 11, 24, kPitchUm, kPitchUm, kHsUm});
   for (int n = 3; n < 20; ++n) {
     for (int y = 3; y < 8; ++y) {
       for (int x = 4; x < 13; ++x) target.at(n, x, y) = n > 9 && n < 13 ? 0 : 255;
@@ -239,15 +239,15 @@ TEST(SpreadUnderUv, FiguresSectionsAndTimeAgree) {
   ASSERT_FALSE(history.steps.empty());
   double gelled = 0, above = 0;
   for (const GelledInterval& g : history.steps.back().gelled) gelled += g.front_um - g.back_um;
-  for (const ProbeRow& row : rows) above += row.dose_middle >= 1 ? kLayerUm : 0;
+  for (const ProbeRow& row : rows) above += row.dose_middle >= 1 ? kHsUm : 0;
   // Each end of a gelled piece lies within half a layer of where middles say.
-  EXPECT_NEAR(gelled, above, kLayerUm * static_cast<double>(history.steps.back().gelled.size()));
+  EXPECT_NEAR(gelled, above, kHsUm * static_cast<double>(history.steps.back().gelled.size()));
 }
 
 TEST(SpreadUnderUv, TheDeadZoneIsThatOfTheLightThatComes) {
   // A wide wall: in its middle full light and the least dead zone, at its edges half of both.
   const slicecorr::Setup s = setup(41, 41);
-  MemorySlices stack({41, 41, 3, kPixelUm, kPixelUm, kLayerUm});
+  MemorySlices stack({41, 41, 3, kPitchUm, kPitchUm, kHsUm});
   for (int n = 0; n < 3; ++n) {
     for (int y = 0; y < 41; ++y) {
       for (int x = 0; x < 20; ++x) stack.at(n, x, y) = 255;
@@ -270,7 +270,7 @@ TEST(SpreadUnderUv, TheDeadZoneIsThatOfTheLightThatComes) {
 
 /// Walls, an overhang, a channel and a thin wall.
 MemorySlices part() {
-  MemorySlices t({44, 36, 60, kPixelUm, kPixelUm, kLayerUm});
+  MemorySlices t({44, 36, 60, kPitchUm, kPitchUm, kHsUm});
   const auto fill = [&](const PixelBox& box, int first, int past, std::uint8_t value) {
     for (int n = first; n < past; ++n) {
       for (int y = box.y0; y < box.y1; ++y) {

@@ -19,8 +19,8 @@
 namespace slicecorr::tomo {
 namespace {
 
+using std::numbers::pi;
 using ::testing::HasSubstr;
-constexpr double kPi = std::numbers::pi;
 
 /// A dry vial of 4 mm before a pinhole, 40 mm away.
 Printer pinhole_printer() {
@@ -87,7 +87,7 @@ TEST(TomoCoupled, SourcesAreFoundBackwards) {
     const detail::RaySources sources(p, n, alpha, -3, 3, {});
     const auto points =
         aperture_points(p.optics->half_angle_deg > 0 ? p.optics->rays_per_pixel : 1);
-    const double reach = std::tan(p.optics->half_angle_deg * kPi / 180);
+    const double reach = std::tan(p.optics->half_angle_deg * pi / 180);
     std::mt19937 random(3);
     const auto uniform = [&] { return (random() >> 5) * 0x1p-27; };
     int seen = 0;
@@ -186,7 +186,7 @@ TEST(TomoCoupled, OperatorsAgreeWithTheDirectSum) {
       for (int i = 0; i < g.pixels; ++i) {
         for (int r = 0; r < g.rows; ++r) {
           job.levels[g.pixel(m, i, r)] = static_cast<std::uint16_t>(std::lround(
-              120 + 60 * std::sin(0.3 * i + 2 * kPi * m / g.angles) + 50 * std::cos(0.25 * r)));
+              120 + 60 * std::sin(0.3 * i + 2 * pi * m / g.angles) + 50 * std::cos(0.25 * r)));
         }
       }
     }
@@ -212,10 +212,10 @@ TEST(TomoCoupled, OperatorsAgreeWithTheDirectSum) {
     // same; and linear light that bends is met by lines, not in between: (k d)^2 / 12 of each wave.
     const double along = g.pixel_mm / g.voxel_mm(),
                  up = (z_of_row(bench, 1) - z_of_row(bench, 0)) / g.slice_height_mm();
-    const Beat across = beat(along, kPi / 4), rows = beat(up, 0);
+    const Beat across = beat(along, pi / 4), rows = beat(up, 0);
     const double bent = (0.3 * 0.3 * 60 + 0.25 * 0.25 * 50) / 12 / 120;
     const double each = std::hypot(across.deviation, rows.deviation);
-    EXPECT_LT(sum / count, each * std::sqrt(2 / kPi / g.angles) + bent);
+    EXPECT_LT(sum / count, each * std::sqrt(2 / pi / g.angles) + bent);
     EXPECT_LT(worst, across.most + rows.most + bent);
   }
 }
@@ -290,9 +290,9 @@ TEST(TomoCoupled, InsertsEndRays) {
         sum_direct += direct_seen.values[direct_seen.at(4, y, x)];
       }
     }
-    const double want = 1 - std::asin(a / r) / kPi;
+    const double want = 1 - std::asin(a / r) / pi;
     // The rod is made of squares of 0.25 mm, so its radius is known to half of one.
-    const double known = 0.125 / (kPi * std::sqrt(r * r - a * a));
+    const double known = 0.125 / (pi * std::sqrt(r * r - a * a));
     EXPECT_NEAR(sum_seen / sum_all, want, known) << r;
     EXPECT_NEAR(sum_direct / sum_direct_all, want, known) << r;
   }

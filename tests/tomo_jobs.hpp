@@ -2,6 +2,7 @@
 /// Small tomographic printers and jobs for tests.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -12,6 +13,10 @@
 #include "slicecorr/tomo/print.hpp"
 
 namespace slicecorr::tomo {
+
+inline double largest(const Box<float>& box) {
+  return *std::max_element(box.values.begin(), box.values.end());
+}
 
 /// Pixels of 0.25 mm before a vial of 4 mm; in a bath of the resin's index unless made dry.
 inline Printer bench_printer() {

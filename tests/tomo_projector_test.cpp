@@ -14,27 +14,18 @@
 namespace slicecorr::tomo {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-std::vector<double> random_numbers(std::size_t count, unsigned seed) {
-  std::mt19937 random(seed);
-  std::vector<double> numbers(count);
-  // From the engine alone: distributions differ between libraries. Multiples of 2^-16 are the same
-  // in single precision.
-  for (double& x : numbers) x = (random() >> 16) / 65536.0;
-  return numbers;
-}
+using std::numbers::pi;
 
 /// A kind of light with a grid on which the pair is tried.
-struct Case {
+struct LightKind {
   const char* name;
   TomoGrid grid;
   RayTables optics;
   bool insert = false;
 };
 
-std::vector<Case> cases() {
-  std::vector<Case> all;
+std::vector<LightKind> light_kinds() {
+  std::vector<LightKind> all;
   for (const int slices : {1, 11, 40}) {
     TomoGrid grid = square_grid(61, 50, slices, 1.5);
     all.push_back({"plain", grid, {}});
@@ -65,8 +56,8 @@ std::vector<Case> cases() {
     coarse.pixels = 31;
     coarse.pixel_mm = 0.12;
     all.push_back({"coarse pixels", coarse, {}});
-    Case refracted{"refracted", grid, {.alpha_per_mm = 0.4}};
-    Case pinhole{"refracted, uneven lines", square_grid(61, 50, slices, 1.5), {}};
+    LightKind refracted{"refracted", grid, {.alpha_per_mm = 0.4}};
+    LightKind pinhole{"refracted, uneven lines", square_grid(61, 50, slices, 1.5), {}};
     for (int i = 0; i < 61; ++i) {
       const double q = (i - 30) / 31.0;
       refracted.optics.weight.push_back(1.4 - 0.5 * q * q);
@@ -81,7 +72,7 @@ std::vector<Case> cases() {
   return all;
 }
 
-std::shared_ptr<const Shadow> shadow_of(const Case& c) {
+std::shared_ptr<const Shadow> shadow_of(const LightKind& c) {
   if (!c.insert) return nullptr;
   // Not the same in all slices.
   return std::make_shared<Shadow>(cast_shadow(part_of(c.grid, [](double x, double y, double z) {
@@ -90,7 +81,7 @@ std::shared_ptr<const Shadow> shadow_of(const Case& c) {
 }
 
 TEST(TomoProjector, ReferenceIsATransposedPair) {
-  for (const Case& c : cases()) {
+  for (const LightKind& c : light_kinds()) {
     SCOPED_TRACE(c.name);
     if (c.grid.slices > 1) continue;
     const auto shadow = shadow_of(c);
@@ -109,7 +100,7 @@ TEST(TomoProjector, ReferenceIsATransposedPair) {
 /// known to 2e-6 of a pixel (three roundings of numbers below 32), which a weight is wrong by; what
 /// is multiplied has six roundings, and sums of n terms wander by n 2^-24 at most.
 TEST(TomoProjector, FastPairIsTheReference) {
-  for (const Case& c : cases()) {
+  for (const LightKind& c : light_kinds()) {
     SCOPED_TRACE(std::string(c.name) + ", slices " + std::to_string(c.grid.slices));
     const TomoGrid& g = c.grid;
     const int n = g.voxels;
@@ -281,7 +272,7 @@ TEST(TomoProjector, AttenuatedDisc) {
 
 /// Struve functions of order 0 and 1 with imaginary argument, by their series.
 double struve_l(int order, double x) {
-  double sum = 0, term = order == 0 ? 2 / kPi * x : 2 / (3 * kPi) * x * x;
+  double sum = 0, term = order == 0 ? 2 / pi * x : 2 / (3 * pi) * x * x;
   for (int k = 1; k < 60; ++k) {
     sum += term;
     term *=
@@ -291,7 +282,7 @@ double struve_l(int order, double x) {
 }
 
 TEST(TomoProjector, UniformLight) {
-  EXPECT_NEAR(kPi / 2 * (std::cyl_bessel_i(1., 2.) - struve_l(1, 2)), .766356, 1e-6);
+  EXPECT_NEAR(pi / 2 * (std::cyl_bessel_i(1., 2.) - struve_l(1, 2)), .766356, 1e-6);
   const TomoGrid grid = square_grid(201, 720);
   const double want[3][3] = {
       {.606531, .636658, .777911}, {.367879, .417465, .671076}, {.135335, .193503, .585436}};
@@ -311,8 +302,7 @@ TEST(TomoProjector, UniformLight) {
     // At the edge it falls like a root; the chord is wrong by up to 0.25 sqrt(2 R h) for the few
     // angles that see the edge within a pixel, sqrt(2 h)/pi of all, at both ends.
     const double h = grid.pixel_mm;
-    EXPECT_NEAR(at(200), want[row][2],
-                depth * 0.25 * std::sqrt(2 * h) * 2 * std::sqrt(2 * h) / kPi);
+    EXPECT_NEAR(at(200), want[row][2], depth * 0.25 * std::sqrt(2 * h) * 2 * std::sqrt(2 * h) / pi);
     ++row;
   }
   // Light that is uniform at the plane of the axis (S): I0(alpha r).
@@ -342,8 +332,8 @@ TEST(TomoProjector, DoseInPhysicalUnits) {
   EXPECT_NEAR(scale * dose.values[grid.voxel(100, 50, 0)], 15.4616, 15.4616 * 0.01);
 }
 
-/// W's vial, from the closed forms for light without climb.
-struct Vial {
+/// Webber's vial, from the closed forms for light without climb.
+struct WebberVial {
   double ro = 12.5, ri = 11.8, n1 = 1, n2 = 1.48, n3 = 1.49969;
   double line(double q) const { return n1 * q / n3; }
   double turn(double q) const {
@@ -365,9 +355,9 @@ struct Vial {
 };
 
 TEST(TomoProjector, RefractedUniformLight) {
-  const Vial vial;
+  const WebberVial vial;
   EXPECT_NEAR(vial.transmitted(10), .938461, 1e-6);
-  EXPECT_NEAR(vial.turn(10) * 180 / kPi, 20.933405, 1e-6);
+  EXPECT_NEAR(vial.turn(10) * 180 / pi, 20.933405, 1e-6);
   TomoGrid grid;
   grid.voxels = 119;  // 0.2 mm: centres at 4, 8 and 10 mm
   grid.angles = 720;
@@ -402,7 +392,7 @@ TEST(TomoProjector, RefractedUniformLight) {
 }
 
 TEST(TomoProjector, RefractedPinholeInPlane) {
-  const Vial vial;
+  const WebberVial vial;
   const double distance = 99.5;
   TomoGrid grid;
   grid.voxels = 119;
@@ -438,14 +428,14 @@ TEST(TomoProjector, SeenFractionBesideAnInsert) {
   const Field dose = adjoint(*projector, {}, light);
   for (const auto& [ratio, want] :
        {std::pair{1.0, .5}, {1.5, .767720}, {2.0, .833333}, {4.0, .919569}}) {
-    EXPECT_NEAR(want, 1 - std::asin(1 / ratio) / kPi, 1e-6);
+    EXPECT_NEAR(want, 1 - std::asin(1 / ratio) / pi, 1e-6);
     const int x = 200 + static_cast<int>(std::lround(ratio * a * 200));
     const double seen = dose.values[grid.voxel(x, 200, 0)] / grid.angles;
     // The disc's radius is known to a voxel, h: asin(a/r) changes by h / sqrt(r^2 - a^2), and at
     // the disc itself by acos(a / (a + h)).
     const double h = grid.voxel_mm(), r = ratio * a;
     const double slack = ratio == 1 ? std::acos(a / (a + h)) : h / std::sqrt(r * r - a * a);
-    EXPECT_NEAR(seen, want, slack / kPi + 1.0 / grid.angles) << ratio;
+    EXPECT_NEAR(seen, want, slack / pi + 1.0 / grid.angles) << ratio;
   }
 }
 

@@ -17,19 +17,12 @@
 #include "slicecorr/tomo/solve.hpp"
 #include "slicecorr/vial.hpp"
 #include "snell.hpp"
+#include "tomo_reference.hpp"
 
 namespace slicecorr::tomo {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-std::vector<double> random_numbers(std::size_t count, unsigned seed) {
-  std::mt19937 random(seed);
-  std::vector<double> numbers(count);
-  // Multiples of 2^-16 are the same in single precision.
-  for (double& x : numbers) x = (random() >> 16) / 65536.0;
-  return numbers;
-}
+using std::numbers::pi;
 
 /// Webber's vial, dry, before a projector of these optics.
 Printer vial_printer(OpticsKind kind, double pixel_mm, int width, int height) {
@@ -45,20 +38,20 @@ Printer vial_printer(OpticsKind kind, double pixel_mm, int width, int height) {
 }
 constexpr double kResin = 1.49969;
 
-struct Case {
+struct RayBench {
   const char* name;
   Printer printer;
   double alpha_per_mm;
 };
-std::vector<Case> cases() {
-  std::vector<Case> all;
+std::vector<RayBench> ray_benches() {
+  std::vector<RayBench> all;
   all.push_back({"telecentric", vial_printer(OpticsKind::telecentric, 1, 20, 14), 0});
   all.push_back({"pinhole", vial_printer(OpticsKind::pinhole, 1, 20, 14), 0.08});
-  Case wide{"aperture", vial_printer(OpticsKind::pinhole, 1, 20, 14), 0.04};
+  RayBench wide{"aperture", vial_printer(OpticsKind::pinhole, 1, 20, 14), 0.04};
   wide.printer.optics->half_angle_deg = 6;
   wide.printer.optics->rays_per_pixel = 13;
   all.push_back(wide);
-  Case high{"far above the axis", vial_printer(OpticsKind::pinhole, 1, 20, 14), 0.04};
+  RayBench high{"far above the axis", vial_printer(OpticsKind::pinhole, 1, 20, 14), 0.04};
   high.printer.optics->axis_up_px = -15;
   all.push_back(high);
   return all;
@@ -79,7 +72,7 @@ TomoGrid grid_of(const LabRays& rays, int voxels, int slices, int angles, double
 }
 
 TEST(TomoRays, FastPairIsTheReferenceWhichIsATransposedPair) {
-  for (const Case& c : cases()) {
+  for (const RayBench& c : ray_benches()) {
     SCOPED_TRACE(c.name);
     const LabRays rays = lab_rays(c.printer, kResin, c.alpha_per_mm, {0, 0, 20, 14, 1, 1});
     for (const auto& [slices, slice_mm] : {std::pair{19, 0.7}, {5, 1.0}, {40, 0.45}}) {
@@ -151,7 +144,7 @@ TEST(TomoRays, FastPairIsTheReferenceWhichIsATransposedPair) {
 }
 
 TEST(TomoRays, SameBytesForAnyNumberOfThreads) {
-  const Case c = cases()[2];
+  const RayBench c = ray_benches()[2];
   const LabRays rays = lab_rays(c.printer, kResin, c.alpha_per_mm, {0, 0, 20, 14, 1, 1});
   const TomoGrid g = grid_of(rays, 23, 40, 12, 0.4);
   Light light(g);
@@ -230,7 +223,7 @@ TEST(TomoRays, AgreesWithRaysMarchedAtRandom) {
     g.radius_mm = 0.4 * 29;
     g.lowest_mm = 4.8 - 0.4 * 29.5;
     const auto light_at = [&](int m, int c, int r) {
-      return 1 + 0.5 * std::sin(0.2 * c + 0.1 * r) + 0.4 * std::cos(2 * kPi * m / 24 + 0.05 * c);
+      return 1 + 0.5 * std::sin(0.2 * c + 0.1 * r) + 0.4 * std::cos(2 * pi * m / 24 + 0.05 * c);
     };
     Light light(g);
     for (int m = 0; m < g.angles; ++m) {
@@ -264,12 +257,12 @@ TEST(TomoRays, AgreesWithRaysMarchedAtRandom) {
     constexpr int kRays = 1500000;
     std::mt19937 random(26);
     const auto uniform = [&] { return (random() >> 5) * 0x1p-27; };
-    const double reach = std::tan(half_angle_deg * kPi / 180);
+    const double reach = std::tan(half_angle_deg * pi / 180);
     for (int n = 0; n < kRays; ++n) {
       const int m = static_cast<int>(uniform() * 24);
       const double column = uniform() * 62 - 0.5, row = uniform() * 40 - 0.5;
       LightLine line = chief_ray(p, column, row);
-      const double aperture = reach * std::sqrt(uniform()), turn = 2 * kPi * uniform();
+      const double aperture = reach * std::sqrt(uniform()), turn = 2 * pi * uniform();
       line.slope_x += aperture * std::cos(turn);
       line.slope_z += aperture * std::sin(turn);
       const double along = uniform();
@@ -278,7 +271,7 @@ TEST(TomoRays, AgreesWithRaysMarchedAtRandom) {
       const test::Vector way = test::add(ray.exit, ray.entry, -1);
       const double chord = std::sqrt(test::dot(way, way));
       const test::Vector at = test::add(ray.entry, way, along);
-      const double c = std::cos(2 * kPi * m / 24), s = std::sin(2 * kPi * m / 24);
+      const double c = std::cos(2 * pi * m / 24), s = std::sin(2 * pi * m / 24);
       const int box = box_of(at[0] * c - at[1] * s, at[0] * s + at[1] * c, at[2]);
       if (box < 0) continue;
       const double shown = light_at(m, static_cast<int>(std::lround(column)),

@@ -14,6 +14,15 @@
 
 namespace slicecorr::tomo {
 
+/// From the engine alone: distributions differ between libraries. Multiples of 2^-16 are the same in single
+/// precision.
+inline std::vector<double> random_numbers(std::size_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<double> numbers(count);
+  for (double& x : numbers) x = (random() >> 16) / 65536.0;
+  return numbers;
+}
+
 /// A and A^T of one slice, from the formulas of projector.hpp.
 class ReferenceProjector {
  public:

@@ -31,7 +31,7 @@ using detail::DoseSpread;
 using detail::TurnOfVoxel;
 using testing::HasSubstr;
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 // ---- inhibitor that comes back
 
@@ -336,7 +336,7 @@ TEST(TomoSpread, WavesAreDampedByTheClosedForm) {
   const DoseSpread by(grid, {}, 0);
   const int rows = grid.slices + 2 * by.below();
   for (const int halves : {1, 6, 20}) {
-    const double k = kPi * halves / rows, kappa = 0.7;
+    const double k = pi * halves / rows, kappa = 0.7;
     Array<float> numbers(by.size(), 0.0F);
     const auto wave = [&](int z) { return std::cos(k * (z + 0.5)); };
     each_voxel(grid, [&](int x, int y) {
@@ -564,10 +564,6 @@ Resin spreading(const Printer& printer, double voxels, double voxel_mm = 0.25) {
   const double deviation_mm = voxels * voxel_mm;
   resin.dose_diffusion_m2_s = 1e-6 * deviation_mm * deviation_mm / 2 / printer.rotation->turn_s();
   return resin;
-}
-
-double largest(const Box<float>& box) {
-  return *std::max_element(box.values.begin(), box.values.end());
 }
 
 void expect_doses_of_small_steps(bool all) {

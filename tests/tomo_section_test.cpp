@@ -109,7 +109,7 @@ TEST(TomoSection, TheGelLineLiesWhereTheDoseCrossesIt) {
   }
   std::fill(g.part.values.begin(), g.part.values.end(), std::uint8_t{255});
   const auto sections = sections_of(g.dose, g.part, {}, 1, 12.25, {{Axis::y, 0}});
-  const std::string svg = sections_svg(sections, Shown::dose, "a <title>");
+  const std::string svg = sections_svg(sections, ColouredBy::dose, "a <title>");
   EXPECT_THAT(svg, HasSubstr("a &lt;title&gt;"));
   // 21 voxels at 21 pixels each, from x 16 on: the line is at 16 + (12.25 + 0.5) 21 = 283.75.
   const std::string mark = "stroke=\"#1b1f24\"";
@@ -135,7 +135,7 @@ TEST(TomoSection, AWrongVoxelIsSeenHoweverSmallThePicture) {
   // Darker than grey gel and paler than ink: only what is hatched.
   const auto hatched = [&] {
     const auto sections = sections_of(dose, part, {}, 1, 10, {{Axis::z, 0}});
-    const auto png = bytes_of(sections_png(sections, Shown::print, "large"));
+    const auto png = bytes_of(sections_png(sections, ColouredBy::print, "large"));
     const auto be = [&](std::size_t at) {
       return (png[at] << 24) + (png[at + 1] << 16) + (png[at + 2] << 8) + png[at + 3];
     };

@@ -27,8 +27,6 @@ std::vector<Showing> shown_of(const TomoJob& job, double late_deg, double width_
   return shown;
 }
 
-double largest(const Box<float>& a) { return *std::max_element(a.values.begin(), a.values.end()); }
-
 /// Largest difference over the largest dose, up to this share of the radius. Doses are single
 /// precision: 6e-8 of each.
 double difference(const Box<float>& a, const Box<float>& b, double within = 1) {

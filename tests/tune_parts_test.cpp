@@ -40,7 +40,7 @@ std::vector<Part> parts() {
           {"diamond lattice", "tpms_diamond_51.stl", 230, 1500, 800, scaled(24)}};
 }
 
-const Printer kPrinter = test::linear_printer(1, 100);
+const Printer kWorldPrinter = test::linear_printer(1, 100);
 constexpr double kSigmaUm = 10;
 
 /// Some columns of a part that is sliced on coarse pixels, in layers of 50 um.
@@ -49,7 +49,7 @@ struct Columns {
   std::vector<Runs> runs;
 };
 Columns columns_of(const Part& part, std::size_t most) {
-  Printer coarse = kPrinter;
+  Printer coarse = kWorldPrinter;
   coarse.width_px = 128;
   coarse.height_px = 80;
   coarse.pixel_x_um = coarse.pixel_y_um = 500;
@@ -85,7 +85,7 @@ struct World {
 /// Light of columns that are corrected by what is believed, as the printer's file says it.
 std::vector<std::vector<double>> corrected(const World& world, const TuneVector& believed,
                                            const Columns& columns) {
-  const Printer printer = tuned_printer(kPrinter, 1, believed);
+  const Printer printer = tuned_printer(kWorldPrinter, 1, believed);
   const CureModel model =
       make_cure_model(printer, tuned_resin(world.resin, believed), world.process, 50);
   const CorrectionPlan plan(model, world.process, columns.layers,
@@ -102,7 +102,7 @@ std::vector<std::vector<double>> corrected(const World& world, const TuneVector&
     }
     corrector.add_layer(row.data());
   }
-  const std::vector<double> levels = level_intensities(kPrinter);
+  const std::vector<double> levels = level_intensities(kWorldPrinter);
   std::vector<std::vector<double>> light(
       columns.runs.size(), std::vector<double>(static_cast<std::size_t>(plan.all_layers)));
   corrector.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
@@ -137,7 +137,7 @@ Error error_of(const World& world, const TuneVector& believed, const TuneVector&
   for (std::size_t c = 0; c < columns.runs.size(); ++c) {
     MeasuredPart part = edges_of(columns.runs[c], world);
     part.intensity_mw_cm2 = light[c];
-    const std::vector<double> z = predict_edges(part, kPrinter, world.resin, truth);
+    const std::vector<double> z = predict_edges(part, kWorldPrinter, world.resin, truth);
     for (std::size_t i = 0; i < z.size(); ++i) {
       if (std::isnan(z[i])) {
         ++error.gone;
@@ -155,7 +155,7 @@ Error error_of(const World& world, const TuneVector& believed, const TuneVector&
 }
 
 /// 20 dark, teeth of 10, gaps of 4, 6, 8, 12 and 16.
-Columns comb() {
+Columns comb_columns() {
   Columns comb;
   Runs runs;
   int at = 20;
@@ -170,7 +170,7 @@ Columns comb() {
 
 /// A staircase or wedge for what the files say.
 MeasuredPart plugs(const World& world, TuningPartKind kind) {
-  Printer printer = kPrinter;
+  Printer printer = kWorldPrinter;
   printer.width_px = 1280;
   printer.height_px = 800;
   TuningPart::Ask ask;
@@ -206,7 +206,7 @@ Runs4 closed_loop(const Part& part, int combs, int plates, unsigned seeds,
   World world;
   world.resin = test::resin(part.dc_mj_cm3, part.ha_um);
   world.process = test::process(part.speed_mm_h);
-  const Columns columns = columns_of(part, most_columns), teeth = comb();
+  const Columns columns = columns_of(part, most_columns), teeth = comb_columns();
   Runs4 all;
   for (const TuneVector& truth : {TuneVector{0.1, 0.1, 0.1}, TuneVector{0.1, -0.1, -0.1},
                                   TuneVector{-0.1, 0.1, 0.1}, TuneVector{-0.1, -0.1, 0.1}}) {
@@ -226,7 +226,7 @@ Runs4 closed_loop(const Part& part, int combs, int plates, unsigned seeds,
         MeasuredPart shown = edges_of(teeth.runs[0], world);
         shown.intensity_mw_cm2 = corrected(world, believed, teeth)[0];
         const auto measure = [&](MeasuredPart what, int times) {
-          const std::vector<double> z = predict_edges(what, kPrinter, world.resin, truth);
+          const std::vector<double> z = predict_edges(what, kWorldPrinter, world.resin, truth);
           for (int n = 0; n < times; ++n) {
             for (std::size_t i = 0; i < z.size(); ++i) {
               what.edges[i].measured_um = z[i] + noise(random);
@@ -237,7 +237,7 @@ Runs4 closed_loop(const Part& part, int combs, int plates, unsigned seeds,
         measure(shown, combs);
         measure(plugs(world, TuningPartKind::staircase), plates);
         measure(plugs(world, TuningPartKind::wedge), plates);
-        believed = tune(measured, kPrinter, world.resin, default_prior(), kSigmaUm).x;
+        believed = tune(measured, kWorldPrinter, world.resin, default_prior(), kSigmaUm).x;
         note(round, error_of(world, believed, truth, columns));
       }
       note(3, best);

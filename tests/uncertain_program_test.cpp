@@ -15,7 +15,6 @@ namespace {
 
 using nlohmann::json;
 using testing::HasSubstr;
-using Command = std::vector<std::string>;
 
 class UncertainProgram : public ::testing::Test {
  protected:

@@ -28,8 +28,8 @@ using test::march;
 using test::Marched;
 using test::Vector;
 
-constexpr double kPi = std::numbers::pi;
-constexpr double kDegrees = 180 / kPi;
+using std::numbers::pi;
+constexpr double kDegrees = 180 / pi;
 
 /// A dry vial of 25 mm, 0.7 mm of glass, and its resin.
 const Vial kDry{12.5, 11.8, 1.0, 1.48};
@@ -153,7 +153,7 @@ TEST(Vial, UniformLightAddsUpAsPrinted) {
     constexpr int kSteps = 20000;
     double sum = 0;
     for (int i = 0; i < kSteps; ++i) {
-      const double angle = 2 * kPi * (i + 0.5) / kSteps;
+      const double angle = 2 * pi * (i + 0.5) / kSteps;
       const double t = r * std::cos(angle), u = r * std::sin(angle);
       const double q = kResin * t;
       if (misses(kDry, kResin, q, 0)) continue;

@@ -67,8 +67,6 @@ JobFilter filter_of(Query& query) {
   return f;
 }
 
-[[noreturn]] void not_there() { throw ApiError(404, "not_found", "there is nothing at this path"); }
-
 }  // namespace
 
 // --- helpers ------------------------------------------------------------------------------------

@@ -124,6 +124,8 @@ void send_file(const std::string& path, std::int64_t bytes, const char* type,
 void send_json(httplib::Response& response, int status, const nlohmann::ordered_json& json);
 /// An object of JSON; throws `ApiError`.
 nlohmann::ordered_json parsed(const std::string& text);
+/// Throws `ApiError`.
+[[noreturn]] void not_there();
 
 /// A page that somebody's part brought with it has scripts in it, and lies where users write: it gets
 /// an origin of its own, from which it can ask for nothing.

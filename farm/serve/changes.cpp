@@ -38,9 +38,9 @@ std::string with_user(const std::string& text, const Asker& asker) {
   return json.dump();
 }
 
-[[noreturn]] void not_there() { throw ApiError(404, "not_found", "there is nothing at this path"); }
-
 }  // namespace
+
+void not_there() { throw ApiError(404, "not_found", "there is nothing at this path"); }
 
 void send_json(httplib::Response& response, int status, const Json& json) {
   send(response, status, json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n",

@@ -15,8 +15,6 @@ namespace slicecorr::farm::detail {
 
 namespace {
 
-constexpr double kMb = 1 << 20;
-
 /// Of any job: 31 are the cells of the report.
 constexpr double kProgramMb = 70;
 

@@ -15,6 +15,9 @@ struct Setup;
 
 namespace slicecorr::farm::detail {
 
+/// Bytes.
+inline constexpr double kMb = 1 << 20;
+
 /// What a worker's memory depends on.
 struct MemoryFacts {
   std::size_t triangles = 0;

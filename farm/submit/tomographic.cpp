@@ -9,16 +9,15 @@
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/vial.hpp"
 #include "submit/fields.hpp"
+#include "submit/memory.hpp"
 #include "work/make_result.hpp"
 
 namespace slicecorr::farm::detail {
 
 namespace {
 
-constexpr double kMb = 1 << 20;
-
 /// Of any worker that prints tomographically.
-constexpr double kProgramMb = 20;
+constexpr double kTomoProgramMb = 20;
 
 /// The page and the figures: seen were 0.3 to 0.9 MB.
 constexpr std::int64_t kPageBytes = 1'000'000;
@@ -111,7 +110,7 @@ MemoryNeeds tomo_memory_needs(const tomo::Bench& bench, tomo::Method method) {
   const double field = 4.0 * static_cast<double>(grid.voxels_of_block()) / kMb;  // of a block
   // Light and dose as they are, the best of both, and what the next step makes of them; then part and
   // target, a byte each; grey levels are half as large as light.
-  const double all = blocks * (4 * light + 5 * field) + kProgramMb;
+  const double all = blocks * (4 * light + 5 * field) + kTomoProgramMb;
   const double thread =
       method == tomo::Method::ladder ? 16 * light + 4 * field : 2 * light + 2 * field;
   return {static_cast<std::int64_t>(1.5 * (all + thread)) + 1,

@@ -30,7 +30,7 @@ using SteadyClock = std::chrono::steady_clock;
 using std::chrono::duration;
 
 /// For opening, showing and black; how often the window is looked at meanwhile.
-constexpr double kOpenS = 10, kShowS = 2, kBlackS = 1;
+constexpr double kOpenS = 10, kShowS = 2, kWindowBlackS = 1;
 constexpr std::chrono::milliseconds kLookEvery{10};
 
 double seconds_since(SteadyClock::time_point start) {
@@ -158,7 +158,7 @@ class WindowSink final : public FrameSink {
   }
   ~WindowSink() override {
     try {
-      run(Task::end, kBlackS);
+      run(Task::end, kWindowBlackS);
     } catch (...) {
       // Lamps are off by now; black is what there still was to try.
     }
@@ -182,7 +182,7 @@ class WindowSink final : public FrameSink {
 
   void black() noexcept override {
     try {
-      run(Task::black, kBlackS);
+      run(Task::black, kWindowBlackS);
       ++count_;
     } catch (...) {
       // Lamps are off by now, and the display may be what failed.

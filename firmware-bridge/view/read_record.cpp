@@ -22,7 +22,7 @@ using detail::Json;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 /// Beyond it a number is none of a print: 1000 km, or 30,000 years.
 constexpr double kMost = 1e12;
-constexpr std::size_t kMostFrames = 2'000'000, kMostEvents = 200'000;
+constexpr std::size_t kMostReadFrames = 2'000'000, kMostReadEvents = 200'000;
 
 struct Column {
   const char* name;
@@ -122,9 +122,9 @@ void read_frames(const std::string& path, PrintRecord& record) {
       ++broken;
       continue;
     }
-    if (record.frames.size() == kMostFrames) {
+    if (record.frames.size() == kMostReadFrames) {
       record.remarks.push_back(
-          fmt::format("frames.csv: only the first {} rows are shown", kMostFrames));
+          fmt::format("frames.csv: only the first {} rows are shown", kMostReadFrames));
       break;
     }
     record.frames.push_back(*row);
@@ -174,7 +174,7 @@ void read_journal(const std::string& path, PrintRecord& record, bool& ended, boo
       record.fault_frame = e.frame;
       record.fault_z_um = e.stage_um;
     }
-    if (record.events.size() == kMostEvents) {
+    if (record.events.size() == kMostReadEvents) {
       ++left_out;
     } else {
       record.events.push_back(std::move(e));

@@ -13,7 +13,7 @@ namespace {
 
 /// What an edge that is off counts in the loss, beside the middle of a layer, and how far off it
 /// counts at most: it is no wrong voxel.
-constexpr double kEdgeWeight = 0.1, kMostEdge = 0.25;
+constexpr double kEdgeCounts = 0.1, kMostEdge = 0.25;
 
 class UvPatchJudge {
  public:
@@ -94,7 +94,7 @@ class UvPatchJudge {
       const double off = heights_[at] == 0 ? 0.0 : edge_height_slices(heights_[at]);
       const double node = dose_.lower()[i], beside = off > 0 ? middle_[i] : middle;
       const double lacks = node + (beside - node) * std::min(1.0, 2 * std::abs(off)) - 1;
-      figures_.loss += kEdgeWeight * std::min(lacks * lacks, kMostEdge);
+      figures_.loss += kEdgeCounts * std::min(lacks * lacks, kMostEdge);
     }
     if (cover != 0 && cover != 255) return;
     const bool prints = middle >= 1, full = cover == 255;

@@ -11,7 +11,7 @@ namespace {
 
 /// How often the pixels around a change are gone through, there and back: what spreads evenly is right
 /// soon, of what changes from pixel to pixel about a per cent is left after so many.
-constexpr int kPasses = 40;
+constexpr int kSweeps = 40;
 /// How often levels are raised where a column still lacks light.
 constexpr int kRaises = 2;
 /// How often what is too much is taken back, a level each time.
@@ -101,7 +101,7 @@ class UvPlane {
     }
     if (list_.empty()) return any;
     std::sort(list_.begin(), list_.end());
-    for (int pass = 0; pass < kPasses; ++pass) descend(pass % 2 == 0);
+    for (int pass = 0; pass < kSweeps; ++pass) descend(pass % 2 == 0);
     for (const std::size_t at : list_) show(at, std::min(cap_, uv_.level_of(shine_[at])));
     for (int pass = 0; pass < kRaises; ++pass) raise();
     for (int pass = 0; pass < kLowers; ++pass) lower();

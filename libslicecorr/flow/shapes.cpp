@@ -7,7 +7,7 @@
 namespace slicecorr::flow_shapes {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 double square(double v) { return v * v; }
 
@@ -28,7 +28,7 @@ double odd_sum(Term term) {
 double disc_phi_um2(double radius_um, double r_um) {
   return 3 * (square(radius_um) - square(r_um));
 }
-double disc_integral_um4(double radius_um) { return 1.5 * kPi * square(square(radius_um)); }
+double disc_integral_um4(double radius_um) { return 1.5 * pi * square(square(radius_um)); }
 
 double strip_phi_um2(double half_width_um, double x_um) {
   return 6 * (square(half_width_um) - square(x_um));
@@ -42,20 +42,20 @@ double ellipse_phi_um2(double a_um, double b_um, double x_um, double y_um) {
   return 6 * a2 * b2 / (a2 + b2) * (1 - square(x_um) / a2 - square(y_um) / b2);
 }
 double ellipse_integral_um4(double a_um, double b_um) {
-  return 3 * kPi * a_um * square(a_um) * b_um * square(b_um) / (square(a_um) + square(b_um));
+  return 3 * pi * a_um * square(a_um) * b_um * square(b_um) / (square(a_um) + square(b_um));
 }
 
 double rectangle_max_phi_um2(double w, double l) {
   const double sum = odd_sum([&](double m) {
     const double sign = static_cast<int>(m) % 4 == 1 ? 1 : -1;
-    return sign / (m * m * m * std::cosh(m * kPi * l / (2 * w)));
+    return sign / (m * m * m * std::cosh(m * pi * l / (2 * w)));
   });
-  return 12 * square(w) * (0.125 - 4 / (kPi * kPi * kPi) * sum);
+  return 12 * square(w) * (0.125 - 4 / (pi * pi * pi) * sum);
 }
 double rectangle_mean_phi_um2(double w, double l) {
   const double sum =
-      odd_sum([&](double m) { return std::tanh(m * kPi * l / (2 * w)) / (m * square(m * m)); });
-  return 12 * square(w) * (1.0 / 12 - 16 * w / (square(kPi * kPi) * kPi * l) * sum);
+      odd_sum([&](double m) { return std::tanh(m * pi * l / (2 * w)) / (m * square(m * m)); });
+  return 12 * square(w) * (1.0 / 12 - 16 * w / (square(pi * pi) * pi * l) * sum);
 }
 
 double ring_phi_um2(double inner_um, double outer_um, double r) {

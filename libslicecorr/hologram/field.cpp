@@ -16,7 +16,7 @@ using detail::PlaneFft;
 using detail::Way;
 using Complex = std::complex<float>;
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// What a way of `z_mm` does to plane waves, against one along the axis.
 class Spectrum {
@@ -33,7 +33,7 @@ class Spectrum {
     if (sine2 >= 1) return {};  // evanescent
     // sqrt(1 - s) - 1 without losing its digits.
     const double turns = -z_ / l_ * sine2 / (1 + std::sqrt(1 - sine2));
-    return Complex(std::polar(1.0, 2 * kPi * (turns - std::floor(turns))));
+    return Complex(std::polar(1.0, 2 * pi * (turns - std::floor(turns))));
   }
 
  private:
@@ -86,7 +86,7 @@ std::vector<float> power_of(const PhaseDisplay& display, const HologramOptics& o
     for (std::size_t x = 0; x < width; ++x) {
       const double u = from_axis(x, width) * d;
       Complex z(std::polar(1.0, static_cast<double>(phase_rad[y * width + x]) -
-                                    2 * kPi * (u * dx + v * dy) / (l * f)));
+                                    2 * pi * (u * dx + v * dy) / (l * f)));
       z *= way(u / (l * f), v / (l * f));
       row[detail::unwound(x + wide / 2 - width / 2, wide)] = z;
     }

@@ -17,7 +17,7 @@ using detail::PlaneFft;
 using detail::Way;
 using Complex = std::complex<float>;
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// The generator of first phases: each number is the next one's seed.
 std::uint32_t after(std::uint32_t x) { return 1664525u * x + 1013904223u; }
@@ -104,7 +104,7 @@ class Iteration {
       for (std::size_t i = 0; i < n; ++i) {
         const double x = detail::from_axis(i, n) * d;
         const double phase =
-            2 * kPi * x * shift_mm / (l * f) + kPi * (w.dz_mm / (m * m)) * x * x / (l * f * f);
+            2 * pi * x * shift_mm / (l * f) + pi * (w.dz_mm / (m * m)) * x * x / (l * f * f);
         turn[detail::unwound(i, n)] = Complex(std::polar(1.0, phase));
       }
       return turn;
@@ -131,7 +131,7 @@ class Iteration {
         for (std::size_t x = 0; x < width_; ++x) {
           seed = after(seed);
           const std::size_t to = detail::unwound(y, height_) * width_ + detail::unwound(x, width_);
-          p.image[to] = p.amplitude[to] * Complex(std::polar(1.0, 2 * kPi * seed / 4294967296.0));
+          p.image[to] = p.amplitude[to] * Complex(std::polar(1.0, 2 * pi * seed / 4294967296.0));
         }
       }
     }
@@ -208,8 +208,8 @@ class Iteration {
       for (std::size_t x = 0; x < width_; ++x) {
         const Complex z = row[detail::unwound(x, width_)];
         float s = std::atan2(z.imag(), z.real());
-        if (s < 0) s += static_cast<float>(2 * kPi);
-        phase[y * width_ + x] = s < static_cast<float>(2 * kPi) ? s : 0;
+        if (s < 0) s += static_cast<float>(2 * pi);
+        phase[y * width_ + x] = s < static_cast<float>(2 * pi) ? s : 0;
       }
     });
     return phase;

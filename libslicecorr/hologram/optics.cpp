@@ -10,10 +10,10 @@
 namespace slicecorr {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 constexpr int kMostSide = 16384;
 
-double sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(kPi * x) / (kPi * x); }
+double sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(pi * x) / (pi * x); }
 
 void positive(double value, const char* name, const char* unit) {
   if (std::isfinite(value) && value > 0) return;
@@ -63,8 +63,8 @@ HologramGeometry geometry_of(const PhaseDisplay& display, const HologramOptics& 
   const double l = optics.wavelength_nm * 1e-6, d = display.pitch_um * 1e-3, f = optics.focal_mm;
   const double m = optics.magnification();
   HologramGeometry g;
-  g.order_deg = std::asin(std::min(1.0, l / d)) * 180 / kPi;
-  g.half_field_deg = std::asin(l / (2 * d)) * 180 / kPi;
+  g.order_deg = std::asin(std::min(1.0, l / d)) * 180 / pi;
+  g.half_field_deg = std::asin(l / (2 * d)) * 180 / pi;
   g.field_mm = m * l * f / d;
   g.pixel_x_mm = g.field_mm / display.width_px;
   g.pixel_y_mm = g.field_mm / display.height_px;

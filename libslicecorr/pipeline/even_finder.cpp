@@ -22,7 +22,7 @@ namespace slicecorr::detail {
 
 namespace {
 
-constexpr double kFull = 255;
+constexpr double kMostLevel = 255;
 /// Sections of neighbouring slices that differ by more than this share of the greater get slices looked
 /// at between them.
 constexpr double kChanged = 0.2;
@@ -483,14 +483,14 @@ EvenLight EvenFinder::light() const {
   light.slices = found_.slices;
   const double full = setup_.printer.calibration.back().intensity_mw_cm2;
   light.blue = bytes([](const SectionOptimum& o) { return &o.blue_mw_cm2; },
-                     [&](double mw_cm2) { return std::round(mw_cm2 / full * kFull); });
+                     [&](double mw_cm2) { return std::round(mw_cm2 / full * kMostLevel); });
   return light;
 }
 
 std::shared_ptr<const std::vector<std::uint8_t>> EvenFinder::uv_bytes() const {
   return bytes(
       [](const SectionOptimum& o) { return &o.uv_mw_cm2; },
-      [&](double mw_cm2) { return std::ceil(mw_cm2 / goal_.max_uv_mw_cm2 * kFull - 1e-9); });
+      [&](double mw_cm2) { return std::ceil(mw_cm2 / goal_.max_uv_mw_cm2 * kMostLevel - 1e-9); });
 }
 
 /// Bytes of all slices from one of the lights of each.
@@ -500,7 +500,7 @@ std::shared_ptr<const std::vector<std::uint8_t>> EvenFinder::bytes(const CellsOf
   std::vector<std::uint8_t> all;
   for (const SharedLight& light : found_.lights) {
     for (const double v : *cells_of(light->best)) {
-      all.push_back(static_cast<std::uint8_t>(std::clamp(byte_of(v), 1.0, kFull)));
+      all.push_back(static_cast<std::uint8_t>(std::clamp(byte_of(v), 1.0, kMostLevel)));
     }
   }
   return std::make_shared<const std::vector<std::uint8_t>>(std::move(all));

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "slicecorr/units.hpp"
 
@@ -12,7 +13,6 @@ namespace {
 // Exact by definition of the SI.
 constexpr double kAvogadro = 6.02214076e23, kPlanck = 6.62607015e-34, kLight = 299792458.0,
                  kBoltzmann = 1.380649e-23;
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
 /// 1/cm, base e.
@@ -63,7 +63,8 @@ double photon_energy_j_mol(double wavelength_nm) {
 }
 
 double stokes_einstein_um2_s(double temperature_k, double viscosity_pa_s, double radius_angstrom) {
-  return 1e12 * kBoltzmann * temperature_k / (6 * kPi * viscosity_pa_s * radius_angstrom * 1e-10);
+  return 1e12 * kBoltzmann * temperature_k /
+         (6 * std::numbers::pi * viscosity_pa_s * radius_angstrom * 1e-10);
 }
 
 double light_height_um(const Chemistry& c) {

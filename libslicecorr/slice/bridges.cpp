@@ -10,7 +10,7 @@ namespace slicecorr::detail {
 
 namespace {
 
-struct Pair {
+struct EndPair {
   double distance2;
   std::uint32_t end, beginning;
 };
@@ -67,7 +67,7 @@ std::vector<Segment> bridge(const LooseEnds& loose, double scale_x, double scale
                             double& longest_mm) {
   std::vector<Segment> joints;
   Points ends(loose.ends), beginnings(loose.beginnings);
-  std::vector<Pair> pairs;
+  std::vector<EndPair> pairs;
   const auto distance2 = [&](std::size_t e, std::size_t b) {
     const double dx = (ends[e].x - beginnings[b].x) * scale_x;
     const double dy = (ends[e].y - beginnings[b].y) * scale_y;
@@ -75,11 +75,11 @@ std::vector<Segment> bridge(const LooseEnds& loose, double scale_x, double scale
   };
   // Takes the pairs from the nearest on, and keeps what is left loose.
   const auto join = [&] {
-    std::sort(pairs.begin(), pairs.end(), [](const Pair& p, const Pair& q) {
+    std::sort(pairs.begin(), pairs.end(), [](const EndPair& p, const EndPair& q) {
       if (p.distance2 != q.distance2) return p.distance2 < q.distance2;
       return p.end != q.end ? p.end < q.end : p.beginning < q.beginning;
     });
-    for (const Pair& p : pairs) {
+    for (const EndPair& p : pairs) {
       const std::size_t n = std::min(ends.count[p.end], beginnings.count[p.beginning]);
       if (n == 0) continue;
       ends.count[p.end] -= n;

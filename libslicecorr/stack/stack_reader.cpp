@@ -72,7 +72,7 @@ namespace {
 using detail::ArchiveContents;
 using detail::Container;
 
-constexpr std::size_t kMemoryBudget = std::size_t{128} << 20;
+constexpr std::size_t kReaderMemory = std::size_t{128} << 20;
 
 /// Entries of images that are not absurdly large.
 std::vector<const Container::Entry*> entries_of(const Container& archive,
@@ -204,7 +204,7 @@ struct StackReader::Impl {
   std::mutex mutex;  ///< of what images add up to
 
   Impl(const std::string& p, const std::string& folder, const ExecutionContext& context)
-      : path(p), store(folder, kMemoryBudget, context) {}
+      : path(p), store(folder, kReaderMemory, context) {}
 
   BlobStore::Blob& blob(const Index& of, int band, int slice) const {
     return of.blobs[static_cast<std::size_t>(band) * static_cast<std::size_t>(of.images) +

@@ -22,7 +22,7 @@ using detail::PixelCode;
 
 /// Memory for all pieces together, bytes. Beyond it a piece costs two system calls, some
 /// microseconds.
-constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
+constexpr std::size_t kWriterMemory = std::size_t{64} << 20;
 
 }  // namespace
 
@@ -37,7 +37,7 @@ StackWriter::Impl::Impl(const StackFile& f, const Grid& g, const ExecutionContex
           f.archive                          ? detail::ImagePacking::smallest
           : &format == &detail::uvj_format() ? detail::ImagePacking::stored
                                              : detail::ImagePacking::deflated)),
-      store(output->folder(), kMemoryBudget, j),
+      store(output->folder(), kWriterMemory, j),
       rows(band_rows(g)),
       bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {
   if (!file.keep_from.empty()) {

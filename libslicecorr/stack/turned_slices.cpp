@@ -11,7 +11,7 @@ namespace slicecorr {
 
 namespace {
 
-constexpr std::size_t kMemoryBudget = std::size_t{256} << 20;
+constexpr std::size_t kTurnedMemory = std::size_t{256} << 20;
 /// Most bytes of pixels that a band works on at a time.
 constexpr std::size_t kChunkBytes = std::size_t{16} << 20;
 
@@ -25,7 +25,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 class TurnedSlices::Transposed {
  public:
   Transposed(const SliceSource& source, const std::string& folder, const ExecutionContext& context)
-      : store_(folder, kMemoryBudget, context),
+      : store_(folder, kTurnedMemory, context),
         box_(source.bounds()),
         layers_(source.grid().layers),
         side_(std::max(1, band_rows(source.grid()))) {

@@ -19,7 +19,7 @@ SliceWork& thread_work() {
 /// Calls use(x, y) for the voxels of the rows [y0, y0 + kTile), tile by tile: one of the two ways of
 /// memory is always across.
 template <class Use>
-void each_voxel(const Beam& beam, int y0, const Use& use) {
+void each_voxel(const ParallelBeam& beam, int y0, const Use& use) {
   const int n = beam.grid.voxels;
   for (int x0 = 0; x0 < n; x0 += kTile) {
     for (int y = y0; y < std::min(y0 + kTile, n); ++y) {
@@ -63,7 +63,7 @@ void Padded::make(const float* from, std::size_t rows, int count, int pad) {
   for (std::size_t r = 0; r < rows; ++r) std::copy_n(from + r * count, count, row(r));
 }
 
-std::shared_ptr<const SliceTables> make_slice_tables(const Beam& beam) {
+std::shared_ptr<const SliceTables> make_slice_tables(const ParallelBeam& beam) {
   if (beam.grid.lanes() != 1) return nullptr;
   auto tables = std::make_shared<SliceTables>();
   tables->fine = beam.grid.voxel_mm() > beam.grid.pixel_mm * (1 + 1e-9);
@@ -98,7 +98,7 @@ std::shared_ptr<const SliceTables> make_slice_tables(const Beam& beam) {
   return tables;
 }
 
-void slice_adjoint(const Beam& beam, const float* hit, const float* light, float* field,
+void slice_adjoint(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                    const ExecutionContext& context) {
   SliceWork& work = thread_work();
   const int n = beam.grid.voxels, pixels = beam.grid.pixels;
@@ -135,7 +135,7 @@ void slice_adjoint(const Beam& beam, const float* hit, const float* light, float
   });
 }
 
-void slice_forward(const Beam& beam, const float* hit, const float* field, float* light,
+void slice_forward(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                    const ExecutionContext& context) {
   SliceWork& work = thread_work();
   const int n = beam.grid.voxels;
@@ -164,13 +164,13 @@ void slice_forward(const Beam& beam, const float* hit, const float* field, float
   });
 }
 
-void beam_adjoint(const Beam& beam, const float* hit, const float* light, float* field,
+void beam_adjoint(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                   const ExecutionContext& context) {
   beam.slice != nullptr ? slice_adjoint(beam, hit, light, field, context)
                         : lane_adjoint(beam, hit, light, field, context);
 }
 
-void beam_forward(const Beam& beam, const float* hit, const float* field, float* light,
+void beam_forward(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                   const ExecutionContext& context) {
   beam.slice != nullptr ? slice_forward(beam, hit, field, light, context)
                         : lane_forward(beam, hit, field, light, context);

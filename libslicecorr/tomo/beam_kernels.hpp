@@ -27,7 +27,8 @@ struct BeamAngle {
 
 struct SliceTables;
 
-struct Beam {
+/// Light that comes in parallel to itself at each angle of a turn.
+struct ParallelBeam {
   TomoGrid grid;
   std::vector<BeamAngle> angles;  ///< half of the grid's where light of both directions is one
   /// Of the angles, how many are 90 degrees apart each: angle m + t base_angles() is angle m turned
@@ -47,18 +48,18 @@ struct Beam {
 /// Light and fields of one block, `hit` that block's shadow or null. `light` has `beam.angles`
 /// angles. The field is 0 outside of R (adjoint), or read inside of R only (forward). Work is shared
 /// among the context's threads, with the same result for any number.
-void beam_adjoint(const Beam& beam, const float* hit, const float* light, float* field,
+void beam_adjoint(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                   const ExecutionContext& context);
-void beam_forward(const Beam& beam, const float* hit, const float* field, float* light,
+void beam_forward(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                   const ExecutionContext& context);
 
 /// Rows of voxels, and angles, that are worked on together.
 inline constexpr int kAdjointRows = 8, kForwardAngles = 16;
 
 /// Slices in lanes.
-void lane_adjoint(const Beam& beam, const float* hit, const float* light, float* field,
+void lane_adjoint(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                   const ExecutionContext& context);
-void lane_forward(const Beam& beam, const float* hit, const float* field, float* light,
+void lane_forward(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                   const ExecutionContext& context);
 
 }  // namespace slicecorr::tomo::detail

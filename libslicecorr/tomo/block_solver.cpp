@@ -9,13 +9,13 @@
 namespace slicecorr::tomo::detail {
 namespace {
 
-constexpr float kNone = std::numeric_limits<float>::infinity();
+constexpr float kNoBound = std::numeric_limits<float>::infinity();
 
 struct Limits {
   Array<float> least, most;
 
   Limits(const Kind* kinds, std::size_t count, std::size_t padded, const Penalty& penalty)
-      : least(padded, -kNone), most(padded, kNone) {
+      : least(padded, -kNoBound), most(padded, kNoBound) {
     for (std::size_t i = 0; i < count; ++i) {
       if (kinds[i] == Kind::gel) {
         least[i] = 1;
@@ -136,10 +136,10 @@ class Solver {
     const Asked asked = limits_.asked();
     std::mutex mutex;
     Floats low, high{}, most{};
-    low.fill(kNone);
+    low.fill(kNoBound);
     const auto loss = loops_.sum(dose_.size(), 1, [&](const Stretch& s, double* sums) {
       float extremes[3 * 16] = {};
-      std::fill_n(extremes, 16, kNone);
+      std::fill_n(extremes, 16, kNoBound);
       step_dose(s, asked, change_.data(), t.data() + s.first, dose_.data(), excess_.data(), sums,
                 extremes);
       const std::scoped_lock lock(mutex);

@@ -16,13 +16,13 @@ namespace slicecorr::tomo {
 namespace {
 
 using Complex = std::complex<float>;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// `share` is |k| over the highest frequency, 0..1.
 double window_at(Window window, double share) {
   switch (window) {
     case Window::hamming:
-      return 0.54 + 0.46 * std::cos(kPi * share);
+      return 0.54 + 0.46 * std::cos(pi * share);
     case Window::kelly:
       return std::exp(-std::pow(share / 0.5, 4));
     default:
@@ -56,7 +56,7 @@ void ramp_filter(const ExecutionContext& context, Light& light, Window window, d
     const double share = 2.0 * std::min(k, size - k) / size;
     // Samples are 2 pi / (size p) apart, which is not small against a cut: the mean over a sample's
     // range puts it where it is.
-    const double cut = cut_per_mm * grid.pixel_mm / kPi, half = 1.0 / size;
+    const double cut = cut_per_mm * grid.pixel_mm / pi, half = 1.0 / size;
     const double low = std::max(share - half, cut), high = std::max(share + half, cut);
     // The range of 0 has both signs.
     const double mean = (high * high - low * low) / (k == 0 ? 2 * half : 4 * half);
@@ -150,7 +150,7 @@ Light filtered_start(const ExecutionContext& context, const Target& target, cons
     if (f < 0 || f > pixels - 1) continue;
     const int column = std::min(static_cast<int>(f), pixels - 2);
     const auto beside = static_cast<float>(f - column);
-    const double ahead = optics.turn_rad.empty() ? 0 : optics.turn_rad[i] * angles / (2 * kPi);
+    const double ahead = optics.turn_rad.empty() ? 0 : optics.turn_rad[i] * angles / (2 * pi);
     const double whole = std::floor(ahead);
     const auto later = static_cast<float>(ahead - whole);
     int shift = static_cast<int>(std::fmod(whole, angles));

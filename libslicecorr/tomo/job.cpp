@@ -55,8 +55,8 @@ nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   j["voxel_mm"] = job.sampling.voxel_mm;
   j["voxels"] = {job.part.nz, job.part.ny, job.part.nx};
   if (!job.insert.values.empty()) j[kInsertKey] = true;
-  j["printer"] = detail::printer_json(job.printer);
-  j["resin"] = detail::resin_json(job.resin);
+  j["printer"] = slicecorr::detail::printer_json(job.printer);
+  j["resin"] = slicecorr::detail::resin_json(job.resin);
   if (std::isfinite(job.contrast_bound)) j["contrast_bound"] = job.contrast_bound;
   if (!job.history.empty()) {
     j["history"] = nlohmann::ordered_json::array();
@@ -75,12 +75,13 @@ nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   return j;
 }
 
-void read_history(const detail::JsonNode<nlohmann::json>& config, TomoJob& job) {
+void read_history(const slicecorr::detail::JsonNode<nlohmann::json>& config, TomoJob& job) {
   if (config.has("contrast_bound")) {
-    job.contrast_bound = config["contrast_bound"].number(0, detail::JsonSource::kLargest);
+    job.contrast_bound =
+        config["contrast_bound"].number(0, slicecorr::detail::JsonSource::kLargest);
   }
   if (!config.has("history")) return;
-  constexpr double kMost = detail::JsonSource::kLargest;
+  constexpr double kMost = slicecorr::detail::JsonSource::kLargest;
   for (const auto& node : config["history"].list(0, kMostSteps)) {
     Step s;
     s.rung = node["rung"].number(0, 1);
@@ -95,9 +96,9 @@ void read_history(const detail::JsonNode<nlohmann::json>& config, TomoJob& job) 
 }
 
 /// The entry as an image of this size.
-GreyImage image_of(const detail::Container& archive, const std::string& name, int width,
+GreyImage image_of(const slicecorr::detail::Container& archive, const std::string& name, int width,
                    int height) {
-  const detail::Container::Entry* const entry = archive.find(name);
+  const slicecorr::detail::Container::Entry* const entry = archive.find(name);
   if (entry == nullptr) throw InputError(archive.path(), name, "is missing");
   std::vector<std::uint8_t> png;
   archive.read(*entry, png_limit(width, height), png);
@@ -105,7 +106,7 @@ GreyImage image_of(const detail::Container& archive, const std::string& name, in
 }
 
 /// Slices of voxels, one after another.
-Box<std::uint8_t> slices_of(const detail::Container& archive, const TomoGrid& grid,
+Box<std::uint8_t> slices_of(const slicecorr::detail::Container& archive, const TomoGrid& grid,
                             std::string (*name)(int)) {
   Box<std::uint8_t> box{grid.slices, grid.voxels, grid.voxels, {}};
   for (int z = 0; z < grid.slices; ++z) {
@@ -115,7 +116,7 @@ Box<std::uint8_t> slices_of(const detail::Container& archive, const TomoGrid& gr
   return box;
 }
 
-void add_slices(detail::ContainerOutput& output, const Box<std::uint8_t>& box,
+void add_slices(slicecorr::detail::ContainerOutput& output, const Box<std::uint8_t>& box,
                 std::string (*name)(int)) {
   const std::size_t size = static_cast<std::size_t>(box.nx) * static_cast<std::size_t>(box.ny);
   for (int z = 0; z < box.nz; ++z) {
@@ -125,15 +126,16 @@ void add_slices(detail::ContainerOutput& output, const Box<std::uint8_t>& box,
 }
 
 /// Gives the printer the picture of its flat-field.
-void read_flat_field(const detail::Container& archive, const detail::JsonNode<nlohmann::json>& said,
-                     TomoJob& job) {
+void read_flat_field(const slicecorr::detail::Container& archive,
+                     const slicecorr::detail::JsonNode<nlohmann::json>& said, TomoJob& job) {
   FlatField& field = *job.printer.flat_field;
-  check_flat_field(field, job.printer, archive.path() + ": " + detail::kFlatFieldEntry);
-  GreyImage image = image_of(archive, detail::kFlatFieldEntry, field.width_px, field.height_px);
+  check_flat_field(field, job.printer, archive.path() + ": " + slicecorr::detail::kFlatFieldEntry);
+  GreyImage image =
+      image_of(archive, slicecorr::detail::kFlatFieldEntry, field.width_px, field.height_px);
   field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
-  if (detail::flat_field_crc32(field) != said["crc32"].whole(0, 0xffffffff) ||
+  if (slicecorr::detail::flat_field_crc32(field) != said["crc32"].whole(0, 0xffffffff) ||
       field.greatest() == 0) {
-    throw InputError(archive.path(), detail::kFlatFieldEntry,
+    throw InputError(archive.path(), slicecorr::detail::kFlatFieldEntry,
                      "is not the flat-field that the job was made with");
   }
 }
@@ -204,15 +206,16 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
   if (job.levels.size() != grid.blocks() * grid.light_of_block()) {
     throw InputError("the job's levels are not those of its grid");
   }
-  const auto output = detail::make_container_output(path, detail::ContainerKind::zip, "",
-                                                    detail::ImagePacking::stored);
+  const auto output = slicecorr::detail::make_container_output(
+      path, slicecorr::detail::ContainerKind::zip, "", slicecorr::detail::ImagePacking::stored);
   output->add_text(kConfig, config_of(bench, job).dump(1) + "\n");
   for (int frame = 0; frame < grid.angles; ++frame) {
     context.check_cancelled();
     output->add(frame_name(frame), encode_png(frame_image(job, bench, frame)));
   }
   if (job.printer.flat_field) {
-    output->add(detail::kFlatFieldEntry, detail::flat_field_png(*job.printer.flat_field));
+    output->add(slicecorr::detail::kFlatFieldEntry,
+                slicecorr::detail::flat_field_png(*job.printer.flat_field));
   }
   add_slices(*output, job.part, part_name);
   if (!job.insert.values.empty()) add_slices(*output, job.insert, insert_name);
@@ -220,18 +223,19 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
 }
 
 TomoJob read_job(const std::string& path, const ExecutionContext& context) {
-  const auto archive = detail::open_container(path, detail::path_parts(path).folder, context);
+  const auto archive =
+      slicecorr::detail::open_container(path, slicecorr::detail::path_parts(path).folder, context);
   if (!archive->has(kConfig)) {
     throw InputError(path, kConfig, "is missing; expected a job that tomo solve wrote");
   }
-  const detail::JsonSource source{path, kConfig};
+  const slicecorr::detail::JsonSource source{path, kConfig};
   nlohmann::json json;
   try {
     json = nlohmann::json::parse(archive->text(kConfig));
   } catch (const nlohmann::json::exception& e) {
     throw InputError(path, kConfig, std::string("not valid JSON: ") + e.what());
   }
-  const detail::JsonNode<nlohmann::json> config(json, "", source);
+  const slicecorr::detail::JsonNode<nlohmann::json> config(json, "", source);
   if (!config.has("format") && !config.has("angles")) {
     throw InputError(path, kConfig,
                      "is not that of a tomographic job; expected a job that tomo solve wrote");
@@ -242,8 +246,8 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
                      fmt::format("has format {}; this program knows up to {}", format, kJobFormat));
   }
   TomoJob job;
-  job.printer = detail::read_printer(config["printer"]);
-  job.resin = detail::read_resin(config["resin"]);
+  job.printer = slicecorr::detail::read_printer(config["printer"]);
+  job.resin = slicecorr::detail::read_resin(config["resin"]);
   if (job.printer.flat_field) read_flat_field(*archive, config["printer"]["flat_field"], job);
   job.turns = config["turns"].integer(1, 1000000000);
   job.sampling.voxel_mm = config["voxel_mm"].positive();
@@ -296,7 +300,8 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
 }
 
 TomoFrames::TomoFrames(const std::string& path, const TomoJob& job, const ExecutionContext& context)
-    : archive_(detail::open_container(path, detail::path_parts(path).folder, context)),
+    : archive_(slicecorr::detail::open_container(path, slicecorr::detail::path_parts(path).folder,
+                                                 context)),
       angles_(job.sampling.angles),
       width_px_(job.printer.width_px),
       height_px_(job.printer.height_px) {}

@@ -45,7 +45,8 @@ struct TileTable {
   float u[kTileVoxels];  // with a shadow
 };
 
-void Fill(const Beam& beam, int m, const Tile& tile, int columns, int rows, TileTable& table) {
+void Fill(const ParallelBeam& beam, int m, const Tile& tile, int columns, int rows,
+          TileTable& table) {
   const int n = beam.grid.voxels, last = beam.grid.pixels - 2;
   const BeamAngle& angle = beam.angles[m];
   const auto step = static_cast<float>(angle.cx * tile.xk + angle.cy * tile.yk);
@@ -151,7 +152,7 @@ void AddTile(const TileTable* tables, int angles, const float* const light[T],
 }
 
 template <int L, int T>
-void AddTurns(const Beam& beam, const TileTable* tables, int angles, int m0, int turn,
+void AddTurns(const ParallelBeam& beam, const TileTable* tables, int angles, int m0, int turn,
               const float* hit, const float* light, const Tile* seen, const int (*ranges)[2],
               int rows, float* field) {
   const int n = beam.grid.voxels;
@@ -172,7 +173,7 @@ void AddTurns(const Beam& beam, const TileTable* tables, int angles, int m0, int
 /// A tile and the tiles that it is turned to share nothing with others: all of their light, for
 /// `piece` of the rows of tiles of a quarter of the slice.
 template <int L>
-void AdjointTiles(const Beam& beam, const float* hit, const float* light, float* field,
+void AdjointTiles(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                   std::size_t piece) {
   const int n = beam.grid.voxels, base = beam.base_angles();
   const bool quarters = beam.turns > 1;
@@ -295,7 +296,7 @@ void ScatterTile(const TileTable& table, const float* hit, const float* field, c
 
 /// All voxels' light on the frames of `piece` of the angles, and of these turned.
 template <int L>
-void ForwardAngles(const Beam& beam, const float* hit, const float* field, float* light,
+void ForwardAngles(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                    std::size_t piece) {
   const int n = beam.grid.voxels, base = beam.base_angles();
   const std::size_t frame = static_cast<std::size_t>(beam.grid.pixels) * L;
@@ -353,7 +354,7 @@ void ForwardAngles(const Beam& beam, const float* hit, const float* field, float
   }
 }
 
-void LaneAdjoint(const Beam& beam, const float* hit, const float* light, float* field,
+void LaneAdjoint(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                  std::size_t piece) {
   switch (beam.grid.lanes()) {
     case 16:
@@ -363,7 +364,7 @@ void LaneAdjoint(const Beam& beam, const float* hit, const float* light, float* 
   }
 }
 
-void LaneForward(const Beam& beam, const float* hit, const float* field, float* light,
+void LaneForward(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                  std::size_t piece) {
   switch (beam.grid.lanes()) {
     case 16:
@@ -385,7 +386,7 @@ namespace slicecorr::tomo::detail {
 HWY_EXPORT(LaneAdjoint);
 HWY_EXPORT(LaneForward);
 
-void lane_adjoint(const Beam& beam, const float* hit, const float* light, float* field,
+void lane_adjoint(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                   const ExecutionContext& context) {
   std::fill_n(field, beam.grid.voxels_of_block(), 0.0f);
   const int n = beam.grid.voxels;
@@ -397,7 +398,7 @@ void lane_adjoint(const Beam& beam, const float* hit, const float* light, float*
   });
 }
 
-void lane_forward(const Beam& beam, const float* hit, const float* field, float* light,
+void lane_forward(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                   const ExecutionContext& context) {
   const int pieces = (beam.base_angles() + kForwardAngles - 1) / kForwardAngles;
   parallel_for(context, "", static_cast<std::size_t>(pieces), [&](std::size_t piece) {

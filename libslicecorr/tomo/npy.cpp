@@ -131,7 +131,7 @@ class HeaderReader {
 class Input {
  public:
   explicit Input(const std::string& path) : path_(path), file_(path, std::ios::binary) {
-    if (!file_) throw InputError(detail::errno_message(path, "can't be read"));
+    if (!file_) throw InputError(slicecorr::detail::errno_message(path, "can't be read"));
     std::string start(10, '\0');
     take(start.data(), start.size());
     if (!std::string_view(start).starts_with(kMagic)) {
@@ -220,16 +220,16 @@ void write(const std::string& path, const char* type, const Box<T>& box) {
   head += '\0';
   head += static_cast<char>(header.size() & 0xFF);
   head += static_cast<char>(header.size() >> 8);
-  detail::Temporary temporary{detail::make_temporary(path)};
+  slicecorr::detail::Temporary temporary{slicecorr::detail::make_temporary(path)};
   std::ofstream out(temporary.path, std::ios::binary);
   out << head << header;
   out.write(reinterpret_cast<const char*>(box.values.data()),
             static_cast<std::streamsize>(box.values.size() * sizeof(T)));
   out.close();
-  if (!out) throw DeviceError(detail::errno_message(path, "can't be written"));
-  detail::sync_file(temporary.path);
+  if (!out) throw DeviceError(slicecorr::detail::errno_message(path, "can't be written"));
+  slicecorr::detail::sync_file(temporary.path);
   if (std::rename(temporary.path.c_str(), path.c_str()) != 0) {
-    throw DeviceError(detail::errno_message(path, "can't be written"));
+    throw DeviceError(slicecorr::detail::errno_message(path, "can't be written"));
   }
   temporary.keep = true;
 }

@@ -17,7 +17,7 @@
 namespace slicecorr::tomo {
 namespace {
 
-using detail::Beam;
+using detail::ParallelBeam;
 using slicecorr::detail::silent;
 
 /// e^(alpha u) must stay a single-precision number; light that has to pass so much resin is gone.
@@ -348,7 +348,7 @@ class BeamProjector final : public Projector {
   }
 
   std::shared_ptr<const Shadow> shadow_;
-  Beam beam_;
+  ParallelBeam beam_;
   bool folded_ = false, turned_ = false, lines_ = false, plain_entry_ = false;
   std::vector<float> entry_;
   std::vector<Source> sources_;

@@ -13,17 +13,17 @@ namespace slicecorr::tomo {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// Hexagonal cells: one in the middle, six around it, and the six between these, sqrt 3 cells away.
 /// All 13 together have the area of the disc.
 std::vector<AperturePoint> hexagon() {
   // A hexagonal cell of pitch a has sqrt(3)/2 a^2; 13 of them make pi.
-  const double pitch = std::sqrt(2 * kPi / (13 * std::sqrt(3.0)));
+  const double pitch = std::sqrt(2 * pi / (13 * std::sqrt(3.0)));
   std::vector<AperturePoint> points = {{0, 0}};
   for (const bool far : {false, true}) {
     for (int k = 0; k < 6; ++k) {
-      const double angle = kPi / 3 * (k + (far ? 0.5 : 0.0));
+      const double angle = pi / 3 * (k + (far ? 0.5 : 0.0));
       const double r = pitch * (far ? std::sqrt(3.0) : 1.0);
       points.push_back({r * std::cos(angle), r * std::sin(angle)});
     }
@@ -41,7 +41,7 @@ std::vector<AperturePoint> aperture_points(int rays) {
   if (rays == 13) return hexagon();
   // Golden angle between points, each in the middle of its ring's area.
   std::vector<AperturePoint> points;
-  const double golden = kPi * (3 - std::sqrt(5.0));
+  const double golden = pi * (3 - std::sqrt(5.0));
   for (int k = 0; k < rays; ++k) {
     const double r = std::sqrt((k + 0.5) / rays);
     points.push_back({r * std::cos(golden * k), r * std::sin(golden * k)});
@@ -69,7 +69,7 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
   const bool spread = optics.half_angle_deg > 0;
   const std::vector<AperturePoint> points = aperture_points(spread ? optics.rays_per_pixel : 1);
   all.per_pixel = static_cast<int>(points.size());
-  const double reach = std::tan(optics.half_angle_deg * kPi / 180);
+  const double reach = std::tan(optics.half_angle_deg * pi / 180);
   const double share = 1.0 / static_cast<double>(points.size());
   all.rays.reserve(static_cast<std::size_t>(all.columns) * static_cast<std::size_t>(all.rows) *
                    points.size());

@@ -94,7 +94,7 @@ struct PixelRow<true> {
 // pixels, or up to 1.42 fine ones. Turns of the slice share places and weights, each has an output
 // of its own.
 template <int T, bool kFine, bool kAttenuated, bool kShadow>
-void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>* lights,
+void AdjointRows(const ParallelBeam& beam, const LaneAngle* angles, const TurnedLight<T>* lights,
                  std::size_t count, int r0, std::size_t stride, float* const out[T]) {
   const Group d;
   const Index di;
@@ -178,7 +178,7 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
 // pixels each; the slice is turned instead of the light. Three voxels weigh in on a pixel, on a fine
 // one two.
 template <int T, bool kFine, bool kAttenuated, bool kShadow>
-void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const voxels[T],
+void ForwardPixels(const ParallelBeam& beam, const LaneAngle& angle, const float* const voxels[T],
                    const float* const hit[T], std::size_t stride, float* const out[T]) {
   const Group d;
   const Index di;
@@ -292,7 +292,7 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
 }
 
 template <int T, bool kFine>
-void AdjointTurns(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>* lights,
+void AdjointTurns(const ParallelBeam& beam, const LaneAngle* angles, const TurnedLight<T>* lights,
                   std::size_t count, bool shadow, int r0, std::size_t stride, float* const out[T]) {
   if (beam.attenuated) {
     shadow ? AdjointRows<T, kFine, true, true>(beam, angles, lights, count, r0, stride, out)
@@ -304,7 +304,7 @@ void AdjointTurns(const Beam& beam, const LaneAngle* angles, const TurnedLight<T
 }
 
 template <int T, bool kFine>
-void ForwardTurns(const Beam& beam, const LaneAngle& angle, const float* const voxels[T],
+void ForwardTurns(const ParallelBeam& beam, const LaneAngle& angle, const float* const voxels[T],
                   const float* const hit[T], std::size_t stride, float* const out[T]) {
   if (beam.attenuated) {
     hit[0] != nullptr ? ForwardPixels<T, kFine, true, true>(beam, angle, voxels, hit, stride, out)
@@ -317,7 +317,7 @@ void ForwardTurns(const Beam& beam, const LaneAngle& angle, const float* const v
 }
 
 // The rows from r0 on, for all angles of one direction and up to two turns.
-void SliceAdjoint(const Beam& beam, SliceWork& work, bool along_x, int turn, int r0) {
+void SliceAdjoint(const ParallelBeam& beam, SliceWork& work, bool along_x, int turn, int r0) {
   const std::vector<LaneAngle>& angles = beam.slice->flat.angles[along_x];
   const std::vector<int>& chosen = beam.slice->flat.chosen[along_x];
   const auto base = static_cast<std::size_t>(beam.base_angles());
@@ -342,7 +342,7 @@ void SliceAdjoint(const Beam& beam, SliceWork& work, bool along_x, int turn, int
   add(beam, angles.data(), lights.data(), lights.size(), work.shadow, r0, work.stride, out);
 }
 
-void SliceForward(const Beam& beam, const SliceWork& work, bool along_x, std::size_t k,
+void SliceForward(const ParallelBeam& beam, const SliceWork& work, bool along_x, std::size_t k,
                   float* light) {
   const auto m = static_cast<std::size_t>(beam.slice->steep.chosen[along_x][k]);
   const LaneAngle& angle = beam.slice->steep.angles[along_x][k];
@@ -377,11 +377,11 @@ namespace slicecorr::tomo::detail {
 HWY_EXPORT(SliceAdjoint);
 HWY_EXPORT(SliceForward);
 
-void slice_adjoint_rows(const Beam& beam, SliceWork& work, bool along_x, int turn, int r0) {
+void slice_adjoint_rows(const ParallelBeam& beam, SliceWork& work, bool along_x, int turn, int r0) {
   HWY_DYNAMIC_DISPATCH(SliceAdjoint)(beam, work, along_x, turn, r0);
 }
-void slice_forward_angle(const Beam& beam, const SliceWork& work, bool along_x, std::size_t k,
-                         float* light) {
+void slice_forward_angle(const ParallelBeam& beam, const SliceWork& work, bool along_x,
+                         std::size_t k, float* light) {
   HWY_DYNAMIC_DISPATCH(SliceForward)(beam, work, along_x, k, light);
 }
 

@@ -41,7 +41,7 @@ struct SliceTables {
 };
 
 /// The tables of a beam, or null where the grid's blocks are of several slices.
-std::shared_ptr<const SliceTables> make_slice_tables(const Beam& beam);
+std::shared_ptr<const SliceTables> make_slice_tables(const ParallelBeam& beam);
 
 /// A slice and its light, as the kernels want them.
 struct SliceWork {
@@ -53,14 +53,14 @@ struct SliceWork {
 };
 
 /// The rows from r0 on of the doses of turns `turn` and `turn` + 1.
-void slice_adjoint_rows(const Beam& beam, SliceWork& work, bool along_x, int turn, int r0);
+void slice_adjoint_rows(const ParallelBeam& beam, SliceWork& work, bool along_x, int turn, int r0);
 /// The frames of the k-th angle of an axis and of its turns.
-void slice_forward_angle(const Beam& beam, const SliceWork& work, bool along_x, std::size_t k,
-                         float* light);
+void slice_forward_angle(const ParallelBeam& beam, const SliceWork& work, bool along_x,
+                         std::size_t k, float* light);
 
-void slice_adjoint(const Beam& beam, const float* hit, const float* light, float* field,
+void slice_adjoint(const ParallelBeam& beam, const float* hit, const float* light, float* field,
                    const ExecutionContext& context);
-void slice_forward(const Beam& beam, const float* hit, const float* field, float* light,
+void slice_forward(const ParallelBeam& beam, const float* hit, const float* field, float* light,
                    const ExecutionContext& context);
 
 }  // namespace slicecorr::tomo::detail

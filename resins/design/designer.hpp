@@ -14,10 +14,10 @@
 
 namespace slicecorr::resins {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Gaps are judged by the shortest one of which both edges can be right.
-constexpr int kGapSlices = 2;
+inline constexpr int kGapSlices = 2;
 
 /// x in [low, high] where `holds` changes from `at_low`, in ratio to 1e-13.
 double boundary(double low, double high, bool at_low, const std::function<bool(double)>& holds);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "design/designer.hpp"
 #include "design/numbers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -15,7 +16,6 @@ namespace slicecorr::resins {
 
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Limits are named this far inside: what is typed back goes another way to its answer.
 constexpr double kInside = 1e-9;
 

@@ -12,9 +12,9 @@ namespace slicecorr::resins {
 
 namespace {
 
-class Residuals : public ceres::CostFunction {
+class SquaredResiduals : public ceres::CostFunction {
  public:
-  explicit Residuals(const LeastSquares& problem) : problem_(problem) {
+  explicit SquaredResiduals(const LeastSquares& problem) : problem_(problem) {
     set_num_residuals(static_cast<int>(problem.count()));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.unknowns()));
   }
@@ -77,7 +77,7 @@ double minimise(const LeastSquares& problem, std::vector<double>& values, double
   if (!std::isfinite(problem.cost(values.data())) || !problem.jacobian(values.data(), j)) {
     return std::numeric_limits<double>::infinity();
   }
-  Residuals residuals(problem);
+  SquaredResiduals residuals(problem);
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem solved(ownership);

@@ -18,9 +18,9 @@ constexpr double kGreatestNumber = 1e100;
 
 /// All residuals of a problem as one block. A robust loss is taken inside, as residuals whose
 /// squares are rho: one block stays cheap for a million points.
-class Residuals : public ceres::CostFunction {
+class RobustResiduals : public ceres::CostFunction {
  public:
-  explicit Residuals(const Problem& problem) : problem_(problem) {
+  explicit RobustResiduals(const Problem& problem) : problem_(problem) {
     set_num_residuals(static_cast<int>(problem.observations.size()));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.unknowns.size()));
   }
@@ -83,7 +83,7 @@ std::optional<Solution> minimise(const Problem& problem, std::vector<double> inn
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(ownership);
-  Residuals residuals(problem);
+  RobustResiduals residuals(problem);
   ceres_problem.AddResidualBlock(&residuals, nullptr, inner.data());
   for (std::size_t i = 0; low && i < inner.size(); ++i) {
     ceres_problem.SetParameterLowerBound(inner.data(), static_cast<int>(i), low[i]);

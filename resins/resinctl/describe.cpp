@@ -32,13 +32,14 @@ std::string line(const char* what, const std::string& value) {
 }
 
 /// Four digits, without an exponent for large numbers.
-std::string figure(double value) {
+std::string four_digits(double value) {
   return value >= 1e4 && value < 1e15 ? fmt::format("{:.0f}", value) : fmt::format("{:.4g}", value);
 }
 
 /// A dose analogue in its unit.
 std::string prime(double value, double m) {
-  return m == 1.0 ? figure(value) + " mJ/cm²" : fmt::format("{} (mW/cm²)^{:g}·s", figure(value), m);
+  return m == 1.0 ? four_digits(value) + " mJ/cm²"
+                  : fmt::format("{} (mW/cm²)^{:g}·s", four_digits(value), m);
 }
 
 bool gel_is_known(const ResinRecord& r) {
@@ -49,19 +50,20 @@ bool gel_is_known(const ResinRecord& r) {
 
 /// A and B of a time to gel, `times` as long.
 std::string gel_time_text(const Resin& resin, double times) {
-  return fmt::format("{}/i + {}/sqrt(i) s", figure(times * resin.gel_a_mj_cm2),
-                     figure(times * resin.gel_b_sqrt_mw_cm2_s));
+  return fmt::format("{}/i + {}/sqrt(i) s", four_digits(times * resin.gel_a_mj_cm2),
+                     four_digits(times * resin.gel_b_sqrt_mw_cm2_s));
 }
 
 std::string dose_line(const char* what, const ResinFigures& f, double m, bool aim) {
   if (m == 1.0) {
     return line(what, fmt::format("{} mJ/cm² areal, {} mJ/cm³ volumetric",
-                                  figure(aim ? f.aim_mj_cm2 : f.gel_mj_cm2),
-                                  figure(aim ? f.aim_mj_cm3 : f.gel_mj_cm3)));
+                                  four_digits(aim ? f.aim_mj_cm2 : f.gel_mj_cm2),
+                                  four_digits(aim ? f.aim_mj_cm3 : f.gel_mj_cm3)));
   }
-  return line(what, fmt::format("{} (mW/cm²)^{:g}·s areal, {} (mW/cm³)^{:g}·s volumetric",
-                                figure(aim ? f.aim_prime : f.gel_prime), m,
-                                figure(aim ? f.aim_prime_volumetric : f.gel_prime_volumetric), m));
+  return line(what,
+              fmt::format("{} (mW/cm²)^{:g}·s areal, {} (mW/cm³)^{:g}·s volumetric",
+                          four_digits(aim ? f.aim_prime : f.gel_prime), m,
+                          four_digits(aim ? f.aim_prime_volumetric : f.gel_prime_volumetric), m));
 }
 
 std::string provenance_text(const std::map<std::string, std::string>& provenance) {
@@ -239,14 +241,14 @@ std::string chemistry_text(const Chemistry& c) {
                           d("initiator", c.initiator_um2_s), d("its radicals", c.radical_um2_s),
                           c.inhibitor_mol_l > 0 ? ", " + d("inhibitor", c.inhibitor_um2_s) : "",
                           c.temperature_k));
-  out += line("dims light", fmt::format("to 1/e over {} um", figure(light_height_um(c))));
+  out += line("dims light", fmt::format("to 1/e over {} um", four_digits(light_height_um(c))));
   const GelTime g = gel_time_of(c);
   out += line("time to gel, s", fmt::format("{:.4g} / I + {:.4g} / sqrt(I), I in mW/cm²: oxygen "
                                             "first, then chains",
                                             g.A, g.B));
   for (const double i : {1.0, 10.0, 100.0}) {
     out += line("", fmt::format("at {:g} mW/cm² {} s, of which {} s inhibited; local m = {:.3f}", i,
-                                figure(gel_time_s(g, i)), figure(inhibition_time_s(c, i)),
+                                four_digits(gel_time_s(g, i)), four_digits(inhibition_time_s(c, i)),
                                 local_exponent(g, i)));
   }
   if (inhibition_time_used_up_s(c, 1) > 1e300) {

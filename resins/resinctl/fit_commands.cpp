@@ -246,7 +246,7 @@ int run_fit(const FitArguments& a, const ExecutionContext& context, Console& con
   return cli::kDone;
 }
 
-constexpr const char* kFooter =
+constexpr const char* kFitFooter =
     "Models and their columns (a header row names them; any order; # starts a comment):\n"
     "  jacobs              dose_mj_cm2,cured_height_um, or as for kinetic\n"
     "  kinetic             intensity_mw_cm2,exposure_s,cured_height_um\n"
@@ -320,7 +320,7 @@ void add_fit(cli::Program& program) {
       ->check(cli::number_in(0, 1));
   sub->add_option("--svg", a->svg, "gel-time, of times: a picture of the fit");
   sub->add_flag("--one-m", a->one_m, "joint: one exponent with and without UV light");
-  sub->footer(kFooter);
+  sub->footer(kFitFooter);
 }
 
 }  // namespace slicecorr::resinctl

@@ -67,7 +67,7 @@ int fit_optics_command(const OpticsArguments& a, cli::Console& console) {
   return cli::kDone;
 }
 
-constexpr const char* kFooter =
+constexpr const char* kOpticsFooter =
     "Columns of POINTS (a header row names them; any order; # starts a comment):\n"
     "  angle_deg   that the stage has turned, in the direction in which it prints\n"
     "  radius_mm   of the pin from the axis\n"
@@ -118,7 +118,7 @@ void add_optics(cli::Program& program) {
   sub->add_option("--write", a->write,
                   "Printer file to write what was found into; its earlier version is kept");
   sub->add_option("--json", a->json, "Result as JSON: a file, or - for stdout");
-  sub->footer(kFooter);
+  sub->footer(kOpticsFooter);
 }
 
 }  // namespace slicecorr::resinctl

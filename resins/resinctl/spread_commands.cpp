@@ -158,7 +158,7 @@ int fit_spread_command(const SpreadArguments& a, cli::Console& console) {
   return cli::kDone;
 }
 
-constexpr const char* kFooter =
+constexpr const char* kSpreadFooter =
     "DATA is one of (a header row names columns; any order; # starts a comment)\n"
     "  widths: kind,designed_um,printed_um of lines and gaps, as slicecorr testpart makes them\n"
     "    depth_um   where they were measured above the window; of a platform that moved, from the\n"
@@ -236,7 +236,7 @@ void add_spread(cli::Program& program) {
   sub->add_option("--write-resin", a->write_resin,
                   "Resin file to write the scatter into; its earlier version is kept");
   sub->add_option("--json", a->json, "Result as JSON: a file, or - for stdout");
-  sub->footer(kFooter);
+  sub->footer(kSpreadFooter);
 }
 
 }  // namespace slicecorr::resinctl

@@ -20,7 +20,7 @@
 namespace slicecorr {
 
 /// Flags of a cell.
-enum CellState : std::uint8_t {
+enum CellFlag : std::uint8_t {
   kCellCureThrough = 1,  ///< some voxel of coverage 0 prints
   kCellUndercure = 2,    ///< some voxel of coverage 1 stays liquid
   kCellPrinted = 4,      ///< half of its voxels print, or more
@@ -30,7 +30,7 @@ enum CellState : std::uint8_t {
 
 /// One of the two prints: the target shown as it is, or the stack.
 struct ReducedPrint {
-  std::vector<std::uint8_t> state;  ///< flags of CellState
+  std::vector<std::uint8_t> state;  ///< flags of CellFlag
   /// `dose_code` of the pixel that stands for the column, at mid-layer in the cell's middle slice.
   std::vector<std::uint8_t> dose;
   std::vector<std::uint8_t> grey;   ///< pixel value there, 0..255

@@ -32,7 +32,7 @@ std::string form_of(const std::string& path, const std::vector<std::string>& for
 
 std::string name_of(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
-void check_outputs(const SimulateOptions& o) {
+void check_simulated_outputs(const SimulateOptions& o) {
   const std::vector<const std::string*> outputs{&o.output, &o.csv, &o.dose_csv};
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     check_output(*outputs[i], {o.stack, o.target});
@@ -129,8 +129,8 @@ int column(const SimulateOptions& o, const SetupOptions& options, const Executio
   return kDone;
 }
 
-int row(const SimulateOptions& o, const SetupOptions& options, const ExecutionContext& context,
-        Console& console) {
+int section_of_row(const SimulateOptions& o, const SetupOptions& options,
+                   const ExecutionContext& context, Console& console) {
   form_of(o.output, {".png"});
   const Input in(o, options, context);
   const PrintClock clock = print_clock(in.setup, in.stack.grid());
@@ -271,7 +271,7 @@ void SimulateOptions::add_to(CLI::App& app) {
 
 int simulate(const SimulateOptions& o, const SetupOptions& setup, const ExecutionContext& context,
              Console& console) {
-  check_outputs(o);
+  check_simulated_outputs(o);
   if (o.stationary) {
     if (!o.stack.empty() || !o.target.empty()) {
       wrong("--stationary needs no stack; expected --resin, --blue-mw-cm2 and --time-s");
@@ -310,7 +310,7 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Executio
     if (o.substeps > 0 || !o.csv.empty() || !o.dose_csv.empty()) {
       wrong("--substeps, --csv and --dose-csv are for a column; expected --x and --y with them");
     }
-    return row(o, setup, context, console);
+    return section_of_row(o, setup, context, console);
   }
   if (o.x < 0 || o.y < 0) wrong("expected --x and --y for a column, or --row for a section");
   if (o.times_s.size() > 8 && form_of(o.output, {".svg", ".csv"}) == ".svg") {

@@ -31,7 +31,7 @@ constexpr std::array kKinds = {TuningPartKind::comb, TuningPartKind::staircase,
                                TuningPartKind::flat_field};
 
 /// One slice as the display shows it.
-GreyImage picture_of(const SliceSource& slices) {
+GreyImage slice_picture(const SliceSource& slices) {
   const Grid& g = slices.grid();
   GreyImage image{g.width_px, g.height_px, {}};
   slices.read_slices({0, 0, g.width_px, g.height_px}, 0, 1, [&](int, const std::uint8_t* rows) {
@@ -159,7 +159,7 @@ int test_part(const TestPartOptions& o, const ExecutionContext& context, Console
   const StackInfo info = write_target(*fitted, file, context);
   beside.write(form, part.sheet(beside.form_name(), o.printer));
   if (!o.picture.empty()) {
-    const auto png = encode_png(picture_of(*shown));
+    const auto png = encode_png(slice_picture(*shown));
     write_text_file(o.picture, {png.begin(), png.end()});
   }
   console.say(fmt::format(

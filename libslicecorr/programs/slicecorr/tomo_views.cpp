@@ -29,7 +29,7 @@ std::string ending_of(const std::string& output, const std::vector<std::string>&
   throw InputError(output, "", "expected a name that ends in " + list);
 }
 
-using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::Shown,
+using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::ColouredBy,
                                      const std::string&);
 /// What writes pictures with this name.
 SectionsFile sections_file(const std::string& output) {
@@ -47,15 +47,15 @@ int section(const TomoViewOptions& o, const ExecutionContext& context, Console& 
   }
   if (planes.empty()) planes = tomo::middle_planes(print);
   const auto sections = tomo::sections_of(print, planes);
-  const tomo::Shown shown = o.show == "print"    ? tomo::Shown::print
-                            : o.show == "target" ? tomo::Shown::target
-                                                 : tomo::Shown::dose;
+  const tomo::ColouredBy by = o.show == "print"    ? tomo::ColouredBy::print
+                              : o.show == "target" ? tomo::ColouredBy::target
+                                                   : tomo::ColouredBy::dose;
   const std::string title =
       fmt::format("{}: {} of the print", std::filesystem::path(o.job).filename().string(),
-                  shown == tomo::Shown::target  ? "target"
-                  : shown == tomo::Shown::print ? "gel"
-                                                : "dose");
-  write_text_file(o.output, file(sections, shown, title));
+                  by == tomo::ColouredBy::target  ? "target"
+                  : by == tomo::ColouredBy::print ? "gel"
+                                                  : "dose");
+  write_text_file(o.output, file(sections, by, title));
   std::string text = o.output + ":";
   for (const tomo::PrintSection& s : sections) {
     text += fmt::format("{} {} = {:.3f} mm ({} voxels missing, {} gelled that should not)",
@@ -129,7 +129,7 @@ std::string picture_of(const tomo::Evidence& evidence, const std::string& part,
                        const std::string& path) {
   const tomo::PrintSection section = tomo::section_of(evidence);
   write_text_file(path, sections_file(path)(
-                            {section}, tomo::Shown::dose,
+                            {section}, tomo::ColouredBy::dose,
                             fmt::format("{}: slice {} can't be printed", part, evidence.slice)));
   return fmt::format(
       "{} shows that slice with the best light found, at a gel dose between the part's least dose "

@@ -22,7 +22,6 @@ using namespace std::string_view_literals;
 
 /// Of what file a record is.
 constexpr const char* kOfEntry = "of.json";
-constexpr std::uint64_t kPieceBytes = std::uint64_t{1} << 20;
 
 constexpr std::string_view kMagics[] = {
     "\x19\x00\xfd\x12"sv,
@@ -133,7 +132,7 @@ std::uint32_t BinaryFile::crc32() const {
   std::uint32_t crc = 0;
   std::vector<std::uint8_t> piece;
   for (std::uint64_t at = 0; at < size_; at += piece.size()) {
-    read_at(at, std::min(kPieceBytes, size_ - at), piece, "");
+    read_at(at, std::min<std::uint64_t>(kPieceBytes, size_ - at), piece, "");
     crc = isal::crc32(crc, piece.data(), piece.size());
   }
   return crc;

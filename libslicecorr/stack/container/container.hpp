@@ -3,6 +3,7 @@
 /// binary file.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -14,6 +15,9 @@
 namespace slicecorr::detail {
 
 enum class ContainerKind { zip, tar_gz, folder, binary };
+
+/// Large files and entries are read by so much at a time.
+inline constexpr std::size_t kPieceBytes = std::size_t{1} << 20;
 
 /// An archive opened for reading. Doubled, encrypted, overlapping or strangely named entries are
 /// refused with `InputError`. Folders are not listed as entries.

@@ -19,7 +19,6 @@ namespace slicecorr::detail {
 namespace {
 
 constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
-constexpr std::size_t kPieceBytes = std::size_t{1} << 20;
 
 class TarContainer final : public Container {
  public:

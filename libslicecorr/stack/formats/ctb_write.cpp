@@ -218,9 +218,6 @@ class CtbChange {
   std::vector<PieceSpan> pieces_;
 };
 
-/// Movement that new files say, until somebody sets what the printer needs, mm and mm/min.
-constexpr double kLiftMm = 5, kLiftMmMin = 60, kBackMmMin = 150;
-
 }  // namespace
 
 void change_ctb(const ArchiveRequest& request, CtbFamily family, BinaryOutput& output) {
@@ -236,7 +233,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   warn(r,
        fmt::format("a new CTB file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min: set "
                    "what the printer needs, or give a file of the printer's slicer as a template",
-                   lifts(info) ? kLiftMm : 0, kLiftMmMin, kBackMmMin));
+                   lifts(info) ? kLiftMm : 0, kLiftMmMin, kDropMmMin));
   const std::string machine = info.printer ? info.printer->name : info.profiles.printer;
   const auto large = encode_ctb_preview(r.preview, 400, 300);
   const auto small = encode_ctb_preview(r.preview, 200, 125);
@@ -253,7 +250,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
   for (const double t : times_s) {
-    print_time_s += t + 60 * lift_mm * (1 / kLiftMmMin + 1 / kBackMmMin);
+    print_time_s += t + 60 * lift_mm * (1 / kLiftMmMin + 1 / kDropMmMin);
   }
 
   head.set_u32(0, kCtb4Magic);
@@ -297,7 +294,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
     print.set_f32(at, lift_mm);
     print.set_f32(at + 4, kLiftMmMin);
   }
-  print.set_f32(0x10, kBackMmMin);
+  print.set_f32(0x10, kDropMmMin);
   print.set_f32(0x14, info.part_volume_mm3 * 1e-3);
   print.set_u32(0x28, static_cast<std::uint32_t>(s.bottom_layers));
 
@@ -308,7 +305,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   slicer.set_u32(0x2c, 8);
   slicer.set_u32(0x3c, static_cast<std::uint32_t>(s.uneven ? 0 : s.fade_layers));
   slicer.set_u32(0x40, static_cast<std::uint32_t>(v4_at));
-  v4.set_f32(0, kBackMmMin);
+  v4.set_f32(0, kDropMmMin);
   v4.set_f32(0x0c, 4);
   v4.set_f32(0x14, 4);
   v4.set_u32(0x34, static_cast<std::uint32_t>(layers - 1));
@@ -329,7 +326,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
     block.set_u32(0x24, static_cast<std::uint32_t>(kCtbLayerHeadBytes + bytes));
     block.set_f32(0x28, lift_mm);
     block.set_f32(0x2c, kLiftMmMin);
-    block.set_f32(0x38, kBackMmMin);
+    block.set_f32(0x38, kDropMmMin);
     block.set_f32(0x50, 255);
     at = offset + bytes;
     heads.push_back(std::move(block));

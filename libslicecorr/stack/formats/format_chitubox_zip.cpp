@@ -36,7 +36,7 @@ void set_where_there(KeyValueText& head, const char* key, const std::string& val
   if (head.find(key)) head.set(key, value);
 }
 
-void change(const ArchiveRequest& r, ContainerOutput& output) {
+void change_chitubox(const ArchiveRequest& r, ContainerOutput& output) {
   const int layers = r.info.grid.layers;
   const int kept_layers = r.kept_contents->info.grid.layers;
   const std::string text = file_text(*r.kept);
@@ -69,9 +69,6 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
   output.add_text(kGcodeEntry,
                   head.text() + body.changed(layers, r.info.grid.layer_um * 1e-3, exposure_s));
 }
-
-/// Movements of a printer that says none: slow enough for any, as Chitubox proposes them.
-constexpr double kLiftMm = 5, kLiftMmMin = 60, kDropMmMin = 150;
 
 std::string new_gcode(const ArchiveRequest& r) {
   const StackInfo& info = r.info;
@@ -211,7 +208,7 @@ class ChituboxZip final : public ArchiveFormat {
     warn_of_mode(r, "Chitubox");
     if (r.kept != nullptr) {
       std::vector<std::string> names = continued_names(r, ".png");
-      change(r, output);
+      change_chitubox(r, output);
       return names;
     }
     output.add_text(kGcodeEntry, new_gcode(r));

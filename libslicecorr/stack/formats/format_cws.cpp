@@ -21,7 +21,7 @@ namespace slicecorr::detail {
 namespace {
 
 constexpr const char* kConfigEntry = "slice.conf";
-constexpr const char* kManifestEntry = "manifest.xml";
+constexpr const char* kCwsManifest = "manifest.xml";
 
 /// What the text says of a key, as far as it is a number: "4000 ms )" is 4000.
 std::optional<double> parameter(const KeyValueText& text, const char* key, double most,
@@ -208,7 +208,7 @@ std::string xml_text(const std::string& text) {
 /// Lists the added slices after the others, in copies of the last one; all other bytes stay.
 void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& names,
                      ContainerOutput& output) {
-  std::string text = r.kept->text(kManifestEntry);
+  std::string text = r.kept->text(kCwsManifest);
   pugi::xml_document document;
   const bool is_xml = document.load_buffer(text.data(), text.size());
   pugi::xml_node slice;
@@ -219,7 +219,7 @@ void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& na
   const auto from = static_cast<std::size_t>(std::max<std::ptrdiff_t>(element, 0));
   const std::size_t end = text.find(end_tag, from);
   if (!is_xml || element < 1 || name <= element || end == text.npos) {
-    throw InputError(r.kept->path(), kManifestEntry,
+    throw InputError(r.kept->path(), kCwsManifest,
                      "lists no slices, expected manifest/Slices/Slice/name");
   }
   // The element with the white space before it.
@@ -232,11 +232,11 @@ void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& na
   for (std::size_t n = r.kept_contents->images.size(); n < names.size(); ++n) {
     added += before_name + xml_text(names[n]) + after_name;
   }
-  output.add_text(kManifestEntry, text.insert(after, added));
+  output.add_text(kCwsManifest, text.insert(after, added));
 }
 
-void change(const ArchiveRequest& r, const std::vector<std::string>& images,
-            ContainerOutput& output) {
+void change_cws(const ArchiveRequest& r, const std::vector<std::string>& images,
+                ContainerOutput& output) {
   const Container& kept = *r.kept;
   const int layers = r.info.grid.layers, kept_layers = r.kept_contents->info.grid.layers;
   const Names names = names_of(kept);
@@ -281,16 +281,16 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
         head.text() + body.changed(layers, r.info.grid.layer_um * 1e-3, exposure_s);
     if (changed != text) output.add_text(names.gcode, changed);
   }
-  if (layers != kept_layers && kept.has(kManifestEntry)) change_manifest(r, images, output);
+  if (layers != kept_layers && kept.has(kCwsManifest)) change_manifest(r, images, output);
 }
 
 /// Movements as NovaMaker proposes them.
-constexpr double kLiftMm = 4, kLiftMmMin = 120;
+constexpr double kNovaLiftMm = 4, kNovaMmMin = 120;
 
 std::string mm_text(double value) { return number_text(std::round(value * 1e6) / 1e6); }
 
 /// How far the platform is lifted off the window between layers.
-double lift_mm(const StackInfo& info) { return lifts(info) ? kLiftMm : 0; }
+double lift_mm(const StackInfo& info) { return lifts(info) ? kNovaLiftMm : 0; }
 
 std::string new_config(const StackInfo& info) {
   const Grid& g = info.grid;
@@ -310,8 +310,8 @@ std::string new_config(const StackInfo& info) {
   say("head_layers_expo_ms", milliseconds(s.bottom_s));
   say("wait_before_expo_ms", "0");
   say("lift_distance", number_text(lift_mm(info)));
-  say("lift_up_speed", number_text(kLiftMmMin));
-  say("lift_down_speed", number_text(kLiftMmMin));
+  say("lift_up_speed", number_text(kNovaMmMin));
+  say("lift_down_speed", number_text(kNovaMmMin));
   say("lift_when_finished", "80");
   return config;
 }
@@ -322,7 +322,7 @@ std::string new_gcode_head(const StackInfo& info) {
   const ExposureSummary s = exposure_summary(info);
   const double build_mm = info.printer && info.printer->travel_mm > 0
                               ? info.printer->travel_mm
-                              : std::ceil(g.layers * (g.layer_um * 1e-3) + kLiftMm);
+                              : std::ceil(g.layers * (g.layer_um * 1e-3) + kNovaLiftMm);
   std::string text =
       fmt::format("; slicecorr {}\n;(****Build and Slicing Parameters****)\n", version);
   const auto add = [&](const char* key, const std::string& value) {
@@ -343,9 +343,9 @@ std::string new_gcode_head(const StackInfo& info) {
   add("Anti Aliasing", "True");
   add("Use Mainlift GCode Tab", "False");
   add("Anti Aliasing Value", "2.0");
-  add("Z Lift Feed Rate", number_text(kLiftMmMin) + " mm/s");
-  add("Z Bottom Lift Feed Rate", number_text(kLiftMmMin) + " mm/s");
-  add("Z Lift Retract Rate", number_text(kLiftMmMin) + " mm/s");
+  add("Z Lift Feed Rate", number_text(kNovaMmMin) + " mm/s");
+  add("Z Bottom Lift Feed Rate", number_text(kNovaMmMin) + " mm/s");
+  add("Z Lift Retract Rate", number_text(kNovaMmMin) + " mm/s");
   add("Flip X", info.orientation.mirror_x ? "True" : "False");
   add("Flip Y", info.orientation.mirror_y ? "True" : "False");
   text += fmt::format(";Number of Slices         = {}\n", g.layers);
@@ -377,9 +377,9 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
     text += fmt::format(";<Slice> {}\nM106 S255\n;<Delay> {:.0f}\nM106 S0\n;<Slice> Blank\n", n,
                         light_ms);
-    if (up_mm > 0) text += fmt::format("G1 Z{} F{:g}\n", mm_text(up_mm), kLiftMmMin);
-    text += fmt::format("G1 Z{} F{:g}\n;<Delay> {:.0f}\n\n", mm_text(layer_mm - up_mm), kLiftMmMin,
-                        std::ceil(travel_mm / kLiftMmMin * 60e3));
+    if (up_mm > 0) text += fmt::format("G1 Z{} F{:g}\n", mm_text(up_mm), kNovaMmMin);
+    text += fmt::format("G1 Z{} F{:g}\n;<Delay> {:.0f}\n\n", mm_text(layer_mm - up_mm), kNovaMmMin,
+                        std::ceil(travel_mm / kNovaMmMin * 60e3));
   }
   text += "M18 ;Disable Motors\nM106 S0\nG1 Z80\n;<Completed>\n";
   output.add_text(name + ".gcode", text);
@@ -417,7 +417,7 @@ class Cws final : public ArchiveFormat {
     warn_of_mode(r, "CWS");
     if (r.kept != nullptr) {
       std::vector<std::string> names = continued_names(r, ".png");
-      change(r, names, output);
+      change_cws(r, names, output);
       return names;
     }
     if (packed_ && r.info.grid.width_px % 3 != 0) {

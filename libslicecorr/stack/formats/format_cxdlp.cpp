@@ -182,7 +182,7 @@ CxdlpFile read_cxdlp(const BinaryFile& file) {
   return c;
 }
 
-void change(const ArchiveRequest& r, BinaryOutput& output) {
+void change_cxdlp(const ArchiveRequest& r, BinaryOutput& output) {
   const BinaryFile& file = binary_file(*r.kept);
   CxdlpFile c = read_cxdlp(file);
   const auto layers = static_cast<std::size_t>(r.info.grid.layers);
@@ -310,7 +310,7 @@ class Cxdlp final : public ArchiveFormat {
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     if (r.exposure_changes) warn_of_mode(r, "CXDLP");
-    change(r, binary_output(output));
+    change_cxdlp(r, binary_output(output));
     return {};
   }
 };

@@ -89,7 +89,7 @@ bool says_exposure(const LayerSettings& table) {
 }
 
 /// Light-on time of each layer, where all are said.
-std::vector<double> layer_times(const Exposures& e, const LayerSettings* table, int layers) {
+std::vector<double> ember_times(const Exposures& e, const LayerSettings* table, int layers) {
   std::vector<double> times_s;
   for (int n = 1; n <= layers; ++n) {
     std::optional<double> time_s = e.of_layer(n);
@@ -134,7 +134,7 @@ void read_settings(const Container& archive, ArchiveContents& contents) {
     info.bottom_layers = 1;
     if (exposures.burn_in_s == exposures.first_s) info.bottom_layers += exposures.burn_in_layers;
   }
-  take_layer_times(layer_times(exposures, table ? &*table : nullptr, info.grid.layers), info);
+  take_layer_times(ember_times(exposures, table ? &*table : nullptr, info.grid.layers), info);
 }
 
 /// What a stack's exposures are in the printer's settings. `table` is needed where these can't say
@@ -211,7 +211,7 @@ void add_rows(const ArchiveRequest& r, ContainerOutput& output) {
   if (table) output.add_text(kLayersEntry, table->text());
 }
 
-void change(const ArchiveRequest& r, ContainerOutput& output) {
+void change_ember(const ArchiveRequest& r, ContainerOutput& output) {
   if (!r.exposure_changes) {
     add_rows(r, output);
     return;
@@ -310,7 +310,7 @@ class Ember final : public ArchiveFormat {
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, "Ember");
     if (r.kept != nullptr) {
-      change(r, output);
+      change_ember(r, output);
       return continued_names(r, kImageSuffix);
     }
     write_new(r, output);

@@ -16,41 +16,42 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* kManifestEntry = "manifest.uvtools";
+constexpr const char* kUvtoolsManifest = "manifest.uvtools";
 
 /// Number of an element that may be missing or empty.
 std::optional<double> number_of(const pugi::xml_node& root, const char* key, double most,
                                 const std::string& file) {
   const pugi::xml_node node = root.child(key);
   if (!node) return std::nullopt;
-  KeyValueText value(fmt::format("{}={}", key, node.text().get()), '=', file, kManifestEntry);
+  KeyValueText value(fmt::format("{}={}", key, node.text().get()), '=', file, kUvtoolsManifest);
   return value.number(key, 0, most);
 }
 
 void read_manifest(const Container& archive, ArchiveContents& contents) {
   const std::string& path = archive.path();
-  const std::string text = archive.text(kManifestEntry);
+  const std::string text = archive.text(kUvtoolsManifest);
   pugi::xml_document document;
   const pugi::xml_parse_result result = document.load_buffer(text.data(), text.size());
   if (!result) {
-    throw InputError(path, kManifestEntry,
+    throw InputError(path, kUvtoolsManifest,
                      fmt::format("is no XML: {} at byte {}", result.description(), result.offset));
   }
   const pugi::xml_node root = document.child("Manifest");
-  if (!root) throw InputError(path, kManifestEntry, "has no element Manifest");
+  if (!root) throw InputError(path, kUvtoolsManifest, "has no element Manifest");
   const auto number = [&](const char* key, double most) {
     return number_of(root, key, most, path);
   };
   take_image_size(
-      archive, whole(number("ResolutionX", kMostPixelsAcross), path, kManifestEntry, "ResolutionX"),
-      whole(number("ResolutionY", kMostPixelsAcross), path, kManifestEntry, "ResolutionY"),
-      kManifestEntry, false, contents);
+      archive,
+      whole(number("ResolutionX", kMostPixelsAcross), path, kUvtoolsManifest, "ResolutionX"),
+      whole(number("ResolutionY", kMostPixelsAcross), path, kUvtoolsManifest, "ResolutionY"),
+      kUvtoolsManifest, false, contents);
   Grid& grid = contents.info.grid;
-  grid.layer_um = layer_um(number("LayerHeight", 1e5).value_or(0), archive, kManifestEntry);
+  grid.layer_um = layer_um(number("LayerHeight", 1e5).value_or(0), archive, kUvtoolsManifest);
   grid.pixel_x_um =
-      pixel_um(number("DisplayWidth", 1e5).value_or(0) / grid.width_px, archive, kManifestEntry);
-  grid.pixel_y_um =
-      pixel_um(number("DisplayHeight", 1e5).value_or(0) / grid.height_px, archive, kManifestEntry);
+      pixel_um(number("DisplayWidth", 1e5).value_or(0) / grid.width_px, archive, kUvtoolsManifest);
+  grid.pixel_y_um = pixel_um(number("DisplayHeight", 1e5).value_or(0) / grid.height_px, archive,
+                             kUvtoolsManifest);
 }
 
 /// The manifest as UVtools writes it, without dates.
@@ -94,7 +95,7 @@ class GenericZip final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return {".zip"}; }
   /// Either there is the manifest, or nothing in the archive that belongs to another format.
   bool recognises(const Container& archive) const override {
-    if (archive.has(kManifestEntry)) return true;
+    if (archive.has(kUvtoolsManifest)) return true;
     const auto foreign = [](const Container::Entry& e) {
       const std::string_view name = e.name;
       return name != kProvenanceEntry &&
@@ -111,7 +112,7 @@ class GenericZip final : public ArchiveFormat {
         complete_names(archive, numbered_entries(archive, "", ".png"), 1, "1.png, 2.png, ...");
     contents.info.grid.layers = contents.info.target_layers =
         static_cast<int>(contents.images.size());
-    if (archive.has(kManifestEntry)) {
+    if (archive.has(kUvtoolsManifest)) {
       read_manifest(archive, contents);
     } else {
       take_image_size(archive, {}, {}, "", false, contents);
@@ -137,7 +138,7 @@ class GenericZip final : public ArchiveFormat {
       output.add("preview.png", encode_png(framed(r.preview, 854, 480)));
       output.add("preview_cropping.png", encode_png(framed(r.preview, 472, 240)));
     }
-    output.add_text(kManifestEntry, new_manifest(r));
+    output.add_text(kUvtoolsManifest, new_manifest(r));
     std::vector<std::string> names;
     for (int n = 1; n <= r.info.grid.layers; ++n) names.push_back(std::to_string(n) + ".png");
     return names;

@@ -36,7 +36,6 @@ constexpr std::size_t kZ = 0x06, kLayerExposure = 0x0a, kLayerLift = 0x1e, kLaye
 constexpr std::size_t kPairBytes = 8;
 
 constexpr int kSmallPx = 116, kLargePx = 290;
-constexpr double kLiftMm = 5, kLiftMmMin = 60, kBackMmMin = 150;
 
 struct GooFile {
   BinaryBlock head;
@@ -145,7 +144,7 @@ void add_facts(const GooFile& goo, const BinaryFile& file, ArchiveContents& cont
 
 std::uint32_t u32_of(double value) { return static_cast<std::uint32_t>(std::min(value, 4e9)); }
 
-void change(const ArchiveRequest& r, BinaryOutput& output) {
+void change_goo(const ArchiveRequest& r, BinaryOutput& output) {
   const BinaryFile& file = binary_file(*r.kept);
   GooFile goo = read_goo(file);
   BinaryBlock& head = goo.head;
@@ -206,7 +205,7 @@ void set_lifts(BinaryBlock& block, std::size_t at, double lift_mm, std::size_t l
     block.set_f32(at + i * kPairBytes, lift_mm);
     block.set_f32(at + i * kPairBytes + 4, kLiftMmMin);
     block.set_f32(at + (lift_pairs + i) * kPairBytes, lift_mm);
-    block.set_f32(at + (lift_pairs + i) * kPairBytes + 4, kBackMmMin);
+    block.set_f32(at + (lift_pairs + i) * kPairBytes + 4, kDropMmMin);
   }
 }
 
@@ -218,7 +217,7 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   warn(r,
        fmt::format("a new GOO file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min: set "
                    "what the printer needs, or give a file of the printer's slicer as a template",
-                   lift_mm, kLiftMmMin, kBackMmMin));
+                   lift_mm, kLiftMmMin, kDropMmMin));
   BinaryBlock head(kHeadBytes, ByteOrder::big);
   head.set_bytes(0, kStart);
   head.set_text(kProgram, 32, "slicecorr");
@@ -257,7 +256,7 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   const std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
   for (const double t : times_s) {
-    print_time_s += t + 60 * lift_mm * (1 / kLiftMmMin + 1 / kBackMmMin);
+    print_time_s += t + 60 * lift_mm * (1 / kLiftMmMin + 1 / kDropMmMin);
   }
   head.set_u32(kPrintTime, u32_of(print_time_s));
   head.set_f32(kVolume, info.part_volume_mm3);
@@ -275,7 +274,7 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
     layer.set_f32(kLayerLift, lift_mm);
     layer.set_f32(kLayerLift + 4, kLiftMmMin);
     layer.set_f32(kLayerLift + 2 * kPairBytes, lift_mm);
-    layer.set_f32(kLayerLift + 2 * kPairBytes + 4, kBackMmMin);
+    layer.set_f32(kLayerLift + 2 * kPairBytes + 4, kDropMmMin);
     layer.set_u16(kLayerLight, 255);
     layer.set_bytes(kLayerBreak, kBreak);
     layer.set_u32(kLayerBytes, static_cast<std::uint32_t>(coded->sizes[n]));
@@ -344,7 +343,7 @@ class Goo final : public ArchiveFormat {
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, "GOO");
     if (r.kept != nullptr) {
-      change(r, binary_output(output));
+      change_goo(r, binary_output(output));
     } else {
       write_new(r, binary_output(output));
     }

@@ -12,11 +12,14 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::uint64_t kHeadBytes = 0xb4;
+constexpr std::uint64_t kLgsHeadBytes = 0xb4;
+/// Places in the head.
+namespace lgs_at {
 constexpr std::size_t kModel = 0x10, kPerMmY = 0x1c, kPerMmX = 0x20, kPixelsY = 0x24,
                       kPixelsX = 0x28, kLayerMm = 0x2c, kExposureMs = 0x30,
                       kBottomExposureMs = 0x34, kWaitMs = 0x3c, kBottomMm = 0x44, kLift = 0x50,
                       kLiftSpeed = 0x54, kLayers = 0xa4, kPreviewX = 0xac, kPreviewY = 0xb0;
+}  // namespace lgs_at
 constexpr std::uint32_t kPngModel = 120;
 
 struct LgsFile {
@@ -34,19 +37,19 @@ std::uint32_t whole_number(const BinaryBlock& head, std::size_t at, const char* 
 
 LgsFile read_lgs(const BinaryFile& file) {
   LgsFile lgs;
-  lgs.head = BinaryBlock(file, 0, kHeadBytes, "head");
+  lgs.head = BinaryBlock(file, 0, kLgsHeadBytes, "head");
   const BinaryBlock& head = lgs.head;
-  check_image_size(file, whole_number(head, kPixelsX, "the width"),
-                   whole_number(head, kPixelsY, "the height"));
-  const std::uint32_t count = head.u32(kLayers), model = head.u32(kModel);
+  check_image_size(file, whole_number(head, lgs_at::kPixelsX, "the width"),
+                   whole_number(head, lgs_at::kPixelsY, "the height"));
+  const std::uint32_t count = head.u32(lgs_at::kLayers), model = head.u32(lgs_at::kModel);
   check_layer_count(file, count);
-  std::uint64_t at = kHeadBytes;
+  std::uint64_t at = kLgsHeadBytes;
   if (model == kPngModel) {
     at += 4 + BinaryBlock(file, at, 4, "preview").u32(0) + 2;
   } else {
-    const std::uint32_t width = head.u32(kPreviewX), height = head.u32(kPreviewY);
+    const std::uint32_t width = head.u32(lgs_at::kPreviewX), height = head.u32(lgs_at::kPreviewY);
     if (width > 4096 || height > 4096) {
-      head.fail(kPreviewX,
+      head.fail(lgs_at::kPreviewX,
                 fmt::format("says that the preview is {} x {} pixels, expected at most 4096 each",
                             width, height));
     }
@@ -67,7 +70,7 @@ LgsFile read_lgs(const BinaryFile& file) {
   return lgs;
 }
 
-void change(const ArchiveRequest& r, BinaryOutput& output) {
+void change_lgs(const ArchiveRequest& r, BinaryOutput& output) {
   const BinaryFile& file = binary_file(*r.kept);
   LgsFile lgs = read_lgs(file);
   BinaryBlock& head = lgs.head;
@@ -81,11 +84,12 @@ void change(const ArchiveRequest& r, BinaryOutput& output) {
           "can't say that exposures fade from bottom layers to the others; expected no "
           "fade layers");
     }
-    head.set_f32(kExposureMs, s.normal_s * 1000);
-    head.set_f32(kBottomExposureMs, s.bottom_s * 1000);
-    head.set_f32(kBottomMm, s.bottom_layers * static_cast<double>(head.f32(kLayerMm)));
+    head.set_f32(lgs_at::kExposureMs, s.normal_s * 1000);
+    head.set_f32(lgs_at::kBottomExposureMs, s.bottom_s * 1000);
+    head.set_f32(lgs_at::kBottomMm,
+                 s.bottom_layers * static_cast<double>(head.f32(lgs_at::kLayerMm)));
   }
-  head.set_u32(kLayers, static_cast<std::uint32_t>(layers));
+  head.set_u32(lgs_at::kLayers, static_cast<std::uint32_t>(layers));
   FileChange changed(file);
   const std::size_t head_span = changed.replace(0, head.size(), head.size());
   std::vector<std::size_t> spans;
@@ -122,7 +126,7 @@ class Lgs final : public ArchiveFormat {
   bool made_new() const override { return false; }
   bool recognises(const Container& archive) const override {
     const BinaryFile& file = binary_file(archive);
-    return file.size() >= kHeadBytes && BinaryBlock(file, 0, 8, "head").text(0, 8) == "Longer3D";
+    return file.size() >= kLgsHeadBytes && BinaryBlock(file, 0, 8, "head").text(0, 8) == "Longer3D";
   }
 
   ArchiveContents read(const Container& archive) const override {
@@ -132,40 +136,40 @@ class Lgs final : public ArchiveFormat {
     ArchiveContents contents;
     StackInfo& info = contents.info;
     Grid& grid = info.grid;
-    grid.width_px = static_cast<int>(whole_number(head, kPixelsX, "the width"));
-    grid.height_px = static_cast<int>(whole_number(head, kPixelsY, "the height"));
+    grid.width_px = static_cast<int>(whole_number(head, lgs_at::kPixelsX, "the width"));
+    grid.height_px = static_cast<int>(whole_number(head, lgs_at::kPixelsY, "the height"));
     grid.layers = info.target_layers = static_cast<int>(lgs.layers.size());
     const auto pitch_um = [&](std::size_t at) {
       const double per_mm = head.real(at, "the number of pixels per mm", 1000);
       return per_mm > 0 ? pixel_um(1 / per_mm, file, "head") : 0.0;
     };
-    grid.pixel_x_um = pitch_um(kPerMmX);
-    grid.pixel_y_um = pitch_um(kPerMmY);
-    const double layer_mm = head.real(kLayerMm, "the layer height", 100);
+    grid.pixel_x_um = pitch_um(lgs_at::kPerMmX);
+    grid.pixel_y_um = pitch_um(lgs_at::kPerMmY);
+    const double layer_mm = head.real(lgs_at::kLayerMm, "the layer height", 100);
     grid.layer_um = layer_um(layer_mm, file, "head");
-    info.exposure_s = head.real(kExposureMs, "the exposure", 1e9) / 1000;
+    info.exposure_s = head.real(lgs_at::kExposureMs, "the exposure", 1e9) / 1000;
     info.bottom_exposure_s =
-        head.real(kBottomExposureMs, "the exposure of bottom layers", 1e9) / 1000;
-    const double bottom_mm = head.real(kBottomMm, "the height of bottom layers", 1e4);
+        head.real(lgs_at::kBottomExposureMs, "the exposure of bottom layers", 1e9) / 1000;
+    const double bottom_mm = head.real(lgs_at::kBottomMm, "the height of bottom layers", 1e4);
     if (layer_mm > 0) {
       info.bottom_layers = static_cast<int>(
           std::min(std::round(bottom_mm / layer_mm), static_cast<double>(lgs.layers.size())));
     }
     info.orientation.mirror_x = true;  // the printers' firmware always does
     info.orientation_known = true;
-    info.profiles.printer = fmt::format("Longer Orange {}", head.u32(kModel));
+    info.profiles.printer = fmt::format("Longer Orange {}", head.u32(lgs_at::kModel));
     contents.codec = lgs_code(grid.width_px, grid.height_px);
     contents.places = std::move(lgs.layers);
-    contents.facts = {
-        {"model", std::to_string(head.u32(kModel))},
-        {"wait", fmt::format("{:g} s", head.f32(kWaitMs) / 1000)},
-        {"lift", fmt::format("{:g} mm at {:g} mm/min", head.f32(kLift), head.f32(kLiftSpeed))}};
+    contents.facts = {{"model", std::to_string(head.u32(lgs_at::kModel))},
+                      {"wait", fmt::format("{:g} s", head.f32(lgs_at::kWaitMs) / 1000)},
+                      {"lift", fmt::format("{:g} mm at {:g} mm/min", head.f32(lgs_at::kLift),
+                                           head.f32(lgs_at::kLiftSpeed))}};
     return contents;
   }
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     if (r.exposure_changes) warn_of_mode(r, "LGS");
-    change(r, binary_output(output));
+    change_lgs(r, binary_output(output));
     return {};
   }
 };

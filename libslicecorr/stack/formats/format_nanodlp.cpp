@@ -199,7 +199,7 @@ void lengthen(Json& list, int kept_layers, int layers, const Json& added) {
   while (list.size() < static_cast<std::size_t>(layers)) list.push_back(added);
 }
 
-void change(const ArchiveRequest& r, ContainerOutput& output) {
+void change_nanodlp(const ArchiveRequest& r, ContainerOutput& output) {
   const Container& kept = *r.kept;
   const int layers = r.info.grid.layers, kept_layers = r.kept_contents->info.grid.layers;
   const auto add_if_changed = [&](const Document& d, const Json& before) {
@@ -272,7 +272,7 @@ void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   const double height_mm = rounded(g.layers * g.layer_um * 1e-3);
   const double half_x_mm = rounded(g.width_px * g.pixel_x_um * 0.5e-3);
   const double half_y_mm = rounded(g.height_px * g.pixel_y_um * 0.5e-3);
-  const double lift_mm = lifts(info) ? 5 : 0;
+  const double lift_mm = lifts(info) ? kLiftMm : 0;
   const Json boundary{{"XMin", -half_x_mm}, {"XMax", half_x_mm}, {"YMin", -half_y_mm},
                       {"YMax", half_y_mm},  {"ZMin", 0},         {"ZMax", height_mm}};
   const auto add = [&](const char* entry, const Json& json) {
@@ -366,7 +366,7 @@ class NanoDlp final : public ArchiveFormat {
     warn_of_mode(r, "NanoDLP");
     if (r.kept != nullptr) {
       std::vector<std::string> names = continued_names(r, ".png");
-      change(r, output);
+      change_nanodlp(r, output);
       return names;
     }
     if (!rgb_ && r.info.grid.width_px % 3 != 0) {

@@ -171,7 +171,7 @@ void add_facts(const WorkshopFile& w, bool pw0, ArchiveContents& contents) {
       fmt::format("{:g} ml, {:g} g, cost {:g}", h.f32(kVolume), h.f32(kWeight), h.f32(kPrice)));
 }
 
-void change(const ArchiveRequest& r, BinaryOutput& output) {
+void change_workshop(const ArchiveRequest& r, BinaryOutput& output) {
   const BinaryFile& file = binary_file(*r.kept);
   WorkshopFile w = read_workshop(file);
   const auto layers = static_cast<std::size_t>(r.info.grid.layers);
@@ -349,7 +349,7 @@ class PhotonWorkshop final : public ArchiveFormat {
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     if (r.exposure_changes) warn_of_mode(r, "Photon Workshop");
-    change(r, binary_output(output));
+    change_workshop(r, binary_output(output));
     return {};
   }
 };

@@ -133,7 +133,7 @@ Times times_of(const ArchiveRequest& r) {
   return {s.normal_s, s.bottom_s, s.fade_layers + 2};
 }
 
-void change(const ArchiveRequest& r, ContainerOutput& output) {
+void change_sl1(const ArchiveRequest& r, ContainerOutput& output) {
   const std::string path = r.kept->path();
   KeyValueText config(r.kept->text(kConfigEntry), '=', path, kConfigEntry);
   const std::string before = config.text();
@@ -297,7 +297,7 @@ class Sl1 final : public ArchiveFormat {
     std::vector<std::string> names;
     std::string prefix = r.stem;
     if (r.kept != nullptr) {
-      change(r, output);
+      change_sl1(r, output);
       names = r.kept_contents->images;
       prefix = *prefix_of(names.front());
     } else {

@@ -25,6 +25,7 @@ double checked_um(double mm, const Container& archive, const std::string& says, 
 }  // namespace
 
 double um_of_mm(double mm) { return std::round(mm * 1e9) / 1e6; }
+double mm_of_um(double um) { return std::round(um * 1e6) / 1e9; }
 
 std::optional<int> whole(std::optional<double> value, const std::string& file,
                          const std::string& entry, const std::string& key) {

@@ -14,6 +14,8 @@ inline constexpr int kMaxLayers = 1'000'000;
 
 /// Millimetres to micrometres, without the noise of a division by pixels.
 double um_of_mm(double mm);
+/// Micrometres to millimetres, rounded to 1e-9 mm: without the noise of the last digits.
+double mm_of_um(double um);
 
 /// Takes the whole number that `value`, if any, is. Throws `InputError` naming `key` otherwise.
 std::optional<int> whole(std::optional<double> value, const std::string& file,
@@ -46,5 +48,8 @@ void warn_of_mode(const ArchiveRequest& request, std::string_view format);
 
 /// Whether the platform is lifted between the layers of the stack.
 bool lifts(const StackInfo& info);
+/// Lifts that new files say, until somebody sets what the printer needs, mm and mm/min: slow enough for any, as
+/// Chitubox proposes them.
+inline constexpr double kLiftMm = 5, kLiftMmMin = 60, kDropMmMin = 150;
 
 }  // namespace slicecorr::detail

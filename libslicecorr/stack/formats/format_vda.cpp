@@ -281,8 +281,8 @@ void add_layers(pugi::xml_node root, const std::vector<std::string>& names,
   }
 }
 
-void change(const ArchiveRequest& r, const std::vector<std::string>& names,
-            ContainerOutput& output) {
+void change_vda(const ArchiveRequest& r, const std::vector<std::string>& names,
+                ContainerOutput& output) {
   const int before = r.kept_contents->info.grid.layers;
   if (r.info.grid.layers == before) return;
   const XmlSource place{*r.kept, manifest_of(*r.kept)->name};
@@ -326,7 +326,7 @@ class Vda final : public ArchiveFormat {
     }
     if (r.kept != nullptr) {
       std::vector<std::string> names = continued_names(r, ".png");
-      change(r, names, output);
+      change_vda(r, names, output);
       return names;
     }
     if (r.info.orientation != Orientation{}) {

@@ -18,7 +18,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Node = JsonNode<Json>;
 
-constexpr const char* kManifestEntry = "manifest.json";
+constexpr const char* kVdtManifest = "manifest.json";
 constexpr int kFullLight = 255;
 
 /// Most bytes of the manifest: it lists every layer, with some 15 values each.
@@ -27,7 +27,7 @@ std::uint64_t manifest_limit(const Container& archive) {
 }
 
 [[noreturn]] void refuse_json(const Container& archive, const Json::exception& error) {
-  throw InputError(archive.path(), kManifestEntry, std::string("not valid JSON: ") + error.what());
+  throw InputError(archive.path(), kVdtManifest, std::string("not valid JSON: ") + error.what());
 }
 
 /// What is needed of a layer; nothing where the manifest does not say it.
@@ -38,7 +38,7 @@ struct Layer {
 
 /// There may be a million layers: each is dropped as soon as it has been read.
 Json parse_manifest(const Container& archive, const JsonSource& place, std::vector<Layer>& layers) {
-  const std::string text = archive.text(kManifestEntry, manifest_limit(archive));
+  const std::string text = archive.text(kVdtManifest, manifest_limit(archive));
   bool in_layers = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
     if (event == Json::parse_event_t::key && depth == 1) in_layers = value == "layers";
@@ -73,19 +73,19 @@ void read_machine(const Container& archive, const Node& machine, ArchiveContents
   StackInfo& info = contents.info;
   Grid& grid = info.grid;
   take_image_size(archive, integer_at(machine, "resolution_x", kMostPixelsAcross),
-                  integer_at(machine, "resolution_y", kMostPixelsAcross), kManifestEntry, false,
+                  integer_at(machine, "resolution_y", kMostPixelsAcross), kVdtManifest, false,
                   contents);
   grid.pixel_x_um =
-      pixel_um(number_at(machine, "lcd_width", 1e5) / grid.width_px, archive, kManifestEntry);
+      pixel_um(number_at(machine, "lcd_width", 1e5) / grid.width_px, archive, kVdtManifest);
   grid.pixel_y_um =
-      pixel_um(number_at(machine, "lcd_height", 1e5) / grid.height_px, archive, kManifestEntry);
+      pixel_um(number_at(machine, "lcd_height", 1e5) / grid.height_px, archive, kVdtManifest);
   info.orientation.mirror_x = flag_at(machine, "x_mirror");
   info.orientation.mirror_y = flag_at(machine, "y_mirror");
   info.profiles.printer = text_at(machine, "name");
 }
 
 void read_print(const Container& archive, const Node& print, StackInfo& info) {
-  info.grid.layer_um = layer_um(number_at(print, "layer_thickness", 1e3), archive, kManifestEntry);
+  info.grid.layer_um = layer_um(number_at(print, "layer_thickness", 1e3), archive, kVdtManifest);
   info.exposure_s = number_at(print, "exposure_time", 1e9);
   const double bottom_s = number_at(print, "bottom_exposure_time", 1e9);
   const int bottom = integer_at(print, "bottom_layers", kMaxLayers);
@@ -120,7 +120,7 @@ void check_layers(const std::vector<Layer>& layers, double layer_um,
 }
 
 ArchiveContents read_vdt(const Container& archive) {
-  const JsonSource place{archive.path(), kManifestEntry};
+  const JsonSource place{archive.path(), kVdtManifest};
   std::vector<Layer> layers;
   const Json json = parse_manifest(archive, place, layers);
   const Node root(json, "", place);
@@ -158,13 +158,6 @@ ArchiveContents read_vdt(const Container& archive) {
   return contents;
 }
 
-/// Millimetres without the noise of their last digits.
-double tidy_mm(double um) { return std::round(um * 1e6) / 1e9; }
-
-double height_mm(const StackInfo& info, int layer) {
-  return tidy_mm((layer + 1) * info.grid.layer_um);
-}
-
 /// No lifts in continuous mode; else the reader's defaults, since only the printer's owner knows
 /// them.
 void add_lifts(Json& json, std::string_view prefix, bool still) {
@@ -182,7 +175,7 @@ void add_waits(Json& json, std::string_view prefix) {
 
 Json print_json(const StackInfo& info) {
   const ExposureSummary s = exposure_summary(info);
-  Json print = {{"layer_thickness", tidy_mm(info.grid.layer_um)},
+  Json print = {{"layer_thickness", mm_of_um(info.grid.layer_um)},
                 {"bottom_layers", s.bottom_layers},
                 {"transition_layer", s.fade_layers},
                 {"bottom_exposure_time", s.bottom_s},
@@ -207,8 +200,8 @@ std::string new_manifest(const ArchiveRequest& r) {
                    {"machine",
                     {{"name", info.printer ? info.printer->name : info.profiles.printer},
                      {"type", "Default"},
-                     {"lcd_width", tidy_mm(grid.width_px * grid.pixel_x_um)},
-                     {"lcd_height", tidy_mm(grid.height_px * grid.pixel_y_um)},
+                     {"lcd_width", mm_of_um(grid.width_px * grid.pixel_x_um)},
+                     {"lcd_height", mm_of_um(grid.height_px * grid.pixel_y_um)},
                      {"z_height", info.printer ? info.printer->travel_mm : 0},
                      {"resolution_x", grid.width_px},
                      {"resolution_y", grid.height_px},
@@ -241,7 +234,8 @@ std::string new_manifest(const ArchiveRequest& r) {
   text += ",\n  \"layers\": [";
   for (int n = 0; n < grid.layers; ++n) {
     const SliceLight light = light_of_layer(info, n);
-    Json layer = {{"height", height_mm(info, n)}, {"exposure_time", light.time_s}};
+    Json layer = {{"height", mm_of_um((n + 1) * info.grid.layer_um)},
+                  {"exposure_time", light.time_s}};
     add_waits(layer, "");
     add_lifts(layer, "", !lifts(info));
     layer["light_pwm"] = std::lround(kFullLight * light.share);
@@ -255,7 +249,7 @@ class Change {
  public:
   explicit Change(const ArchiveRequest& r) : r_(r) {
     try {
-      json_ = Json::parse(r.kept->text(kManifestEntry, manifest_limit(*r.kept)));
+      json_ = Json::parse(r.kept->text(kVdtManifest, manifest_limit(*r.kept)));
     } catch (const Json::exception& error) {
       refuse_json(*r.kept, error);
     }
@@ -284,7 +278,7 @@ class Change {
     while (layers.size() < static_cast<std::size_t>(r_.info.grid.layers)) {
       Json layer = layers.back();
       if (layer.contains("height")) {
-        layer["height"] = tidy_mm(layer["height"].get<double>() * 1000 + layer_um);
+        layer["height"] = mm_of_um(layer["height"].get<double>() * 1000 + layer_um);
       }
       layers.push_back(std::move(layer));
       changed_ = true;
@@ -326,7 +320,7 @@ class Vdt final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return {".vdt"}; }
 
   bool recognises(const Container& archive) const override {
-    return archive.kind() == ContainerKind::zip && archive.has(kManifestEntry) &&
+    return archive.kind() == ContainerKind::zip && archive.has(kVdtManifest) &&
            (archive.path().ends_with(".vdt") || archive.has("0.png"));
   }
 
@@ -336,7 +330,7 @@ class Vdt final : public ArchiveFormat {
     warn_of_mode(r, "VDT");
     if (r.kept != nullptr) {
       const Change change(r);
-      if (change.changed()) output.add_text(kManifestEntry, change.text());
+      if (change.changed()) output.add_text(kVdtManifest, change.text());
       return continued_names(r, ".png");
     }
     if (lifts(r.info)) {
@@ -344,7 +338,7 @@ class Vdt final : public ArchiveFormat {
            "the stack says nothing of lifts between layers: whoever opens the archive takes its "
            "own");
     }
-    output.add_text(kManifestEntry, new_manifest(r));
+    output.add_text(kVdtManifest, new_manifest(r));
     if (!r.preview.pixels.empty()) {
       output.add("Preview_FLT.png", encode_png(framed(r.preview, 200, 200)));
       output.add("Preview_FLT_48.png", encode_png(framed(r.preview, 48, 48)));

@@ -8,39 +8,38 @@
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "stack/formats/even_light_json.hpp"
+#include "stack/formats/format_times.hpp"
 #include "stack/isa_l.hpp"
 #include "stack/recording_entry.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-std::string dump(const Json& json, int indent) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+std::string dump(const OrderedJson& json, int indent) {
+  return json.dump(indent, ' ', false, OrderedJson::error_handler_t::replace);
 }
-
-/// Rounded to 1e-9 mm: without the noise of the last digits, which would only make the text longer.
-double tidy_mm(double mm) { return std::round(mm * 1e9) / 1e9; }
 
 /// Exposure without lifts: in continuous mode there are none, and layer by layer they are the
 /// printer's own.
-Json exposure_json(double light_on_s, int pwm = 255) {
+OrderedJson exposure_json(double light_on_s, int pwm = 255) {
   return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", pwm},
           {"LiftHeight", 0},           {"LiftSpeed", 0},    {"RetractHeight", 0},
           {"RetractSpeed", 0}};
 }
 
-Json properties_json(const StackInfo& info, double light_on_s, double bottom_s, int bottom_layers) {
+OrderedJson properties_json(const StackInfo& info, double light_on_s, double bottom_s,
+                            int bottom_layers) {
   const Grid& grid = info.grid;
-  Json properties;
+  OrderedJson properties;
   properties["Size"] = {{"X", grid.width_px},
                         {"Y", grid.height_px},
                         {"Millimeter",
-                         {{"X", tidy_mm(grid.width_px * grid.pixel_x_um / 1000)},
-                          {"Y", tidy_mm(grid.height_px * grid.pixel_y_um / 1000)}}},
+                         {{"X", mm_of_um(grid.width_px * grid.pixel_x_um)},
+                          {"Y", mm_of_um(grid.height_px * grid.pixel_y_um)}}},
                         {"Layers", grid.layers},
-                        {"LayerHeight", tidy_mm(grid.layer_um / 1000)}};
+                        {"LayerHeight", mm_of_um(grid.layer_um)}};
   properties["Exposure"] = exposure_json(light_on_s);
   properties["Bottom"] = exposure_json(bottom_s);
   properties["Bottom"]["Count"] = bottom_layers;
@@ -78,8 +77,8 @@ int block_format(const StackInfo& info) {
   return info.process ? block_format(*info.process) : 1;
 }
 
-Json process_json(const Process& p, int format) {
-  Json json;
+OrderedJson process_json(const Process& p, int format) {
+  OrderedJson json;
   json["speed_mm_h"] = p.speed_mm_h;
   if (p.omega_max >= 1e300) {
     json["omega_max"] = "inf";
@@ -112,7 +111,7 @@ Json process_json(const Process& p, int format) {
   return json;
 }
 
-Json recording_json(const Recording& recording) {
+OrderedJson recording_json(const Recording& recording) {
   return {{"file", kRecordingEntry},
           {"slices", recording.slices()},
           {"parts", recording.showings.size()},
@@ -120,8 +119,8 @@ Json recording_json(const Recording& recording) {
           {"other_uv_images", recording.other_uv_images}};
 }
 
-Json block_json(const StackInfo& info, const ImageChecksums& checksums) {
-  Json block;
+OrderedJson block_json(const StackInfo& info, const ImageChecksums& checksums) {
+  OrderedJson block;
   const int format = block_format(info);
   block["format"] = format;
   block["kind"] = info.kind == StackKind::corrected  ? "corrected"
@@ -153,7 +152,7 @@ Json block_json(const StackInfo& info, const ImageChecksums& checksums) {
   return block;
 }
 
-Json checked(Json block) {
+OrderedJson checked(OrderedJson block) {
   // Of what is read: texts that are no UTF-8 change when they are written.
   block[kBlockCrc32Key] = block_crc32(nlohmann::json::parse(dump(block, -1)));
   return block;
@@ -190,7 +189,7 @@ std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checks
       shown = light;
     }
     text += n == 0 ? "\n" : ",\n";
-    text += "{\"Z\": " + dump(tidy_mm((n + 1) * info.grid.layer_um / 1000), -1) + exposure;
+    text += "{\"Z\": " + dump(mm_of_um((n + 1) * info.grid.layer_um), -1) + exposure;
   }
   text += "\n]";
   if (info.kind != StackKind::foreign) {
@@ -203,9 +202,9 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
                               const ImageChecksums& checksums, bool exposure_changes) {
   std::string_view text = original;
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
-  Json json = Json::parse(text);
+  OrderedJson json = OrderedJson::parse(text);
   const ExposureSummary s = exposure_summary(info);
-  Json& properties = json["Properties"];
+  OrderedJson& properties = json["Properties"];
   properties["Size"]["Layers"] = info.grid.layers;
   if (exposure_changes) {
     properties["Exposure"]["LightOnTime"] = s.normal_s;
@@ -217,12 +216,12 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
   const auto count = static_cast<std::size_t>(info.grid.layers);
   const bool lists = json.contains("Layers") && !json["Layers"].empty();
   if (lists || (exposure_changes && (s.uneven || s.fade_layers > 0))) {
-    Json& layers = json["Layers"];
-    if (!lists) layers = Json::array();
+    OrderedJson& layers = json["Layers"];
+    if (!lists) layers = OrderedJson::array();
     const std::size_t before = layers.size();
     for (std::size_t n = layers.size(); n < count; ++n) {
-      layers.push_back(n > 0 ? layers[n - 1] : Json{{"Exposure", exposure_json(0)}});
-      layers[n]["Z"] = tidy_mm(static_cast<double>(n + 1) * info.grid.layer_um / 1000);
+      layers.push_back(n > 0 ? layers[n - 1] : OrderedJson{{"Exposure", exposure_json(0)}});
+      layers[n]["Z"] = mm_of_um(static_cast<double>(n + 1) * info.grid.layer_um);
     }
     for (std::size_t n = exposure_changes ? 0 : before; n < count; ++n) {
       const SliceLight light = light_of_layer(info, static_cast<int>(n));

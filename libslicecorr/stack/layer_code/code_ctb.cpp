@@ -5,8 +5,6 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::size_t kMostRun = (std::size_t{1} << 28) - 1;
-
 ShownGrey seven_bits() {
   ShownGrey shown;
   for (unsigned v = 0; v < 256; ++v) shown[v] = static_cast<std::uint8_t>(v < 2 ? 0 : v | 1);
@@ -61,7 +59,7 @@ class CtbCode final : public LayerCodec {
     out.clear();
     each_pixel_run(pixels, pixel_count(), [&](std::uint8_t grey, std::size_t count) {
       const auto value = static_cast<std::uint8_t>(grey >> 1);
-      for (; count > kMostRun; count -= kMostRun) put(value, kMostRun, out);
+      for (; count > kMostIn28Bits; count -= kMostIn28Bits) put(value, kMostIn28Bits, out);
       put(value, count, out);
     });
     if (key_ != 0) cipher(layer, out);

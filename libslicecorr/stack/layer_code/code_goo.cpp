@@ -8,7 +8,6 @@ namespace {
 
 constexpr std::uint8_t kStart = 0x55;
 enum Kind { black = 0, grey = 1, difference = 2, white = 3 };
-constexpr std::size_t kMostRun = (std::size_t{1} << 28) - 1;
 
 class GooCode final : public LayerCodec {
  public:
@@ -68,7 +67,7 @@ class GooCode final : public LayerCodec {
     out.assign(1, kStart);
     each_pixel_run(pixels, pixel_count(), [&](std::uint8_t v, std::size_t count) {
       const auto value = static_cast<std::uint8_t>(sixteen_ ? v / 17 : v);
-      for (; count > kMostRun; count -= kMostRun) put(value, kMostRun, out);
+      for (; count > kMostIn28Bits; count -= kMostIn28Bits) put(value, kMostIn28Bits, out);
       put(value, count, out);
     });
     std::uint8_t sum = 0;

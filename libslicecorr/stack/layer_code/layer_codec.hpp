@@ -18,6 +18,9 @@ ShownGrey all_grey();
 ShownGrey grey_in_steps(int levels);
 int levels_of(const ShownGrey& shown);
 
+/// The longest run that a length of 28 bits tells.
+inline constexpr std::size_t kMostIn28Bits = (std::size_t{1} << 28) - 1;
+
 /// Where coded bytes come from, for messages.
 struct LayerName {
   const std::string& file;

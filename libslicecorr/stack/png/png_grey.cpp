@@ -44,10 +44,6 @@ bool is_zlib_start(Bytes b) {
          (b[0] * 256 + b[1]) % 31 == 0;
 }
 
-std::uint32_t load_u32(const std::uint8_t* p) {
-  return std::uint32_t{p[0]} << 24 | std::uint32_t{p[1]} << 16 | std::uint32_t{p[2]} << 8 | p[3];
-}
-
 /// Bands of rows on their way from inflating to the sink.
 class GreyBands {
  public:

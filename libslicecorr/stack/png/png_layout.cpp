@@ -15,10 +15,6 @@ using Bytes = std::span<const std::uint8_t>;
 /// Deflate makes at most 1032 bytes of one.
 constexpr std::uint64_t kLargestRatio = 1032;
 
-std::uint32_t load_u32(const std::uint8_t* p) {
-  return std::uint32_t{p[0]} << 24 | std::uint32_t{p[1]} << 16 | std::uint32_t{p[2]} << 8 | p[3];
-}
-
 int channels(std::uint8_t colour) {
   switch (colour) {
     case rgb:

@@ -38,6 +38,11 @@ struct PngLayout {
   std::uint64_t raw_bytes() const;
 };
 
+/// Four bytes, highest first.
+inline std::uint32_t load_u32(const std::uint8_t* p) {
+  return std::uint32_t{p[0]} << 24 | std::uint32_t{p[1]} << 16 | std::uint32_t{p[2]} << 8 | p[3];
+}
+
 [[noreturn]] void bad_png(const PngName& name, const std::string& message);
 
 /// Checks signature, chunk lengths, order and checksums, IHDR and the expected size.

@@ -222,8 +222,8 @@ std::string sections(const BeamReport& r, double gels) {
   }
   return fmt::format(
       R"(<h2>Dose against target</h2><figure><div class="scroll">{}</div><figcaption>At the end of {} of exposure, from the vat's middle: in these planes {} cells of the part are missing, and {} gel that should not.</figcaption></figure>)",
-      sections_svg(drawn, Shown::dose, "Through the middle of the part"), seconds(r.job.exposure_s),
-      missing, gelled);
+      sections_svg(drawn, ColouredBy::dose, "Through the middle of the part"),
+      seconds(r.job.exposure_s), missing, gelled);
 }
 
 /// How many cells have how much light.

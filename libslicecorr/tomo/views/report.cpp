@@ -463,7 +463,7 @@ std::string report_page(const Printed& p, const std::string& title,
   context.check_cancelled();
   html +=
       "<h2>Dose against target</h2>" +
-      framed(sections_svg(sections, Shown::dose, "Through the middle of the part"),
+      framed(sections_svg(sections, ColouredBy::dose, "Through the middle of the part"),
              fmt::format("In these planes {} voxels of the part are missing, and {} of void gel.",
                          missing, gelled));
   html += R"(<h2>Doses</h2><div class="views">)";

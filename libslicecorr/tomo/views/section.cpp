@@ -14,9 +14,12 @@ namespace slicecorr::tomo {
 
 namespace {
 
-using detail::Canvas;
-using detail::Colour;
-using detail::Segment;
+using slicecorr::detail::Canvas;
+using slicecorr::detail::Colour;
+using slicecorr::detail::kInk;
+using slicecorr::detail::PixelCanvas;
+using slicecorr::detail::Segment;
+using slicecorr::detail::SvgCanvas;
 
 constexpr Colour kEmpty{255, 255, 255}, kRight{128, 134, 140}, kPale{208, 213, 218},
     kOutside{228, 232, 236}, kInsert{70, 60, 50}, kOutline{0, 150, 70};
@@ -45,7 +48,7 @@ char letter_of(Axis axis) { return "xyz"[static_cast<int>(axis)]; }
 struct Place {
   int z = 0, y = 0, x = 0;
 };
-Place place_of(Axis axis, int index, int column, int row) {
+Place voxel_at(Axis axis, int index, int column, int row) {
   switch (axis) {
     case Axis::x:
       return {row, column, index};
@@ -58,7 +61,7 @@ Place place_of(Axis axis, int index, int column, int row) {
 }
 
 /// Voxels from `first` to `last` along each axis: z, y, x.
-struct Extent {
+struct VoxelRange {
   std::array<int, 3> first{}, last{};
 };
 
@@ -68,7 +71,7 @@ bool wrong(const PrintSection& s, std::size_t k) {
   return (s.target[k] == 0 && gels) || (s.target[k] == 255 && !gels);
 }
 
-std::size_t count(const PrintSection& s, std::uint8_t target) {
+std::size_t wrong_voxels(const PrintSection& s, std::uint8_t target) {
   std::size_t n = 0;
   for (std::size_t k = 0; k < s.dose.size(); ++k) n += s.target[k] == target && wrong(s, k);
   return n;
@@ -76,7 +79,7 @@ std::size_t count(const PrintSection& s, std::uint8_t target) {
 
 /// A picture of the voxels, `scale` pixels to each; below 1, a pixel shows the voxel in its middle,
 /// but a wrong one it covers is never left out.
-ColourImage raster(const PrintSection& s, Shown shown, double most, double scale) {
+ColourImage raster(const PrintSection& s, ColouredBy by, double most, double scale) {
   ColourImage image;
   image.width_px = std::max(1, static_cast<int>(std::lround(s.width * scale)));
   image.height_px = std::max(1, static_cast<int>(std::lround(s.height * scale)));
@@ -110,14 +113,14 @@ ColourImage raster(const PrintSection& s, Shown shown, double most, double scale
         const int across = gelled ? px + py : px - py + 65536 * 6;
         colour = (gelled ? kGelled : kMissing)[across % 6 < 2 ? 1 : 0];
       } else if (s.matter[k] == Matter::resin) {
-        switch (shown) {
-          case Shown::dose:
+        switch (by) {
+          case ColouredBy::dose:
             colour = dose_colour(s.dose[k], s.gel_dose, most);
             break;
-          case Shown::print:
+          case ColouredBy::print:
             colour = s.dose[k] < s.gel_dose ? kEmpty : s.target[k] == 255 ? kRight : kPale;
             break;
-          case Shown::target:
+          case ColouredBy::target:
             colour = mixed(kEmpty, kRight, s.target[k] / 255.0);
             break;
         }
@@ -198,7 +201,7 @@ struct Size {
 };
 
 /// Draws on a canvas and says how much of it is used.
-Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown,
+Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, ColouredBy by,
           const std::string& title) {
   constexpr double kGap = 24, kSide = 16, kLine = Canvas::kLine;
   // A picture is about 460 pixels at its longer side; voxels are whole pixels where that is near.
@@ -217,7 +220,7 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
   double right = x + canvas.width_of(title);
   y += 10;
   for (const PrintSection& s : sections) {
-    const ColourImage image = raster(s, shown, most, scale);
+    const ColourImage image = raster(s, by, most, scale);
     std::string words =
         fmt::format("{} = {:.3f} mm, {} to the right, {} up", letter_of(s.axis), s.at_mm,
                     s.axis == Axis::x ? 'y' : 'x', s.axis == Axis::z ? 'y' : 'z');
@@ -234,7 +237,7 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
         [&](std::size_t k) { return s.matter[k] == Matter::resin && clear(k); });
     canvas.lines(moved(outline, x, top), kOutline, 2);
     canvas.lines(moved(gel, x, top), {255, 255, 255}, 3);
-    canvas.lines(moved(gel, x, top), detail::kInk, 1.4);
+    canvas.lines(moved(gel, x, top), kInk, 1.4);
     words = fmt::format("missing: {}, gelled: {}", s.missing(), s.gelled());
     canvas.text(x, top + image.height_px + kLine - 2, words);
     const double width = std::max<double>(image.width_px, canvas.width_of(words));
@@ -249,12 +252,12 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
   y = bottom + kLine;
   const double voxel_mm = sections.front().voxel_mm;
   const double bar_mm = round_length(120 / scale * voxel_mm), bar = bar_mm / voxel_mm * scale;
-  canvas.rect(x, y - 8, bar, 4, detail::kInk);
-  for (const double end : {x, x + bar - 2}) canvas.rect(end, y - 13, 2, 14, detail::kInk);
+  canvas.rect(x, y - 8, bar, 4, kInk);
+  for (const double end : {x, x + bar - 2}) canvas.rect(end, y - 13, 2, 14, kInk);
   canvas.text(x + bar + 10, y, length_in_words(bar_mm));
   // Doses.
   const PrintSection& s = sections.front();
-  if (shown == Shown::dose) {
+  if (by == ColouredBy::dose) {
     y += kLine + 12;
     constexpr int kRamp = 360;
     ColourImage ramp{kRamp, 14, {}};
@@ -266,7 +269,7 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
     }
     canvas.image(x, y - 14, ramp);
     const double at = x + kRamp * s.gel_dose / most;
-    canvas.rect(at - 1, y - 18, 2, 22, detail::kInk);
+    canvas.rect(at - 1, y - 18, 2, 22, kInk);
     const std::string range = fmt::format("dose, 0 to {} {}", chart::figure(most), s.unit);
     canvas.text(x + kRamp + 10, y, range);
     right = std::max(right, x + kRamp + 10 + canvas.width_of(range));
@@ -304,15 +307,15 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
     };
   };
   y += kLine + 2;
-  key([&] { canvas.lines({{x, y - 6, x + 20, y - 6}}, detail::kInk, 1.4); }, "gel dose reached");
+  key([&] { canvas.lines({{x, y - 6, x + 20, y - 6}}, kInk, 1.4); }, "gel dose reached");
   key([&] { canvas.lines({{x, y - 6, x + 20, y - 6}}, kOutline, 2); }, "outline of the target");
   key([&] { hatched(kMissing, false); }, "missing: part below the gel dose");
   key([&] { hatched(kGelled, true); }, "gelled: void at the gel dose or above");
-  if (shown == Shown::print) {
+  if (by == ColouredBy::print) {
     key(square(kRight), "gels, as it should");
     key(square(kPale), "gels, neither part nor void");
   }
-  if (shown == Shown::target) key(square(kRight), "part");
+  if (by == ColouredBy::target) key(square(kRight), "part");
   bool insert = false, outside = false;
   for (const PrintSection& section : sections) {
     for (const Matter m : section.matter) {
@@ -335,12 +338,12 @@ Printed printed(TomoJob job, const ExecutionContext& context) {
   return p;
 }
 
-std::size_t PrintSection::missing() const { return count(*this, 255); }
-std::size_t PrintSection::gelled() const { return count(*this, 0); }
+std::size_t PrintSection::missing() const { return wrong_voxels(*this, 255); }
+std::size_t PrintSection::gelled() const { return wrong_voxels(*this, 0); }
 
 std::vector<Plane> middle_planes(const Printed& print) {
   const Box<std::uint8_t>& part = print.job.part;
-  Extent e{{part.nz, part.ny, part.nx}, {-1, -1, -1}};
+  VoxelRange e{{part.nz, part.ny, part.nx}, {-1, -1, -1}};
   for (int z = 0; z < part.nz; ++z) {
     for (int y = 0; y < part.ny; ++y) {
       for (int x = 0; x < part.nx; ++x) {
@@ -377,7 +380,7 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
     return Matter::resin;
   };
   // What all sections are cut down to.
-  Extent e{sizes, {-1, -1, -1}};
+  VoxelRange e{sizes, {-1, -1, -1}};
   for (int z = 0; z < part.nz; ++z) {
     for (int y = 0; y < n; ++y) {
       for (int x = 0; x < n; ++x) {
@@ -427,7 +430,7 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
     s.height = e.last[up] - e.first[up] + 1;
     for (int row = 0; row < s.height; ++row) {
       for (int column = 0; column < s.width; ++column) {
-        const Place p = place_of(plane.axis, static_cast<int>(index), column + e.first[across],
+        const Place p = voxel_at(plane.axis, static_cast<int>(index), column + e.first[across],
                                  row + e.first[up]);
         const std::size_t k = part.at(p.z, p.y, p.x);
         s.dose.push_back(dose.values[k]);
@@ -453,22 +456,22 @@ PrintSection section_of(const Evidence& e) {
   return s;
 }
 
-std::string sections_svg(const std::vector<PrintSection>& sections, Shown shown,
+std::string sections_svg(const std::vector<PrintSection>& sections, ColouredBy by,
                          const std::string& title) {
   std::string words = title;
   for (const PrintSection& s : sections) {
     words += fmt::format(". Plane {} = {:.3f} mm: {} voxels missing, {} gelled that should not",
                          letter_of(s.axis), s.at_mm, s.missing(), s.gelled());
   }
-  detail::SvgCanvas canvas(words);
-  const Size size = draw(canvas, sections, shown, title);
+  SvgCanvas canvas(words);
+  const Size size = draw(canvas, sections, by, title);
   return canvas.file(size.width, size.height);
 }
 
-std::string sections_png(const std::vector<PrintSection>& sections, Shown shown,
+std::string sections_png(const std::vector<PrintSection>& sections, ColouredBy by,
                          const std::string& title) {
-  detail::PixelCanvas canvas;
-  const Size size = draw(canvas, sections, shown, title);
+  PixelCanvas canvas;
+  const Size size = draw(canvas, sections, by, title);
   return canvas.file(size.width, size.height);
 }
 

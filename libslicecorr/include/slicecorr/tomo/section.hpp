@@ -66,7 +66,7 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
 PrintSection section_of(const Evidence& evidence);
 
 /// What the voxels of a picture are coloured by.
-enum class Shown {
+enum class ColouredBy {
   dose,    ///< blue below the gel dose, yellow to red above it
   print,   ///< grey where it gels
   target,  ///< grey where it should
@@ -75,10 +75,10 @@ enum class Shown {
 /// The sections side by side at one scale, with the line where the dose reaches the gel dose, the
 /// outline of the target, hatched wrong voxels, a scale bar and a legend. A wrong voxel is never
 /// left out, however small the picture.
-std::string sections_svg(const std::vector<PrintSection>& sections, Shown shown,
+std::string sections_svg(const std::vector<PrintSection>& sections, ColouredBy by,
                          const std::string& title);
 /// The same as PNG.
-std::string sections_png(const std::vector<PrintSection>& sections, Shown shown,
+std::string sections_png(const std::vector<PrintSection>& sections, ColouredBy by,
                          const std::string& title);
 
 }  // namespace slicecorr::tomo

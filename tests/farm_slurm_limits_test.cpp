@@ -34,6 +34,7 @@ class FarmOnSlurmWithLimits : public FarmOnSlurm {
 };
 
 TEST_F(FarmOnSlurm, TheWorkersOwnLimitStopsAJobThatTakesTooMuch) {
+  if (SLICECORR_SANITIZED) GTEST_SKIP() << "sanitizers take memory of their own";
   start_cluster(1);
   submit({part("eats", 4, 4, 2), part("other", 5, 4, 2)});
   ServiceRun run;

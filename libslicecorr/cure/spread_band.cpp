@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
@@ -259,7 +258,7 @@ void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, const Ligh
 void SpreadBand::show(const std::uint8_t* pixels, Shown& out) {
   const std::size_t size = columns_of(shown_);
   // Walls go straight down: images are often the same again.
-  if (!out.field.empty() && std::memcmp(out.pixels.data(), pixels, size) == 0) return;
+  if (!out.field.empty() && std::equal(out.pixels.begin(), out.pixels.end(), pixels)) return;
   out.pixels.assign(pixels, pixels + size);
   out.field = dark_;
   const PixelBox lit = lit_box(pixels);
@@ -272,7 +271,7 @@ void SpreadBand::show(const std::uint8_t* pixels, Shown& out) {
 void SpreadBand::show_under_uv(const std::uint8_t* pixels, int setting, Shown& out) {
   const std::size_t size = columns_of(shown_);
   if (!out.fronts.empty() && out.setting == setting &&
-      std::memcmp(out.pixels.data(), pixels, size) == 0) {
+      std::equal(out.pixels.begin(), out.pixels.end(), pixels)) {
     return;
   }
   out.pixels.assign(pixels, pixels + size);

@@ -23,6 +23,6 @@ struct HologramArguments {
   bool free_outside = false;
 };
 
-void add_hologram(Program& program, HologramArguments& arguments);
+void add_hologram(Program& program, HologramArguments& o);
 
 }  // namespace slicecorr::cli

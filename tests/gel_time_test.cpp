@@ -347,6 +347,31 @@ TEST(GelTimeCorrection, LadderPrintsAsDesigned) {
   EXPECT_GT(uncorrected.middle[25], 1.0);
 }
 
+TEST(GelTimeCorrection, WhereNoLevelGelsItIsTheBrightest) {
+  // As fast as light still gels layers, if barely, as plans try it: inside features more is asked.
+  const Printer printer = test::linear_printer(1, 100);
+  const auto feasible = [&](double speed_mm_h) {
+    const Process process = test::process(speed_mm_h);
+    try {
+      check_feasible(make_cure_model(printer, bright_resin(), process, 50), printer, process);
+    } catch (const InfeasibleError&) {
+      return false;
+    }
+    return true;
+  };
+  double speed_mm_h = 800;
+  while (feasible(1.001 * speed_mm_h)) speed_mm_h *= 1.001;
+  const Process process = test::process(speed_mm_h);
+  const CureModel model = make_cure_model(printer, bright_resin(), process, 50);
+  const auto design = test::column(50, {{11, 20}, {31, 40}});
+  const auto levels = solve_column(test::plan_for(model, process, 50), design);
+  for (std::size_t n = 0; n < design.size(); ++n) {
+    if (design[n] != 0) {
+      EXPECT_EQ(levels[n], 255) << n;
+    }
+  }
+}
+
 TEST(GelTimeCorrection, RandomColumns) {
   std::mt19937 random(17);
   for (int round = 0; round < test::rounds(60); ++round) {

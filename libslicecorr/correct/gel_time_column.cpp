@@ -155,7 +155,7 @@ int GelTimeColumn::least_level(int n, int least, int guess, Enough enough) {
         high = at;
       }
     } else {
-      low = at + 1;
+      low = std::min(high, at + 1);
       while (low < high) {
         at = std::min(high, low + step - 1);
         step *= 2;

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 #include <random>
 #include <thread>
 
+#include "killed_after.hpp"
 #include "post/config.hpp"
 #include "post/files.hpp"
 #include "post/profiles.hpp"
@@ -505,27 +505,6 @@ TEST(PostFiles, WorkFoldersOfTheDeadGoThoseOfTheLivingStay) {
   EXPECT_FALSE(fs::exists(folder / ".slicecorr-post-dead"));
   EXPECT_TRUE(fs::exists(alive.path()));
   EXPECT_TRUE(fs::exists(folder / "mine"));
-}
-
-/// Starts the program, gives it that much time, kills it. Whether it was still running.
-bool killed_after(const Command& command, const RunOptions& options,
-                  std::chrono::microseconds time) {
-  const pid_t child = ::fork();
-  if (child == 0) {
-    std::vector<char*> argv;
-    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
-    argv.push_back(nullptr);
-    for (const auto& [name, value] : options.environment) ::setenv(name.c_str(), value.c_str(), 1);
-    const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
-    ::dup2(nothing, STDERR_FILENO);
-    if (::chdir(options.folder.c_str()) == 0) ::execv(argv[0], argv.data());
-    ::_exit(127);
-  }
-  std::this_thread::sleep_for(time);  // the moment itself, nothing is awaited
-  ::kill(child, SIGKILL);
-  int status = 0;
-  ::waitpid(child, &status, 0);
-  return WIFSIGNALED(status);
 }
 
 TEST_F(Post, KilledAtAnyMomentItIsTheOldOrTheNewFile) {

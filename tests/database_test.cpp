@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "rounds.hpp"
+#include "run_program.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {
@@ -257,7 +258,7 @@ TEST_F(Database, ConcurrentProcessesLoseNothing) {
 TEST_F(Database, AKillAtAnyMomentLosesNothing) {
   save("a", "start");
   std::mt19937 random(7);  // the delays differ; what must hold does not depend on them
-  std::uniform_int_distribution<int> delay_us(0, 20000);
+  std::uniform_int_distribution<int> delay_us(0, 20000 * test::kSlowdown);
   int last = 1, kills = 0, kills_within_a_change = 0;
   for (int round = 0; round < 60; ++round) {
     int started[2];

@@ -107,9 +107,10 @@ class DrivenPage {
     }
     return r["result"].value("value", Json());
   }
-  /// Waits until an expression holds.
+  /// Waits until an expression holds; longer for what instrumented programs compute.
   void wait_for(const std::string& expression, double seconds = 60) {
-    const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    const auto until =
+        std::chrono::steady_clock::now() + std::chrono::duration<double>(kSlowdown * seconds);
     while (std::chrono::steady_clock::now() < until) {
       try {
         if (eval("Boolean(" + expression + ")") == true) return;

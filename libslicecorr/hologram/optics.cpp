@@ -133,13 +133,13 @@ HologramPlane plane_of_picture(const GreyImage& picture, const std::string& name
   const auto share = [](double low, double high, int i) {
     return std::max(0.0, std::min(high, i + 1.0) - std::max(low, static_cast<double>(i)));
   };
+  const int middle_x = display.width_px / 2, middle_y = display.height_px / 2;
+  const int middle_u = picture.width_px / 2, middle_v = picture.height_px / 2;
   bool dark = true, all_lit = true;
   for (std::size_t y = 0; y < height; ++y) {
-    const double top =
-        (static_cast<double>(y) - display.height_px / 2) * sy + picture.height_px / 2;
+    const double top = (static_cast<double>(y) - middle_y) * sy + middle_v;
     for (std::size_t x = 0; x < width; ++x) {
-      const double left =
-          (static_cast<double>(x) - display.width_px / 2) * sx + picture.width_px / 2;
+      const double left = (static_cast<double>(x) - middle_x) * sx + middle_u;
       double sum = 0;
       const int y_end = std::min(picture.height_px, static_cast<int>(std::ceil(top + sy)));
       const int x_end = std::min(picture.width_px, static_cast<int>(std::ceil(left + sx)));

@@ -359,7 +359,8 @@ std::vector<Plane> middle_planes(const Printed& print) {
   const double voxel = print.job.sampling.voxel_mm;
   const auto middle = [&](std::size_t k, int n) {
     if (e.last[k] < 0) return 0.0;
-    return ((e.first[k] + e.last[k]) / 2 - 0.5 * (n - 1)) * voxel;
+    const int index = (e.first[k] + e.last[k]) / 2;
+    return (index - 0.5 * (n - 1)) * voxel;
   };
   return {
       {Axis::x, middle(2, part.nx)}, {Axis::y, middle(1, part.ny)}, {Axis::z, middle(0, part.nz)}};

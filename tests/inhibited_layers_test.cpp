@@ -283,8 +283,8 @@ void compare(const Setting& s, const std::vector<std::uint8_t>& levels,
   EXPECT_EQ(got.figures.split_features, split);
   EXPECT_EQ(got.figures.lost_features, lost);
   EXPECT_EQ(got.figures.merged_features, merged);
-  // Steps of 1 um leave 1e-5 of the dose.
-  EXPECT_NEAR(got.figures.min_inside_layers, least, 2e-5 * least + 2e-6);
+  // Steps of 1 um leave 1e-5 of the dose of the slices around, about 1, where less is left, too.
+  EXPECT_NEAR(got.figures.min_inside_layers, least, 2e-5 * std::max(1.0, least));
   if (contrast < 1e300) {
     EXPECT_NEAR(got.figures.gap_contrast.least(), contrast, 3e-5);
   }

@@ -353,6 +353,26 @@ TEST(Limits, ASpeedNamedLeavesTheEndOfThePartWithinTheTravel) {
   EXPECT_EQ(tally.failed, 0);
 }
 
+TEST(Limits, LessLightOfBlackIsNoWayWhereThePartCanNotEnd) {
+  // 40 slices of 50 um, and travel for a tenth of one more: the end has nothing to cure from.
+  Case c;
+  c.setup = {linear_printer(50, 100), resin(576, 2000), process(7)};
+  c.setup.printer.width_px = c.setup.printer.height_px = 8;
+  c.setup.printer.travel_mm = 2.005;
+  const std::string text = refusal(c);
+  EXPECT_THAT(text, AllOf(HasSubstr("black pixels gel"), HasSubstr("the stage's travel leaves no"),
+                          Not(HasSubstr("black below"))));
+  EXPECT_TRUE(none_accepted(c));
+  EXPECT_EQ(followed(c, text).size(), 0U) << text;
+  // With travel it is one.
+  c.setup.printer.travel_mm = 60;
+  EXPECT_THAT(refusal(c), HasSubstr("black below"));
+  Tally tally;
+  follow(c, tally);
+  EXPECT_GT(tally.followed, 0);
+  EXPECT_EQ(tally.failed, 0);
+}
+
 // ---- beta Iuv = Ib ----------------------------------------------------------------------------
 
 TEST(JustEnoughUv, KeepsNoDeadZoneAnywhere) {

@@ -3,6 +3,7 @@
 /// SLICECORR_TEST_TIMES=FILE: what each test costs is appended to FILE.
 #include <fcntl.h>
 #include <gmock/gmock.h>
+#include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -115,6 +116,10 @@ class Times : public testing::EmptyTestEventListener {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // Hundreds of tests, each with images of its own: what one frees, the next takes, and the kernel
+  // need not clear it anew. A third of the time of those that read archives.
+  mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
   testing::InitGoogleMock(&argc, argv);
   auto* judge = new SkipJudge;  // owned by the list
   testing::UnitTest::GetInstance()->listeners().Append(judge);

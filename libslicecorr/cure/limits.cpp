@@ -430,8 +430,10 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   }
   full *= printer.calibration.back().intensity_mw_cm2 * (1 + kInside);
   black *= printer.calibration.front().intensity_mw_cm2 * (1 - kInside);
+  // Where no light is enough, less of black changes nothing.
+  if (failing.lit && !std::isfinite(full)) return {};
   std::string text;
-  if (failing.lit && std::isfinite(full)) {
+  if (failing.lit) {
     const bool reaches = is_plain_layerwise(*places.front().model);
     text = fmt::format("with {} {} mW/cm²{}", reaches ? "at least" : "more than", at_least(full),
                        failing.black ? " of full light" : "");

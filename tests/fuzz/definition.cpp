@@ -1,11 +1,13 @@
 // Any text as the file of a printer or of a resin, for clang's fuzzer: read or refused with an `InputError`
-// that names the file. What `resinctl validate` finds nothing wrong with is read.
+// that names the file. What `resinctl validate` finds nothing wrong with is read, a printer whose light is to be
+// measured as a display.
 #include <algorithm>
 
 #include "database/schema.hpp"
 #include "fuzz.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/resins/record.hpp"
+#include "slicecorr/unmeasured_light.hpp"
 
 using namespace slicecorr;
 
@@ -24,7 +26,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return right;
   };
   const bool printer = fuzz::read_or_refuse([&] { parse_printer(text, path); }, path);
-  if (!printer && is_right("printer")) fuzz::fail("a printer that is valid is refused");
+  bool measured = true;
+  const bool display =
+      fuzz::read_or_refuse([&] { measured = light_is_measured(parse_display(text, path)); }, path);
+  if (printer != (display && measured)) fuzz::fail("a display is read otherwise than its printer");
+  if (!display && is_right("printer")) fuzz::fail("a printer that is valid is refused");
   const bool resin = fuzz::read_or_refuse([&] { parse_resin(text, path); }, path);
   const bool record = fuzz::read_or_refuse([&] { resins::parse_record(text, path); }, path);
   if (!(resin && record) && is_right("resin")) fuzz::fail("a resin that is valid is refused");

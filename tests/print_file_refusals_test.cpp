@@ -135,7 +135,7 @@ TEST_F(PrintFileRefusals, WhatIsClosedIsToldWithWhatWorksInstead) {
   write_file(folder_ / "b.form", to_bytes("whatever it starts with"));
   for (const char* name : {"a.ctb", "b.form"}) {
     try {
-      StackReader(folder_ / name, folder_.path());
+      const StackReader reader(folder_ / name, folder_.path());
       ADD_FAILURE() << name;
     } catch (const InputError& e) {
       EXPECT_THAT(e.what(), HasSubstr("encrypted"));

@@ -191,7 +191,7 @@ MeasuredPart plugs(const World& world, TuningPartKind kind) {
 
 double quantile(std::vector<double> values, double q) {
   std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
+  return values[static_cast<std::size_t>(std::lround(q * static_cast<double>(values.size() - 1)))];
 }
 
 /// What each run ends with: one figure each before, after one round, after two, and by the truth.

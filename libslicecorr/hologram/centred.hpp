@@ -9,7 +9,8 @@ namespace slicecorr::detail {
 inline std::size_t unwound(std::size_t i, std::size_t n) { return (i + n - n / 2) % n; }
 /// The same as a distance from the origin.
 inline double from_axis(std::size_t i, std::size_t n) {
-  return static_cast<double>(i) - static_cast<double>(n / 2);
+  const std::size_t middle = n / 2;
+  return static_cast<double>(i) - static_cast<double>(middle);
 }
 /// The mirror image of index `i` about the axis.
 inline std::size_t mirrored(std::size_t i, std::size_t n) { return (2 * (n / 2) + n - i) % n; }

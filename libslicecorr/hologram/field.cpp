@@ -176,27 +176,27 @@ std::vector<float> power_at(const PhaseDisplay& display, const HologramOptics& o
 ImageFigures figures_of(const PhaseDisplay& display, const HologramOptics& optics,
                         const HologramPlane& plane,
                         const std::vector<std::vector<float>>& phases_rad,
-                        const ExecutionContext& context, std::vector<float>* seen) {
+                        const ExecutionContext& context, std::vector<float>* power) {
   if (phases_rad.empty()) throw InputError("expected a phase image to judge");
   ImageFigures figures;
   for (const int padding : {1, 2}) {
-    std::vector<float> power;
+    std::vector<float> mean;
     for (const std::vector<float>& phase : phases_rad) {
       const std::vector<float> one = power_of(
           display, optics, phase, {plane.dx_mm, plane.dy_mm, plane.dz_mm, padding}, context);
-      if (power.empty()) power.resize(one.size());
+      if (mean.empty()) mean.resize(one.size());
       for (std::size_t i = 0; i < one.size(); ++i) {
-        power[i] += one[i] / static_cast<float>(phases_rad.size());
+        mean[i] += one[i] / static_cast<float>(phases_rad.size());
       }
     }
-    const Sums s = judge(display, plane, power, padding);
+    const Sums s = judge(display, plane, mean, padding);
     if (padding == 1) {
       figures.efficiency = s.all > 0 ? s.on_target / s.all : 0;
       figures.rms_error = s.error;
     } else {
       figures.rms_error_padded = s.error;
       figures.speckle_contrast = s.contrast;
-      if (seen) *seen = std::move(power);
+      if (power) *power = std::move(mean);
     }
   }
   return figures;

@@ -19,6 +19,10 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// What is compiled for each instruction set has names as Highway's own; offsets stay within tiles and
+// images, whose pixels an int counts.
+// NOLINTBEGIN(readability-identifier-naming, bugprone-implicit-widening-of-multiplication-result)
+
 // Slices in lanes: places and weights are the same for all, so they are worked out once per voxel
 // and angle, into small tables, and the lanes follow them; so do the turns of the slice by 90
 // degrees, where the angles have them.
@@ -379,6 +383,7 @@ void LaneForward(const ParallelBeam& beam, const float* hit, const float* field,
 }  // namespace HWY_NAMESPACE
 }  // namespace slicecorr::tomo::detail
 HWY_AFTER_NAMESPACE();
+// NOLINTEND(readability-identifier-naming, bugprone-implicit-widening-of-multiplication-result)
 
 #if HWY_ONCE
 namespace slicecorr::tomo::detail {

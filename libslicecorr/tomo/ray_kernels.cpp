@@ -22,6 +22,10 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// What is compiled for each instruction set has names as Highway's own; offsets stay within tiles and
+// images, whose pixels an int counts.
+// NOLINTBEGIN(readability-identifier-naming, bugprone-implicit-widening-of-multiplication-result)
+
 // Eight crossings at once, each in two neighbouring lanes: its lower and its upper slice, which lie
 // side by side in memory.
 constexpr int kCrossings = 8, kLanes = 2 * kCrossings;
@@ -322,6 +326,7 @@ void Adjoint(const RayWalk& walk, int first, int end, const std::vector<RowRange
 }  // namespace HWY_NAMESPACE
 }  // namespace slicecorr::tomo::detail
 HWY_AFTER_NAMESPACE();
+// NOLINTEND(readability-identifier-naming, bugprone-implicit-widening-of-multiplication-result)
 
 #if HWY_ONCE
 namespace slicecorr::tomo::detail {

@@ -20,6 +20,10 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// What is compiled for each instruction set has names as Highway's own; offsets stay within tiles and
+// images, whose pixels an int counts.
+// NOLINTBEGIN(readability-identifier-naming, bugprone-implicit-widening-of-multiplication-result)
+
 // One slice: voxels or pixels in lanes.
 
 constexpr int kGroup = 16;
@@ -370,6 +374,7 @@ void SliceForward(const ParallelBeam& beam, const SliceWork& work, bool along_x,
 }  // namespace HWY_NAMESPACE
 }  // namespace slicecorr::tomo::detail
 HWY_AFTER_NAMESPACE();
+// NOLINTEND(readability-identifier-naming, bugprone-implicit-widening-of-multiplication-result)
 
 #if HWY_ONCE
 namespace slicecorr::tomo::detail {

@@ -17,6 +17,6 @@ inline bool uses_dead_zones(FitModel m) { return !is_of_cured_alone(m); }
 [[noreturn]] void refuse_fit(const PreparedFit& prepared, const std::string& why);
 
 /// First values of all parameters, from the observations and from what is fixed.
-void choose_starts(PreparedFit& prepared, const FitOptions& options);
+void choose_starts(PreparedFit& s, const FitOptions& options);
 
 }  // namespace slicecorr::resins

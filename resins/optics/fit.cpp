@@ -325,7 +325,7 @@ void check_direction(const Model& model, double cost, const std::string& source,
                     name_of(rotation.direction), std::sqrt(turned / n), std::sqrt(cost / n), said));
   }
   if (turned < clearly * cost + least) {
-    notes.push_back(
+    notes.emplace_back(
         "These points can't tell which way the stage turns; a second pin at another angle "
         "(pin_deg) can, and so can the target of directions.");
   }

@@ -60,7 +60,7 @@ class Child {
       throw std::runtime_error("no pipe");
     }
     const int err = ::open(err_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    child_ = ::fork();
+    child_ = ::vfork();
     if (child_ == 0) {
       ::dup2(in[0], STDIN_FILENO);
       ::dup2(out[1], STDOUT_FILENO);

@@ -49,7 +49,7 @@ class DrivenPage {
                                   "--remote-debugging-pipe",
                                   profile.c_str(),
                                   nullptr};
-    pid_ = ::fork();
+    pid_ = ::vfork();
     if (pid_ == 0) {
       ::setpgid(0, 0);
       const int quiet = ::open("/dev/null", O_RDWR);

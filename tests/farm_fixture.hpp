@@ -177,13 +177,10 @@ class RunningService {
     std::vector<std::string> arguments = {slicefarm_for(environment), "run", "--quiet", "--dir",
                                           dir};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    std::vector<char*> argv;
-    for (std::string& a : arguments) argv.push_back(a.data());
-    argv.push_back(nullptr);
-    child_ = ::fork();
+    const TextList argv(arguments), envp(environment_with(environment));
+    child_ = ::vfork();
     if (child_ == 0) {
-      for (const auto& [name, value] : environment) ::setenv(name.c_str(), value.c_str(), 1);
-      ::execv(argv[0], argv.data());
+      ::execve(argv.data()[0], argv.data(), envp.data());
       ::_exit(127);
     }
   }

@@ -167,7 +167,7 @@ class FarmOnSlurm : public testing::Test {
     const std::string log = folder_ + "/service.log";
     const int fd = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     for (const auto& [name, value] : run.environment) ::setenv(name.c_str(), value.c_str(), 1);
-    const pid_t pid = ::fork();
+    const pid_t pid = ::vfork();
     if (pid == 0) {
       ::dup2(fd, STDOUT_FILENO);
       ::dup2(fd, STDERR_FILENO);

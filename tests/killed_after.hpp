@@ -20,16 +20,13 @@ namespace slicecorr::test {
 /// Starts the program, gives it that much time, kills it. Whether it was still running.
 inline bool killed_after(const Command& command, const RunOptions& options,
                          std::chrono::microseconds time) {
-  const pid_t child = ::fork();
+  const TextList argv(command), envp(environment_with(options.environment));
+  const pid_t child = ::vfork();
   if (child == 0) {
-    std::vector<char*> argv;
-    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
-    argv.push_back(nullptr);
-    for (const auto& [name, value] : options.environment) ::setenv(name.c_str(), value.c_str(), 1);
     const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
     ::dup2(nothing, STDOUT_FILENO);
     ::dup2(nothing, STDERR_FILENO);
-    if (::chdir(options.folder.c_str()) == 0) ::execv(argv[0], argv.data());
+    if (::chdir(options.folder.c_str()) == 0) ::execve(argv.data()[0], argv.data(), envp.data());
     ::_exit(127);
   }
   std::this_thread::sleep_for(time);  // the moment itself, nothing is awaited

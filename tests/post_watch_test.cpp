@@ -34,17 +34,14 @@ class Running {
   Running(const Command& command, const RunOptions& options) {
     int err[2];
     EXPECT_EQ(::pipe2(err, O_CLOEXEC), 0);
-    std::vector<char*> argv;
-    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
-    argv.push_back(nullptr);
-    child_ = ::fork();
+    const TextList argv(command), envp(environment_with(options.environment));
+    child_ = ::vfork();
     if (child_ == 0) {
-      for (const auto& [name, value] : options.environment) {
-        ::setenv(name.c_str(), value.c_str(), 1);
-      }
       ::dup2(err[1], STDERR_FILENO);
       ::close_range(3, ~0U, CLOSE_RANGE_CLOEXEC);  // files that the test has open are not its own
-      if (::chdir(options.folder.c_str()) == 0) ::execv(argv[0], argv.data());
+      if (::chdir(options.folder.c_str()) == 0) {
+        ::execve(argv.data()[0], argv.data(), envp.data());
+      }
       ::_exit(127);
     }
     ::close(err[1]);

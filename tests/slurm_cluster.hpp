@@ -218,7 +218,7 @@ class SlurmCluster {
       // Groups are named by their node.
       ::setenv("SLURM_UP_NAMES", ("p" + arguments.back() + "n").c_str(), 1);
     }
-    pid_ = ::fork();
+    pid_ = ::vfork();
     if (pid_ == 0) {
       // stdin ends when this process does: the script then stops everything.
       ::dup2(to[0], STDIN_FILENO);

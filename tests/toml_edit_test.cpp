@@ -2,11 +2,11 @@
 #include "../resins/database/toml_edit.hpp"
 
 #include <gtest/gtest.h>
-#include <toml++/toml.h>
 
 #include <string>
 
 #include "slicecorr/error.hpp"
+#include "support/toml/toml_plus_plus.hpp"
 
 namespace slicecorr::resins {
 namespace {

@@ -6,10 +6,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #define TOML_HEADER_ONLY 1
-#include <toml++/toml.h>
-
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
+#include "support/toml/toml_plus_plus.hpp"
 
 namespace slicecorr::farm {
 

@@ -9,10 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #define TOML_EXCEPTIONS 1
-#include <toml++/toml.h>
-
 #include "submit/fields.hpp"
 #include "support/text/csv.hpp"
+#include "support/toml/toml_plus_plus.hpp"
 
 namespace slicecorr::farm {
 

@@ -1,12 +1,11 @@
 /// Helpers that read the words of a record.
 #pragma once
 
-#include <toml++/toml.h>
-
 #include <string>
 #include <vector>
 
 #include "slicecorr/units.hpp"
+#include "support/toml/toml_plus_plus.hpp"
 
 namespace slicecorr::resins {
 

@@ -1,11 +1,11 @@
 /// Reading TOML so that every complaint names file, line and key.
 #pragma once
 
-#include <toml++/toml.h>
-
 #include <optional>
 #include <string>
 #include <string_view>
+
+#include "support/toml/toml_plus_plus.hpp"
 
 namespace slicecorr {
 

@@ -133,7 +133,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Wrong{"NotToml", "width_px = 1280", "width_px = = 1280", "line 4: ", "is not TOML"},
         // toml++ asserts that names begin otherwise.
-        Wrong{"ControlCharacter", "[display]", "[\x10display]", "line 3: ", "is not TOML"},
+        Wrong{"ControlCharacter", "[display]", "[\020display]", "line 3: ", "is not TOML"},
         Wrong{"KeyTwice", "height_px = 800", "height_px = 800\nheight_px = 700",
               "line 6: ", "is not TOML"},
         Wrong{"NameNumber", "name = \"dlp-1\"", "name = 5", "line 2: name: ", "text in quotes"},

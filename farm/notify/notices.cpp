@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
-#define TOML_HEADER_ONLY 1
+
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "support/toml/toml_plus_plus.hpp"

@@ -13,7 +13,8 @@ $('fit').addEventListener('click', async () => {
     const request = {kind: 'fit', data: tables.there.map((t) => t.part), model: $('model').value, name: $('resin-name').value.trim()};
     if ($('bootstrap').value !== '0') request.bootstrap = Number($('bootstrap').value);
     fit = await study(request, $('fit-said'));
-    $('fitted').hidden = !fit;
+    // Not before its figures are there: what is shown till then is another fit's.
+    $('fitted').hidden = true;
     if (!fit) return;
     fit.name = request.name;
     const f = await read(fit.path + '/files/fit.json');
@@ -22,6 +23,7 @@ $('fit').addEventListener('click', async () => {
     $('fit-figures').replaceChildren(tableOf([['', 'value', '95 % within'], ...Object.entries(f.parameters).map(([name, p]) => [parameterNames[name] || name,
       figure(p.value) + ' ' + (p.unit || ''), p.ci95 ? figure(p.ci95[0]) + ' to ' + figure(p.ci95[1]) : '-'])], 'What the fit says'));
     $('fit-warnings').replaceChildren(...(f.warnings || []).map((w) => el('li', typeof w === 'string' ? w : w.message || w.text || JSON.stringify(w))));
+    $('fitted').hidden = false;
     $('fit-picture').src = await blobUrl(fit.path + '/files/fit.svg');
   } catch (e) { tell(e); } finally { $('fit').disabled = !tables.there.length; }
 });

@@ -80,8 +80,8 @@ inline std::vector<std::string> environment_with(const std::map<std::string, std
   return variables;
 }
 
-// Programs are started by vfork. After a fork each page that the test writes to is copied, which
-// costs more than most of the programs where the kernel is a guest: 7 ms for each MiB was measured.
+// Programs are started by vfork. After a fork each page that the test writes to is copied: up to
+// 4 ms for each MiB on a virtual machine, which tests with large images feel.
 // All memory is taken before, and the child makes system calls alone.
 
 inline RunResult run_program(const Command& command, const RunOptions& options = {}) {

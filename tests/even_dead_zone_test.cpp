@@ -8,7 +8,6 @@
 
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 
 #include "lattice.hpp"
@@ -109,25 +108,21 @@ Printed print(const TriangleMesh& mesh, const Setup& asked, const std::string& f
   return printed;
 }
 
-void tell(const std::string& name, const Printed& p) {
-  std::printf(
-      "%s\n",
-      fmt::format("{}: gap {:.4g} um, {} sections; within 10 %: {:.1f} %, without {:.1f} %; "
-                  "found in {:.1f} s, corrected in {:.1f} s; height error {:.2f} um",
-                  name, p.seen.gap_um, p.seen.slices.size(), 100 * p.seen.within_10(),
-                  100 * p.seen.within_10_without(), p.find_s, p.correct_s,
-                  p.print.height_error_um.mean())
-          .c_str());
+void record(const std::string& name, const Printed& p) {
+  testing::Test::RecordProperty(
+      name, fmt::format("gap {:.4g} um, {} sections; within 10 %: {:.1f} %, without {:.1f} %; "
+                        "found in {:.1f} s, corrected in {:.1f} s; height error {:.2f} um",
+                        p.seen.gap_um, p.seen.slices.size(), 100 * p.seen.within_10(),
+                        100 * p.seen.within_10_without(), p.find_s, p.correct_s,
+                        p.print.height_error_um.mean()));
   for (const FlowDoses::Slice& s : p.seen.slices) {
-    std::printf(
-        "%s\n",
-        fmt::format("  slice {}: {:.1f} mm², dose {:.3f} {:.3f} {:.3f}, within {:.1f} % "
-                    "({:.1f} %), dead zone {:.0f}-{:.0f} ({:.0f}-{:.0f}), window {:.3f}",
-                    s.slice, s.area_mm2, s.even.min, s.even.mean, s.even.max,
-                    100 * s.even.within_10, 100 * s.without.within_10, s.even.dead_zone_min_um,
-                    s.even.dead_zone_max_um, s.without.dead_zone_min_um, s.without.dead_zone_max_um,
-                    s.even.max_window)
-            .c_str());
+    testing::Test::RecordProperty(
+        fmt::format("{}, slice {}", name, s.slice),
+        fmt::format("{:.1f} mm², dose {:.3f} {:.3f} {:.3f}, within {:.1f} % ({:.1f} %), "
+                    "dead zone {:.0f}-{:.0f} ({:.0f}-{:.0f}), window {:.3f}",
+                    s.area_mm2, s.even.min, s.even.mean, s.even.max, 100 * s.even.within_10,
+                    100 * s.without.within_10, s.even.dead_zone_min_um, s.even.dead_zone_max_um,
+                    s.without.dead_zone_min_um, s.without.dead_zone_max_um, s.even.max_window));
   }
 }
 
@@ -137,7 +132,7 @@ TEST(EvenDeadZone, ADiscBecomesEvenWithBothLights) {
   add_strut(disc, {0, 0, 0}, {0, 0, 1.5}, 4.0, 180);
   const Printed p =
       print(disc, flow_setup(flow_printer(180, true), EvenDeadZone::both, 120), folder.path());
-  tell("disc", p);
+  record("disc", p);
   EXPECT_EQ(p.seen.gap_um, 120);
   // Slices 0, 20 and the last, and those half way between, and more where they did not fit; they are one
   // section.
@@ -172,7 +167,7 @@ TEST(EvenDeadZone, OfOneSectionAllSlicesGetOneLight) {
   add_strut(disc, {0, 0, 0}, {0, 0, 1.5}, 4.0, 180);
   const Printed p = print(disc, flow_setup(flow_printer(180, true), EvenDeadZone::both, 120),
                           folder.path(), false);
-  tell("disc without grey", p);
+  record("disc without grey", p);
   ASSERT_EQ(p.seen.slices.size(), 5U);
   for (const FlowDoses::Slice& s : p.seen.slices) {
     EXPECT_EQ(s.even.within_10, p.seen.slices[0].even.within_10);
@@ -185,7 +180,7 @@ TEST(EvenDeadZone, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   const Printed p =
       print(box({0, 0, 0}, {8, 8, 0.5}),
             flow_setup(flow_printer(180, false), EvenDeadZone::blue, 120), folder.path());
-  tell("square", p);
+  record("square", p);
   // 77 % with blue in Chebyshev patterns of 15 terms at this gap; 20 % with constant light at 80 um.
   EXPECT_GT(p.seen.within_10(), 0.6);
   EXPECT_LT(p.seen.within_10_without(), 0.35);
@@ -203,7 +198,7 @@ void real_part(const std::string& name, double scale, int pixels, double layer_u
   const Printed p =
       print(read_mesh(path, placement), flow_setup(flow_printer(pixels, true, layer_um), even, 120),
             folder.path(), true, layer_um);
-  tell(name, p);
+  record(name, p);
   // What images show is clearly better than without, and nowhere worse than what even_finder.cpp lets be:
   // of slices without a pattern 3 % of the section, and two cells.
   EXPECT_GT(p.seen.within_10(), 2 * p.seen.within_10_without());
@@ -237,7 +232,7 @@ TEST(EvenDeadZoneNight, ALatticeOf25mmDoesNotStick) {
   const Printed p =
       print(read_mesh(path, placement),
             flow_setup(flow_printer(560, true), EvenDeadZone::blue, 120), folder.path());
-  tell("lattice", p);
+  record("lattice", p);
   ASSERT_GT(p.seen.slices.size(), 25U);
   for (const FlowDoses::Slice& s : p.seen.slices) {
     EXPECT_LT(s.even.max_window, std::max(1.0, s.without.max_window + 0.02)) << s.slice;

@@ -1,10 +1,10 @@
 // Closed loop: a made up printer whose parameters are 10 % off, combs measured to 10 um, and what
 // the parts of docs/baselines.md then print, beside what perfect knowledge prints.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <random>
 
@@ -246,13 +246,14 @@ Runs4 closed_loop(const Part& part, int combs, int plates, unsigned seeds,
   return all;
 }
 
-void print(const char* part, const char* measured, const Runs4& r) {
+void record(const char* part, const char* measured, const Runs4& r) {
   static const char* const whens[] = {"before", "one round", "two rounds", "perfect knowledge"};
   for (std::size_t when = 0; when < 4; ++when) {
-    std::printf("%-16s %s, %-17s mean %7.3f um (nine of ten %7.3f), rms %7.3f (%7.3f), %zu gone\n",
-                part, measured, whens[when], quantile(r.mean[when], 0.5),
-                quantile(r.mean[when], 0.9), quantile(r.rms[when], 0.5), quantile(r.rms[when], 0.9),
-                r.gone[when]);
+    testing::Test::RecordProperty(
+        fmt::format("{}, {}, {}", part, measured, whens[when]),
+        fmt::format("mean {:.3f} um (nine of ten {:.3f}), rms {:.3f} ({:.3f}), {} gone",
+                    quantile(r.mean[when], 0.5), quantile(r.mean[when], 0.9),
+                    quantile(r.rms[when], 0.5), quantile(r.rms[when], 0.9), r.gone[when]));
   }
 }
 
@@ -262,7 +263,7 @@ TEST(TuneParts, CombsAndPlugs) {
   for (const Part& part : parts()) {
     SLICECORR_NEEDS_FILE(test::real_file(std::string("meshes/clean/") + part.mesh));
     const Runs4 r = closed_loop(part, 10, 3, static_cast<unsigned>(test::rounds(2)), 60);
-    print(part.name, "10 combs, 3 plates of each", r);
+    record(part.name, "10 combs, 3 plates of each", r);
     EXPECT_LT(quantile(r.mean[2], 0.9), quantile(r.mean[0], 0.5) / 5) << part.name;
     EXPECT_LE(r.gone[2], r.gone[3]) << part.name;
   }
@@ -274,7 +275,7 @@ TEST(TunePartsNight, CombsAlone) {
     SLICECORR_NEEDS_FILE(test::real_file(std::string("meshes/clean/") + part.mesh));
     for (const int combs : {1, 10}) {
       const Runs4 r = closed_loop(part, combs, 0, static_cast<unsigned>(test::rounds(2)), 60);
-      print(part.name, combs == 1 ? "1 comb" : "10 combs", r);
+      record(part.name, combs == 1 ? "1 comb" : "10 combs", r);
       if (combs == 10) {
         EXPECT_LT(quantile(r.mean[2], 0.5), quantile(r.mean[0], 0.5) / 3) << part.name;
       }

@@ -2,12 +2,12 @@
 // parameters that are found by what they print.
 #include "slicecorr/resins/tune.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <random>
 
@@ -273,8 +273,10 @@ std::vector<double> medians(int combs, bool staircases) {
 TEST(Tune, AClosedLoopFindsThePrinter) {
   const auto comb_alone = medians(1, false), with_plugs = medians(1, true),
              ten = medians(10, false);
-  for (const auto* m : {&comb_alone, &with_plugs, &ten}) {
-    std::printf("closed loop: %.2f %.2f %.2f um\n", (*m)[0], (*m)[1], (*m)[2]);
+  for (const auto& [what, m] :
+       {std::pair{"a comb", &comb_alone}, std::pair{"with plugs", &with_plugs},
+        std::pair{"ten combs", &ten}}) {
+    RecordProperty(what, fmt::format("{:.2f} {:.2f} {:.2f} um", (*m)[0], (*m)[1], (*m)[2]));
   }
   EXPECT_GT(comb_alone[0], 20);
   EXPECT_LT(comb_alone[2], 5);

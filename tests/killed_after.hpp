@@ -8,10 +8,7 @@
 
 #include <chrono>
 #include <csignal>
-#include <cstdlib>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "run_program.hpp"
 

@@ -1,5 +1,6 @@
 /// Runs the tests of an executable, tells which skipped and why, and fails for a skip where all
 /// must run: SLICECORR_REQUIRE_ALL=1. The few that may skip even then are in tests/may_skip.txt.
+/// A filter that no test matches fails, too.
 /// SLICECORR_TEST_TIMES=FILE: what each test costs is appended to FILE.
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -127,5 +128,10 @@ int main(int argc, char** argv) {
     testing::UnitTest::GetInstance()->listeners().Append(new Times(times));
   }
   const int result = RUN_ALL_TESTS();
-  return result != 0 ? result : judge->refused() ? 1 : 0;
+  if (result != 0 || GTEST_FLAG_GET(list_tests)) return result;
+  if (testing::UnitTest::GetInstance()->test_to_run_count() == 0) {
+    std::fprintf(stderr, "no test matches '%s'\n", GTEST_FLAG_GET(filter).c_str());
+    return 1;
+  }
+  return judge->refused() ? 1 : 0;
 }

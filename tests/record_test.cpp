@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-const std::string kResin = R"(name = "r"
+const std::string kResinText = R"(name = "r"
 [cure]
 model = "kinetic"
 m = 0.99
@@ -77,7 +77,7 @@ TEST(Figures, ArealAndVolumetricBothBases) {
 }
 
 TEST(Figures, KineticWithInhibition) {
-  const ResinFigures f = figures_of(parse_record(kResin, "r.toml").resin);
+  const ResinFigures f = figures_of(parse_record(kResinText, "r.toml").resin);
   EXPECT_NEAR(f.height_e_um, 408, 1e-9);
   EXPECT_NEAR(f.gel_prime, 64, 1e-12);
   EXPECT_NEAR(f.aim_prime, 320, 1e-12);
@@ -128,7 +128,7 @@ TEST(Record, Words) {
 // --- Checks
 
 struct Wrong {
-  const char *line, *replacement;  ///< a line of kResin and what stands there instead
+  const char *line, *replacement;  ///< a line of kResinText and what stands there instead
   int at;                          ///< line that the finding names
   const char *key, *says;
   bool warning = false;
@@ -138,7 +138,7 @@ class OneThingWrong : public Files, public testing::WithParamInterface<Wrong> {}
 
 TEST_P(OneThingWrong, IsFoundOnceWithItsLine) {
   const Wrong& w = GetParam();
-  std::string text = kResin;
+  std::string text = kResinText;
   const std::size_t at = text.find(w.line);
   ASSERT_NE(at, std::string::npos);
   text.replace(at, std::string(w.line).size(), w.replacement);
@@ -313,7 +313,7 @@ TEST_F(Files, FilesThatAreNoDefinitions) {
   EXPECT_THAT(only(write("a.toml", std::string(5U << 20, '#'))), HasSubstr("at most 4 MiB"));
 }
 
-const std::string kPrinter = R"(name = "p"
+const std::string kPrinterText = R"(name = "p"
 [display]
 width_px = 100
 height_px = 50
@@ -327,7 +327,7 @@ calibration = [
 
 TEST_F(Files, Printers) {
   const auto check = [&](const std::string& from, const std::string& to) {
-    std::string text = kPrinter;
+    std::string text = kPrinterText;
     const std::size_t at = text.find(from);
     EXPECT_NE(at, std::string::npos);
     text.replace(at, from.size(), to);
@@ -356,7 +356,7 @@ TEST_F(Files, FlatFieldMustBeThereAndAsStated) {
   const auto png = encode_png(image);
   write("even.png", {png.begin(), png.end()});
   const auto check = [&](const std::string& lines) {
-    std::string text = kPrinter;
+    std::string text = kPrinterText;
     text.insert(text.find("[blue]"), lines);
     std::string all;
     for (const Finding& f : validate_definition(write("p.toml", text))) all += f.to_text() + "\n";
@@ -373,7 +373,7 @@ TEST_F(Files, FlatFieldMustBeThereAndAsStated) {
 
 TEST_F(Files, MeasurementsMustParse) {
   write("bad.csv", "a,b\n1,2\n");
-  std::string text = kResin + "measurements = [\"bad.csv\"]\n";
+  std::string text = kResinText + "measurements = [\"bad.csv\"]\n";
   const auto found = validate_definition(write("r.toml", text));
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].line, 15);

@@ -93,7 +93,8 @@ inline RunResult run_program(const Command& command, const RunOptions& options =
   }
   // To change user is told to all threads of a memory, and this one would be shared.
   constexpr uid_t nobody = 65534;
-  const volatile bool as_nobody = options.unprivileged && ::geteuid() == 0;
+  const volatile bool as_nobody =  // in memory: registers may not last through vfork
+      options.unprivileged && ::geteuid() == 0;
   const pid_t child = as_nobody ? ::fork() : ::vfork();
   if (child < 0) throw std::runtime_error("no process");
   if (child == 0) {

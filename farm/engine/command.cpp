@@ -73,7 +73,7 @@ Command::Command(const std::vector<std::string>& arguments, std::chrono::millise
                  std::string input, const std::vector<std::string>& environment,
                  const CommandLimits& limits)
     : input_(std::move(input)), begin_(SteadyTime::now()), most_(most) {
-  // All memory is taken before: the child makes system calls alone, with the memory of this process.
+  // All memory is taken before the fork: the child only makes system calls.
   const std::string program = find_program(arguments.at(0));
   std::vector<char*> argv;
   argv.reserve(arguments.size() + 1);
@@ -97,8 +97,8 @@ Command::Command(const std::vector<std::string>& arguments, std::chrono::millise
   const bool piped = !program.empty() &&
                      ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, in.data()) == 0 &&
                      ::pipe2(out.data(), O_CLOEXEC) == 0 && ::pipe2(err.data(), O_CLOEXEC) == 0;
-  const volatile pid_t parent = ::getpid();  // in memory: registers may not last through vfork
-  if (piped) pid_ = ::vfork();
+  const pid_t parent = ::getpid();
+  if (piped) pid_ = ::fork();
   if (pid_ == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     ::setpgid(0, 0);

@@ -251,9 +251,7 @@ class LocalEngine final : public Engine {
       failed_.push_back(std::move(r));
       return std::string();
     };
-    // The child has this process's memory until it runs the program, since the copies of a fork can
-    // cost more than the start of a worker where the kernel is a guest. So all memory is taken
-    // before, and the child makes system calls alone.
+    // All memory is taken before the fork: the child only makes system calls.
     const std::string log_path = task.folder + "/log.txt";
     const char* argv[] = {options_.program.c_str(), "worker", task.folder.c_str(), nullptr};
     const int log = ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
@@ -265,7 +263,7 @@ class LocalEngine final : public Engine {
       return id;
     }
     const pid_t parent = ::getpid();
-    const pid_t child = ::vfork();
+    const pid_t child = ::fork();
     if (child == 0) {
       ::setpgid(0, 0);
       // The worker dies with the service; the service may be gone already, which is asked after

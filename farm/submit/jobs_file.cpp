@@ -8,7 +8,6 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#define TOML_EXCEPTIONS 1
 #include "submit/fields.hpp"
 #include "support/text/csv.hpp"
 #include "support/toml/toml_plus_plus.hpp"

@@ -43,7 +43,7 @@ TEST(BeamsPage, ControlsWorkAndItCountsAsTheLibraryDoes) {
       beams_page({job, part, print, print.light, print.figures, why}, "ball", {});
   const Folder folder;
   std::ofstream(folder.path / "page.html") << html;
-  test::DrivenPage page(folder);
+  test::DrivenPage page;
   for (const int window : {1280, 500}) {
     const auto test = page.selftest("file://" + (folder.path / "page.html").string(), window);
     ASSERT_TRUE(test.is_object());

@@ -14,28 +14,65 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "browser.hpp"
+#include "run_program.hpp"
 #include "support/text/base64.hpp"
 
 namespace slicecorr::test {
 
-/// One page of a browser of its own. Throws `std::runtime_error` where the browser does not answer.
-class DrivenPage {
+/// Path of Chromium; empty when it is not installed.
+inline std::string chromium() {
+  // The one without windows starts with half the work, and what the script in /usr/bin starts
+  // without looking at the computer for a tenth of a second.
+  for (const char* path :
+       {"/usr/lib/chromium/chromium-headless-shell", "/usr/lib/chromium/chromium",
+        "/usr/bin/chromium", "/usr/bin/chromium-browser"}) {
+    if (std::filesystem::exists(path)) return path;
+  }
+  return {};
+}
+
+/// A folder that goes with its owner: a test's pages.
+struct BrowserFolder {
+  explicit BrowserFolder(const std::string& name = "pages")
+      : path(std::filesystem::path(::testing::TempDir()) /
+             (name + "-" + std::to_string(::getpid()))) {
+    std::filesystem::create_directories(path);
+  }
+  ~BrowserFolder() {
+    std::error_code error;
+    std::filesystem::remove_all(path, error);
+  }
+  BrowserFolder(const BrowserFolder&) = delete;
+  BrowserFolder& operator=(const BrowserFolder&) = delete;
+  std::filesystem::path path;
+};
+
+/// The browser of an executable: starting one takes as long as most tests. Throws
+/// `std::runtime_error` where it does not answer.
+class BrowserProcess {
  public:
   using Json = nlohmann::json;
 
-  explicit DrivenPage(const BrowserFolder& folder) {
+  /// Started when it is first asked for, and when the last one is gone.
+  static BrowserProcess& shared() {
+    static std::unique_ptr<BrowserProcess> browser;
+    if (!browser || browser->gone_) browser = std::make_unique<BrowserProcess>();
+    return *browser;
+  }
+
+  BrowserProcess() {
     int in[2], out[2];
     if (::pipe2(in, O_CLOEXEC) != 0 || ::pipe2(out, O_CLOEXEC) != 0) {
       throw std::runtime_error("no pipes");
     }
     const std::string program = chromium();
-    const std::string profile = "--user-data-dir=" + (folder.path / "driven").string();
+    const std::string profile = "--user-data-dir=" + (folder_.path / "profile").string();
     std::vector<const char*> argv{program.c_str(),
                                   "--headless",
                                   "--no-sandbox",
@@ -67,7 +104,86 @@ class DrivenPage {
     ::close(out[1]);
     to_ = in[1];
     from_ = out[0];
-    const Json target = call("Target.createTarget", {{"url", "about:blank"}});
+  }
+  ~BrowserProcess() {
+    ::kill(-pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+    ::close(to_);
+    ::close(from_);
+  }
+  BrowserProcess(const BrowserProcess&) = delete;
+  BrowserProcess& operator=(const BrowserProcess&) = delete;
+
+  /// `session`: whom to ask; empty: the browser.
+  Json call(const std::string& session, const std::string& method, Json params) {
+    const int id = ++calls_;
+    Json message{{"id", id}, {"method", method}, {"params", std::move(params)}};
+    if (!session.empty()) message["sessionId"] = session;
+    std::string text = message.dump();
+    text.push_back('\0');
+    for (std::size_t at = 0; at < text.size();) {
+      const ssize_t n = ::write(to_, text.data() + at, text.size() - at);
+      if (n <= 0) lose("the browser is gone");
+      at += static_cast<std::size_t>(n);
+    }
+    for (;;) {
+      const Json answer = next();
+      if (answer.value("id", 0) != id) continue;
+      if (answer.contains("error"))
+        throw std::runtime_error(method + ": " + answer["error"].dump());
+      return answer["result"];
+    }
+  }
+  /// Errors of the scripts of a session, and what the policy blocked.
+  const std::vector<std::string>& complaints(const std::string& session) {
+    return complaints_[session];
+  }
+
+ private:
+  Json next() {
+    for (;;) {
+      const std::size_t end = buffer_.find('\0');
+      if (end != std::string::npos) {
+        Json message = Json::parse(buffer_.substr(0, end));
+        buffer_.erase(0, end + 1);
+        const std::string method = message.value("method", "");
+        if (method == "Runtime.exceptionThrown" ||
+            (method == "Log.entryAdded" && message["params"]["entry"]["level"] == "error" &&
+             message["params"]["entry"]["source"] != "network")) {
+          complaints_[message.value("sessionId", "")].push_back(message["params"].dump());
+        }
+        return message;
+      }
+      pollfd fd{from_, POLLIN, 0};
+      if (::poll(&fd, 1, 90'000) <= 0) lose("the browser does not answer");
+      char bytes[65536];
+      const ssize_t n = ::read(from_, bytes, sizeof bytes);
+      if (n <= 0) lose("the browser is gone");
+      buffer_.append(bytes, static_cast<std::size_t>(n));
+    }
+  }
+  [[noreturn]] void lose(const char* why) {
+    gone_ = true;
+    throw std::runtime_error(why);
+  }
+
+  const BrowserFolder folder_{"browser"};
+  pid_t pid_ = -1;
+  int to_ = -1, from_ = -1, calls_ = 0;
+  bool gone_ = false;
+  std::string buffer_;
+  std::map<std::string, std::vector<std::string>> complaints_;
+};
+
+/// One page, which shares neither cookies nor storage with those before it.
+class DrivenPage {
+ public:
+  using Json = nlohmann::json;
+
+  DrivenPage() : browser_(BrowserProcess::shared()) {
+    context_ = call("Target.createBrowserContext")["browserContextId"];
+    const Json target =
+        call("Target.createTarget", {{"url", "about:blank"}, {"browserContextId", context_}});
     session_ = call("Target.attachToTarget",
                     {{"targetId", target["targetId"]}, {"flatten", true}})["sessionId"];
     call("Page.enable");
@@ -76,10 +192,11 @@ class DrivenPage {
     call("DOM.enable");
   }
   ~DrivenPage() {
-    ::kill(-pid_, SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-    ::close(to_);
-    ::close(from_);
+    try {
+      session_.clear();
+      call("Target.disposeBrowserContext", {{"browserContextId", context_}});
+    } catch (const std::exception&) {  // the test has said so, or the next one gets another browser
+    }
   }
   DrivenPage(const DrivenPage&) = delete;
   DrivenPage& operator=(const DrivenPage&) = delete;
@@ -207,56 +324,19 @@ class DrivenPage {
         .write(reinterpret_cast<const char*>(bytes->data()),
                static_cast<std::streamsize>(bytes->size()));
   }
+  /// The page's elements as they are now.
+  std::string dom() { return eval("document.documentElement.outerHTML").get<std::string>(); }
   /// Errors of scripts, and what the policy blocked.
-  const std::vector<std::string>& complaints() const { return complaints_; }
+  const std::vector<std::string>& complaints() const { return browser_.complaints(session_); }
 
  private:
   Json call(const std::string& method, Json params = Json::object()) {
-    const int id = ++calls_;
-    Json message{{"id", id}, {"method", method}, {"params", std::move(params)}};
-    if (!session_.empty()) message["sessionId"] = session_;
-    std::string text = message.dump();
-    text.push_back('\0');
-    for (std::size_t at = 0; at < text.size();) {
-      const ssize_t n = ::write(to_, text.data() + at, text.size() - at);
-      if (n <= 0) throw std::runtime_error("the browser is gone");
-      at += static_cast<std::size_t>(n);
-    }
-    for (;;) {
-      const Json answer = next();
-      if (answer.value("id", 0) != id) continue;
-      if (answer.contains("error"))
-        throw std::runtime_error(method + ": " + answer["error"].dump());
-      return answer["result"];
-    }
-  }
-  Json next() {
-    for (;;) {
-      const std::size_t end = buffer_.find('\0');
-      if (end != std::string::npos) {
-        Json message = Json::parse(buffer_.substr(0, end));
-        buffer_.erase(0, end + 1);
-        const std::string method = message.value("method", "");
-        if (method == "Runtime.exceptionThrown" ||
-            (method == "Log.entryAdded" && message["params"]["entry"]["level"] == "error" &&
-             message["params"]["entry"]["source"] != "network")) {
-          complaints_.push_back(message["params"].dump());
-        }
-        return message;
-      }
-      pollfd fd{from_, POLLIN, 0};
-      if (::poll(&fd, 1, 90'000) <= 0) throw std::runtime_error("the browser does not answer");
-      char bytes[65536];
-      const ssize_t n = ::read(from_, bytes, sizeof bytes);
-      if (n <= 0) throw std::runtime_error("the browser is gone");
-      buffer_.append(bytes, static_cast<std::size_t>(n));
-    }
+    return browser_.call(session_, method, std::move(params));
   }
 
-  pid_t pid_ = -1;
-  int to_ = -1, from_ = -1, calls_ = 0, width_ = 800;
-  std::string session_, buffer_;
-  std::vector<std::string> complaints_;
+  BrowserProcess& browser_;
+  int width_ = 800;
+  std::string context_, session_;
 };
 
 }  // namespace slicecorr::test

@@ -74,7 +74,7 @@ def check_links(site):
 
 
 def check_search(site):
-    chromium = shutil.which("chromium")
+    chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     if chromium is None:
         print("chromium is not installed: the search was not tried")
         return

@@ -50,7 +50,7 @@ class Browser : public ::testing::Test {
 
   void serve() {
     served_ = std::make_unique<Served>(farm_, options_);
-    page_ = std::make_unique<DrivenPage>(folder_);
+    page_ = std::make_unique<DrivenPage>();
     page_->look_like(1300, 900, false);
   }
   std::string at(const std::string& path) const {
@@ -86,7 +86,6 @@ class Browser : public ::testing::Test {
         << page_->text("all");
   }
 
-  BrowserFolder folder_;
   Farm farm_;
   ServeOptions options_;
   std::unique_ptr<Served> served_;

@@ -16,7 +16,6 @@ namespace slicecorr::farm {
 namespace {
 
 namespace fs = std::filesystem;
-using slicecorr::test::browse;
 using slicecorr::test::BrowserFolder;
 using slicecorr::test::chromium;
 using slicecorr::test::DrivenPage;
@@ -139,8 +138,10 @@ TEST_F(FarmPage, PictureOfTheLiveView) {
   const fs::path out = folder_of_pictures() / "watch.png";
   fs::create_directories(out.parent_path());
   fs::remove(out);
-  browse(folder_, {"--window-size=975,575", "--screenshot=" + out.string()},
-         "file://" + (folder_.path / "watch.html").string());
+  DrivenPage page;
+  page.look_like(975, 575, false);
+  page.open("file://" + (folder_.path / "watch.html").string());
+  page.picture(out);
   ASSERT_TRUE(fs::exists(out));
   EXPECT_GT(fs::file_size(out), 10'000U);
 }
@@ -155,7 +156,7 @@ TEST_F(FarmPage, MorningOnDeskPhoneAndPaper) {
                                         {LinkTo::Kind::files, folder_.path.string()});
   std::ofstream(folder_.path / "page.html") << html;
   const std::string address = "file://" + (folder_.path / "page.html").string();
-  DrivenPage page(folder_);
+  DrivenPage page;
   page.looks(address, folder_of_pictures(), "morning", "true");
   // Nothing is wider than a phone, as which it was seen last: only boxes that scroll by themselves
   // hold wide things.
@@ -179,12 +180,15 @@ class LivePage : public FarmPage {
     server_->stop();
     thread_.join();
   }
-  std::string dom(const std::string& path = "/") {
-    const auto result =
-        browse(folder_, {"--dump-dom", "--window-size=1280,2000", "--enable-logging=stderr"},
-               server_->address() + path);
-    log_ = result.err;
-    return result.out;
+  /// The page once an expression holds; what its scripts and its policy complain of is in `log_`.
+  std::string dom(const std::string& path, const std::string& ready) {
+    DrivenPage page;
+    page.look_like(1280, 2000, false);
+    page.open(server_->address() + path);
+    page.wait_for(ready);
+    log_.clear();
+    for (const std::string& c : page.complaints()) log_ += c + "\n";
+    return page.dom();
   }
   std::unique_ptr<FarmServer> server_;
   std::thread thread_;
@@ -195,7 +199,7 @@ TEST_F(LivePage, ShowsTheFarmAsText) {
   Farm farm;
   fill(farm);
   serve(farm);
-  const std::string page = dom();
+  const std::string page = dom("/", "document.body.dataset.ready === 'yes'");
   EXPECT_THAT(page, HasSubstr("data-ready=\"yes\"")) << log_;
   EXPECT_THAT(page, HasSubstr("462 of 770 layers"));
   EXPECT_THAT(page, HasSubstr("benchy-日本"));
@@ -214,8 +218,8 @@ TEST_F(LivePage, AsksForTheTokenBeyondTheMachine) {
   options.host = "0.0.0.0";
   options.token = std::string(40, 'k');
   serve(farm, options);
-  const std::string page = dom();
-  EXPECT_THAT(page, HasSubstr("shown to those who have its token"));
+  const std::string page =
+      dom("/", "document.body.innerText.includes('shown to those who have its token')");
   EXPECT_THAT(page, Not(HasSubstr("elephant")));
 }
 
@@ -223,7 +227,7 @@ TEST_F(LivePage, ReportAndPartOfTheServer) {
   Farm farm;
   const auto f = fill(farm);
   serve(farm);
-  const std::string page = dom("/report");
+  const std::string page = dom("/report", "true");
   EXPECT_THAT(page, HasSubstr("What failed, and why"));
   EXPECT_THAT(page, HasSubstr(fmt::format("/api/v1/jobs/{}/files/html", f.nasty)));
   EXPECT_THAT(page, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
@@ -247,7 +251,8 @@ TEST_F(LivePage, ReportAndPartOfTheServer) {
   result.files = {{"html", static_cast<std::int64_t>(evil.size()), std::string(64, 'a')}};
   ASSERT_TRUE(farm.queue.begin_commit(claim.token));
   ASSERT_TRUE(farm.queue.finish(claim.token, result, {}, false));
-  const std::string part = dom(fmt::format("/api/v1/jobs/{}/files/html", claim.job.id));
+  const std::string part =
+      dom(fmt::format("/api/v1/jobs/{}/files/html", claim.job.id), "document.title !== 't'");
   EXPECT_THAT(part, HasSubstr("ran null"));
   EXPECT_THAT(part, HasSubstr("<title>kept out</title>"));
 }
@@ -256,7 +261,7 @@ TEST_F(LivePage, PicturesOnDeskAndPhone) {
   Farm farm(last_evening());
   fill_night(farm, 130);
   serve(farm);
-  DrivenPage page(folder_);
+  DrivenPage page;
   page.looks(server_->address() + "/", folder_of_pictures(), "live",
              "document.body.dataset.ready === 'yes'");
 }

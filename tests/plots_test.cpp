@@ -11,8 +11,8 @@
 #include <random>
 #include <regex>
 
+#include "devtools.hpp"
 #include "resins_text.hpp"
-#include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 
@@ -275,44 +275,22 @@ TEST(Page, OfARecordWithoutADose) {
   EXPECT_THAT(html, Not(HasSubstr("nan")));
 }
 
-/// The page's width as a browser lays it out in a window of 400 px, in light and dark.
+/// The page's width as a browser lays it out in a window of 400 px.
 TEST(Page, FitsAPhone) {
-  const std::string chromium = "/usr/bin/chromium";
-  if (!std::filesystem::exists(chromium)) GTEST_SKIP() << "no Chromium here";
-  namespace fs = std::filesystem;
-  const fs::path folder =
-      fs::path(::testing::TempDir()) / ("slicecorr-plots-" + std::to_string(::getpid()));
-  fs::create_directories(folder);
+  if (test::chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
   ResinRecord r = record("a-resin-with-a-name-that-is-quite-long-405nm");
   r.provenance["source"] = "https://example.org/" + std::string(120, 'x');
   const Measurements data = heights(0.7, 20);
-  std::string html = resin_page(r, {fit(data, FitModel::kinetic)});
-  html.insert(
-      html.find("</body>"),
-      "<script>document.title='width '+document.documentElement.scrollWidth+' "
-      "'+Math.max(...[...document.querySelectorAll('svg "
-      "svg')].map(e=>e.parentNode.ownerSVGElement.getBoundingClientRect().right))</script>");
-  std::ofstream(folder / "frame.html")
-      << "<iframe width=400 height=800 src=page.html "
-         "onload=\"document.title=this.contentDocument.title\"></iframe>";
-  std::ofstream(folder / "page.html") << html;
-  test::RunOptions options;
-  options.timeout = std::chrono::seconds(60);
-  const auto run = test::run_program(
-      {chromium, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
-       "--disable-background-networking", "--disable-component-update", "--disable-sync",
-       "--allow-file-access-from-files", "--virtual-time-budget=5000",
-       "--user-data-dir=" + (folder / "profile").string(), "--dump-dom",
-       "file://" + (folder / "frame.html").string()},
-      options);
-  const auto title = all(run.out, "<title>([^<]*)</title>");
-  fs::remove_all(folder);
-  ASSERT_EQ(title.size(), 1U) << run.out << run.err;
-  std::istringstream words(title[0]);
-  std::string word;
-  double width = 0, right = 0;
-  ASSERT_TRUE(words >> word >> width >> right) << title[0];
-  EXPECT_LE(width, 400);
+  const test::BrowserFolder folder;
+  std::ofstream(folder.path / "page.html") << resin_page(r, {fit(data, FitModel::kinetic)});
+  test::DrivenPage page;
+  page.look_like(400, 800, false);
+  page.open("file://" + (folder.path / "page.html").string());
+  EXPECT_LE(page.eval("document.documentElement.scrollWidth").get<double>(), 400);
+  const double right = page.eval(
+                               "Math.max(...[...document.querySelectorAll('svg svg')].map("
+                               "e => e.parentNode.ownerSVGElement.getBoundingClientRect().right))")
+                           .get<double>();
   EXPECT_LE(right, 400);
   EXPECT_GT(right, 300);
 }

@@ -22,7 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using test::browse;
 using test::chromium;
 using test::DrivenPage;
 using Folder = test::BrowserFolder;
@@ -70,7 +69,7 @@ TEST_F(ReportPage, ControlsWork) {
   const CorrectedSlices corrected(*target_, setup_);
   const ReducedVolume v = reduce_volume(corrected, *target_, setup_, kReportCells);
   const std::string address = write(lattice_page(*target_, setup_).html);
-  DrivenPage page(folder_);
+  DrivenPage page;
   for (const int window : {1280, 500}) {
     const auto test = page.selftest(address, window);
     ASSERT_TRUE(test.is_object());
@@ -127,7 +126,7 @@ TEST_F(ReportPage, ColumnsLayerByLayerAndFromAKernel) {
   setup.process.mode = ExposureMode::layerwise;
   setup.process.exposure_s = 0.16;
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, 50);
-  DrivenPage page(folder_);
+  DrivenPage page;
   for (const bool kernel : {false, true}) {
     // Both give the same doses; the tables are in single precision. A schedule of its own goes with
     // the first only.
@@ -157,7 +156,7 @@ TEST_F(ReportPage, ColumnsLayerByLayerAndFromAKernel) {
 
 TEST_F(ReportPage, PicturesOnDeskAndPhoneLightAndDark) {
   const std::string address = write(lattice_page(*target_, setup_).html);
-  DrivenPage page(folder_);
+  DrivenPage page;
   page.looks(address, fs::path(SLICECORR_BIN_DIR).parent_path() / "report-pictures", "report",
              "document.documentElement.dataset.ready");
 }
@@ -168,9 +167,10 @@ TEST_F(ReportPage, PrintsWithoutScripts) {
   const std::string still = html.substr(0, html.find("<script"));
   EXPECT_NE(still.find("<section id=\"explorer\" hidden"), std::string::npos);
   std::ofstream(folder_.path / "still.html") << still;
-  const auto result = browse(folder_, {"--print-to-pdf=" + paper.string()},
-                             "file://" + (folder_.path / "still.html").string());
-  ASSERT_TRUE(fs::exists(paper)) << result.err.substr(0, 2000);
+  DrivenPage page;
+  page.open("file://" + (folder_.path / "still.html").string());
+  page.print(paper);
+  ASSERT_TRUE(fs::exists(paper));
   EXPECT_GT(fs::file_size(paper), 30000U);
   // The still sections stand in the markup itself.
   EXPECT_NE(still.find("alt=\"This stack: what will print\""), std::string::npos);
@@ -189,7 +189,7 @@ void expect_small_page(int cells, int display_px) {
   if (chromium().empty()) GTEST_SKIP() << "chromium is not installed: page made, not opened";
   const Folder folder;
   std::ofstream(folder.path / "page.html") << page.html;
-  DrivenPage browser(folder);
+  DrivenPage browser;
   const auto test = browser.selftest("file://" + (folder.path / "page.html").string(), 1280);
   ASSERT_TRUE(test.is_object());
   EXPECT_TRUE(test["ok"].get<bool>()) << test["checks"].dump() << test.value("error", "");

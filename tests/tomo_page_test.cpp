@@ -71,7 +71,7 @@ TEST(TomoPage, ControlsWorkAndItCountsAsTheLibraryDoes) {
   const Folder folder;
   const Printed p = gyroid(41);
   const std::string address = write(folder, report_page(p, "gyroid"));
-  DrivenPage page(folder);
+  DrivenPage page;
   for (const int window : {1280, 500}) {
     const auto test = page.selftest(address, window);
     ASSERT_TRUE(test.is_object());
@@ -99,7 +99,7 @@ TEST(TomoPage, ControlsWorkAndItCountsAsTheLibraryDoes) {
 TEST(TomoPage, PicturesOnDeskAndPhoneLightAndDark) {
   if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
   const Folder folder;
-  DrivenPage page(folder);
+  DrivenPage page;
   page.looks(write(folder, report_page(gyroid(41), "gyroid")),
              fs::path(SLICECORR_BIN_DIR).parent_path() / "report-pictures", "tomo",
              "document.documentElement.dataset.ready");
@@ -112,7 +112,7 @@ void expect_small_page_of(int n, std::size_t most) {
   EXPECT_GT(html.size(), 500000U);
   if (chromium().empty()) GTEST_SKIP() << "chromium is not installed: page made, not opened";
   const Folder folder;
-  DrivenPage page(folder);
+  DrivenPage page;
   const auto test = page.selftest(write(folder, html), 1280);
   ASSERT_TRUE(test.is_object());
   EXPECT_TRUE(test["ok"].get<bool>()) << test.dump();

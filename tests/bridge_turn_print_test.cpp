@@ -250,7 +250,7 @@ TEST_F(BridgeTurnPrint, TheLivePageIsInDegrees) {
                 "--listen", "127.0.0.1:0"});
   DrivenPage page;
   page.open(served.line() + "/");
-  page.wait_for("document.body.innerText.includes('stage_error: ')");
+  page.wait_for("document.body.innerHTML.includes('degrees of the turn')");
   const std::string dom = page.dom();
   for (const std::string& what :
        {std::string("stage_error: the stage has stalled at"), "turn 2 of " + turns,

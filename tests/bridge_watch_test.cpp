@@ -416,7 +416,7 @@ TEST_F(BridgeView, TheLivePageInABrowser) {
                 "--listen", "127.0.0.1:0"});
   DrivenPage page;
   page.open(served.line() + "/");
-  page.wait_for("document.body.innerText.includes('door_open: ')");
+  page.wait_for("document.body.innerHTML.includes('phase lamps_off')");
   const std::string dom = page.dom();
   for (const char* what : {"no print runs", "door_open: ", "latest frame", "How late frames were",
                            "phase lamps_off"}) {

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Holds docs/glossary.md and docs/glossary-code.md against the code: each term is defined once, its home is there,
 and retired words stand nowhere that they may not. Usage: glossary.py ROOT. Prints what is wrong and ends with 1, else 0."""
 

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Reads the include graph and compares it with cmake/layers.txt.
 
 A module may include itself and the modules listed above it; other components use public headers, the support layer

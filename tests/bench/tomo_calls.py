@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """What a call from Python costs: milliseconds of one thread for the operators of 256 x 256 voxels and 360 angles, the
 least of several; beside them stand those of build/bin/tomo_bench, which calls the kernels alone.
 Run with PYTHONPATH=build/python."""

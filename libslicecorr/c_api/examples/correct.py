@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Corrects an archive: correct.py IN OUT PRINTER RESIN SPEED_MM_H. IN and OUT may be the same file."""
 import sys
 

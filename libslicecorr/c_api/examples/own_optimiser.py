@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Frames from an optimiser of one's own: own_optimiser.py OUT.frames PRINTER RESIN. Needs SciPy."""
 import sys
 

@@ -1,7 +1,5 @@
 #include "stack/container/tar_container.hpp"
 
-#include <archive.h>
-#include <archive_entry.h>
 #include <stdio.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/blob_store.hpp"
+#include "stack/container/tar_functions.hpp"
 #include "stack/container/tar_reader.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
@@ -64,29 +63,29 @@ class TarContainer final : public Container {
 class TarWriter {
  public:
   TarWriter(const std::string& file, const std::string& shown_path)
-      : path_(shown_path), tar_(archive_write_new(), &archive_write_free) {
+      : path_(shown_path), tar_(libarchive().write_new(), libarchive().write_free) {
     if (!tar_) throw std::bad_alloc();
     // Plain ustar headers wherever they can say it all: printers read little else.
-    check(archive_write_set_format_pax_restricted(tar_.get()));
-    check(archive_write_add_filter_gzip(tar_.get()));
-    check(archive_write_set_filter_option(tar_.get(), "gzip", "timestamp", nullptr));
-    check(archive_write_set_bytes_in_last_block(tar_.get(), 1));
-    check(archive_write_open_filename(tar_.get(), file.c_str()));
+    check(libarchive().write_set_format_pax_restricted(tar_.get()));
+    check(libarchive().write_add_filter_gzip(tar_.get()));
+    check(libarchive().write_set_filter_option(tar_.get(), "gzip", "timestamp", nullptr));
+    check(libarchive().write_set_bytes_in_last_block(tar_.get(), 1));
+    check(libarchive().write_open_filename(tar_.get(), file.c_str()));
   }
 
   void begin(archive_entry* header) {
-    const int result = archive_write_header(tar_.get(), header);
+    const int result = libarchive().write_header(tar_.get(), header);
     // A warning: the name is in no encoding that the locale has, and is written as it is.
     if (result != ARCHIVE_WARN) check(result);
   }
   void write(std::span<const std::uint8_t> data) {
     while (!data.empty()) {
-      const la_ssize_t n = archive_write_data(tar_.get(), data.data(), data.size());
+      const la_ssize_t n = libarchive().write_data(tar_.get(), data.data(), data.size());
       if (n <= 0) fail();
       data = data.subspan(static_cast<std::size_t>(n));
     }
   }
-  void close() { check(archive_write_close(tar_.get())); }
+  void close() { check(libarchive().write_close(tar_.get())); }
 
  private:
   void check(int result) {
@@ -94,14 +93,14 @@ class TarWriter {
   }
   [[noreturn]] void fail() {
     // The text of the system alone says more than the library's, which names the temporary file.
-    const int error = archive_errno(tar_.get());
+    const int error = libarchive().error_number(tar_.get());
     if (error > 0) throw DeviceError(errno_message(path_, "can't be written", error));
-    const char* const text = archive_error_string(tar_.get());
+    const char* const text = libarchive().error_string(tar_.get());
     throw DeviceError(path_ + ": can't be written: " + (text != nullptr ? text : "unknown error"));
   }
 
   std::string path_;
-  std::unique_ptr<archive, decltype(&archive_write_free)> tar_;
+  std::unique_ptr<archive, decltype(TarFunctions::write_free)> tar_;
 };
 
 class TarGzOutput final : public ContainerOutput {
@@ -140,7 +139,7 @@ void TarGzOutput::write_source(const Source& source, archive_entry* header, TarW
                                const ExecutionContext& context) {
   context.check_cancelled();
   source.make(data_);
-  archive_entry_set_size(header, static_cast<la_int64_t>(source.size));
+  libarchive().entry_set_size(header, static_cast<la_int64_t>(source.size));
   tar.begin(header);
   tar.write(data_);
   done_ += static_cast<double>(source.size);
@@ -160,7 +159,7 @@ void TarGzOutput::write(const std::string& file, const ExecutionContext& context
     while (kept.next()) {
       context.check_cancelled();
       archive_entry* const header = kept.header();
-      archive_entry_sparse_clear(header);
+      libarchive().entry_sparse_clear(header);
       const auto found = kept.is_folder() ? by_name.end() : by_name.find(kept.name());
       if (found != by_name.end()) {
         write_source(sources_[found->second], header, tar, context);
@@ -171,17 +170,17 @@ void TarGzOutput::write(const std::string& file, const ExecutionContext& context
       while (const std::size_t n = kept.read(block)) tar.write(std::span(block).first(n));
     }
   }
-  const std::unique_ptr<archive_entry, decltype(&archive_entry_free)> header(archive_entry_new(),
-                                                                             &archive_entry_free);
+  const std::unique_ptr<archive_entry, decltype(TarFunctions::entry_free)> header(
+      libarchive().entry_new(), libarchive().entry_free);
   if (!header) throw std::bad_alloc();
   for (std::size_t i = 0; i < sources_.size(); ++i) {
     if (written[i]) continue;
-    archive_entry_clear(header.get());
-    archive_entry_set_pathname(header.get(), sources_[i].name.c_str());
-    archive_entry_set_filetype(header.get(), AE_IFREG);
-    archive_entry_set_perm(header.get(), 0644);
+    libarchive().entry_clear(header.get());
+    libarchive().entry_set_pathname(header.get(), sources_[i].name.c_str());
+    libarchive().entry_set_filetype(header.get(), AE_IFREG);
+    libarchive().entry_set_perm(header.get(), 0644);
     constexpr time_t first_of_1980 = 315532800;  // as in our zips, which know no earlier one
-    archive_entry_set_mtime(header.get(), first_of_1980, 0);
+    libarchive().entry_set_mtime(header.get(), first_of_1980, 0);
     write_source(sources_[i], header.get(), tar, context);
   }
   tar.close();

@@ -1,7 +1,5 @@
 #include "stack/container/tar_reader.hpp"
 
-#include <archive.h>
-#include <archive_entry.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -16,6 +14,7 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/container/container.hpp"
+#include "stack/container/tar_functions.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/unpacked_limit.hpp"
 
@@ -25,7 +24,7 @@ namespace {
 constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
 /// What a file may unpack to: slices that are mostly black pack very well.
-constexpr std::uint64_t kLargestRatio = 500;
+constexpr std::uint64_t kLargestGzipRatio = 500;
 
 /// Twice a million slices, in visible and in UV light, and some for what else there is.
 constexpr std::uint64_t kMostEntries = 2'100'000;
@@ -43,7 +42,7 @@ class GzipStream {
       throw InputError(message);
     }
     file_bytes_ = static_cast<std::uint64_t>(status.st_size);
-    limit_ = most_unpacked_bytes(file_bytes_, kLargestRatio);
+    limit_ = most_unpacked_bytes(file_bytes_, kLargestGzipRatio);
     constexpr int gzip_only = 16;
     if (inflateInit2(&state_, MAX_WBITS + gzip_only) != Z_OK) {
       ::close(file_);
@@ -84,7 +83,7 @@ class GzipStream {
     if (unpacked_ > limit_) {
       throw InputError(path_, "",
                        "unpacks to more than " + std::to_string(limit_) + " bytes, " +
-                           std::to_string(kLargestRatio) + " times its size");
+                           std::to_string(kLargestGzipRatio) + " times its size");
     }
     return n;
   }
@@ -151,7 +150,7 @@ struct TarReader::Impl {
   std::uint64_t tar_bytes = 0;    ///< given to libarchive
   std::uint64_t nonzero_end = 0;  ///< end of the last byte among these that is not 0
   std::exception_ptr error;       ///< must not pass through the C library
-  std::unique_ptr<archive, decltype(&archive_read_free)> tar{nullptr, &archive_read_free};
+  std::unique_ptr<archive, decltype(TarFunctions::read_free)> tar{nullptr, libarchive().read_free};
   archive_entry* header = nullptr;
   std::string name;
   bool folder = false;
@@ -176,14 +175,14 @@ struct TarReader::Impl {
       return static_cast<la_ssize_t>(s.fill());
     } catch (...) {
       s.error = std::current_exception();
-      archive_set_error(a, EIO, "see the exception");
+      libarchive().set_error(a, EIO, "see the exception");
       return -1;
     }
   }
 
   [[noreturn]] void fail(const std::string& entry) {
     if (error) std::rethrow_exception(error);
-    const char* const text = archive_error_string(tar.get());
+    const char* const text = libarchive().error_string(tar.get());
     throw InputError(path, entry,
                      std::string("not a sound tar archive") +
                          (text != nullptr ? std::string(" (") + text + ")" : "") +
@@ -192,7 +191,7 @@ struct TarReader::Impl {
 
   void check_end() {
     // The two blocks of zeros that end a tar have been read; all after them must be zeros too.
-    const auto end = static_cast<std::uint64_t>(archive_read_header_position(tar.get()));
+    const auto end = static_cast<std::uint64_t>(libarchive().read_header_position(tar.get()));
     while (fill() > 0) {
     }
     if (nonzero_end > end)
@@ -202,10 +201,10 @@ struct TarReader::Impl {
 
 TarReader::TarReader(const std::string& path) : impl_(std::make_unique<Impl>(path)) {
   Impl& s = *impl_;
-  s.tar.reset(archive_read_new());
+  s.tar.reset(libarchive().read_new());
   if (!s.tar) throw std::bad_alloc();
-  if (archive_read_support_format_tar(s.tar.get()) != ARCHIVE_OK ||
-      archive_read_open(s.tar.get(), &s, nullptr, &Impl::give, nullptr) != ARCHIVE_OK) {
+  if (libarchive().read_support_format_tar(s.tar.get()) != ARCHIVE_OK ||
+      libarchive().read_open(s.tar.get(), &s, nullptr, &Impl::give, nullptr) != ARCHIVE_OK) {
     s.fail("");
   }
 }
@@ -221,7 +220,7 @@ bool TarReader::next() {
     }
   }
   s.bytes_read = 0;
-  const int result = archive_read_next_header(s.tar.get(), &s.header);
+  const int result = libarchive().read_next_header(s.tar.get(), &s.header);
   if (result == ARCHIVE_EOF) {
     s.header = nullptr;
     s.check_end();
@@ -229,10 +228,10 @@ bool TarReader::next() {
   }
   // A warning: the name is in an encoding that the locale has not. The bytes are what counts.
   if (result != ARCHIVE_OK && result != ARCHIVE_WARN) s.fail("");
-  s.folder = archive_entry_filetype(s.header) == AE_IFDIR;
-  s.bytes = static_cast<std::uint64_t>(std::max<la_int64_t>(0, archive_entry_size(s.header)));
-  const char* name = archive_entry_pathname(s.header);
-  if (name == nullptr) name = archive_entry_pathname_utf8(s.header);
+  s.folder = libarchive().entry_filetype(s.header) == AE_IFDIR;
+  s.bytes = static_cast<std::uint64_t>(std::max<la_int64_t>(0, libarchive().entry_size(s.header)));
+  const char* name = libarchive().entry_pathname(s.header);
+  if (name == nullptr) name = libarchive().entry_pathname_utf8(s.header);
   if (name == nullptr) {
     throw InputError(s.path, "entry " + std::to_string(s.entries), "has no readable name");
   }
@@ -243,10 +242,11 @@ bool TarReader::next() {
         s.path, shown,
         "is more than the " + std::to_string(kMostEntries) + " entries that an archive may have");
   }
-  if (archive_entry_hardlink(s.header) != nullptr || archive_entry_filetype(s.header) == AE_IFLNK) {
+  if (libarchive().entry_hardlink(s.header) != nullptr ||
+      libarchive().entry_filetype(s.header) == AE_IFLNK) {
     throw InputError(s.path, shown, "is a link, expected files only");
   }
-  if (!is_folder() && archive_entry_filetype(s.header) != AE_IFREG) {
+  if (!is_folder() && libarchive().entry_filetype(s.header) != AE_IFREG) {
     throw InputError(s.path, shown, "is a device, expected files only");
   }
   if (!(is_folder() && s.name.empty()) && !is_safe_name(s.name)) {
@@ -265,7 +265,7 @@ std::size_t TarReader::read(std::span<std::uint8_t> out) {
   Impl& s = *impl_;
   std::size_t done = 0;
   while (done < out.size()) {
-    const la_ssize_t n = archive_read_data(s.tar.get(), out.data() + done, out.size() - done);
+    const la_ssize_t n = libarchive().read_data(s.tar.get(), out.data() + done, out.size() - done);
     if (n < 0) s.fail(shown_name(s.name));
     if (n == 0) break;
     done += static_cast<std::size_t>(n);

@@ -14,4 +14,6 @@ inline int rounds(int by_day) {
   return by_day * std::max(1, text ? std::atoi(text) : 1);
 }
 
+inline bool by_night() { return rounds(1) > 1; }
+
 }  // namespace slicecorr::test

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <tuple>
 
@@ -19,16 +20,75 @@ constexpr const char* kPython = "/usr/bin/python3";
 constexpr const char* kGuard = SLICECORR_SOURCE_DIR "/scripts/bench-guard";
 constexpr const char* kBench = SLICECORR_SOURCE_DIR "/scripts/bench";
 
+/// Reads the script argv[1] with its modules once, then runs it in a process forked for each list of
+/// words in argv[2]. Prints exit code, stdout and stderr of each.
+constexpr const char* kForEach = R"(
+import json, os, sys, tempfile, traceback
+script, lines = sys.argv[1], json.loads(sys.argv[2])
+with open(script) as file:
+    code = compile(file.read(), script, "exec")
+exec(code, {"__name__": "imported", "__file__": script})
+said = []
+for words in lines:
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        child = os.fork()
+        if child == 0:
+            os.dup2(out.fileno(), 1)
+            os.dup2(err.fileno(), 2)
+            sys.argv = [script, *words]
+            status = 1
+            try:
+                exec(code, {"__name__": "__main__", "__file__": script})
+            except SystemExit as end:
+                status = end.code
+            except BaseException:
+                traceback.print_exc()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        texts = []
+        for file in (out, err):
+            file.seek(0)
+            texts.append(file.read().decode(errors="replace"))
+        said.append([status, *texts])
+print(json.dumps(said))
+)";
+
+/// The script with each of these lists of words. What it says must be words, too.
+std::vector<RunResult> run_each(const char* script, const std::vector<Command>& lines) {
+  const RunResult all = run_program({kPython, "-c", kForEach, script, Json(lines).dump()});
+  std::vector<RunResult> results(lines.size());
+  EXPECT_EQ(all.exit_code, 0) << all.err;
+  if (all.exit_code != 0) return results;
+  const Json said = Json::parse(all.out);
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    results[i].exit_code = said.at(i).at(0).get<int>();
+    results[i].out = said.at(i).at(1).get<std::string>();
+    results[i].err = said.at(i).at(2).get<std::string>();
+    EXPECT_EQ(results[i].err.find("Traceback"), std::string::npos) << results[i].err;
+  }
+  return results;
+}
+
 class BenchGuard : public testing::Test {
  protected:
-  RunResult compare(const std::string& base, const std::string& head,
-                    const std::vector<std::string>& options = {}) {
-    write_file(folder_ / "base.json", to_bytes(base));
-    write_file(folder_ / "head.json", to_bytes(head));
-    std::vector<std::string> command{kPython, kGuard, "--counts", folder_ / "base.json",
-                                     folder_ / "head.json"};
-    command.insert(command.end(), options.begin(), options.end());
-    return run_program(command);
+  /// Counts of two sides and what else is said.
+  struct Counts {
+    std::string base, head;
+    Command options = {};
+  };
+  std::vector<RunResult> compare(const std::vector<Counts>& all) {
+    std::vector<Command> lines;
+    for (const Counts& c : all) {
+      const std::string number = std::to_string(lines.size());
+      const std::string base = folder_ / (number + "-base.json");
+      const std::string head = folder_ / (number + "-head.json");
+      write_file(base, to_bytes(c.base));
+      write_file(head, to_bytes(c.head));
+      lines.push_back(Command{"--counts", base, head} + c.options);
+    }
+    return run_each(kGuard, lines);
   }
   RunResult bench(const Json& stored) {
     write_file(folder_ / "stored.json", to_bytes(stored.dump()));
@@ -39,7 +99,8 @@ class BenchGuard : public testing::Test {
 };
 
 TEST_F(BenchGuard, EqualCountsPass) {
-  const RunResult r = compare(R"({"slice": [1000, 1001]})", R"({"slice": [1000, 1000]})");
+  const RunResult r =
+      compare({{R"({"slice": [1000, 1001]})", R"({"slice": [1000, 1000]})"}}).front();
   EXPECT_EQ(r.exit_code, 0) << r.err;
   EXPECT_NE(r.out.find("| slice | 0.00 | 0.00 | 1.0000 |"), std::string::npos) << r.out;
   // The spread of the base: one in a thousand.
@@ -48,28 +109,35 @@ TEST_F(BenchGuard, EqualCountsPass) {
 
 TEST_F(BenchGuard, GrowthBeyondTheToleranceFails) {
   const std::string base = R"({"slice": [1000000], "run": [1000000]})";
-  EXPECT_EQ(compare(base, R"({"slice": [1030000], "run": [1000000]})").exit_code, 0);
-  const RunResult r = compare(base, R"({"slice": [1000000], "run": [1030001]})");
+  const auto results = compare({{base, R"({"slice": [1030000], "run": [1000000]})"},
+                                {base, R"({"slice": [1000000], "run": [1030001]})"},
+                                {base, R"({"slice": [1], "run": [1030001]})", {"--tolerance", "4"}},
+                                {base, R"({"slice": [1], "run": [1040000]})"}});
+  EXPECT_EQ(results[0].exit_code, 0);
+  const RunResult& r = results[1];
   EXPECT_EQ(r.exit_code, 1) << r.err;
   EXPECT_NE(r.out.find("| run | 1.00 | 1.03 | 1.0300 | GROWN |"), std::string::npos) << r.out;
   EXPECT_NE(r.out.find("run takes 3.0 % more instructions."), std::string::npos) << r.out;
-  EXPECT_EQ(compare(base, R"({"slice": [1], "run": [1030001]})", {"--tolerance", "4"}).exit_code,
-            0);
+  EXPECT_EQ(results[2].exit_code, 0);
   // Less in one job does not pay for more in another.
-  EXPECT_EQ(compare(base, R"({"slice": [1], "run": [1040000]})").exit_code, 1);
+  EXPECT_EQ(results[3].exit_code, 1);
 }
 
 TEST_F(BenchGuard, TheLeastOfSeveralCountsIsCompared) {
-  EXPECT_EQ(compare(R"({"slice": [1000, 2000]})", R"({"slice": [5000, 1000]})").exit_code, 0);
-  EXPECT_EQ(compare(R"({"slice": [1000, 2000]})", R"({"slice": [2000, 2000]})").exit_code, 1);
+  const auto results = compare({{R"({"slice": [1000, 2000]})", R"({"slice": [5000, 1000]})"},
+                                {R"({"slice": [1000, 2000]})", R"({"slice": [2000, 2000]})"}});
+  EXPECT_EQ(results[0].exit_code, 0);
+  EXPECT_EQ(results[1].exit_code, 1);
 }
 
 TEST_F(BenchGuard, JobsOfOneSideOnly) {
   // A new job has nothing to grow from; one that is gone can't be judged.
-  const RunResult more = compare(R"({"slice": [10]})", R"({"slice": [10], "run": [99]})");
+  const auto results = compare({{R"({"slice": [10]})", R"({"slice": [10], "run": [99]})"},
+                                {R"({"slice": [10], "run": [9]})", R"({"slice": [10]})"}});
+  const RunResult& more = results[0];
   EXPECT_EQ(more.exit_code, 0) << more.err;
   EXPECT_NE(more.out.find("| run | - | 0.00 | - | new |"), std::string::npos) << more.out;
-  const RunResult less = compare(R"({"slice": [10], "run": [9]})", R"({"slice": [10]})");
+  const RunResult& less = results[1];
   EXPECT_EQ(less.exit_code, 2);
   EXPECT_NE(less.err.find("no count for: run"), std::string::npos) << less.err;
 }
@@ -78,30 +146,39 @@ TEST_F(BenchGuard, BadCountsAreRefusedByName) {
   const std::string good = R"({"slice": [10]})";
   // Both files are read alike: each kind of damage is in one of them, the first and the second in
   // turn.
-  bool first = false;
-  for (const std::string bad : {"", "{", "[]", "{}", "3", R"({"slice": []})", R"({"slice": 10})",
-                                R"({"slice": [0]})", R"({"slice": [-4]})", R"({"slice": [1.5]})",
-                                R"({"slice": ["10"]})", R"({"slice": [true]})"}) {
-    first = !first;
-    const RunResult r = first ? compare(bad, good) : compare(good, bad);
-    EXPECT_EQ(r.exit_code, 2) << bad;
-    EXPECT_NE(r.err.find(first ? "base.json" : "head.json"), std::string::npos) << r.err;
-    EXPECT_EQ(r.err.find("Traceback"), std::string::npos) << r.err;
+  const std::vector<std::string> wrong{"",
+                                       "{",
+                                       "[]",
+                                       "{}",
+                                       "3",
+                                       R"({"slice": []})",
+                                       R"({"slice": 10})",
+                                       R"({"slice": [0]})",
+                                       R"({"slice": [-4]})",
+                                       R"({"slice": [1.5]})",
+                                       R"({"slice": ["10"]})",
+                                       R"({"slice": [true]})"};
+  std::vector<Counts> all;
+  for (std::size_t i = 0; i < wrong.size(); ++i) {
+    all.push_back(i % 2 == 0 ? Counts{wrong[i], good} : Counts{good, wrong[i]});
+  }
+  const auto results = compare(all);
+  for (std::size_t i = 0; i < wrong.size(); ++i) {
+    const RunResult& r = results[i];
+    EXPECT_EQ(r.exit_code, 2) << wrong[i];
+    EXPECT_NE(r.err.find(i % 2 == 0 ? "base.json" : "head.json"), std::string::npos) << r.err;
   }
 }
 
 TEST_F(BenchGuard, WrongUse) {
-  for (const std::vector<std::string>& words : {std::vector<std::string>{},
-                                                {"--counts", "a.json"},
-                                                {"a", "b", "--tolerance", "-1"},
-                                                {"a", "b", "--repeats", "0"},
-                                                {"a", "b", "--only", "knit"}}) {
-    std::vector<std::string> command{kPython, kGuard};
-    command.insert(command.end(), words.begin(), words.end());
-    EXPECT_EQ(run_program(command).exit_code, 2);
-  }
-  const RunResult unknown = run_program({kPython, kGuard, "no-such-commit", "--only", "slice"});
-  EXPECT_EQ(unknown.exit_code, 2);
+  const auto results = run_each(kGuard, {{},
+                                         {"--counts", "a.json"},
+                                         {"a", "b", "--tolerance", "-1"},
+                                         {"a", "b", "--repeats", "0"},
+                                         {"a", "b", "--only", "knit"},
+                                         {"no-such-commit", "--only", "slice"}});
+  for (const RunResult& r : results) EXPECT_EQ(r.exit_code, 2) << r.err;
+  const RunResult& unknown = results.back();
   EXPECT_NE(unknown.err.find("no-such-commit"), std::string::npos) << unknown.err;
   // As people call them.
   EXPECT_EQ(run_program({kGuard, "--help"}).exit_code, 0);
@@ -186,43 +263,41 @@ TEST_F(BenchGuard, WithoutPrusaSlicerNothingIsSaidOfIt) {
   EXPECT_NE(r.out.find("without PrusaSlicer"), std::string::npos) << r.out;
 }
 
-/// scripts/bench with these words; what it says must be words, too.
-RunResult bench_says(const std::vector<std::string>& words) {
-  std::vector<std::string> command{kPython, kBench};
-  command.insert(command.end(), words.begin(), words.end());
-  const RunResult r = run_program(command);
-  EXPECT_EQ(r.err.find("Traceback"), std::string::npos) << r.err;
-  return r;
-}
-
 TEST_F(BenchGuard, WhatIsNoStoredRunIsRefused) {
   const std::string stored = folder_ / "stored.json";
-  const RunResult missing = bench_says({"--from", stored});
-  EXPECT_EQ(missing.exit_code, 2);
-  EXPECT_NE(missing.err.find(stored + ": can't be read: No such file"), std::string::npos)
-      << missing.err;
-  EXPECT_EQ(bench_says({"--from", folder_ / "."}).exit_code, 2);
-  for (const std::string bad : {"", "{", "[]", "3", "null", "{}", "\xff", R"({"slice": [10]})"}) {
-    write_file(stored, to_bytes(bad));
-    const RunResult r = bench_says({"--from", stored});
-    EXPECT_EQ(r.exit_code, 2) << bad;
-    EXPECT_NE(r.err.find(stored), std::string::npos) << r.err;
+  const std::vector<std::string> wrong{"",     "{",  "[]",   "3",
+                                       "null", "{}", "\xff", R"({"slice": [10]})"};
+  std::vector<Command> lines{{"--from", stored}, {"--from", folder_ / "."}};
+  for (std::size_t i = 0; i < wrong.size(); ++i) {
+    const std::string path = folder_ / ("wrong" + std::to_string(i));
+    write_file(path, to_bytes(wrong[i]));
+    lines.push_back({"--from", path});
+  }
+  const auto results = run_each(kBench, lines);
+  EXPECT_NE(results[0].err.find(stored + ": can't be read: No such file"), std::string::npos)
+      << results[0].err;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    EXPECT_EQ(results[i].exit_code, 2) << lines[i][1] << results[i].err;
+    if (i != 1) {
+      EXPECT_NE(results[i].err.find(lines[i][1]), std::string::npos) << results[i].err;
+    }
   }
 }
 
 TEST_F(BenchGuard, StoredRunsOfAnotherShapeAreRefusedByPlace) {
   using Pointer = Json::json_pointer;
-  const auto refused = [&](const Json& run, const std::string& place) {
-    write_file(folder_ / "stored.json", to_bytes(run.dump()));
-    const RunResult r = bench_says({"--from", folder_ / "stored.json"});
-    EXPECT_EQ(r.exit_code, 2) << place;
-    EXPECT_NE(r.err.find(place), std::string::npos) << r.err;
-    EXPECT_EQ(r.out, "");
+  std::vector<Command> lines;
+  std::vector<std::string> places;
+  const auto add = [&](const Json& run, const std::string& place) {
+    const std::string path = folder_ / (std::to_string(lines.size()) + ".json");
+    write_file(path, to_bytes(run.dump()));
+    lines.push_back({"--from", path});
+    places.push_back(place);
   };
   for (const char* key : {"machine", "peer", "quick", "measurements", "outputs", "stages"}) {
     Json run = stored_run();
     run.erase(key);
-    refused(run, std::string("no '") + key + "'");
+    add(run, std::string("no '") + key + "'");
   }
   const std::vector<std::tuple<std::string, Json, std::string>> changes{
       {"/machine/cores", 0, "machine.cores: 0"},
@@ -238,7 +313,14 @@ TEST_F(BenchGuard, StoredRunsOfAnotherShapeAreRefusedByPlace) {
   for (const auto& [at, value, place] : changes) {
     Json run = stored_run();
     run[Pointer(at)] = value;
-    refused(run, place);
+    add(run, place);
+  }
+  const auto results = run_each(kBench, lines);
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const RunResult& r = results[i];
+    EXPECT_EQ(r.exit_code, 2) << places[i];
+    EXPECT_NE(r.err.find(places[i]), std::string::npos) << r.err;
+    EXPECT_EQ(r.out, "");
   }
 }
 
@@ -247,30 +329,32 @@ TEST_F(BenchGuard, PortionsOfOtherMachinesAreNotJoined) {
   other["machine"]["cores"] = 4;
   write_file(folder_ / "a.json", to_bytes(stored_run().dump()));
   write_file(folder_ / "b.json", to_bytes(other.dump()));
-  const RunResult r = bench_says({"--from", folder_ / "a.json", "--from", folder_ / "b.json"});
+  const RunResult r =
+      run_each(kBench, {{"--from", folder_ / "a.json", "--from", folder_ / "b.json"}}).front();
   EXPECT_EQ(r.exit_code, 2);
   EXPECT_NE(r.err.find("differ in cores: 2 and 4"), std::string::npos) << r.err;
 }
 
 TEST_F(BenchGuard, FoldersThatAreNotThere) {
   const std::string nowhere = folder_ / "nowhere";
-  const RunResult data = bench_says({"--data", nowhere});
-  EXPECT_EQ(data.exit_code, 2);
-  EXPECT_NE(data.err.find("--data: no folder " + nowhere), std::string::npos) << data.err;
-  const RunResult build = bench_says({"--build", nowhere});
-  EXPECT_EQ(build.exit_code, 2);
-  EXPECT_NE(build.err.find("no " + nowhere + "/bin/slicecorr"), std::string::npos) << build.err;
-  EXPECT_EQ(bench_says({"--json", nowhere + "/out.json"}).exit_code, 2);
   write_file(folder_ / "file", to_bytes("x"));
-  EXPECT_EQ(bench_says({"--out", folder_ / "file"}).exit_code, 2);
+  const auto results = run_each(kBench, {{"--data", nowhere},
+                                         {"--build", nowhere},
+                                         {"--json", nowhere + "/out.json"},
+                                         {"--out", folder_ / "file"}});
+  for (const RunResult& r : results) EXPECT_EQ(r.exit_code, 2) << r.err;
+  EXPECT_NE(results[0].err.find("--data: no folder " + nowhere), std::string::npos)
+      << results[0].err;
+  EXPECT_NE(results[1].err.find("no " + nowhere + "/bin/slicecorr"), std::string::npos)
+      << results[1].err;
 }
 
 /// A build folder whose programs are scripts.
-class BenchOfSubstitutes : public BenchGuard {
- protected:
-  void SetUp() override {
-    std::filesystem::create_directories(folder_ / "build/bin");
-    write_file(folder_ / "build/CMakeCache.txt", to_bytes("CMAKE_BUILD_TYPE:STRING=Release\n"));
+class Substitutes {
+ public:
+  explicit Substitutes(std::string folder) : folder_(std::move(folder)) {
+    std::filesystem::create_directories(folder_ + "/bin");
+    write_file(folder_ + "/CMakeCache.txt", to_bytes("CMAKE_BUILD_TYPE:STRING=Release\n"));
     // As many bytes as the gyroid has.
     script("make_part", "truncate -s $((84 + 50 * 317084)) \"$2\"");
     script("compare_slices", "echo '" + std::string(kComparison) + "'");
@@ -279,7 +363,7 @@ class BenchOfSubstitutes : public BenchGuard {
     slicecorr("echo '" + std::string(kFigures) + "'");
   }
   /// `figures` prints what `run` and `verify` write.
-  void slicecorr(const std::string& figures) {
+  void slicecorr(const std::string& figures) const {
     script("slicecorr", "figures() { " + figures +
                             "; }\n"
                             "while [ $# -gt 0 ]; do\n"
@@ -291,35 +375,59 @@ class BenchOfSubstitutes : public BenchGuard {
                             "  shift\n"
                             "done");
   }
-  void script(const std::string& name, const std::string& body) {
-    const std::string path = folder_ / ("build/bin/" + name);
+  void script(const std::string& name, const std::string& body) const {
+    const std::string path = folder_ + "/bin/" + name;
     write_file(path, to_bytes("#!/bin/sh\n" + body + "\n"));
     std::filesystem::permissions(path, std::filesystem::perms::owner_all);
   }
-  RunResult measure() {
-    return bench_says({"--build", folder_ / "build", "--only", "gyroid", "--quick", "--no-stages",
-                       "--no-peer", "--out", folder_ / "out"});
+  /// What scripts/bench is told to measure them.
+  Command measured() const {
+    return {"--build",     folder_,     "--only", "gyroid",        "--quick",
+            "--no-stages", "--no-peer", "--out",  folder_ + "/out"};
   }
+
+ private:
   static constexpr const char* kComparison =
       R"({"slices": 3, "triangles": 4, "bands": 5, "samples": [], "wrong": []})";
   static constexpr const char* kFigures =
       R"({"layers": 3, "target_voxels": 9, "printed_voxels": 9, "cure_through_voxels": 0,)"
       R"( "undercure_voxels": 0, "uncorrected": {"layers": 3, "target_voxels": 9,)"
       R"( "printed_voxels": 9, "cure_through_voxels": 1, "undercure_voxels": 0}})";
+  std::string folder_;
+};
+
+class BenchOfSubstitutes : public BenchGuard {
+ protected:
+  /// A build folder for each of these, in which `change` does something to it.
+  std::vector<RunResult> measure(
+      const std::vector<std::function<void(const Substitutes&)>>& changes) {
+    std::vector<Command> lines;
+    for (const auto& change : changes) {
+      const Substitutes build(folder_ / ("build" + std::to_string(lines.size())));
+      change(build);
+      lines.push_back(build.measured());
+    }
+    return run_each(kBench, lines);
+  }
 };
 
 TEST_F(BenchOfSubstitutes, AreMeasured) {
-  const RunResult r = measure();
+  const RunResult r = measure({[](const Substitutes&) {}}).front();
   EXPECT_EQ(r.exit_code, 0) << r.err;
   EXPECT_NE(r.out.find("run: gyroid lattice"), std::string::npos) << r.out;
 }
 
 TEST_F(BenchOfSubstitutes, OutputsThatCantBeReadAreWrong) {
-  for (const char* figures : {"echo nothing", "true", "echo []", R"(echo '{"layers": 3}')",
-                              R"(echo '{"layers": "3"}')"}) {
-    slicecorr(figures);
-    const RunResult r = measure();
-    EXPECT_EQ(r.exit_code, 1) << figures;
+  const std::vector<std::string> wrong{"echo nothing", "true", "echo []", R"(echo '{"layers": 3}')",
+                                       R"(echo '{"layers": "3"}')"};
+  std::vector<std::function<void(const Substitutes&)>> changes;
+  for (const std::string& figures : wrong) {
+    changes.emplace_back([&](const Substitutes& build) { build.slicecorr(figures); });
+  }
+  const auto results = measure(changes);
+  for (std::size_t i = 0; i < wrong.size(); ++i) {
+    const RunResult& r = results[i];
+    EXPECT_EQ(r.exit_code, 1) << wrong[i];
     EXPECT_NE(r.err.find("WRONG: gyroid lattice, 2560 x 1440, 50 um: "), std::string::npos)
         << r.err;
     EXPECT_NE(r.err.find("/run.json: "), std::string::npos) << r.err;
@@ -327,21 +435,22 @@ TEST_F(BenchOfSubstitutes, OutputsThatCantBeReadAreWrong) {
 }
 
 TEST_F(BenchOfSubstitutes, ProgramsThatSayNothingAreWrong) {
+  std::vector<std::function<void(const Substitutes&)>> changes;
   for (const char* body : {"echo 3", "true", "echo '{'", "echo damaged >&2; exit 2"}) {
-    script("compare_slices", body);
-    const RunResult r = measure();
-    EXPECT_EQ(r.exit_code, 1) << body;
-    EXPECT_NE(r.err.find("WRONG: gyroid lattice"), std::string::npos) << r.err;
+    changes.emplace_back(
+        [body](const Substitutes& build) { build.script("compare_slices", body); });
   }
-  SetUp();
-  script("slicecorr", "true");
-  const RunResult nothing = measure();
-  EXPECT_EQ(nothing.exit_code, 1);
-  EXPECT_NE(nothing.err.find("on.uvj: was not written"), std::string::npos) << nothing.err;
-  script("make_part", "echo short > \"$2\"");
-  const RunResult part = measure();
-  EXPECT_EQ(part.exit_code, 1);
-  EXPECT_NE(part.err.find("did not write 317084 triangles"), std::string::npos) << part.err;
+  changes.emplace_back([](const Substitutes& build) { build.script("slicecorr", "true"); });
+  changes.emplace_back(
+      [](const Substitutes& build) { build.script("make_part", "echo short > \"$2\""); });
+  const auto results = measure(changes);
+  for (std::size_t i = 0; i < results.size(); ++i) EXPECT_EQ(results[i].exit_code, 1) << i;
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_NE(results[i].err.find("WRONG: gyroid lattice"), std::string::npos) << results[i].err;
+  }
+  EXPECT_NE(results[4].err.find("on.uvj: was not written"), std::string::npos) << results[4].err;
+  EXPECT_NE(results[5].err.find("did not write 317084 triangles"), std::string::npos)
+      << results[5].err;
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "ladder.hpp"
+#include "made_once.hpp"
 #include "program_fixture.hpp"
 #include "real_files.hpp"
 
@@ -33,6 +34,9 @@ class Bath : public ProgramFixture {
   }
   void slice(const std::string& part, const std::string& target) const {
     good({"slice", part, "-o", target, "--layer-um", "50", "--printer", "small.toml"});
+  }
+  void slice_ladder() const {
+    made_once("Bath", folder_, {"target.uvj"}, [&] { slice("ladder.stl", "target.uvj"); });
   }
 };
 
@@ -99,7 +103,7 @@ struct Case {
 };
 
 TEST_F(Bath, DosesAreThoseOfTheImages) {
-  slice("ladder.stl", "target.uvj");
+  slice_ladder();
   const auto target = images("target.uvj");
   for (const Case& c :
        {Case{{}, 1e9, 0}, Case{{"--resin-depth-um", "3000"}, 60, 0},
@@ -146,11 +150,11 @@ TEST_F(Bath, DosesAreThoseOfTheImages) {
 
 TEST_F(Bath, LightThatGelsAtADepth) {
   // Even light of phi needs phi (1 - 10^(-H / ha)) = 1: 1.01010 at 4000 um, 1.46248 at 1000 um.
+  TriangleMesh block;
+  add_box(block, {0, 0, 0}, {1, 1, 8});
+  write_stl(folder_ / "block.stl", block);
+  slice("block.stl", "block.uvj");
   for (const auto& [depth_um, needed] : {std::pair{"4000", 1.01010}, {"1000", 1.46248}}) {
-    TriangleMesh block;
-    add_box(block, {0, 0, 0}, {1, 1, 8});
-    write_stl(folder_ / "block.stl", block);
-    slice("block.stl", "block.uvj");
     // Uncorrected slices are full light: the dose far from their end is phi over what is needed.
     const RunResult r = good(
         Command{"probe", "block.uvj", "--resin-depth-um", depth_um, "--quiet"} + kProcess + kRung);
@@ -165,7 +169,7 @@ TEST_F(Bath, LightThatGelsAtADepth) {
 
 TEST_F(Bath, LightFromThePlatform) {
   // 1 + rho 10^(-2 z / ha): 1.09487 at 500 um for rho 0.3.
-  slice("ladder.stl", "target.uvj");
+  slice_ladder();
   const auto dose_at_500 = [&](const Command& more) {
     const RunResult r = good(Command{"probe", "target.uvj", "--quiet"} + kProcess + kRung + more);
     std::istringstream lines(r.out);
@@ -191,7 +195,7 @@ TEST_F(Bath, LightFromThePlatform) {
 }
 
 TEST_F(Bath, WithoutThemTheBytesAreThoseOfDeepResinAndADarkPlatform) {
-  slice("ladder.stl", "target.uvj");
+  slice_ladder();
   good(Command{"correct", "target.uvj", "-o", "plain.uvj"} + kProcess);
   good(Command{"correct", "target.uvj", "-o", "dark.uvj", "--platform-reflectance", "0"} +
        kProcess);
@@ -205,7 +209,7 @@ TEST_F(Bath, WithoutThemTheBytesAreThoseOfDeepResinAndADarkPlatform) {
 }
 
 TEST_F(Bath, LayerByLayer) {
-  slice("ladder.stl", "target.uvj");
+  slice_ladder();
   const Command process{"--printer", "small.toml", "--resin",   "figure-2-2",   "--ha-um",
                         "110",       "--mode",     "layerwise", "--exposure-s", "1.5"};
   const auto probed = [&](const Command& more) {
@@ -234,7 +238,7 @@ TEST_F(Bath, LayerByLayer) {
 }
 
 TEST_F(Bath, WrongNumbersAreRefused) {
-  slice("ladder.stl", "target.uvj");
+  slice_ladder();
   const Command correct = Command{"correct", "target.uvj", "-o", "stack.uvj"} + kProcess;
   bad(2, correct + Command{"--platform-reflectance", "1.1"}, {"--platform-reflectance"});
   bad(2, correct + Command{"--platform-reflectance", "-0.1"}, {"--platform-reflectance"});
@@ -357,7 +361,7 @@ TEST_F(Bath, ARealPartOnAPillar) {
 }
 
 TEST_F(Bath, WrongFilesToLeaveAloneAreRefused) {
-  slice("ladder.stl", "target.uvj");
+  slice_ladder();
   const Command correct = Command{"correct", "target.uvj", "-o", "out.uvj"} + kProcess;
   const auto leave = [&](const std::string& file) {
     return correct + Command{"--leave-alone", file};

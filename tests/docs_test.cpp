@@ -74,7 +74,12 @@ TEST(Docs, CommandsOfTheReadmeRun) {
       fs::path(::testing::TempDir()) / ("slicecorr-docs-" + std::to_string(::getpid()));
   fs::create_directories(folder / "build");
   fs::create_directory_symlink(kBin, folder / "build" / "bin");
-  test::write_stl((folder / "part.stl").string(), test::ladder());
+  // Rails and a rung: half the ladder.
+  TriangleMesh part;
+  test::add_box(part, {-2, -1, 0}, {-1, 1, 1.25});
+  test::add_box(part, {1, -1, 0}, {2, 1, 1.25});
+  test::add_box(part, {-1, -1, 0.55}, {1, 1, 1.05});
+  test::write_stl((folder / "part.stl").string(), part);
   // Heights of a resin with h 200 um and D'c 40 (mW/cm²)^0.9·s, to the nearest um.
   {
     std::ofstream heights(folder / "heights.csv");

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "ladder.hpp"
+#include "made_once.hpp"
 #include "program_fixture.hpp"
 
 namespace slicecorr::test {
@@ -31,8 +32,10 @@ class FirstDay : public ProgramFixture {
     return run_program(Command{SLICECORR_BIN_DIR "/resinctl"} + arguments, options_);
   }
   void make_stack() const {
-    good(Command{"slice", "ladder.stl", "-o", "target.uvj"} + kPrinter + kLayers);
-    good(Command{"correct", "target.uvj", "-o", "part.uvj"} + kPrinter + kLight);
+    made_once("FirstDay", folder_, {"target.uvj", "part.uvj"}, [&] {
+      good(Command{"slice", "ladder.stl", "-o", "target.uvj"} + kPrinter + kLayers);
+      good(Command{"correct", "target.uvj", "-o", "part.uvj"} + kPrinter + kLight);
+    });
   }
 };
 

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "ladder.hpp"
+#include "made_once.hpp"
 #include "program_fixture.hpp"
 
 namespace slicecorr::test {
@@ -60,8 +61,10 @@ class SimulateCommand : public ProgramFixture {
   }
   std::string text(const std::string& name) const { return to_text(read_file(folder_ / name)); }
   void slice() const {
-    good({"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer",
-          "dual-wavelength-dlp"});
+    made_once("SimulateCommand", folder_, {"target.uvj"}, [&] {
+      good({"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer",
+            "dual-wavelength-dlp"});
+    });
   }
   void correct(const Command& more) const {
     good(Command{"correct", "target.uvj", "-o", "part.uvj", "--printer", "dual-wavelength-dlp"} +

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "ladder.hpp"
+#include "made_once.hpp"
 #include "program_fixture.hpp"
 
 namespace slicecorr::test {
@@ -115,7 +116,10 @@ class SpreadProgram : public ProgramFixture {
     write_stl(folder_ / "ladder.stl", ladder());
     write("even.toml", kSmallPrinter);
     write("blurred.toml", printer_with("[[40.0, 1.0]]"));
-    good({"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "even.toml"});
+    made_once("SpreadProgram", folder_, {"target.uvj"}, [&] {
+      good({"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer",
+            "even.toml"});
+    });
   }
   static Command with(const std::string& printer, const std::string& resin = "figure-2-2") {
     return {"--printer", printer, "--resin", resin, "--speed-mm-h", "1000", "--omega-max", "2"};

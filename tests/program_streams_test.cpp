@@ -9,6 +9,7 @@
 
 #include "ladder.hpp"
 #include "post_fixture.hpp"
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "stack_fixture.hpp"
 #include "support/text/display_text.hpp"
@@ -27,6 +28,8 @@ class Streams : public PostFolder {
   }
 };
 
+/// By day each of the ways to say nothing meets some of the programs and files that are refused, and
+/// each of these some way; by night all meet all.
 TEST_F(Streams, AStderrThatCantBeWrittenChangesNothing) {
   const std::string slice = "slicecorr slice ladder.stl -o {} --layer-um 50 --printer small.toml";
   ASSERT_EQ(shell(fmt::format(fmt::runtime(slice), "told.uvj")).exit_code, 0);
@@ -48,16 +51,19 @@ TEST_F(Streams, AStderrThatCantBeWrittenChangesNothing) {
     EXPECT_EQ(r.exit_code, 0);
     EXPECT_EQ(bytes(name + "-part.uvj"), bytes("told-part.uvj"));
     // Errors keep their codes, of usage and of input, whatever the program.
-    for (const char* program :
-         {"slicecorr", "slicecorr-post", "resinctl", "slicefarm", "printbridge", "printer-sim"}) {
-      EXPECT_EQ(shell(fmt::format("{} --no-such-option {}", program, nobody)).exit_code, 2)
-          << program;
+    const std::vector<std::string> wrong{"slicecorr --no-such-option",
+                                         "slicecorr-post --no-such-option",
+                                         "resinctl --no-such-option",
+                                         "slicefarm --no-such-option",
+                                         "printbridge --no-such-option",
+                                         "printer-sim --no-such-option",
+                                         "slicecorr info missing.uvj",
+                                         "slicecorr-post missing.uvj",
+                                         "printbridge print missing.uvj --printer small.toml"};
+    for (std::size_t i = 0; i < wrong.size(); ++i) {
+      if (!by_night() && i % 4 != static_cast<std::size_t>(count % 4)) continue;
+      EXPECT_EQ(shell(wrong[i] + " " + nobody).exit_code, 2) << wrong[i];
     }
-    EXPECT_EQ(shell(fmt::format("slicecorr info missing.uvj {}", nobody)).exit_code, 2);
-    EXPECT_EQ(shell(fmt::format("slicecorr-post missing.uvj {}", nobody)).exit_code, 2);
-    EXPECT_EQ(shell(fmt::format("printbridge print missing.uvj --printer small.toml {}", nobody))
-                  .exit_code,
-              2);
   }
 #ifndef __SANITIZE_THREAD__  // whose runtime writes a file of its own before main
   // Limits on files' sizes: the archive can't be written, and that is said with its own code.

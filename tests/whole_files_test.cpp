@@ -71,7 +71,7 @@ TEST_F(WholeFiles, AKilledRunLeavesNoPageOfAnotherStack) {
   std::string now = "b";
   std::mt19937 random(3);
   int killed = 0;
-  for (int round = 0; round < test::rounds(16); ++round) {
+  for (int round = 0; round < (by_night() ? test::rounds(16) : 10); ++round) {
     const std::string next = now == "a" ? "b" : "a";
     std::uniform_real_distribution<double> share(0.3, 1.1);
     const bool hit = killed_after(
@@ -258,10 +258,14 @@ TEST_F(WholeFiles, OutputsThatMayNotBeWrittenAreRefusedBeforeTheWork) {
   options.unprivileged = true;
   const Command slicecorr{SLICECORR_BIN_DIR "/slicecorr"};
   const Command mesh{"--printer", "small.toml", "--layer-um", "20"};
+  // By day each command tries one of the three folders, by night all.
+  std::size_t turn = 0;
   for (const std::string folder : {"closed", "open", "sticky"}) {
     if (folder == "sticky" && ::geteuid() != 0) continue;  // all files are ours
+    ++turn;
     const auto at = [&](const char* name) { return folder + "/" + name; };
     const Command of_target = Command{"--target", "part.sl1"};
+    std::size_t number = turn + 1;
     for (const auto& [command, named] : std::vector<std::pair<Command, std::string>>{
              {Command{"slice", "part.stl", "-o", at("o.uvj")} + mesh, at("o.uvj")},
              {Command{"correct", "part.sl1", "-o", at("o.sl1")} + how, at("o.sl1")},
@@ -276,7 +280,8 @@ TEST_F(WholeFiles, OutputsThatMayNotBeWrittenAreRefusedBeforeTheWork) {
               folder == "closed" ? at("new.uvj") : ""},
              {Command{"run", "part.stl", "-o", at("o.uvj"), "--layer-um", "20"} + how, at("o.uvj")},
          }) {
-      if (named.empty()) continue;
+      const bool chosen = ++number % 3 == 0 || by_night() || ::geteuid() != 0;
+      if (named.empty() || !chosen) continue;
       SCOPED_TRACE(::testing::PrintToString(command));
       const RunResult r = run_program(slicecorr + command, options);
       EXPECT_EQ(r.exit_code, 4) << r.err;

@@ -10,6 +10,7 @@
 #include "c_abi.hpp"
 #include "lattice.hpp"
 #include "real_files.hpp"
+#include "rounds.hpp"
 #include "run_program.hpp"
 
 namespace slicecorr::test {
@@ -286,8 +287,11 @@ TEST(CAbiPrograms, KilledInPlaceLeavesTheOldArchiveOrTheNew) {
   ASSERT_NE(corrected, old);
 
   int killed = 0, kept = 0;
-  for (const char* moment : {"read 0 ", "read 100 ", "correct 0 ", "correct 100 ", "write 0 ",
-                             "write 3", "write 6", "write 9", "write 100 "}) {
+  std::vector<const char*> moments{"read 0 ", "correct 0 ", "write 0 ", "write 6", "write 100 "};
+  if (by_night()) {
+    moments.insert(moments.end(), {"read 100 ", "correct 100 ", "write 3", "write 9"});
+  }
+  for (const char* moment : moments) {
     write_file(part, old);
     RunOptions options;
     options.signal = SIGKILL;
@@ -355,9 +359,7 @@ TEST_F(CAbiExamples, TheOneInCRuns) { expect_corrects({SLICECORR_C_EXAMPLE}); }
 TEST_F(CAbiExamples, TheOneInPythonRuns) {
   if (SLICECORR_SANITIZED) GTEST_SKIP() << "the sanitizer's library must be loaded first";
   const std::string python = "/usr/bin/python3";
-  if (run_program({python, "-c", "import ctypes"}).exit_code != 0) {
-    GTEST_SKIP() << "no Python with ctypes";
-  }
+  if (!std::filesystem::exists(python)) GTEST_SKIP() << "no Python with ctypes";
   expect_corrects({python, SLICECORR_SOURCE_DIR "/libslicecorr/c_api/examples/correct.py"});
 }
 

@@ -34,7 +34,7 @@ void expect_explained(std::size_t first, std::size_t step, double smaller,
   }
 }
 TEST_F(Peer, RealMeshesDifferByNoMoreThanTheRasterisersExplain) {
-  expect_explained(2, 2, 2, folder_.path());
+  expect_explained(2, 2, 3, folder_.path());
 }
 using PeerNight = Peer;
 TEST_F(PeerNight, LargerRealMeshesAndOthersDifferByNoMoreEither) {

@@ -10,6 +10,7 @@
 #include "ladder.hpp"
 #include "post_fixture.hpp"
 #include "real_files.hpp"
+#include "rounds.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -157,7 +158,8 @@ TEST_F(PrusaSlicer, BenchyInPlaceAndBack) {
   if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
   const std::string benchy = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(benchy);
-  const RunResult made = export_sl1(benchy, "0.2", "benchy.sl1", {"--scale", "0.25"});
+  const RunResult made =
+      export_sl1(benchy, "0.2", "benchy.sl1", {"--scale", by_night() ? "0.25" : "0.15"});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   fs::copy_file(folder_ / "benchy.sl1", folder_ / "before.sl1");
   good(kSetup + Command{"--backup", "benchy.sl1"});

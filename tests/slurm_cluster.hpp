@@ -26,6 +26,8 @@
 #include <string>
 #include <vector>
 
+#include "eventually.hpp"
+
 namespace slicecorr::test {
 
 /// Whether the programs are there.
@@ -50,17 +52,6 @@ inline std::string no_slurm() {
   }
   ::freeaddrinfo(found);
   return {};
-}
-
-/// Waits until something holds; false when it does not in this time.
-template <typename Holds>
-bool eventually(Holds holds, std::chrono::seconds most = std::chrono::seconds(120)) {
-  const auto end = std::chrono::steady_clock::now() + most;
-  while (!holds()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    ::usleep(10'000);
-  }
-  return true;
 }
 
 /// Processes whose environment, as they were started with it, has this line.

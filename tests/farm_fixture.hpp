@@ -18,8 +18,10 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "eventually.hpp"
 #include "farm_jobs.hpp"
 #include "farm_program.hpp"
 #include "run_program.hpp"
@@ -226,12 +228,7 @@ class RunningService {
 /// Waits for what must come; fails the test when it does not come for far too long.
 template <typename Condition>
 bool comes(Condition condition) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    ::poll(nullptr, 0, 5);
-  }
-  return true;
+  return eventually(condition, std::chrono::seconds(60));
 }
 
 /// Programs on a farm of the test's own, as people run them.
@@ -281,22 +278,27 @@ class FarmPrograms : public testing::Test {
     more.insert(more.begin(), "--until-empty");
     return farm("run", more, o);
   }
-  void quick_settings() const {
-    const RunResult r = farm("set", {"min-free-mb=0", "retry-delay-s=0"});
-    ASSERT_EQ(r.exit_code, 0) << r.err;
+  /// As `slicefarm set` does it, without a program.
+  void change_settings(const std::vector<std::pair<std::string, std::string>>& changes) const {
+    farm::Queue(farm::open_folder(farm_dir()).database()).change_settings(changes, "anna");
   }
+  void quick_settings() const { change_settings({{"min-free-mb", "0"}, {"retry-delay-s", "0"}}); }
   std::string make_part(int n) const {
     const std::string path = dir / ("bridge-" + std::to_string(n) + ".stl");
     write_file(path, bridge_stl(n));
     return path;
   }
-  /// What `slicecorr run` makes of the part, as PATH.uvj, .html and .json.
+  /// What `slicecorr run` makes of the part, as PATH.uvj, .html and .json. Parts are the same in
+  /// many tests: each is done once for all that this process runs.
   std::string reference(const std::string& part) const {
+    static const FarmFolderOfTest all;
+    static std::map<std::pair<std::string, std::string>, std::string> known;
     const std::string name = fs::path(part).stem().string();
-    const std::string folder = dir / "reference";
-    fs::create_directories(folder);
-    const std::string base = folder + "/" + name;
-    if (fs::exists(base + ".uvj")) return base;
+    std::string& base = known[{name, text_of_file(part)}];
+    if (!base.empty()) return base;
+    const std::string folder = all / std::to_string(known.size());
+    fs::create_directory(folder);
+    base = folder + "/" + name;
     std::vector<std::string> arguments = {"run", part, "-o", base + ".uvj"};
     const auto process = process_options();
     arguments.insert(arguments.end(), process.begin(), process.end());

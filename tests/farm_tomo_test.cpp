@@ -3,7 +3,6 @@
 
 #include "farm_tomo.hpp"
 
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <chrono>
@@ -170,16 +169,19 @@ TEST_F(FarmTomo, InfeasibleFailsAndMissedIsDoneAndToldSo) {
 }
 
 TEST_F(FarmTomo, AKilledWorkerIsTriedAgainToTheSameBytes) {
-  int n = 0;
+  const std::string part = make_volume("bars.npy", 1);
+  tomo_reference(dir / "reference/bars", solved({"--volume", part, "--angles", "60"}));
   for (const char* fault : {"solve:kill:1", "judge:crash:1", "check:exit=1:1"}) {
-    const std::string name = fmt::format("bars-{}", ++n), out = dir / "out";
-    const std::string part = make_volume(name + ".npy", n);
-    ASSERT_EQ(submit_tomo({part}, {"--angles", "60", "--out", out}).exit_code, 0);
+    SCOPED_TRACE(fault);
+    // A new farm each time: nothing is in its cache.
+    fs::remove_all(farm_dir());
+    fs::remove_all(dir / "out");
+    quick_settings();
+    ASSERT_EQ(submit_tomo({part}, {"--angles", "60", "--out", dir / "out"}).exit_code, 0);
     const RunResult r = run_all({{"SLICEFARM_TEST_FAULT", fault}});
     ASSERT_EQ(r.exit_code, 0) << r.err;
-    EXPECT_EQ(attempts(n).size(), 2U) << fault;
-    tomo_reference((dir / "reference/") + name, solved({"--volume", part, "--angles", "60"}));
-    expect_same_print(out + "/" + name, (dir / "reference/") + name);
+    EXPECT_EQ(attempts(1).size(), 2U);
+    expect_same_print(dir / "out/bars", dir / "reference/bars");
   }
 }
 
@@ -194,7 +196,7 @@ TEST_F(FarmTomo, ASolveIsSeenAndCancelledWithinTwoSeconds) {
   RunningService service(farm_dir());
   ASSERT_TRUE(comes([&] {
     const auto tries = attempts(1);
-    return !tries.empty() && tries[0].stage == "solve" && tries[0].fraction > 0.03;
+    return !tries.empty() && tries[0].stage == "solve" && tries[0].fraction > 0.01;
   }));
   EXPECT_THAT(farm("status").out, HasSubstr("solve "));
   const auto begin = std::chrono::steady_clock::now();

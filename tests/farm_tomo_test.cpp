@@ -84,6 +84,7 @@ speed_mm_h = 700
   expect_same_files(dir / "out/bridge-2", reference(dir / "bridge-2.stl"));
   EXPECT_THAT(leftovers(dir / "out"), IsEmpty());
 
+  const json told = json::parse(farm("status", {"--json", "-"}).out)["list"];
   // The record has the figures of the JSON beside, and what it took fits what was promised.
   for (JobId id = 1; id <= 2; ++id) {
     const Job j = job(id);
@@ -98,7 +99,6 @@ speed_mm_h = 700
     if (!SLICECORR_SANITIZED) {
       EXPECT_LE(attempts(id).at(0).peak_mb, attempts(id)[0].memory_mb);
     }
-    const json told = json::parse(farm("status", {"--json", "-"}).out)["list"];
     for (const json& one : told) {
       if (one["id"] != id) continue;
       EXPECT_EQ(one["figures"]["contrast"], figures["contrast"]);

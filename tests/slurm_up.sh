@@ -28,6 +28,13 @@ END
   exit 2
 fi
 
+# Waits so many seconds, without a program for it: on what nobody writes to.
+open_pause() {
+  [[ -p $1/never ]] || mkfifo "$1/never"
+  exec {never}<>"$1/never"
+}
+pause() { read -rt "$1" -u "$never" || true; }
+
 # kill -9 of all processes with such a line in their environment, but for ourselves and the test, until there are none.
 kill_by_environment() {
   local conf=$1 pattern=$2 round file pid found
@@ -41,7 +48,7 @@ kill_by_environment() {
       kill -9 "$pid" 2>/dev/null && found=yes
     done < <(grep -lzxF -- "SLURM_CONF=$conf" /proc/[0-9]*/environ 2>/dev/null)
     [[ $found == yes ]] || break
-    sleep 0.02
+    pause 0.02
   done
 }
 
@@ -55,8 +62,9 @@ remove_cgroups() {
 }
 
 if [[ $1 == --guard ]]; then
+  open_pause "$3"
   # Of a process that ended nothing is left, or a zombie that nobody has looked after yet.
-  while read -r line 2>/dev/null <"/proc/$2/stat" && [[ $line != *") Z "* ]]; do sleep 0.3; done
+  while read -r line 2>/dev/null <"/proc/$2/stat" && [[ $line != *") Z "* ]]; do pause 0.3; done
   kill_by_environment "$3/slurm.conf" '.*'
   remove_cgroups "${@:4}"
   exit 0
@@ -70,6 +78,7 @@ for i in "${!node_ports[@]}"; do nodes+=("${SLURM_UP_NAMES:-n}$((i + 1))"); done
 user=$(id -un)
 umask 022
 mkdir -p "$folder"/{munge,state,log}
+open_pause "$folder"
 export SLURM_CONF="$folder/slurm.conf"
 rm -f "$folder/munge/key"
 (umask 077; head -c 256 /dev/urandom >"$folder/munge/key")
@@ -154,11 +163,12 @@ all_daemons_live() {
 
 # What nobody else does here: nodes that were drained for this wait for somebody to look at them.
 administrate() {
-  local node
-  while sleep 0.5; do
-    while read -r node; do
+  local node state reason
+  while pause 2; do
+    while read -r node state reason; do
+      [[ $state == drain* && $reason == 'Duplicate jobid' ]] || continue
       timeout 5 scontrol update "nodename=$node" state=resume || true
-    done < <(timeout 5 sinfo -h -N -o '%N %T %E' | sed -n 's/ drain[a-z*]* Duplicate jobid$//p')
+    done < <(timeout 5 sinfo -h -N -o '%N %T %E')
   done
 }
 
@@ -186,14 +196,14 @@ munged --force --foreground --key-file="$folder/munge/key" --socket="$folder/mun
 pids[munged]=$!
 end=$((SECONDS + 20))
 until munge -S "$folder/munge/sock" -n >/dev/null 2>&1; do
-  sleep 0.02
+  pause 0.02
   kill -0 "${pids[munged]}" 2>/dev/null && [[ $SECONDS -lt $end ]] || { cat "$folder/log/munged.out" >&2; exit 1; }
 done
 start_controller -c
 for node in "${nodes[@]}"; do start_node "$node" -c; done
 end=$((SECONDS + 30))
 until [[ $(timeout 5 sinfo -h -N -o %T 2>/dev/null | grep -c '^idle$') == "${#node_ports[@]}" ]]; do
-  sleep 0.05
+  pause 0.05
   # A daemon ends at once when its port is taken.
   if ! all_daemons_live || [[ $SECONDS -ge $end ]]; then
     tail -n 5 "$folder"/log/*.out "$folder"/log/*.log >&2 || true

@@ -15,13 +15,17 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <utility>
 
 #include "farm_program.hpp"
 #include "ladder.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
+#include "slicecorr/farm/folder.hpp"
+#include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/service.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slurm_cluster.hpp"
 
@@ -139,6 +143,10 @@ class FarmOnSlurm : public testing::Test {
     const auto r = run_program(arguments);
     ASSERT_EQ(r.exit_code, 0) << r.err;
   }
+  /// As `slicefarm set` does it, without a program.
+  void change_settings(const std::vector<std::pair<std::string, std::string>>& changes) const {
+    Queue(open_folder(farm()).database()).change_settings(changes, "anna");
+  }
   void submit(const std::vector<std::string>& parts, std::vector<std::string> more = {}) {
     std::vector<std::string> a = {"submit"};
     a.insert(a.end(), parts.begin(), parts.end());
@@ -146,7 +154,7 @@ class FarmOnSlurm : public testing::Test {
     a.insert(a.end(), {"--out", out()});
     a.insert(a.end(), more.begin(), more.end());
     command(a);
-    command({"set", "retry-delay-s=0"});
+    change_settings({{"retry-delay-s", "0"}});
   }
 
   /// A service in the background.
@@ -224,7 +232,9 @@ class FarmOnSlurm : public testing::Test {
       }
     }
     // A service that was killed right after it recorded the end leaves a folder to the collector.
-    command({"gc", "--older-than-days", "1000"});
+    const FarmFolder folder = open_folder(farm());
+    Queue queue(folder.database());
+    collect_garbage(folder, queue, {.older_than_days = 1000});
     EXPECT_TRUE(fs::is_empty(store() + "/attempts"));
     EXPECT_THAT(batch_folders(), testing::IsEmpty());
     std::size_t files = 0;

@@ -88,7 +88,7 @@ TEST_F(FarmOnSlurm, LabelsAskForNodes) {
   EXPECT_EQ(model().job(2)->state, JobState::failed);
   EXPECT_EQ(model().job(2)->reason, Reason::engine_failed);
   EXPECT_THAT(model().job(2)->message, HasSubstr("feature"));
-  command({"set", "slurm-label.fast=none"});
+  change_settings({{"slurm-label.fast", "none"}});
   command({"retry", "2"});
   EXPECT_EQ(wait_for(start_service()), 0) << services_log();
   expect_all_done_once(2);
@@ -143,10 +143,10 @@ TEST_F(FarmOnSlurm, ItIsToldWhyNothingRuns) {
   // While its nodes report to it, the controller may refuse, or do it and say that it can't.
   EXPECT_TRUE(eventually([&] {
     run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=resume"});
-    ::usleep(300'000);
-    return services_log().find("slurm works again\n") != std::string::npos;
+    return run_program({"/usr/bin/sinfo", "-h", "-N", "-o", "%T"}).out == "idle\n";
   })) << services_log();
-  EXPECT_TRUE(eventually([&] { return count(JobState::done) == 1; }));
+  EXPECT_TRUE(is_told("slurm works again\n")) << services_log();
+  EXPECT_TRUE(is_told("job 1 a: done"));
   EXPECT_TRUE(eventually([&] { return batch_folders().empty(); }, seconds(10)))
       << "they go while the service runs";
   ::kill(service, SIGTERM);

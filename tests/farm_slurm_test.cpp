@@ -222,7 +222,8 @@ TEST_F(FarmOnSlurm, CancelledTasksThatAControllerBringsBackAreCancelledAgain) {
 // --- the service ---------------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, AServiceKilledAtAnyStageIsTakenOver) {
-  constexpr int jobs = 16;
+  // More than are given to Slurm at a time.
+  constexpr int jobs = 10;
   start_cluster(2);
   submit(small_parts(jobs));
   // Each takes over from the one before; none of them comes further than its stage.

@@ -11,6 +11,7 @@
 #include <chrono>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -117,7 +118,7 @@ inline bool wait_until(const std::function<bool()>& there, double limit_s = 60) 
   const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit_s);
   while (!there()) {
     if (std::chrono::steady_clock::now() > until) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   return true;
 }
@@ -155,7 +156,7 @@ class BridgePrograms : public testing::Test {
 
   std::string make_part() {
     const std::string path = folder / "lattice.stl";
-    const TriangleMesh mesh = lattice(part_cells, 1, 1, 1.6, 0.25);
+    const TriangleMesh mesh = lattice(part_cells, 1, 1, part_cell_mm, part_cell_mm * (0.25 / 1.6));
     std::ofstream out(path);
     out << "solid lattice\n";
     for (const auto& t : mesh.triangles) {
@@ -170,11 +171,25 @@ class BridgePrograms : public testing::Test {
     return path;
   }
 
-  /// A corrected stack of the lattice and, beside it, its target.
+  /// A corrected stack of the lattice and, beside it, its target. Tests that ask for the same get
+  /// the same bytes: two programs make them once.
   std::string make_stack(const std::string& printer, const std::string& name = "part",
                          std::vector<std::string> more = {"--resin", "figure-2-2", "--speed-mm-h",
                                                           "800"}) {
     const std::string target = folder / (name + "-target.uvj"), stack = folder / (name + ".uvj");
+    static std::map<std::string, std::pair<Bytes, Bytes>> made;
+    std::string key = text_of(printer) + std::to_string(part_cells) + " cells of " +
+                      std::to_string(part_cell_mm) + " mm, " + name;
+    bool by_files = false;
+    for (const std::string& word : more) {
+      key += "\n" + word;
+      by_files = by_files || word.starts_with(folder.path());
+    }
+    if (const auto before = made.find(key); before != made.end() && !by_files) {
+      write_file(target, before->second.first);
+      write_file(stack, before->second.second);
+      return stack;
+    }
     const RunResult sliced =
         run_program({program("slicecorr"), "slice", make_part(), "-o", target, "--printer", printer,
                      "--layer-um", "50", "--antialias", "off", "--quiet"});
@@ -184,6 +199,7 @@ class BridgePrograms : public testing::Test {
     command.insert(command.end(), more.begin(), more.end());
     const RunResult corrected = run_program(command);
     EXPECT_EQ(corrected.exit_code, 0) << corrected.err;
+    if (corrected.exit_code == 0) made[key] = {read_file(target), read_file(stack)};
     return stack;
   }
 
@@ -231,7 +247,7 @@ class BridgePrograms : public testing::Test {
                                      "--printer",
                                      printer,
                                      "--dir",
-                                     folder / "state",
+                                     folder / state_name,
                                      "--modbus",
                                      address_of(sim.modbus),
                                      "--sink",
@@ -245,7 +261,7 @@ class BridgePrograms : public testing::Test {
     std::vector<std::string> command{program("printbridge")};
     command.insert(command.end(), words.begin(), words.end());
     for (const std::string& s :
-         {std::string("--printer"), printer, std::string("--dir"), folder / "state"}) {
+         {std::string("--printer"), printer, std::string("--dir"), folder / state_name}) {
       command.push_back(s);
     }
     command.insert(command.end(), more.begin(), more.end());
@@ -280,6 +296,10 @@ class BridgePrograms : public testing::Test {
     for (const auto& line : lines_of(path)) events.push_back(line.value("event", ""));
     return events;
   }
+  /// Whether a simulator has written an event; cheaper than to read all of them.
+  static bool happened(const std::string& path, const std::string& event) {
+    return text_of(path).find("\"event\":\"" + event + "\"") != std::string::npos;
+  }
   static bool has(const std::vector<std::string>& list, const std::string& what) {
     return std::find(list.begin(), list.end(), what) != list.end();
   }
@@ -299,6 +319,8 @@ class BridgePrograms : public testing::Test {
 
   TemporaryFolder folder;
   int part_cells = 2;                 ///< of the lattice, side by side
+  double part_cell_mm = 1.6;          ///< as high as the part nearly is
+  std::string state_name = "state";   ///< folder of the bridge's state
   std::string shown_ending = ".uvj";  ///< of what simulators record; empty: nothing
 
  private:

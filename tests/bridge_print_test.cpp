@@ -13,6 +13,7 @@
 
 #include "bridge_fixture.hpp"
 #include "real_files.hpp"
+#include "rounds.hpp"
 #include "stack/block_check.hpp"
 
 namespace slicecorr {
@@ -144,6 +145,7 @@ class BridgePrint : public BridgePrograms {
 };
 
 TEST_F(BridgePrint, PrintsAStackAndWhatWasShownIsWhatWasPlanned) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, true);
@@ -186,6 +188,7 @@ TEST_F(BridgePrint, PrintsAStackAndWhatWasShownIsWhatWasPlanned) {
 
 TEST_F(BridgePrint, PrintsUnderUvLightAndLayerByLayer) {
   part_cells = 1;
+  part_cell_mm = 0.6;
   const std::string printer = make_printer("plain", quick());
   for (const auto& more :
        {std::vector<std::string>{"--resin", "custom-resin-1", "--speed-mm-h", "300", "--uv-mw-cm2",
@@ -216,6 +219,7 @@ TEST_F(BridgePrint, PrintsUnderUvLightAndLayerByLayer) {
 }
 
 TEST_F(BridgePrint, DryRunMovesAndShowsWithoutLight) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, true);
@@ -230,6 +234,7 @@ TEST_F(BridgePrint, DryRunMovesAndShowsWithoutLight) {
 }
 
 TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   const std::vector<std::pair<std::string, std::string>> cases{
@@ -242,6 +247,7 @@ TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
       {"display-gone@frame:5", "display_gone"}};
   for (const auto& [fault, name] : cases) {
     SCOPED_TRACE(fault);
+    state_name = "state-" + name;
     // What is broken stays broken: the simulator that is reset is another one, without the fault.
     Sim sim = start_sim(printer, true, {"--fault", fault});
     const RunResult r = run_program(print_command(stack, printer, sim, true));
@@ -262,7 +268,8 @@ TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
     const json s = status(printer);
     EXPECT_EQ(s["latched"], true);
     EXPECT_EQ(s["fault"], name);
-    // No other print before somebody has looked.
+    // No other print before somebody has looked, whatever it was: by day after the first two.
+    if (!by_night() && name != cases[0].second && name != cases[1].second) continue;
     Sim next = start_sim(printer, true);
     const RunResult refused = run_program(print_command(stack, printer, next, true));
     EXPECT_EQ(refused.exit_code, 4);
@@ -272,11 +279,13 @@ TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
     next.child->end(SIGTERM);
     expect_untouched(next.events);
   }
+  state_name = "state-" + cases[0].second;
   Sim sim = start_sim(printer, true);
   EXPECT_EQ(run_program(print_command(stack, printer, sim, true)).exit_code, 0);
 }
 
 TEST_F(BridgePrint, ALampThatStaysOnIsCutByTheMachineWhenTheBridgeHasGone) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, true, {"--fault", "lamp-sticks@frame:20"});
@@ -284,13 +293,14 @@ TEST_F(BridgePrint, ALampThatStaysOnIsCutByTheMachineWhenTheBridgeHasGone) {
   EXPECT_EQ(r.exit_code, 4) << r.err;
   EXPECT_THAT(r.err, HasSubstr("lamp_mismatch"));
   EXPECT_THAT(r.err, HasSubstr("A LAMP STILL SHINES"));
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "watchdog"); }));
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "watchdog"); }));
   const auto events = events_of(sim.events);
   EXPECT_LT(place(events, "stop"), place(events, "watchdog"));
   EXPECT_LT(place(events, "watchdog"), place(events, "blue off", place(events, "frame 20")));
 }
 
 TEST_F(BridgePrint, RegistersMayLieApartAndStatusInInputRegisters) {
+  part_cell_mm = 1;
   const std::string map =
       make_printer("apart", {{"exchange = \"fc23\"", "exchange = \"fc16+fc4\""},
                              // Four to write and one to read, twice, 0.04 s each.
@@ -316,6 +326,7 @@ TEST_F(BridgePrint, RegistersMayLieApartAndStatusInInputRegisters) {
 }
 
 TEST_F(BridgePrint, ADoorThatIsOpenCantBeReset) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, true, {"--fault", "door@frame:9"});
@@ -327,6 +338,7 @@ TEST_F(BridgePrint, ADoorThatIsOpenCantBeReset) {
 }
 
 TEST_F(BridgePrint, FaultsBeforeAnythingMovedAreNotLatched) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, true, {"--fault", "door"});
@@ -418,11 +430,11 @@ TEST_F(BridgePrint, TheWatchdogDarkensWhatAKilledBridgeLeft) {
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, false);
   Child print(print_command(stack, printer, sim, false), folder / "print.err");
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 3"); }))
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "frame 3"); }))
       << text_of(folder / "print.err");
   ASSERT_TRUE(has(events_of(sim.events), "blue on"));
   EXPECT_EQ(print.end(SIGKILL), 128 + SIGKILL);
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "watchdog"); }));
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "watchdog"); }));
   const auto events = events_of(sim.events);
   EXPECT_GT(last_place(events, "blue off"), last_place(events, "blue on"));
   EXPECT_EQ(place(events, "stop"), -1) << "nobody told it";
@@ -445,7 +457,7 @@ TEST_F(BridgePrint, TwoBridgesAtOnceAndStop) {
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, false);
   Child print(print_command(stack, printer, sim, false), folder / "print.err");
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 2"); }))
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "frame 2"); }))
       << text_of(folder / "print.err");
   const RunResult second = run_program(print_command(stack, printer, sim, false));
   EXPECT_EQ(second.exit_code, 2);
@@ -470,7 +482,7 @@ TEST_F(BridgePrint, ASecondBridgeFromElsewhereLeavesThePrintAlone) {
   const std::string stack = make_stack(printer);
   Sim sim = start_sim(printer, false);
   Child print(print_command(stack, printer, sim, false), folder / "print.err");
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 1"); }));
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "frame 1"); }));
   // Another folder for the state, as another user or computer has it.
   for (const char* what : {"print", "reset"}) {
     std::vector<std::string> command{program("printbridge"), what};
@@ -486,6 +498,7 @@ TEST_F(BridgePrint, ASecondBridgeFromElsewhereLeavesThePrintAlone) {
 }
 
 TEST_F(BridgePrint, APrintThatIsRecordedIsNotWrittenOver) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer), target = folder / "part-target.uvj";
   Sim sim = start_sim(printer, true);
@@ -506,7 +519,7 @@ TEST_F(BridgePrint, SignalsDoNotShortenTheOrder) {
   for (const int signal : {SIGINT, SIGTERM}) {
     Sim sim = start_sim(printer, false);
     Child print(print_command(stack, printer, sim, false), folder / "print.err");
-    ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 2"); }))
+    ASSERT_TRUE(wait_until([&] { return happened(sim.events, "frame 2"); }))
         << text_of(folder / "print.err");
     ::kill(print.pid(), signal);
     ::kill(print.pid(), signal);
@@ -526,11 +539,13 @@ TEST_F(BridgePrint, PausesAndResumes) {
                                         "lamp-follows", "--ramp-mm", "0.1"});
   Sim sim = start_sim(printer, false);
   Child print(print_command(stack, printer, sim, false), folder / "print.err");
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 5"); }))
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "frame 5"); }))
       << text_of(folder / "print.err");
   EXPECT_EQ(bridge({"resume"}, printer).exit_code, 3) << "it is not paused";
   const RunResult pause = bridge({"pause"}, printer);
   ASSERT_EQ(pause.exit_code, 0) << pause.err;
+  // Dark, before the program is asked again and again.
+  ASSERT_TRUE(wait_until([&] { return events_of(sim.events).back() == "black"; }));
   ASSERT_TRUE(wait_until([&] { return status(printer)["phase"] == "paused"; }));
   const auto events = events_of(sim.events);
   EXPECT_GT(last_place(events, "blue off"), last_place(events, "blue on"));
@@ -543,6 +558,7 @@ TEST_F(BridgePrint, PausesAndResumes) {
 
 TEST_F(BridgePrint, SpeaksRtuOverAPairOfTerminals) {
   if (!std::filesystem::exists("/usr/bin/socat")) GTEST_SKIP() << "socat is not installed";
+  part_cell_mm = 1;
   const std::string printer = make_printer(
       "rtu", {{"transport = \"tcp\"", "transport = \"rtu\"\ndevice = \"" + (folder / "a") + "\""}});
   const std::string stack = make_stack(printer);
@@ -564,12 +580,18 @@ TEST_F(BridgePrint, SpeaksRtuOverAPairOfTerminals) {
 
 TEST_F(BridgePrint, DrivesAMachineThatWeDidNotWrite) {
   const std::string python = "/usr/bin/python3";
-  const RunResult there = run_program({python, "-c", "import pymodbus.server.async_io"});
-  if (there.exit_code != 0) GTEST_SKIP() << "pymodbus is not installed";
   Child peer({python, std::string(SLICECORR_SOURCE_DIR) + "/tests/modbus_peer.py"},
              folder / "peer.err");
   const std::string port = peer.line();
-  ASSERT_FALSE(port.empty()) << text_of(folder / "peer.err");
+  if (port.empty()) {
+    const std::string why = text_of(folder / "peer.err");
+    if (!std::filesystem::exists(python) || why.find("ImportError") != why.npos ||
+        why.find("ModuleNotFoundError") != why.npos) {
+      GTEST_SKIP() << "pymodbus is not installed";
+    }
+    FAIL() << why;
+  }
+  part_cell_mm = 1;
 
   // Another map: other addresses and scales, the low word first, one request to write and one to
   // read, other numbers for commands and states, no measured speed, no UV lamp.
@@ -641,6 +663,7 @@ fault = 11
 }
 
 TEST_F(BridgePrint, NobodyThere) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   // A port that was free a moment ago.
@@ -674,20 +697,21 @@ TEST_F(BridgePrint, NobodyThere) {
 TEST_F(BridgePrint, ABenchyIsPrintedAsItWasPlanned) {
   const std::string mesh = test::real_file("meshes/clean/3DBenchy.stl");
   SLICECORR_NEEDS_FILE(mesh);
-  // 4 mm high at a twelfth of its size: 400 slices of 10 um.
+  // 4 mm high at a twelfth of its size: 400 slices of 10 um. By day half of that.
+  const int slices = by_night() ? 400 : 200;
   const std::string printer = make_printer(
       "benchy", {{"width_px = 96", "width_px = 128"}, {"height_px = 64", "height_px = 80"}});
   const std::string target = folder / "benchy-target.uvj", stack = folder / "benchy.uvj";
-  ASSERT_EQ(
-      run_program({program("slicecorr"), "slice", mesh, "-o", target, "--printer", printer,
-                   "--layer-um", "10", "--antialias", "off", "--scale", "0.0833333", "--quiet"})
-          .exit_code,
-      0);
+  ASSERT_EQ(run_program({program("slicecorr"), "slice", mesh, "-o", target, "--printer", printer,
+                         "--layer-um", "10", "--antialias", "off", "--scale",
+                         fmt::format("{}", slices / 4800.0), "--quiet"})
+                .exit_code,
+            0);
   ASSERT_EQ(run_program({program("slicecorr"), "correct", target, "-o", stack, "--printer", printer,
                          "--resin", "figure-2-2", "--speed-mm-h", "800", "--quiet"})
                 .exit_code,
             0);
-  EXPECT_GE(StackReader::read_info(stack).grid.layers, 400);
+  EXPECT_GE(StackReader::read_info(stack).grid.layers, slices);
   Sim sim = start_sim(printer, true);
   RunOptions long_one;
   long_one.timeout = std::chrono::minutes(5);

@@ -329,6 +329,7 @@ TEST_F(BridgeScreenKill, NobodyButTheUserStopsIt) {
 }
 
 TEST_F(BridgeScreen, AWindowOfAnotherSizeIsRefusedBeforeAnythingMoves) {
+  part_cell_mm = 0.6;
   Xvfb server(97, 64);
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
@@ -345,6 +346,7 @@ TEST_F(BridgeScreen, AWindowOfAnotherSizeIsRefusedBeforeAnythingMoves) {
 }
 
 TEST_F(BridgeScreen, PrintsIntoAWindowInLockstep) {
+  part_cell_mm = 0.6;
   Xvfb server(96, 64);
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);

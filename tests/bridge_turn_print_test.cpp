@@ -8,6 +8,7 @@
 
 #include "bridge_fixture.hpp"
 #include "devtools.hpp"
+#include "rounds.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/print.hpp"
@@ -43,6 +44,8 @@ class BridgeTurnPrint : public BridgePrograms {
   }
   /// A block beside the axis, in voxels of twice a pixel, in 60 frames a turn.
   std::string make_job(const std::string& printer, const std::string& name = "part") {
+    static std::map<std::string, Bytes> made;
+    const std::string job = folder / (name + ".frames");
     Box<std::uint8_t> part{2, 20, 20, std::vector<std::uint8_t>(2 * 20 * 20)};
     for (int z = 0; z < 2; ++z) {
       for (int y = 8; y < 13; ++y) {
@@ -50,12 +53,19 @@ class BridgeTurnPrint : public BridgePrograms {
       }
     }
     tomo::write_npy(folder / "part.npy", part);
-    const std::string job = folder / (name + ".frames");
+    // Tests that ask for the same get the same bytes. What a printer's file names lies beside it.
+    const std::string key = text_of(printer);
+    const bool alone = key.find(".png\"") == key.npos && key.find(".csv\"") == key.npos;
+    if (const auto before = made.find(key); before != made.end() && alone) {
+      write_file(job, before->second);
+      return job;
+    }
     const RunResult r =
         run_program({program("slicecorr"), "tomo", "solve", "--volume", folder / "part.npy",
                      "--voxel-mm", "0.4", "--printer", printer, "--resin", "model-tomography-resin",
                      "--angles", "60", "-o", job, "--iterations", "20", "--quiet"});
     EXPECT_EQ(r.exit_code, 0) << r.err;
+    if (r.exit_code == 0) made[key] = read_file(job);
     return job;
   }
   Sim start_turning(const std::string& printer, std::vector<std::string> more = {}) {
@@ -208,12 +218,14 @@ TEST_F(BridgeTurnPrint, WobbleIsInTheRecordAndInTheVerdict) {
 
 TEST_F(BridgeTurnPrint, FaultsEndWithLightOffFirst) {
   const std::string printer = make_turning("bench"), job = make_job(printer);
+  int number = 0;
   for (const auto& [fault, name] : {std::pair{"stuck-stage@frame:70", "stage_error"},
                                     {"stage-slips=-9@frame:33", "stage_error"},
                                     {"late-frame=0.05@frame:40", "late_frame"},
                                     {"lamp-fails@frame:50", "lamp_"},
                                     {"drop=100000@frame:20", "heartbeat_lost"}}) {
     SCOPED_TRACE(fault);
+    state_name = "state-" + std::to_string(number);
     Sim sim = start_turning(printer, {"--fault", fault});
     const RunResult r = run_program(print_command(job, printer, sim, true, {"--machine-is-clear"}));
     EXPECT_EQ(r.exit_code, 4) << r.err;
@@ -229,7 +241,8 @@ TEST_F(BridgeTurnPrint, FaultsEndWithLightOffFirst) {
       EXPECT_LT(dark, place(events, "stop"));
     }
     EXPECT_LT(dark, stands);
-    // It has to be looked at.
+    // It has to be looked at, whatever it was: by day after the first.
+    if (number++ > 0 && !by_night()) continue;
     Sim next = start_turning(printer);
     const RunResult again = run_program(print_command(job, printer, next, true));
     EXPECT_EQ(again.exit_code, 4);
@@ -269,9 +282,9 @@ TEST_F(BridgeTurnPrint, TheWatchdogDarkensWhatAKilledBridgeLeft) {
   const std::string printer = make_turning("bench"), job = make_job(printer);
   Sim sim = start_turning(printer);
   Child bridge(print_command(job, printer, sim, true));
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 30"); }));
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "frame 30"); }));
   bridge.end(SIGKILL);
-  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "watchdog"); }));
+  ASSERT_TRUE(wait_until([&] { return happened(sim.events, "watchdog"); }));
   sim.child->end(SIGTERM);
   const auto events = events_of(sim.events);
   EXPECT_LT(place(events, "watchdog"), place(events, "blue off"));

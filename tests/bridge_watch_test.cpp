@@ -12,6 +12,7 @@
 #include "bridge_fixture.hpp"
 #include "devtools.hpp"
 #include "exposition_reader.hpp"
+#include "rounds.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "terminal_screen.hpp"
@@ -61,13 +62,14 @@ class BridgeView : public BridgePrograms {
     r.sim = start_sim(r.printer, false);
     r.print = std::make_unique<Child>(print_command(stack, r.printer, r.sim, false),
                                       folder / "print.err");
-    EXPECT_TRUE(wait_until([&] { return has(events_of(r.sim.events), "frame 1"); }))
+    EXPECT_TRUE(wait_until([&] { return happened(r.sim.events, "frame 1"); }))
         << text_of(folder / "print.err");
     return r;
   }
 };
 
 TEST_F(BridgeView, APrintLeavesItsPage) {
+  part_cell_mm = 1;
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);
   EXPECT_THAT(bridge({"report"}, printer, {"-o", "-"}).out, HasSubstr("No print is recorded"));
@@ -104,6 +106,7 @@ TEST_F(BridgeView, APrintLeavesItsPage) {
 }
 
 TEST_F(BridgeView, PagesOfLateFramesAndOfFaults) {
+  part_cell_mm = 1;
   const std::string printer =
       make_printer("late", {{"max_late_frames = 0", "max_late_frames = 3"}});
   const std::string stack = make_stack(printer);
@@ -160,6 +163,7 @@ TEST_F(BridgeView, PagesOfLateFramesAndOfFaults) {
 }
 
 TEST_F(BridgeView, LayerByLayerAndUnderUvLight) {
+  part_cell_mm = 0.6;
   part_cells = 1;
   const std::string printer = make_printer("plain", quick());
   const std::string layers = make_stack(
@@ -306,10 +310,11 @@ TEST_F(BridgeView, WatchThroughAPipe) {
 }
 
 TEST_F(BridgeView, AskingDoesNotHoldUpThePrint) {
+  part_cell_mm = 1;
   Running r = start_print(800);
   // As fast as it answers. The socket's thread counts its answers, the control thread how often it
   // has told something: that goes by its clock, whoever asks.
-  constexpr int questions = 1000 / test::kSlowdown;
+  const int questions = (test::by_night() ? 1000 : 300) / test::kSlowdown;
   std::int64_t first = -1, told = 0;
   double at_s = 0;
   for (int i = 0; i < questions; ++i) {
@@ -407,6 +412,7 @@ TEST_F(BridgeView, BeyondTheMachineReadingNeedsTheToken) {
 }
 
 TEST_F(BridgeView, TheLivePageInABrowser) {
+  part_cell_mm = 1;
   if (chromium().empty()) GTEST_SKIP() << "chromium is not installed";
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);

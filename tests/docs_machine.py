@@ -637,12 +637,19 @@ class Machine:
             raise
 
 
+def crc_of_byte(crc):
+    for _ in range(8):
+        crc = (crc >> 1) ^ 0xa001 if crc & 1 else crc >> 1
+    return crc
+
+
+CRC_OF_BYTES = [crc_of_byte(byte) for byte in range(256)]
+
+
 def crc16(data):
     crc = 0xffff
     for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc >> 1) ^ 0xa001 if crc & 1 else crc >> 1
+        crc = crc >> 8 ^ CRC_OF_BYTES[(crc ^ byte) & 0xff]
     return struct.pack("<H", crc)
 
 
@@ -652,6 +659,8 @@ class Server:
     def __init__(self, machine):
         self.machine, self.ending = machine, False
         self.opened = 0
+        # Closed to end the thread, which else sleeps until somebody asks for something.
+        self.woken, self.wake = os.pipe()
         if machine.map.serial:
             self.master, self.slave = os.openpty()
             tty.setraw(self.master)
@@ -669,7 +678,9 @@ class Server:
 
     def end(self):
         self.ending = True
+        os.close(self.wake)
         self.thread.join()
+        os.close(self.woken)
         if self.machine.map.serial:
             os.close(self.master)
             os.close(self.slave)
@@ -712,8 +723,10 @@ class Server:
     def serve_tcp(self):
         clients = {}
         while not self.ending:
-            ready, _, _ = select.select([self.listener] + list(clients), [], [], 0.02)
+            ready, _, _ = select.select([self.woken, self.listener] + list(clients), [], [])
             for s in ready:
+                if s == self.woken:
+                    break
                 if s is self.listener:
                     client, _ = s.accept()
                     client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -778,8 +791,8 @@ class Server:
     def serve_line(self):
         held = b""
         while not self.ending:
-            if not select.select([self.master], [], [], 0.02)[0]:
-                continue
+            if self.woken in select.select([self.woken, self.master], [], [])[0]:
+                break
             try:
                 held += os.read(self.master, 4096)
             except OSError:
@@ -826,21 +839,27 @@ class Server:
 
 
 def main():
-    """On a bench, in real time: says where it is and its part of a printer file; ends with stdin."""
+    """On a bench, in real time: each says where it is and its part of a printer file; they end with stdin."""
     options = argparse.ArgumentParser()
-    options.add_argument("map", choices=list(MAPS))
-    options.add_argument("--fault", choices=list(FAULTS))
+    options.add_argument("machine", nargs="+", help="MAP, or MAP:FAULT")
     options.add_argument("--travel", type=float, default=2, help="mm, or turns")
     o = options.parse_args()
-    travel = o.travel * (360 if MAPS[o.map].turns else 1000)
-    machine = Machine(MAPS[o.map], travel, fault=o.fault, at_cycle=0, lockstep=False)
-    machine.begin_fault_if_due()
-    server = Server(machine)
-    print(json.dumps({"toml": machine.map.toml(server.where)}), flush=True)
+    servers = []
+    for name in o.machine:
+        map_name, _, fault = name.partition(":")
+        if map_name not in MAPS or fault and fault not in FAULTS:
+            options.error(f"no machine '{name}'")
+        map_ = MAPS[map_name]
+        machine = Machine(map_, o.travel * (360 if map_.turns else 1000), fault=fault or None,
+                          at_cycle=0, lockstep=False)
+        machine.begin_fault_if_due()
+        servers.append(Server(machine))
+        print(json.dumps({"toml": map_.toml(servers[-1].where)}), flush=True)
     sys.stdin.read()
-    server.end()
-    for entry in machine.log:
-        print(json.dumps(entry))
+    for server in servers:
+        server.end()
+        for entry in server.machine.log:
+            print(json.dumps(entry))
 
 
 if __name__ == "__main__":

@@ -66,7 +66,7 @@ class Bench:
     maps = [m for m in MAPS.values() if not m.turns]
     travel = 1000 * TRAVEL_MM
 
-    def __init__(self, bin_folder, printers, folder):
+    def __init__(self, bin_folder, printers, folder, slices):
         self.bin, self.folder = bin_folder, folder
         with open(os.path.join(printers, "dual-wavelength-dlp.toml")) as f:
             text = f.read()
@@ -81,7 +81,7 @@ class Bench:
         self.printer_text = text
         mesh, target = os.path.join(folder, "box.stl"), os.path.join(folder, "target.uvj")
         self.stack, printer = os.path.join(folder, "box.uvj"), os.path.join(folder, "plain.toml")
-        box_stl(mesh, 0.8, 0.6, 0.5)
+        box_stl(mesh, 0.8, 0.6, 0.05 * slices)
         with open(printer, "w") as f:
             f.write(text)
         for command in (
@@ -132,7 +132,7 @@ class TurnBench(Bench):
     maps = [m for m in MAPS.values() if m.turns]
     travel = 360 * TRAVEL_TURNS
 
-    def __init__(self, bin_folder, printers, folder):
+    def __init__(self, bin_folder, printers, folder, _):
         self.bin, self.folder = bin_folder, folder
         with open(os.path.join(printers, "model-tomography-bench.toml")) as f:
             text = f.read()
@@ -240,7 +240,7 @@ def judge(result):
     return wrong
 
 
-def cases(bench, count, seed, moments):
+def cases(bench, count, seed, moments, slices):
     """Each fault on a map that suits it, over and over, with maps and moments by the seed."""
     chosen = random.Random(seed)
     names = [name for name in FAULTS if name not in BENCH and
@@ -252,7 +252,7 @@ def cases(bench, count, seed, moments):
             maps = [m for m in bench.maps if docs_machine.suits(fault, m)]
             map_ = chosen.choice(maps)
             when = ({"at_cycle": chosen.randrange(5, 330)} if moments else
-                    {"at_frame": chosen.randrange(0, 10)})
+                    {"at_frame": chosen.randrange(0, slices)})
             yield map_, fault, when
             number += 1
             if number == count:
@@ -275,13 +275,15 @@ def main():
     part, parts = (int(x) for x in o.part.split("/"))
     bad, ran, codes, began = 0, 0, {}, 0
     with tempfile.TemporaryDirectory() as folder:
-        bench = (TurnBench if o.turn else Bench)(o.bin, o.printers, folder)
+        # Enough of them where every moment counts, and the first frames of a turn.
+        slices = 10 if o.moments or o.turn else 4
+        bench = (TurnBench if o.turn else Bench)(o.bin, o.printers, folder, slices)
         count = len(FAULTS) - len(BENCH) if o.count is None else o.count
         if o.only:
             todo = [(m, o.only, {"at_frame": 3}) for m in bench.maps
                     if docs_machine.suits(o.only, m)]
         else:
-            todo = list(cases(bench, count, o.seed, o.moments))
+            todo = list(cases(bench, count, o.seed, o.moments, slices))
             if o.turn:
                 todo = [(m, None, {}) for m in bench.maps] + todo
         for number, (map_, fault, when) in enumerate(todo):

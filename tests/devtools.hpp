@@ -18,8 +18,10 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <vector>
 
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "support/text/base64.hpp"
 
@@ -283,15 +285,23 @@ class DrivenPage {
                        nullptr, false);
   }
   /// The page as it is on a desk, light and dark, and on a phone: FOLDER/NAME-light.png, -dark.png,
-  /// -phone.png. `ready`: an expression that holds once all is drawn.
+  /// -phone.png; by day light on a desk and dark on a phone, NAME-dark-phone.png. `ready`: an
+  /// expression that holds once all is drawn.
   void looks(const std::string& address, const std::filesystem::path& folder,
              const std::string& name, const std::string& ready) {
-    open(address);
-    for (const auto& [look, width, dark] :
-         {std::tuple{"light", 1280, false}, {"dark", 1280, true}, {"phone", 400, false}}) {
+    std::vector<std::tuple<std::string, int, bool>> all{{"light", 1280, false},
+                                                        {"dark-phone", 400, true}};
+    if (by_night()) all = {all[0], all[1], {"dark", 1280, true}, {"phone", 400, false}};
+    bool opened = false;
+    for (const auto& [look, width, dark] : all) {
       look_like(width, 900, dark);
       // Pictures are drawn once, for the colours and the width that they find.
-      call("Page.reload");
+      if (opened) {
+        call("Page.reload");
+      } else {
+        open(address);
+      }
+      opened = true;
       wait_for("document.readyState === 'complete' && " + ready);
       const auto file = folder / (name + "-" + look + ".png");
       std::filesystem::remove(file);

@@ -252,7 +252,7 @@ def cases(bench, count, seed, moments, slices):
             maps = [m for m in bench.maps if docs_machine.suits(fault, m)]
             map_ = chosen.choice(maps)
             when = ({"at_cycle": chosen.randrange(5, 330)} if moments else
-                    {"at_frame": chosen.randrange(0, slices)})
+                    {"at_frame": chosen.randrange(0, 10) * slices // 10})
             yield map_, fault, when
             number += 1
             if number == count:

@@ -14,6 +14,7 @@
 #include "lattice.hpp"
 #include "meshes.hpp"
 #include "program_fixture.hpp"
+#include "rounds.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/flow_part.hpp"
@@ -36,7 +37,7 @@ class EvenDeadZoneProgram : public ProgramFixture {
     printer("flood.toml", "flood");
     resin("resin.toml", "viscosity_pa_s = 0.3\ndose_diffusion_m2_s = 1e-10\n", kInhibition);
     TriangleMesh disc;
-    add_strut(disc, {0, 0, 0}, {0, 0, 2.0}, 4.0, 180);
+    add_strut(disc, {0, 0, 0}, {0, 0, 1.5}, 4.0, 180);
     write_stl(folder_ / "disc.stl", disc);
     // A prism of four sides: its radius is half a diagonal.
     TriangleMesh square;
@@ -69,12 +70,15 @@ class EvenDeadZoneProgram : public ProgramFixture {
     const RunResult r = call(arguments);
     ASSERT_EQ(r.exit_code, 0) << ::testing::PrintToString(arguments) << r.err;
   }
-  /// Slices and corrects a part; what `verify` says of it.
+  /// Slices and corrects a part; what `verify` says of it, and in `told` what `correct` said.
   json print(const std::string& part, const std::string& printer, const std::string& kind,
-             const std::string& gap_um) const {
+             const std::string& gap_um, std::string* told = nullptr) const {
     done({"slice", part + ".stl", "-o", part + ".uvj", "--printer", printer, "--layer-um", "50"});
-    done({"correct", part + ".uvj", "-o", "out.uvj", "--printer", printer, "--resin", "resin.toml",
-          "--speed-mm-h", "300", "--even-dead-zone", kind, "--gap-um", gap_um, "--quiet"});
+    const RunResult corrected =
+        call({"correct", part + ".uvj", "-o", "out.uvj", "--printer", printer, "--resin",
+              "resin.toml", "--speed-mm-h", "300", "--even-dead-zone", kind, "--gap-um", gap_um});
+    EXPECT_EQ(corrected.exit_code, 0) << corrected.err;
+    if (told != nullptr) *told = corrected.err;
     const RunResult r =
         call({"verify", "out.uvj", "--target", part + ".uvj", "--json", "-", "--quiet"});
     EXPECT_EQ(r.exit_code, 0) << r.err;
@@ -155,7 +159,8 @@ TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
     EXPECT_LT(width(s), width(s["without"])) << s;
     // What verify says is what the images of the archive do: cells on the outline alone, of which it
     // leaves out those that are lit by less than a quarter, may differ: at most half of the ring, whose dose is
-    // off by half.
+    // off by half. By day of the first and the last slice.
+    if (!by_night() && s != flow["slices"].front() && s != flow["slices"].back()) continue;
     const DoseSummary own =
         swept(folder_ / "out.uvj", folder_ / "disc.uvj", s["slice"], folder_.path());
     EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
@@ -182,7 +187,8 @@ TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
 }
 
 TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
-  const json j = print("square", "flood.toml", "blue", "120");
+  std::string told;
+  const json j = print("square", "flood.toml", "blue", "120", &told);
   const json& flow = j["flow"];
   // §8: 77 % with blue by place at this gap in Chebyshev patterns, 20 % with constant light (at 80 um).
   EXPECT_GT(flow["within_10_percent"], 0.6) << flow;
@@ -196,10 +202,7 @@ TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   const RunResult seen = call({"verify", "out.uvj", "--target", "square.uvj"});
   EXPECT_THAT(seen.out, HasSubstr("by the light that the images show"));
   EXPECT_THAT(seen.out, HasSubstr("dead zone over lit pixels, if resin stood still: "));
-  const RunResult corrected = call({"correct", "square.uvj", "-o", "again.uvj", "--printer",
-                                    "flood.toml", "--resin", "resin.toml", "--speed-mm-h", "300",
-                                    "--even-dead-zone", "constant", "--gap-um", "120"});
-  EXPECT_THAT(corrected.err, HasSubstr("by the light that the images show"));
+  EXPECT_THAT(told, HasSubstr("by the light that the images show"));
 }
 
 TEST_F(EvenDeadZoneProgram, BytesDoNotDependOnThreads) {

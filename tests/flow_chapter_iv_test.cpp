@@ -27,6 +27,12 @@ DiscGrown printed(double blue, double uv = 130, double speed_mm_h = 300, double 
 }
 double middle(const DiscGrown& grown) { return grown.gap_um.value.front(); }
 
+/// What several look at: 300 mm/h and a radius of 1 mm for long.
+const DiscGrown& usual() {
+  static const DiscGrown grown = printed(100, 130, 300, 1, {.seconds = kLong});
+  return grown;
+}
+
 TEST(FlowDiscChapterIv, LittleLightLeavesAHollow) {
   const DiscGrown grown = printed(70);
   ASSERT_FALSE(grown.adhesion);
@@ -58,8 +64,8 @@ TEST(FlowDiscChapterIv, SlowerIsSharper) {
   for (int i = 0; i < 4; ++i) {
     DiscGrowth growth;
     growth.seconds = kLong * std::max(1.0, 300 / speeds[i]);
-    EXPECT_NEAR(printed(100, 130, speeds[i], 1, growth).gap_um.at(0.9), expected[i], 5)
-        << speeds[i];
+    const DiscGrown grown = speeds[i] == 300 ? usual() : printed(100, 130, speeds[i], 1, growth);
+    EXPECT_NEAR(grown.gap_um.at(0.9), expected[i], 5) << speeds[i];
   }
 }
 
@@ -67,13 +73,13 @@ TEST(FlowDiscChapterIv, RadiusAndLightHardlyMoveTheMiddle) {
   const double radii[] = {0.5, 1, 1.5, 2}, expected[] = {68, 60, 53, 47};
   const DiscGrowth growth{.seconds = kLong};
   for (int i = 0; i < 4; ++i) {
-    EXPECT_NEAR(middle(printed(100, 130, 300, radii[i], growth)), expected[i], 5) << radii[i];
+    const DiscGrown grown = radii[i] == 1 ? usual() : printed(100, 130, 300, radii[i], growth);
+    EXPECT_NEAR(middle(grown), expected[i], 5) << radii[i];
   }
   // Both lights twice at the same ratio (C.3): the middle stays, the edge is flatter.
-  const DiscGrown once = printed(100, 130, 300, 1, growth);
   const DiscGrown twice = printed(200, 260, 300, 1, growth);
-  EXPECT_NEAR(middle(twice), middle(once), 5);
-  EXPECT_LT(twice.gap_um.at(0.9), 0.6 * once.gap_um.at(0.9));
+  EXPECT_NEAR(middle(twice), middle(usual()), 5);
+  EXPECT_LT(twice.gap_um.at(0.9), 0.6 * usual().gap_um.at(0.9));
 }
 
 TEST(FlowDiscChapterIv, InTimeAndInTheLongRun) {

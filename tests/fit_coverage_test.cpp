@@ -67,7 +67,7 @@ test::Design short_exposure(const char* name, const Kinetics& k, double cured_m)
 TEST(Coverage, OfHuvWhereTheExponentCannotBeKnown) {
   for (const test::Design& d : {short_exposure("figure 3.4", {750, 1, 100, 1, 100}, 1),
                                 short_exposure("another m", {408, 0.8, 64, 0.73, 37.8}, 0.99)}) {
-    const int runs = test::rounds(10);
+    const int runs = test::by_night() ? 100 : 5;
     const test::CoverageOf c = test::measure_coverage(d, runs);
     EXPECT_GE(c.parameters.at("huv_um").share, 0.95 - 3 * std::sqrt(0.95 * 0.05 / runs)) << d.name;
     RecordProperty("huv_um " + d.name, fmt::format("{:.3f}", c.parameters.at("huv_um").share));

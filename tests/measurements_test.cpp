@@ -319,11 +319,11 @@ TEST_F(MeasurementFiles, MillionsOfRows) {
   EXPECT_EQ(read_measurements({path}).cured.size(), static_cast<std::size_t>(kMaxMeasurements));
 
   std::ofstream more(path, std::ios::binary | std::ios::app);
-  for (int i = 0; i < 9 * kMaxMeasurements / 10000; ++i) more << block;
+  more << block;
   more.close();
   try {
     read_measurements({path});
-    ADD_FAILURE() << "ten million rows were read";
+    ADD_FAILURE() << "more than a million rows were read";
   } catch (const InputError& e) {
     EXPECT_THAT(e.what(), AllOf(HasSubstr("line 1000002"), HasSubstr("at most 1000000")));
   }

@@ -204,7 +204,7 @@ TEST(SpreadCoverage, IntervalsOfWidthsHoldTheTruthAsOftenAsTheySay) {
   const std::map<std::string, double> truth = {
       {"sigma_um", 40}, {"scatter_um2_per_um", 3}, {"dose", 6.25}};
   std::map<std::string, int> inside;
-  const int runs = test::rounds(20);
+  const int runs = test::by_night() ? 200 : 10;
   for (int run = 0; run < runs; ++run) {
     const SpreadFit fit =
         fit_spread(measured(lab, 3, 100 + static_cast<unsigned>(run), 1, {0, 500}), o);

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "models.hpp"
+#include "rounds.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 
@@ -80,7 +81,8 @@ TEST(Cure, ThreeSlicesByHand) {
 
 TEST(Cure, RecursionEqualsTheDirectSum) {
   std::mt19937 random(1);
-  for (int round = 0; round < 300; ++round) {
+  const int rounds = test::by_night() ? 300 : 75;
+  for (int round = 0; round < rounds; ++round) {
     std::uniform_real_distribution<double> eta(0.001, 0.8), light(0, 20);
     const CureModel m = make_cure_model(linear_printer(1, 100), test::resin(576, 50 / eta(random)),
                                         test::process(1000), 50);

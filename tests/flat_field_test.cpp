@@ -472,14 +472,14 @@ TEST_F(FlatFieldTest, NotKnowingItMovesEdges) {
 
 TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {
   // Several bands of rows, so that there is work to share.
-  const Grid grid{54, 42, 20, 50, 50, 50};
+  const Grid grid{24, 42, 20, 50, 50, 50};
   const MemorySlices target = random_target(grid, 7);
   std::mt19937 random(8);
-  Values values(9 * 7);
+  Values values(4 * 7);
   for (std::uint8_t& v : values) v = static_cast<std::uint8_t>(240 + random() % 2 * 4);
   for (const Mode& mode : modes()) {
-    Settings setup = with(mode.setup, field_of(9, 7, values));
-    setup.printer.width_px = 54;
+    Settings setup = with(mode.setup, field_of(4, 7, values));
+    setup.printer.width_px = 24;
     setup.printer.height_px = 42;
     std::string first, figures, page;
     for (const int threads : {1, 5}) {
@@ -859,8 +859,13 @@ TEST_F(FlatFieldFiles, RealOnesThroughThePrograms) {
     // The dimmest corner of the display, where the calibration is furthest off.
     ok({bin + "/slicecorr", "run", "ladder.stl", "-o", "l.uvj", "--printer", "uneven", "--resin",
         "benchy-resin", "--layer-um", "50", "--speed-mm-h", "800", "--center-mm", "3,3"});
-    ok({bin + "/slicecorr", "slice", "ladder.stl", "-o", "t.uvj", "--printer", "uneven",
-        "--layer-um", "50", "--center-mm", "3,3"});
+    // Its light changes nothing of the target, nor of a correction for even light.
+    if (!fs::exists(path("t.uvj"))) {
+      ok({bin + "/slicecorr", "slice", "ladder.stl", "-o", "t.uvj", "--printer", "uneven",
+          "--layer-um", "50", "--center-mm", "3,3"});
+      ok({bin + "/slicecorr", "correct", "t.uvj", "-o", "e.uvj", "--printer", "dual-wavelength-dlp",
+          "--resin", "benchy-resin", "--speed-mm-h", "800"});
+    }
     const auto verified = nlohmann::json::parse(
         ok({bin + "/slicecorr", "verify", "l.uvj", "--target", "t.uvj", "--json", "-", "--quiet"}));
     const auto promised = nlohmann::json::parse(bytes(path("l.json")));
@@ -869,8 +874,6 @@ TEST_F(FlatFieldFiles, RealOnesThroughThePrograms) {
     EXPECT_EQ(verified["cure_through_voxels"], 0);
     EXPECT_LT(verified["height_error_um"]["mean_abs"], 2.5);
     // Corrected for even light, the same part comes out worse by what ha log10 f says.
-    ok({bin + "/slicecorr", "correct", "t.uvj", "-o", "e.uvj", "--printer", "dual-wavelength-dlp",
-        "--resin", "benchy-resin", "--speed-mm-h", "800"});
     const auto unaware =
         nlohmann::json::parse(ok({bin + "/slicecorr", "verify", "e.uvj", "--target", "t.uvj",
                                   "--printer", "uneven", "--json", "-", "--quiet"}));

@@ -314,13 +314,19 @@ TEST(InhibitedLayers, PredictionIsWhatIntegrationSays) {
 }
 
 TEST(InhibitedLayers, LadderIsPredictedAsIntegrated) {
+  int turn = 0;
   for (const Setting& s : settings()) {
     const CureModel model = s.model();
+    // By day one of the two corrected and the other not, in turns.
+    ++turn;
     for (const auto& coverage : {s.ladder(), s.rail()}) {
-      const CorrectionPlan plan =
-          test::plan_for(model, s.process(), static_cast<int>(coverage.size()));
-      compare(s, solve_column(plan, coverage), coverage, "corrected");
-      compare(s, coverage, coverage, "uncorrected");
+      const bool corrected = ++turn % 2 == 0;
+      if (corrected || test::by_night()) {
+        const CorrectionPlan plan =
+            test::plan_for(model, s.process(), static_cast<int>(coverage.size()));
+        compare(s, solve_column(plan, coverage), coverage, "corrected");
+      }
+      if (!corrected || test::by_night()) compare(s, coverage, coverage, "uncorrected");
     }
   }
 }

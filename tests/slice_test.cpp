@@ -526,6 +526,11 @@ TEST(MeshSlices, WithoutAntialiasingPixelsAreLitByTheirCentre) {
   const auto all = read(slices);
   for (std::size_t n = 0; n < all.size(); ++n) {
     const auto cut = convex_cut(mesh, (static_cast<double>(n) + 0.5) * 0.1 + low[2]);
+    std::vector<Real> lengths;
+    for (std::size_t i = 0; i < cut.size(); ++i) {
+      const Flat &a = cut[i], &b = cut[(i + 1) % cut.size()];
+      lengths.push_back(std::hypot(b.x - a.x, b.y - a.y));
+    }
     for (int y = 0; y < 70; ++y) {
       for (int x = 0; x < 80; ++x) {
         const Real cx = (x + 0.5L) * 0.05L - 2 + (low[0] + high[0]) / 2;
@@ -533,7 +538,7 @@ TEST(MeshSlices, WithoutAntialiasingPixelsAreLitByTheirCentre) {
         Real nearest = 1e9L;  // negative outside
         for (std::size_t i = 0; i < cut.size(); ++i) {
           const Flat &a = cut[i], &b = cut[(i + 1) % cut.size()];
-          const Real length = std::hypot(b.x - a.x, b.y - a.y);
+          const Real length = lengths[i];
           if (length < 1e-9L) continue;
           nearest =
               std::min(nearest, ((b.x - a.x) * (cy - a.y) - (b.y - a.y) * (cx - a.x)) / length);

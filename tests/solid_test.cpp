@@ -12,6 +12,7 @@
 #include "ladder.hpp"
 #include "models.hpp"
 #include "real_files.hpp"
+#include "rounds.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/slice.hpp"
 #include "stack_fixture.hpp"
@@ -146,7 +147,8 @@ TEST(Solid, AnyStackGivesAClosedSurface) {
   };
   const CureModel model =
       make_cure_model(linear_printer(1, 100), resin(576, 300), process(1000), 50);
-  for (int i = 0; i < 60; ++i) {
+  const int rounds = by_night() ? 60 : 24;
+  for (int i = 0; i < rounds; ++i) {
     SCOPED_TRACE(i);
     Images images;
     images.grid = {number(1, 40), number(1, 50), number(1, 25), 50, 50, 50};
@@ -306,7 +308,7 @@ TEST(Solid, Benchy) {
   SLICECORR_NEEDS_FILE(path);
   const slicecorr::Setup setup = small_setup();
   Placement placement;
-  placement.scale = 0.15;
+  placement.scale = by_night() ? 0.15 : 0.12;
   const TriangleMesh design = read_mesh(path, placement);
   const MeshSlices target(design, setup.printer, {50, true, {}, {}});
   const CorrectedSlices corrected(target, setup);

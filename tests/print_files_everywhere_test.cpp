@@ -31,6 +31,20 @@ class PrintFilesEverywhere : public ProgramFixture,
   PrintFilesEverywhere() {
     write("lcd.toml", kLcd);
     write_stl(folder_ / "ladder.stl", ladder());
+    // Made once for each format: each test gets the same files.
+    static std::map<std::string, Made> all;
+    if (!all.contains(ending())) all[ending()] = make();
+    const Made& made = all[ending()];
+    exported_ = made.exported;
+    wanted_ = made.wanted;
+    EXPECT_NE(wanted_, exported_);
+    write_file(folder_ / "target.uvj", made.target);
+    write_file(folder_ / part(), exported_);
+  }
+  struct Made {
+    Bytes target, exported, wanted;
+  };
+  Made make() const {
     good({"slice", "ladder.stl", "-o", "target.uvj", "--printer", "lcd.toml", "--layer-um", "50"});
     // As a slicer exports it: with times, and turned to the display.
     good({"convert", "target.uvj", "-o", "plain.uvj", "--printer", "lcd.toml"});
@@ -47,10 +61,9 @@ class PrintFilesEverywhere : public ProgramFixture,
     info.bottom_exposure_s = 40;
     info.bottom_layers = 2;
     write_stack(folder_ / part(), images, info);
-    exported_ = read_file(folder_ / part());
     good(Command{"correct", part(), "-o", "wanted" + ending()} + kLight + kLayers);
-    wanted_ = read_file(folder_ / ("wanted" + ending()));
-    EXPECT_NE(wanted_, exported_);
+    return {read_file(folder_ / "target.uvj"), read_file(folder_ / part()),
+            read_file(folder_ / ("wanted" + ending()))};
   }
   static std::string ending() { return std::string(".") + GetParam(); }
   static std::string part() { return "part" + ending(); }

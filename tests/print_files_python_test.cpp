@@ -22,11 +22,11 @@ using nlohmann::json;
 
 /// Debian's interpreter; the reader needs nothing but its own modules.
 constexpr const char* kPython = "/usr/bin/python3";
-/// By day so many layers of large files are compared that they have 1e8 pixels, which the second
-/// reader takes seconds for; at night all of them.
+/// By day so many layers of large files are compared that they have 3e7 pixels, which the second
+/// reader takes a second for; at night all of them.
 int step_of(const Grid& g) {
   const double pixels = 1.0 * g.width_px * g.height_px * g.layers;
-  return rounds(1) > 1 ? 1 : static_cast<int>(std::ceil(pixels / 1e8));
+  return rounds(1) > 1 ? 1 : static_cast<int>(std::ceil(pixels / 3e7));
 }
 
 /// What the second reader says of a file and of every `step`th of its layers.

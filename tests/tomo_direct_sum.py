@@ -1,7 +1,7 @@
 """Dose of a tomographic job by a direct sum over its frames, with nothing of the project's own code.
 
 Usage: tomo_direct_sum.py JOB.frames OUT.npy
-Telecentric light; matched bath or a dry vial; with inserts, axes that lean and wobble, and uneven light. One slice in every ten, to save time: others are NaN.
+Telecentric light; matched bath or a dry vial; with inserts, axes that lean and wobble, and uneven light. One slice in every ten, to save time: others are 0.
 """
 import json, struct, sys, zipfile, zlib
 
@@ -68,7 +68,7 @@ def main(job, out):
     stage = 360 * np.arange(m) / m
     right, up = (np.interp(stage, wobble[0], w, period=360) for w in wobble[1:])
     up = np.floor(np.abs(up) + 0.5) * np.sign(up)
-    dose = np.full((nz, n, n), np.nan, np.float32)
+    dose = np.zeros((nz, n, n), np.float32)
     for s in range(0, nz, 10):
         # A pixel lights the slice that its middle lies in; a slice gets the mean of its rows.
         of_slice = np.zeros((m, width))

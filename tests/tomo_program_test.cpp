@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/print.hpp"
@@ -44,10 +45,7 @@ class TomoProgram : public testing::Test {
     const test::RunResult python = test::run_program(
         {kPython, SLICECORR_SOURCE_DIR "/tests/tomo_direct_sum.py", job, "p.npy"}, options);
     ASSERT_EQ(python.exit_code, 0) << python.out << python.err;
-    test::run_program(
-        {kPython, "-c", "import numpy as n; a = n.load('p.npy'); n.save('q.npy', n.nan_to_num(a))"},
-        options);
-    const Box<float> ours = read_dose_npy(path("d.npy")), theirs = read_dose_npy(path("q.npy"));
+    const Box<float> ours = read_dose_npy(path("d.npy")), theirs = read_dose_npy(path("p.npy"));
     double largest = 0, off = 0;
     for (int y = 0; y < ours.ny; ++y) {
       for (int x = 0; x < ours.nx; ++x) {
@@ -114,7 +112,10 @@ TEST_F(TomoProgram, FramesOfACrookedMachineAreSummedTheSameInPython) {
   for (const bool leaning : {true, false}) {
     with(leaning ? "tilt_deg = 4\naxis_right_px = 0.4\n" : "",
          leaning ? "" : "flat_field = \"flat.png\"\nflat_field_reference = 200\n");
-    const test::RunResult solved = call(solve("a.frames"));
+    // Any light will do.
+    auto words = solve("a.frames");
+    words.insert(words.end(), {"--method", "osmo", "--iterations", "10"});
+    const test::RunResult solved = call(words);
     ASSERT_LE(solved.exit_code, 5) << solved.err;
     ASSERT_NE(solved.exit_code, 2) << solved.err;
     const test::RunResult verified = call({"verify", "a.frames", "--dose", "d.npy", "--json", "-"});
@@ -226,6 +227,8 @@ TEST_F(TomoProgram, GoesOnWhereItWasStopped) {
     };
     ASSERT_THAT(call(words("whole.frames", {})).exit_code, testing::AnyOf(0, 5));
     for (const int signal : {SIGKILL, SIGINT}) {
+      // By day each method and each signal once.
+      if (!test::by_night() && (method == "osmo") != (signal == SIGKILL)) continue;
       SCOPED_TRACE(method + ", signal " + std::to_string(signal));
       test::RunOptions options;
       options.folder = folder_.path();
@@ -266,10 +269,15 @@ TEST_F(TomoProgram, GoesOnWhereItWasStopped) {
     }
   }
   // Without anything to go on from it starts anew.
-  auto anew = solve("a.frames");
+  const auto quick = [&](const std::string& to) {
+    auto all = solve(to);
+    all.insert(all.end(), {"--method", "osmo", "--iterations", "10"});
+    return all;
+  };
+  auto anew = quick("a.frames");
   anew.push_back("--resume");
-  EXPECT_EQ(call(anew).exit_code, 0);
-  EXPECT_EQ(call(solve("b.frames")).exit_code, 0);
+  EXPECT_THAT(call(anew).exit_code, testing::AnyOf(0, 5));
+  EXPECT_THAT(call(quick("b.frames")).exit_code, testing::AnyOf(0, 5));
   EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
   // Damage is told.
   test::write_file(left, test::to_bytes("slicecorr tomo solve 1\nand nothing else"));
@@ -312,45 +320,46 @@ TEST_F(TomoProgram, DamagedJobsAreRefusedByName) {
     job.insert.values[i] = job.part.values[i] == 0 && i % 5 == 0 ? 7 : 0;
   }
   write_job(path("a.frames"), job);
-  const auto refused = [&](const std::string& change) {
-    test::RunOptions options;
-    options.folder = folder_.path();
-    // `f` maps names to contents.
-    const test::RunResult made =
-        test::run_program({kPython, "-c",
-                           "import json, zipfile\n"
-                           "z = zipfile.ZipFile('a.frames')\n"
-                           "f = {n: z.read(n) for n in z.namelist()}\n"
-                           "c = json.loads(f['config.json'])\n" +
-                               change +
-                               "\nif 'config.json' in f: f['config.json'] = json.dumps(c)\n"
-                               "z = zipfile.ZipFile('b.frames', 'w')\n"
-                               "for n in f: z.writestr(n, f[n])\n"
-                               "z.close()\n"},
-                          options);
-    EXPECT_EQ(made.exit_code, 0) << made.err;
-    const test::RunResult verified = call({"verify", "b.frames"});
-    EXPECT_EQ(verified.exit_code, change.empty() ? 5 : 2) << change;
-    return verified.err;
-  };
-  EXPECT_EQ(refused(""), "");
-  EXPECT_THAT(refused("del f['insert/00000003.png']"),
-              HasSubstr("insert/00000003.png: is missing"));
-  EXPECT_THAT(refused("c['insert'] = False"), HasSubstr("insert is false, expected true"));
-  EXPECT_THAT(refused("del f['part/00000002.png']"), HasSubstr("part/00000002.png: is missing"));
-  EXPECT_THAT(refused("del f['config.json']"), HasSubstr("config.json: is missing"));
-  EXPECT_THAT(refused("del f['frame/00000007.png']"),
-              HasSubstr("frame/: has 23 images; expected 24, one per angle"));
-  EXPECT_THAT(refused("f['frame/00000024.png'] = f.pop('frame/00000007.png')"),
-              HasSubstr("frame/00000007.png: is missing"));
-  EXPECT_THAT(refused("f['frame/00000007.png'] = f['part/00000000.png']"),
-              HasSubstr("frame/00000007.png: "));
-  EXPECT_THAT(refused("f['frame/00000007.png'] = b'no picture'"),
-              HasSubstr("frame/00000007.png: "));
-  EXPECT_THAT(refused("c['format'] = 2"), HasSubstr("has format 2; this program knows up to 1"));
-  EXPECT_THAT(refused("c['voxels'][1] += 2"), HasSubstr("voxels"));
-  EXPECT_THAT(refused("c['turns'] = 0"), HasSubstr("turns is 0"));
-  EXPECT_THAT(refused("del c['printer']['rotation']"), HasSubstr("rotation"));
+  // A change, in which `f` maps names to contents, and what is said of it.
+  const std::vector<std::pair<std::string, std::string>> changes = {
+      {"pass", ""},
+      {"del f['insert/00000003.png']", "insert/00000003.png: is missing"},
+      {"c['insert'] = False", "insert is false, expected true"},
+      {"del f['part/00000002.png']", "part/00000002.png: is missing"},
+      {"del f['config.json']", "config.json: is missing"},
+      {"del f['frame/00000007.png']", "frame/: has 23 images; expected 24, one per angle"},
+      {"f['frame/00000024.png'] = f.pop('frame/00000007.png')", "frame/00000007.png: is missing"},
+      {"f['frame/00000007.png'] = f['part/00000000.png']", "frame/00000007.png: "},
+      {"f['frame/00000007.png'] = b'no picture'", "frame/00000007.png: "},
+      {"c['format'] = 2", "has format 2; this program knows up to 1"},
+      {"c['voxels'][1] += 2", "voxels"},
+      {"c['turns'] = 0", "turns is 0"},
+      {"del c['printer']['rotation']", "rotation"}};
+  test::RunOptions options;
+  options.folder = folder_.path();
+  test::Command command{kPython, "-c",
+                        "import json, sys, zipfile\n"
+                        "for i, change in enumerate(sys.argv[1:]):\n"
+                        "    z = zipfile.ZipFile('a.frames')\n"
+                        "    f = {n: z.read(n) for n in z.namelist()}\n"
+                        "    c = json.loads(f['config.json'])\n"
+                        "    exec(change)\n"
+                        "    if 'config.json' in f: f['config.json'] = json.dumps(c)\n"
+                        "    z = zipfile.ZipFile('%d.frames' % i, 'w')\n"
+                        "    for n in f: z.writestr(n, f[n])\n"
+                        "    z.close()\n"};
+  for (const auto& [change, said] : changes) command.push_back(change);
+  const test::RunResult made = test::run_program(command, options);
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    const test::RunResult verified = call({"verify", std::to_string(i) + ".frames"});
+    EXPECT_EQ(verified.exit_code, i == 0 ? 5 : 2) << changes[i].first;
+    if (i == 0) {
+      EXPECT_EQ(verified.err, "");
+    } else {
+      EXPECT_THAT(verified.err, HasSubstr(changes[i].second)) << changes[i].first;
+    }
+  }
 }
 
 /// Light from a point: all commands take the job.

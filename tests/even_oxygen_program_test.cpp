@@ -45,7 +45,7 @@ class EvenOxygenProgram : public ProgramFixture {
     write("dyed.toml", resin_);
     std::filesystem::copy_file(SLICECORR_SOURCE_DIR "/tests/data/meshes/clean/ksr_fdmtest_v4.stl",
                                folder_ / "part.stl");
-    good({"slice", "part.stl", "-o", "target.uvj", "--fit-mm", "0.6", "--layer-um", "20",
+    good({"slice", "part.stl", "-o", "target.uvj", "--fit-mm", "0.4", "--layer-um", "20",
           "--printer", "fine.toml"});
   }
   const Command kWith{"--printer", "fine.toml", "--resin",      "dyed.toml",

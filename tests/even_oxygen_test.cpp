@@ -90,15 +90,14 @@ TEST(EvenOxygen, ALineMissesWhatTheLinearTheorySays) {
   EXPECT_LT(found.after.missed, found.before.missed / 20);
 }
 
-/// When the cell at (x, y) gels under the levels.
-double gel_time(const OxygenImage& image, const std::vector<std::uint8_t>& level,
-                const OxygenLight& light, int x, int y) {
+/// What gels when under the levels.
+PatternRun run_of(const OxygenImage& image, const std::vector<std::uint8_t>& level,
+                  const OxygenLight& light) {
   LightPattern p{image.width, image.height, {}};
   for (const std::uint8_t l : level) {
     p.share.push_back(static_cast<float>(light.level_mw_cm2[l] / light.level_mw_cm2.back()));
   }
-  return run_pattern(hydrogel(), p, detail::judging_setup(light, 4), one_thread())
-      .gel_time_at(x, y);
+  return run_pattern(hydrogel(), p, detail::judging_setup(light, 4), one_thread());
 }
 
 TEST(EvenOxygen, SmallAndLargeSquaresGelTogether) {
@@ -108,9 +107,9 @@ TEST(EvenOxygen, SmallAndLargeSquaresGelTogether) {
     const EvenOxygen found = detail::even_oxygen(hydrogel(), image, light, 1.8, one_thread());
     SCOPED_TRACE(spread_um);
     // 30 and 100 um: without, the small one takes over twice as long.
-    EXPECT_GT(gel_time(image, image.level, light, 51, 27), 3.4);
-    const double large = gel_time(image, found.level, light, 22, 27),
-                 small = gel_time(image, found.level, light, 51, 27);
+    EXPECT_GT(run_of(image, image.level, light).gel_time_at(51, 27), 3.4);
+    const PatternRun run = run_of(image, found.level, light);
+    const double large = run.gel_time_at(22, 27), small = run.gel_time_at(51, 27);
     // The middle of the large one hardly knows of its edges.
     EXPECT_NEAR(large / 1.67257, 1, 0.02);
     // Light that spreads takes from the outermost cells of the small one, and so its middle gets more.

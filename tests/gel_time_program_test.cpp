@@ -33,8 +33,13 @@ class GelTimeProgram : public ProgramFixture {
     write("hydrogel.toml",
           "name = \"hydrogel\"\n[cure]\nmodel = \"gel-time\"\nabsorbance_height_um = 8115.88\n"
           "absorbance_base = \"e\"\ngel_a_mj_cm2 = 119.23849\ngel_b_sqrt_mw_cm2_s = 4.8263386\n");
-    good(
-        {"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "small.toml"});
+    // Made once: each test gets the same file.
+    static const Bytes target = [this] {
+      good({"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer",
+            "small.toml"});
+      return read_file(folder_ / "target.uvj");
+    }();
+    write_file(folder_ / "target.uvj", target);
   }
   RunResult resinctl(const Command& arguments) const {
     return run_program(Command{SLICECORR_BIN_DIR "/resinctl"} + arguments, options_);

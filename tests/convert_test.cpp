@@ -242,31 +242,35 @@ TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
   int read = 0;
   for (const std::filesystem::path path : test::real_files("slices")) {
     const std::string name = path.filename().string();
+    // RealArchives reads it, and what is told of it.
+    if (name == "diagrid_creation_workshop.zip") continue;
     std::string told, error;
     ExecutionContext context;
     context.notice = [&](const std::string& text) { told += text; };
+    // Their images are read in print_files_test; some of them are packed once more.
+    const bool binary = path.parent_path().filename() == "binary";
     try {
-      const StackReader reader(path.string(), scratch.path(), context, {50, 50, 50});
-      EXPECT_GT(reader.pixel_sum(), 0u) << name;
-      read += path.parent_path().filename() != "binary";
+      if (binary) {
+        StackReader::read_info(path.string());
+      } else {
+        const StackReader reader(path.string(), scratch.path(), context, {50, 50, 50});
+        EXPECT_GT(reader.pixel_sum(), 0u) << name;
+        ++read;
+      }
     } catch (const InputError& e) {
       error = e.what();
       EXPECT_EQ(error.rfind(path.string(), 0), 0u) << error;
     }
-    // In print_files_test; some of them are packed once more.
-    if (path.parent_path().filename() == "binary") continue;
+    if (binary) continue;
     const auto expected = refused.find(name);
     EXPECT_EQ(error.empty(), expected == refused.end()) << name << ": " << error;
     if (expected != refused.end()) {
       EXPECT_NE(error.find(expected->second), std::string::npos) << error;
     }
-    // 65 of its 66 slices are there.
-    EXPECT_EQ(!told.empty(), name == "diagrid_creation_workshop.zip" ||
-                                 name == "Resin_calibration_linear_object.sl1")
-        << name << ": " << told;
+    EXPECT_EQ(!told.empty(), name == "Resin_calibration_linear_object.sl1") << name << ": " << told;
   }
   // One of them lies in tests/data.
-  EXPECT_EQ(read, std::filesystem::exists(SLICECORR_TEST_DATA) ? 9 : 1);
+  EXPECT_EQ(read, std::filesystem::exists(SLICECORR_TEST_DATA) ? 8 : 1);
 }
 
 }  // namespace

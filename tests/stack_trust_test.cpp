@@ -12,6 +12,7 @@
 #include "format_fixture.hpp"
 #include "ladder.hpp"
 #include "program_fixture.hpp"
+#include "refusal.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "stack/block_check.hpp"
 #include "stack/formats/uvj_config.hpp"
@@ -167,8 +168,18 @@ class Trust : public ProgramFixture {
 class TrustedStack : public Trust {
  protected:
   TrustedStack() {
-    slice("ladder.stl", "target.uvj");
-    correct("target.uvj", "part.uvj");
+    // Made once: each test gets the same two files.
+    static const std::pair<Bytes, Bytes> made = [this] {
+      slice("ladder.stl", "target.uvj");
+      correct("target.uvj", "part.uvj");
+      return std::pair(read_file(folder_ / "target.uvj"), read_file(folder_ / "part.uvj"));
+    }();
+    write_file(folder_ / "target.uvj", made.first);
+    write_file(folder_ / "part.uvj", made.second);
+  }
+  /// What is said of a stack that is not read. Programs say it with exit code 2, as other tests see.
+  std::string not_read(const std::string& stack) const {
+    return refusal([&] { StackReader::read_info(folder_ / stack); });
   }
   /// All that reads a stack's record.
   std::vector<Command> readers(const std::string& stack) const {
@@ -219,7 +230,7 @@ TEST_F(TrustedStack, WhatContradictsItselfIsRefusedWithBothValues) {
       config["slicecorr"].erase("block_crc32");
       change(config);
     });
-    return refused({"info", "edited.uvj"});
+    return not_read("edited.uvj");
   };
   EXPECT_THAT(said([](json& c) { c["slicecorr"]["process"]["speed_mm_h"] = 1200; }),
               AllOf(HasSubstr("0.15 s at 1200 mm/h"), HasSubstr("archive says 0.225 s")));
@@ -315,10 +326,10 @@ TEST_F(TrustedStack, RecordsInOtherFormatsToo) {
     const auto crc = [&, &file = file](const char* record, const char* key, const json& value) {
       edit(
           file, "edited.zip", [&](json& block) { block[record][key] = value; }, "slicecorr.json");
-      return refused({"info", "edited.zip"});
+      return not_read("edited.zip");
     };
     EXPECT_THAT(crc("resin", "absorbance_height10_um", 1900), HasSubstr("checksum"));
-    crc("process", "speed_mm_h", 1200);
+    EXPECT_THAT(crc("process", "speed_mm_h", 1200), HasSubstr("edited.zip"));
   }
   // Two records contradict each other, whatever they say.
   Entries entries = unzip(folder_ / "part.uvj");
@@ -408,9 +419,9 @@ TEST_F(TrustedTarget, TheSameDesignInAnotherFormIsTaken) {
   const std::string same =
       good({"verify", "part.uvj", "--target", "target.uvj", "--json", "-"}).out;
   const auto silent = [&](const std::string& target) {
-    const RunResult r = good({"verify", "part.uvj", "--target", target, "--json", "-", "--quiet"});
+    const RunResult r = good({"verify", "part.uvj", "--target", target, "--json", "-"});
     EXPECT_EQ(r.out, same) << target;
-    EXPECT_THAT(good({"verify", "part.uvj", "--target", target}).err, Not(HasSubstr("holds")));
+    EXPECT_THAT(r.err, Not(HasSubstr("holds")));
   };
   // Another format, and black layers after the end, more or fewer.
   good({"convert", "target.uvj", "-o", "target.sl1"});

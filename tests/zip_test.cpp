@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "file_size_limit.hpp"
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "stack/container/zip_layout.hpp"
 #include "stack/container/zip_output.hpp"
@@ -20,6 +21,7 @@ using detail::ContainerOutput;
 using detail::ImagePacking;
 using detail::ZipEntry;
 using detail::ZipOutput;
+using test::operator+;
 using test::Bytes;
 using test::TemporaryFolder;
 using testing::HasSubstr;
@@ -63,10 +65,12 @@ std::vector<std::string> numbered(std::size_t count) {
   return names;
 }
 
-/// What Python's own reader says to a few lines about the archive `z`.
-std::string python(const std::string& path, const std::string& lines) {
-  const std::string script = "import zipfile, sys\nz = zipfile.ZipFile(sys.argv[1])\n" + lines;
-  const test::RunResult result = test::run_program({"/usr/bin/python3", "-c", script, path});
+/// What Python's own reader says to a few lines about each archive `z`, indented by one.
+std::string python(const std::vector<std::string>& paths, const std::string& lines) {
+  const std::string script =
+      "import zipfile, sys\nfor path in sys.argv[1:]:\n z = zipfile.ZipFile(path)\n" + lines;
+  const test::RunResult result =
+      test::run_program(test::Command{"/usr/bin/python3", "-c", script} + paths);
   EXPECT_EQ(result.exit_code, 0) << result.err;
   return result.out;
 }
@@ -105,9 +109,9 @@ TEST(Zip, DeflatedImagesAreReadByTwoOthers) {
   }
   EXPECT_EQ(
       python(
-          folder / "a.zip",
-          "assert z.testzip() is None\n"
-          "print(sorted({i.compress_type for i in z.infolist()}), z.infolist()[0].compress_type)"),
+          {folder / "a.zip"},
+          " assert z.testzip() is None\n"
+          " print(sorted({i.compress_type for i in z.infolist()}), z.infolist()[0].compress_type)"),
       "[0, 8] 0\n");
 }
 
@@ -127,8 +131,11 @@ TEST(Zip, MoreEntriesThanThePlainFormHolds) {
     ASSERT_NE(zip, nullptr);
     EXPECT_EQ(zip_get_num_entries(zip, 0), static_cast<zip_int64_t>(count));
     zip_discard(zip);
-    EXPECT_EQ(python(folder / "a.zip", "print(len(z.infolist()), len(z.read(z.infolist()[-1])))"),
-              std::to_string(count) + " " + std::to_string(contents(count - 1).size()) + "\n");
+    // Python's reader takes longest: by day it reads the one with the ZIP64 record.
+    if (count == 65535 && !test::by_night()) continue;
+    EXPECT_EQ(
+        python({folder / "a.zip"}, " print(len(z.infolist()), len(z.read(z.infolist()[-1])))"),
+        std::to_string(count) + " " + std::to_string(contents(count - 1).size()) + "\n");
   }
 }
 
@@ -177,7 +184,7 @@ struct SparseZip {
   std::vector<ZipEntry> entries;
 };
 
-void expect_read(const std::string& path, std::uint64_t bytes) {
+void expect_read_by_library(const std::string& path, std::uint64_t bytes) {
   zip_t* const zip = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, nullptr);
   ASSERT_NE(zip, nullptr);
   for (const zip_uint64_t i : {0u, 1u}) {
@@ -192,30 +199,48 @@ void expect_read(const std::string& path, std::uint64_t bytes) {
   EXPECT_STREQ(text, "xyz");
   zip_fclose(file);
   zip_discard(zip);
+}
+
+/// The zip library and Python read archives whose entries have so many bytes; Python does `more`, too.
+void expect_read(const std::vector<std::string>& paths, const std::vector<std::uint64_t>& sizes,
+                 const std::string& more = "") {
+  std::string expected;
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    expect_read_by_library(paths[i], sizes[i]);
+    const std::string bytes = std::to_string(sizes[i]);
+    expected += "[" + bytes + ", " + bytes + ", 3] b'xyz' b'\\x00\\x00'\n";
+  }
   EXPECT_EQ(
-      python(path, "print([i.file_size for i in z.infolist()], z.read('c'), z.open('b').read(2))"),
-      "[" + std::to_string(bytes) + ", " + std::to_string(bytes) + ", 3] b'xyz' b'\\x00\\x00'\n");
+      python(
+          paths,
+          more + " print([i.file_size for i in z.infolist()], z.read('c'), z.open('b').read(2))\n"),
+      expected);
 }
 
 // Sparse files: they take next to nothing on the disk.
 TEST(Zip, EntriesBeyondFourGib) {
   const TemporaryFolder folder;
+  std::vector<std::string> paths;
   // Around the last offset that 32 bits can say, which is one less than their largest number.
   for (const std::uint64_t gap :
        {4 * kGib - 31 - 1000 - 2, 4 * kGib - 31 - 1000 - 1, 4 * kGib - 31 - 1000, 9 * kGib}) {
-    const SparseZip zip(folder / "far.zip", 1000, gap);
+    paths.push_back(folder / ("far-" + std::to_string(gap) + ".zip"));
+    const SparseZip zip(paths.back(), 1000, gap);
     EXPECT_EQ(zip.entries[1].offset, gap + 1031);
-    expect_read(folder / "far.zip", 1000);
-    EXPECT_EQ(python(folder / "far.zip", "print(z.testzip())"), "None\n");
   }
+  expect_read(paths, std::vector<std::uint64_t>(paths.size(), 1000),
+              " assert z.testzip() is None\n");
 }
 
 TEST(Zip, EntriesOfFourGib) {
   const TemporaryFolder folder;
-  for (const std::uint64_t bytes : {4 * kGib - 2, 4 * kGib - 1, 4 * kGib, 5 * kGib + 3}) {
-    const SparseZip zip(folder / "large.zip", bytes, 0);
-    expect_read(folder / "large.zip", bytes);
+  const std::vector<std::uint64_t> sizes{4 * kGib - 2, 4 * kGib - 1, 4 * kGib, 5 * kGib + 3};
+  std::vector<std::string> paths;
+  for (const std::uint64_t bytes : sizes) {
+    paths.push_back(folder / ("large-" + std::to_string(bytes) + ".zip"));
+    const SparseZip zip(paths.back(), bytes, 0);
   }
+  expect_read(paths, sizes);
 }
 
 TEST(Zip, NamesTooLongForTheFormatAreRefused) {

@@ -14,6 +14,7 @@ inline int rounds(int by_day) {
   return by_day * std::max(1, text ? std::atoi(text) : 1);
 }
 
+/// Whether all of what the day takes a part of is to run.
 inline bool by_night() { return rounds(1) > 1; }
 
 }  // namespace slicecorr::test

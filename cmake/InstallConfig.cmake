@@ -16,7 +16,6 @@ install(
     "${CMAKE_CURRENT_LIST_DIR}/SlicecorrDependencies.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindISAL.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindLibDeflate.cmake"
-    "${CMAKE_CURRENT_LIST_DIR}/FindLib3MF.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindLibZip.cmake"
   DESTINATION "${package_dir}")
 install(FILES "${CMAKE_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")

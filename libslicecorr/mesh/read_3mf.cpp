@@ -1,14 +1,16 @@
 // 3MF through lib3mf: units, components, transforms and all build items.
-#include <Model/COM/NMR_DLLInterfaces.h>
-
 #include <cmath>
 
+#include "mesh/mesh_module.hpp"
 #include "mesh/mesh_parts.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
 constexpr std::size_t kMostTriangles = 100'000'000;
+
+const Lib3mf& lib3mf() { return mesh_functions().lib3mf; }
+
 /// Owns one object of lib3mf.
 class Handle {
  public:
@@ -16,7 +18,7 @@ class Handle {
   Handle(const Handle&) = delete;
   Handle& operator=(const Handle&) = delete;
   ~Handle() {
-    if (object_) NMR::lib3mf_release(object_);
+    if (object_) lib3mf().release(object_);
   }
   NMR::PLib3MFBase* get() const { return object_; }
   NMR::PLib3MFBase** out() { return &object_; }
@@ -69,30 +71,30 @@ class Reader {
   explicit Reader(const std::string& path) : path_(path), pool_(1024) {}
 
   TriangleMesh read(FileBytes& bytes, double& unit_mm) {
-    if (NMR::lib3mf_createmodel(model_.out()) != LIB3MF_OK) {
+    if (lib3mf().createmodel(model_.out()) != LIB3MF_OK) {
       throw InputError(path_, "", "lib3mf can't make a model");
     }
     Handle reader;
-    check(NMR::lib3mf_model_queryreader(model_.get(), "3mf", reader.out()), model_);
-    check(NMR::lib3mf_reader_readfrombuffer(reader.get(), reinterpret_cast<BYTE*>(bytes.data()),
-                                            bytes.size()),
+    check(lib3mf().model_queryreader(model_.get(), "3mf", reader.out()), model_);
+    check(lib3mf().reader_readfrombuffer(reader.get(), reinterpret_cast<BYTE*>(bytes.data()),
+                                         bytes.size()),
           reader);
     refuse_warnings(reader);
     unit_mm = read_unit();
     Handle items;
-    check(NMR::lib3mf_model_getbuilditems(model_.get(), items.out()), model_);
+    check(lib3mf().model_getbuilditems(model_.get(), items.out()), model_);
     for (;;) {
       BOOL more = 0;
-      check(NMR::lib3mf_builditemiterator_movenext(items.get(), &more), items);
+      check(lib3mf().builditemiterator_movenext(items.get(), &more), items);
       if (!more) break;
       Handle item, object;
-      check(NMR::lib3mf_builditemiterator_getcurrent(items.get(), item.out()), items);
-      check(NMR::lib3mf_builditem_getobjectresource(item.get(), object.out()), item);
+      check(lib3mf().builditemiterator_getcurrent(items.get(), item.out()), items);
+      check(lib3mf().builditem_getobjectresource(item.get(), object.out()), item);
       BOOL has_transform = 0;
       NMR::MODELTRANSFORM transform;
-      check(NMR::lib3mf_builditem_hasobjecttransform(item.get(), &has_transform), item);
+      check(lib3mf().builditem_hasobjecttransform(item.get(), &has_transform), item);
       if (has_transform) {
-        check(NMR::lib3mf_builditem_getobjecttransform(item.get(), &transform), item);
+        check(lib3mf().builditem_getobjecttransform(item.get(), &transform), item);
       }
       add_object(object, has_transform ? from_lib(transform) : Transform());
     }
@@ -106,7 +108,7 @@ class Reader {
     if (result == LIB3MF_OK) return;
     DWORD code = 0;
     LPCSTR text = nullptr;
-    NMR::lib3mf_getlasterror(object.get(), &code, &text);
+    lib3mf().getlasterror(object.get(), &code, &text);
     throw InputError(path_, "",
                      std::string("lib3mf: ") + (text && *text ? text : "unknown error") + " (" +
                          std::to_string(code) + ")");
@@ -117,12 +119,12 @@ class Reader {
   void refuse_warnings(const Handle& reader) const {
     constexpr DWORD invalid_unit = 0x801E, extension_required = 0x8092, unknown_element = 0x80A6;
     DWORD count = 0;
-    check(NMR::lib3mf_reader_getwarningcount(reader.get(), &count), reader);
+    check(lib3mf().reader_getwarningcount(reader.get(), &count), reader);
     for (DWORD i = 0; i < count; ++i) {
       DWORD code = 0;
       ULONG needed = 0;
       char text[512] = "";
-      NMR::lib3mf_reader_getwarningutf8(reader.get(), i, &code, text, sizeof text, &needed);
+      lib3mf().reader_getwarningutf8(reader.get(), i, &code, text, sizeof text, &needed);
       if (code != invalid_unit && code != extension_required && code != unknown_element) continue;
       throw InputError(path_, "",
                        std::string("lib3mf: ") + text + " (" + std::to_string(code) + ")");
@@ -131,7 +133,7 @@ class Reader {
 
   double read_unit() const {
     DWORD unit = NMR::MODELUNIT_MILLIMETER;
-    check(NMR::lib3mf_model_getunit(model_.get(), &unit), model_);
+    check(lib3mf().model_getunit(model_.get(), &unit), model_);
     switch (unit) {
       case NMR::MODELUNIT_MICROMETER:
         return 0.001;
@@ -151,22 +153,22 @@ class Reader {
 
   void add_object(const Handle& object, const Transform& transform) {
     BOOL is_mesh = 0, is_components = 0;
-    check(NMR::lib3mf_object_ismeshobject(object.get(), &is_mesh), object);
+    check(lib3mf().object_ismeshobject(object.get(), &is_mesh), object);
     if (is_mesh) return add_mesh(object, transform);
-    check(NMR::lib3mf_object_iscomponentsobject(object.get(), &is_components), object);
+    check(lib3mf().object_iscomponentsobject(object.get(), &is_components), object);
     if (!is_components) return;
     DWORD count = 0;
-    check(NMR::lib3mf_componentsobject_getcomponentcount(object.get(), &count), object);
+    check(lib3mf().componentsobject_getcomponentcount(object.get(), &count), object);
     for (DWORD i = 0; i < count; ++i) {
       Handle component, child;
-      check(NMR::lib3mf_componentsobject_getcomponent(object.get(), i, component.out()), object);
-      check(NMR::lib3mf_component_getobjectresource(component.get(), child.out()), component);
+      check(lib3mf().componentsobject_getcomponent(object.get(), i, component.out()), object);
+      check(lib3mf().component_getobjectresource(component.get(), child.out()), component);
       BOOL has_transform = 0;
-      check(NMR::lib3mf_component_hastransform(component.get(), &has_transform), component);
+      check(lib3mf().component_hastransform(component.get(), &has_transform), component);
       Transform inner;
       if (has_transform) {
         NMR::MODELTRANSFORM own;
-        check(NMR::lib3mf_component_gettransform(component.get(), &own), component);
+        check(lib3mf().component_gettransform(component.get(), &own), component);
         inner = from_lib(own);
       }
       add_object(child, combine(inner, transform));
@@ -175,8 +177,8 @@ class Reader {
 
   void add_mesh(const Handle& object, const Transform& transform) {
     DWORD vertex_count = 0, triangle_count = 0;
-    check(NMR::lib3mf_meshobject_getvertexcount(object.get(), &vertex_count), object);
-    check(NMR::lib3mf_meshobject_gettrianglecount(object.get(), &triangle_count), object);
+    check(lib3mf().meshobject_getvertexcount(object.get(), &vertex_count), object);
+    check(lib3mf().meshobject_gettrianglecount(object.get(), &triangle_count), object);
     if (mesh_.triangles.size() + triangle_count > kMostTriangles) {
       throw InputError(path_, "", "more than " + std::to_string(kMostTriangles) + " triangles");
     }
@@ -184,10 +186,10 @@ class Reader {
     std::vector<NMR::MODELMESHVERTEX> vertices(vertex_count);
     std::vector<NMR::MODELMESHTRIANGLE> triangles(triangle_count);
     DWORD got = 0;
-    check(NMR::lib3mf_meshobject_getvertices(object.get(), vertices.data(), vertex_count, &got),
+    check(lib3mf().meshobject_getvertices(object.get(), vertices.data(), vertex_count, &got),
           object);
-    check(NMR::lib3mf_meshobject_gettriangleindices(object.get(), triangles.data(), triangle_count,
-                                                    &got),
+    check(lib3mf().meshobject_gettriangleindices(object.get(), triangles.data(), triangle_count,
+                                                 &got),
           object);
     constexpr std::uint32_t unused = std::numeric_limits<std::uint32_t>::max();
     std::vector<std::uint32_t> merged(vertex_count, unused);

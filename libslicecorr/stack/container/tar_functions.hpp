@@ -1,5 +1,5 @@
 /// What libarchive does for us, behind a module that is loaded when the first tar is met: with it
-/// come eight more libraries, a fifth of the time in which programs start.
+/// come eight more libraries, an eighth of the time in which programs start.
 #pragma once
 
 #include <archive.h>

@@ -176,8 +176,11 @@ TEST_F(BenchGuard, WrongUse) {
                                          {"a", "b", "--tolerance", "-1"},
                                          {"a", "b", "--repeats", "0"},
                                          {"a", "b", "--only", "knit"},
+                                         {"--programs", kGuard, kGuard},
                                          {"no-such-commit", "--only", "slice"}});
   for (const RunResult& r : results) EXPECT_EQ(r.exit_code, 2) << r.err;
+  // A program of which its make_part is not built.
+  EXPECT_NE(results[5].err.find("--target make_part"), std::string::npos) << results[5].err;
   const RunResult& unknown = results.back();
   EXPECT_NE(unknown.err.find("no-such-commit"), std::string::npos) << unknown.err;
   // As people call them.

@@ -1,5 +1,6 @@
 // A tomographic job on a machine that turns a vial, with the programs over real sockets.
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

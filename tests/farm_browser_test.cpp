@@ -13,7 +13,6 @@ namespace slicecorr::farm {
 namespace {
 
 namespace fs = std::filesystem;
-using slicecorr::test::BrowserFolder;
 using slicecorr::test::chromium;
 using slicecorr::test::DrivenPage;
 using test::Farm;

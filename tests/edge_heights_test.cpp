@@ -388,6 +388,7 @@ int expect_rays(const TriangleMesh& mesh, const MeshSlices& slices, int step) {
 TEST(EdgeHeights, OfRandomConvexBodiesAreThoseOfRays) {
   std::mt19937_64 random(24);
   std::uniform_real_distribution<double> any(0, 1);
+  int compared = 0;
   for (int round = 0; round < rounds(12); ++round) {
     TriangleMesh mesh;
     const int bodies = 1 + round % 3;
@@ -406,9 +407,11 @@ TEST(EdgeHeights, OfRandomConvexBodiesAreThoseOfRays) {
     }
     const double layer_um = 20 + 180 * any(random);
     const MeshSlices slices(mesh, printer(90, 80, 50, 60), layer_of(layer_um));
-    EXPECT_GT(expect_rays(mesh, slices, 1), 500);
+    compared += expect_rays(mesh, slices, 1);
     if (HasFailure()) FAIL() << "round " << round;
   }
+  // Small bodies have few edges within columns: hundreds on the average.
+  EXPECT_GT(compared, 500 * rounds(12));
 }
 
 TEST(EdgeHeights, OfRealMeshesAreThoseOfRays) {

@@ -129,7 +129,8 @@ TEST(Levels, SequencesByTrialAndBySetsOfDosesAreTheSame) {
   // What the tests below rely on.
   std::mt19937 random(3);
   int possible = 0;
-  for (int round = 0; round < test::rounds(150); ++round) {
+  const int rounds = test::rounds(150);
+  for (int round = 0; round < rounds; ++round) {
     const CureModel model = random_model(random, 2);
     const Column design = random_column(random, 1, 3, 6);
     const int slices = std::min(slices_with_burst(model, static_cast<int>(design.size()),
@@ -140,8 +141,9 @@ TEST(Levels, SequencesByTrialAndBySetsOfDosesAreTheSame) {
     ASSERT_EQ(any, sequences.any_by_trial()) << round;
     possible += any;
   }
-  EXPECT_GT(possible, 20);
-  EXPECT_LT(possible, 130);
+  // Both kinds occur often.
+  EXPECT_GT(possible, rounds / 8);
+  EXPECT_LT(possible, rounds - rounds / 8);
 }
 
 TEST(Levels, NoVoxelIsWrongWhereSomeSequenceHasNoneAndFeaturesNeverAre) {

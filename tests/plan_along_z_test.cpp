@@ -111,12 +111,12 @@ TEST(SlicesThatDiffer, ExactLightPutsEdgesWhereTheyBelong) {
       EXPECT_LE(at, ratio * model.phi_max() * (1 + 1e-12));
     }
     for (const auto& [first, last] : runs) {
-      // An edge of 1 to what the search keeps for rounding; that on the platform has none.
+      // An edge of 1, as the sum rounds; that on the platform has none.
       if (first > 0) {
-        EXPECT_NEAR(omega[static_cast<std::size_t>(first)], 1, 1e-8) << first;
+        EXPECT_NEAR(omega[static_cast<std::size_t>(first)], 1, 1e-12) << first;
       }
-      EXPECT_NEAR(omega[static_cast<std::size_t>(last) + 1], 1, 1e-8) << last + 1;
-      for (int k = first; k <= last; ++k) EXPECT_GE(omega[static_cast<std::size_t>(k)], 1 - 1e-8);
+      EXPECT_NEAR(omega[static_cast<std::size_t>(last) + 1], 1, 1e-12) << last + 1;
+      for (int k = first; k <= last; ++k) EXPECT_GE(omega[static_cast<std::size_t>(k)], 1 - 1e-12);
     }
   }
 }
@@ -150,14 +150,15 @@ TEST(SlicesThatDiffer, LevelsPlaceEdgesAsFinelyAsWithOneSpeed) {
     EXPECT_EQ(differ.cure_through_voxels + differ.undercure_voxels, 0U) << round;
     EXPECT_EQ(differ.lost_features + differ.merged_features + differ.split_features, 0U);
   }
-  // Speeds that are noise leave the vernier less regular steps: still a fraction of what one level moves
-  // an edge by at the slowest of these speeds, where levels are coarsest.
+  // What one level moves an edge by at the slowest of these speeds, where levels are coarsest. The nearest
+  // level alone would put each edge within half of that, and on average within a quarter; the levels of
+  // several slices together put most of them to a 25th, which is what the search aims at.
   RecordProperty("worst_um", std::to_string(worst));
   RecordProperty("worst_alike_um", std::to_string(worst_alike));
   const double step_um = figure_2_2(0.6 * 1200).level_step_um();
-  EXPECT_LT(worst, step_um / 3);
-  EXPECT_LT(worst_alike, step_um / 3);
-  EXPECT_LT(mean, 0.06);  // aimed at to 0.05 um
+  EXPECT_LT(worst, step_um / 2);
+  EXPECT_LT(worst_alike, step_um / 2);
+  EXPECT_LT(mean, step_um / 25);
 }
 
 TEST(SlicesThatDiffer, AreTheSameAsOneSpeedWhereTheyDoNotDiffer) {

@@ -101,7 +101,7 @@ double ContinuousPlan::most_at_edge(std::uint8_t height, int rung) const {
   const double left = 1.0 / (height_grown_[height] * near[r].lower.grown);
   // What layers ask is exact: of slices that differ the greatest will do.
   const double greatest = uneven() ? *std::max_element(ratios_.begin(), ratios_.end()) : 1.0;
-  return left + greatest * phi_max * (1.0 - left) + 1e-8;
+  return left + greatest * phi_max * (1.0 - left) + edge_room;
 }
 
 ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, int slices,
@@ -137,6 +137,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   // Rounding of a step is below 1e-13 for any dose that light can give.
   const double margin = exact ? 0.0 : 2e-9;
   slack = exact ? 1e-12 : 1e-9;
+  edge_room = exact ? 1e-13 : 1e-8;
   close = count > 1 ? 0.99 * (levels.phi(1) - levels.phi(0)) * b - 4 * slack : 0.0;
   prints = 1.0 + margin;
   open = 1.0 - margin;
@@ -189,7 +190,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   for (std::size_t r = 0; r < kRungs; ++r) {
     near[r] = corners_of(tolerance[r]);
     const double left = 1.0 / near[r].lower.grown;  // a^eps
-    edge_most[r] = left + greatest * phi_max * (1.0 - left) + 1e-8;
+    edge_most[r] = left + greatest * phi_max * (1.0 - left) + edge_room;
     grey_edge_most[r] = prints + near[r].lower.excess * (1.0 - phi_min);
   }
   const LevelTable::Around one = levels.around(1.0);

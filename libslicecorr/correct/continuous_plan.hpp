@@ -98,6 +98,7 @@ struct ContinuousPlan {
   /// A dose of `prints` or more prints, one of `open` or less does not: 1 with a margin for
   /// rounding. Checks of a choice allow doses to be off by `slack`, half of that margin.
   double prints, open, slack;
+  double edge_room;  ///< of that, what an edge's greatest dose may be above what its tolerance allows
   double most;  ///< no dose can be above it
   double cap;   ///< greatest dose in features
   double platform_cap;

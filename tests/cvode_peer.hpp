@@ -69,16 +69,23 @@ class CvodePeer {
     CVodeReInit(cvode_, time_, y_);
   }
   void advance_to(double seconds) { EXPECT_GE(CVode(cvode_, seconds, y_, &time_, CV_NORMAL), 0); }
-  /// The time at which a cell has gelled, by its own steps.
+  /// The time at which a cell has gelled, within the step by the polynomial that CVODE has for it.
   double gel_time(std::size_t cell, double most_s) {
     const double level = c_.groups_mol_l * (1 - c_.gel_conversion);
-    double before = at(cell, P0), from = time_;
+    double from = time_;
     while (time_ < most_s) {
       if (CVode(cvode_, most_s, y_, &time_, CV_ONE_STEP) < 0) break;
-      const double now = at(cell, P0);
-      if (now <= level) return from + (time_ - from) * (before - level) / (before - now);
-      before = now;
-      from = time_;
+      if (at(cell, P0) > level) {
+        from = time_;
+        continue;
+      }
+      double to = time_;
+      while (to - from > 1e-9 * to) {
+        const double middle = (from + to) / 2;
+        EXPECT_EQ(CVodeGetDky(cvode_, middle, 0, y_), 0);
+        (at(cell, P0) > level ? from : to) = middle;
+      }
+      return to;
     }
     return std::numeric_limits<double>::infinity();
   }

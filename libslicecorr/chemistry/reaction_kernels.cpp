@@ -100,10 +100,10 @@ Starts starts_of(const Rates& k, const State& y, V X) {
     }
     return {least_of(s, least_of(X, y.P0)), constant(0)};
   } else {
-    // x (1 + h kI n(x) + h kIO o(x)) = X, n = P0 / (grown + h kI x), o = O / (c + h kIO x): concave
-    // and rising, so that Newton's method comes from below.
+    // x (1 + h kI n(x) + h kIO o(x)) = X, n = P0 / (grown + h kI x), o = O / (c + h kIO x), O with what
+    // comes from outside: concave and rising, so that Newton's method comes from below.
     const V c = add(k.supply, mul(k.ho, y.P1));
-    const V O = most_of(y.O, constant(0));
+    const V O = most_of(add(y.O, k.supplied), constant(0));
     V x = div(X, add(constant(1), add(div(mul(k.hkI, y.P0), grown), div(mul(k.hkIO, O), c))));
     V chains = constant(0), taken = constant(0);
     for (int turn = 0; turn < 6; ++turn) {

@@ -50,7 +50,7 @@ double inhibition_time_used_up_s(const Chemistry& c, double intensity_mw_cm2);
 /// The same of resin whose oxygen is resupplied from outside at a rate of `supply_per_s` (O(0) - O),
 /// without inhibitor: -ln(1 - i_th/i) / ks; infinite up to the threshold intensity.
 double inhibition_time_supplied_s(const Chemistry& c, double intensity_mw_cm2, double supply_per_s);
-/// i_th = ks O(0) / Ri(1), mW/cm²: light up to it never gels resin that is so supplied.
+/// i_th = ks O(0) / Ri(1), mW/cm²: light up to it never uses up oxygen that is so supplied.
 double threshold_intensity_mw_cm2(const Chemistry& c, double supply_per_s);
 /// Least I(0), mol/l, whose radicals use up oxygen and inhibitor: (O + Q) / 2.
 double least_initiator_mol_l(const Chemistry& c);

@@ -78,7 +78,8 @@ struct CellTimes {
 CellTimes cell_times(const Chemistry& c, double intensity_mw_cm2, double supply_per_s = 0,
                      const ExecutionContext& context = {});
 /// Why resin never gels under a light, and the least initiator or intensity that would do; empty where
-/// nothing speaks against it.
+/// nothing speaks against it. Under too little light oxygen stops chains after a group or so: over hours
+/// they may use up as many groups as a gel has, and are none.
 std::string never_gels(const Chemistry& c, double intensity_mw_cm2, double supply_per_s = 0);
 
 }  // namespace slicecorr

@@ -19,8 +19,10 @@ namespace slicecorr::detail {
 
 namespace {
 
-constexpr int kPasses = 15;
+/// Two neighbours that each fail when the other is mended let the edges beyond them move on, pass by pass.
+constexpr int kPasses = 60;
 constexpr double kAimStep = 0.01;
+constexpr int kMostSteps = 15;
 /// Columns that are corrected again and again at once: their slices are not coded meanwhile.
 constexpr std::size_t kTogether = 1024;
 
@@ -33,7 +35,7 @@ double chi_of(std::size_t inputs) {
 
 /// Greatest dose that an edge may aim at.
 double most_aim(const CureModel& model) {
-  return std::min(1.0 + kPasses * kAimStep, 0.5 * (1.0 + model.phi_max()));
+  return std::min(1.0 + kMostSteps * kAimStep, 0.5 * (1.0 + model.phi_max()));
 }
 
 /// Doses of a band in both cases, at the nodes of each layer.

@@ -255,6 +255,7 @@ TEST_F(LivePage, ReportAndPartOfTheServer) {
       dom(fmt::format("/api/v1/jobs/{}/files/html", claim.job.id), "document.title !== 't'");
   EXPECT_THAT(part, HasSubstr("ran null"));
   EXPECT_THAT(part, HasSubstr("<title>kept out</title>"));
+  EXPECT_THAT(log_, HasSubstr("Content Security Policy"));
 }
 
 TEST_F(LivePage, PicturesOnDeskAndPhone) {

@@ -137,7 +137,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   // Rounding of a step is below 1e-13 for any dose that light can give.
   const double margin = exact ? 0.0 : 2e-9;
   slack = exact ? 1e-12 : 1e-9;
-  edge_room = exact ? 1e-13 : 1e-8;
+  edge_room = exact ? 1e-14 : 1e-8;
   close = count > 1 ? 0.99 * (levels.phi(1) - levels.phi(0)) * b - 4 * slack : 0.0;
   prints = 1.0 + margin;
   open = 1.0 - margin;

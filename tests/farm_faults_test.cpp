@@ -135,7 +135,8 @@ TEST_P(FarmWorkerFaults, IsRecordedAndTriedAgain) {
   const std::string part = make_part(1);
   submit_parts({part, make_part(2)}, {"--out", dir / "out"});
   if (std::string(GetParam().fault).find("hang") != std::string::npos) {
-    change_settings({{"hang-s", "1"}});
+    // Instrumented programs take seconds to begin.
+    change_settings({{"hang-s", SLICECORR_SANITIZED ? "15" : "1"}});
   }
   const bool delayed = GetParam().reason == Reason::disk_full;
   if (delayed) {

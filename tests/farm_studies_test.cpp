@@ -246,7 +246,7 @@ TEST(Studies, ProgramsAreBounded) {
                       "case $1 in plan) sleep 600;; run) head -c 3000000 /dev/zero > big;; "
                       "slice) echo design; env > seen; pwd >> seen; exit 7;; esac\n"},
                      {"resinctl", "echo wrote > $HOME/never; exit 1\n"}});
-  options.children.study_s = 0.5;
+  options.children.study_s = SLICECORR_SANITIZED ? 5 : 0.5;
   options.children.file_bytes = 1 << 20;
   const Served served(farm, options);
   auto sam = client_of(served, kSubmit);

@@ -269,7 +269,8 @@ TEST(SeveralSinks, NamesAreCheckedBeforeAnythingIsOpened) {
 struct WindowLog {
   std::vector<std::string> calls;
   std::string fails;  ///< call that does
-  std::string news;   ///< what `watch` says
+  std::string news;   ///< what `check` says
+  std::chrono::milliseconds takes{0};  ///< each of them
   std::vector<std::uint32_t> drawn;
 };
 class LoggedWindow final : public detail::Window {
@@ -289,10 +290,14 @@ class LoggedWindow final : public detail::Window {
                                    [](std::uint32_t p) { return p == 0xFF000000U; });
     return told(black ? "present black" : "present");
   }
-  std::string check() override { return log_.news; }
+  std::string check() override {
+    std::this_thread::sleep_for(log_.takes);
+    return log_.news;
+  }
 
  private:
   std::string told(const std::string& call) {
+    std::this_thread::sleep_for(log_.takes);
     log_.calls.push_back(call);
     return call == log_.fails ? "it fails" : "";
   }
@@ -321,6 +326,23 @@ TEST_F(BridgeWindowCalls, BlackComesBeforeTheEnd) {
   sink.reset();
   EXPECT_THAT(log.calls, ElementsAre("begin", "finish", "present", "begin", "finish",
                                      "present black", "close"));
+}
+
+// Whatever the window's thread does when it is asked.
+TEST_F(BridgeWindowCalls, WhatIsShownWasPresentedAndWhatIsClosedIsGone) {
+  log.takes = std::chrono::milliseconds(5);
+  auto sink = open();
+  const std::vector<std::string> image = {"begin", "finish", "present"};
+  std::vector<std::string> expected;
+  for (int n = 1; n <= 16; ++n) {
+    // It looks after its window every 10 ms.
+    std::this_thread::sleep_for(std::chrono::milliseconds(n));
+    sink->show(noise(n), 0);
+    expected.insert(expected.end(), image.begin(), image.end());
+    ASSERT_EQ(log.calls, expected) << n;
+  }
+  sink.reset();
+  EXPECT_EQ(log.calls.back(), "close");
 }
 
 TEST_F(BridgeWindowCalls, WhatFailsIsADeviceError) {

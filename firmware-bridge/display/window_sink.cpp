@@ -101,8 +101,11 @@ void work(const std::shared_ptr<Desk>& desk, const Open& open, const WindowWante
   std::unique_lock lock(desk->mutex);
   desk->found = found;
   while (window) {
-    desk->busy = false;
-    desk->done.notify_all();
+    // What was asked while it looked after its window is still to do.
+    if (desk->task == Task::none) {
+      desk->busy = false;
+      desk->done.notify_all();
+    }
     desk->asked.wait_for(lock, kLookEvery, [&] { return desk->task != Task::none; });
     const Task task = std::exchange(desk->task, Task::none);
     lock.unlock();

@@ -268,8 +268,8 @@ TEST(SeveralSinks, NamesAreCheckedBeforeAnythingIsOpened) {
 
 struct WindowLog {
   std::vector<std::string> calls;
-  std::string fails;  ///< call that does
-  std::string news;   ///< what `check` says
+  std::string fails;                   ///< call that does
+  std::string news;                    ///< what `check` says
   std::chrono::milliseconds takes{0};  ///< each of them
   std::vector<std::uint32_t> drawn;
 };

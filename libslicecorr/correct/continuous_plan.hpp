@@ -98,10 +98,9 @@ struct ContinuousPlan {
   /// A dose of `prints` or more prints, one of `open` or less does not: 1 with a margin for
   /// rounding. Checks of a choice allow doses to be off by `slack`, half of that margin.
   double prints, open, slack;
-  double
-      edge_room;  ///< of that, what an edge's greatest dose may be above what its tolerance allows
-  double most;    ///< no dose can be above it
-  double cap;     ///< greatest dose in features
+  double edge_room;  ///< rounding that the greatest dose of an edge allows for
+  double most;       ///< no dose can be above it
+  double cap;        ///< greatest dose in features
   double platform_cap;
   double least_cap;  ///< least cap of thin features, since a lower one would cost voxels
   std::array<double, kRungs> tolerance;  ///< in slices, rising; the first two are the same

@@ -327,13 +327,14 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
         limits = {p.prints, p.grey_edge_most[r]};
       }
       if (has_slit) limits.hi = std::min(limits.hi, p.most_at_edge(edge.height, rung));
-      const bool upper_asks = one_upper && (in_slit || !p.at_node(above.height, rung));
-      const bool at_node = lower && slit == 0 && p.at_node(edge.height, rung);
-      const bool lower_asks = lower && !at_node;
-      // So near to its node that an edge can't be told from it.
-      if (at_node) limits = common(limits, {p.prints, p.prints + p.edge_room});
-      const EdgeAsk upper_ask = upper_asks ? p.ask(above.height, p.near[r], in_slit) : EdgeAsk{};
-      const EdgeAsk lower_ask = lower_asks ? p.ask(edge.height, p.near[r], slit != 0) : EdgeAsk{};
+      EdgeAsk upper_ask, lower_ask;
+      if (one_upper && (in_slit || !p.at_node(above.height, rung)))
+        upper_ask = p.ask(above.height, p.near[r], in_slit);
+      if (lower && (slit || !p.at_node(edge.height, rung))) {
+        lower_ask = p.ask(edge.height, p.near[r], slit != 0);
+      } else if (lower) {
+        limits = common(limits, {p.prints, p.prints + p.edge_room});  // the node says it all
+      }
       const LayerRule layer = rule(above.below, &upper_ask.below, &lower_ask.above);
       const DoseRange from = doses(above, one ? 0 : edge.slices - 1, rung, in_slit);
       DoseRange to{};

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # README.md and docs/ as pages for a browser, installed with the programs. Needs the Debian package python3-markdown.
 set(SLICECORR_DOCS_PYTHON "/usr/bin/python3" CACHE FILEPATH "Python with the module markdown, which makes the pages of docs/")
 execute_process(COMMAND "${SLICECORR_DOCS_PYTHON}" -c "import markdown" RESULT_VARIABLE no_markdown OUTPUT_QUIET ERROR_QUIET)

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # Makes a C++ source of text files: cmake -DOUT=x.cpp -DFILES=a;b [-DHEADER=h -DSPACE=n] -P EmbedText.cmake
 # Each becomes std::string_view SPACE::page_NAME_EXT, which HEADER declares.
 if(NOT DEFINED HEADER)

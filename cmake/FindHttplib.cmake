@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # cpp-httplib as Debian builds it: a shared library whose header must see the same options.
 # Defines the target Httplib::Httplib.
 find_path(Httplib_INCLUDE_DIR NAMES httplib.h)

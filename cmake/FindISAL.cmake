@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # ISA-L: fast deflate and inflate (igzip).
 # Defines the target ISAL::isal.
 find_path(ISAL_INCLUDE_DIR NAMES isa-l/igzip_lib.h)

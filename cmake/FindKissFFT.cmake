@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # KissFFT: Fourier transforms. Its template only, which has every precision; the CMake package in Debian 12 is about the
 # compiled library, which has float alone.
 # Defines the target KissFFT::kissfft.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # lib3mf 1.8: 3D Manufacturing Format. Include paths start at its own folder (Model/COM/...).
 # Defines the target Lib3MF::Lib3MF.
 find_path(Lib3MF_INCLUDE_DIR NAMES Model/COM/NMR_DLLInterfaces.h PATH_SUFFIXES lib3mf)

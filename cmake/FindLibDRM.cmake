@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # libdrm. Defines the target LibDRM::LibDRM.
 find_path(LibDRM_INCLUDE_DIR NAMES xf86drmMode.h)
 # Headers of the kernel's interface, which that one includes.

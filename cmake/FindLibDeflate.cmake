@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # libdeflate: inflates whole buffers fast.
 # Defines the target LibDeflate::deflate.
 find_path(LIBDEFLATE_INCLUDE_DIR NAMES libdeflate.h)

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # libzip: zip archives.
 # Defines the target LibZip::LibZip.
 find_path(LibZip_INCLUDE_DIR NAMES zip.h)

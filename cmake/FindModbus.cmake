@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # libmodbus. Defines the target Modbus::Modbus.
 find_path(Modbus_INCLUDE_DIR NAMES modbus.h PATH_SUFFIXES modbus)
 find_library(Modbus_LIBRARY NAMES modbus)

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # OpenImageIO: images. Its CMake package in Debian 12 refuses to load unless its command-line tools and the
 # headers of OpenCV are installed, which we don't need. Its headers use Imath, whose package warns without
 # Imath's Python module.

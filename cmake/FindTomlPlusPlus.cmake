@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # toml++, header only: its CMake package would link the shared library for one source file.
 # Defines the target TomlPlusPlus::TomlPlusPlus.
 find_path(TomlPlusPlus_INCLUDE_DIR NAMES toml++/toml.h)

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # find_package(slicecorr) for programs outside of this project.
 set(package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/slicecorr")
 

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # SLICECORR_SANITIZE: a list of address, undefined, leak, thread. Combinations that can't work are refused by name.
 set(SLICECORR_SANITIZE "" CACHE STRING "Sanitizers, separated by semicolons: address, undefined, leak, thread")
 

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # The one list of packages. It is installed too: a consumer of the static library needs the first list.
 # ISAL, LibDeflate, Lib3MF, LibZip and OpenImageIO are found by modules of ours: in Debian 12 the first three have no CMake
 # package, and those of the others refuse to load unless command-line tools are installed too.

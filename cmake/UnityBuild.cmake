@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # Sources of a folder compile together, up to eight at a time: most of what a source costs is the headers that it
 # shares with its neighbours, and a build from nothing takes half as long so. A name in a nameless namespace is then seen
 # by the neighbours, too. Those of cmake/alone.txt compile by themselves.

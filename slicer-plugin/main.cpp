@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The program `slicecorr-post`: corrects the file that a slicer just exported, or watches folders.
 
 #include <fmt/format.h>

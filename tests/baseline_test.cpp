@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The usual compensations: columns by hand, properties of random columns, the search for N, and a
 // real part.
 #include "slicecorr/baseline.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Resin that ends, platforms that send light back and supports that are left alone, with the
 /// programs as people run them. What they say is held against sums over the images themselves, which
 /// are read by libpng here.

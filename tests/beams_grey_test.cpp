@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Grey images against linear programmes, and what proves that there are none.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

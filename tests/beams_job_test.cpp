@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What displays show of beams, vats in printer files, and jobs as files.
 #include "slicecorr/tomo/beams_job.hpp"
 

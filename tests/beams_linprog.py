@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """The best contrast that any images of some beams have, by a linear programme (HiGHS in SciPy).
 
 Usage: beams_linprog.py PART.npy ALPHA_PER_CELL BEAMS...: for each number of beams greatest t with A x >= t in the part,

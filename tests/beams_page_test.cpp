@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The page of a print with beams in a real browser.
 #include "slicecorr/tomo/beams_page.hpp"
 

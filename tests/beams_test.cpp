@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Light of beams against closed forms, and what silhouettes and end-on images print.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

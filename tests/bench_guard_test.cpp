@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// scripts/bench-guard as it judges counts, without building anything; and what scripts/bench says
 /// of a stored run.
 #include <gtest/gtest.h>

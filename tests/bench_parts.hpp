@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Closed parts of any size for benchmarks: a gyroid sheet and a bumpy sphere.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A print with beams: one exposure of images on several displays, with the programs over real sockets.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Displays without a display: how pixels lie in their channels, what printer files say of projectors,
 // several displays at once, windows that fail.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The order and times of page flips on a card that stands in for the kernel's.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Every fault of the policy at random moments, and pauses: the controller against a model of a
 // printer, in one process and in steps.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Programs of the bridge as they are used: a small printer, a small part, a simulator beside.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The wire to a machine that answers as a test wants it to: what is sent, in which order, for how
 // long, and what is believed.
 

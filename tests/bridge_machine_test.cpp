@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Printer files as the bridge reads them, and set-points and status as registers.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

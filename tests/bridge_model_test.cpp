@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The printer model against closed forms: motion, lamps, watchdog, interlocks, light per slice.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

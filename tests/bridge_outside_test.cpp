@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A machine written in another language from docs/printer-files.md alone (docs_machine.py): prints with
 // faults, judged by its own log, and the bench for a controller.
 

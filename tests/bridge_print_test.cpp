@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // printbridge and printer-sim as programs, over real sockets. Where time matters it is the
 // simulator's (lockstep); where processes are killed or paused it is real, with limits that a busy
 // machine does not pass.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What lies around the controller: run_print with parts that throw, the ring of frames, the frame
 // wire, journal, latch and lock.
 

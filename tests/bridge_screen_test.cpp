@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Prints in real time into a window and into printer-sim beside it: every image once, in order,
 // pixel by pixel as an onlooker of the display sees it; and what is left when one of those involved
 // is killed in the middle. The print's limits are patient: what is asserted does not depend on how

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The program printer-sim: peers that we did not write over TCP and serial lines, the frame wire,
 // lockstep, records; and what must not bring it down.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Slices with speeds of their own: the stage is never faster than its slice, the lamps follow, and
 // so each slice gets the light that the stack plans.
 #include <fmt/format.h>

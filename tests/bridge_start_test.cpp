@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a machine says against a print on it, what can't be true of it, and what is known of lamps
 // and stage after a fault: by the controller and by the programs.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A tomographic job on a machine that turns a vial, with the programs over real sockets.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A vial that turns: the controller against a model of a printer, in one process and in steps.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a person sees of a vial that turns: degrees and turns, in the terminal, metrics, status and on
 // the page.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // UV images on a display of their own, speeds of slices and suction limits, with the programs: what
 // both displays showed is compared with the stack bit for bit and in time, every fault ends in its
 // order, and what does not fit is refused before anything moves.

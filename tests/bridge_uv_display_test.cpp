@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // UV images on a display of their own: shown together with the blue ones, each judged by itself,
 // and dark after blue light is off.
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a person sees of a print: its page, the live view, metrics; of whole records and of damaged
 // ones. As programs: bridge_watch_test.cpp.
 

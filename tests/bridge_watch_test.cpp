@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a person sees of real prints, by way of the programs: page, watch, serve, metrics.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Windows on a real display server (Xvfb): what an onlooker sees there, pixel by pixel, and what
 // happens to windows that are closed, moved, covered, and to servers that die.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file c_abi.hpp
 /// What tests of the C interface share: handles that free themselves, a small printer and targets.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /* dlopen LIBRARY TARGET SETUP_TOML... : loads the library, corrects with several threads, unloads it,
  * again and again, also from a thread that ends after the library is unloaded. */
 #include <dlfcn.h>

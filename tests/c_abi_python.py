@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Tests of the Python module `slicecorr`, run by c_abi_python_test.cpp: c_abi_python.py Class...
 
 PYTHONPATH has the module; SLICECORR_BIN the folder of the programs, SLICECORR_SOURCE the sources."""

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The Python module on top of the C interface: tests/c_abi_python.py, a class of it at a time.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How calls of the C interface run: progress, cancelling, threads, kills, loading at run time, the
 // examples and their document.
 #include <signal.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The C interface as a contract: header, symbols, codes, texts, NULL, structs, names.
 #include "c_abi.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tomographic printing through the C interface: arrays, operators, solving, jobs.
 #include <cmath>
 #include <cstring>

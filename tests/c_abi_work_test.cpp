@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the C interface does: the same bytes and figures as the C++ pipeline, every code by a real
 // cause, cancelling, threads.
 #include <atomic>

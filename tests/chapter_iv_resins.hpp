@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The two resins of the dissertation's table 4.1, areal: D'c hb and beta hb/huv of its volumetric values.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The full equations in one cell: against figures worked out independently, against CVODE, and what must always hold.
 #include "slicecorr/chemistry_cell.hpp"
 

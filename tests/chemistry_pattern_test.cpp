@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Patterns: against figures worked out independently, CVODE, the linear theory, and what must always hold.
 #include "slicecorr/chemistry_pattern.hpp"
 

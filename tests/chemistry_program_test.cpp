@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // `resinctl chemistry` and `slicecorr pattern` as people run them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

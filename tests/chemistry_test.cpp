@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Closed forms of the photochemistry, against figures that were worked out independently of this code (six digits, for
 // the two model resins at 100 mW/cm² unless said), and the table [chemistry] of resin files.
 #include "slicecorr/chemistry.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Drives the program `slicecorr` as its users do: arguments in, files, text and exit codes out.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

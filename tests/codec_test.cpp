@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How slices are packed and read: by readers that we did not write, for bytes of all kinds, and the
 // same on every processor.
 #include <isa-l.h>

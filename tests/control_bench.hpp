@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// A bridge without threads and wires against a model of a printer, in steps; time is the model's.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Every format and back: images, sizes and times stay, and what a format can't say is told.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The coupled correction, judged by doses that are summed here, pixel by pixel, with weights of the
 // test's own.
 #include "correct/coupled.hpp"

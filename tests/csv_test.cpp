@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tables of text: what RFC 4180 says, and where the project's files differ.
 #include "support/text/csv.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The dose model against closed forms and the published values of the dissertation.
 #include <gtest/gtest.h>
 

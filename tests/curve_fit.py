@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Least squares of the cure models by scipy's curve_fit: what our fits are compared with.
 
 Reads JSON on stdin: a list of fits, each with "model", the measurements' columns, "start" (values in the order of the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The equations of chemistry.hpp given to CVODE of SUNDIALS, as they stand there: one cell, or a line of cells between
 /// walls with diffusion by second differences. Shares no code with the product but the struct of figures.
 #pragma once

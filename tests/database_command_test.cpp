@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The program as a user runs it: list, show, validate, add, history, diff, restore, import, export.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

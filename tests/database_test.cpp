@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Saving, history and search: nothing is lost, whoever writes at the same time or dies.
 #include "slicecorr/resins/database.hpp"
 

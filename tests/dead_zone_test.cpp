@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The dead zone over the window: figures, schedules of the UV lamp, patterns in stacks.
 
 #include "slicecorr/dead_zone.hpp"

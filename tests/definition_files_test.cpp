@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How definitions are found, with the files that they name, and the ones that are shipped.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

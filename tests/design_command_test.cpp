@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // resinctl plot, predict and recommend as their users meet them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

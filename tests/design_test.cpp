@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What is foretold and recommended, against the cure model itself: the recursion of the doses, the
 // correction, and what check_feasible says on both sides of every limit.
 #include "slicecorr/resins/design.hpp"

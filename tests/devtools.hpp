@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file devtools.hpp
 /// Chromium driven by its DevTools protocol over two pipes: pages are clicked, typed into and looked
 /// at as somebody would.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """A machine, written from docs/printer-files.md alone: Modbus over raw sockets and a serial line, with
 register maps of its own, faults by name, and a log of what it was told and did. Its stage goes along
 a line, counted in um, or turns, counted in degrees.

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Prints on the machine of docs_machine.py with faults, and judges them by the machine's own log.
 
     docs_machine_faults.py --bin build/bin --count 40            # every fault, frames by seed

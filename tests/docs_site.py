@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Makes the pages of docs/ for a browser twice and holds them against what they promise: the same bytes, links and
 anchors that lead somewhere, nothing from a network, and a search that works in Chromium from the disk. Usage:
 docs_site.py ROOT. Prints what is wrong and ends with 1, else 0; without Chromium that part is left out and told."""

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The commands of the README run as written; links in the documents lead somewhere; the level table
 // is the one that the program prints.
 #include <fmt/format.h>

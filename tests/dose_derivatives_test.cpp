@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Derivatives of the dose: against differences of the dose itself, against direct sums, and the
 // values of figure 2.2 that were computed apart.
 #include "slicecorr/dose_derivatives.hpp"

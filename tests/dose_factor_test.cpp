@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The dose to aim at, changed on the command line: one way for resins from files and for those that
 // stacks record, for every model.
 #include <gmock/gmock.h>

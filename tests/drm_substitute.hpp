@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// A card with displays in place of the kernel's DRM: modes, a clock of vertical blanks, page flips
 /// that take time or go wrong. What is asked of it is written down in order.
 #pragma once

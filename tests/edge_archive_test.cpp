@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Edge heights in archives: written, read, turned, converted, damaged.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

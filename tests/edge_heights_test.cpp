@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Heights of edges within slices: closed forms, then the tests' own rays through pixel centres.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

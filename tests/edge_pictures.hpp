@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Pictures of a straight edge as a camera takes them, with known spread.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // An even dead zone through the programs: light found for small parts, judged by a sweep with the
 // images that were written, and what is refused.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Even dead zones of small and of real parts, found, corrected, written and read back.
 
 #include "slicecorr/even_dead_zone.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Light that makes the dead zone even: its values by place and slice, what it means for the dose, and
 // the correction that gives it to features.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // `slicecorr correct --even-oxygen` as people run it, on a real part.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Light that evens out oxygen in the plane of a slice: what must hold, and what the full equations say of it.
 #include "chemistry/even_oxygen.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A lab's day in a real browser: parts, plate, speed, before and after, queue, resins, printers, machines.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The engine of this machine alone, with scripts for workers; and leases, with an engine of the
 // test's own.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_errors.hpp
 /// What a call that is to find faults of a submission says of them.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Faults on demand for the farm's tests. Linked into `slicefarm-with-faults` alone, which is never
 // installed: the slicefarm that is shipped reads neither variable.
 //

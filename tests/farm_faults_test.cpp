@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What goes wrong at night: workers and services that are killed at any place, full disks, locked
 // databases, inputs that vanish. Whatever happens, every job ends with the files that slicecorr
 // writes, once, and nothing half-written has a final name.

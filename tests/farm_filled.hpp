@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_filled.hpp
 /// A farm in a folder of its own, filled through the queue's own functions: every state, every
 /// reason.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_fixture.hpp
 /// A farm of its own for each test: a folder, a clock that tests set, jobs without inputs, and
 /// small parts that take milliseconds.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_jobs.hpp
 /// Jobs as the record keeps them, without inputs: for tests and benchmarks of queue and views.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_lab.hpp
 /// A server with accounts, and what a lab asks of it.
 #pragma once

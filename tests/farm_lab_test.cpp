@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a lab does over HTTP beside jobs and studies: accounts, resins, printers, machines.
 #include "farm_lab.hpp"
 

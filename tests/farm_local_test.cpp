@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The farm as a shop uses it: parts in, the same files out that slicecorr writes, and all the ways
 // to stop, hold and hurry it.
 

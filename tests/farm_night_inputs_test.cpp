@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What was wrong with the inputs of a night is in the report of the morning, and does not keep the
 // others from being done.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Who is told of what: webhooks and commands that refuse, hang and go away.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The farm's pages in a real browser: on a desk, on a phone, light, dark, on paper.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The durable queue: what must hold whoever uses it, at once and in any order.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The farm over HTTP: page, API, metrics; who may what; clients that mean harm.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

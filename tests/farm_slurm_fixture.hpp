@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_slurm_fixture.hpp
 /// A farm on a Slurm cluster of the test's own, with virtual nodes on this machine.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the engine asks of Slurm, and what it concludes from what Slurm says of its tasks. No
 // cluster is needed here.
 

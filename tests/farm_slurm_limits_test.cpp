@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The farm on a Slurm cluster: what it asks of the cluster, and what the cluster refuses. Memory,
 // labels, arrays, nodes that take no work.
 

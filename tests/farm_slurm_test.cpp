@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The farm on a Slurm cluster: each test starts one of its own, with virtual nodes on this machine,
 // runs slicefarm on it as a shop would, and kills daemons, workers and services in the middle.
 

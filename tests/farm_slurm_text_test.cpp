@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the engine for Slurm makes of Slurm's answers: captured ones of Slurm 22.05 (tests/slurm),
 // and what follows from them. No cluster is needed here.
 

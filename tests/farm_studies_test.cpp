@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Studies over HTTP: what they make, what they refuse, their bounds and their end.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

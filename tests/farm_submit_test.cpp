@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Jobs files and what is made of them: every error with its place, and nothing queued before all is
 // right.
 

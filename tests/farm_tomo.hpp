@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_tomo.hpp
 /// Tomographic prints for tests of the farm: a small printer with a vial, parts that solve in a moment.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tomographic prints in jobs files, and what is made of them: fields in their place, keys, estimates,
 // refusals.
 

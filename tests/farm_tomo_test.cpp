@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tomographic prints through the farm's programs: the bytes that `slicecorr tomo solve` writes,
 // figures, ends of all kinds.
 

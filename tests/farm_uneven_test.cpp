@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Jobs for displays that shine unevenly: what is refused before the night, and how much memory a
 // worker is given.
 

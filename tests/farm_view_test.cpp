@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What is seen of the farm: table, JSON, live view, page of the morning, metrics.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

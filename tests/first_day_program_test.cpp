@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What gets in the way on the first day with the programs, tried as somebody would who does not know
 /// them yet: a design of another scale, a mesh without units, a name with a slip, a picture of another
 /// kind.

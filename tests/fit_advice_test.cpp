@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What fits say about themselves: what the data can't tell, outliers, weights, bounds, errors.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

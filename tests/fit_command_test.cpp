@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // resinctl fit as its users call it: files in, JSON and resin files out, errors with exit codes.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

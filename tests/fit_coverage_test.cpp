@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How often intervals hold the truth, in the dissertation's experiments; bootstrap; repeatability.
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file fit_designs.hpp
 /// Experiments as the dissertation made them (§3.2.3, 3.2.4), with its fitted parameters and a
 /// scatter that gives its R²: what fits are tried on where the raw data were not published.

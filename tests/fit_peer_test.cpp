@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The same unweighted least squares by scipy: both solvers at a tolerance of 1e-12.
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Fits of published measurements against what their authors found (docs/fits.md has the table).
 #include <fmt/format.h>
 #include <gmock/gmock.h>

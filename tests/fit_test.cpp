@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Fits against closed forms: distributions, derivatives, exact recovery, textbook regression.
 #include "slicecorr/resins/fit.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A display that does not shine evenly: its light by place, corrections and predictions with it,
 // and what stacks say of it. Truth: a place that gets f of the light is a printer whose calibration
 // is f times as strong.

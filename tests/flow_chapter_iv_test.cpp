@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What chapter IV of the dissertation says of prints in time and of light made even, within what its
 // finite elements and a thin gap may differ by. Each print takes about a second.
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Resin that flows under discs and strips: the march against streamlines in closed form, the dead zone,
 // and light that makes it even.
 #include "slicecorr/flow_disc.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The best light of a section, and what is refused of sections, sweeps and goals.
 #include <gtest/gtest.h>
 

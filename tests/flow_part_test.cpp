@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Masks of parts for resin flow: what is part, blind and bath; suction slice by slice; the limits of
 // a print.
 #include "slicecorr/flow_part.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The flow under a section against closed forms, streamlines, and figures of chapter IV in the limit
 // of a thin gap. h 80 um, 0.3 Pa s and 300 mm/h unless said.
 #include "slicecorr/flow_section.hpp"

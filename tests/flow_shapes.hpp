@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flow_shapes.hpp
 /// Sections for tests and tables of resin flow, and chapter IV's resins on them.
 #pragma once

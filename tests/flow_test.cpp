@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The clock of flowing resin and what resin files say of it, against closed forms.
 #include "slicecorr/flow.hpp"
 

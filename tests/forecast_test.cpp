@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What `predict` says of an exposure, against the closed forms and the recursion of slices.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

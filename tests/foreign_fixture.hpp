@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file foreign_fixture.hpp
 /// Stacks and archives for the tests of formats.
 #pragma once

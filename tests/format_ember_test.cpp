@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Ember archives: new ones, changed ones, damaged ones, real ones, and what is refused by name.
 #include <gmock/gmock.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file format_fixture.hpp
 /// Archives of other programs, made and looked at past the library.
 #pragma once

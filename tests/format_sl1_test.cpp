@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // SL1 archives: as PrusaSlicer writes them, as old programs wrote them, and changed in place.
 #include <gtest/gtest.h>
 #include <zlib.h>

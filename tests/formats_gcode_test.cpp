@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // G-code of slices in the dialects of several programs, and what tells zip formats apart.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Zip archives as other programs write them: read, changed in place, damaged.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // VDT, VDA, Ember archives and folders of images: new ones of each, and folders changed and
 // damaged.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Zip archives of Chitubox, CWS, NanoDLP and of images alone: new ones read back, packed images,
 // real archives.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Transforms of planes against FFTW's, at the sizes of displays.
 #include <fftw3.h>
 #include <gtest/gtest.h>

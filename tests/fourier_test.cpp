@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Transforms of planes against their sums, and against what must hold of them.
 #include <gtest/gtest.h>
 

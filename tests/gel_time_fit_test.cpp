@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Fits of times to gel: A and B from measured times and from working curves, resin files made of them.
 
 #include "slicecorr/resins/gel_time_fit.hpp"

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Holds docs/glossary.md and docs/glossary-code.md against the code: each term is defined once, its home is there,
 and retired words stand nowhere that they may not. Usage: glossary.py ROOT. Prints what is wrong and ends with 1, else 0."""
 

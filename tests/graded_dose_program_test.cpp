@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Wanted doses through the real program: regions, stacks of doses, what is told, what is refused.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Doses that are wanted of features: closed forms first, then what columns print.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the wall of the C interface makes of each exception. Compiled in, because the shared library
 // does not show it.
 #include "c_api/guard.cpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Holograms: closed forms of the optics, published figures, and what must hold of any image.
 #include "slicecorr/hologram.hpp"
 

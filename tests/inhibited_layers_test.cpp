@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What prints inside layers under UV light, judged by integration of the rate equation over the
 // levels that are shown: pieces, least dose, edges and contrast of features and gaps.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The stages of the correction under UV light, each by itself: what a column asks for, the doses
 // of its levels, and the error by which levels are compared.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Doses and correction under inhibiting UV light, against direct integration of the rate equation.
 
 #include "slicecorr/inhibited.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tiles in a store: what is put from either end comes back, and pieces are shared.
 #include "correct/kept_tile.hpp"
 

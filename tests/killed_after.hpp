@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file killed_after.hpp
 /// Programs that are killed while they run, to see what they leave.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Stationary exposure with and without UV light: the dissertation's figures, numerical integration
 // of the law itself, limits, and the units that doses and heights come in.
 #include "slicecorr/kinetics.hpp"

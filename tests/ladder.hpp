@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The ladder of dissertation figure 2.2 as a mesh, and a writer of binary STL.
 #pragma once
 

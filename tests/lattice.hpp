@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// A body-centred lattice of round struts: a part with many undercuts, any size, made by code.
 #pragma once
 

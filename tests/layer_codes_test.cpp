@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The run-length codes of binary print files.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Reads the include graph and compares it with cmake/layers.txt.
 
 A module may include itself and the modules listed above it; other components use public headers, the support layer

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What layer by layer exposure prints: the sawtooth against fine sampling of the dose, by hand, and
 // the corrected print.
 #include <gtest/gtest.h>

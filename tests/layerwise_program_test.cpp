@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Layer by layer with the program as its users run it: from a mesh to the figures, and what it
 /// refuses.
 #include <gtest/gtest.h>

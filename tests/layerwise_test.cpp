@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Layer by layer exposure: closed forms, schedules, the dose against a direct sum, and the solve.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What is shown as it is beside a part: supports, rafts. Doses in closed form, then figures.
 #include "slicecorr/left_alone.hpp"
 

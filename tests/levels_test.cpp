@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Levels chosen together: voxels against all sequences of levels, edges against what is aimed at.
 #include <gtest/gtest.h>
 

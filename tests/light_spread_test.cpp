@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Light that spreads: keys, the blur at the window, scatter with depth. Figures are closed forms of
 // normal distributions, and those of a 2-D example that another program computed.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What refusals of the programs name must work when it is typed back, as printed.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What refusals name must work when it is typed back, as printed: random processes that are
 // refused, followed in every way that the message offers.
 #include <gmock/gmock.h>

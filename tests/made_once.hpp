@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file made_once.hpp
 /// Inputs that several tests want alike: programs make them for the first of these tests alone.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Runs the tests of an executable, tells which skipped and why, and fails for a skip where all
 /// must run: SLICECORR_REQUIRE_ALL=1. The few that may skip even then are in tests/may_skip.txt.
 /// A filter that no test matches fails, too.

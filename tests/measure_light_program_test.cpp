@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Printers whose light nobody has told yet, through the programs: what works without it, what is refused,
 /// and the way from the shipped file to a correction, as somebody goes it who has just bought the printer
 /// and a power meter.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tables of measurements: what is read, and what is refused with file, line and column.
 #include "slicecorr/resins/measurements.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tables to fill in: what may be changed in them and what not.
 #include "slicecorr/measuring_form.hpp"
 

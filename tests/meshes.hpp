@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Meshes of known shape, and how the tests of the slicer slice them.
 #pragma once
 

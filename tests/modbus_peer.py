@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """A machine that we did not write: pymodbus as the server, with another register map.
 
 The map (as in the printer file that the test makes): 16 bit words, little word order, commands 10,

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Compares the random tests with the filters NIGHT of tests/CMakeLists.txt.
 
 What asks rounds.hpp for more at night runs at night: a test that calls rounds() or by_night(), by itself or through a

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file oiio_png.hpp
 /// PNGs read by OpenImageIO, which shares no code with our decoder.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What is seen on an X11 display, by a client of its own; and what such a client can do to others.
 /// Without Xlib's header, whose macros go together with nothing.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Axes, lens and vial from pins that were found in the light of a tomographic printer.
 #include "slicecorr/resins/optics_fit.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The eight ways in which the plate can lie in images: the corner table of the slicer that made it,
 // the algebra of turns, and slices seen turned.
 #include "slicecorr/orientation.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file peer_slicing.hpp
 /// Our slices beside those of PrusaSlicer (2.5, Debian's prusa-slicer), pixel by pixel.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Our slices beside those of PrusaSlicer: what may differ is in peer_slicing.hpp.
 #include <gtest/gtest.h>
 

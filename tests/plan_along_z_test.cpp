@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Speeds of slices whose lamps stay: their doses against direct sums, corrections in them, and plans that
 /// find them.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The distinct columns of a part and its heights, what predictions tell of them, and speeds within
 /// limits.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Closed forms of planning against direct sums and scans, and the search for the greatest pace.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// `slicecorr plan` as people run it.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Few levels in an image whose light spreads: surplus goes to neighbours, nothing that is missing.
 #include "correct/plane_levels.hpp"
 

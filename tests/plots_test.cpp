@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Pictures of fits and resins: what stands where in them, that they are sound XML with finite
 // numbers and the same bytes each time, and how they look in a browser.
 #include "slicecorr/resins/plots.hpp"

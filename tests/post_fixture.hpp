@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file post_fixture.hpp
 /// Exports as a slicer makes them, small, and slicecorr-post run on them.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// slicecorr-post on every archive format, and on files that change under its hands.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

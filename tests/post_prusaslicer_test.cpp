@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Exports of the real PrusaSlicer, corrected in place: all else stays byte for byte, and the
 /// images are those that `slicecorr correct` shows. Read with libzip and libpng, past our code.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// slicecorr-post on one file: what changes and what does not, rules, backup, undo, refusals, and
 /// that a kill at any moment leaves the old or the new file.
 #include <gmock/gmock.h>

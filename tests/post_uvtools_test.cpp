@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The way through UVtools, with a stub that takes UVtoolsCmd's arguments: "convert IN TYPE OUT"
 /// and "copy-parameters IN OUT". Its "ctb" is a UVJ archive under another name.
 #include <gmock/gmock.h>

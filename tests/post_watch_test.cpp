@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// slicecorr-post watching folders: what comes is corrected once it is whole, failures stop
 /// nothing, and kills at any moment lose nothing.
 #include <fcntl.h>

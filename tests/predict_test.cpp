@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The prediction against a second implementation that works from printed intervals, and by hand.
 #include "slicecorr/predict.hpp"
 

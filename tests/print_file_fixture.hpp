@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file print_file_fixture.hpp
 /// Small binary print files made past the library, byte by byte after docs/print-files.md, and the real ones.
 #pragma once

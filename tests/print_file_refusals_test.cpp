@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What is wrong with binary print files, told by place; what they can't hold.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """A second reader of CTB, GOO and Photon Workshop, which shares nothing with the library.
 
 Prints as JSON what a file says and a CRC-32 of the pixels of each layer: python3 print_files.py FILE [LAYER...]

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Print files wherever archives are taken: slicecorr-post in place, a folder that is watched, the farm, the C
 // interface by way of Python. All of them make the same bytes as `slicecorr correct` of the same file.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What is not changed in a binary print file stays to the byte, also where files are odd: most of these were
 // found by the fuzzers (tests/fuzz).
 #include <gmock/gmock.h>

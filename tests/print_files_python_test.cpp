@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Print files beside a second reader, which was written after the published layouts and shares nothing with
 // the library (print_files.py): what the library reads of real files is what that one reads, and what the
 // programs write is what that one reads back.

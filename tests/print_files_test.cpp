@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Binary print files: small files of every kind, real ones.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

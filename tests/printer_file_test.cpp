@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What printer files say: display, lamps, stage; what is refused, with its line and key.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file program_fixture.hpp
 /// The program `slicecorr` as people run it, in a folder of its own with a small printer.
 #pragma once

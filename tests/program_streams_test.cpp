@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What programs say reaches those who can be told, and harms nothing where nobody can be: stderr
 /// closed or full, names that would move a terminal's cursor.
 #include <fmt/format.h>

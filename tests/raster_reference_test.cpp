@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The raster against its plain definition, and in every split into bands.
 #include <gtest/gtest.h>
 

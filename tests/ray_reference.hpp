@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The operators of rays in double precision, crossing by crossing, as tomo/rays.hpp defines them.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Vertical lines through meshes: the tests' own way to know where a mesh is solid.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file real_files.hpp
 /// Real meshes, archives and measurements that others made. What may be redistributed lies in
 /// tests/data, with where it comes from and under which licence; the rest in a folder that the

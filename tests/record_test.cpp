@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Records, their figures in all units, and the checks of definition files.
 #include "slicecorr/resins/record.hpp"
 

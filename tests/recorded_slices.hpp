@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file recorded_slices.hpp
 /// Recordings in memory, and the dose of a column by integration over the time of what was shown.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Predictions from recordings: against stacks that are none, closed forms, and the dose of the
 /// whole history by integration over time.
 #include <gmock/gmock.h>

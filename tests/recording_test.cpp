@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Recorded stacks as files: written image by image, read back, and refused where they are wrong.
 #include "slicecorr/recording.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What the preview picture is made from: when each column of a band was lit last.
 #include "pipeline/relief.hpp"
 

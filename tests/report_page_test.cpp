@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The report in a real browser: its controls work, its pictures come, it fits a phone.
 #include <gtest/gtest.h>
 #include <zlib.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Resin that ends at a depth above the window: doses against their sums, then prints.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What resin files say: doses, heights, inhibition; what is refused, with its line and key.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A platform that sends light back: doses against their sums, then prints.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Corrections that hold although inputs are off, judged by the models of prints that are.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file rounds.hpp
 /// How many rounds a random test does. Its seed is fixed, so the first rounds are the same every
 /// time; at night there are more of them.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file run_program.hpp
 /// Runs a program as a user would: own arguments, environment and folder; takes what it prints.
 #pragma once

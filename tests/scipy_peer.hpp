@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file scipy_peer.hpp
 /// Runs tests/curve_fit.py: least squares by scipy, for tests and the benchmark.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file sim_fixture.hpp
 /// A small machine for tests of printer-sim, and the program as a child process.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // `slicecorr simulate` as its users call it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

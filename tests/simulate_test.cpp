@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Columns, rows and stationary exposures against time: closed forms, the rate equation integrated
 // in time, growth that never goes back, and the dose at the end of the print.
 #include "slicecorr/simulate.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file slurm_answers.hpp
 /// Answers of Slurm 22.05 as they were captured (tests/slurm), and a folder for files of the
 /// engine.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file slurm_cluster.hpp
 /// A private Slurm cluster for one test: tests/slurm_up.sh as a child, which is told through a pipe
 /// what to kill. Stops with the object, or with this process.

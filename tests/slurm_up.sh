@@ -1,4 +1,7 @@
 #!/bin/bash
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # A Slurm cluster of virtual nodes on this machine, for tests. See --help.
 set -euo pipefail
 

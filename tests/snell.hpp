@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Rays through both walls of a vial by Snell's law in vectors, and Fresnel's powers: nothing of the closed forms.
 #pragma once
 

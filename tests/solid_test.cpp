@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The printed surface as a mesh: closed on any stack, in the right place on stacks whose dose is
 /// known in closed form, and its distance to a design.
 #include "slicecorr/solid.hpp"

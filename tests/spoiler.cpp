@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Loaded before a program (LD_PRELOAD), it spoils one of its inputs at a chosen moment: at the
 /// n-th call of this process that opens or reads it, just before that call. By the environment:
 /// SPOIL_FILE, SPOIL_AT (from 1), SPOIL_HOW (unlink, truncate: to half, empty). When it has done

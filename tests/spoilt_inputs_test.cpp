@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Inputs that are removed or cut short while they are read: at every call that opens or reads
 /// them. Then the input is wrong (2), whatever was in work; what a program had read before is whole
 /// (0).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Spread and scatter of light from scans of an edge and pictures of one; what is written of it.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Spread and scatter of light from printed widths.
 #include "slicecorr/resins/spread_fit.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Light that spreads, with the program as people run it. What it says is held against a direct
 /// convolution of the images that it wrote, which are read by libpng here; no blur of ours is used.
 #include <gtest/gtest.h>

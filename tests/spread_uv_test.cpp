@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Light that spreads under UV light: doses and figures against the rate equation of light that is
 // blurred here, pixel by pixel, and the correction of columns together.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What prints where light spreads: figures of whole stacks against closed forms and against sums of
 // their own over the pixels.
 

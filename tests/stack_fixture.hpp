@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file stack_fixture.hpp
 /// Temporary folders, random stacks, and zips made past the library.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Exposure schedules in archives: ours back to the last bit, those of others as far as they say
 // something.
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Whole images of single slices, images of the UV lamp, and what checksums say of both.
 #include <thread>
 

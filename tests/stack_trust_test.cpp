@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What a stack says is believed only where it goes together: its parameters with their checksum
 /// and with the archive around them, a target with the stack that it is to be measured against, a
 /// part with the display that it is to be printed on.

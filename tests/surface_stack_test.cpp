@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Whole parts corrected to their mesh: the dose of the images that were written, against the tests'
 // own rays through the mesh.
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Edges where the design's own surface is, between the slices: correction and prediction of columns
 // with edge heights.
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tar_fixture.hpp
 /// tar.gz archives made and taken apart byte by byte, past the library and libarchive.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file terminal_screen.hpp
 /// Programs at a terminal of their own.
 #pragma once

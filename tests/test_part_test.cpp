@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The part from which spread is measured: what stands where.
 #include "slicecorr/test_part.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Test parts through the programs, as a lab goes: make the part, print it on a made up printer whose
 /// truth is hidden from the programs, fill in the table, fit. Heights and edges are summed up here,
 /// from the written images and the tables alone; no dose of ours is used.

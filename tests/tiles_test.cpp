@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What goes tile by tile against the definitions, for every instruction set at hand: the solve
 // against single columns, the prediction against the one that goes slice by slice.
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Changes of single keys leave every other byte of a TOML text alone.
 #include "../resins/database/toml_edit.hpp"
 

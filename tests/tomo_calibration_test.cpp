@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Frames where the axis leans and wobbles and the projector shines unevenly: what is shown is what
 // arrives.
 #include <fmt/format.h>

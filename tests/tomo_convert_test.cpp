@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Images that others made, as jobs: what comes back is what was shown, and what does not fit is told by name.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Printers whose slices share light: from bench to frames, to doses that are found backwards from the voxel, to a
 // solve; inserts; what is refused.
 #include <gmock/gmock.h>

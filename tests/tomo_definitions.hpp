@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo_definitions.hpp
 /// The files of a small tomographic printer and its resin, those of `bench_printer` and `bench_resin`.
 #pragma once

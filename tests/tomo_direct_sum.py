@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Dose of a tomographic job by a direct sum over its frames, with nothing of the project's own code.
 
 Usage: tomo_direct_sum.py JOB.frames OUT.npy

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo_jobs.hpp
 /// Small tomographic printers and jobs for tests.
 #pragma once

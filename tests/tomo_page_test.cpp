@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The page of a tomographic print in a real browser: its controls work, it fits a phone, it stays small.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // From a part to a job's frames and back to doses: benches, jobs, direct sums.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

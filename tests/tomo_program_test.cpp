@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // `tomo solve` and `tomo verify` as a user calls them.
 #include <fmt/format.h>
 #include <gmock/gmock.h>

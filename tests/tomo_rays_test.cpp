@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Rays that spread, rise and bend: the pair of operators against a reference in double precision, closed forms of
 // uniform light, and rays marched at random by Snell's law.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What the tests of tomographic printing share: the pair of operators written out in double, voxel
 /// by voxel, and the targets on which methods are compared.
 #pragma once

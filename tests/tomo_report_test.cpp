@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The page of a tomographic print: what it says is what the library computes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Resin that changes while it is printed: inhibitor that comes back, dose that spreads.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

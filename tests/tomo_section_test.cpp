@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Prints cut open: which voxels are shown, where lines run, and the program that draws them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a vial was really shown, and what that prints.
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tomographic jobs as videos: read again, every image is the job's.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

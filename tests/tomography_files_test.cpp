@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Printer and resin files of tomographic printing: what they say, and what is refused.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

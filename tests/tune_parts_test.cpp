@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Closed loop: a made up printer whose parameters are 10 % off, combs measured to 10 um, and what
 // the parts of docs/baselines.md then print, beside what perfect knowledge prints.
 #include <fmt/format.h>

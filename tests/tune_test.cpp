@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tuning: gains of figure 2.2's process that were computed apart, and printers with hidden
 // parameters that are found by what they print.
 #include "slicecorr/resins/tune.hpp"

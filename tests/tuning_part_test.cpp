@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Parts to measure: what stands where, how long it is lit, and their tables.
 #include "slicecorr/tuning_part.hpp"
 

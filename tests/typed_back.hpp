@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file typed_back.hpp
 /// Numbers that messages name, to be typed back as printed.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How sure predictions are under UV light and where light spreads: against figures that were computed
 // apart, and against predictions with inputs that are off.
 #include <gmock/gmock.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How sure predictions are: against their own predictor, against draws of the inputs, and against
 // figures that were computed apart.
 #include "slicecorr/uncertain_print.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // `--uncertain` and `--robust`, as people use them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

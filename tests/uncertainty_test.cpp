@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What users say of errors, and what a fit says.
 #include "slicecorr/uncertainty.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Light on its way into the vial of a tomographic printer: closed forms against printed figures, and against a march
 // of rays by Snell's law in vectors.
 #include "slicecorr/vial.hpp"

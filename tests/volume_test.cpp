@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The reduced volume of the report, and the places of lost and merged features.
 #include "slicecorr/volume.hpp"
 

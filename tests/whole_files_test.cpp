@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Outputs appear whole or not at all, also when programs are killed; folders and zips that are
 /// written again; what the names of entries may hold.
 #include <fmt/format.h>

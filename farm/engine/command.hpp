@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file command.hpp
 /// Programs that an engine runs: without a shell, with a time limit, and without waiting for them.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The engine that gives tasks to a Slurm cluster, through its commands. Nothing blocks for longer
 // than a moment: commands run beside, and their answers are taken when they are there.
 

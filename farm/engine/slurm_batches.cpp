@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The folder store/slurm: which task of which array is which attempt.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file slurm_tasks.hpp
 /// How tasks of the farm stand for tasks of Slurm's arrays, and what follows from what Slurm says
 /// of them. Pure functions and files of the store; no command is run here.

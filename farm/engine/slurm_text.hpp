@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file slurm_text.hpp
 /// What Slurm's commands print, read strictly: an answer that is not whole or not understood is no
 /// answer. All functions throw `DeviceError` then, naming the command.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file database.hpp
 /// A thin layer over SQLite: prepared statements kept by their text, transactions, errors as
 /// exceptions. An object belongs to one thread at a time.

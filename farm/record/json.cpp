@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What `status --json`, the REST API and others give of jobs, attempts, events and the farm.
 
 #include <cmath>

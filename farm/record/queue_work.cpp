@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What services do with the queue: claim, lease, progress, commit, give up.
 
 #include <fmt/format.h>

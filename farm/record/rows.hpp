@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file rows.hpp
 /// Rows of the database to values: one list of columns and one reader for each kind.
 #pragma once

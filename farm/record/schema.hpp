@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file schema.hpp
 /// The tables of a farm. Times are wall-clock ms since 1970 unless a name says "steady".
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file api.hpp
 /// What the server answers, apart from how connections are kept in bounds.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file bridges.hpp
 /// Machines that jobs are sent to: DIR/bridges.toml names them, `printbridge` prints. A print is no
 /// child that ends with the server: it goes on.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What changes the farm over HTTP: uploads, submissions, cancel, retry, priority, pause, resume.
 
 #include <fmt/format.h>

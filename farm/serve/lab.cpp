@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a lab does from a browser beside jobs: studies, resins, printers, machines; and leave to
 // follow links.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file plate.hpp
 /// What a browser shows of parts before they are printed: triangles in the round, and layers.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file routes.hpp
 /// Every request that the server knows, and who may make it. openapi.json describes the same list; a
 /// test compares them.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file studies.hpp
 /// What somebody wants to know before a print: how parts lie on the plate, how fast they can print,
 /// what they print before and after correction, what a fit of measurements says. A study runs

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What may be asked in a study, and the programs that answer it. Nothing of a request reaches a
 // command line but numbers, words of a fixed form and the paths of uploads.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Jobs that come over HTTP: read as a jobs file, kept inside the folders that they may use, then
 // checked and queued as `slicefarm submit` does.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file uploads.hpp
 /// Parts that came over HTTP and wait for a submission: DIR/uploads/TOKEN/NAME.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file commit.hpp
 /// From a worker's end to the record: the steps that must be right wherever the service is killed.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file leases.hpp
 /// Renews the leases of a service's attempts from a thread of its own, so that nothing the service
 /// does can hold them up.

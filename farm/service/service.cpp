@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The service's loop, its settings, and what it tells.
 
 #include "slicecorr/farm/service.hpp"

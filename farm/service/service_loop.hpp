@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file service_loop.hpp
 /// The service's loop and what it keeps in mind. Its parts, by purpose: service.cpp (the loop,
 /// settings, what is told), starting.cpp (from the queue to the engine), settling.cpp (from the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // From the engine to the record: progress, ends of all kinds, and what other services left.
 
 #include <fmt/format.h>

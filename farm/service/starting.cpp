@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // From the queue to the engine: claims, what is in the way of a job, orders.
 
 #include <fmt/format.h>

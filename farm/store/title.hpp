@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file title.hpp
 /// Reports in the cache belong to a key, not to a job: their title is filled in on delivery.
 #pragma once

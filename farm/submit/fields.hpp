@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file fields.hpp
 /// The keys of jobs files, whatever the file's kind: what each sets, and how its value is checked.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Speeds that are found for jobs in place of being said (`JobRequest::plan`).
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomographic.hpp
 /// What a tomographic print will take, found out of its inputs.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file process_mark.hpp
 /// Which process a number stands for: numbers are given anew. Thread-safe.
 #pragma once

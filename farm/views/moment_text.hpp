@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file moment_text.hpp
 /// Figures, names and moments as people read them, on terminals and pages.
 #pragma once

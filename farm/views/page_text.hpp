@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The files under views/page/, embedded when the library is built (cmake/EmbedText.cmake).
 #pragma once
 

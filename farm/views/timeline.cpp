@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The picture of the workers: a row for each, a bar for each attempt.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file files.hpp
 /// The worker's side of the files in an attempt's folder.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file make_result.hpp
 /// The work itself, by its kind: what a worker does between its order and its outcome.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tomographic prints, as `slicecorr tomo solve` makes them.
 
 #include <fmt/format.h>

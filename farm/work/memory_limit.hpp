@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file memory_limit.hpp
 /// Whether programs that this one runs can be bound in their memory.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What service and worker write for each other, as JSON in the attempt's folder.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file reporter.hpp
 /// How a worker tells how far it is. Thread-safe.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file stages.hpp
 /// Where workers and services tell that they come to a stage. Nobody listens in the programs that
 /// are shipped; a program that is built for tests listens, and breaks the farm there

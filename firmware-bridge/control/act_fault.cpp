@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What comes after a fault: lamps off, stage stopped, black, in this order.
 
 #include <algorithm>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How much light each slice got, from what the machine measures on its way.
 
 #include <fmt/format.h>

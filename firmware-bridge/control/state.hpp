@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Inside of the controller. Its parts: `judge.cpp` judges what the machine says, `light.cpp`
 /// the light of slices, `act.cpp`, `act_layerwise.cpp` and `act_fault.cpp` say what comes next, `controller.cpp` holds them together.
 #pragma once

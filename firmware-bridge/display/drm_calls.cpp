@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The kernel's DRM/KMS, by way of libdrm. Never run on hardware by us: docs/bridge-displays.md.
 
 #include "display/drm_calls.hpp"

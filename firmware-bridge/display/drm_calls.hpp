@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What the DRM sink asks of the kernel: few calls, so that a test can stand in for it. The real
 /// ones are in drm_calls.cpp. Where a call gives an int, that is an errno, 0: done. One thread.
 #pragma once

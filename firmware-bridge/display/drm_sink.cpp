@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The sink that flips pages of a display's scan-out.
 
 #include "display/drm_sink.hpp"

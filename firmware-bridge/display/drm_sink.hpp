@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// `make_drm_sink` with other calls in place of the kernel's.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Frames as a display's memory has them: 32 bits to a pixel, blue and UV images in channels.
 #pragma once
 

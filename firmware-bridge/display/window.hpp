@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What a window must do for the sink behind it. The real one (window/sdl_window.cpp) is in a
 /// module that is loaded when a window is asked for: with SDL2 come 50 shared libraries, which
 /// would take each `printbridge status` as long again to start, and which a print without a window

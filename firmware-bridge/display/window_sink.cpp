@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The sink that shows images in a window: a thread of its own, because SDL2 belongs to one thread,
 // and because that thread must not come back when the display server dies.
 

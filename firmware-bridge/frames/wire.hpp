@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The wire between the bridge and printer-sim's display: how images travel, for both ends.
 ///
 /// A stream socket. Each message is a header of 48 bytes, little endian, then its payload; each

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Requests and answers of Modbus over TCP or a serial line, one after the other.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Set-points and status as registers. 32 bits are two registers; never floating point on the wire:
 // libraries and controllers don't agree on the order of its bytes.
 #include <fmt/format.h>

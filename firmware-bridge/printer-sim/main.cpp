@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The program `printer-sim`: a printer to test against.
 
 #include <fmt/format.h>

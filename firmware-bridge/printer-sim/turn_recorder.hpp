@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What was shown to a vial that turned, as a table for `slicecorr tomo verify --shown`.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What a fault left of lamps and stage, in latch.json, status.json and the journal.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A controller on the bench, driven through every command without light.
 
 #include <fmt/format.h>

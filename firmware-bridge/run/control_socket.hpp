@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The Unix socket over which a running print is asked. One line in, one line of JSON out.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Who shows images: a thread of its own, or, in lockstep, the control thread.
 #pragma once
 

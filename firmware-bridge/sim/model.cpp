@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The printer over time: what holds between two events follows from closed forms, and `advance`
 // goes from event to event.
 #include "slicecorr/bridge/model.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Series that are too long to draw, thinned so that nothing that sticks out is lost.
 #pragma once
 

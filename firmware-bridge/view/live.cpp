@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The live view: what a frame shows. How it gets onto a terminal is the program's matter.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// JSON of the print's state, both ways. Reading forgives: what is missing or of another type is as
 /// if it was not said.
 #pragma once

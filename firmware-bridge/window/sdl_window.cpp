@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A window by SDL2: the module that display/window.hpp speaks of. All of it runs in one thread.
 
 #define SDL_MAIN_HANDLED

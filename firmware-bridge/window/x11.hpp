@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What SDL2 does not do under X11: names of outputs, power saving, what covers a window, and a
 /// server that dies without taking the process with it. Where there is no X11 nothing here does
 /// anything.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The slices of one band, run-length coded: appended one after the other, read in any order.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The tiles of a band, coded: appended from the first slices on, read in any order.
 #pragma once
 

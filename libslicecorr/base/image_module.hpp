@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What OpenImageIO does for us, behind a module that is loaded when it is first needed: with it
 /// come more than 250 shared libraries, which would take every program a quarter of a second to
 /// load, and most archives have no image that needs it.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What hot loops share: blocks of columns, and one function compiled for several instruction sets.
 #pragma once
 

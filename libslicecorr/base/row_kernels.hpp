@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Questions to all pixels of a row, answered 64 at a time in the widest registers there are.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file run_length.hpp
 /// Byte runs: slices are mostly long runs of black and of full light.
 ///

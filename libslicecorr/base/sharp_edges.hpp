@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Targets with edge heights, as the correction sees them: gentle slopes without their greys.
 #pragma once
 

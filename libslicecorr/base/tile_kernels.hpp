@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What the sweeps of a band do to many columns at once, compiled for several instruction sets.
 ///
 /// A tile is 64 columns ("lanes") through up to 64 slices: small enough to stay in the cache

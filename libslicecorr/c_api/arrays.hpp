@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Arrays in the caller's memory: checked once, then read and written with any strides.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The wall between the C functions and the library: nothing that is thrown gets through it.
 #pragma once
 

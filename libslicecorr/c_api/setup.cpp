@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Setups: settings by name, so that new ones need no new functions.
 
 #include "slicecorr/setup.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// A stack of slices in memory: written slice by slice or band by band, read either way.
 #pragma once
 

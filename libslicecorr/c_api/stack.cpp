@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Stacks: archives and slices in memory, and what they say about themselves.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Benches of tomographic printing and their operators.
 
 #include "c_api/tomo_bench.hpp"

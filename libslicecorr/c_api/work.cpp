@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Checking, correcting, verifying: the pipeline behind the C interface.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Oxygen that light uses up as long as nobody runs out of it.
 ///
 /// Until then consumption is linear, O = O(0) - K_T * i, with the transform of K_T being

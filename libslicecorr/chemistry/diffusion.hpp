@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Diffusion of a field over the cells of a plane for a short time.
 ///
 /// Along each axis it is the exact solution of du/dt = D/dx² (delta² - delta⁴/12) u, second

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Light of one slice with which oxygen is used up as if none came from beside.
 ///
 /// Where oxygen diffuses in the plane of a slice, the dark around feeds small features and edges, and

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// One step in time of the reactions of chemistry.hpp, for many cells at once.
 ///
 /// A step of backward Euler over h takes the initiator's decay exactly and what it sets free,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The solves of a band, one for each kind of cure model; see slicecorr/correct.hpp.
 #pragma once
 

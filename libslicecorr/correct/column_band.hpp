@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Correction of one band, column by column. Coverage and levels are kept as their changes along
 /// columns, and columns that are alike are solved once.
 #pragma once

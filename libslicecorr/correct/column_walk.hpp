@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Levels of continuous exposure, slice by slice, where the search alone doesn't know all that counts:
 /// in a bath that ends, below a platform that sends light back, beside what is left alone, and where
 /// slices count for more than others.

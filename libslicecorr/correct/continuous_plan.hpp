@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What all columns of a continuous correction share, in the form that their search needs.
 ///
 /// The rules of one layer, in w = Omega(n + 1) and phi, the dose at its lower node and its light:

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The coupled correction: grey levels of all slices where light spreads sideways, at the window
 /// and with depth. Each pixel's level acts on the doses of its neighbours, so columns can't be
 /// solved alone.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Light and doses of a patch, a box of pixels through all slices, from the last slice to the first
 /// while levels change from slice to slice.
 ///

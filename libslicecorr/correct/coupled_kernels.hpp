@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The hot loops of the coupled correction, each compiled for several instruction sets with the
 /// same results. Fields are rows of `stride` values.
 #pragma once

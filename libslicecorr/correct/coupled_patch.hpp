@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Patches of a coupled correction: how wrong one is, and its levels for another round.
 #pragma once
 

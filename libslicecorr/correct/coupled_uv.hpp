@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The coupled correction under UV light.
 ///
 /// Under UV light doses of slices do not add up to those of their light, so no light can be chosen

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The edges of columns, and the doses at them from which everything above can be printed.
 ///
 /// An edge is a node between two runs of layers of different coverage. What may be at it follows

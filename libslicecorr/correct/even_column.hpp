@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The levels that columns get where light is even over the flow (`Process::even_light`), from the runs
 /// of a column in one pass: what the rule (inhibited_rule.hpp) comes to, and tried before it.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Correction of pixel columns of resins with a time to gel (docs/gel-time.md).
 ///
 /// The dose is no sum over slices, but brighter light of a slice never makes it less, and the slices

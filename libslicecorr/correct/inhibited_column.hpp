@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Correction of pixel columns under inhibiting UV light (physics.md §5 asks for it; the rule is
 /// explained in docs/inhibition.md).
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The levels of one column under inhibiting UV light, and the doses that they give.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What all columns of a stack share in the correction under inhibiting UV light.
 #pragma once
 

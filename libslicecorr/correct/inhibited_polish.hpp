@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Descent on what is wrong in a column under inhibiting UV light, for the columns that the rule
 /// leaves with wrong voxels: features and gaps thinner than the light can draw.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// How the levels of a column are chosen under inhibiting UV light: slice by slice, from the last
 /// one on, for several nodes together. inhibited_column.hpp tells the rule and why.
 #pragma once

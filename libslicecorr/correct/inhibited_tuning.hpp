@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The numbers of the correction under UV light that were chosen by trial, each with its reason.
 ///
 /// docs/inhibition.md ("The numbers of the rule") tells what happens when each is halved and

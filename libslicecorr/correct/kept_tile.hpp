@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Bytes of a tile of pixels through all slices, coded, in a `BlobStore`: on a disk where tiles are
 /// too many for the memory.
 ///

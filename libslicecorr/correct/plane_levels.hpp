@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Levels of an image of which light is wanted that lies between them, where light spreads: what a
 /// pixel has too much is handed on to the pixels beside it.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The dose under inhibiting UV light as one function of the distance from the cured front.
 ///
 /// With s = 1/huv - 1/hb and zf = ln(beta Iuv / Ib) / s, where UV light and blue light cancel, the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The relative dose of resins with a time to gel at one place: where the light of the place is cut
 /// between inhibitor and growth (gel_time.hpp).
 ///

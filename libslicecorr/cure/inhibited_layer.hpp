@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The dose inside one layer of one column under inhibiting UV light.
 ///
 /// Between nodes it has peaks and dips: layer by layer a slice acts on a layer from its front on,

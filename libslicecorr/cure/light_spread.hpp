@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Light that spreads sideways: at the window, as printers have it (`LightSpread`), and with depth,
 /// as resins scatter it.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Light that the platform sends back, inside a layer (cure.hpp).
 #pragma once
 

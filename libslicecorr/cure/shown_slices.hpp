@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file shown_slices.hpp
 /// Which images each slice shows: image n in slice n, or what a recording says.
 #pragma once

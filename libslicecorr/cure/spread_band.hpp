@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The images of slices as resin sees them where light spreads: what `ShownBand` is where the light
 /// of each pixel stays in its column.
 #pragma once

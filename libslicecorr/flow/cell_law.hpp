@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file cell_law.hpp
 /// Light and law of dose in one cell, level by level: Y signed with a life of its store, m other than
 /// 1, the clamp.

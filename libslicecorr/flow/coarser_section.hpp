@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Sections on coarser cells, where what is sought is smooth, and values from one to the other.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The dead zone as the gap in which every cell's front has just its gel dose.
 
 #include <algorithm>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file descent.hpp
 /// The least of a smooth function of numbers up to 1: projected L-BFGS.
 #pragma once

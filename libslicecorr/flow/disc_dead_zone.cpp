@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The dead zone that light leaves in the long run, and what draws the resin into it.
 #include <fmt/format.h>
 

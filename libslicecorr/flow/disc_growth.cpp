@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A print from its first instant: Y on cells of r and z, with the front where it has got to.
 #include <fmt/format.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file disc_levels.hpp
 /// The levels of the march between window and part, and what light does in each. Private to the
 /// module.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file disc_march.hpp
 /// The march from the edge inwards. Private to the module.
 #pragma once

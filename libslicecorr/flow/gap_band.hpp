@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file gap_band.hpp
 /// The balance of dose in one cell over the levels of the gap: a matrix with two diagonals below and
 /// one above, solved without pivots (its diagonal dominates).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file kept_room.hpp
 /// Room for numbers that is used again and again.
 #pragma once

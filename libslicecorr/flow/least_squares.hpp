@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file least_squares.hpp
 /// Small least-squares problems with linear bounds. Private to the module.
 #pragma once

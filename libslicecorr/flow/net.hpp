@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file net.hpp
 /// A section as a net: nodes are its part cells and, one each, its voids; links are faces. Pressure and
 /// dose are solved on it.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Whether a vat bears a print: the gap, the slowest slice, and what is said of it.
 
 #include <fmt/format.h>

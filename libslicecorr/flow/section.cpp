@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Sections: checks, distances from the outline, the gap that the flow feels.
 #include <fmt/format.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Phi of shapes whose answer is known: lap Phi = -12, Phi = 0 on the outline.
 #include <cmath>
 #include <numbers>

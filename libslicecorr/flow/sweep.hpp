@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file sweep.hpp
 /// What `SectionSweep` keeps: the plan's rows, light per level, and factored matrices.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Voids of a part, from the platform on: which of them the bath has reached.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Fourier and cosine transforms of planes of any size, on all threads, with the same bits for any
 /// number of them. KissFFT does the lines; here are planes, threads, scales, and lengths with large
 /// prime factors.

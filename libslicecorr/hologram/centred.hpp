@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Planes with the axis in the middle, and the order in which transforms want them.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The module that does what we use OpenImageIO for; see base/image_module.hpp.
 
 #include <OpenImageIO/filesystem.h>

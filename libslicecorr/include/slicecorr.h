@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /**
  * @file slicecorr.h
  * The C interface of slicecorr: what a slicer links to correct its slices before it writes them, or

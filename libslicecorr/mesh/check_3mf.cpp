@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What must be known of a 3MF before lib3mf may open it: it unpacks whatever an archive promises,
 // takes coordinates that are no numbers for 0, and walks every path through the components.
 #include <zip.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The sides of all triangles, grouped by edge: what inspection, turning and closing are made from.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What OpenMesh and lib3mf do for us, behind a module that is loaded when a mesh needs them: thousands
 /// of names are looked up for them, a tenth of the time in which programs start.
 #pragma once

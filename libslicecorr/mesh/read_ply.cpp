@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // PLY. OpenMesh parses it, but misreads lists other than the corners, properties before the corners
 // and faces before vertices, and goes on when the file ends early. So it gets a file with nothing
 // but points and corners, whose completeness is checked here.

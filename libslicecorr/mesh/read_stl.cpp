@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // STL is read here and not through OpenMesh: its readers drop degenerate triangles, merge vertices
 // with an epsilon, accept files cut in the middle, and take the count of a binary file on trust.
 // This is also no slower (a hash instead of a std::map).

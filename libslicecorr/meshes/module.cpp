@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The module slicecorr-meshes: OpenMesh's readers with an importer that just collects, as a half-edge
 // mesh would drop or duplicate non-manifold faces; and lib3mf.
 #include <OpenMesh/Core/IO/IOManager.hh>

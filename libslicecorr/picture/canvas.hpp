@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What pictures with words are drawn on: an SVG, whose words stay text, or pixels.
 ///
 /// Units are pixels, y downwards; the ground is white. The same calls give the same bytes. Not

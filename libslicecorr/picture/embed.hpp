@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What pages carry in themselves: pictures, and data that their scripts read.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Letters of 5 x 7 dots, for pictures of pixels.
 #pragma once
 

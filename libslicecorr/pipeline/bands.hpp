@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Splitting a box of pixels into bands, and putting the figures of bands together.
 #pragma once
 

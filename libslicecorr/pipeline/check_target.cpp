@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Whether a target can be the one that a stack is to be measured against.
 
 #include <fmt/format.h>

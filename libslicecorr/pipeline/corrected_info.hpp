@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What a corrected stack says of itself, besides what a scan of its target fills in.
 #pragma once
 

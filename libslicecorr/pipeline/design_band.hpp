@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// A band of a target as corrections and predictions see it: coverage, and where it has edge
 /// heights, these, with gentle slopes made sharp (base/sharp_edges.hpp).
 #pragma once

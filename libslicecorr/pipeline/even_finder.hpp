@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The search for light that makes the dead zone even (even_dead_zone.hpp): slice by slice, for what images
 /// will show of it, until it is nowhere worse than light that is the same everywhere.
 #pragma once

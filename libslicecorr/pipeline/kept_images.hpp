@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What a correction for an even dead zone shows, kept as far as its dose in flowing resin is judged by it.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Corrections and predictions of bands whose columns do not all get the same light.
 #pragma once
 

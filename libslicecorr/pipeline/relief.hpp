@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The preview picture of a stack: the part seen from the window, lit from one side.
 #pragma once
 

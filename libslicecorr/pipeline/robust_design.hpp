@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Corrections that keep features above and gaps below gelling although inputs are off.
 ///
 /// Every dose rises and falls with each of ln ha, ln areal Dc, ln light, ln speed and stray light, so

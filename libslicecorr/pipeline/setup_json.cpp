@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A setup as text of its own: the block that stacks carry, without a stack.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Where things are in the parts to measure, and how long they are lit.
 #include "slicecorr/tuning_part.hpp"
 

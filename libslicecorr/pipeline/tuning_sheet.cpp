@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What to measure on the parts of tuning_part.hpp, in words.
 #include <fmt/format.h>
 

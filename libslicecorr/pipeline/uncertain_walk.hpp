@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// How sure a prediction is: bands walked once more, beside their prediction.
 #pragma once
 

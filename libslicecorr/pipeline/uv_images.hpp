@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file uv_images.hpp
 /// Images of a patterned UV lamp, which follow from the slices.
 #pragma once

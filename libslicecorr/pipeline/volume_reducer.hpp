@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Gathers a ReducedVolume from predictions of bands, while they are made.
 #pragma once
 

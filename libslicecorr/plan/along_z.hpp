@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Speeds that change from slice to slice, found by light: where lamps stay as they are a slower slice
 /// has more light for its bursts, and a faster one less black.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What closed forms say of a part: its gaps and features, and the speeds that keep them.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The distinct columns of a design: what happens in a column depends on nothing else, so each is
 /// corrected once, however many pixels have it.
 #pragma once

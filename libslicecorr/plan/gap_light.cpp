@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Closed forms of a gap: contrast and the speeds that keep it.
 
 #include <algorithm>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Speed against contrast and edge errors: the closed form as a curve, corrections as points.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The search for the fastest print of one setting: what has been tried, and by which columns.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Speed against tolerance: what another tolerance would allow, from what a plan has tried already.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// One correction of some of a part's columns at one speed, and whether it keeps what is asked for.
 #pragma once
 

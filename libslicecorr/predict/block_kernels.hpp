@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file block_kernels.hpp
 /// The loops of prediction over a block of columns, compiled for each instruction set with the same
 /// bits. All arrays have `kBlock` values. Pure functions of what they are given.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Where the outline of what prints lies beside the design's, in the plane of each slice.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Sums of a prediction that goes tile by tile; see BandPredictor::add_tile.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A picture of a part cut open that can be read without the program beside it.
 
 #include <fmt/format.h>

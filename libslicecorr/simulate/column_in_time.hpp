@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// A pixel column at a moment of its print, one class for each model of dose.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Where the surface of a mesh crosses pixel columns, and which height each of their edges has.
 #pragma once
 

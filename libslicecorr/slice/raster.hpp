@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Coverage of pixels by the region that directed segments enclose, non-zero winding rule.
 #pragma once
 

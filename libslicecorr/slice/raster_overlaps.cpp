@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Pixels in which fragments may overlap or cross, scanbeam by scanbeam.
 #include <algorithm>
 #include <cmath>

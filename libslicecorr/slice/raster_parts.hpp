@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What raster.cpp (all rows) and raster_overlaps.cpp (pixels in which fragments overlap) share.
 #pragma once
 

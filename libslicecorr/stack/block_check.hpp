@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file block_check.hpp
 /// Whether the parameters that a stack of ours carries are those that it was written with.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The grey levels of a printer as a file of few levels can show them.
 #include <fmt/format.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flat_field_entry.hpp
 /// The picture of a printer's flat-field in the archives of stacks that were corrected with it.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file isa_l.hpp
 /// ISA-L's functions as they are called here. Those of its own leave the upper halves of wide
 /// registers in use, and until somebody clears them exp, erfc and other code of a processor's basic

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file layer_encoding.hpp
 /// The layers of a binary print file, coded on all threads before the file is written.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Printer files with the picture of their flat-field; here because images are read in this module.
 #include "slicecorr/load_printer.hpp"
 

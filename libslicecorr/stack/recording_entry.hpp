@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file recording_entry.hpp
 /// The table of a recorded stack: which image was lit in which slice, and how much.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file stack_writer_parts.hpp
 /// What a `StackWriter` holds: the pieces that its encoders made, and how they become an archive.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Cells that beams are computed on: places along each axis, which need not be next to each other.
 #pragma once
 

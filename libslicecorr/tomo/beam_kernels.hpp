@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The parallel-beam pair on one block: light that is already weighted per pixel, along the lines of
 /// the grid's pixels and angles.
 ///

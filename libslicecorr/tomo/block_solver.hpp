@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Projected L-BFGS on the slices of one block: the penalty of solve.hpp, with bounds on the light.
 /// Slices share the operators and nothing else: each has steps and a memory of its own.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The dose that counts, of resin that changes while it is printed: inhibitors come back, and dose
 /// spreads.
 ///

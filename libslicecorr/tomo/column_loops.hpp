@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Loops of the solver over numbers of a block, [row][column].
 ///
 /// A column is a lane of the block; a block of one slice is dealt to 16 columns that count as one.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Doses of a job by a direct sum, to judge what the solver's operators say.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// How dose spreads in resin: the heat equation on the grid's voxels, solved exactly in time.
 ///
 /// Dose moves between voxels of resin that touch, and nowhere else: none goes through the vial's

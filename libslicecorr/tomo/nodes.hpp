@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Light that is as fine as the voxels, where the projector's pixels are finer.
 ///
 /// Doses are asked for at the middles of voxels alone. Light of finer pixels can meet them there and

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Some slices of a part, put together into blocks of their own, so that no lane is spent on others.
 #pragma once
 

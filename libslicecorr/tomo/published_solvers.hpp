@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The solvers that others published: OSMO, Kelly's projected gradient, filtered back projection.
 #pragma once
 

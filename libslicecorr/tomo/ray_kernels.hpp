@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Rays through all slices, from plane to plane of voxels: what `make_ray_projector` runs.
 ///
 /// A ray that runs more along y than along x is taken where it crosses the rows of voxels, else where

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Where in the projector's image the light of a place in the resin comes from, for rays that rise or
 /// spread: found backwards, from the place to the pixel. Judges what `make_ray_projector` computes
 /// forwards, and shares nothing with it but Snell's law.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tomo/slice_kernels.cpp"
 #include <hwy/foreach_target.h>

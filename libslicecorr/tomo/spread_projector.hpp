@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Operators of light whose dose spreads in the resin, from those of any light.
 ///
 /// Dose that spreads couples slices, so all of them are one problem: the grid is that of the light

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the values of a definition mean together. Each of them alone is checked by validate.cpp.
 #include <fmt/format.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What a definition file may hold: one table for the checks, the documents and `validate
 /// --schema`.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Saving definitions, and their history.
 //
 // Order of a change, under the folder's lock: the present text goes to .history/NAME/VERSION.toml,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Changes of single keys in a TOML text that leave everything else as it stands, comments and
 /// order included.
 #pragma once

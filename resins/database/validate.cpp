@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Checks of a definition file. The parsers of the library stay the judges of values; what is here
 // finds all that is wrong with a file at once, and what they let pass: unknown keys, and with
 // check_meaning.cpp doses that contradict each other and files that are missing.

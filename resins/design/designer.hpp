@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// All that a recommended absorber is found from: docs/design.md, section recommend. Heights are
 /// base e, um.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The absorber that a speed and a tolerance need: docs/design.md, section recommend.
 
 #include <fmt/format.h>

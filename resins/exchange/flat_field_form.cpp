@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How even a display's light is, from the heights of plugs all over its plate.
 #include "exchange/flat_field_form.hpp"
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Resin profiles of Anycubic's slicer, as they stand in its .pwsz archives and resin files (JSON).
 //
 //     depth_penetration_curve { light_intensity, safety_coefficient, current_tempcurve_selector,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Measurements of a printer: its calibration curve, and how even its light is.
 #include <fmt/format.h>
 

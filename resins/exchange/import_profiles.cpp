@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Profiles of slicers: exposure times by layer height.
 #include <fmt/format.h>
 

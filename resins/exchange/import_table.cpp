@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Tables of published working curves: Dp (absorbance height, base e) and Ec (areal gel dose).
 #include <fmt/format.h>
 

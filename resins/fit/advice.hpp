@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file advice.hpp
 /// What a person should know about a fit, in words and figures.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file diagnosis.hpp
 /// What the Jacobian at the optimum says: covariance, leverage, scatter, what can't be known.
 #pragma once

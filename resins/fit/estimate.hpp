@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file estimate.hpp
 /// The steps of a fit after its set-up: solving, reciprocity, bootstrap.
 #pragma once

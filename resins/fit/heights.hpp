@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file heights.hpp
 /// Heights that the cure law predicts, with exact derivatives.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file least_squares.hpp
 /// Least squares of few unknowns, with derivatives by differences: found by Ceres, judged by the
 /// shape of the sum of squares where it is least.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file prepare.hpp
 /// From measurements and options to a problem: what is observed, what is unknown, where to start.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a fit tells: predictions with their band, JSON, and text for people.
 
 #include <fmt/format.h>

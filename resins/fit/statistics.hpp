@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file statistics.hpp
 /// Student's t and Fisher's F, the way that fits ask for them, by Boost.Math.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a fit of optics found, as text, JSON, lines of a printer file, and a picture.
 #include <fmt/format.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 #include "slicecorr/resins/chemistry_plots.hpp"
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Pictures that need parameters alone: curing fronts, and what a resin file says.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // new-printer: a printer file by questions.
 #include <fmt/format.h>
 #include <unistd.h>

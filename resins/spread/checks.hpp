@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Whether measurements can be what they are taken for. All throw `InputError`.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A straight edge in a camera's picture: where it lies, and what it shows by the distance from it.
 #include <fmt/format.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file model.hpp
 /// Blurred lines, gaps and edges in closed form (spread_fit.hpp).
 ///

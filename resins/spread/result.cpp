@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a fit of spread found, as text, JSON, and lines of a printer and a resin file.
 #include <fmt/format.h>
 

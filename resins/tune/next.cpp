@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What each kind of part would tell: expected information gain, nat.
 #include <fmt/format.h>
 

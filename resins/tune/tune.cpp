@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Resin and light from measured parts and what was known before.
 #include "slicecorr/resins/tune.hpp"
 

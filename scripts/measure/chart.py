@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """The picture of a run: bars of seconds and of memory, as SVG that needs nothing else."""
 
 import html

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Counting the instructions of small fixed jobs, and comparing the counts of two programs."""
 
 import json

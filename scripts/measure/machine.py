@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """What a measurement was made on, and of what."""
 
 import datetime

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Running a program to its end with what the operating system says of it."""
 
 import os

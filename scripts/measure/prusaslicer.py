@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """PrusaSlicer on the same pixel grid as ours: the traps are in docs/slicing.md and here."""
 
 import shutil

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """How much of a program's work is done by one thread alone, and what follows for many cores."""
 
 import math

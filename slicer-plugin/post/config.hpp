@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The config file of slicecorr-post: defaults, and rules that say by folder, file name and the
 /// slicer's profiles how a file is corrected.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// How a file is to be corrected: what options, rules and the archive itself say together.
 #pragma once
 

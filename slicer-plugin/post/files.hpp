@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Files that are changed while other programs, and other runs of this one, use their folder.
 ///
 /// All throw `DeviceError` when the file system fails.

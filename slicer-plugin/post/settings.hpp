@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What can be set on the command line, in [default] and in a rule of the config file: the same
 /// names, the same checks, laid over each other.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Folders that slicers export into, watched: every archive that appears is corrected.
 #pragma once
 

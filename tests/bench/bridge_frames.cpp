@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How many frames a second each step from a stack to a display sustains, beside copying memory,
 // measured in the same run. Not timed asserts: numbers to read.
 //

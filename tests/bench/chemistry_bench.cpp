@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Cell steps of photochemistry per second on one thread: reactions alone, with diffusion in the plane, and CVODE on the
 // same cell. A cell step is one cell over one step of 10 ms, of which CVODE takes many of its own.
 #include <benchmark/benchmark.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Packing and unpacking of slices, in MB of pixels per second, beside what was used before, the
 // fastest general packer, and a copy of memory: all in one process. Numbers to read; but what does
 // not come back as it was is an error.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Proves what scripts/bench measured: reads slices back with libzip and libpng, which share no
 // code with ours, and compares light. See the usage below.
 //

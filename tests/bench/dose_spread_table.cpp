@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // What dose that spreads costs: contrast without it, with it but not counted by the solver, and made
 // up for, also in a time that is fixed. dose_spread_table [wheel|gyroid [VOXELS...]]
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file farm_bench.hpp
 /// What the farm's benchmarks have in common: jobs of a long queue, and a table of times.
 #pragma once

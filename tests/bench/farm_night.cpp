@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // A night in small: farm_night [JOBS] [SIZE_MM] [local|slurm]. Many jobs from real meshes, sound
 // and broken ones, with several resins and speeds, by slicefarm and one after the other by
 // slicecorr; then the same jobs again. Fails when a job fails, is done twice, is not what the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How quick a long queue stays: farm_queue [JOBS]. Prints a table: what, how often, time of one.
 
 #include <fmt/format.h>

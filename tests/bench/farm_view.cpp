@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // How quick everything that is seen stays: farm_view [JOBS]. A fifth of the jobs is done, one in a
 // hundred of these failed, the rest waits. Prints a table: what, how often, time of one.
 

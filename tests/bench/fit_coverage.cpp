@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Prints the coverage table of docs/fits.md: how often intervals of fits hold the true parameter,
 // over 500 seeded runs of each experiment of the dissertation.
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Prints how long fits take beside scipy's curve_fit on the same measurements, in one run: the
 // table of docs/fits.md. Without scipy, our times alone.
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Draws docs/flat-field.png: the height error that a flat-field leaves over a display when the
 // correction does not know it, and when it does. PRINTER RESIN SPEED_MM_H OUT.png
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Resin flow under a disc of n cells across, on one thread: suction, a sweep, its adjoint, the best light.
 // `numbers`: of 8 bytes that stay allocated, per cell.
 #include <benchmark/benchmark.h>

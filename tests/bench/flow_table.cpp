@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The tables and the picture of docs/flow-chapter-iv.md from the library: flow_table [PICTURE.svg]
 // prints chapter IV's figures beside ours, and the check values of discs, strips and other sections.
 #include <fmt/format.h>

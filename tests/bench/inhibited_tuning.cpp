@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Prints the tables of docs/inhibition.md: what happens to corrected columns when one of the
 // numbers of the correction under UV light (correct/inhibited_tuning.hpp) is halved or doubled.
 // Takes the names of numbers to try [all]; about half an hour for all of them.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Prints the tables of docs/levels.md: what a number of grey levels can do.
 #include <fmt/format.h>
 

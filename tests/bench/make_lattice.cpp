@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Writes a lattice as binary STL: make_lattice OUT.stl CELLS_X CELLS_Y CELLS_Z CELL_MM RADIUS_MM
 #include <cstdio>
 #include <cstdlib>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Writes a part for benchmarks as binary STL; see the usage below.
 #include <cstdio>
 #include <cstdlib>

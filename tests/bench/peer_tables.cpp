@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The tables of docs/slicing.md: real meshes as PrusaSlicer and our slicer make them.
 /// scripts/peer-slicing puts them there.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Samples per second of rays that spread and rise, on one thread: out (light to dose) and in.
 #include <benchmark/benchmark.h>
 

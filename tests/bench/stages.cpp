@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Throughput of each stage with one thread and two, beside a limit of the machine measured in the
 // same run: copying a byte per voxel ("of_copy", with as many threads). Not timed asserts: numbers
 // to read; but what did not load or does not verify is an error.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Measures tomographic printing, a row of tab-separated numbers for each problem: name, goal,
 /// processor seconds, seconds, VER, PW, C, bound. Rows of operators have the four last empty.
 /// Usage: tomo_bench [--threads N] [--quick] [--only TEXT]; scripts/bench-tomo makes a table of it.

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """What a call from Python costs: milliseconds of one thread for the operators of 256 x 256 voxels and 360 angles, the
 least of several; beside them stand those of build/bin/tomo_bench, which calls the kernels alone.
 Run with PYTHONPATH=build/python."""

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Uses the installed library from outside: headers, linking of all that it needs, and the version.
 #include <cmath>
 #include <cstdio>

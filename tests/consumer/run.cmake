@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+#
 # Installs the build into a fresh prefix, then configures, builds and runs the consumer against it.
 # Called by ctest with BUILD_DIR, SOURCE_DIR, WORK_DIR, CONFIG, GENERATOR, C_COMPILER, CXX_COMPILER, CXX_FLAGS, VERSION.
 set(prefix "${WORK_DIR}/prefix")

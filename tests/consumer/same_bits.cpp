@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Doses that headers compute in an outside program have the bits that the library gives them, also
 // where the program is compiled for processors that multiply and add in one rounding.
 #include <cstdio>

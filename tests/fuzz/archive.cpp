@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Any bytes as a text of an archive, for clang's fuzzer; the first byte says of which. The archive is read or
 // refused with an `InputError` that names the file; what is read is written back in its place, or
 // refused as well, and then says the same.

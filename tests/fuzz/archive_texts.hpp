@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file archive_texts.hpp
 /// Small archives of all formats that are zips, and the texts in them: settings, lists, G-code.
 #pragma once

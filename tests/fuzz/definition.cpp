@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Any text as the file of a printer or of a resin, for clang's fuzzer: read or refused with an `InputError`
 // that names the file. What `resinctl validate` finds nothing wrong with is read, a printer whose light is to be
 // measured as a display.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file fuzz.hpp
 /// What the fuzzers have in common: files in memory, and what a refusal has to be.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Any text as a table of measurements, for clang's fuzzer: read or refused with an `InputError` that names
 // the file. What is read is finite and above 0 where it has to be.
 #include "slicecorr/resins/measurements.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Any bytes as a mesh of one format, for clang's fuzzer: they are read or refused with an `InputError`
 // that names the file. What is read is a mesh whose triangles have their corners, at finite places.
 #include "slicecorr/mesh.hpp"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Any bytes as the PNG of a layer, for clang's fuzzer: decoded or refused with an `InputError` that names
 // archive and entry. Checksums are mended first, or hardly any input would get beyond them. Decoded in
 // bands of any height and as a camera's picture, an image is the same.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Any bytes as a binary print file of one format, for clang's fuzzer: they are read or refused with an
 // `InputError` that names the file. What is read is written back to the same bytes, or refused as well.
 #include <algorithm>

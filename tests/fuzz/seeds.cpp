@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Writes what the fuzzers begin with, small files of each kind: fuzz-seeds FOLDER.
 #include <fmt/format.h>
 #include <zlib.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file baseline.hpp
 /// The compensations for cure-through that people use today, to compare with: our own
 /// implementations from their descriptions. Neither knows the resin, the light or the speed.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file beam_vat.hpp
 /// A vat into which several displays shine along its axes: the table [beams] of a printer file.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file chemistry.hpp
 /// What resin does between light and solid: its chemistry as a resin file says it, and what follows
 /// from it in closed form.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file chemistry_cell.hpp
 /// The full equations of chemistry.hpp in one cell of well mixed resin, under light that is switched.
 ///

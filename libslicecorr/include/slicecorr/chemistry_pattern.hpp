@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file chemistry_pattern.hpp
 /// The full equations of chemistry.hpp in the plane: what an image of light makes of a film of resin,
 /// cell by cell, with everything that diffuses between cells.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file chemistry_pictures.hpp
 /// Pictures of patterns that gel. Plain functions, thread-safe; they throw nothing of their own.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file correct.hpp
 /// Choosing the grey levels of every slice so that the design prints (dissertation §2.3.1, A.4).
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file cure.hpp
 /// The dose that slices leave behind under continuous exposure (dissertation §2.3, appendix A.2).
 ///

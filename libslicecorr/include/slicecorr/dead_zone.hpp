@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file dead_zone.hpp
 /// The dead zone over the window while a stack is shown under UV light, and where it fails.
 ///

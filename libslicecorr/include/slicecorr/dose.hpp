@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file dose.hpp
 /// The dose that slices leave in a band of pixel columns: one interface for all cure models.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file dose_derivatives.hpp
 /// How the dose of a column changes with what it was computed from.
 ///

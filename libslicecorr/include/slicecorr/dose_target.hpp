@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file dose_target.hpp
 /// Doses that are wanted of a part's features, other than just enough: graded doses
 /// (docs/graded-dose.md).

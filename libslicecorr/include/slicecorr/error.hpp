@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file error.hpp
 /// The exceptions of the library. Nothing in the library prints, exits or aborts: it throws one of
 /// these. Every message says what happened, where (file and place) and what was expected instead.

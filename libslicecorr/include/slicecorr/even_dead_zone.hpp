@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file even_dead_zone.hpp
 /// Light that makes dose and dead zone even although resin flows: found for a target, and judged in
 /// what is shown (flow.md of the dissertation's chapter IV: docs/even-dead-zone.md).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file even_light.hpp
 /// Light that makes dose and dead zone even although resin flows (docs/even-dead-zone.md): how much
 /// of each lamp's light every place gets in every slice.

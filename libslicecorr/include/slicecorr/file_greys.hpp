@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file file_greys.hpp
 /// Which grey values archives hold. Thread-safe.
 #pragma once

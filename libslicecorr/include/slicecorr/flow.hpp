@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flow.hpp
 /// Resin that flows in the gap between window and part while the part rises (dissertation chapter IV,
 /// in the limit of a thin gap).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flow_disc.hpp
 /// Resin that flows under a disc or a strip: the dose that it carries to the part, the dead zone that
 /// follows, and the light that makes it even (dissertation chapter IV, in the limit of a thin gap).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flow_doses.hpp
 /// The dose that flowing resin brings to a part's front, slice by slice, with light that was made for
 /// it and without (even_dead_zone.hpp finds both). Plain values.

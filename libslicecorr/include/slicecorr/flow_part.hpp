@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flow_part.hpp
 /// What a part does to the resin under it, slice by slice: where resin is drawn in through the gap
 /// under gelled material, and where it comes from.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flow_section.hpp
 /// Resin in the thin gap under one slice of any shape (dissertation chapter IV in the limit of a thin
 /// gap): the suction under the part, the dose that resin brings along to the front where it gels, and

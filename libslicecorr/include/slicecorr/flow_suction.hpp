@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file flow_suction.hpp
 /// How fast a part can be pulled: suction under its slices and under the platform, the dose that its
 /// resin brings to the front and the dead zone that follows, and whether the vat bears it.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file gel_time.hpp
 /// Resins of which the time to gel is known: t_gel(i) = A/i + B/sqrt(i).
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file hologram.hpp
 /// Images by phase alone: what a phase-only display must show so that a lens makes wanted images of
 /// it, and what light then really falls where.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file image_size.hpp
 /// How large an image may be: slices of stacks, displays, flat-fields. Constants and a pure
 /// function.

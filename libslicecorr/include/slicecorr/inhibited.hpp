@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file inhibited.hpp
 /// The dose under inhibiting UV light (the dissertation's chapter III carried into chapter II).
 ///

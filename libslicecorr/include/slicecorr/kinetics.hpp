@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file kinetics.hpp
 /// Stationary exposure of resin at a window, with and without inhibiting UV light (dissertation
 /// chapter III, appendix B.3), in closed form.

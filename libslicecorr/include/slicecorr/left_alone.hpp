@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file left_alone.hpp
 /// A target beside which something is shown as it is sliced: supports, rafts.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file level_images.hpp
 /// Even images, one for each of some grey levels, all over the plate: a power meter on the display
 /// then tells what light each level gives, which is the calibration of a printer. (Parts to measure:

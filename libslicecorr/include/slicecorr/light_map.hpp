@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file light_map.hpp
 /// How bright each place of a display is: what a flat-field means for the pixels of a stack.
 ///

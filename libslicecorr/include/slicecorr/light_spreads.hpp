@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file light_spreads.hpp
 /// Whether light goes from column to column. Pure and thread-safe; throws nothing.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file limit.hpp
 /// Limits as messages name them: whoever types the number back gets what works.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file load_display.hpp
 /// Printers for what needs their display alone: its pixels, how images lie on it, how far it reaches.
 /// Thread-safe.

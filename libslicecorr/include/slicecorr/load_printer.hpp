@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file load_printer.hpp
 /// Printers with the pictures that their files name. Apart from process.hpp, because images are
 /// read. Thread-safe. All throw `InputError`, which names file, line and key.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file measuring_form.hpp
 /// Tables to fill in: what of a test part is to be measured, and what was.
 ///

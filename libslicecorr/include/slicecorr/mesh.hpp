@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file mesh.hpp
 /// Reading meshes, reporting their defects, placing them. Lengths are mm unless a name says
 /// otherwise.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file orientation.hpp
 /// How the plate lies in images: the eight ways to turn and mirror an image, and what they do to
 /// pixels, boxes and positions.

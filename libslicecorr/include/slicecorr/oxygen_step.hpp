@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file oxygen_step.hpp
 /// A correction layer by layer whose slices are changed for the oxygen that diffuses in their plane.
 ///

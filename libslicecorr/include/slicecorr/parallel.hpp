@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file parallel.hpp
 /// The thin layer over TBB: loops over independent items, cancellation and progress. All functions
 /// are thread-safe, and several loops may run with the same context. Cancelled work throws

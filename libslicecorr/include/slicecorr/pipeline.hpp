@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file pipeline.hpp
 /// From a target to a stack and its figures: the steps of a correction put together band by band,
 /// so that a band passes through all of them while it is in memory.

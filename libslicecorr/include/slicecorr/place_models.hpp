@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file place_models.hpp
 /// Cure models and doses by place, where a display's light is uneven (light_map.hpp).
 ///

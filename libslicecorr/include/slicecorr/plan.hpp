@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file plan.hpp
 /// How fast a part can be printed, and what limits it (docs/plan.md).
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file print_file.hpp
 /// What formats of one binary file (CTB, GOO and the like) are beyond other archives: files with few
 /// grey levels, changed more often than made, with a record beside them (docs/formats.md).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file process.hpp
 /// The printer, the resin and how they are run: read from TOML, checked, and kept with every stack.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file recording.hpp
 /// What a machine really showed: a recorded stack (docs/recording.md).
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file recording_writer.hpp
 /// Writes what a machine really showed as a recorded stack (recording.hpp).
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file report.hpp
 /// The page that shows a correction: figures, sections before and after, a column's dose curve.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file resin_chemistry.hpp
 /// The figures of a resin's chemistry, as its file says them. The equations that they belong to are in
 /// chemistry.hpp. Plain values, thread-safe as such are.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file setup.hpp
 /// From what a user says to a complete `Setup`: one set of rules for the program and the C
 /// interface.

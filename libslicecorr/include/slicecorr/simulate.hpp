@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file simulate.hpp
 /// How a print cures while it is made: dose and gelled stretches of one pixel column, or of an
 /// image row, against time; and the curing fronts of a stationary exposure.

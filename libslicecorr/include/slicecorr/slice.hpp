@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file slice.hpp
 /// Mesh to slices: plane cuts at mid-layer height, non-zero winding rule, area coverage per pixel;
 /// and the heights at which the mesh's own surface crosses the centres of pixels.

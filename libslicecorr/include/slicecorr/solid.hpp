@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file solid.hpp
 /// The part that a stack will print, as a closed triangle mesh: the surface on which the dose is 1.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file stack.hpp
 /// Slice archives: the native UVJ zip with our block and the formats of other programs, streamed
 /// both ways (docs/formats.md).

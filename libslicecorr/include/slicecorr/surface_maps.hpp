@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file surface_maps.hpp
 /// How far the surface of a print is from its design, as seen from below and from above.
 ///

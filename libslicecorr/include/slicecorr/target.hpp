@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file target.hpp
 /// What is to be printed, as the steps after it see it: the coverage of every voxel, band by band.
 ///

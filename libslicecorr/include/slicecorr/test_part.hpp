@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file test_part.hpp
 /// A part to print and measure, from which `resinctl fit-spread` finds how far light spreads.
 ///

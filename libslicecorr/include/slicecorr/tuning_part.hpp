@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tuning_part.hpp
 /// Parts to measure, which tell what printer and resin really are: each as slices, as a table to
 /// fill in and as a sheet that says what to measure where. (Lines and gaps: test_part.hpp.)

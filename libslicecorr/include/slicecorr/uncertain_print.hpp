@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file uncertain_print.hpp
 /// How sure a prediction is, when its inputs are off by an `Uncertainty`.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file uncertainty.hpp
 /// By how much the inputs of a print may be off, and together with what.
 ///

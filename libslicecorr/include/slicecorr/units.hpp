@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file units.hpp
 /// Every conversion between the units of interfaces and those of the physics, in one place.
 ///

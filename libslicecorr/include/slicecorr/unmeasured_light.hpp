@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file unmeasured_light.hpp
 /// Printers whose light nobody has told yet: their file says `calibration = "to be measured"` under
 /// [blue]. `parse_printer` and `load_printer`, and with them all that needs light, refuse such a

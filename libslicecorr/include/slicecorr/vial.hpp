@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file vial.hpp
 /// Light of a tomographic printer on its way into the vial, in closed form.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file volume.hpp
 /// What prints, reduced to at most a given number of cells along each side, before and after.
 ///

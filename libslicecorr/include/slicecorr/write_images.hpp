@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file write_images.hpp
 /// Stacks of images that are shown as they are, each for its own time: parts to measure.
 /// Thread-safe.

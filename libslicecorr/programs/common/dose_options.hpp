@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What programs that correct can be told of the doses that are wanted of a part's features.
 #pragma once
 

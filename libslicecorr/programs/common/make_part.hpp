@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The main job as programs do it: a corrected stack with the proof of what it prints beside it.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What every program of the project does alike: subcommands, exit codes, progress, interruption,
 /// and files that appear whole or not at all.
 #pragma once

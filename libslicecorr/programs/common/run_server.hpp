@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file run_server.hpp
 /// How programs of the project serve: the address they are given, and their end.
 #pragma once

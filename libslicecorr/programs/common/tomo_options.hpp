@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What every program that prints tomographically can be told of the part and of how light is found.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file watch.hpp
 /// Commands that follow something on the terminal: their options, and their two plain ways.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What the subcommands of `slicecorr` do that work on a part and its stack; others have files of their
 /// own.
 #pragma once

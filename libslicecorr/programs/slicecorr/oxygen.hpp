@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Options of slices whose light is changed for oxygen that diffuses in their plane.
 #pragma once
 

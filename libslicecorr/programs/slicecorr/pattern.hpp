@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The subcommand `pattern`: what an image of light makes of a film of resin, by its chemistry.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Where a video goes: a file of its own, or through the program ffmpeg into a container.
 #pragma once
 

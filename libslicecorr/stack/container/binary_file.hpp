@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file binary_file.hpp
 /// Print files of one binary block: layers of coded pixels between tables of offsets. What such a file
 /// has no place for, our record above all, lies in a small zip beside it, `record_beside`.

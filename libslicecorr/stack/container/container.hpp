@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file container.hpp
 /// The files in an archive, whatever holds them: a zip, a tar.gz, a folder or what lies beside a
 /// binary file.

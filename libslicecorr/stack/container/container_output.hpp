@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file container_output.hpp
 /// An archive that appears under its name only when it is complete.
 #pragma once

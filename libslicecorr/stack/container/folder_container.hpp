@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file folder_container.hpp
 /// A plain folder of files, as an archive.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// What libarchive does for us, behind a module that is loaded when the first tar is met: with it
 /// come eight more libraries, an eighth of the time in which programs start.
 #pragma once

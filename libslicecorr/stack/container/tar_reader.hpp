@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tar_reader.hpp
 /// The entries of a tar.gz one after the other, distrusted.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file zip_input.hpp
 /// A zip archive opened for reading, distrusted.
 #pragma once

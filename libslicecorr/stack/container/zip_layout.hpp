@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file zip_layout.hpp
 /// The records of a zip archive (APPNOTE 6.3.3, sections 4.3 to 4.5), ZIP64 where numbers need it.
 #pragma once

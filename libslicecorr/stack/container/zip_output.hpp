@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file zip_output.hpp
 /// A zip archive that appears under its name only when it is complete.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file zip_pack.hpp
 /// Deflating the entries of a zip ahead of their turn.
 #pragma once

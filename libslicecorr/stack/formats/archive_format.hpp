@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file archive_format.hpp
 /// One class per archive format: what is in it, and what a new or changed one says. Images are read
 /// and written by StackReader and StackWriter, alike for all formats.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file binary_block.hpp
 /// Parts of binary print files: numbers at offsets, and files that are changed span by span.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file ctb_file.hpp
 /// The tables of CTB, cbddlp and photon files, which are of one family (docs/print-files.md).
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file definition_json.hpp
 /// Printers and resins as JSON, as stacks and jobs record them.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 #include "stack/formats/even_light_json.hpp"
 
 #include "support/text/base64.hpp"

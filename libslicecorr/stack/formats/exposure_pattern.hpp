@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The times of an archive's layers as few numbers: bottom layers, a fade, normal layers.
 #pragma once
 

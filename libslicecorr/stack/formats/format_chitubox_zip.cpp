@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Zip archives of Chitubox: 1.png, 2.png, ... and run.gcode, whose head has the settings as
 // ";key:value" and whose body is what the printer runs.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Chitubox' CTB, cbddlp and photon before it, and PHZ and FDG, which have the same tables.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // CWS: slices of Creation Workshop and NovaMaker. NAME0000.png, ... and NAME.gcode, whose head has
 // the settings as ";(Key = value unit )"; NovaMaker adds slice.conf, Creation Workshop
 // manifest.xml. Monochrome panels that are wired as colour ones get three neighbouring pixels in

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Creality's CXDLP, versions 1 to 3: all numbers big-endian, texts with a length, layers of vertical
 // lines, a checksum of the whole file at its end.
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The plainest zip: 1.png, 2.png, ... and, from UVtools, manifest.uvtools with the sizes. Phrozen's
 // printers take the images alone.
 

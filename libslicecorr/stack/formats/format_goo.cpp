@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Elegoo's GOO: a head of fixed size, then layers one behind the other. All numbers are big-endian.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Longer's LGS: a head, a preview, layers one behind the other.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // NanoDLP plates: 1.png, 2.png, ... and the settings in several JSON files. Monochrome panels that
 // are wired as colour ones get three neighbouring pixels in one RGB pixel, which is the usual kind.
 

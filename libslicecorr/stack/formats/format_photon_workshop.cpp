@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Anycubic Photon Workshop: tables of which the start of the file says where they are.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // SL1 and SL1S: what PrusaSlicer exports for Prusa's resin printers, and for many others.
 
 #include <fmt/format.h>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file format_times.hpp
 /// Sizes and exposure times that archives of G-code printers and the like say in similar ways.
 #pragma once

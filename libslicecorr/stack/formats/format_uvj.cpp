@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // UVJ: the open zip of UVtools and uv3dp, and our own stack.
 
 #include <cstdio>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file json_node.hpp
 /// Reading JSON that may be wrong: every value is checked, and messages name the way to it.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file known_foreign.hpp
 /// Print files that are known and can't be read as a stack of slices: refused with their names and
 /// with what can be read instead.

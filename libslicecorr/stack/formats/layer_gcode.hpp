@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file layer_gcode.hpp
 /// G-code that shows slices one after the other, as in archives of Chitubox and NovaMaker: read
 /// layer by layer, and changed in single places.

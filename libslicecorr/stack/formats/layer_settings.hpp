@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file layer_settings.hpp
 /// `layersettings.csv` of the Ember printer: settings that single layers have of their own.
 #pragma once

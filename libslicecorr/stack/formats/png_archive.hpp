@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file png_archive.hpp
 /// Images for stacks that are kept for long: packed as small as possible, which takes time.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file uvj_config.hpp
 /// `config.json` of a UVJ archive, with our block under the key "slicecorr".
 #pragma once

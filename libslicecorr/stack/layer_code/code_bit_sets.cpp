@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The code of cbddlp and photon: a byte is a pixel in its top bit and a count of up to 7D. Grey is how
 // many of N such images, the sets, light a pixel: the printer shows each for its share of the time.
 #include <algorithm>

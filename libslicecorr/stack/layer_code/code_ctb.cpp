@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // CTB's code: a byte is a value of 7 bits, its top bit says that a length follows, which is of 7, 14, 21
 // or 28 bits after as many ones and a zero, highest byte first.
 #include "stack/layer_code/codes.hpp"

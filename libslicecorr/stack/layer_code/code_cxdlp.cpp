@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Lines of CXDLP: 13 bits of the first row, 13 of the last, 14 of the column, all highest bit first, and a
 // byte of grey. Columns ascend, and rows within them.
 #include <algorithm>

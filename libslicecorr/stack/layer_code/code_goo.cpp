@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // GOO's code: 55h, runs, and the complement of the sum of the runs' bytes. A run's first byte has its
 // kind in the top two bits, the number of further length bytes in the next two and the lowest four bits
 // of the length in the others.

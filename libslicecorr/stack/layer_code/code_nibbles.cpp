@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // Codes of nibbles. PW0 of Photon Workshop: grey above, length below; black and full light have 12 bits of
 // length, the lower eight in the next byte. LGS of Longer: grey above, one hexadecimal digit of the length
 // below; neighbours of the same grey make one number, highest digit first.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 // The code of PHZ and FDG: a byte with its top bit set is a pixel of 7 bits, one without says how many
 // more of it follow. The brightest value that slicers write is 7C; runs start anew at each row and its
 // middle.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file codes.hpp
 /// The run-length codes of binary print files, one per file code_*.cpp (docs/print-files.md).
 #pragma once

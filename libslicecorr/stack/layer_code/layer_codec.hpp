@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file layer_codec.hpp
 /// The layers of a binary print file: how grey pixels become coded bytes and back.
 #pragma once

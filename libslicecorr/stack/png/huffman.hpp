@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file huffman.hpp
 /// Canonical Huffman codes and the header of a dynamic block, as deflate (RFC 1951) has them.
 #pragma once

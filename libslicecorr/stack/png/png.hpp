@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file png.hpp
 /// PNG made of independent bands, and checked decoding band by band.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file png_layout.hpp
 /// The chunks of a PNG and its zlib stream, checked without looking at pixels.
 #pragma once

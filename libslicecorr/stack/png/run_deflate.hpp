@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file run_deflate.hpp
 /// Deflate for bytes that come as runs: slices.
 #pragma once

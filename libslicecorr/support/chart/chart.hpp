@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file chart.hpp
 /// A small layer to draw with: axes, lines, bands, points and words, as SVG that needs nothing
 /// else.

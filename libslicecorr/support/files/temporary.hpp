@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file temporary.hpp
 /// Files and folders that are made under another name beside their place, and renamed when whole.
 #pragma once

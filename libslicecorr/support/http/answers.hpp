@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file answers.hpp
 /// What all servers of the project answer alike: headers against other sites, errors as JSON.
 #pragma once

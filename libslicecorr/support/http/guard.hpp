@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file guard.hpp
 /// Who may ask for what: Host and Origin headers, tokens, the size of bodies. Looked at before
 /// anything of a request's body is read.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file guarded_server.hpp
 /// cpp-httplib's server behind limits that it does not have itself: on the bytes and the time of a
 /// request, on connections, and on how long a stop may take. One request per connection.

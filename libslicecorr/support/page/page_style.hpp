@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// The style that all pages of the project share, page.css and tiles.css beside this file, and what
 /// their scripts share: reading packed arrays (inflate.js), cells in the round (round.js). Embedded
 /// when the library is built (cmake/EmbedText.cmake).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// A terminal that shows frames: takes it over, gives it back however the program ends.
 #pragma once
 

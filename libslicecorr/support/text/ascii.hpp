@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// Letters and blanks of ASCII, whatever the locale; other bytes stay as they are.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file csv.hpp
 /// Tables of text with commas, as RFC 4180 has them: one reader for all of them.
 ///

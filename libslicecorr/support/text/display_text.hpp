@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file display_text.hpp
 /// Figures and names as people read them, on terminals and pages.
 #pragma once

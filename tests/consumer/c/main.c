@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /* Uses the installed C interface from outside: header, linking, version, a call that works and one that fails. */
 #include <slicecorr.h>
 #include <stdio.h>

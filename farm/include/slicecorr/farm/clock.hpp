@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file clock.hpp
 /// The times that the farm goes by. Wall-clock times are only recorded, shown and compared with
 /// windows and deadlines; whatever must not fail when somebody sets the clock (leases, timeouts,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file engine.hpp
 /// Where work runs: processes of this machine, or a cluster. An engine only executes; queue, retry,
 /// cache and record are the service's, whatever the engine.

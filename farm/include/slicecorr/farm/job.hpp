@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file job.hpp
 /// What the farm's record holds of jobs, attempts and results: plain values, as they are read from
 /// the database. Values are thread-safe as such are, functions always; nothing throws. Sizes are

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file metrics.hpp
 /// The farm in the text format of Prometheus, version 0.0.4. Functions are thread-safe, but a
 /// model belongs to one thread. Throws `DeviceError` as `ReadModel`.

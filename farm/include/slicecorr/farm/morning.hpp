@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file morning.hpp
 /// The page of the morning: what was done, what failed and why, which parts are worst, how busy the
 /// workers were. Everything is read from the record; nothing is changed.

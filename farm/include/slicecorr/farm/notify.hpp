@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file notify.hpp
 /// Tells somebody when something happened: webhooks and commands, from DIR/notify.toml.
 ///

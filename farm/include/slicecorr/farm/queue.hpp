@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file queue.hpp
 /// The durable queue: every change of the record is one transaction here, and only here.
 ///

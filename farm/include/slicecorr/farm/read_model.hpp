@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file read_model.hpp
 /// All that status, live view, pages, metrics and notifications read, and nothing that changes
 /// anything. Opens the database read-only; never blocks a writer. Each function sees one consistent

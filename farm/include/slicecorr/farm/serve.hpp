@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file serve.hpp
 /// The farm over HTTP: pages to prepare prints and to follow them, a REST API under /api/v1, metrics.
 ///

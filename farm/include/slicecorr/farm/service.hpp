@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file service.hpp
 /// The service: takes jobs from the queue, has an engine do them, checks and keeps the results.
 /// Several may work on one farm; they share its limits. May be stopped, or killed, at any time.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file settings.hpp
 /// What a shop sets for its farm: kept in the database, so that it holds for every service and
 /// outlives them. Services take up a change within a second. Plain values; functions are

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file status.hpp
 /// The farm at a moment: as text, as JSON, and as a frame of the live view. Plain values and
 /// thread-safe functions, but a `ReadModel` belongs to one thread. What reads the record throws

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file store.hpp
 /// Files of the farm by content: inputs, results, and the way of a result to where the user wants
 /// it. Everything appears by rename; nothing half-written has a final name. Throws `DeviceError`,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file submit.hpp
 /// From what people write to jobs in the queue: jobs files, command lines, REST bodies. Everything
 /// is checked before anything is queued, and every error is told, with file and line.

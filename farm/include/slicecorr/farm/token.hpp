@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file token.hpp
 /// Names that nobody else draws: of attempts, services, uploads and batches of a cluster.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file work.hpp
 /// What a worker gets, does and leaves: files in the folder of its attempt, nothing else. A worker
 /// knows neither database nor service, so it runs wherever the farm's store can be seen.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file beam_frames.hpp
 /// Images of a print with beams, on as many displays as it has. Thread-safe as frames.hpp says.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file beam_plan.hpp
 /// A print with beams: one exposure of still images on several displays. Plain functions,
 /// thread-safe.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file control.hpp
 /// The print as a state machine. It knows no thread, no wire and no clock: each cycle it is told
 /// the status and the time and says what goes out. All of the policy is here (docs/safety.md).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file display.hpp
 /// Displays behind `FrameSink`: a window by way of SDL2, a display's scan-out by way of DRM/KMS,
 /// and several of them at once. Pixels are shown 1:1 or not at all. Each display is black before

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file frames.hpp
 /// Images: decoded ahead in a ring by threads of their own, and shown by a sink. `FrameSource` and
 /// `FrameRing` are thread-safe; a `FrameSink` belongs to one thread. Functions are thread-safe.

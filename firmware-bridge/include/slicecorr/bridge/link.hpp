@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file link.hpp
 /// The wire to the machine, and the time of a print. A `Link` belongs to one thread. The real clock
 /// is thread-safe, the step clock belongs to one thread. Nothing throws but where it says so.

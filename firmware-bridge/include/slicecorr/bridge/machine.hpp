@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file machine.hpp
 /// What the bridge knows of a machine, besides the optics in `Printer`: how its stage moves, what
 /// its lamps can do, how it is spoken to. All of it is data in the printer file, so that another

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file model.hpp
 /// A printer to test against, without wires: stage, lamps, interlocks and watchdog over time. Its
 /// state follows from closed forms between events, so that nothing depends on how often it is asked

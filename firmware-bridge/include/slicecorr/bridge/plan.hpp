@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file plan.hpp
 /// What is to be shown where, how bright, and whether this machine can do it: settled before
 /// anything moves. Plain values; all functions are thread-safe. Only `plan_print` and

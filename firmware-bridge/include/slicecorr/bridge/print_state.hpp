@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file print_state.hpp
 /// What is told of a print: facts that stay, and how it stands now. The control thread only copies
 /// numbers; text is made of them by whoever asks. Plain values; all functions are thread-safe, but

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file record.hpp
 /// What is left of a print: a journal of events that survives a power cut, a CSV of frames, and the
 /// latch that keeps a failed machine from printing until somebody has looked. All is thread-safe,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file run.hpp
 /// A print from beginning to end: control thread, image thread, threads that make frames, record.
 /// Functions may be called from any thread, but a link, a clock and a sink belong to one call at a

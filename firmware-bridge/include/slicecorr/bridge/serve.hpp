@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file serve.hpp
 /// A print over HTTP, for reading only: live page, report, state, metrics. A process of its own,
 /// which asks the print as everybody does. Of a `PrintServer`, `stop` may be called from any

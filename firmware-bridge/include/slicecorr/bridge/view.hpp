@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file view.hpp
 /// What a person sees of a print: the page after it, the live view, metrics. Nothing here touches
 /// the print: it reads the state folder's files and what the control socket answered. All functions

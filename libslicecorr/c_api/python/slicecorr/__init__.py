@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Corrects slices for resin printers, and finds the light of tomographic prints.
 
 ``slicecorr.correct`` needs nothing but the standard library. ``slicecorr.tomo`` needs NumPy, and SciPy only where

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """The shared library: where it is, what its functions take, and what its codes become."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
 """Tomographic printing: the pair of operators, the solver, and jobs.
 
 Arrays are NumPy's. *Volumes* have the axes (z, y, x), the lowest slice first; *light* has (z, angle, pixel): slice k

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/beams.hpp
 /// Printing whole parts with a few still images at once: collimated beams along the axes of a vat.
 ///

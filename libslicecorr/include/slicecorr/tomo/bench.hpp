@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/bench.hpp
 /// A tomographic printer and its resin as the operators see them: which voxels, angles and pixels
 /// there are, what the vial does to each pixel's light, and where pixels and slices lie in frames.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/convert.hpp
 /// Other people's frames as jobs, to be judged as ours are.
 ///

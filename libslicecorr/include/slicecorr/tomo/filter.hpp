@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/filter.hpp
 /// Filtered back projection: the start of the solvers, and a pattern of its own.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/job.hpp
 /// A tomographic print as a file: the frames of a turn, what they are shown by, and the part.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/metrics.hpp
 /// How well a dose separates part from void, how long printing takes, and what a projector's grey
 /// levels make of the light.

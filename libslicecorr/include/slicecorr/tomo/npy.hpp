@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/npy.hpp
 /// Volumes as files of NumPy (.npy, format 1.0 to 3.0).
 ///

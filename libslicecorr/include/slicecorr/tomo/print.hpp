@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/print.hpp
 /// From a part to the job that prints it, and from a job to what it prints.
 ///

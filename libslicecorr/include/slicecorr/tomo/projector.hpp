@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/projector.hpp
 /// The two operators of tomographic printing, exact transposes of each other: A sums a field along
 /// the lines of light, A^T gives the dose of light.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/rays.hpp
 /// Light whose slices are not independent: rays that spread from a pinhole or fill an aperture, bent
 /// by a dry vial, rising or falling on their way through the resin.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/section.hpp
 /// What a job prints, cut open: dose against target in planes of voxels, as pictures.
 ///

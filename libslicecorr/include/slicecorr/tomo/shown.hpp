@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/shown.hpp
 /// What a machine really showed of a job, and what that prints: frames come late, stages wobble.
 ///

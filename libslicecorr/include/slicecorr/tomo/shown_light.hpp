@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/shown_light.hpp
 /// What frames have to show so that light comes to where it is wanted, and what they do show, where
 /// the axis leans or wobbles and the projector shines unevenly.

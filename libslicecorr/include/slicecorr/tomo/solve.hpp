@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/solve.hpp
 /// Finding the light of a part: b >= 0 with enough dose in the part and little in void.
 ///

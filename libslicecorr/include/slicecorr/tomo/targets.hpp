@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/targets.hpp
 /// Pictures that a tomographic printer's projector shows to be set up by.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/video.hpp
 /// The frames of a tomographic job as a video without loss, for players that show it to a projector.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tomo/volume.hpp
 /// What tomographic printing is computed on: the grid of voxels, angles and
 /// pixels, the part as coverage, doses per voxel, and light per angle and pixel.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file chemistry_plots.hpp
 /// A cell of resin under light, as a self-contained SVG. Thread-safe; throws nothing of its own.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file database.hpp
 /// The database of resins and printers: folders of TOML files, their history, and safe changes.
 ///

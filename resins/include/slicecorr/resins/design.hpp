@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file design.hpp
 /// What a resin and a printer will do, and the absorber that a wish needs. docs/design.md has the
 /// formulas with their sources.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file exchange.hpp
 /// Resins and printers from and for other programs. Every conversion says what it assumed.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file fit.hpp
 /// Fits of cure models to measurements, with what can be said about their parameters.
 ///

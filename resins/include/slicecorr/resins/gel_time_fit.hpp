@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file gel_time_fit.hpp
 /// A and B of t_gel = A/i + B/sqrt(i) (gel_time.hpp) from measured times to gel, or to a conversion.
 ///

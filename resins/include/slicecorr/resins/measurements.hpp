@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file measurements.hpp
 /// Measurements of resins, read from CSV (contract: "resinctl"). Plain values; all functions are
 /// thread-safe and throw `InputError`.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file optics_fit.hpp
 /// Where a tomographic printer's axes, lens and vial are, from pins that were found in its light.
 ///

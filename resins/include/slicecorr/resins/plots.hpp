@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file plots.hpp
 /// Pictures of fits and resins: self-contained SVG and HTML, light and dark.
 ///

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file record.hpp
 /// A resin as the shop keeps it: all that a resin file holds, more than the cure model needs.
 ///

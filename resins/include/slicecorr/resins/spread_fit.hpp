@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file spread_fit.hpp
 /// How far light spreads, from what a lab can measure: how wide lines and gaps printed, or how a
 /// straight edge of the image (a knife edge) looks to a camera or a scan.

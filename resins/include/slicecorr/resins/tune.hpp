@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
 /// @file tune.hpp
 /// What measured test parts say of resin and light, with what was known before as the prior.
 ///

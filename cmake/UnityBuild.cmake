@@ -1,14 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The slicecorr authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Sources of a folder compile together, up to eight at a time: most of what a source costs is the headers that it
+# Sources of a folder compile together, up to sixteen at a time: most of what a source costs is the headers that it
 # shares with its neighbours, and a build from nothing takes half as long so. A name in a nameless namespace is then seen
-# by the neighbours, too. Those of cmake/alone.txt compile by themselves.
+# by the neighbours, too. Those of cmake/alone.txt compile by themselves; a target's SLICECORR_UNITY_MOST is fewer for it.
 option(SLICECORR_UNITY "Compile sources of a folder together" ON)
 
 function(slicecorr_unity target)
   get_target_property(folder ${target} SOURCE_DIR)
   get_target_property(sources ${target} SOURCES)
+  get_target_property(most ${target} SLICECORR_UNITY_MOST)
+  if(NOT most)
+    set(most 16)
+  endif()
   set(folders)
   foreach(source IN LISTS sources)
     cmake_path(ABSOLUTE_PATH source BASE_DIRECTORY "${folder}" NORMALIZE)
@@ -23,7 +27,7 @@ function(slicecorr_unity target)
   foreach(home IN LISTS folders)
     # Chunks of much the same size.
     list(LENGTH "in ${home}" count)
-    math(EXPR chunks "(${count} + 7) / 8")
+    math(EXPR chunks "(${count} + ${most} - 1) / ${most}")
     math(EXPR size "(${count} + ${chunks} - 1) / ${chunks}")
     set(index 0)
     foreach(source IN LISTS "in ${home}")

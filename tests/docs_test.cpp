@@ -38,14 +38,16 @@ std::string text_of(const fs::path& path) {
   return text.str();
 }
 
-/// Indented lines that begin with build/bin/, continued lines joined. What follows a program in the
-/// background belongs to it, up to the end of its paragraph.
+/// Indented lines that begin with one of our programs, continued lines joined.
+/// What follows a program in the background belongs to it, up to the end of its paragraph.
 std::vector<std::string> commands_of(const fs::path& path) {
+  static const std::regex ours(
+      "    (slicecorr |slicecorr-post |resinctl |slicefarm |printer-sim |printbridge ).*");
   std::istringstream lines(text_of(path));
   std::vector<std::string> commands;
   bool open = false, together = false;
   for (std::string line; std::getline(lines, line);) {
-    const bool begins = line.rfind("    build/bin/", 0) == 0;
+    const bool begins = std::regex_match(line, ours);
     together = together && line.rfind("    ", 0) == 0;
     if (!begins && !open && !together) continue;
     line.erase(0, line.find_first_not_of(' '));
@@ -96,16 +98,17 @@ TEST(Docs, CommandsOfTheReadmeRun) {
   }
   const int port = free_port();
   const auto commands = commands_of(kSource / "README.md");
-  ASSERT_GE(commands.size(), 8U);
+  ASSERT_GE(commands.size(), 18U);
   test::RunOptions options;
   options.folder = folder.string();
   options.environment = {{"HOME", folder.string()},
                          {"XDG_CONFIG_HOME", ""},
                          {"SLICECORR_DB", ""},
+                         {"PATH", kBin.string() + ":/usr/bin:/bin"},
                          {"XDG_STATE_HOME", (folder / "state").string()}};
   for (std::string command : commands) {
     // Several of these tests may run at once.
-    command = std::regex_replace(command, std::regex("bin/printer-sim"),
+    command = std::regex_replace(command, std::regex("\\bprinter-sim"),
                                  "$& --listen 127.0.0.1:" + std::to_string(port));
     command = std::regex_replace(command, std::regex("printbridge print"),
                                  "$& --modbus tcp:127.0.0.1:" + std::to_string(port));
@@ -113,7 +116,7 @@ TEST(Docs, CommandsOfTheReadmeRun) {
     EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
   }
   for (const char* made : {"shown.uvj", "part.uvj", "part.html", "part.json", "target.uvj",
-                           "section.png", "corrected/part.uvj", "morning.html"}) {
+                           "section.svg", "corrected/part.uvj", "morning.html"}) {
     EXPECT_TRUE(fs::exists(folder / made)) << made;
   }
   fs::remove_all(folder);

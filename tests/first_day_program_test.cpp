@@ -239,6 +239,22 @@ TEST_F(FirstDay, ASectionSaysWhatItShows) {
   EXPECT_TRUE(rows(0, 40).contains({27, 31, 36}));
 }
 
+TEST_F(FirstDay, ASectionHasRealLettersAsSvg) {
+  make_stack();
+  good({"section", "part.uvj", "--target", "target.uvj", "-o", "section.svg"});
+  const std::string svg = to_text(read_file(folder_ / "section.svg"));
+  EXPECT_TRUE(svg.starts_with("<svg ")) << svg.substr(0, 80);
+  for (const char* words : {"as sliced", "this stack", "as designed", "cured through", "undercured",
+                            "platform up", "data:image/png;base64,"}) {
+    EXPECT_NE(svg.find(words), std::string::npos) << words;
+  }
+  EXPECT_EQ(svg.find("http", svg.find("xmlns") + 40), std::string::npos) << "needs the network";
+  const ProgramResult r =
+      slicecorr({"section", "part.uvj", "--target", "target.uvj", "-o", "section.jpg"});
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_NE(r.err.find("expected a name that ends in .png or .svg"), std::string::npos) << r.err;
+}
+
 TEST_F(FirstDay, ARefusalLayerByLayerNamesTheDoseFactor) {
   write("five.toml",
         "name = \"five\"\n[cure]\nmodel = \"jacobs\"\nabsorbance_height_um = 110.0\n"

@@ -163,14 +163,16 @@ void add_control_commands(cli::Program& program) {
         return priority_command(args, (*has_priority)->count() > 0, c);
       }));
   *has_priority = priority->add_option("--to", a->priority, "Priority: larger comes first");
-  priority->add_option("--ready-by", a->ready_by, "HH:MM, or none");
+  priority->add_option("--ready-by", a->ready_by, "HH:MM, or none")
+      ->check(cli::value_is(cli::ValueKind::text));
   CLI::App* set = add("set", "Show settings, or change them for all services of the farm",
                       [](const A& args, C&) { return set_command(args); });
   set->add_option("NAME=VALUE", a->settings,
                   "night=20:00-07:00|off, user-running=N, user-queued=N, user-running.NAME=N, "
                   "user-queued.NAME=N, min-free-mb=N, max-attempts=N, hang-s=N, retry-delay-s=N, "
                   "cache-max-mb=N; 0 is no limit; "
-                  "slurm-label.LABEL=constraint:X|partition:X|gres:X|none");
+                  "slurm-label.LABEL=constraint:X|partition:X|gres:X|none")
+      ->check(cli::value_is(cli::ValueKind::text));
   add("pause", "Start nothing; what runs goes on", [](const A& args, C& c) {
     return change(args, true, false, "paused: nothing is started", c);
   });

@@ -115,8 +115,10 @@ void add_follow_commands(cli::Program& program) {
     app->add_option("-o,--output", o->output, "The page; - for stdout [DIR/report.html]");
     app->add_option("--json", o->json, "Write JSON to this file; - for stdout");
     app->add_option("--since", o->since,
-                    "From when: \"20:00\" (the last one), \"2026-03-01 20:00\", \"36h\" [24h]");
-    app->add_option("--until", o->until, "To when, as --since [now]");
+                    "From when: \"20:00\" (the last one), \"2026-03-01 20:00\", \"36h\" [24h]")
+        ->check(cli::value_is(cli::ValueKind::text));
+    app->add_option("--until", o->until, "To when, as --since [now]")
+        ->check(cli::value_is(cli::ValueKind::text));
     app->add_option("--batch", o->what.batch, "Only jobs that were submitted together")
         ->check(CLI::PositiveNumber);
   }

@@ -92,7 +92,8 @@ void add_engine_options(CLI::App& app, RunArguments& a) {
   app.add_option("--engine", a.engine, "Where work runs: processes here, or a Slurm cluster")
       ->check(CLI::IsMember({"local", "slurm"}))
       ->capture_default_str();
-  app.add_option("--partition", a.slurm.partition, "Slurm partition");
+  app.add_option("--partition", a.slurm.partition, "Slurm partition")
+      ->check(cli::value_is(cli::ValueKind::text));
 }
 
 }  // namespace
@@ -111,8 +112,10 @@ void add_run_commands(cli::Program& program) {
   run->add_option("--memory-mb", a->local.memory_mb,
                   "Memory of all workers together (local) [four fifths of what is free]")
       ->check(CLI::Range(64, 1 << 30));
-  run->add_option("--account", a->slurm.account, "Slurm account");
-  run->add_option("--qos", a->slurm.qos, "Slurm quality of service");
+  run->add_option("--account", a->slurm.account, "Slurm account")
+      ->check(cli::value_is(cli::ValueKind::text));
+  run->add_option("--qos", a->slurm.qos, "Slurm quality of service")
+      ->check(cli::value_is(cli::ValueKind::text));
   run->add_option("--queue-ahead", a->slurm.queue_ahead,
                   "Tasks given to Slurm at a time [twice the partition's cores]")
       ->check(CLI::Range(1, 100000));
@@ -128,7 +131,8 @@ void add_run_commands(cli::Program& program) {
       ->check(cli::number_in(0.1, 600))
       ->capture_default_str();
   run->add_option("--sbatch-argument", a->slurm.sbatch_arguments,
-                  "Given to sbatch as it is; may be repeated");
+                  "Given to sbatch as it is; may be repeated")
+      ->check(cli::value_is(cli::ValueKind::text));
   run->add_option("--worker-program", a->local.program,
                   "Path of slicefarm on the nodes [this one]");
 

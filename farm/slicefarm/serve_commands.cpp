@@ -120,7 +120,8 @@ void add_serve_commands(cli::Program& program) {
         "serve", "Serve a page, a REST API and metrics; prints its address",
         [o](const ExecutionContext&, cli::Console& console) { return serve(*o, console); });
     o->farm.add_to(*app);
-    app->add_option("--listen", o->listen, "HOST:PORT; port 0: one that is free [127.0.0.1:8420]");
+    app->add_option("--listen", o->listen, "HOST:PORT; port 0: one that is free [127.0.0.1:8420]")
+        ->check(cli::value_is(cli::ValueKind::text));
     app->add_option("--token-file", o->token_file,
                     "File (mode 0600) with the token that changes need, and all requests beyond "
                     "this machine");
@@ -131,13 +132,15 @@ void add_serve_commands(cli::Program& program) {
                     "Plates, plans, checks and fits that are computed at a time [1]")
         ->check(CLI::Range(1, 64));
     app->add_option("--host-name", o->host_names,
-                    "Further name under which browsers reach this server, as NAME");
+                    "Further name under which browsers reach this server, as NAME")
+        ->check(cli::value_is(cli::ValueKind::text));
     app->add_option(
         "--allow-dir", o->allowed_folders,
         "Folder in which submitted jobs may name parts and outputs [none: uploads only]");
     app->add_option("--max-upload-mb", o->most_upload_mb, "Largest part that may be uploaded [512]")
         ->check(cli::number_in(0.001, 1e6));
-    app->add_option("--user", o->user, "User of submitted jobs that name none [who serves]");
+    app->add_option("--user", o->user, "User of submitted jobs that name none [who serves]")
+        ->check(cli::value_is(cli::ValueKind::text));
     app->add_flag("!--no-notify", o->notify, "Send no notifications (DIR/notify.toml)");
   }
   {

@@ -101,11 +101,14 @@ void add_status_commands(cli::Program& program) {
                     "Only jobs in these states: queued,running,done,failed,cancelled")
         ->delimiter(',')
         ->check(CLI::IsMember({"queued", "running", "done", "failed", "cancelled"}));
-    app->add_option("--user", o->filter.user, "Only jobs of this user");
-    app->add_option("--label", o->filter.label, "Only jobs with this label");
+    app->add_option("--user", o->filter.user, "Only jobs of this user")
+        ->check(cli::value_is(cli::ValueKind::text));
+    app->add_option("--label", o->filter.label, "Only jobs with this label")
+        ->check(cli::value_is(cli::ValueKind::text));
     app->add_option("--batch", o->filter.batch, "Only jobs that were submitted together")
         ->check(CLI::PositiveNumber);
-    app->add_option("--find", o->filter.text, "Only jobs with this text in their name or a part's");
+    app->add_option("--find", o->filter.text, "Only jobs with this text in their name or a part's")
+        ->check(cli::value_is(cli::ValueKind::text));
     app->add_option("--order", o->order,
                     "newest, urgency, ended or worst (height error) [by state, or by id]")
         ->check(CLI::IsMember({"newest", "urgency", "ended", "worst"}));

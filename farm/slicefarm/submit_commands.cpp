@@ -238,7 +238,8 @@ void add_submit_commands(cli::Program& program) {
       ->required();
   a->farm.add_to(*sub);
   sub->add_option("--store", a->store,
-                  "Folder of inputs and results, where the farm is made: may be shared with nodes");
+                  "Folder of inputs and results, where the farm is made: may be shared with nodes")
+      ->check(cli::value_is(cli::ValueKind::folder));
   cli::MeshOptions& mesh = a->tomo.mesh;
   sub->add_option("--layer-um", mesh.layer_um, "Slice height, 1 to 1000")
       ->check(cli::number_in(1, 1000));
@@ -251,9 +252,10 @@ void add_submit_commands(cli::Program& program) {
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);
   sub->add_option(
-      "--uncertain", a->request.uncertain,
-      "By how much inputs may be off, as for slicecorr: ha=5%,dc=5%, or fit; the figures of "
-      "each job then say how sure they are");
+         "--uncertain", a->request.uncertain,
+         "By how much inputs may be off, as for slicecorr: ha=5%,dc=5%, or fit; the figures of "
+         "each job then say how sure they are")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_flag("--robust", a->request.robust,
                 "Keep features and gaps for all that --uncertain names, where that is possible");
   sub->add_flag("--plan", a->request.plan,
@@ -265,17 +267,23 @@ void add_submit_commands(cli::Program& program) {
   sub->add_option("--gap-contrast", a->request.gap_contrast,
                   "With --plan: 1 less the least dose that every gap is to have [0.05]")
       ->check(cli::number_in(0, 1, true));
-  sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
+  sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]")
+      ->check(cli::value_is(cli::ValueKind::folder));
   sub->add_option("--format,--out-format", a->request.format,
-                  "Format of the archives, or its ending [uvj; archives keep theirs]");
-  sub->add_option("--name", a->request.name, "Name of the outputs, without ending [the part's]");
+                  "Format of the archives, or its ending [uvj; archives keep theirs]")
+      ->check(cli::value_is(cli::ValueKind::format));
+  sub->add_option("--name", a->request.name, "Name of the outputs, without ending [the part's]")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("--copies", a->request.copies, "NAME, NAME-2 and so on: the work is done once")
       ->check(CLI::Range(1, 10000));
   sub->add_option("--priority", a->request.priority, "Larger comes first [0]");
   sub->add_option("--ready-by", a->request.ready_by,
-                  "HH:MM or YYYY-MM-DD HH:MM: among equal priorities the earlier comes first");
-  sub->add_option("--label", a->request.labels, "Words for filters and clusters; may be repeated");
-  sub->add_option("--user", a->request.user, "Whose jobs they are [who calls]");
+                  "HH:MM or YYYY-MM-DD HH:MM: among equal priorities the earlier comes first")
+      ->check(cli::value_is(cli::ValueKind::text));
+  sub->add_option("--label", a->request.labels, "Words for filters and clusters; may be repeated")
+      ->check(cli::value_is(cli::ValueKind::text));
+  sub->add_option("--user", a->request.user, "Whose jobs they are [who calls]")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_flag("--skip-bad", a->skip_bad,
                 "Queue the jobs that can be done, and name those that can't, in place of queueing "
                 "none");

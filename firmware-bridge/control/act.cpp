@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "control/state.hpp"
+#include "plan/checks.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -18,8 +19,6 @@ namespace {
 constexpr double kRestS = 0.2;
 /// A vial turns steadily when its speed was within this share of what it was told for so long, s.
 constexpr double kSteadyShare = 0.05, kSteadyS = 0.5;
-/// From a command to the stage until it does it, in cycles.
-constexpr double kReactionCycles = 4;
 
 }  // namespace
 

@@ -8,11 +8,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "plan/checks.hpp"
+
 namespace slicecorr::bridge {
 namespace {
-
-/// Most cycles from a request until the stage begins to do it.
-constexpr double kReactionCycles = 4;
 
 /// Why lamps can't follow the stage to a stop; empty when they can.
 std::string lamps_against(const PrintPlan& plan, const Machine& machine) {

@@ -357,10 +357,12 @@ int main(int argc, char** argv) {
   p->add_option("--sink", o.sinks,
                 "Where images go: window[:DISPLAY], drm[:CARD[:CONNECTOR]], unix:PATH, "
                 "tcp:HOST:PORT or null; repeatable, the first is the display that counts")
+      ->check(cli::value_is(cli::ValueKind::text))
       ->take_all()
       ->expected(1);
   p->add_option("--uv-sink", o.uv_sinks,
                 "Where patterned UV images go that have a display of their own, as --sink")
+      ->check(cli::value_is(cli::ValueKind::text))
       ->take_all()
       ->expected(1);
   p->add_flag(
@@ -388,7 +390,8 @@ int main(int argc, char** argv) {
   for (CLI::App* const app : {p, r}) {
     app->add_option("--modbus", o.modbus,
                     "Where the machine is, in place of the printer file's word: tcp:HOST:PORT or "
-                    "rtu:DEVICE");
+                    "rtu:DEVICE")
+        ->check(cli::value_is(cli::ValueKind::text));
   }
   program.examples({
       {"status", "printbridge status --printer P"},

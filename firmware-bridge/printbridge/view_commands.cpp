@@ -255,11 +255,13 @@ void add_view_commands(const AddCommand& add) {
     auto o = std::make_shared<ServeCommand>();
     auto* const s = add("serve", "Serve a live page, state and metrics; prints its address",
                         o->printer, politely([o](cli::Console& c) { return serve(*o, c); }));
-    s->add_option("--listen", o->listen, "HOST:PORT; port 0: one that is free [127.0.0.1:8421]");
+    s->add_option("--listen", o->listen, "HOST:PORT; port 0: one that is free [127.0.0.1:8421]")
+        ->check(cli::value_is(cli::ValueKind::text));
     s->add_option("--token-file", o->token_file,
                   "File (mode 0600) with the token that requests beyond this machine need");
     s->add_option("--host-name", o->host_names,
-                  "Further name under which browsers reach this server, as NAME");
+                  "Further name under which browsers reach this server, as NAME")
+        ->check(cli::value_is(cli::ValueKind::text));
   }
   {
     auto o = std::make_shared<OutputOptions>();

@@ -75,6 +75,12 @@ std::string fault_help() {
   return text;
 }
 
+std::vector<std::string> fault_names() {
+  std::vector<std::string> names;
+  for (const SimFaultKind& kind : sim_fault_kinds()) names.emplace_back(kind.name);
+  return names;
+}
+
 /// Checks a real machine (--check) instead of simulating one.
 int check(const Options& o) {
   if (o.lockstep || o.time_rate != 1 || !o.listen.empty() || !o.frames.empty() ||
@@ -216,16 +222,21 @@ int main(int argc, char** argv) {
   app->add_option("--listen", o.listen,
                   "HOST:PORT (port 0: a free one) or the path of a serial device [as the printer "
                   "file says, on 127.0.0.1]");
-  app->add_option("--frames", o.frames, "unix:PATH or tcp:HOST:PORT: takes the images there");
+  app->add_option("--frames", o.frames, "unix:PATH or tcp:HOST:PORT: takes the images there")
+      ->check(cli::value_is(cli::ValueKind::text));
   app->add_option("--uv-frames", o.uv_frames,
                   "unix:PATH or tcp:HOST:PORT: takes the images of a UV display there, of printers "
-                  "with patterned UV light");
+                  "with patterned UV light")
+      ->check(cli::value_is(cli::ValueKind::text));
   app->add_option("-o,--output", o.output,
                   "Recorded stack, .uvj; of a vial that turns a table, .csv: written at the end");
   app->add_option("--record-events", o.events, "What the machine does, as JSON, one per line");
   app->add_option("--stack", o.stack,
                   "The stack that will be printed [printbridge says it over --frames]");
-  app->add_option("--fault", o.faults, fault_help())->expected(1)->take_all();
+  app->add_option("--fault", o.faults, fault_help())
+      ->expected(1)
+      ->take_all()
+      ->check(cli::value_such_as(fault_names()));
   app->add_flag("--lockstep", o.lockstep,
                 "Time passes by exchanges and images alone: the same print is the same every time");
   app->add_option("--time-rate", o.time_rate, "How many times as fast as real time [1]")
@@ -234,6 +245,7 @@ int main(int argc, char** argv) {
                 "Drives a real machine through every command without light, and reports: its stage "
                 "moves by a millimetre, or turns by a quarter");
   app->add_option("--modbus", o.modbus,
-                  "Where that machine is [as the printer file says]: tcp:HOST:PORT or rtu:DEVICE");
+                  "Where that machine is [as the printer file says]: tcp:HOST:PORT or rtu:DEVICE")
+      ->check(cli::value_is(cli::ValueKind::text));
   return program.run(argc, argv);
 }

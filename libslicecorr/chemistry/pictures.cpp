@@ -98,12 +98,7 @@ std::string gel_time_sheet(const PatternRun& run, const LightPattern& target, do
   const std::string words = fmt::format("{}: {} of {} lit cells gelled", name, f.lit_gelled, f.lit);
   const std::string more =
       fmt::format("and {} dark ones; cells of {:g} um", f.dark_gelled_at_end, cell_um);
-  std::unique_ptr<detail::Canvas> canvas;
-  if (svg) {
-    canvas = std::make_unique<detail::SvgCanvas>(words + " " + more);
-  } else {
-    canvas = std::make_unique<detail::PixelCanvas>();
-  }
+  const auto canvas = detail::make_canvas(svg, words + " " + more);
   const ColourImage map =
       magnified(gel_time_picture(run, target), std::max(1, wide / std::max(1, run.width)));
   double y = edge + 2 * line;
@@ -113,13 +108,7 @@ std::string gel_time_sheet(const PatternRun& run, const LightPattern& target, do
   y += map.height_px + line;
   // A round length of at most a third of the picture.
   const double per_px = cell_um * run.width / map.width_px;
-  double um = std::pow(10.0, std::floor(std::log10(per_px * map.width_px / 3.0)));
-  for (const double times : {5.0, 2.0}) {
-    if (times * um <= per_px * map.width_px / 3.0) {
-      um *= times;
-      break;
-    }
-  }
+  const double um = detail::round_length(per_px * map.width_px / 3.0);
   canvas->rect(edge, y - 8, um / per_px, 3, detail::kInk);
   canvas->text(edge + um / per_px + 8, y, fmt::format("{:g} um", um));
   y += line;

@@ -12,9 +12,6 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// A square whose light has stayed the same for so many slices may fall asleep.
-constexpr int kCalm = 3;
-
 class PatchJudge : public PatchField<double> {
  public:
   PatchJudge(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,

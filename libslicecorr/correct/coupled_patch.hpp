@@ -12,6 +12,9 @@
 
 namespace slicecorr::detail {
 
+/// A square whose light has stayed the same for so many slices may fall asleep.
+inline constexpr int kCalm = 3;
+
 /// A voxel that misses what is wanted of it, or a gap's that nearly does.
 struct Miss {
   std::int32_t slice = 0, x = 0, y = 0;

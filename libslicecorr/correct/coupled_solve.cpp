@@ -36,8 +36,6 @@ constexpr float kRimDose = 1.2F;
 constexpr float kGreySlope = 0.5F;
 /// How far from it is near enough.
 constexpr float kGreyBand = 0.1F;
-/// A square whose light has stayed the same for so many slices may fall asleep.
-constexpr int kCalm = 3;
 /// Marks of pixels: their levels may change; they are looked at; they have changed.
 constexpr std::uint8_t kMayChange = 1, kTried = 2, kTouched = 4;
 

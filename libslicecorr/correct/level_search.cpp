@@ -13,7 +13,7 @@ namespace slicecorr::detail {
 namespace {
 
 /// Edges further up than this are not chosen together with the slice at hand.
-constexpr int kFarthest = 40;
+constexpr int kFarthestSlices = 40;
 /// Levels that the search in depth looks at before it gives up.
 constexpr int kLooks = 200;
 /// Survivors per node, at most one in each of `kCells` parts of its range of doses; levels that are
@@ -202,7 +202,7 @@ int LevelSearch::gather(const RunAt& start, int n) {
   while (edge->slices > 0 && edge->slices <= plan_.together + 1) {
     const Edge& above = edges_[edge->above];
     if (above.platform || !opposite(above.above_cover, above.below)) break;
-    if (n - (last - edge->slices) > kFarthest) {
+    if (n - (last - edge->slices) > kFarthestSlices) {
       cut_ = true;
       break;
     }

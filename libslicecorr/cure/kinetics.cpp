@@ -15,8 +15,6 @@ namespace slicecorr {
 
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 /// Net intensity at z, mW/cm², >= 0; its m-th power is the rate.
 double net_intensity(const Kinetics& k, double blue, double uv, double z_um) {
   return blue * std::exp(-z_um / k.hb_um) -
@@ -152,14 +150,15 @@ bool keeps_dead_zone(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
 }
 
 double steady_dead_zone_um(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
-  if (blue_mw_cm2 <= 0) return kInfinity;
+  if (blue_mw_cm2 <= 0) return std::numeric_limits<double>::infinity();
   if (!keeps_dead_zone(k, blue_mw_cm2, uv_mw_cm2)) return 0;
   return std::log(k.beta * uv_mw_cm2 / blue_mw_cm2) / slope(k);
 }
 
 FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   FirstGel first;
-  if (blue_mw_cm2 <= 0) return {kInfinity, kInfinity};
+  if (blue_mw_cm2 <= 0)
+    return {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   if (k.has_gel_time()) return {0, gel_time_s(k.gel_time, blue_mw_cm2)};
   if (is_inhibited(k, uv_mw_cm2)) {
     const double ratio = k.beta * uv_mw_cm2 * k.hb_um / (blue_mw_cm2 * k.huv_um);
@@ -169,7 +168,8 @@ FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   const double net = first.z_um > 0
                          ? blue_mw_cm2 * std::exp(-first.z_um / k.hb_um) * (1 - k.huv_um / k.hb_um)
                          : net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0);
-  first.time_s = net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : kInfinity;
+  first.time_s = net > 0 ? k.critical_dose_prime / std::pow(net, k.m)
+                         : std::numeric_limits<double>::infinity();
   return first;
 }
 
@@ -197,7 +197,8 @@ std::optional<CuringFronts> curing_fronts(const Kinetics& k, double blue_mw_cm2,
 double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   const double net = net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0);
   if (k.has_gel_time() && net > 0) return gel_time_s(k.gel_time, net);
-  return net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : kInfinity;
+  return net > 0 ? k.critical_dose_prime / std::pow(net, k.m)
+                 : std::numeric_limits<double>::infinity();
 }
 
 double passing_dose_prime(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,

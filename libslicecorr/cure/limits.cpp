@@ -23,7 +23,6 @@ namespace {
 
 using detail::LitPlace;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Limits are computed in another way than models are made. So far inside a limit (a share of it)
 /// both agree.
 constexpr double kInside = 1e-9;
@@ -248,14 +247,14 @@ Process cut(Process p, double most_s) {
 double longest_alike_s(const CureModel& model, double normal_s) {
   if (model.gel_time && model.phi_min() > 0) return normal_s / alike_black(model);
   return model.phi_min() > 0 ? normal_s * model.one_minus_a / (model.phi_min() * black_gain(model))
-                             : kInfinity;
+                             : std::numeric_limits<double>::infinity();
 }
 
 /// The same for the exposures of `process`, each cut to the result: a few layers may be exposed for
 /// longer than all of them may.
 double longest_for_black_s(const CureModel& model, const Process& process, double normal_s) {
   const double alike_s = longest_alike_s(model, normal_s);
-  if (!std::isfinite(alike_s)) return kInfinity;
+  if (!std::isfinite(alike_s)) return std::numeric_limits<double>::infinity();
   const auto fits = [&](double most_s) {
     return most_black(model, detail::exposure_ratios(cut(process, most_s), normal_s)).dose < 1.0;
   };
@@ -278,7 +277,7 @@ struct Failing {
 
 /// Speeds, mm/h, or exposures, s, at which all places print.
 struct Paces {
-  double least = 0, greatest = kInfinity;
+  double least = 0, greatest = std::numeric_limits<double>::infinity();
   bool any() const { return least <= greatest && greatest > 0; }
 };
 
@@ -306,7 +305,7 @@ Paces exposures(const std::vector<LitPlace>& places, const Process& process,
                                   : process.exposure_s;
     if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kInside));
   }
-  if (!std::isfinite(p.least)) return {kInfinity, 0};
+  if (!std::isfinite(p.least)) return {std::numeric_limits<double>::infinity(), 0};
   for (const LitPlace& place : places) {
     const CureModel& model = *place.model;
     const double longest_s = !is_plain_layerwise(model) ? process.exposure_s / doses_of(model).black
@@ -408,7 +407,8 @@ double light_by_time(const CureModel& model, double wanted, double Doses::*dose)
   };
   // In powers of e: no light at all makes no dose.
   double low = -60, high = 60;
-  if (!std::isfinite(wanted) || !reaches(std::exp(high))) return kInfinity;
+  if (!std::isfinite(wanted) || !reaches(std::exp(high)))
+    return std::numeric_limits<double>::infinity();
   for (int halved = 0; halved < 60; ++halved) {
     const double half = 0.5 * (low + high);
     (reaches(std::exp(half)) ? high : low) = half;
@@ -420,7 +420,7 @@ double light_by_time(const CureModel& model, double wanted, double Doses::*dose)
 /// asked for. Only without UV light, whose dead zone would matter, too.
 std::string light_way(const std::vector<LitPlace>& places, const Printer& printer,
                       const Failing& failing) {
-  double full = 0, black = kInfinity;
+  double full = 0, black = std::numeric_limits<double>::infinity();
   for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
     if (p.model->gel_time) {

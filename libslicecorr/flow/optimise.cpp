@@ -13,6 +13,7 @@
 #include "flow/coarser_section.hpp"
 #include "flow/descent.hpp"
 #include "flow/image_light.hpp"
+#include "flow/need.hpp"
 #include "flow/optimise_from.hpp"
 #include "flow/solvable.hpp"
 #include "slicecorr/error.hpp"
@@ -20,6 +21,8 @@
 
 namespace slicecorr {
 namespace {
+
+using detail::need;
 
 /// The window's doses are kept this much below their limit, and cost the square of what they are
 /// above, times this, per cell.
@@ -33,10 +36,6 @@ constexpr int kWindowRounds = 4;
 /// Gaps of the first look and steps of the second; steps of light at each.
 constexpr int kCoarseGaps = 7, kFineGaps = 5, kLook = 60, kRefine = 40;
 constexpr int kConstantGaps = 12, kConstantFine = 12;
-
-void need(bool good, const char* what, double value, const char* expected) {
-  if (!good) throw InputError("flow", what, fmt::format("{}; expected {}", value, expected));
-}
 
 void check_goal(const FlowSection& section, const FlowResin& resin, const SectionGoal& g) {
   need(std::isfinite(g.min_gap_um) && g.min_gap_um > 0, "min_gap_um", g.min_gap_um, "more than 0");

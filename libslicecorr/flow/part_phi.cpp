@@ -14,7 +14,7 @@ namespace slicecorr {
 namespace {
 
 /// Greatest extent of something in cells.
-struct Extent {
+struct PieceExtent {
   std::size_t cells = 0;
   int x0 = 0, x1 = 0, y0 = 0, y1 = 0;  ///< both ends belong to it
   void add(int x, int y) {
@@ -27,8 +27,8 @@ struct Extent {
 };
 
 /// The pieces of part and blind cells, connected by edges of cells.
-std::vector<Extent> pieces_of(const FlowSection& s) {
-  std::vector<Extent> pieces;
+std::vector<PieceExtent> pieces_of(const FlowSection& s) {
+  std::vector<PieceExtent> pieces;
   std::vector<bool> seen(s.size(), false);
   std::vector<std::size_t> stack;
   const auto reach = [&](int x, int y) {
@@ -42,7 +42,7 @@ std::vector<Extent> pieces_of(const FlowSection& s) {
     for (int x = 0; x < s.width; ++x) {
       reach(x, y);
       if (stack.empty()) continue;
-      Extent piece;
+      PieceExtent piece;
       while (!stack.empty()) {
         const auto k = static_cast<int>(stack.back());
         stack.pop_back();
@@ -59,7 +59,7 @@ std::vector<Extent> pieces_of(const FlowSection& s) {
   return pieces;
 }
 
-double bound_of(const Extent& e, const FlowSection& s) {
+double bound_of(const PieceExtent& e, const FlowSection& s) {
   const double disc_um2 = 3 * static_cast<double>(e.cells) * s.cell_um2() / std::numbers::pi;
   const double side_um =
       std::min((e.x1 - e.x0 + 1) * s.pitch_x_um, (e.y1 - e.y0 + 1) * s.pitch_y_um);
@@ -69,7 +69,7 @@ double bound_of(const Extent& e, const FlowSection& s) {
 }  // namespace
 
 bool detail::solvable(const FlowSection& s) {
-  Extent all;
+  PieceExtent all;
   for (int y = 0; y < s.height; ++y) {
     for (int x = 0; x < s.width; ++x) {
       if (s.cells[s.index(x, y)] == FlowCell::part) all.add(x, y);
@@ -80,7 +80,8 @@ bool detail::solvable(const FlowSection& s) {
 
 double phi_bound_um2(const FlowSection& section) {
   double most = 0;
-  for (const Extent& piece : pieces_of(section)) most = std::max(most, bound_of(piece, section));
+  for (const PieceExtent& piece : pieces_of(section))
+    most = std::max(most, bound_of(piece, section));
   return most;
 }
 
@@ -89,7 +90,7 @@ MaskPhi mask_phi(const FlowPart& part, std::size_t mask, const ExecutionContext&
   MaskPhi phi;
   if (!detail::solvable(section)) {
     phi.bound = true;
-    for (const Extent& piece : pieces_of(section)) {
+    for (const PieceExtent& piece : pieces_of(section)) {
       const double bound_um2 = bound_of(piece, section);
       phi.integral_um4 += bound_um2 * static_cast<double>(piece.cells) * section.cell_um2();
       if (!(bound_um2 > phi.max_phi_um2)) continue;

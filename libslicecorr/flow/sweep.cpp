@@ -11,19 +11,16 @@
 #include <limits>
 #include <utility>
 
+#include "flow/need.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
 namespace {
 
-constexpr auto kNothingHeld = [](std::size_t) { return false; };
+using detail::need;
 
-void need(bool good, const char* what, double value, const char* expected) {
-  if (!good) {
-    throw InputError("flow", what, fmt::format("{}; expected {}", value, expected));
-  }
-}
+constexpr auto kNothingHeld = [](std::size_t) { return false; };
 
 void check_resin(const FlowResin& r) {
   const Kinetics& k = r.kinetics;

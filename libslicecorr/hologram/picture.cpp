@@ -56,13 +56,7 @@ std::string hologram_picture(const PhaseDisplay& display, const HologramOptics& 
   if (!svg && !file.ends_with(".png")) {
     throw InputError(file, "", "expected a name that ends in .png or .svg");
   }
-  std::unique_ptr<detail::Canvas> canvas;
-  if (svg) {
-    canvas =
-        std::make_unique<detail::SvgCanvas>("Wanted images and what the hologram makes of them");
-  } else {
-    canvas = std::make_unique<detail::PixelCanvas>();
-  }
+  const auto canvas = detail::make_canvas(svg, "Wanted images and what the hologram makes of them");
   const double width = 2 * kSide + 3 * kEdge;
   double y = kEdge;
   for (std::size_t k = 0; k < planes.size(); ++k) {

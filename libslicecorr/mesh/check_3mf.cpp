@@ -11,14 +11,12 @@
 #include <memory>
 
 #include "mesh/mesh_parts.hpp"
+#include "mesh/unpacked.hpp"
 #include "support/files/unpacked_limit.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
-/// XML of one triangle after the other packs to a tenth as a rule.
-constexpr std::uint64_t kLargestRatio = 100;
 constexpr std::uint64_t kMostObjects = 1'000'000;  // objects of the build, repeated ones counted
 constexpr int kMostLevels = 64;
 

@@ -16,6 +16,7 @@
 
 #include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
+#include "mesh/unpacked.hpp"
 #include "parallel/silent.hpp"
 #include "support/files/unpacked_limit.hpp"
 #include "support/text/ascii.hpp"
@@ -25,9 +26,6 @@ namespace detail {
 namespace {
 
 constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 30;
-constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
-/// Meshes get a twentieth of their size at the least, as text of few different numbers.
-constexpr std::uint64_t kLargestRatio = 100;
 /// What a thread reads at once.
 constexpr std::uint64_t kReadBytes = std::uint64_t{4} << 20;
 

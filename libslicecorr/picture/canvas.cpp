@@ -33,6 +33,19 @@ constexpr int kDot = 2, kAdvance = 6 * kDot;
 
 }  // namespace
 
+std::unique_ptr<Canvas> make_canvas(bool svg, const std::string& words) {
+  if (svg) return std::make_unique<SvgCanvas>(words);
+  return std::make_unique<PixelCanvas>();
+}
+
+double round_length(double most) {
+  const double ten = std::pow(10.0, std::floor(std::log10(most)));
+  for (const double times : {5.0, 2.0}) {
+    if (times * ten <= most) return times * ten;
+  }
+  return ten;
+}
+
 void SvgCanvas::rect(double x, double y, double width, double height, Colour colour) {
   body_ += fmt::format(R"(<rect x="{}" y="{}" width="{}" height="{}" fill="{}"/>)", number(x),
                        number(y), number(width), number(height), hex(colour));

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -77,5 +78,12 @@ class PixelCanvas final : public Canvas {
   void set(int x, int y, Colour colour);
   std::vector<std::vector<std::uint8_t>> rows_;
 };
+
+/// An SVG, or pixels; `words` as SvgCanvas takes them.
+std::unique_ptr<Canvas> make_canvas(bool svg, const std::string& words);
+
+/// The longest round length, 1, 2 or 5 times a power of ten, that is at most `most`, which is above
+/// 0: for scale bars.
+double round_length(double most);
 
 }  // namespace slicecorr::detail

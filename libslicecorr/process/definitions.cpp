@@ -17,6 +17,7 @@
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
+#include "support/files/shared_object.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/csv.hpp"
 #include "support/text/nearest.hpp"
@@ -318,6 +319,10 @@ std::vector<std::string> definition_folders(std::string_view kind) {
   std::error_code ec;
   const fs::path program = fs::read_symlink("/proc/self/exe", ec);
   if (!ec) add(program.parent_path() / ".." / "share" / "slicecorr" / "db");
+  // A Python wheel has them beside the library that it brings.
+  if (const fs::path own = detail::own_folder(); !own.empty()) {
+    add(own / ".." / "share" / "slicecorr" / "db");
+  }
   add(SLICECORR_INSTALLED_DB);
   // The source tree keeps resins in resins/db and printers in resins/printers.
   if (const fs::path source = SLICECORR_SOURCE_DB; !source.empty()) {

@@ -12,7 +12,8 @@ namespace slicecorr {
 
 namespace {
 
-constexpr double kWidth = 860, kHeight = 300, kLeft = 56, kRight = 56, kTop = 34, kBottom = 44;
+constexpr double kWidth = 860, kHeight = 300, kRoomLeft = 56, kRoomRight = 56, kRoomTop = 34,
+                 kRoomBottom = 44;
 
 /// A round step that divides `range` into four to nine.
 double round_step(double range) {
@@ -46,15 +47,15 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
     dose_top = std::max({dose_top, r.dose * 1.08, r.dose_lower * 1.08});
     grey_top = std::max(grey_top, r.grey);
   }
-  const double x_scale = (kWidth - kLeft - kRight) / z_end;
-  const double floor_y = kHeight - kBottom;
-  const auto x = [&](double z) { return kLeft + z * x_scale; };
-  const auto y = [&](double dose) { return floor_y - dose / dose_top * (floor_y - kTop); };
-  const auto y_grey = [&](double g) { return floor_y - g / grey_top * (floor_y - kTop); };
+  const double x_scale = (kWidth - kRoomLeft - kRoomRight) / z_end;
+  const double floor_y = kHeight - kRoomBottom;
+  const auto x = [&](double z) { return kRoomLeft + z * x_scale; };
+  const auto y = [&](double dose) { return floor_y - dose / dose_top * (floor_y - kRoomTop); };
+  const auto y_grey = [&](double g) { return floor_y - g / grey_top * (floor_y - kRoomTop); };
 
   std::string svg = fmt::format(
       R"(<svg viewBox="0 0 {} {}" role="img" aria-label="{}" class="plot"><text x="{}" y="18" class="h">{}</text>)",
-      kWidth, kHeight, title, kLeft, title);
+      kWidth, kHeight, title, kRoomLeft, title);
   // The design: full layers shaded, grey ones paler.
   for (std::size_t n = 0; n < column.size();) {
     std::size_t end = n;
@@ -62,8 +63,8 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
     if (column[n].target > 0) {
       svg += fmt::format(
           R"(<rect class="design" x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}" fill-opacity="{:.2f}"/>)",
-          x(static_cast<double>(n) * model.layer_um), kTop,
-          static_cast<double>(end - n) * model.layer_um * x_scale, floor_y - kTop,
+          x(static_cast<double>(n) * model.layer_um), kRoomTop,
+          static_cast<double>(end - n) * model.layer_um * x_scale, floor_y - kRoomTop,
           0.35 * column[n].target);
     }
     n = end;
@@ -74,20 +75,20 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
   }
   for (double d = 0, step = round_step(dose_top); d <= dose_top; d += step) {
     svg += fmt::format(R"(<text x="{}" y="{:.2f}" class="tick" text-anchor="end">{:g}</text>)",
-                       kLeft - 6, y(d) + 4, d);
+                       kRoomLeft - 6, y(d) + 4, d);
   }
   for (const int g : {0, grey_top}) {
     svg += fmt::format(R"(<text x="{}" y="{:.2f}" class="tick grey">{}</text>)",
-                       kWidth - kRight + 6, y_grey(g) + 4, g);
+                       kWidth - kRoomRight + 6, y_grey(g) + 4, g);
   }
   svg += fmt::format(
       R"(<text x="{}" y="{}" class="tick" text-anchor="middle">z from the platform, um</text>)"
       R"x(<text x="14" y="{}" class="tick" transform="rotate(-90 14 {})" text-anchor="middle">dose / critical dose</text>)x"
       R"x(<text x="{}" y="{}" class="tick grey" transform="rotate(-90 {} {})" text-anchor="middle">grey level</text>)x",
-      (kLeft + kWidth - kRight) / 2, kHeight - 8, kHeight / 2, kHeight / 2, kWidth - 8, kHeight / 2,
-      kWidth - 8, kHeight / 2);
-  svg += fmt::format(R"(<line class="gel" x1="{}" x2="{}" y1="{:.2f}" y2="{:.2f}"/>)", kLeft,
-                     kWidth - kRight, y(1), y(1));
+      (kRoomLeft + kWidth - kRoomRight) / 2, kHeight - 8, kHeight / 2, kHeight / 2, kWidth - 8,
+      kHeight / 2, kWidth - 8, kHeight / 2);
+  svg += fmt::format(R"(<line class="gel" x1="{}" x2="{}" y1="{:.2f}" y2="{:.2f}"/>)", kRoomLeft,
+                     kWidth - kRoomRight, y(1), y(1));
   std::string steps = fmt::format("M{:.2f} {:.2f}", x(0), y_grey(column[0].grey));
   std::string curve;
   // Enough points that the exact curve looks smooth, and no more than the plot has pixels for.

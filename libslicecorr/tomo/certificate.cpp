@@ -13,7 +13,7 @@ namespace slicecorr::tomo {
 namespace detail {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::infinity();
+constexpr double kWithoutEnd = std::numeric_limits<double>::infinity();
 /// For the projector's single precision.
 constexpr double kMargin = 1e-4;
 /// Rounds in which `high` is raised where rays miss something, and by how much of that.
@@ -53,7 +53,7 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
   }
   std::fill(ray.begin(), ray.end(), 1.0f);
   projector.adjoint(block, ray.data(), seen.data(), context);
-  std::vector<double> sum_low(lanes), count(lanes), bounds(lanes, kNone);
+  std::vector<double> sum_low(lanes), count(lanes), bounds(lanes, kWithoutEnd);
   for (std::size_t i = 0; i < voxels; ++i) {
     sum_low[i % lanes] += low[i];
     count[i % lanes] += empty[i];
@@ -68,7 +68,7 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
       if (missing <= 0) continue;
       double& most = delta[i % lanes];
       if (!(a_empty[i] > 0)) {
-        most = kNone;
+        most = kWithoutEnd;
         continue;
       }
       const double share = missing / (a_empty[i] * (1 - kMargin));
@@ -76,7 +76,7 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
       ray[i] = static_cast<float>(share);
     }
     for (std::size_t l = 0; l < lanes; ++l) {
-      if (sum_low[l] > 0 && delta[l] < kNone) {
+      if (sum_low[l] > 0 && delta[l] < kWithoutEnd) {
         bounds[l] = std::min(bounds[l], (sum_high[l] + delta[l] * count[l]) / sum_low[l]);
       }
     }

@@ -11,6 +11,7 @@
 #include <tuple>
 
 #include "fit/figure_text.hpp"
+#include "fit/json_number.hpp"
 #include "fit/prepare.hpp"
 #include "fit/statistics.hpp"
 #include "measure/number_table.hpp"
@@ -28,8 +29,6 @@ using Json = nlohmann::ordered_json;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 /// Conversions that differ by less are the same.
 constexpr double kSameConversion = 1e-9;
-
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 /// Which of our columns a header has.
 struct Header {

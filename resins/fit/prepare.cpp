@@ -154,14 +154,14 @@ void check_options(FitModel model, const FitOptions& options) {
 }
 
 /// What the rows of measurements give besides the observations.
-struct Rows {
+struct RowNumbers {
   std::size_t cured = 0, dead = 0;     ///< that became observations
   int without_intensity = 0;           ///< cured heights with a dose alone
   std::vector<std::string> saturated;  ///< places of dead zones of 0
   std::vector<double> sigma_um;        ///< per observation, 0: not given
 };
 
-void take_cured_heights(PreparedFit& s, const Measurements& data, Rows& rows) {
+void take_cured_heights(PreparedFit& s, const Measurements& data, RowNumbers& rows) {
   for (const CuredHeight& c : data.cured) {
     FitPoint p;
     p.blue_mw_cm2 = c.blue_mw_cm2;
@@ -183,7 +183,7 @@ void take_cured_heights(PreparedFit& s, const Measurements& data, Rows& rows) {
   rows.cured = data.cured.size();
 }
 
-void take_dead_zones(PreparedFit& s, const Measurements& data, Rows& rows) {
+void take_dead_zones(PreparedFit& s, const Measurements& data, RowNumbers& rows) {
   for (const DeadZone& d : data.dead_zones) {
     FitPoint p;
     p.is_dead_zone = true;
@@ -213,8 +213,8 @@ void take_dead_zones(PreparedFit& s, const Measurements& data, Rows& rows) {
 }
 
 /// Points and observations of all measurements that the model uses.
-Rows take_measurements(PreparedFit& s, const Measurements& data) {
-  Rows rows;
+RowNumbers take_measurements(PreparedFit& s, const Measurements& data) {
+  RowNumbers rows;
   const bool cured = uses_cured(s.model), dead = uses_dead_zones(s.model);
   const std::size_t most = (cured ? data.cured.size() : 0) + (dead ? data.dead_zones.size() : 0);
   s.points.reserve(most);
@@ -228,7 +228,7 @@ Rows take_measurements(PreparedFit& s, const Measurements& data) {
 
 /// Throws where the measurements are not enough for the model.
 void check_enough(const PreparedFit& s, const Measurements& data, const FitOptions& options,
-                  const Rows& rows) {
+                  const RowNumbers& rows) {
   if (uses_cured(s.model) && rows.cured == 0) {
     refuse_fit(s, fmt::format("there are no cured heights among the measurements ({} dead zones); "
                               "expected intensity_mw_cm2,exposure_s,cured_height_um",
@@ -258,7 +258,7 @@ void check_enough(const PreparedFit& s, const Measurements& data, const FitOptio
   }
 }
 
-void warn_of_unused(PreparedFit& s, const Measurements& data, const Rows& rows) {
+void warn_of_unused(PreparedFit& s, const Measurements& data, const RowNumbers& rows) {
   if (!uses_cured(s.model) && !data.cured.empty()) {
     s.warnings.push_back(fmt::format("{} cured heights are not used by the {} model",
                                      data.cured.size(), name_of(s.model)));
@@ -400,7 +400,7 @@ PreparedFit prepare_fit(const Measurements& data, FitModel model, const FitOptio
   s.problem.fixed[kDose] = s.start[kDose] = options.critical_dose_prime;
   s.start[kBeta] = s.start[kUvHeight] = 1;
 
-  const Rows rows = take_measurements(s, data);
+  const RowNumbers rows = take_measurements(s, data);
   check_enough(s, data, options, rows);
   warn_of_unused(s, data, rows);
   choose_starts(s, options);

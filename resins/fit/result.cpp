@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/figure_text.hpp"
+#include "fit/json_number.hpp"
 #include "fit/prepare.hpp"
 #include "fit/statistics.hpp"
 #include "slicecorr/error.hpp"
@@ -25,8 +26,6 @@ using Json = nlohmann::ordered_json;
 // A table for a program to draw, not an archive: larger ones would be hundreds of megabytes.
 constexpr std::size_t kMostPointsInJson = 20000;
 
-/// JSON knows no NaN and no infinity.
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 Json interval(const std::array<double, 2>& ci) { return {number(ci[0]), number(ci[1])}; }
 
 bool has_dead_zones(FitModel m) {

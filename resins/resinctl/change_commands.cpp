@@ -136,9 +136,11 @@ void add_changes(cli::Program& program) {
   sub->add_option("DEFINITION", a->definition,
                   "A .toml file, or the name of a resin that is there: to add measurements, or to "
                   "copy it to your own database")
+      ->check(cli::value_is(cli::ValueKind::resin))
       ->required();
   sub->add_option("DATA", a->data, "CSV files with measurements, kept beside the resin");
-  sub->add_option("-m,--message", a->message, "Why, for the history");
+  sub->add_option("-m,--message", a->message, "Why, for the history")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("-o,--folder", a->folder, "Save into this folder instead");
   sub->add_flag("--replace", a->replace,
                 "Put it in the place of one of that name, which goes to the history");
@@ -147,12 +149,16 @@ void add_changes(cli::Program& program) {
   sub = program.add(
       "history", "All versions of a resin or printer, oldest first.",
       [h](const ExecutionContext&, Console& console) { return show_history(*h, console); });
-  sub->add_option("NAME", *h, "Name, or path of a .toml file")->required();
+  sub->add_option("NAME", *h, "Name, or path of a .toml file")
+      ->check(cli::value_is(cli::ValueKind::definition))
+      ->required();
 
   const auto d = std::make_shared<DiffArguments>();
   sub = program.add("diff", "What differs between two versions, as diff -u prints it.",
                     [d](const ExecutionContext&, Console& console) { return diff(*d, console); });
-  sub->add_option("NAME", d->name, "Name, or path of a .toml file")->required();
+  sub->add_option("NAME", d->name, "Name, or path of a .toml file")
+      ->check(cli::value_is(cli::ValueKind::definition))
+      ->required();
   sub->add_option("OLD", d->old_version, "Version; without it the last but one")
       ->check(CLI::Range(1, 1000000000));
   sub->add_option("NEW", d->new_version, "Version; without it the present one")
@@ -164,11 +170,14 @@ void add_changes(cli::Program& program) {
                   "Makes an earlier version the present one; what stands there now stays in the "
                   "history.",
                   [r](const ExecutionContext&, Console& console) { return restore(*r, console); });
-  sub->add_option("NAME", r->name, "Name, or path of a .toml file")->required();
+  sub->add_option("NAME", r->name, "Name, or path of a .toml file")
+      ->check(cli::value_is(cli::ValueKind::definition))
+      ->required();
   sub->add_option("VERSION", r->version, "Its number")
       ->required()
       ->check(CLI::Range(1, 1000000000));
-  sub->add_option("-m,--message", r->message, "Why, for the history");
+  sub->add_option("-m,--message", r->message, "Why, for the history")
+      ->check(cli::value_is(cli::ValueKind::text));
 }
 
 }  // namespace slicecorr::resinctl

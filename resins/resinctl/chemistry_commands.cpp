@@ -182,13 +182,16 @@ void add_chemistry(cli::Program& program) {
       [a](const ExecutionContext& context, cli::Console& console) {
         return chemistry_command(*a, context, console);
       });
-  app->add_option("NAME", a->resin, "Resin: a .toml file or a name")->required();
+  app->add_option("NAME", a->resin, "Resin: a .toml file or a name")
+      ->check(cli::value_is(cli::ValueKind::resin))
+      ->required();
   app->add_option("--intensity-mw-cm2", a->intensity_mw_cm2, "Light in the cell")
       ->required()
       ->check(cli::number_above_zero());
   app->add_option("--light", a->light,
                   "Light one after the other, mW/cm² and seconds, for --csv and -o: 100:1.6 0:5 is "
                   "dark after 1.6 s [the light above for twice the time to gel]")
+      ->check(cli::value_is(cli::ValueKind::text))
       ->take_all()
       ->expected(1, 1000);
   app->add_option("--oxygen-supply-per-s", a->supply_per_s,

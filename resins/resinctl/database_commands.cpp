@@ -251,13 +251,17 @@ void add_database(cli::Program& program) {
         return list(*l, context, console);
       });
   sub->add_option("WORDS", l->words,
-                  "All of them must occur in name, maker, product, chemistry, colour or notes");
-  sub->add_option("--maker", l->maker, "Part of the maker's name");
-  sub->add_option("--chemistry", l->chemistry, "Part of the chemistry");
+                  "All of them must occur in name, maker, product, chemistry, colour or notes")
+      ->check(cli::value_is(cli::ValueKind::text));
+  sub->add_option("--maker", l->maker, "Part of the maker's name")
+      ->check(cli::value_is(cli::ValueKind::text));
+  sub->add_option("--chemistry", l->chemistry, "Part of the chemistry")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("--wavelength-nm", l->wavelength_nm, "Curing light within 10 nm of this")
       ->check(cli::number_above_zero());
   sub->add_option("--height-um", l->height_um,
-                  "LOW:HIGH, absorbance height in base e; either may be left out");
+                  "LOW:HIGH, absorbance height in base e; either may be left out")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_flag("--printers", l->printers, "Printers instead");
   sub->add_option("--json", l->json, "Write JSON to this file, - for stdout");
 
@@ -268,7 +272,9 @@ void add_database(cli::Program& program) {
                     [s](const ExecutionContext& context, Console& console) {
                       return show(*s, context, console);
                     });
-  sub->add_option("NAME", s->name, "Name, or path of a .toml file")->required();
+  sub->add_option("NAME", s->name, "Name, or path of a .toml file")
+      ->check(cli::value_is(cli::ValueKind::definition))
+      ->required();
   sub->add_option("--json", s->json, "Write JSON to this file, - for stdout");
   sub->add_option(
       "--resin", s->resin,
@@ -282,7 +288,8 @@ void add_database(cli::Program& program) {
                     [v](const ExecutionContext& context, Console& console) {
                       return validate(*v, context, console);
                     });
-  sub->add_option("FILE", v->files, "Files or names; without any the whole database");
+  sub->add_option("FILE", v->files, "Files or names; without any the whole database")
+      ->check(cli::value_is(cli::ValueKind::definition));
   sub->add_option("--schema", v->schema, "Print what a resin or printer file may hold")
       ->check(CLI::IsMember({"resin", "printer"}));
 

@@ -104,8 +104,10 @@ void add_exchange(cli::Program& program) {
       ->check(CLI::IsMember({"auto", "prusaslicer", "uvtools", "anycubic", "table", "calibration",
                              "uv-calibration", "lut", "flat-field", "correction-mask"}))
       ->capture_default_str();
-  sub->add_option("--only", i->options.only, "Only presets whose name holds this");
-  sub->add_option("--name", i->options.name, "Name of the result, when there is one");
+  sub->add_option("--only", i->options.only, "Only presets whose name holds this")
+      ->check(cli::value_is(cli::ValueKind::text));
+  sub->add_option("--name", i->options.name, "Name of the result, when there is one")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("--intensity-mw-cm2", i->options.intensity_mw_cm2,
                   "Of the printer a profile is for, at the window: turns its times into doses; of "
                   "full light, where a calibration or lookup table is relative")
@@ -129,7 +131,8 @@ void add_exchange(cli::Program& program) {
       ->delimiter(',')
       ->expected(2)
       ->check(cli::number_in(-1e4, 1e4));
-  sub->add_option("-m,--message", i->message, "Why, for the history");
+  sub->add_option("-m,--message", i->message, "Why, for the history")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("-o,--folder", i->folder, "Save into this folder instead");
   sub->add_flag("--replace", i->replace,
                 "Put them in the place of those of the same name, which go to the history");
@@ -139,7 +142,9 @@ void add_exchange(cli::Program& program) {
   sub = program.add(
       "export", "One resin (or printer) for other programs.",
       [e](const ExecutionContext&, Console& console) { return export_definition(*e, console); });
-  sub->add_option("NAME", e->name, "Name, or path of a .toml file")->required();
+  sub->add_option("NAME", e->name, "Name, or path of a .toml file")
+      ->check(cli::value_is(cli::ValueKind::definition))
+      ->required();
   sub->add_option("--format", e->format,
                   "toml, json, csv (a table that import reads), prusaslicer (a material)")
       ->check(CLI::IsMember({"toml", "json", "csv", "prusaslicer"}))

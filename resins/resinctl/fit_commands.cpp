@@ -289,7 +289,8 @@ void add_fit(cli::Program& program) {
   sub->add_option("-o,--output", a->output,
                   "Resin file to write (NAME.toml), measurements beside it; an existing one only "
                   "with --resin, and its earlier version is kept");
-  sub->add_option("--name", a->name, "Name of the resin; must be that of the file [the file's]");
+  sub->add_option("--name", a->name, "Name of the resin; must be that of the file [the file's]")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("--json", a->json, "Result as JSON: a file, or - for stdout");
   sub->add_option("--weights", a->weights,
                   "scatter: measurements count by their sigma_um, or by the scatter of replicates")
@@ -307,11 +308,13 @@ void add_fit(cli::Program& program) {
       ->capture_default_str();
   sub->add_option("--seed", a->seed, "Of the resampling")->capture_default_str();
   sub->add_option("--fix", a->fixed, "NAME=VALUE: hold a parameter; can be given several times")
+      ->check(cli::value_is(cli::ValueKind::text))
       ->take_all()
       ->expected(1)
       ->allow_extra_args(false);
   sub->add_option("--bound", a->bounds,
                   "NAME=LOW:HIGH: keep a parameter between; can be given several times")
+      ->check(cli::value_is(cli::ValueKind::text))
       ->take_all()
       ->expected(1)
       ->allow_extra_args(false);

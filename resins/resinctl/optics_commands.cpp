@@ -104,12 +104,14 @@ void add_optics(cli::Program& program) {
                   "Resin in the vial, whose index to begin with [that of a bath, else 1.5]");
   sub->add_option("--fix", a->fixed,
                   "NAME or NAME=VALUE: hold a parameter; can be given several times")
+      ->check(cli::value_is(cli::ValueKind::text))
       ->take_all()
       ->expected(1)
       ->allow_extra_args(false);
   sub->add_option("--free", a->free,
                   "Fit a parameter that is held otherwise, such as inner_mm; can be given several "
                   "times")
+      ->check(cli::value_is(cli::ValueKind::text))
       ->take_all()
       ->expected(1)
       ->allow_extra_args(false);

@@ -273,6 +273,7 @@ void add_plot(cli::Program& program) {
       });
   app->add_option("INPUT", a->inputs,
                   "A resin (name or .toml file), or CSV files of measurements (see fit)")
+      ->check(cli::value_is(cli::ValueKind::resin_or_file))
       ->required();
   app->add_option("-o,--output", a->output,
                   "Picture to write (.svg, .png or .pdf); for a resin also a page about it (.html)")

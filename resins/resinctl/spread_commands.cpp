@@ -225,9 +225,11 @@ void add_spread(cli::Program& program) {
       ->capture_default_str();
   sub->add_option("--blue-mw-cm2", a->blue_mw_cm2, "Full light at the window [that of --printer]")
       ->check(number_above_zero());
-  several("--fix", a->fixed, "NAME or NAME=VALUE: hold a parameter; can be given several times");
+  several("--fix", a->fixed, "NAME or NAME=VALUE: hold a parameter; can be given several times")
+      ->check(cli::value_is(cli::ValueKind::text));
   several("--free", a->free,
-          "Fit a parameter that is held otherwise, such as dark; can be given several times");
+          "Fit a parameter that is held otherwise, such as dark; can be given several times")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_flag("--keep-outliers", a->keep_outliers,
                 "Count rows that can't belong to the others, too");
   sub->add_option("--plot", a->plot, "Draw measured and found (.svg)");

@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "programs/common/tune_options.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_map.hpp"
@@ -25,12 +26,6 @@ namespace {
 
 using namespace resins;
 namespace fs = std::filesystem;
-
-struct TuneArguments {
-  std::vector<std::string> tables;
-  std::string printer, resin, printed, output, printer_output;
-  double sigma_um = 10;
-};
 
 /// Light of the column that was measured, as the stack shows it.
 void take_light(TuningTable& table, const std::string& path, const Printer& printer,
@@ -80,7 +75,7 @@ std::string next_text(const std::vector<NextPart>& parts, double sigma_um) {
 }
 
 /// Beside the resin: "tuned.toml" makes "tuned-printer.toml".
-std::string printer_output_of(const TuneArguments& a) {
+std::string printer_output_of(const cli::TuneOptions& a) {
   if (!a.printer_output.empty() || a.output.empty() || a.output == "-") return a.printer_output;
   const fs::path resin(a.output);
   return (resin.parent_path() / (resin.stem().string() + "-printer.toml")).string();
@@ -105,7 +100,8 @@ void copy_its_files(const std::string& from, const std::string& to) {
   }
 }
 
-int tune_command(const TuneArguments& a, const ExecutionContext& context, cli::Console& console) {
+int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
+                 cli::Console& console) {
   const std::string resin_path = find_definition(a.resin, "resin");
   const std::string printer_path = find_definition(a.printer, "printer");
   const std::string printer_output = printer_output_of(a);
@@ -169,25 +165,13 @@ int tune_command(const TuneArguments& a, const ExecutionContext& context, cli::C
 }  // namespace
 
 void add_tune(cli::Program& program) {
-  const auto a = std::make_shared<TuneArguments>();
+  const auto a = std::make_shared<cli::TuneOptions>();
   CLI::App* sub =
       program.add("tune", "Find what resin and light really are from test parts that were measured",
                   [a](const ExecutionContext& context, cli::Console& console) {
                     return tune_command(*a, context, console);
                   });
-  sub->add_option("MEASURED", a->tables,
-                  "Tables of slicecorr testpart comb, staircase or wedge, filled in (.csv); none: "
-                  "only what to measure first");
-  sub->add_option("--printer", a->printer, "Printer: a .toml file or a name")->required();
-  sub->add_option("--resin", a->resin, "Resin as it was known: a .toml file or a name")->required();
-  sub->add_option("--printed", a->printed, "Combs: the corrected stack that was printed");
-  sub->add_option("--sigma-um", a->sigma_um, "Standard deviation of what was measured")
-      ->check(cli::number_in(0.01, 1000))
-      ->capture_default_str();
-  sub->add_option("-o,--output", a->output, "Resin file to write (.toml)");
-  sub->add_option("--printer-output", a->printer_output,
-                  "Printer file to write, with stray light in its calibration [beside the resin, "
-                  "NAME-printer.toml]");
+  a->add_to(*sub, true);
   sub->footer(
       "Example:\n  slicecorr tune comb.csv stairs.csv --printer my-printer.toml --resin "
       "my-resin.toml --printed print.uvj -o tuned.toml");

@@ -27,10 +27,11 @@ namespace slicecorr {
 /// to scale in x and z (`pixel_x_um`, `layer_um`), at most `most_px` wide and high.
 ColourImage cure_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
 
-/// Sections of one part before and after correction, side by side, as a PNG file that explains itself:
-/// with a caption, the colours' meaning and a scale bar. As `cure_picture`; both of the same size.
+/// Sections of one part before and after correction, side by side, as a PNG or SVG file that explains
+/// itself: with a caption, the colours' meaning and a scale bar. As `cure_picture`; both of the same
+/// size.
 std::string section_sheet(const Section& before, const Section& after, double pixel_x_um,
-                          double layer_um, const std::string& caption);
+                          double layer_um, const std::string& caption, bool svg);
 
 /// Where a section along an image row lies: "image row 12, along x of the plate at y = 3.025 mm";
 /// the row alone where the source does not say how its images lie.

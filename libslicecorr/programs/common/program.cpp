@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cmath>
@@ -120,10 +121,24 @@ Program::Program(const std::string& name, const std::string& description,
   app_.add_option("--threads", threads_, "Number of threads [all cores]")
       ->check(CLI::Range(0, 4096));
   app_.add_flag("--quiet", quiet_, "Nothing but errors on stderr");
+  add_completion();
   app_.require_subcommand(1);
   app_.fallthrough();
   app_.footer(example_ + "Every command takes --threads and --quiet.\n" + kFooter);
   app_.failure_message([this](const CLI::App*, const CLI::Error& e) { return failure_message(e); });
+}
+
+void Program::add_completion() {
+  app_.add_option_function<std::string>(
+          "--completion",
+          [this](const std::string& shell) {
+            printed_ = completion_script(app_, shell);
+            throw CLI::Success();  // before what is missing is judged, as for --help
+          },
+          "Print completions for bash, zsh or fish")
+      ->trigger_on_parse()
+      ->option_text("SHELL")
+      ->check(CLI::IsMember(completion_shells()));
 }
 
 CLI::App* Program::add(const std::string& name, const std::string& text, Action action) {
@@ -186,12 +201,18 @@ int Program::run(int argc, char** argv) {
   };
   occupy_standard_files();
   std::signal(SIGXFSZ, SIG_IGN);
+  // What the scripts of --completion ask; no option, since it is not for people.
+  if (argc == 3 && std::string_view(argv[1]) == "--completion-names") {
+    const std::string names = completion_names(argv[2]);
+    std::fwrite(names.data(), 1, names.size(), stdout);
+    return finish(kDone);
+  }
   try {
     app_.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     std::ostringstream out, err;
     const int code = app_.exit(e, out, err) == 0 ? kDone : kInput;
-    const std::string text = out.str();
+    const std::string text = printed_ + out.str();
     std::fwrite(text.data(), 1, text.size(), stdout);
     write_stderr(err.str());
     return finish(code);
@@ -261,6 +282,14 @@ std::string folder_of(const std::string& path) {
   std::error_code error;
   const auto temporary = std::filesystem::temp_directory_path(error);
   return error ? folder : temporary.string();
+}
+
+std::string ending_of(const std::string& output, const std::vector<std::string>& endings) {
+  std::string ending = std::filesystem::path(output).extension().string();
+  if (std::find(endings.begin(), endings.end(), ending) != endings.end()) return ending;
+  std::string list;
+  for (const std::string& e : endings) list += (list.empty() ? "" : " or ") + e;
+  throw InputError(output, "", "expected a name that ends in " + list);
 }
 
 void check_output(const std::string& output, const std::vector<std::string>& inputs) {

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "programs/common/completion.hpp"
 #include "slicecorr/parallel.hpp"
 
 namespace slicecorr::detail {
@@ -82,6 +83,7 @@ class Program {
   int run(int argc, char** argv);
 
  private:
+  void add_completion();
   std::string failure_message(const CLI::Error& error) const;
 
   CLI::App app_;
@@ -89,6 +91,7 @@ class Program {
   Action only_;
   int threads_ = 0;
   bool quiet_ = false;
+  std::string printed_;  ///< in place of a command
   std::vector<std::pair<CLI::App*, Action>> actions_;
 };
 
@@ -114,6 +117,8 @@ CLI::Validator number_above_zero();
 /// The whole text as a finite number.
 std::optional<double> number_of(const std::string& text);
 
+/// The ending of a file that is to be written, one of these. Throws `InputError`.
+std::string ending_of(const std::string& output, const std::vector<std::string>& endings);
 /// Before the work: throws `InputError` when an output would replace one of the inputs, and
 /// `DeviceError` when it can't be written. Empty: none; -: stdout.
 void check_output(const std::string& output, const std::vector<std::string>& inputs);

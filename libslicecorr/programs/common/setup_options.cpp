@@ -76,6 +76,7 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
     add_surface_to(app);
     app.add_option("--omega-max", omega_max,
                    "Cap of the dose inside features, in critical doses: inf, 1 or more")
+        ->check(value_is(ValueKind::text))
         ->capture_default_str();
     app.add_option(
            "--one-slice-gaps", one_slice_gaps,

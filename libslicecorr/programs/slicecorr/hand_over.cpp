@@ -8,9 +8,11 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <memory>
 #include <string_view>
 #include <system_error>
 
+#include "programs/common/tune_options.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::cli {
@@ -28,11 +30,14 @@ void become(const std::string& program, char** argv) {
 }
 
 void add_tune(Program& program, char** argv) {
-  program.add(
+  const auto options = std::make_shared<TuneOptions>();
+  CLI::App* sub = program.add(
       "tune",
       "Find what resin and light really are from test parts that were measured (resinctl does "
       "it)",
-      [argv](const ExecutionContext&, Console&) -> int { become("resinctl", argv); });
+      [argv, options](const ExecutionContext&, Console&) -> int { become("resinctl", argv); });
+  // Read by resinctl; here they are what completion offers.
+  options->add_to(*sub, false);
 }
 
 int own_arguments(int argc, char** argv) {

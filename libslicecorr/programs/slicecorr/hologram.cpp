@@ -317,7 +317,8 @@ void add_hologram(Program& program, HologramArguments& o) {
       ->capture_default_str();
   sub->add_option("--picture", o.picture,
                   "Draw targets beside what falls into their planes (.png or .svg)");
-  sub->add_option("--stack", o.stack, "Folder for images of the light through depth");
+  sub->add_option("--stack", o.stack, "Folder for images of the light through depth")
+      ->check(value_is(ValueKind::folder));
   sub->add_option("--stack-mm", o.stack_mm,
                   "FIRST,LAST,STEP: depths of these, behind the focal plane")
       ->delimiter(',')

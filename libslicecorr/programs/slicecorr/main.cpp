@@ -61,7 +61,8 @@ int run_program(int argc, char** argv) {
   const auto stack_output = [&](CLI::App* sub, const char* text) {
     sub->add_option("-o,--output", a.output, text)->required();
     sub->add_option("--format", a.format,
-                    "Format of the archive, where its name does not tell: " + formats);
+                    "Format of the archive, where its name does not tell: " + formats)
+        ->check(value_is(ValueKind::format));
     sub->add_flag("--archive", a.archive,
                   "Make the file as small as it gets, which takes longer; the pixels are the same");
   };
@@ -126,14 +127,14 @@ int run_program(int argc, char** argv) {
   doses_of_stack(sub);
   sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
 
-  sub = add("section", "Draw what prints along an image row, before and after, as PNG",
+  sub = add("section", "Draw what prints along an image row, before and after, as PNG or SVG",
             commands::section);
   stack_input(sub, "STACK", "Stack to look into");
   sub->add_option("--target", a.target, "Stack of the design")->required();
   sub->add_option("--y", a.y, "Row of the image [the middle of the part]")
       ->check(CLI::NonNegativeNumber);
   a.setup.add_to(*sub, false, true);
-  sub->add_option("-o,--output", a.output, "Picture to write (.png)")->required();
+  sub->add_option("-o,--output", a.output, "Picture to write (.png or .svg)")->required();
 
   sub =
       add("solid", "Write the surface of what a stack prints as a mesh, to open beside the design",

@@ -225,7 +225,8 @@ void add_plan(Program& program, PlanOptions& o) {
       ->check(CLI::Range(1.0, 1000.0));
   sub->add_option("--orientations", o.orientations,
                   "Ways in which the meshes may lie, each X,Y,Z as for --rotate-deg: the one that "
-                  "prints in the least time is planned, and all are told");
+                  "prints in the least time is planned, and all are told")
+      ->check(value_is(ValueKind::text));
   sub->add_option("--tolerance-points", o.ask.tolerance_points,
                   "Points of the curve of speed over tolerance; 0: none")
       ->check(CLI::Range(0, 100))

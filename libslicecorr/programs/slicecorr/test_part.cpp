@@ -213,7 +213,8 @@ void add_test_part(Program& program, TestPartOptions& o) {
          "File of the same format whose settings and pictures stay, as the printer's slicer "
          "made it")
       ->check(CLI::ExistingFile);
-  sub->add_option("--format", o.format, "Format of the archive, where its name does not tell");
+  sub->add_option("--format", o.format, "Format of the archive, where its name does not tell")
+      ->check(value_is(ValueKind::format));
   sub->add_option(
       "--picture", o.picture,
       "spread: write a slice as the display shows it, for a camera at the window (.png)");

@@ -63,7 +63,8 @@ void add_tomo_targets(Program& program, CLI::App* group, TomoTargetOptions& o) {
       ->required()
       ->check(CLI::IsMember({"axis", "focus", "scale", "direction", "light"}));
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
-  sub->add_option("-o,--output", o.output, "Folder for the pictures and the page [this one]");
+  sub->add_option("-o,--output", o.output, "Folder for the pictures and the page [this one]")
+      ->check(value_is(ValueKind::folder));
 }
 
 }  // namespace slicecorr::cli

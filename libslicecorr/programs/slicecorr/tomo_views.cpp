@@ -23,15 +23,6 @@ namespace slicecorr::cli {
 
 namespace {
 
-/// The ending of a file that is to be written, one of these. Throws `InputError`.
-std::string ending_of(const std::string& output, const std::vector<std::string>& endings) {
-  std::string ending = std::filesystem::path(output).extension().string();
-  if (std::find(endings.begin(), endings.end(), ending) != endings.end()) return ending;
-  std::string list;
-  for (const std::string& e : endings) list += (list.empty() ? "" : " or ") + e;
-  throw InputError(output, "", "expected a name that ends in " + list);
-}
-
 using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::ColouredBy,
                                      const std::string&);
 /// What writes pictures with this name.
@@ -189,6 +180,7 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
       add("convert", "Make a job of images that others made, to be judged and looked at", convert);
   sub->add_option("FOLDER", o.images.path,
                   "Folder (or zip) of PNG images, one for each angle, in the order of their names")
+      ->check(value_is(ValueKind::file))
       ->required();
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();

@@ -164,6 +164,7 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
 }
 
 int section(const Arguments& a, const ExecutionContext& context, Console& console) {
+  const bool svg = ending_of(a.output, {".png", ".svg"}) == ".svg";
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
   const StackReader& stack = given.stack;
@@ -175,7 +176,7 @@ int section(const Arguments& a, const ExecutionContext& context, Console& consol
   write_text_file(
       a.output, section_sheet(section_of(target, target, given.setup, row),
                               section_of(stack, target, given.setup, row), g.pixel_x_um, g.layer_um,
-                              fmt::format("{}: {}; platform up", title_of(a.input), where)));
+                              fmt::format("{}: {}; platform up", title_of(a.input), where), svg));
   console.say(
       fmt::format("{}: section at {}, platform up; left uncorrected, right this stack; grey right, "
                   "red cured through, blue undercured",

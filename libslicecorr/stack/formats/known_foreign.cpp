@@ -17,7 +17,7 @@
 namespace slicecorr::detail {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 using namespace std::string_view_literals;
 
@@ -75,11 +75,11 @@ bool is_photon_workshop(std::string_view ending) {
 }
 
 /// Most images that one layer of a Nordin print file shows.
-std::size_t most_images(const Json& print) {
+std::size_t most_images(const SortedJson& print) {
   std::size_t most = 0;
   const auto layers = print.find("Layers");
   if (layers == print.end() || !layers->is_array()) return most;
-  for (const Json& layer : *layers) {
+  for (const SortedJson& layer : *layers) {
     if (!layer.is_object()) continue;
     const auto images = layer.find("Image settings list");
     if (images != layer.end() && images->is_array()) most = std::max(most, images->size());
@@ -97,14 +97,14 @@ void refuse_known_foreign(const Container& archive) {
         std::count(entry.name.begin(), entry.name.end(), '/') > 1) {
       continue;
     }
-    const Json print = Json::parse(archive.text(entry.name, limit), nullptr, false);
+    const SortedJson print = SortedJson::parse(archive.text(entry.name, limit), nullptr, false);
     if (!print.is_object() || !print.contains("Header") ||
         !print.contains("Default layer settings")) {
       continue;
     }
-    const Json& header = print["Header"];
+    const SortedJson& header = print["Header"];
     if (!header.is_object() || !header.contains("Schema version")) continue;
-    const Json& version = header["Schema version"];
+    const SortedJson& version = header["Schema version"];
     const std::size_t most = most_images(print);
     throw InputError(
         archive.path(), shown_name(entry.name),

@@ -19,11 +19,11 @@
 namespace slicecorr::detail {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 constexpr double kLargest = JsonSource::kLargest;
 
-using Node = JsonNode<Json>;
+using SortedNode = JsonNode<SortedJson>;
 
 /// Light-on times of the layers that say one, in order.
 struct LayerTimes {
@@ -33,8 +33,8 @@ struct LayerTimes {
 };
 
 /// Takes what is needed of one layer.
-void read_layer(const Json& layer, const JsonSource& place, LayerTimes& times) {
-  const Node node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
+void read_layer(const SortedJson& layer, const JsonSource& place, LayerTimes& times) {
+  const SortedNode node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
   // A layer may have no exposure; it gets one when times are changed.
   if (!node.has("Exposure") || node["Exposure"].json().is_null() ||
       !node["Exposure"].has("LightOnTime")) {
@@ -44,13 +44,13 @@ void read_layer(const Json& layer, const JsonSource& place, LayerTimes& times) {
   times.time_s.push_back(node["Exposure"]["LightOnTime"].number(0, 1e9));
 }
 
-Json parse_json(std::string_view text, const JsonSource& place, LayerTimes& times) {
+SortedJson parse_json(std::string_view text, const JsonSource& place, LayerTimes& times) {
   // Byte order marks are common in JSON written on Windows.
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   // There may be a million layers: each is dropped as soon as its time has been read.
-  using Event = Json::parse_event_t;
+  using Event = SortedJson::parse_event_t;
   bool in_layers = false, in_list = false;
-  const auto keep = [&](int depth, Event event, Json& value) {
+  const auto keep = [&](int depth, Event event, SortedJson& value) {
     if (depth == 1) {
       if (event == Event::key) in_layers = value == "Layers";
       in_list = in_layers && event == Event::array_start;
@@ -62,8 +62,8 @@ Json parse_json(std::string_view text, const JsonSource& place, LayerTimes& time
     return false;
   };
   try {
-    return Json::parse(text.begin(), text.end(), keep);
-  } catch (const Json::exception& error) {
+    return SortedJson::parse(text.begin(), text.end(), keep);
+  } catch (const SortedJson::exception& error) {
     throw InputError(place.file, place.entry, std::string("not valid JSON: ") + error.what());
   }
 }
@@ -71,7 +71,7 @@ Json parse_json(std::string_view text, const JsonSource& place, LayerTimes& time
 /// Millimetres to micrometres, without the noise that the division by pixels left.
 double tidy_um(double um) { return std::round(um * 1e6) / 1e6; }
 
-double scale_um(double um, double least, double most, const Node& node) {
+double scale_um(double um, double least, double most, const SortedNode& node) {
   if (!(um >= least && um <= most)) {
     const auto text = [](double v) { return std::to_string(static_cast<int>(v)); };
     node.fail("what makes " + text(least) + " to " + text(most) + " um each");
@@ -79,8 +79,8 @@ double scale_um(double um, double least, double most, const Node& node) {
   return um;
 }
 
-void read_properties(const Node& properties, StackInfo& info) {
-  const Node size = properties["Size"];
+void read_properties(const SortedNode& properties, StackInfo& info) {
+  const SortedNode size = properties["Size"];
   Grid& grid = info.grid;
   grid.width_px = size["X"].integer(1, kMostPixelsAcross);
   grid.height_px = size["Y"].integer(1, kMostPixelsAcross);
@@ -88,18 +88,18 @@ void read_properties(const Node& properties, StackInfo& info) {
     size["X"].fail("images of at most " + std::to_string(kMostPixels) + " pixels");
   }
   // Millimetre sizes are of the whole image, LayerHeight is of one layer.
-  const Node mm = size["Millimeter"];
+  const SortedNode mm = size["Millimeter"];
   grid.pixel_x_um = scale_um(tidy_um(mm["X"].positive() / grid.width_px * 1000), 1, 1000, mm["X"]);
   grid.pixel_y_um = scale_um(tidy_um(mm["Y"].positive() / grid.height_px * 1000), 1, 1000, mm["Y"]);
   grid.layers = size["Layers"].integer(1, 1000000);
-  const Node height = size["LayerHeight"];
+  const SortedNode height = size["LayerHeight"];
   grid.layer_um = scale_um(tidy_um(height.positive() * 1000), 1, 1000, height);
   info.target_layers = grid.layers;
   if (properties.has("Exposure") && properties["Exposure"].has("LightOnTime")) {
     info.exposure_s = properties["Exposure"]["LightOnTime"].number(0, 1e9);
   }
   if (properties.has("Bottom")) {
-    const Node bottom = properties["Bottom"];
+    const SortedNode bottom = properties["Bottom"];
     const int count = bottom.has("Count") ? bottom["Count"].integer(0, 1000000) : 0;
     const double time_s = bottom.has("LightOnTime") ? bottom["LightOnTime"].number(0, 1e9) : 0;
     if (count > 0 && time_s > 0) {
@@ -110,21 +110,21 @@ void read_properties(const Node& properties, StackInfo& info) {
   if (properties.has("AntiAliasLevel")) properties["AntiAliasLevel"].whole(0, 255);
 }
 
-std::vector<double> read_numbers(const Node& node, double least) {
+std::vector<double> read_numbers(const SortedNode& node, double least) {
   std::vector<double> numbers;
-  for (const Node& n : node.list(0, 1000000)) numbers.push_back(n.number(least, 1e9));
+  for (const SortedNode& n : node.list(0, 1000000)) numbers.push_back(n.number(least, 1e9));
   return numbers;
 }
 
 /// Reads what the block has from version 2 on: schedules of exposure, UV light, ramps.
-void read_schedule(const Node& node, Process& p) {
+void read_schedule(const SortedNode& node, Process& p) {
   const bool layerwise = p.mode == ExposureMode::layerwise;
   p.exposure_s = layerwise ? node["exposure_s"].positive(1e9) : node["exposure_s"].number(0, 1e9);
   p.bottom_exposure_s = node["bottom_exposure_s"].number(0, 1e9);
   p.bottom_layers = node["bottom_layers"].integer(0, 1000000);
   p.fade_layers = node["fade_layers"].integer(0, 1000000);
   p.layer_exposure_s = read_numbers(node["layer_exposure_s"], 0);
-  const Node uv = node["uv"];
+  const SortedNode uv = node["uv"];
   p.uv.kind = static_cast<UvKind>(uv["kind"].choice(kNamesOfUv));
   p.uv.uv_mw_cm2 = uv["uv_mw_cm2"].number(0, 1e9);
   p.uv.dead_zone_um = uv["dead_zone_um"].number(0, 1e9);
@@ -134,7 +134,7 @@ void read_schedule(const Node& node, Process& p) {
   p.allow_window_cure = node["window_cure"].choice({"refuse", "allow"}) == 1;
   if (!node.has("slice_speed_mm_h")) return;
   if (layerwise) node["slice_speed_mm_h"].refuse("is for continuous exposure");
-  for (const Node& n : node["slice_speed_mm_h"].list(1, 1000000)) {
+  for (const SortedNode& n : node["slice_speed_mm_h"].list(1, 1000000)) {
     p.slice_speed_mm_h.push_back(n.positive(p.speed_mm_h));
   }
   if (node.has("slice_lamps")) {
@@ -142,12 +142,12 @@ void read_schedule(const Node& node, Process& p) {
   }
 }
 
-Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
+Process read_process(const SortedNode& node, ExposureMode mode, std::int64_t format) {
   Process p;
   p.mode = mode;
   p.speed_mm_h = mode == ExposureMode::continuous ? node["speed_mm_h"].positive()
                                                   : node["speed_mm_h"].number(0, kLargest);
-  const Node omega = node["omega_max"];
+  const SortedNode omega = node["omega_max"];
   p.omega_max = omega.is_text("inf") ? kLargest : omega.number(1, kLargest);
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
@@ -171,7 +171,7 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
 
 /// Takes the exact value from our block. Where the archive rounds to `step_um`, its own stays: that
 /// is what its readers print.
-void refine(double& um, const Node& exact, const char* of, std::vector<std::string>& warnings,
+void refine(double& um, const SortedNode& exact, const char* of, std::vector<std::string>& warnings,
             double step_um = 0) {
   const double value = exact.positive();
   // Sizes of pixels went through divisions by pixels per millimetre; some formats round heights to
@@ -189,18 +189,18 @@ void refine(double& um, const Node& exact, const char* of, std::vector<std::stri
   }
 }
 
-RecordingFacts read_recording_facts(const Node& node, int images) {
+RecordingFacts read_recording_facts(const SortedNode& node, int images) {
   RecordingFacts facts;
   facts.slices = node["slices"].integer(0, kMaxRecordedSlices);
   facts.showings = node["parts"].integer(0, kMaxRecordedShowings);
   facts.crc32 = static_cast<std::uint32_t>(node["crc32"].whole(0, 0xffffffff));
-  for (const Node& n : node["other_uv_images"].list(0, 1000000)) {
+  for (const SortedNode& n : node["other_uv_images"].list(0, 1000000)) {
     facts.other_uv_images.push_back(n.integer(0, images - 1));
   }
   return facts;
 }
 
-void read_block(const Node& block, ArchiveContents& config) {
+void read_block(const SortedNode& block, ArchiveContents& config) {
   StackInfo& info = config.info;
   const auto format = block["format"].whole(1, 1000000);
   if (format > kUvjBlockFormat) {
@@ -222,7 +222,7 @@ void read_block(const Node& block, ArchiveContents& config) {
   info.target_layers = block["target_layers"].integer(0, 1000000);
   info.part_volume_mm3 = block["part_volume_mm3"].number(0, kLargest);
   if (block.has("grid")) {
-    const Node grid = block["grid"];
+    const SortedNode grid = block["grid"];
     refine(info.grid.pixel_x_um, grid["pixel_x_um"], "the width of pixels", config.warnings);
     refine(info.grid.pixel_y_um, grid["pixel_y_um"], "the height of pixels", config.warnings);
     refine(info.grid.layer_um, grid["layer_um"], "the height of layers", config.warnings,
@@ -301,8 +301,8 @@ void take_layer_times(LayerTimes times, StackInfo& info) {
 ArchiveContents parse_uvj_config(std::string_view text, const std::string& file) {
   const JsonSource place{file, "config.json"};
   LayerTimes times;
-  const Json json = parse_json(text, place, times);
-  const Node root(json, "", place);
+  const SortedJson json = parse_json(text, place, times);
+  const SortedNode root(json, "", place);
   ArchiveContents config;
   if (root.has("kind") && root["kind"].is_text("beams")) {
     root.refuse(
@@ -321,12 +321,12 @@ ArchiveContents parse_uvj_config(std::string_view text, const std::string& file)
 void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents) {
   const JsonSource place{file, kProvenanceEntry};
   LayerTimes none;
-  const Json json = parse_json(text, place, none);
-  const Node root(json, "", place);
+  const SortedJson json = parse_json(text, place, none);
+  const SortedNode root(json, "", place);
   Grid& grid = contents.info.grid;
   if (root.has("grid")) {
     // Exact values for what the archive does not say; what it says counts, see `refine`.
-    const Node exact = root["grid"];
+    const SortedNode exact = root["grid"];
     if (grid.pixel_x_um == 0) grid.pixel_x_um = exact["pixel_x_um"].positive();
     if (grid.pixel_y_um == 0) grid.pixel_y_um = exact["pixel_y_um"].positive();
     if (grid.layer_um == 0) grid.layer_um = exact["layer_um"].positive();

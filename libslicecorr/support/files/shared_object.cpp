@@ -23,22 +23,26 @@ std::vector<fs::path> folders() {
   std::vector<fs::path> all;
   if (const char* given = std::getenv("SLICECORR_MODULES"); given && *given)
     all.emplace_back(given);
-  Dl_info here{};
-  if (::dladdr(reinterpret_cast<const void*>(&module_entry), &here) != 0 && here.dli_fname) {
-    std::error_code error;
-    const fs::path file = fs::canonical(here.dli_fname, error);
-    if (!error) {
-      const fs::path folder = file.parent_path();
-      all.push_back(folder / "slicecorr");
-      all.push_back(folder.parent_path() / SLICECORR_LIBDIR / "slicecorr");
-    }
+  if (const fs::path folder = own_folder(); !folder.empty()) {
+    all.push_back(folder / "slicecorr");
+    all.push_back(folder.parent_path() / SLICECORR_LIBDIR / "slicecorr");
   }
   all.emplace_back(SLICECORR_INSTALLED_MODULES);
-  all.emplace_back(SLICECORR_BUILT_MODULES);
+  if (const fs::path built = SLICECORR_BUILT_MODULES; !built.empty()) all.push_back(built);
   return all;
 }
 
 }  // namespace
+
+fs::path own_folder() {
+  Dl_info here{};
+  if (::dladdr(reinterpret_cast<const void*>(&module_entry), &here) == 0 || !here.dli_fname) {
+    return {};
+  }
+  std::error_code error;
+  const fs::path file = fs::canonical(here.dli_fname, error);
+  return error ? fs::path() : file.parent_path();
+}
 
 void* module_entry(const char* file_name, const char* entry_name, const char* what_it_does) {
   std::string looked;

@@ -1,0 +1,22 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// What `tune` can be told: `resinctl` reads it, `slicecorr`, which hands its `tune` over, offers it
+/// where commands are completed.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+namespace slicecorr::cli {
+
+struct TuneOptions {
+  std::vector<std::string> tables;
+  std::string printer, resin, printed, output, printer_output;
+  double sigma_um = 10;
+  /// `required`: printer and resin must be given.
+  void add_to(CLI::App& app, bool required);
+};
+
+}  // namespace slicecorr::cli

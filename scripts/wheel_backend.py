@@ -11,6 +11,7 @@ import hashlib
 import os
 import pathlib
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -62,7 +63,7 @@ def built(folder):
     if not (build / "CMakeCache.txt").exists():
         generator = ["-G", "Ninja"] if shutil.which("ninja") else []
         run("cmake", "-S", ROOT, "-B", build, *generator, "-DCMAKE_BUILD_TYPE=Release", "-DSLICECORR_TESTS=OFF",
-            "-DSLICECORR_LOCAL=OFF", "-DCMAKE_INSTALL_LIBDIR=lib")  # fmt: skip
+            "-DSLICECORR_LOCAL=OFF", "-DCMAKE_INSTALL_LIBDIR=lib", *shlex.split(os.environ.get("CMAKE_ARGS", "")))  # fmt: skip
     jobs = str(os.cpu_count() or 1)
     run("cmake", "--build", build, "--parallel", jobs, "--target", "slicecorr-c", "slicecorr-images", "slicecorr-meshes",
         "slicecorr-tar")  # fmt: skip

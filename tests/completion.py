@@ -421,6 +421,7 @@ def ask_of_places(q, shell):
     q.ask("resinctl add benchy-resin ", of_files(shell, *FILES))
     q.ask("resinctl plot ", at_least(["benchy-resin", *FILES], but=["mine"]))
     q.ask("resinctl show ", at_least(["benchy-resin", "mine", "local.toml"], but=["note.txt"]))
+    q.ask("resinctl chemistry --light 100:1.6 0:5 ", at_least(["benchy-resin", "local.toml"]))
     q.ask("resinctl list --maker ", nothing)
     q.ask("resinctl diff mine ", nothing)
     q.ask("resinctl diff mine 1 ", nothing)

@@ -249,8 +249,7 @@ TEST_F(FirstDay, ASectionHasRealLettersAsSvg) {
     EXPECT_NE(svg.find(words), std::string::npos) << words;
   }
   EXPECT_EQ(svg.find("http", svg.find("xmlns") + 40), std::string::npos) << "needs the network";
-  const ProgramResult r =
-      slicecorr({"section", "part.uvj", "--target", "target.uvj", "-o", "section.jpg"});
+  const RunResult r = call({"section", "part.uvj", "--target", "target.uvj", "-o", "section.jpg"});
   EXPECT_EQ(r.exit_code, 2);
   EXPECT_NE(r.err.find("expected a name that ends in .png or .svg"), std::string::npos) << r.err;
 }

@@ -412,7 +412,8 @@ void send_file(const std::string& path, std::int64_t bytes, const char* type,
   const auto size = static_cast<std::size_t>(s.st_size);
   if (size == 0) return response.set_content("", type);
   response.set_content_provider(
-      size, type, [handle](std::size_t at, std::size_t left, httplib::DataSink& sink) {
+      size, type, [handle, size](std::size_t at, std::size_t left, httplib::DataSink& sink) {
+        if (at > size || left > size - at) return false;
         char buffer[64 << 10];
         const ssize_t n =
             ::pread(*handle, buffer, std::min(left, sizeof buffer), static_cast<off_t>(at));

@@ -391,8 +391,6 @@ constexpr std::string_view kBashTail = R"(    *) return 1 ;;
     if [[ -z $ended && $word == -- ]]; then
       ended=1
     elif [[ -z $ended && $word == -?* ]]; then
-      # What has its value in the same word waits for none.
-      [[ $word == --*=* || $word == -[!-]?* ]] && continue
       @FN@_at "$path" "$word"
       ((most == 0)) || option=$word
       taken=0
@@ -408,7 +406,8 @@ constexpr std::string_view kBashTail = R"(    *) return 1 ;;
   done
 
   @FN@_at "$path" "$option"
-  if [[ -n $option && ($taken -lt $least || ($taken -lt $most && $current != -*)) ]]; then
+  if [[ -n $option && ($taken -lt $least ||
+    ($taken -lt $most && $current != -* && -n ${words[*]}$names$files)) ]]; then
     @FN@_values '' "$current"
   elif [[ -z $ended && $current == --*=* ]]; then
     @FN@_at "$path" "${current%%=*}"

@@ -6,7 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <limits>
 
-#include "beams.hpp"
 #include "commands.hpp"
 #include "examples.hpp"
 #include "flow.hpp"
@@ -15,7 +14,7 @@
 #include "pattern.hpp"
 #include "plan.hpp"
 #include "test_part.hpp"
-#include "tomo.hpp"
+#include "whole_parts.hpp"
 
 namespace slicecorr::cli {
 namespace {
@@ -189,17 +188,14 @@ int run_program(int argc, char** argv) {
   FlowOptions flow;
   PatternOptions pattern;
   PlanOptions plan;
-  TomoOptions tomo;
   HologramArguments hologram;
-  BeamsArguments beams;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
   add_pattern(program, pattern);
   add_plan(program, plan);
-  add_tomo(program, tomo);
+  add_whole_parts(program);
   add_hologram(program, hologram);
-  add_beams(program, beams);
   add_tune(program, argv);
   add_examples(program);
   return program.run(own_arguments(argc, argv), argv);

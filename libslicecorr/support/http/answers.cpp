@@ -45,6 +45,8 @@ void send(httplib::Response& response, int status, std::string text, const char*
   const auto body = std::make_shared<const std::string>(std::move(text));
   response.set_content_provider(body->size(), type,
                                 [body](std::size_t at, std::size_t size, httplib::DataSink& sink) {
+                                  // The server asks for what headers ask of it.
+                                  if (at > body->size() || size > body->size() - at) return false;
                                   return sink.write(body->data() + at, size);
                                 });
 }

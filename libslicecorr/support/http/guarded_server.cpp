@@ -47,6 +47,19 @@ void address_of(const sockaddr_storage& address, std::string& ip, int& port) {
   ip = text;
 }
 
+/// Whether a line of the head is a header that asks for a part of an answer.
+bool asks_for_a_part(std::string_view line) {
+  for (const std::string_view name : {"range", "if-range"}) {
+    if (line.size() <= name.size()) continue;
+    const bool same = std::equal(name.begin(), name.end(), line.begin(), [](char a, char b) {
+      return a == (b >= 'A' && b <= 'Z' ? b - 'A' + 'a' : b);
+    });
+    const std::size_t after = line.find_first_not_of(" \t", name.size());
+    if (same && after != line.npos && line[after] == ':') return true;
+  }
+  return false;
+}
+
 /// An answer that was written may be lost when the client still sends: the system resets the
 /// connection. So what comes is thrown away for a moment first.
 void close_gently(int socket, int stop_fd) {
@@ -106,7 +119,7 @@ bool GuardedStream::wait(short events, Steady::time_point until) const {
 }
 
 bool GuardedStream::is_readable() const {
-  return begin_ < end_ ||
+  return line_at_ < line_.size() || begin_ < end_ ||
          wait(POLLIN, std::min(read_until_, Steady::now() + seconds(limits_.stall_s)));
 }
 
@@ -115,6 +128,34 @@ bool GuardedStream::is_writable() const {
 }
 
 ssize_t GuardedStream::read(char* data, std::size_t size) {
+  if (line_at_ == line_.size()) {
+    if (!in_head_) return read_bytes(data, size);
+    const ssize_t n = read_line();
+    if (n <= 0) return n;
+  }
+  const std::size_t n = std::min(size, line_.size() - line_at_);
+  std::memcpy(data, line_.data() + line_at_, n);
+  line_at_ += n;
+  return static_cast<ssize_t>(n);
+}
+
+/// The next line of the head that the server is to see; without its end where no more comes.
+ssize_t GuardedStream::read_line() {
+  do {
+    line_.clear();
+    line_at_ = 0;
+    for (char c = 0; c != '\n';) {
+      const ssize_t n = read_bytes(&c, 1);
+      if (n <= 0 && line_.empty()) return n;
+      if (n <= 0) break;
+      line_ += c;
+    }
+  } while (asks_for_a_part(line_));
+  in_head_ = line_ != "\r\n" && line_ != "\n";
+  return static_cast<ssize_t>(line_.size());
+}
+
+ssize_t GuardedStream::read_bytes(char* data, std::size_t size) {
   // The server reads headers byte by byte.
   if (begin_ == end_) {
     const auto most = static_cast<std::size_t>(

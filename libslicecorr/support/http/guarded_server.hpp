@@ -26,7 +26,8 @@ struct ConnectionLimits {
   double request_s = 10, stall_s = 10, least_bytes_s = 16384;
 };
 
-/// A connection that counts bytes and time.
+/// A connection that counts bytes and time. It leaves out the headers of a request that ask for a
+/// part of an answer (Range, If-Range): every answer is whole, whatever they say.
 class GuardedStream : public httplib::Stream {
  public:
   GuardedStream(int socket, int stop_fd, const ConnectionLimits& limits);
@@ -47,6 +48,8 @@ class GuardedStream : public httplib::Stream {
  private:
   using Steady = std::chrono::steady_clock;
   bool wait(short events, Steady::time_point until) const;
+  ssize_t read_bytes(char* data, std::size_t size);
+  ssize_t read_line();
 
   int socket_, stop_fd_;
   ConnectionLimits limits_;
@@ -56,6 +59,9 @@ class GuardedStream : public httplib::Stream {
   double written_ = 0;
   std::vector<char> buffer_;
   std::size_t begin_ = 0, end_ = 0;
+  bool in_head_ = true;  ///< up to the empty line that ends the headers
+  std::string line_;     ///< of the head, read and not taken yet from `line_at_` on
+  std::size_t line_at_ = 0;
 };
 
 /// Threads for connections; those beyond the limit are turned away at once.

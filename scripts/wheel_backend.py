@@ -55,15 +55,15 @@ def run(*command):
     subprocess.run(command, check=True, stdout=sys.stderr)
 
 
-def built(folder):
-    """Builds the library as installed below `folder`, which is kept so that the next wheel takes seconds."""
-    build = folder / "build"
+def built(build):
+    """Builds the library in `build`, which scripts/package uses, too, and which stays for the next wheel."""
     if shutil.which("cmake") is None:
         raise SystemExit("slicecorr: no cmake; scripts/setup --program installs what building needs")
     if not (build / "CMakeCache.txt").exists():
         generator = ["-G", "Ninja"] if shutil.which("ninja") else []
         run("cmake", "-S", ROOT, "-B", build, *generator, "-DCMAKE_BUILD_TYPE=Release", "-DSLICECORR_TESTS=OFF",
-            "-DSLICECORR_LOCAL=OFF", "-DCMAKE_INSTALL_LIBDIR=lib", *shlex.split(os.environ.get("CMAKE_ARGS", "")))  # fmt: skip
+            "-DSLICECORR_LOCAL=OFF", "-DCMAKE_INSTALL_PREFIX=/usr", "-DCMAKE_SKIP_INSTALL_RPATH=ON",
+            *shlex.split(os.environ.get("CMAKE_ARGS", "")))  # fmt: skip
     jobs = str(os.cpu_count() or 1)
     run("cmake", "--build", build, "--parallel", jobs, "--target", "slicecorr-c", "slicecorr-images", "slicecorr-meshes",
         "slicecorr-tar")  # fmt: skip
@@ -91,7 +91,7 @@ def files_of(build):
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     # pip may build in a copy of the checkout; in one of ours what was built stays.
-    build = built(ROOT / "build/wheel")
+    build = built(ROOT / "build/release")
     files = files_of(build)
     info = f"slicecorr-{version()}.dist-info"
     files[f"{info}/METADATA"] = metadata().encode()

@@ -88,7 +88,9 @@ class Help:
             words = re.search(r":\{([^}]*)\}", line)
             words = words and words[1].split(",")
             if section == "Subcommands" and entry:
-                self.commands.append(entry[1])
+                name = entry[1]
+                self.commands.append(name)
+                self.texts[name] = entry[3] or ""
             elif section == "Positionals" and entry:
                 self.places.append(words)
             elif section and entry and entry[1].startswith("-"):
@@ -344,7 +346,7 @@ def check_texts(shell, helps):
     """What stands beside options is what --help says of them, whatever characters that has."""
     checked = 0
     for h in helps:
-        texts = shell.texts[h.line() + "--"]
+        texts = {**shell.texts[h.line() + "--"], **(shell.texts[h.line()] if h.commands else {})}
         # Zsh shows options with the same text in one line, and then texts apart from options.
         if shell.name == "zsh" and not any(texts.values()):
             continue

@@ -139,8 +139,8 @@ TEST(Serve, OverviewJobsEventsLogsFiles) {
             "attachment; filename*=UTF-8''gyroid-0.uvj");
   const auto range = client.Get(fmt::format("/api/v1/jobs/{}/files/uvj", f.done[0]).c_str(),
                                 {httplib::make_range_header({{10, 19}})});
-  EXPECT_EQ(range->status, 206);
-  EXPECT_EQ(range->body.size(), 10U);
+  EXPECT_EQ(range->status, 200) << "answers are whole";
+  EXPECT_EQ(range->body.size(), 5000U);
   // An output that is another one now is not given out.
   test::write_file(fmt::format("{}/gyroid-1.html", farm.folder.results(f.done[1])), "changed");
   EXPECT_EQ(status_of(client.Get(fmt::format("/api/v1/jobs/{}/files/html", f.done[1]).c_str())),

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: 2026 The slicecorr authors
-// SPDX-License-Identifier: Apache-2.0
-
 /* Corrects an archive: correct IN OUT PRINTER RESIN SPEED_MM_H. IN and OUT may be the same file. */
 #include <slicecorr.h>
 #include <stdio.h>

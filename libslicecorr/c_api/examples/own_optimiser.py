@@ -1,6 +1,4 @@
 #!/usr/bin/python3
-# SPDX-FileCopyrightText: 2026 The slicecorr authors
-# SPDX-License-Identifier: Apache-2.0
 """Frames from an optimiser of one's own: own_optimiser.py OUT.frames PRINTER RESIN. Needs SciPy."""
 import sys
 

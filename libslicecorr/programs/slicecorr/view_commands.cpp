@@ -164,8 +164,8 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
 }
 
 int section(const Arguments& a, const ExecutionContext& context, Console& console) {
-  const bool svg = ending_of(a.output, {".png", ".svg"}) == ".svg";
   check_output(a.output, {a.input, a.target});
+  const bool svg = ending_of(a.output, {".png", ".svg"}) == ".svg";
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
   const StackReader& stack = given.stack;
   const SliceSource& target = *given.target;

@@ -118,8 +118,10 @@ bool GuardedStream::wait(short events, Steady::time_point until) const {
   }
 }
 
-bool GuardedStream::is_readable() const {
-  return line_at_ < line_.size() || begin_ < end_ ||
+bool GuardedStream::is_readable() const { return line_at_ < line_.size() || bytes_come(); }
+
+bool GuardedStream::bytes_come() const {
+  return begin_ < end_ ||
          wait(POLLIN, std::min(read_until_, Steady::now() + seconds(limits_.stall_s)));
 }
 
@@ -162,7 +164,7 @@ ssize_t GuardedStream::read_bytes(char* data, std::size_t size) {
         std::clamp<std::int64_t>(left_, 0, static_cast<std::int64_t>(buffer_.size())));
     if (most == 0) return -1;
     for (;;) {
-      if (!is_readable()) return -1;
+      if (!bytes_come()) return -1;
       const ssize_t n = ::recv(socket_, buffer_.data(), most, MSG_DONTWAIT);
       if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;
       if (n <= 0) return n;

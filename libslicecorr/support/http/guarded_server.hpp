@@ -48,6 +48,7 @@ class GuardedStream : public httplib::Stream {
  private:
   using Steady = std::chrono::steady_clock;
   bool wait(short events, Steady::time_point until) const;
+  bool bytes_come() const;
   ssize_t read_bytes(char* data, std::size_t size);
   ssize_t read_line();
 

@@ -46,9 +46,10 @@ class CompletionText : public testing::Test {
   std::string run(const std::string& shell, const std::string& code) {
     std::ofstream(folder_ / "script") << cli::completion_script(app_, shell);
     std::ofstream(folder_ / "code") << code;
-    const test::RunResult result = test::run_program(
-        {"/usr/bin/" + shell, "code"},
-        {.environment = {{"HOME", folder_.string()}}, .folder = folder_.string()});
+    test::RunOptions options;
+    options.environment = {{"HOME", folder_.string()}};
+    options.folder = folder_.string();
+    const test::RunResult result = test::run_program({"/usr/bin/" + shell, "code"}, options);
     EXPECT_EQ(result.exit_code, 0) << result.err;
     EXPECT_EQ(result.err, "");
     return result.out;

@@ -11,6 +11,7 @@
 #include "post/correct_file.hpp"
 #include "programs/common/figures.hpp"
 #include "programs/common/program.hpp"
+#include "watch/done.hpp"
 #include "watch/watch.hpp"
 
 namespace slicecorr::post {
@@ -19,7 +20,7 @@ namespace {
 struct Arguments {
   PostSettings settings;
   std::string file, config, log;
-  bool again = false, undo = false, show_rule = false, json_log = false;
+  bool again = false, undo = false, show_rule = false, json_log = false, tell_watcher = false;
   WatchOptions watch;
 };
 
@@ -73,6 +74,11 @@ int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context
   request.config = load_config(a.config);
   request.given = given_on(app);
   request.again = a.again;
+  if (a.tell_watcher) {
+    const Done done = correct_and_tell(a.file, request, context);
+    cli::print_result(done_json(done));
+    return done.code;
+  }
   if (!watching) {
     request.slicer = slicer_call_from_environment();
     return correct_one(a, request, context, console);
@@ -101,6 +107,7 @@ int run_program(int argc, char** argv) {
                 "Say which rule matches FILE and what would be done; change nothing");
   app->add_flag("--undo", a.undo, "Put the backup of FILE in its place");
   app->add_flag("--again", a.again, "Correct the backup of a corrected FILE anew");
+  app->add_flag(kDoneFlag, a.tell_watcher)->group("");
   const char* const watching = "Watching";
   const auto grouped = [&](CLI::Option* option) { return option->group(watching); };
   grouped(app->add_option("--watch", a.watch.folders, "Folders to watch")->type_name("DIR"))

@@ -25,7 +25,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-using test::TemporaryFolder;
+using slicecorr::test::TemporaryFolder;
 using testing::HasSubstr;
 
 class Pictures final : public FrameSource {

@@ -214,7 +214,7 @@ TEST_F(Exchange, AnycubicFilesThatAreWrong) {
   const auto refused = [&](const std::string& text) {
     return refusal([&] { import_definitions(write("a.json", text), {.format = "anycubic"}); });
   };
-  EXPECT_THAT(refused("{\"a\": }"), HasSubstr("is not JSON"));
+  EXPECT_THAT(refused("{\"a\": }"), HasSubstr("is not valid JSON"));
   EXPECT_THAT(refused("{}"), HasSubstr("nothing to import"));
   EXPECT_THAT(refused(anycubic("[[1,2]]", "")), HasSubstr("expected temperature_coefficients"));
   EXPECT_THAT(refused(anycubic("{\"temperature_coefficients\":[]}", "\"name\":\"n\"")),
@@ -523,11 +523,11 @@ TEST_F(Exchange, ReadingsOfAUvMeterAsJson) {
   EXPECT_THAT(refused(readings("1, null" + fifteen.substr(6))), HasSubstr("uvSensorData[1]"));
   EXPECT_THAT(refused(readings("1, \"2\"" + fifteen.substr(6))), HasSubstr("uvSensorData[1]"));
   EXPECT_THAT(refused(readings("-1" + fifteen.substr(2))), HasSubstr("uvSensorData[0]"));
-  EXPECT_THAT(refused(readings("1e999" + fifteen.substr(2))), HasSubstr("is not JSON"));
-  EXPECT_THAT(refused(readings("NaN" + fifteen.substr(2))), HasSubstr("is not JSON"));
+  EXPECT_THAT(refused(readings("1e999" + fifteen.substr(2))), HasSubstr("is not valid JSON"));
+  EXPECT_THAT(refused(readings("NaN" + fifteen.substr(2))), HasSubstr("is not valid JSON"));
   EXPECT_THAT(refused(readings(fifteen, "1")), HasSubstr("uvSensorType: is 1"));
   EXPECT_THAT(refused("{\"uvSensorData\": null}"), HasSubstr("is no list"));
-  EXPECT_THAT(refused(readings(fifteen).substr(0, 80)), HasSubstr("is not JSON"));
+  EXPECT_THAT(refused(readings(fifteen).substr(0, 80)), HasSubstr("is not valid JSON"));
   std::string dark = "0";
   for (int i = 1; i < 15; ++i) dark += ", 0";
   EXPECT_THAT(refused(readings(dark)), HasSubstr("is black"));

@@ -5,8 +5,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 
 #include <chrono>
 #include <nlohmann/json.hpp>
@@ -16,7 +14,9 @@
 #include "farm_program.hpp"
 #include "farm_served.hpp"
 #include "ladder.hpp"
+#include "raw_client.hpp"
 #include "run_program.hpp"
+#include "serve/routes.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/serve.hpp"
 #include "slicecorr/farm/status.hpp"
@@ -27,7 +27,10 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using slicecorr::test::asked_headers;
+using slicecorr::test::fault_of_answer;
 using slicecorr::test::kSlicefarm;
+using slicecorr::test::Raw;
 using slicecorr::test::run_program;
 using slicecorr::test::RunOptions;
 using test::body_of;
@@ -40,47 +43,6 @@ using test::status_of;
 using test::with_token;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-/// A connection that sends what it likes.
-class Raw {
- public:
-  explicit Raw(int port) : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    connected = ::connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
-  }
-  ~Raw() { ::close(socket_); }
-  Raw(const Raw&) = delete;
-  Raw& operator=(const Raw&) = delete;
-  /// False when the server has closed the connection.
-  bool send(const std::string& text) {
-    std::size_t at = 0;
-    while (at < text.size()) {
-      const ssize_t n = ::send(socket_, text.data() + at, text.size() - at, MSG_NOSIGNAL);
-      if (n <= 0) return false;
-      at += static_cast<std::size_t>(n);
-    }
-    return true;
-  }
-  /// All that comes until the server closes; "(nothing)" after a minute.
-  std::string rest() {
-    std::string text;
-    for (;;) {
-      pollfd fd{socket_, POLLIN, 0};
-      if (::poll(&fd, 1, 60'000) <= 0) return "(nothing)";
-      char buffer[4096];
-      const ssize_t n = ::recv(socket_, buffer, sizeof buffer, 0);
-      if (n <= 0) return text;
-      text.append(buffer, static_cast<std::size_t>(n));
-    }
-  }
-  bool connected = false;
-
- private:
-  int socket_;
-};
 
 std::string host_line(const Served& served) {
   return fmt::format("Host: 127.0.0.1:{}\r\n", served.port);
@@ -582,6 +544,59 @@ TEST(Harm, AnswersAreWholeWhateverIsAskedFor) {
       }
     }
   }
+}
+
+// Every header that HTTP knows, and what clients may make of it, to every route: each answer is one
+// whole answer, with nothing in it but what belongs there.
+TEST(Harm, EveryHeaderToEveryRoute) {
+  Farm farm;
+  const Filled f = fill(farm);
+  ServeOptions options = with_token();
+  options.submit = [](const std::string&, bool, const std::atomic<bool>&) {
+    return SubmitReply{201, "{}"};
+  };
+  const Served served(farm, options);
+  std::vector<std::pair<std::string, std::string>> routes = {
+      {"GET", "/nothing"},    {"DELETE", "/"},  {"OPTIONS", "*"},
+      {"TRACE", "/"},         {"PRI", "*"},     {"CONNECT", "127.0.0.1:1"},
+      {"HEAD", "/healthz"},   {"get", "/"},     {"GET", "http://127.0.0.1/healthz"},
+      {"GET", "/..%2f..%2f"}, {"GET", "/?%ff"}, {"GET", "//healthz"}};
+  for (const detail::Route& route : detail::routes()) {
+    std::string path(route.path);
+    for (std::size_t at = 0; (at = path.find('{')) != path.npos;) {
+      const std::string name = path.substr(at, path.find('}') - at + 1);
+      path.replace(at, name.size(),
+                   name == "{id}"       ? std::to_string(f.done[0])
+                   : name == "{ending}" ? "html"
+                                        : "x");
+    }
+    routes.emplace_back(route.method, path);
+  }
+  ASSERT_GE(routes.size(), 45U);
+  const std::vector<std::string> headers = asked_headers();
+  ASSERT_GE(headers.size(), 120U);
+  std::map<std::string, int> answers;
+  int n = 0;
+  for (const auto& [method, path] : routes) {
+    for (const std::string& header : headers) {
+      Raw raw(served.port);
+      // With and without leave to see it.
+      const std::string token =
+          ++n % 2 == 0 ? "Authorization: Bearer " + kToken + "\r\n" : std::string();
+      raw.send(method + " " + path + " HTTP/1.1\r\n" + host_line(served) + token + header +
+               "\r\n\r\n");
+      raw.end_sending();
+      const std::string answer = raw.rest();
+      const std::string fault = fault_of_answer(answer, method == "HEAD", kToken);
+      EXPECT_EQ(fault, "") << method << " " << path << " " << header.substr(0, 100) << "\n"
+                           << answer.substr(0, 400);
+      ++answers[answer.substr(0, 12)];
+    }
+  }
+  // None of them is a defect, none ends the server.
+  EXPECT_EQ(answers["HTTP/1.1 500"], 0);
+  EXPECT_GT(answers["HTTP/1.1 200"], 500);
+  EXPECT_EQ(status_of(served.authorised().Get("/api/v1/overview")), 200);
 }
 
 TEST(Harm, SlowManyAndEndless) {

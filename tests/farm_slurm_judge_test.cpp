@@ -12,12 +12,12 @@
 #include <fstream>
 #include <sstream>
 
-#include "engine/command.hpp"
 #include "engine/slurm_tasks.hpp"
 #include "engine/slurm_text.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slurm_answers.hpp"
+#include "support/process/command.hpp"
 
 namespace slicecorr::farm::detail {
 namespace {

@@ -283,7 +283,7 @@ TEST_F(Ember, Damages) {
     SCOPED_TRACE(settings);
     expect_refused(make(foreign(settings)), expected);
   };
-  refused("{", "printsettings: not valid JSON");
+  refused("{", "printsettings: is not valid JSON");
   refused("{}", "Settings is missing");
   refused("[]", "the file is a list, expected an object");
   refused("{\"Settings\":5}", "Settings is 5");

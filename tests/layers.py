@@ -5,7 +5,7 @@
 
 A module may include itself and the modules listed above it; other components use public headers, the support layer
 and, where they are programs, what programs share. A public header's functions and classes are defined in the module
-that it is listed under. Prints what is wrong and ends with 1, else 0."""
+that it is listed under. Texts of others are read by the readers that have bounds. Prints what is wrong and ends with 1, else 0."""
 
 import collections
 import pathlib
@@ -119,8 +119,28 @@ def check_order_of_cmake(name, modules):
         wrong.append(f"{name}/CMakeLists.txt: modules are {listed}; cmake/layers.txt has {known}")
 
 
+# Parsers of texts that others wrote, and the one file each that may call them: the others have bounds from it.
+PARSERS = {r"\b(?:\w*[jJ]son|SortedJson)::(?:parse|accept|sax_parse|from_\w+)\(": "libslicecorr/support/json/read_json.cpp",
+           r"\btoml::parse(?:_file)?\(": "libslicecorr/support/toml/toml_table.cpp",
+           r"\bload_(?:buffer\w*|file|string)\(": "libslicecorr/stack/formats/read_xml.cpp"}
+
+
+def check_parsers():
+    for name in SPACES | {"slicer-plugin": ""}:
+        for path in sources(name):
+            place = str(path.relative_to(ROOT))
+            text = without_comments(path.read_text())
+            for pattern, home in PARSERS.items():
+                for match in re.finditer(pattern, text):
+                    if place != home:
+                        wrong.append(f"{place}: calls {match.group(0)}...), which has no bounds; only {home} may")
+            if re.search(r"\bstd::cin\s*>>\s*\w*[jJ]son|>>\s*json\b", text):
+                wrong.append(f"{place}: reads JSON with >>, which has no bounds")
+
+
 def main():
     components, below = read_layers()
+    check_parsers()
     for name, modules in components.items():
         check_component(name, modules, below[name], components)
         check_order_of_cmake(name, modules)

@@ -16,7 +16,6 @@
 #include <memory>
 #include <set>
 
-#include "engine/command.hpp"
 #include "engine/slurm_tasks.hpp"
 #include "engine/slurm_text.hpp"
 #include "slicecorr/error.hpp"
@@ -24,6 +23,7 @@
 #include "slicecorr/farm/engine.hpp"
 #include "slicecorr/farm/token.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "support/process/command.hpp"
 
 namespace slicecorr::farm {
 

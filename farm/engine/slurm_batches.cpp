@@ -15,6 +15,8 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/token.hpp"
 #include "support/files/temporary.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -46,8 +48,8 @@ void write_whole(const std::string& path, const std::string& text) {
 
 std::optional<Batch> read_batch(const std::string& folder, const std::string& token) {
   if (!is_token(token)) return std::nullopt;
-  std::ifstream in(folder + "/" + token + "/batch.json", std::ios::binary);
-  const auto json = nlohmann::json::parse(in, nullptr, false);
+  const auto json =
+      slicecorr::detail::try_json(text_of_file(folder + "/" + token + "/batch.json").value_or(""));
   if (!json.is_object() || !json.contains("tasks") || !json["tasks"].is_array()) {
     return std::nullopt;
   }

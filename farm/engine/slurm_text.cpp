@@ -15,6 +15,7 @@
 #include <string_view>
 
 #include "slicecorr/error.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -180,7 +181,7 @@ std::vector<int> parse_task_list(const std::string& text, bool& more) {
 }
 
 std::vector<SlurmJob> parse_squeue(const std::string& text) {
-  const Json root = Json::parse(text, nullptr, false);
+  const Json root = slicecorr::detail::try_json<Json>(text, slicecorr::detail::kManyLayers);
   if (root.is_discarded() || !root.is_object()) {
     not_understood("squeue --json", "the answer is no whole JSON");
   }

@@ -11,7 +11,8 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
-#include "support/toml/toml_plus_plus.hpp"
+#include "support/files/text_file.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::farm {
 
@@ -142,17 +143,9 @@ NotifyTarget read_target(const std::string& path, const std::string& group,
 }  // namespace
 
 std::vector<NotifyTarget> read_notify_file(const std::string& path) {
-  toml::table table;
-  try {
-    if (std::FILE* file = std::fopen(path.c_str(), "rb")) {
-      std::fclose(file);
-    } else {
-      return {};
-    }
-    table = toml::parse_file(path);
-  } catch (const toml::parse_error& e) {
-    wrong(path, e.source(), std::string(e.description()));
-  }
+  const auto text = text_of_file(path);
+  if (!text) return {};
+  const toml::table table = parse_toml(*text, path);
   std::vector<NotifyTarget> targets;
   for (const auto& [key, node] : table) {
     const std::string group(key.str());

@@ -27,6 +27,9 @@
 #include "slicecorr/farm/token.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/members.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::farm {
 
@@ -49,37 +52,43 @@ struct Pending {
   bool on_its_way = false;
 };
 
+using slicecorr::detail::member_of, slicecorr::detail::text_in, slicecorr::detail::whole_in;
+
 /// What outlives the process: how far the record was read, and what is still to be sent.
 class Outbox {
  public:
   Outbox(std::string path, std::int64_t last_event) : path_(std::move(path)), seen_(last_event) {
-    std::ifstream in(path_);
-    if (!in) {
+    const auto text = text_of_file(path_);
+    if (!text) {
       // What was before the first start is history.
       farm_ = random_token().substr(0, 12);
       save();
       return;
     }
-    const Json json = Json::parse(in, nullptr, false);
-    if (!json.is_object() || !json.contains("farm") || !json.contains("seen")) {
+    const Json json = slicecorr::detail::try_json<Json>(*text);
+    farm_ = text_in(json, "farm");
+    const Json& seen = member_of(json, "seen");
+    if (farm_.empty() || !seen.is_number_integer()) {
       throw InputError(path_, "",
                        "is damaged; remove it to begin anew with what happens from now on");
     }
-    farm_ = json["farm"].get<std::string>();
-    seen_ = json["seen"].get<std::int64_t>();
-    for (const Json& p : json.value("pending", Json::array())) {
+    seen_ = seen.get<std::int64_t>();
+    const auto number = [](const Json& of, const char* key) {
+      const Json& member = member_of(of, key);
+      return member.is_number_integer() ? member.get<std::int64_t>() : std::int64_t{0};
+    };
+    for (const Json& p : member_of(json, "pending")) {
       Pending one;
-      one.target = p.value("target", "");
-      one.tries = p.value("tries", 0);
+      one.target = text_in(p, "target");
+      one.tries = whole_in(p, "tries", 0);
       Notice& n = one.notice;
-      n.id = p.value("id", "");
-      n.kind = p.value("kind", "");
-      n.seq = p.value("seq", std::int64_t{0});
-      n.at_ms = p.value("at_ms", std::int64_t{0});
-      n.json = p.value("json", "");
-      const Json variables = p.value("variables", Json::object());
-      for (const auto& [name, value] : variables.items()) {
-        n.variables.emplace_back(name, value.get<std::string>());
+      n.id = text_in(p, "id");
+      n.kind = text_in(p, "kind");
+      n.seq = number(p, "seq");
+      n.at_ms = number(p, "at_ms");
+      n.json = text_in(p, "json");
+      for (const auto& [name, value] : member_of(p, "variables").items()) {
+        if (value.is_string()) n.variables.emplace_back(name, value.get<std::string>());
       }
       list.push_back(std::move(one));
     }

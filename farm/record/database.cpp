@@ -5,9 +5,15 @@
 
 #include <fmt/format.h>
 #include <sqlite3.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <system_error>
 
 #include "record/schema.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -22,7 +28,10 @@ constexpr int kBusyTimeoutMs = 60'000;
   if ((code & 0xff) == SQLITE_NOTADB || (code & 0xff) == SQLITE_CORRUPT) {
     throw InputError(path, "", fmt::format("{}; expected the database of a farm", text));
   }
-  throw DeviceError(fmt::format("{}: {} (code {})", path, text, code));
+  // SQLite says "unable to open" of a full disk, too.
+  const int why = db ? sqlite3_system_errno(db) : 0;
+  throw DeviceError(fmt::format("{}: {} (code {}){}", path, text, code,
+                                why == 0 ? "" : ": " + std::generic_category().message(why)));
 }
 
 }  // namespace
@@ -50,24 +59,34 @@ std::string Rows::text(int column) const {
 }
 
 Database::Database(const std::string& path, Mode mode) : path_(path) {
-  const int flags =
-      mode == Mode::create ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READWRITE;
+  if (mode == Mode::create && ::access(path.c_str(), F_OK) != 0) {
+    // Under another name until it is whole: an empty record is never one that somebody just makes.
+    const slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(path)};
+    { const Database whole(part.path, Mode::make); }
+    // Who else makes one may be faster.
+    if (::link(part.path.c_str(), path.c_str()) != 0 && errno != EEXIST) {
+      throw DeviceError(slicecorr::detail::errno_message(path, "can't be made"));
+    }
+    slicecorr::detail::sync_folder(slicecorr::detail::path_parts(path).folder);
+  }
   // Readers open for writing too: WAL's shared memory may have to be made. query_only keeps them
   // from changing anything.
-  if (sqlite3_open_v2(path.c_str(), &db_, flags | SQLITE_OPEN_NOMUTEX, nullptr) != SQLITE_OK) {
+  if (sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, nullptr) !=
+      SQLITE_OK) {
     const std::string text = db_ ? sqlite3_errmsg(db_) : "out of memory";
+    const int why = db_ ? sqlite3_system_errno(db_) : ENOMEM;
     sqlite3_close(db_);
     if (mode == Mode::read) {
       throw InputError(path, "",
                        text + "; expected the database of a farm (slicefarm submit makes one)");
     }
-    throw DeviceError(fmt::format("{}: {}", path, text));
+    throw DeviceError(slicecorr::detail::errno_message(path, text, why));
   }
   try {
     sqlite3_extended_result_codes(db_, 1);
     sqlite3_busy_timeout(db_, kBusyTimeoutMs);
     execute("PRAGMA foreign_keys = ON");
-    if (mode == Mode::create) {
+    if (mode != Mode::read) {
       use_wal();
       execute("PRAGMA synchronous = FULL");
     }
@@ -120,8 +139,10 @@ void Database::migrate(Mode mode) {
   };
   std::int64_t version = check();
   if (version == kSchemaVersion) return;
-  if (version == 0 && mode == Mode::read) {
-    throw InputError(path_, "", "is empty; expected the database of a farm");
+  if (version == 0 && mode != Mode::make) {
+    throw InputError(path_, "",
+                     "is empty; expected the database of a farm. Its jobs are lost where it is not "
+                     "in a backup; removed, it makes room for a new farm");
   }
   Transaction transaction(*this);
   version = check();

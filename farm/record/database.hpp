@@ -41,10 +41,11 @@ class Rows {
 
 class Database {
  public:
-  enum class Mode { create, read };
-  /// `create`: opens or makes it with the present schema, WAL, synced at every commit. `read`: an
-  /// existing one, read-only. Throws `InputError` where it is none, or of a newer program;
-  /// `DeviceError` else.
+  enum class Mode { create, read, make };
+  /// `create`: opens it, or makes it where there is none, with the present schema, WAL, synced at
+  /// every commit. `read`: an existing one, read-only. `make`: makes one of an empty file. Throws
+  /// `InputError` where it is none, an empty file included, or of a newer program; `DeviceError`
+  /// else.
   Database(const std::string& path, Mode mode);
   ~Database();
   Database(const Database&) = delete;

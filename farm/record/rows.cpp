@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -129,7 +130,7 @@ std::string list_json(const std::vector<std::string>& list) {
 
 std::vector<std::string> parse_list(const std::string& json) {
   return json.empty() ? std::vector<std::string>{}
-                      : Json::parse(json).get<std::vector<std::string>>();
+                      : slicecorr::detail::own_json<Json>(json).get<std::vector<std::string>>();
 }
 
 std::string files_json(const std::vector<ResultFile>& files) {
@@ -143,7 +144,7 @@ std::string files_json(const std::vector<ResultFile>& files) {
 std::vector<ResultFile> parse_files(const std::string& json) {
   std::vector<ResultFile> files;
   if (json.empty()) return files;
-  for (const Json& f : Json::parse(json))
+  for (const Json& f : slicecorr::detail::own_json<Json>(json))
     files.push_back({f.at("ending"), f.at("bytes"), f.at("sha256")});
   return files;
 }

@@ -13,6 +13,7 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <semaphore>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -88,6 +89,20 @@ class Api {
               const httplib::ContentReader& body);
   void submit(const Asker& asker, const httplib::Request& request, httplib::Response& response,
               const httplib::ContentReader& body);
+  /// One of the few submissions that are checked at a time, one of each asker: reading meshes takes
+  /// memory. Throws `ApiError` where none is free.
+  class SubmitPlace {
+   public:
+    SubmitPlace(Api& api, std::string name);
+    ~SubmitPlace();
+    SubmitPlace(const SubmitPlace&) = delete;
+    SubmitPlace& operator=(const SubmitPlace&) = delete;
+
+   private:
+    Api& api_;
+    std::string name_;
+  };
+  static constexpr std::size_t kMostSubmissions = 2;
   void pause(bool pause, const std::string& by, httplib::Response& response);
   void steer(JobId id, const std::string& what, const std::string& text, const Asker& asker,
              httplib::Response& response);
@@ -115,6 +130,7 @@ class Api {
   Bridges bridges_;
   std::counting_semaphore<> programs_{2};  ///< that requests wait for, at a time
   std::mutex readers_mutex_, submit_mutex_;
+  std::set<std::string> submitting_;  ///< who submits now
   std::vector<std::unique_ptr<ReadModel>> readers_;
   Kept overview_{1}, metrics_{1}, report_{5}, report_json_{5}, timeline_{5};
 };

@@ -17,6 +17,8 @@
 
 #include "serve/studies.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/read_json.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::farm::detail {
@@ -33,13 +35,6 @@ constexpr auto kStatusTime = std::chrono::seconds(5);
 
 std::string log_of(const FarmFolder& folder, const std::string& bridge) {
   return folder.root + "/bridges/" + bridge + ".log";
-}
-
-std::string text_of(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
 }
 
 /// Starts a program that outlives this one, with its output in `log`. -1: it can't be started.
@@ -134,7 +129,7 @@ Json Bridges::list() {
         program_path(rules_, "printbridge"), "status", "--printer", b.printer, "--json", "-"};
     ask.insert(ask.end(), b.status_options.begin(), b.status_options.end());
     const CommandResult result = run_command(ask, kStatusTime, {}, {}, child_limits(rules_, ""));
-    Json state = Json::parse(result.out, nullptr, false);
+    Json state = slicecorr::detail::try_json<Json>(result.out);
     one["state"] = state.is_discarded() ? Json(nullptr) : state;
     if (!result.ok()) one["trouble"] = told_by(result, folder_);
     {
@@ -151,7 +146,7 @@ Json Bridges::list() {
           one["sent"]["exit_code"] = s.exit_code;
           CommandResult said;
           said.exit_code = s.exit_code;
-          said.err = text_of(log_of(folder_, b.name));
+          said.err = text_of_file(log_of(folder_, b.name)).value_or("");
           one["sent"]["message"] = told_by(said, folder_);
         }
       }
@@ -214,7 +209,7 @@ Json Bridges::print(const std::string& bridge, const std::string& stack, const J
     if (!s.running) {
       CommandResult said;
       said.exit_code = s.exit_code;
-      said.err = text_of(log);
+      said.err = text_of_file(log).value_or("");
       if (s.exit_code != 0) throw ApiError(409, "bridge", told_by(said, folder_));
       return {{"bridge", bridge}, {"job", job.id}, {"dry_run", dry_run}, {"running", false}};
     }

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/status.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -50,8 +51,13 @@ void send_json(httplib::Response& response, int status, const Json& json) {
        kJsonType);
 }
 
+namespace {
+/// No body has more: 2,000 jobs, or a resin.
+constexpr slicecorr::detail::JsonBounds kBodyBounds{std::size_t{64} << 20, 16, 200'000};
+}  // namespace
+
 Json parsed(const std::string& text) {
-  Json json = Json::parse(text, nullptr, false);
+  Json json = slicecorr::detail::try_json<Json>(text, kBodyBounds);
   if (!json.is_object()) throw ApiError(400, "json", "expected a JSON object");
   return json;
 }
@@ -137,6 +143,18 @@ void Api::upload(const std::string& name, const httplib::Request& request,
   send_json(response, 201, {{"part", part.keep()}, {"bytes", bytes}});
 }
 
+Api::SubmitPlace::SubmitPlace(Api& api, std::string name) : api_(api), name_(std::move(name)) {
+  const std::scoped_lock lock(api_.submit_mutex_);
+  std::set<std::string>& now = api_.submitting_;
+  if (now.size() >= kMostSubmissions || !now.insert(name_).second) {
+    throw ApiError(503, "busy", "another submission is being checked");
+  }
+}
+Api::SubmitPlace::~SubmitPlace() {
+  const std::scoped_lock lock(api_.submit_mutex_);
+  api_.submitting_.erase(name_);
+}
+
 void Api::submit(const Asker& asker, const httplib::Request& request, httplib::Response& response,
                  const httplib::ContentReader& body) {
   Query query(request);
@@ -144,9 +162,7 @@ void Api::submit(const Asker& asker, const httplib::Request& request, httplib::R
   query.end();
   if (!options_.submit) throw ApiError(403, "read_only", "this server takes no jobs");
   const std::string text = with_user(whole_body(request, body), asker);
-  // Reading meshes takes memory: one submission at a time.
-  std::unique_lock lock(submit_mutex_, std::try_to_lock);
-  if (!lock.owns_lock()) throw ApiError(503, "busy", "another submission is being checked");
+  const SubmitPlace place(*this, asker.name);
   SubmitReply reply = options_.submit(text, dry_run, stopping_);
   send(response, reply.status, std::move(reply.json), kJsonType);
 }

@@ -20,10 +20,10 @@
 #include <thread>
 #include <vector>
 
-#include "engine/command.hpp"
 #include "serve/accounts.hpp"
 #include "slicecorr/farm/folder.hpp"
 #include "slicecorr/farm/serve.hpp"
+#include "support/process/command.hpp"
 
 namespace slicecorr::farm::detail {
 

@@ -16,6 +16,8 @@
 #include "serve/studies.hpp"
 #include "serve/uploads.hpp"
 #include "slicecorr/mesh.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -171,8 +173,7 @@ Arguments joined(std::initializer_list<Arguments> lists) {
 
 /// The row of the image in which the worst place lies, by the figures of a check; none without one.
 std::optional<int> worst_row(const std::string& path) {
-  std::ifstream in(path);
-  const Json json = Json::parse(in, nullptr, false);
+  const Json json = slicecorr::detail::try_json<Json>(text_of_file(path).value_or(""));
   const auto worst = json.is_object() ? json.find("worst_pixel") : json.end();
   if (worst == json.end() || !worst->is_array() || worst->size() != 2) return {};
   const int row = (*worst)[1].is_number_integer() ? (*worst)[1].get<int>() : -1;

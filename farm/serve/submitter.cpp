@@ -8,11 +8,13 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "serve/uploads.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/serve.hpp"
 #include "slicecorr/farm/submit.hpp"
 
@@ -70,9 +72,29 @@ void confine(JobRequest& request, const SubmitRules& rules, std::vector<SubmitEr
   }
 }
 
+/// Refuses more jobs of a user than may wait.
+void check_open_jobs(const std::vector<JobRequest>& requests, const SubmitRules& rules) {
+  std::map<std::string, std::int64_t> asked;
+  for (const JobRequest& r : requests) {
+    asked[r.user.empty() ? rules.user : r.user] += std::max(1, r.copies);
+  }
+  ReadModel model(rules.folder.database());
+  for (const auto& [user, jobs] : asked) {
+    JobFilter open;
+    open.user = user;
+    open.states = {JobState::queued, JobState::running};
+    const std::int64_t there = model.count(open);
+    if (there + jobs <= rules.most_open_jobs) continue;
+    throw SubmitErrors({{"request", fmt::format("{} has {} jobs that wait or run; with these {} it "
+                                                "would be more than {}",
+                                                user, there, jobs, rules.most_open_jobs)}});
+  }
+}
+
 SubmitReply failed(const std::vector<SubmitError>& errors) {
   Json list = Json::array();
   for (const SubmitError& e : errors) {
+    if (list.size() == kMostErrorsTold) break;
     list.push_back({{"where", e.where}, {"message", e.message}, {"reason", name_of(e.reason)}});
   }
   const Json json = {{"error",
@@ -95,6 +117,7 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
       std::vector<SubmitError> errors;
       for (JobRequest& request : requests) confine(request, rules, errors);
       if (!errors.empty()) return failed(errors);
+      check_open_jobs(requests, rules);
       Queue queue(rules.folder.database());
       ExecutionContext context;
       context.cancel = &stopping;

@@ -7,13 +7,12 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "submit/fields.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/csv.hpp"
-#include "support/toml/toml_plus_plus.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::farm {
 
@@ -101,10 +100,16 @@ const char* fault_text(const CsvRow& row) {
   }
 }
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw SubmitErrors({{path, "can't be read; expected a jobs file"}});
-  return std::string(std::istreambuf_iterator<char>(file), {});
+/// A text that can't be read at all is wrong in one way.
+template <class Read>
+auto all_of(const std::string& source, const Read& read) {
+  try {
+    return read();
+  } catch (const InputError& e) {
+    std::string what = e.what();
+    if (what.starts_with(source + ": ")) what.erase(0, source.size() + 2);
+    throw SubmitErrors({{source, what}});
+  }
 }
 
 }  // namespace
@@ -119,12 +124,7 @@ bool SubmitErrors::all_infeasible() const {
 
 std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
                                         const JobRequest& defaults) {
-  toml::table root;
-  try {
-    root = toml::parse(text, source);
-  } catch (const toml::parse_error& e) {
-    throw SubmitErrors({{line_text(source, e.source().begin.line), std::string(e.description())}});
-  }
+  const toml::table root = all_of(source, [&] { return parse_toml(text, source); });
   std::vector<SubmitError> errors;
   JobRequest common = defaults;
   std::vector<JobRequest> requests;
@@ -220,12 +220,12 @@ std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::strin
 std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source,
                                         const JobRequest& defaults) {
   using Json = nlohmann::json;
-  Json root;
-  try {
-    root = Json::parse(text);
-  } catch (const Json::parse_error& e) {
-    throw SubmitErrors({{source, e.what()}});
-  }
+  /// A job has some 50 fields, most of them one value.
+  constexpr slicecorr::detail::JsonBounds kBounds{std::size_t{64} << 20, 16,
+                                                  100 * std::size_t{kMostJobsOfRequest}};
+  const Json root = all_of(source, [&] {
+    return slicecorr::detail::read_json(text, {source, ""}, kBounds);
+  });
   std::vector<SubmitError> errors;
   const auto set_object = [&](JobRequest& request, const Json& object, const std::string& where) {
     for (const auto& [key, item] : object.items()) {
@@ -255,8 +255,8 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
   };
   std::vector<JobRequest> requests;
   JobRequest common = defaults;
-  if (!root.is_object() || !root.contains("jobs") || !root["jobs"].is_array() ||
-      root["jobs"].empty()) {
+  if (!root.is_object() || !root.contains("jobs") || !root.at("jobs").is_array() ||
+      root.at("jobs").empty()) {
     throw SubmitErrors({{source, "expected {\"jobs\": [{...}, ...]}"}});
   }
   for (const auto& [key, item] : root.items()) {
@@ -267,8 +267,15 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
       errors.push_back({source, "'" + key + "' is not known here; expected defaults and jobs"});
     }
   }
+  const auto too_many = [&](std::size_t jobs) {
+    return SubmitErrors({{source, fmt::format("has {} jobs, copies counted; expected at most {}",
+                                              jobs, kMostJobsOfRequest)}});
+  };
+  if (root.at("jobs").size() > kMostJobsOfRequest) throw too_many(root.at("jobs").size());
   int n = 0;
-  for (const Json& item : root["jobs"]) {
+  std::size_t jobs = 0;
+  for (const Json& item : root.at("jobs")) {
+    if (errors.size() >= kMostErrorsTold) break;
     JobRequest request = common;
     request.where = fmt::format("{}: job {}", source, ++n);
     if (item.is_object()) {
@@ -276,14 +283,16 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
     } else {
       errors.push_back({request.where, "is no object"});
     }
+    jobs += static_cast<std::size_t>(std::max(1, request.copies));
     requests.push_back(std::move(request));
   }
+  if (jobs > kMostJobsOfRequest) throw too_many(jobs);
   if (!errors.empty()) throw SubmitErrors(std::move(errors));
   return requests;
 }
 
 std::vector<JobRequest> read_jobs_file(const std::string& path, const JobRequest& defaults) {
-  const std::string text = text_of(path);
+  const std::string text = all_of(path, [&] { return read_text_file(path); });
   const std::string folder = fs::absolute(path).parent_path().string();
   JobRequest common = defaults;
   // What the command line says is meant from where it is said.

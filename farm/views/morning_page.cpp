@@ -11,6 +11,7 @@
 
 #include "slicecorr/farm/morning.hpp"
 #include "support/chart/chart.hpp"
+#include "support/json/read_json.hpp"
 #include "support/page/page_style.hpp"
 #include "support/text/escape.hpp"
 #include "views/moment_text.hpp"
@@ -428,18 +429,22 @@ std::string morning_json(const MorningReport& r) {
   json["attempt_reasons"] = reasons(r.attempt_reasons);
   json["failures"] = Json::array();
   for (const auto& f : r.failures) {
-    Json one = Json::parse(job_json(f.job));
+    Json one = slicecorr::detail::own_json<Json>(job_json(f.job));
     one["log_tail"] = f.log_lines;
     one["tries"] = Json::array();
-    for (const Attempt& a : f.attempts) one["tries"].push_back(Json::parse(attempt_json(a)));
+    for (const Attempt& a : f.attempts)
+      one["tries"].push_back(slicecorr::detail::own_json<Json>(attempt_json(a)));
     json["failures"].push_back(std::move(one));
   }
   json["worst"] = Json::array();
-  for (const Job& j : r.worst) json["worst"].push_back(Json::parse(job_json(j)));
+  for (const Job& j : r.worst)
+    json["worst"].push_back(slicecorr::detail::own_json<Json>(job_json(j)));
   json["tomographic"] = Json::array();
-  for (const Job& j : r.tomographic) json["tomographic"].push_back(Json::parse(job_json(j)));
+  for (const Job& j : r.tomographic)
+    json["tomographic"].push_back(slicecorr::detail::own_json<Json>(job_json(j)));
   json["jobs"] = Json::array();
-  for (const Job& j : r.jobs) json["jobs"].push_back(Json::parse(job_json(j)));
+  for (const Job& j : r.jobs)
+    json["jobs"].push_back(slicecorr::detail::own_json<Json>(job_json(j)));
   json["with_defects"] = r.with_defects;
   json["slot_ms"] = r.slot_ms;
   json["slots"] = Json::array();
@@ -447,7 +452,7 @@ std::string morning_json(const MorningReport& r) {
     json["slots"].push_back(
         {{"from_ms", s.from_ms}, {"done", s.done}, {"cores_busy", s.cores_busy}});
   }
-  json["farm"] = Json::parse(overview_json(r.overview));
+  json["farm"] = slicecorr::detail::own_json<Json>(overview_json(r.overview));
   return json.dump(2, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/farm/status.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::farm {
 
@@ -66,13 +67,13 @@ std::string what_holds(const Overview& o) {
 }
 
 std::string overview_json(const Overview& o) {
-  Json json = Json::parse(summary_json(o.summary, o.settings, o.services));
+  Json json = slicecorr::detail::own_json<Json>(summary_json(o.summary, o.settings, o.services));
   json["now_ms"] = o.now_ms;
   json["holds"] = what_holds(o);
   json["running"] = Json::array();
   for (const RunningJob& r : o.running) {
-    Json job = Json::parse(job_json(r.job));
-    job["attempt"] = Json::parse(attempt_json(r.attempt));
+    Json job = slicecorr::detail::own_json<Json>(job_json(r.job));
+    job["attempt"] = slicecorr::detail::own_json<Json>(attempt_json(r.attempt));
     job["seconds"] = r.seconds;
     job["layers_per_s"] = r.layers_per_s;
     job["eta_s"] = r.eta_s >= 0 ? Json(r.eta_s) : Json(nullptr);

@@ -9,6 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "support/json/read_json.hpp"
 #include "views/moment_text.hpp"
 
 namespace slicecorr::farm {
@@ -201,13 +202,14 @@ std::string overview_line(const Overview& o) {
 }
 
 std::string status_json(const StatusPage& page, const FarmFolder& folder) {
-  Json json = Json::parse(overview_json(page.overview));
+  Json json = slicecorr::detail::own_json<Json>(overview_json(page.overview));
   json["dir"] = folder.root;
   json["total"] = page.total;
   json["limit"] = page.limit;
   json["offset"] = page.offset;
   json["list"] = Json::array();
-  for (const Job& job : page.jobs) json["list"].push_back(Json::parse(job_json(job)));
+  for (const Job& job : page.jobs)
+    json["list"].push_back(slicecorr::detail::own_json<Json>(job_json(job)));
   return json.dump(2, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -26,9 +26,9 @@
 #include "slicecorr/setup.hpp"
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
+#include "support/process/memory_limit.hpp"
 #include "work/files.hpp"
 #include "work/make_result.hpp"
-#include "work/memory_limit.hpp"
 #include "work/reporter.hpp"
 #include "work/stages.hpp"
 
@@ -37,7 +37,6 @@ namespace slicecorr::farm {
 namespace fs = std::filesystem;
 using SteadyTime = std::chrono::steady_clock;
 using detail::InputGone;
-using detail::kLimitsMemory;
 using detail::OutputInvalid;
 using detail::Reporter;
 

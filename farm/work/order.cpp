@@ -7,8 +7,6 @@
 
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -17,6 +15,8 @@
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
 #include "slicecorr/version.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/read_json.hpp"
 #include "work/files.hpp"
 
 namespace slicecorr::farm {
@@ -128,12 +128,6 @@ std::string dump(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-std::optional<std::string> text_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return std::nullopt;
-  return std::string(std::istreambuf_iterator<char>(file), {});
-}
-
 /// By rename, so that who reads it reads all of it.
 void replace_file(const std::string& path, const std::string& text) {
   cli::write_text_file(path, text);
@@ -145,7 +139,7 @@ std::string spec_json(const WorkSpec& spec) { return json_of(spec, true).dump();
 
 WorkSpec parse_spec(const std::string& json) {
   try {
-    return spec_of(Json::parse(json));
+    return spec_of(slicecorr::detail::read_json<Json>(json, {"what a job has to do", ""}));
   } catch (const Json::exception& e) {
     throw InputError(fmt::format("what a job has to do can't be read: {}", e.what()));
   }
@@ -174,10 +168,10 @@ void write_order(const std::string& folder, const WorkOrder& o) {
 
 WorkOrder read_order(const std::string& folder) {
   const std::string path = folder + "/order.json";
-  const auto text = text_of(path);
+  const auto text = text_of_file(path);
   if (!text) throw InputError(path, "", "can't be read; expected the order of an attempt");
   try {
-    const Json json = Json::parse(*text);
+    const Json json = slicecorr::detail::read_json<Json>(*text, {path, ""});
     const int format = json.at("format");
     if (format != detail::kOrderFormat && format != detail::kTomoOrderFormat) {
       throw InputError(path, "",
@@ -211,10 +205,10 @@ void detail::write_progress(const std::string& folder, const ProgressNote& p) {
 }
 
 std::optional<ProgressNote> read_progress(const std::string& folder) {
-  const auto text = text_of(folder + "/progress.json");
+  const auto text = text_of_file(folder + "/progress.json");
   if (!text) return std::nullopt;
   try {
-    const Json json = Json::parse(*text);
+    const Json json = slicecorr::detail::try_json<Json>(*text);
     return ProgressNote{json.at("stage"), json.at("node"), json.at("fraction"),
                         json.at("layers_done"), json.at("beat")};
   } catch (const Json::exception&) {
@@ -255,10 +249,10 @@ void detail::write_outcome(const std::string& folder, const WorkOutcome& o) {
 }
 
 std::optional<WorkOutcome> read_outcome(const std::string& folder) {
-  const auto text = text_of(folder + "/result.json");
+  const auto text = text_of_file(folder + "/result.json");
   if (!text) return std::nullopt;
   try {
-    const Json json = Json::parse(*text);
+    const Json json = slicecorr::detail::try_json<Json>(*text);
     WorkOutcome o;
     o.token = json.at("token");
     o.key = json.at("key");

@@ -11,6 +11,12 @@
 
 namespace slicecorr::bridge {
 
+namespace {
+/// How many requests back it is counted how many were answered, and the share of those that were not
+/// from which on it is the wire that is bad. A good wire loses one in thousands.
+constexpr double kRecent = 32, kBadWire = 0.2;
+}  // namespace
+
 Controller::Impl::Impl(PrintPlan p, Machine m, bool dry)
     : plan(std::move(p)),
       machine(std::move(m)),
@@ -47,13 +53,21 @@ void Controller::Impl::fail(Fault what, const std::string& detail) {
   if (fault != Fault::none || step.finished || phase == Phase::failed) return;
   fault = what;
   fault_detail = detail;
+  // Where the stage is not heard of, images are late: the wire is to blame.
+  if (what == Fault::late_frame && unanswered > kBadWire) {
+    fault = Fault::heartbeat_lost;
+    fault_detail +=
+        fmt::format(", since {:.0f} % of requests were not answered rightly", unanswered * 100);
+  }
   fault_um = stage.measured_um();
   if (phase == Phase::raising) fault_detail += " (all slices are printed)";
-  event("fault " + std::string(name_of(what)), detail);
+  event("fault " + std::string(name_of(fault)), fault_detail);
 }
 
-Controller::Controller(PrintPlan plan, Machine machine, bool dry_run)
-    : impl_(std::make_unique<Impl>(std::move(plan), std::move(machine), dry_run)) {}
+Controller::Controller(PrintPlan plan, Machine machine, bool dry_run, std::uint16_t first_sequence)
+    : impl_(std::make_unique<Impl>(std::move(plan), std::move(machine), dry_run)) {
+  impl_->next_sequence = first_sequence;
+}
 Controller::~Controller() = default;
 
 ControlStep Controller::step(const std::optional<Answer>& answer, double now_s) {
@@ -77,6 +91,7 @@ ControlStep Controller::step(const std::optional<Answer>& answer, double now_s) 
                        gap_s * 1e3));
   }
   s.answered = answer && !answer->only_read;
+  if (s.connected) s.unanswered += ((s.answered ? 0.0 : 1.0) - s.unanswered) / kRecent;
   if (answer) s.take(*answer);
   s.take_reports();
   s.judge_time();
@@ -92,9 +107,7 @@ ControlStep Controller::step(const std::optional<Answer>& answer, double now_s) 
   SetPoints& out = s.out;
   if (s.dry_run || s.failing()) out.blue_share = out.uv_mw_cm2 = 0;
   out.sequence = s.next_sequence;
-  s.next_sequence = static_cast<std::uint16_t>(s.next_sequence + 1);
-  if (s.next_sequence == 0)
-    s.next_sequence = 1;  // 0 is what a machine echoes that has just started
+  s.next_sequence = next_sequence(s.next_sequence);
   // The heartbeat changes after good exchanges only. While it is not known what the machine takes
   // over, its own watchdog is to act.
   if (s.answered) ++out.heartbeat;

@@ -71,6 +71,7 @@ struct Controller::Impl {
   std::deque<Sent> sent;
   double last_answer_s = 0;
   bool answered = false, connected = false, seen_running = false;
+  double unanswered = 0;  ///< share of the last requests
   Status status;
   std::optional<double> status_at_s;  ///< nothing: the machine was never heard
   std::optional<double> not_running_since_s, uv_short_since_s;

@@ -21,6 +21,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/setup.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -213,7 +214,7 @@ bool receive_message(const WireSocket& socket, WireMessage& m, double timeout_s)
 WireMessage message_of(const WireHello& hello) {
   nlohmann::ordered_json json;
   json["version"] = kWireVersion;
-  json["setup"] = nlohmann::ordered_json::parse(setup_json(hello.setup));
+  json["setup"] = slicecorr::detail::own_json<nlohmann::ordered_json>(setup_json(hello.setup));
   json["layer_um"] = hello.layer_um;
   json["target_layers"] = hello.target_layers;
   json["slices"] = hello.slices;
@@ -235,7 +236,10 @@ WireHello hello_of(const WireMessage& message) {
   if (message.kind != WireKind::hello) wrong("expected a hello first");
   WireHello hello;
   try {
-    const auto json = nlohmann::ordered_json::parse(message.payload.begin(), message.payload.end());
+    const std::string_view text(reinterpret_cast<const char*>(message.payload.data()),
+                                message.payload.size());
+    const auto json =
+        slicecorr::detail::read_json<nlohmann::ordered_json>(text, {"frame wire", ""});
     if (json.at("version") != kWireVersion) {
       wrong(
           fmt::format("hello of version {}, expected {}", json.at("version").dump(), kWireVersion));

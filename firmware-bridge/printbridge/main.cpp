@@ -24,6 +24,8 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "support/json/members.hpp"
+#include "support/json/read_json.hpp"
 #include "view_commands.hpp"
 
 namespace slicecorr::bridge {
@@ -127,9 +129,18 @@ Material stack_to_print(const Options& o, const Machine& machine, const Executio
   return m;
 }
 
+/// A job that is printed is as it was solved.
+void check_unchanged(const std::string& path, bool has_checksums) {
+  if (has_checksums) return;
+  throw InputError(path, "",
+                   "has no checksums of what it says and shows: it was made by another program, or "
+                   "changed since; expected a job as `slicecorr` writes it");
+}
+
 Material job_to_print(const Options& o, const Machine& machine, const ExecutionContext& context) {
   Material m;
   const tomo::TomoJob job = tomo::read_job(o.stack, context);
+  check_unchanged(o.stack, job.has_checksums);
   m.plan = plan_turns(job, o.stack, machine);
   m.hello = hello_of(o, m.plan, machine);
   m.hello.setup.printer = job.printer;
@@ -143,6 +154,7 @@ Material job_to_print(const Options& o, const Machine& machine, const ExecutionC
 Material beams_to_print(const Options& o, const Machine& machine, const ExecutionContext& context) {
   Material m;
   m.beams = std::make_unique<tomo::BeamJob>(tomo::read_beam_job(o.stack, context));
+  check_unchanged(o.stack, m.beams->has_checksums);
   m.plan = plan_beams(*m.beams, o.stack, machine, load_beam_vat(o.printer, machine.printer));
   m.hello = hello_of(o, m.plan, machine);
   m.hello.setup = Setup{m.beams->printer, m.beams->resin, process_of(*m.beams)};
@@ -241,6 +253,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   choose_displays(o, machine);
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
+  const MachineLock machine_lock(*machine.modbus);
   check_latch(o, folder, machine);
   const Material material = material_of(o, machine, context);
   const PrintPlan& plan = material.plan;
@@ -307,10 +320,11 @@ StateFolder folder_of(const Options& o) { return StateFolder::of(o.dir, load_pri
 int request(const Options& o, const std::string& what, Console& console) {
   const auto answer = ask_running(folder_of(o), what);
   if (!answer) throw InputError(fmt::format("printer '{}' does not print now", o.printer));
-  const auto json = nlohmann::json::parse(*answer, nullptr, false);
+  const auto json = slicecorr::detail::try_json(*answer);
   if (!json.is_object()) throw DeviceError("the print gives no answer that can be read");
-  const std::string why = json.value("why", "");
-  if (!json.value("accepted", false)) throw InfeasibleError(what + " is refused: " + why);
+  const std::string why = slicecorr::detail::text_in(json, "why");
+  if (!slicecorr::detail::flag_in(json, "accepted"))
+    throw InfeasibleError(what + " is refused: " + why);
   console.say(what + ": " + why);
   return cli::kDone;
 }
@@ -320,6 +334,7 @@ int reset(const Options& o, Console& console) {
   machine.connect_to(o.modbus);
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
+  const MachineLock machine_lock(*machine.modbus);
   const auto latch = read_latch(folder, true);
   make_missing_report(folder);
   const auto clock = make_real_clock();

@@ -90,6 +90,7 @@ int check(const Options& o) {
   }
   Machine machine = load_machine(o.printer);
   machine.connect_to(o.modbus);
+  const MachineLock lock(*machine.modbus);
   const auto clock = make_real_clock();
   int good = 0, bad = 0;
   check_machine([&] { return make_modbus_link(*machine.modbus, machine.limits); }, *clock, machine,

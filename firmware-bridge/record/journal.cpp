@@ -22,6 +22,7 @@
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
 #include "support/files/temporary.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -156,7 +157,9 @@ void Journal::add(const PrintEvent& event, bool important) {
   line["stage_um"] = event.stage_um;
   if (impl_->um_per_deg > 0) line["stage_deg"] = event.stage_um / impl_->um_per_deg;
   using nlohmann::ordered_json;
-  if (!event.facts.empty()) line["facts"] = ordered_json::parse(event.facts, nullptr, false);
+  if (!event.facts.empty()) {
+    line["facts"] = slicecorr::detail::try_json<ordered_json>(event.facts);
+  }
   impl_->writer.add(line.dump(-1, ' ', false, ordered_json::error_handler_t::replace), important);
 }
 

@@ -5,23 +5,14 @@
 
 #include <cmath>
 
+#include "support/json/members.hpp"
+
 namespace slicecorr::bridge {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
 Json or_null(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
-
-bool flag(const Json& json, const char* key) {
-  const auto found = json.find(key);
-  return found != json.end() && found->is_boolean() && found->get<bool>();
-}
-std::optional<double> number(const Json& json, const char* key) {
-  const auto found = json.find(key);
-  if (found == json.end() || !found->is_number()) return std::nullopt;
-  const double value = found->get<double>();
-  return std::isfinite(value) ? std::optional(value) : std::nullopt;
-}
 
 }  // namespace
 
@@ -46,22 +37,22 @@ Json left_json(const Left& left) {
 }
 
 std::optional<Left> left_in(const Json& json) {
+  using slicecorr::detail::flag_in, slicecorr::detail::number_in, slicecorr::detail::text_in;
   if (!json.is_object() || !json.contains("confirmed")) return std::nullopt;
   Left left;
-  left.touched = flag(json, "touched");
-  left.lamps_taken = flag(json, "lamps_taken");
-  left.heard = flag(json, "heard");
-  left.dark = flag(json, "dark");
-  left.stands = flag(json, "stands");
-  left.bridge_gone = flag(json, "bridge_gone");
-  left.measured = flag(json, "measured");
-  left.measured_s_ago = number(json, "measured_s_ago");
-  left.blue_measured = number(json, "blue_measured").value_or(0);
-  left.uv_measured = number(json, "uv_measured");
-  left.stage_um = number(json, "stage_um");
-  left.stage_deg = number(json, "stage_deg");
-  const auto time = json.find("time");
-  if (time != json.end() && time->is_string()) left.time = time->get<std::string>();
+  left.touched = flag_in(json, "touched");
+  left.lamps_taken = flag_in(json, "lamps_taken");
+  left.heard = flag_in(json, "heard");
+  left.dark = flag_in(json, "dark");
+  left.stands = flag_in(json, "stands");
+  left.bridge_gone = flag_in(json, "bridge_gone");
+  left.measured = flag_in(json, "measured");
+  left.measured_s_ago = number_in(json, "measured_s_ago");
+  left.blue_measured = number_in(json, "blue_measured").value_or(0);
+  left.uv_measured = number_in(json, "uv_measured");
+  left.stage_um = number_in(json, "stage_um");
+  left.stage_deg = number_in(json, "stage_deg");
+  left.time = text_in(json, "time");
   return left;
 }
 

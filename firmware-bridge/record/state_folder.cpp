@@ -19,11 +19,16 @@
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
 #include "support/files/temporary.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/members.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/csv.hpp"
 
 namespace slicecorr::bridge {
 namespace {
+
+using slicecorr::detail::number_in, slicecorr::detail::text_in, slicecorr::detail::whole_in;
 
 std::string base_folder(const std::string& dir) {
   if (!dir.empty()) return dir;
@@ -64,29 +69,23 @@ JournalEnd journal_of(const StateFolder& folder) {
   std::ifstream file(folder.file("journal.jsonl"));
   std::string line;
   while (std::getline(file, line)) {
-    const auto json = nlohmann::json::parse(line, nullptr, false);
+    const auto json = slicecorr::detail::try_json(line);
     if (!json.is_object()) continue;  // halved by a power cut
-    const std::string what = json.value("what", "");
+    const std::string what = text_in(json, "what");
     if (what == kJournalBegin) {
       end.open = true;
-      end.stack = json.value("detail", "");
+      end.stack = text_in(json, "detail");
       end.start_um.reset();
       end.um_per_deg = 0;
-      if (const auto facts = json.find("facts"); facts != json.end() && facts->is_object()) {
-        const auto number = [&](const char* key) -> std::optional<double> {
-          const auto found = facts->find(key);
-          if (found == facts->end() || !found->is_number()) return std::nullopt;
-          return found->get<double>();
-        };
-        end.start_um = number("start_um");
-        end.um_per_deg = number("um_per_deg").value_or(0);
-      }
+      const auto& facts = slicecorr::detail::member_of(json, "facts");
+      end.start_um = number_in(facts, "start_um");
+      end.um_per_deg = number_in(facts, "um_per_deg", 0);
     } else if (what == kJournalEnd) {
       end.open = false;
     }
     end.last = what;
-    end.frame = json.value("frame", kBlackFrame);
-    end.stage_um = json.value("stage_um", 0.0);
+    end.frame = whole_in(json, "frame", kBlackFrame);
+    end.stage_um = number_in(json, "stage_um", 0);
   }
   return end;
 }
@@ -152,23 +151,21 @@ void write_whole(const std::string& path, const std::string& text) {
 }
 
 std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
-  std::ifstream file(folder.file("latch.json"));
-  if (file) {
-    std::ostringstream text;
-    text << file.rdbuf();
+  if (std::error_code none; std::filesystem::exists(folder.file("latch.json"), none)) {
     Latch latch;
-    const auto json = nlohmann::ordered_json::parse(text.str(), nullptr, false);
+    const auto json = slicecorr::detail::try_json<nlohmann::ordered_json>(
+        text_of_file(folder.file("latch.json")).value_or(""));
     if (!json.is_object()) {
       latch.fault = Fault::defect;
       latch.detail = "latch.json can't be read";
       return latch;
     }
-    latch.fault = fault_of(json.value("fault", "")).value_or(Fault::defect);
-    latch.detail = json.value("detail", "");
-    latch.stack = json.value("stack", "");
-    latch.frame = json.value("frame", kBlackFrame);
-    latch.stage_um = json.value("stage_um", 0.0);
-    latch.z_um = json.value("z_um", 0.0);
+    latch.fault = fault_of(text_in(json, "fault")).value_or(Fault::defect);
+    latch.detail = text_in(json, "detail");
+    latch.stack = text_in(json, "stack");
+    latch.frame = whole_in(json, "frame", kBlackFrame);
+    latch.stage_um = number_in(json, "stage_um", 0);
+    latch.z_um = number_in(json, "z_um", 0);
     if (const auto left = json.find("after_fault"); left != json.end()) {
       latch.left = left_in(*left);
     }

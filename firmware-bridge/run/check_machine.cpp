@@ -101,8 +101,7 @@ class Bench {
   }
 
   bool exchange(bool beats = true) {
-    ++out_.sequence;
-    if (out_.sequence == 0) out_.sequence = 1;
+    out_.sequence = next_sequence(out_.sequence);
     if (beats) ++out_.heartbeat;
     const auto answer = link_->exchange(out_);
     if (answer) {

@@ -8,8 +8,10 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
+#include <deque>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <thread>
 
 #include "record/left_json.hpp"
@@ -62,6 +64,55 @@ class Teller {
   std::thread thread_;
 };
 
+/// Set-points that do nothing, with a look at the machine after each: more than enough for two
+/// bridges to find each other.
+constexpr int kFirstExchanges = 10;
+/// Sent numbers of which one may come back.
+constexpr int kOwnNumbers = 4;
+
+std::uint16_t by_chance() {
+  std::random_device device;
+  return static_cast<std::uint16_t>(1 + device() % 0xffff);
+}
+/// The number with which the print goes on after the first exchanges.
+std::uint16_t after_looks(std::uint16_t first) {
+  for (int i = 0; i < kFirstExchanges; ++i) first = next_sequence(first);
+  return first;
+}
+
+[[noreturn]] void somebody_else(const Machine& machine) {
+  throw InputError(machine.printer.name, "",
+                   "takes set-points from somebody else: another bridge is at work with it");
+}
+
+/// Begins to drive a machine that nobody else drives. A machine that takes numbers and gives status
+/// in one request always gives back the own number then: so it is looked at between requests, too.
+/// Silence is for the print's own rules. Throws `InputError`, with nothing moved or lit.
+void take_over(Link& link, BridgeClock& clock, const Machine& machine, std::uint16_t first) {
+  check_alone(link, clock, machine);
+  SetPoints out;
+  out.watchdog_s = machine.limits.watchdog_s;
+  std::deque<std::uint16_t> own;
+  bool taken = false;
+  double next_s = clock.now_s();
+  const auto judge = [&](const std::optional<Status>& status) {
+    if (!status) return;
+    const bool is_own = std::find(own.begin(), own.end(), status->sequence_echo) != own.end();
+    if (taken && !is_own) somebody_else(machine);
+    taken = taken || is_own;
+  };
+  for (std::uint16_t number = first, n = 0; n < kFirstExchanges; ++n) {
+    out.sequence = number;
+    number = next_sequence(number);
+    ++out.heartbeat;
+    own.push_back(out.sequence);
+    if (own.size() > kOwnNumbers) own.pop_front();
+    judge(link.exchange(out));
+    clock.sleep_until(next_s += machine.limits.cycle_s);
+    judge(link.look());
+  }
+}
+
 class Run {
  public:
   Run(const FrameSource& source, const PrintPlan& plan, const Machine& machine, Link& link,
@@ -75,12 +126,14 @@ class Run {
         folder_(folder),
         options_(options),
         teller_(context, source.frames()),
+        machine_(machine),
+        first_sequence_(options.lockstep ? std::uint16_t{1} : by_chance()),
         cycle_s_(machine.limits.cycle_s),
         ring_(source, machine.limits.ring_frames, options.threads) {
     ring_.wait_ready(0, machine.limits.ring_frames);
     journal_.emplace(folder.file("journal.jsonl"), plan.um_per_deg);
     frame_log_.emplace(folder.file("frames.csv"), plan.start_um, plan.turns(), uv_sink != nullptr);
-    controller_.emplace(plan, machine, options.dry_run);
+    controller_.emplace(plan, machine, options.dry_run, after_looks(first_sequence_));
     facts_ = facts_of(plan, machine);
     facts_.stack = options.stack;
     facts_.display = sink.describe();
@@ -99,6 +152,8 @@ class Run {
   }
 
   Ending go() {
+    // What came before may have taken minutes: frames, and displays that were waited for.
+    if (!options_.lockstep) take_over(link_, clock_, machine_, first_sequence_);
     journal_->add({clock_.now_s(), kJournalBegin, options_.stack, controller_->frame(),
                    controller_->stage_um(), facts_json(facts_)},
                   true);
@@ -275,7 +330,7 @@ class Run {
     };
     const auto send = [&](Alone alone) {
       for (int i = 0; i < 3; ++i) {
-        ++out.sequence;
+        out.sequence = next_sequence(out.sequence);
         const bool written = attempt([&] { return link_.write_alone(out, alone); });
         if (attempt([&] { return link_.exchange(out).has_value(); }) || written) return;
       }
@@ -357,6 +412,8 @@ class Run {
   const StateFolder folder_;
   const RunOptions& options_;
   Teller teller_;
+  const Machine& machine_;
+  const std::uint16_t first_sequence_;
   const double cycle_s_;
   FrameRing ring_;
   std::optional<Journal> journal_;
@@ -396,10 +453,7 @@ Status check_alone(Link& link, BridgeClock& clock, const Machine& machine) {
   std::optional<Status> last;
   for (int seen = 0; seen < looks || clock.now_s() < *first_s + look_s;) {
     if (const auto status = link.look()) {
-      if (seen > 0 && status->sequence_echo != echo) {
-        throw InputError(machine.printer.name, "",
-                         "takes set-points from somebody else: another bridge is at work with it");
-      }
+      if (seen > 0 && status->sequence_echo != echo) somebody_else(machine);
       echo = status->sequence_echo;
       last = status;
       if (!first_s) first_s = clock.now_s();
@@ -415,14 +469,14 @@ Status check_alone(Link& link, BridgeClock& clock, const Machine& machine) {
 Status reset_machine(Link& link, BridgeClock& clock, const Machine& machine) {
   SetPoints out;
   out.watchdog_s = machine.limits.watchdog_s;
+  out.sequence = by_chance();
   double next_s = clock.now_s();
   std::optional<Status> status;
   const auto exchange = [&](Command command, double seconds, const auto& enough) {
     const double until_s = clock.now_s() + seconds;
     out.command = command;
     while (clock.now_s() < until_s) {
-      ++out.sequence;
-      if (out.sequence == 0) out.sequence = 1;
+      out.sequence = next_sequence(out.sequence);
       ++out.heartbeat;
       if (auto answer = link.exchange(out)) {
         status = answer;

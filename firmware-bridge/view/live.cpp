@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "slicecorr/bridge/view.hpp"
+#include "support/json/read_json.hpp"
 #include "support/terminal/live_line.hpp"
 #include "support/text/display_text.hpp"
 #include "view/charts.hpp"
@@ -342,7 +343,7 @@ std::string live_line(const Seen& seen) {
 }
 
 std::string event_line(const std::string& journal_line) {
-  const detail::Json json = detail::Json::parse(journal_line, nullptr, false);
+  const detail::Json json = slicecorr::detail::try_json<detail::Json>(journal_line);
   const std::string what = detail::text_in(json, "what"), more = detail::text_in(json, "detail");
   if (what.empty()) return {};
   const int frame = detail::whole_in(json, "frame", kBlackFrame);

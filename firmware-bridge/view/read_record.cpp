@@ -14,6 +14,8 @@
 
 #include "record/left_json.hpp"
 #include "slicecorr/bridge/view.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/csv.hpp"
 #include "view/state_json.hpp"
 
@@ -144,7 +146,7 @@ void read_journal(const std::string& path, PrintRecord& record, bool& ended, boo
   std::size_t left_out = 0;
   while (next_line(in, line)) {
     if (line.empty()) continue;
-    const Json json = Json::parse(line, nullptr, false);
+    const Json json = slicecorr::detail::try_json<Json>(line);
     const std::string what = detail::text_in(json, "what");
     if (what.empty()) {
       ++broken;
@@ -219,9 +221,8 @@ PrintRecord read_record(const StateFolder& folder, bool running, bool previous) 
   }
   // status.json is written just before the journal's end: else it is of the print before.
   if (ended && !previous) {
-    std::ifstream in(folder.file("status.json"));
-    const std::string text(std::istreambuf_iterator<char>(in), {});
-    const Json json = Json::parse(text, nullptr, false);
+    const std::string text = text_of_file(folder.file("status.json")).value_or("");
+    const Json json = slicecorr::detail::try_json<Json>(text);
     if (json.is_object() && detail::text_in(json, "stack") == record.facts.stack) {
       record.last = detail::state_in(json);
       record.seconds = detail::number_in(json, "seconds");
@@ -272,7 +273,7 @@ FaultCounts count_faults(const StateFolder& folder) {
   while (next_line(in, line)) {
     // Few lines are faults; parsing all of them each time would cost more than the rest.
     if (line.find("\"fault ") == std::string::npos) continue;
-    const std::string what = detail::text_in(Json::parse(line, nullptr, false), "what");
+    const std::string what = detail::text_in(slicecorr::detail::try_json<Json>(line), "what");
     if (!what.starts_with("fault ")) continue;
     const Fault fault = fault_of(std::string_view(what).substr(6)).value_or(Fault::defect);
     for (auto& [which, count] : counts) count += which == fault ? 1 : 0;

@@ -6,6 +6,8 @@
 
 #include "record/left_json.hpp"
 #include "slicecorr/bridge/view.hpp"
+#include "support/files/text_file.hpp"
+#include "support/json/read_json.hpp"
 #include "view/state_json.hpp"
 
 namespace slicecorr::bridge {
@@ -19,10 +21,9 @@ std::string status_text(const StateFolder& folder, const std::string& printer,
   json["running"] = running.has_value();
   std::string text = running.value_or("");
   if (!running) {
-    std::ifstream file(folder.file("status.json"));
-    text.assign(std::istreambuf_iterator<char>(file), {});
+    text = text_of_file(folder.file("status.json")).value_or("");
   }
-  const Json last = Json::parse(text, nullptr, false);
+  const Json last = slicecorr::detail::try_json<Json>(text);
   if (last.is_object()) json.update(last);
   // Not what a damaged file says of them.
   json["printer"] = printer;
@@ -43,7 +44,7 @@ std::string status_text(const StateFolder& folder, const std::string& printer,
 }
 
 Seen seen_in(const std::string& status) {
-  const Json json = Json::parse(status, nullptr, false);
+  const Json json = slicecorr::detail::try_json<Json>(status);
   Seen seen;
   seen.printer = detail::text_in(json, "printer");
   seen.running = detail::flag_in(json, "running");

@@ -306,35 +306,6 @@ std::string state_json(const PrintFacts& facts, const PrintState& s, const Print
 
 namespace detail {
 
-std::optional<double> number_in(const Json& json, const char* key) {
-  if (!json.is_object()) return std::nullopt;
-  const auto found = json.find(key);
-  if (found == json.end() || !found->is_number()) return std::nullopt;
-  const double value = found->get<double>();
-  return std::isfinite(value) ? std::optional(value) : std::nullopt;
-}
-
-double number_in(const Json& json, const char* key, double otherwise) {
-  return number_in(json, key).value_or(otherwise);
-}
-
-int whole_in(const Json& json, const char* key, int otherwise) {
-  const auto value = number_in(json, key);
-  return value ? static_cast<int>(std::clamp(*value, -2e9, 2e9)) : otherwise;
-}
-
-bool flag_in(const Json& json, const char* key) {
-  if (!json.is_object()) return false;
-  const auto found = json.find(key);
-  return found != json.end() && found->is_boolean() && found->get<bool>();
-}
-
-std::string text_in(const Json& json, const char* key) {
-  if (!json.is_object()) return {};
-  const auto found = json.find(key);
-  return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
-}
-
 PrintFacts facts_in(const Json& json) {
   PrintFacts f;
   f.stack = text_in(json, "stack");

@@ -11,17 +11,16 @@
 #include <string>
 
 #include "slicecorr/bridge/print_state.hpp"
+#include "support/json/members.hpp"
 
 namespace slicecorr::bridge::detail {
 
 using Json = nlohmann::ordered_json;
 
-std::optional<double> number_in(const Json& json, const char* key);
-double number_in(const Json& json, const char* key, double otherwise);
-/// The whole number at `key`, cut to what an int holds; `otherwise` where there is none.
-int whole_in(const Json& json, const char* key, int otherwise);
-bool flag_in(const Json& json, const char* key);
-std::string text_in(const Json& json, const char* key);
+using slicecorr::detail::flag_in;
+using slicecorr::detail::number_in;
+using slicecorr::detail::text_in;
+using slicecorr::detail::whole_in;
 
 PrintFacts facts_in(const Json& json);
 PrintState state_in(const Json& json);

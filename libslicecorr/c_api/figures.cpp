@@ -13,6 +13,7 @@
 
 #include "c_api/handles.hpp"
 #include "slicecorr/tomo/print.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::c_api {
 
@@ -51,7 +52,7 @@ double number(const slicecorr_figures& figures, const char* name) {
 std::unique_ptr<slicecorr_figures> figures_of(std::string json) {
   auto figures = std::make_unique<slicecorr_figures>();
   figures->json = std::move(json);
-  flatten(ordered_json::parse(figures->json), "", figures->numbers);
+  flatten(slicecorr::detail::own_json<nlohmann::ordered_json>(figures->json), "", figures->numbers);
   return figures;
 }
 

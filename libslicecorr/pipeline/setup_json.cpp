@@ -14,6 +14,7 @@
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/base64.hpp"
 
 namespace slicecorr {
@@ -23,7 +24,7 @@ constexpr const char* kPictureKey = "flat_field_png";
 constexpr const char* kGapKey = "gap_um";
 
 double gap_of(std::string_view text, const std::string& source) {
-  const auto json = nlohmann::json::parse(text);
+  const auto json = detail::read_json(text, {source, ""});
   const auto gap = json.find(kGapKey);
   if (gap == json.end()) return 0;
   const double um = gap->is_number() ? gap->get<double>() : -1;
@@ -64,7 +65,7 @@ std::string setup_json(const Setup& setup) {
   info.grid.layer_um = 1;
   std::string block = detail::setup_block(info);
   if (!setup.printer.flat_field && !(setup.gap_um > 0)) return block;
-  auto json = nlohmann::ordered_json::parse(block);
+  auto json = detail::own_json<nlohmann::ordered_json>(block);
   if (setup.gap_um > 0) json[kGapKey] = setup.gap_um;
   add_picture(json, setup.printer);
   return json.dump();
@@ -75,7 +76,7 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   contents.info.grid.layers = 1;
   detail::read_provenance(json, source, contents);
   if (contents.info.printer && contents.info.printer->flat_field) {
-    read_picture(nlohmann::json::parse(json), source, contents);
+    read_picture(detail::read_json(json, {source, ""}), source, contents);
   }
   const StackInfo& info = contents.info;
   if (!info.printer || !info.resin || !info.process) {
@@ -93,8 +94,8 @@ std::string definitions_json(const Printer& printer, const Resin& resin) {
 }
 
 std::pair<Printer, Resin> parse_definitions_json(std::string_view json, const std::string& source) {
-  const auto parsed = nlohmann::json::parse(json, nullptr, false);
   const detail::JsonSource place{source, ""};
+  const auto parsed = detail::read_json(json, place);
   const detail::JsonNode<nlohmann::json> root(parsed, "", place);
   detail::ArchiveContents contents;
   contents.info.printer = detail::read_printer(root["printer"]);

@@ -7,6 +7,7 @@
 
 #include "slicecorr/predict.hpp"
 #include "slicecorr/uncertain_print.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr {
 
@@ -267,7 +268,8 @@ std::string Prediction::to_json() const {
                          {"by_slice", slices}};
     j["window_cured_pixels"] = dead_zones->cured_pixels;
   }
-  if (uncertain) j["uncertainty"] = ordered_json::parse(uncertain->to_json());
+  if (uncertain)
+    j["uncertainty"] = slicecorr::detail::own_json<nlohmann::ordered_json>(uncertain->to_json());
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);
 }

@@ -14,6 +14,8 @@
 #include "stack/container/container_output.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "support/files/temporary.hpp"
+#include "support/json/read_json.hpp"
+#include "tomo/job_check.hpp"
 
 namespace slicecorr::tomo {
 namespace {
@@ -106,6 +108,8 @@ nlohmann::ordered_json config_of(const BeamJob& job) {
     nlohmann::ordered_json beam;
     beam["from"] = side_of(job.setup.beams[k]);
     beam["image"] = beam_name(k);
+    const BeamImage& image = job.shown.images[k];
+    beam["size_px"] = {image.columns, image.rows};
     if (k < job.shown.laser_mw.size()) {
       beam["efficiency"] = job.shown.efficiency[k];
       beam["rms_error_padded"] = job.shown.rms_error[k];
@@ -119,18 +123,7 @@ nlohmann::ordered_json config_of(const BeamJob& job) {
 }
 
 nlohmann::json parse_config(const slicecorr::detail::Container& archive) {
-  try {
-    return nlohmann::json::parse(archive.text(kConfig));
-  } catch (const nlohmann::json::exception& e) {
-    throw InputError(archive.path(), kConfig, std::string("not valid JSON: ") + e.what());
-  }
-}
-
-/// Most bytes that a PNG of an image may have: that of one that does not deflate.
-std::uint64_t png_limit(const Printer& printer) {
-  return 2 * static_cast<std::uint64_t>(printer.width_px) *
-             static_cast<std::uint64_t>(printer.height_px) +
-         (1 << 16);
+  return slicecorr::detail::read_json(archive.text(kConfig), {archive.path(), kConfig});
 }
 
 }  // namespace
@@ -138,15 +131,21 @@ std::uint64_t png_limit(const Printer& printer) {
 void write_beam_job(const std::string& path, const BeamJob& job, const ExecutionContext& context) {
   const auto output = slicecorr::detail::make_container_output(
       path, slicecorr::detail::ContainerKind::zip, "", slicecorr::detail::ImagePacking::stored);
-  output->add_text(kConfig, config_of(job).dump(1) + "\n");
+  detail::ImagesCrc crc;
   for (std::size_t d = 0; d < job.shown.displays.size(); ++d) {
     context.check_cancelled();
+    crc.add(job.shown.displays[d]);
     output->add(display_name(static_cast<int>(d) + 1), encode_png(job.shown.displays[d]));
   }
   for (std::size_t k = 0; k < job.shown.images.size(); ++k) {
     const BeamImage& image = job.shown.images[k];
-    output->add(beam_name(k), encode_png(seen_image(image, way_of(job.vat, image.beam))));
+    const GreyImage seen = seen_image(image, way_of(job.vat, image.beam));
+    crc.add(seen);
+    output->add(beam_name(k), encode_png(seen));
   }
+  nlohmann::ordered_json config = config_of(job);
+  detail::add_checksums(config, crc.value());
+  output->add_text(kConfig, config.dump(1) + "\n");
   output->finish(context);
 }
 
@@ -170,6 +169,7 @@ BeamJob read_beam_job(const std::string& path, const ExecutionContext& context) 
         fmt::format("has format {}; this program knows up to {}", format, kBeamJobFormat));
   }
   BeamJob job;
+  job.has_checksums = detail::check_parameters(config, path, context);
   job.printer = slicecorr::detail::read_printer(config["printer"]);
   job.resin = slicecorr::detail::read_resin(config["resin"]);
   job.vat = read_vat(config["vat"]);
@@ -181,6 +181,12 @@ BeamJob read_beam_job(const std::string& path, const ExecutionContext& context) 
                                  : node.number(0, JsonSource::kLargest);
   };
   job.window = {seconds(window[0]), seconds(window[1])};
+  // Rounded as other programs may write it.
+  if (job.exposure_s < job.window.first_s * (1 - 1e-6) ||
+      job.exposure_s > job.window.last_s * (1 + 1e-6)) {
+    config["exposure_s"].fail(fmt::format("{:.6g} to {:.6g}, the job's time_window_s",
+                                          job.window.first_s, job.window.last_s));
+  }
   job.contrast = config["contrast"].json().is_null()
                      ? std::numeric_limits<double>::infinity()
                      : config["contrast"].number(0, JsonSource::kLargest);
@@ -198,16 +204,28 @@ BeamJob read_beam_job(const std::string& path, const ExecutionContext& context) 
   const auto groups = config["groups"].list(1, 1);
   const auto shown = groups.front().list(static_cast<std::size_t>(job.vat.displays()),
                                          static_cast<std::size_t>(job.vat.displays()));
-  for (std::size_t d = 0; d < shown.size(); ++d) {
-    const std::string name = display_name(static_cast<int>(d) + 1);
-    if (shown[d].string() != name) shown[d].fail("\"" + name + "\"");
+  detail::ImagesCrc crc;
+  const auto image_of = [&](const std::string& name, int width, int height) {
     const auto* const entry = archive->find(name);
     if (entry == nullptr) throw InputError(path, name, "is missing");
     std::vector<std::uint8_t> png;
-    archive->read(*entry, png_limit(job.printer), png);
-    job.shown.displays.push_back(
-        decode_png(png, job.printer.width_px, job.printer.height_px, path, name));
+    archive->read(*entry, detail::png_limit(width, height), png);
+    GreyImage image = decode_png(png, width, height, path, name);
+    crc.add(image);
+    return image;
+  };
+  for (std::size_t d = 0; d < shown.size(); ++d) {
+    const std::string name = display_name(static_cast<int>(d) + 1);
+    if (shown[d].string() != name) shown[d].fail("\"" + name + "\"");
+    job.shown.displays.push_back(image_of(name, job.printer.width_px, job.printer.height_px));
   }
+  if (!job.has_checksums) return job;
+  for (const auto& beam : config["beams"].list(1, 6)) {
+    const auto size = beam["size_px"].list(2, 2);
+    image_of(beam["image"].string(), size[0].integer(1, kMostAlongAxis),
+             size[1].integer(1, kMostAlongAxis));
+  }
+  detail::check_images(config, crc.value(), path);
   return job;
 }
 

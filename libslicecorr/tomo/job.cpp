@@ -21,6 +21,8 @@
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "support/files/temporary.hpp"
+#include "support/json/read_json.hpp"
+#include "tomo/job_check.hpp"
 
 namespace slicecorr::tomo {
 
@@ -34,11 +36,6 @@ std::string frame_name(int frame) { return fmt::format("frame/{:08}.png", frame)
 constexpr const char* kInsertKey = "insert";
 std::string insert_name(int slice) { return fmt::format("insert/{:08}.png", slice); }
 std::string part_name(int slice) { return fmt::format("part/{:08}.png", slice); }
-
-/// Most bytes that a PNG of an image may have: that of one that does not deflate.
-std::uint64_t png_limit(int width, int height) {
-  return 2 * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) + (1 << 16);
-}
 
 nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   nlohmann::ordered_json j;
@@ -104,27 +101,30 @@ GreyImage image_of(const slicecorr::detail::Container& archive, const std::strin
   const slicecorr::detail::Container::Entry* const entry = archive.find(name);
   if (entry == nullptr) throw InputError(archive.path(), name, "is missing");
   std::vector<std::uint8_t> png;
-  archive.read(*entry, png_limit(width, height), png);
+  archive.read(*entry, detail::png_limit(width, height), png);
   return decode_png(png, width, height, archive.path(), name);
 }
 
 /// Slices of voxels, one after another.
 Box<std::uint8_t> slices_of(const slicecorr::detail::Container& archive, const TomoGrid& grid,
-                            std::string (*name)(int)) {
+                            std::string (*name)(int), detail::ImagesCrc& crc) {
   Box<std::uint8_t> box{grid.slices, grid.voxels, grid.voxels, {}};
   for (int z = 0; z < grid.slices; ++z) {
     const GreyImage slice = image_of(archive, name(z), grid.voxels, grid.voxels);
+    crc.add(slice);
     box.values.insert(box.values.end(), slice.pixels.begin(), slice.pixels.end());
   }
   return box;
 }
 
 void add_slices(slicecorr::detail::ContainerOutput& output, const Box<std::uint8_t>& box,
-                std::string (*name)(int)) {
+                std::string (*name)(int), detail::ImagesCrc& crc) {
   const std::size_t size = static_cast<std::size_t>(box.nx) * static_cast<std::size_t>(box.ny);
   for (int z = 0; z < box.nz; ++z) {
     const std::uint8_t* const from = box.values.data() + static_cast<std::size_t>(z) * size;
-    output.add(name(z), encode_png(GreyImage{box.nx, box.ny, {from, from + size}}));
+    const GreyImage image{box.nx, box.ny, {from, from + size}};
+    crc.add(image);
+    output.add(name(z), encode_png(image));
   }
 }
 
@@ -140,6 +140,30 @@ void read_flat_field(const slicecorr::detail::Container& archive,
       field.greatest() == 0) {
     throw InputError(archive.path(), slicecorr::detail::kFlatFieldEntry,
                      "is not the flat-field that the job was made with");
+  }
+}
+
+/// What other programs read, against the printer and the bench.
+void check_said_twice(const slicecorr::detail::JsonNode<nlohmann::json>& config, const Bench& bench,
+                      const TomoJob& job) {
+  const std::string turning = name_of(job.printer.rotation->direction);
+  if (!config["direction"].is_text(turning.c_str())) {
+    config["direction"].fail("\"" + turning + "\", as its printer turns");
+  }
+  detail::check_number(config["turn_s"], bench.exposure.turn_s, "its printer");
+  detail::check_number(config["pitch_mm"], job.printer.pixel_x_um * 1e-3, "its printer");
+  if (config.has("width_px")) {
+    detail::check_number(config["width_px"], bench.frame_width, "its printer");
+  }
+  if (config.has("height_px")) {
+    detail::check_number(config["height_px"], bench.frame_height, "its printer");
+  }
+  const auto& curve = job.printer.calibration;
+  const auto points = config["calibration"].list(curve.size(), curve.size());
+  for (std::size_t i = 0; i < curve.size(); ++i) {
+    const auto point = points[i].list(2, 2);
+    detail::check_number(point[0], curve[i].level, "its printer");
+    detail::check_number(point[1], curve[i].intensity_mw_cm2, "its printer");
   }
 }
 
@@ -211,17 +235,22 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
   }
   const auto output = slicecorr::detail::make_container_output(
       path, slicecorr::detail::ContainerKind::zip, "", slicecorr::detail::ImagePacking::stored);
-  output->add_text(kConfig, config_of(bench, job).dump(1) + "\n");
+  detail::ImagesCrc crc;
   for (int frame = 0; frame < grid.angles; ++frame) {
     context.check_cancelled();
-    output->add(frame_name(frame), encode_png(frame_image(job, bench, frame)));
+    const GreyImage image = frame_image(job, bench, frame);
+    crc.add(image);
+    output->add(frame_name(frame), encode_png(image));
   }
   if (job.printer.flat_field) {
     output->add(slicecorr::detail::kFlatFieldEntry,
                 slicecorr::detail::flat_field_png(*job.printer.flat_field));
   }
-  add_slices(*output, job.part, part_name);
-  if (!job.insert.values.empty()) add_slices(*output, job.insert, insert_name);
+  add_slices(*output, job.part, part_name, crc);
+  if (!job.insert.values.empty()) add_slices(*output, job.insert, insert_name, crc);
+  nlohmann::ordered_json config = config_of(bench, job);
+  detail::add_checksums(config, crc.value());
+  output->add_text(kConfig, config.dump(1) + "\n");
   output->finish(context);
 }
 
@@ -232,12 +261,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
     throw InputError(path, kConfig, "is missing; expected a job that tomo solve wrote");
   }
   const slicecorr::detail::JsonSource source{path, kConfig};
-  nlohmann::json json;
-  try {
-    json = nlohmann::json::parse(archive->text(kConfig));
-  } catch (const nlohmann::json::exception& e) {
-    throw InputError(path, kConfig, std::string("not valid JSON: ") + e.what());
-  }
+  const auto json = slicecorr::detail::read_json(archive->text(kConfig), source);
   const slicecorr::detail::JsonNode<nlohmann::json> config(json, "", source);
   if (!config.has("format") && !config.has("angles")) {
     throw InputError(path, kConfig,
@@ -249,6 +273,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
                      fmt::format("has format {}; this program knows up to {}", format, kJobFormat));
   }
   TomoJob job;
+  job.has_checksums = detail::check_parameters(config, path, context);
   job.printer = slicecorr::detail::read_printer(config["printer"]);
   job.resin = slicecorr::detail::read_resin(config["resin"]);
   if (job.printer.flat_field) read_flat_field(*archive, config["printer"]["flat_field"], job);
@@ -264,6 +289,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   read_history(config, job);
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const TomoGrid& grid = bench.grid;
+  check_said_twice(config, bench, job);
   for (std::size_t k = 1; k < 3; ++k) {
     if (voxels[k].integer(1, kMostAlongAxis) != grid.voxels) {
       voxels[k].fail(fmt::format("{}, as the vial and voxel_mm say", grid.voxels));
@@ -276,17 +302,14 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
                      fmt::format("has {} images; expected {}, one per angle", frames, grid.angles));
   }
 
-  job.part = slices_of(*archive, grid, part_name);
-  if (config.has(kInsertKey)) {
-    if (config[kInsertKey].json() != true) config[kInsertKey].fail("true, or no such key");
-    job.insert = slices_of(*archive, grid, insert_name);
-  }
+  detail::ImagesCrc crc;
   job.levels.assign(grid.blocks() * grid.light_of_block(), 0);
   const int levels = job.printer.levels();
   for (int frame = 0; frame < grid.angles; ++frame) {
     context.check_cancelled();
     const GreyImage image =
         image_of(*archive, frame_name(frame), bench.frame_width, bench.frame_height);
+    crc.add(image);
     const int m = bench.frame_of_angle(frame);
     for (int row = 0; row < image.height_px; ++row) {
       const std::uint8_t* const from =
@@ -299,6 +322,12 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
       }
     }
   }
+  job.part = slices_of(*archive, grid, part_name, crc);
+  if (config.has(kInsertKey)) {
+    if (config[kInsertKey].json() != true) config[kInsertKey].fail("true, or no such key");
+    job.insert = slices_of(*archive, grid, insert_name, crc);
+  }
+  if (job.has_checksums) detail::check_images(config, crc.value(), path);
   return job;
 }
 

@@ -34,16 +34,13 @@ constexpr int kGreatestVersion = 1000000000;
 
 /// Version that a text says it is; 1 when it says nothing, nothing when it can't be read.
 std::optional<int> version_in(const std::string& text) {
-  try {
-    const toml::table root = toml::parse(text);
-    const toml::node* node = root.get("version");
-    if (!node) return 1;
-    const auto* whole = node->as_integer();
-    if (!whole || **whole < 1 || **whole > kGreatestVersion) return std::nullopt;
-    return static_cast<int>(**whole);
-  } catch (const toml::parse_error&) {
-    return std::nullopt;
-  }
+  const auto root = try_toml(text);
+  if (!root) return std::nullopt;
+  const toml::node* node = root->get("version");
+  if (!node) return 1;
+  const auto* whole = node->as_integer();
+  if (!whole || **whole < 1 || **whole > kGreatestVersion) return std::nullopt;
+  return static_cast<int>(**whole);
 }
 
 fs::path history_folder(const fs::path& folder, const std::string& name) {

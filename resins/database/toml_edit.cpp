@@ -69,12 +69,8 @@ std::uint32_t last_key_line(const toml::table& table) {
 
 void check(const toml::table& expected, const std::string& text, const std::string& source,
            std::string_view table, std::string_view key) {
-  bool same = false;
-  try {
-    same = toml::parse(text, source) == expected;
-  } catch (const toml::parse_error&) {
-  }
-  if (!same) {
+  const auto changed = try_toml(text, source);
+  if (!changed || *changed != expected) {
     throw InputError(source, fmt::format("{}{}{}", table, table.empty() ? "" : ".", key),
                      "can't be changed where it stands; expected a table with one key per line");
   }

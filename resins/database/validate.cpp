@@ -35,12 +35,13 @@ class Checker : private CheckedFile {
       add(0, "", "is no text: it holds zero bytes; expected TOML");
       return std::move(found);
     }
-    try {
-      root = toml::parse(text, path);
-    } catch (const toml::parse_error& e) {
-      add(e.source().begin.line, "", fmt::format("is not TOML: {}", e.description()));
+    TomlFault fault;
+    auto table = try_toml(text, path, &fault);
+    if (!table) {
+      add(fault.line, "", "is not TOML: " + fault.what);
       return std::move(found);
     }
+    root = std::move(*table);
     if (!decide_kind()) return std::move(found);
     check_name();
     for (const auto& [key, node] : root) check_root(key, node);

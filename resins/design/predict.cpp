@@ -14,6 +14,7 @@
 #include "slicecorr/limit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/units.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::resins {
 
@@ -306,7 +307,7 @@ std::string Forecast::to_json() const {
   if (dimmest) {
     const auto place = [](double share, const Forecast& there) {
       ordered_json all{{"light", share}};
-      all.update(ordered_json::parse(there.to_json()));
+      all.update(slicecorr::detail::own_json<nlohmann::ordered_json>(there.to_json()));
       all.erase("text");
       return all;
     };

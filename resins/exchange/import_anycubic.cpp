@@ -20,6 +20,7 @@
 #include "exchange/import.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::resins {
 
@@ -37,13 +38,7 @@ class Reader {
       : source_(source), options_(options) {}
 
   std::vector<Imported> read() {
-    json root;
-    try {
-      root = json::parse(source_.text);
-    } catch (const json::parse_error& e) {
-      throw InputError(source_.path, fmt::format("byte {}", e.byte), "is not JSON");
-    }
-    walk(root, "");
+    walk(detail::read_json(source_.text, {source_.path, ""}), "");
     return std::move(made_);
   }
 

@@ -22,6 +22,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/measuring_form.hpp"
 #include "slicecorr/unmeasured_light.hpp"
+#include "support/json/read_json.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
@@ -145,13 +146,7 @@ class SensorReadings {
     }
   }
   void read_json(const std::string& text) {
-    nlohmann::json root;
-    try {
-      root = nlohmann::json::parse(text);
-    } catch (const nlohmann::json::exception& e) {
-      const auto* parse = dynamic_cast<const nlohmann::json::parse_error*>(&e);
-      throw InputError(path_, parse ? fmt::format("byte {}", parse->byte) : "", "is not JSON");
-    }
+    const auto root = detail::read_json(text, {path_, ""});
     // The meter with one sensor in the middle says nothing of how even the light is.
     const auto type = root.find("uvSensorType");
     if (type != root.end() && (!type->is_number() || type->get<double>() != 0)) {

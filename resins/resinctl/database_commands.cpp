@@ -22,6 +22,7 @@
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/plots.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -123,7 +124,7 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
                : std::string(kToBeMeasured),
            p.uv ? fmt::format("{:g} to {:g}", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()) : "-",
            p.vial ? fmt::format("{:g}", 2 * p.vial->inner_mm) : "-", d.path});
-      list.push_back(ordered_json::parse(printer_json(p, d.path)));
+      list.push_back(slicecorr::detail::own_json<nlohmann::ordered_json>(printer_json(p, d.path)));
     } catch (const Error& e) {
       console.say(e.what());
     }
@@ -152,7 +153,8 @@ int list(const ListArguments& a, const ExecutionContext&, Console& console) {
                     r.wavelength_nm > 0 ? fmt::format("{:g}", r.wavelength_nm) : "-",
                     fmt::format("{:.4g}", f.height_e_um), fmt::format("{:.4g}", f.height10_um),
                     gel_dose_text(r), aim_text(r), r.path});
-    list.push_back(ordered_json::parse(export_record(r, "json", 0, 0)));
+    list.push_back(
+        slicecorr::detail::own_json<nlohmann::ordered_json>(export_record(r, "json", 0, 0)));
   }
   put_list(a.json, list, rows, "resin", console);
   for (const Finding& p : problems) console.say(p.message);

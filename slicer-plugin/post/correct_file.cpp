@@ -18,6 +18,7 @@
 #include "slicecorr/report.hpp"
 #include "support/files/sha256.hpp"
 #include "support/files/temporary.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::post {
 
@@ -202,9 +203,11 @@ std::string source_of(const std::string& real, const PostRequest& request,
 }  // namespace
 
 std::string figures_json(const PostOutcome& outcome) {
-  auto figures = nlohmann::ordered_json::parse(outcome.correction.after.to_json());
+  auto figures =
+      slicecorr::detail::own_json<nlohmann::ordered_json>(outcome.correction.after.to_json());
   if (outcome.correction.before) {
-    figures["uncorrected"] = nlohmann::ordered_json::parse(outcome.correction.before->to_json());
+    figures["uncorrected"] =
+        slicecorr::detail::own_json<nlohmann::ordered_json>(outcome.correction.before->to_json());
   }
   return figures.dump(2) + "\n";
 }

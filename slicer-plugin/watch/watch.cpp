@@ -13,6 +13,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -55,6 +56,18 @@ std::vector<std::string> endings() {
   }
   std::erase(all, "");
   return all;
+}
+
+/// Gives a file a name that is no archive's, and gives that; empty where it can't be.
+std::string set_aside(const std::string& path) {
+  for (int n = 1; n < 100; ++n) {
+    const std::string to = path + (n == 1 ? ".set-aside" : fmt::format("-{}.set-aside", n));
+    if (::renameat2(AT_FDCWD, path.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) {
+      return fs::path(to).filename().string();
+    }
+    if (errno != EEXIST) return {};
+  }
+  return {};
 }
 
 class Watcher {
@@ -274,6 +287,17 @@ class Watcher {
       again.in_work = again.touched = false;
       again.due = later ? c.give_up : SteadyTime::now() + patience();
       candidates_[done.path] = again;
+      return;
+    }
+    if (done.kind == Kind::killed) {
+      // Met again, after a restart too, it would do the same again.
+      ++result_.failed;
+      const std::string kept = set_aside(done.path);
+      if (kept.empty()) settled_[done.path] = c.seen;
+      const std::string why = done.message + (kept.empty() ? "; it can't be set aside"
+                                                           : "; it is set aside as " + kept);
+      log_.add({"failed", done.path, why, done.seconds, done.code, true});
+      tell(options_.on_fail, "Slices not corrected", done.path, why);
       return;
     }
     settled_[done.path] = c.seen;

@@ -11,18 +11,33 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
-#include <new>
+#include <filesystem>
+#include <system_error>
+#include <utility>
 
-#include "programs/common/program.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/process/command.hpp"
 
 namespace slicecorr::post {
 
+namespace {
+/// A correction takes as long as it takes.
+constexpr std::chrono::hours kNoEnd{24 * 365};
+}  // namespace
+
 Workers::Workers(int count, const PostRequest& request, const ExecutionContext& context)
-    : request_(request), context_(context), event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+    : context_(context), event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   if (event_ < 0) throw DeviceError(detail::errno_message("watching folders", "not possible"));
-  context_.threads = std::max(1, thread_count(context) / count);
-  context_.progress = nullptr;
+  std::error_code error;
+  const auto own = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (error) throw DeviceError("/proc/self/exe: can't be read: " + error.message());
+  command_ = {own.string(), "--quiet", "--threads",
+              std::to_string(std::max(1, thread_count(context) / count)), kDoneFlag};
+  if (!request.config.path.empty()) command_.push_back("--config=" + request.config.path);
+  for (const auto& [name, value] : request.given) {
+    command_.push_back(fmt::format("--{}={}", name, value));
+  }
+  command_.emplace_back("--");
   // Signals are for the thread that waits for events: it would sleep on otherwise.
   sigset_t all, before;
   sigfillset(&all);
@@ -74,53 +89,18 @@ void Workers::work() {
 }
 
 Done Workers::correct(const std::string& path) const {
-  using Kind = Done::Kind;
+  std::vector<std::string> arguments = command_;
+  arguments.push_back(path);
   const auto start = std::chrono::steady_clock::now();
-  Done done{path, Kind::failed, cli::kDefect, {}, 0, {}};
-  const auto became = [&](Kind kind, int code, const std::string& message) {
-    done.kind = kind;
-    done.code = code;
-    done.message = message;
-  };
-  try {
-    ExecutionContext context = context_;
-    std::string remarks;
-    context.notice = [&](const std::string& text) { remarks += "; " + text; };
-    const PostOutcome outcome = correct_file(path, request_, context);
-    if (outcome.left_alone) {
-      became(Kind::left_alone, cli::kDone, outcome.rule);
-    } else {
-      done.made = outcome.identity;
-      const Correction& c = outcome.correction;
-      const auto mean = [](const Prediction& p) {
-        return p.height_error_um.count() ? fmt::format("{:.3g}", p.height_error_um.mean()) : "-";
-      };
-      became(Kind::corrected, cli::kDone,
-             fmt::format("{} slices, {}; mean height error {} um, before {} um{}{}",
-                         c.info.grid.layers,
-                         in_one_line(outcome.setup.printer, outcome.setup.resin, *c.info.process),
-                         mean(c.after), c.before ? mean(*c.before) : "-",
-                         outcome.rule.empty() ? "" : "; " + outcome.rule, remarks));
-    }
-  } catch (const AlreadyCorrected&) {
-    became(Kind::already, cli::kDone, {});
-  } catch (const InUse& e) {
-    became(Kind::in_use, cli::kInput, e.what());
-  } catch (const NotReadable& e) {
-    became(Kind::not_readable, cli::kInput, e.what());
-  } catch (const Cancelled&) {
-    became(Kind::cancelled, cli::kInterrupted, {});
-  } catch (const InputError& e) {
-    became(Kind::failed, cli::kInput, e.what());
-  } catch (const InfeasibleError& e) {
-    became(Kind::failed, cli::kInfeasible, e.what());
-  } catch (const DeviceError& e) {
-    became(Kind::failed, cli::kDevice, e.what());
-  } catch (const std::bad_alloc&) {
-    became(Kind::failed, cli::kDevice, "out of memory");
-  } catch (const std::exception& e) {
-    became(Kind::failed, cli::kDefect, fmt::format("a defect of the program: {}", e.what()));
+  Command command(arguments, kNoEnd);
+  bool asked = false;
+  while (!command.wait(std::chrono::milliseconds(200))) {
+    if (asked || context_.cancel == nullptr || !*context_.cancel) continue;
+    command.ask_to_end();
+    asked = true;
   }
+  Done done = done_in(command.result(), path);
+  if (asked && done.kind == Done::Kind::killed) done.kind = Done::Kind::cancelled;
   const auto took = std::chrono::steady_clock::now() - start;
   done.seconds = std::chrono::duration<double>(took).count();
   return done;

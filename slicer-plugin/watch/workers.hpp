@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// Threads that correct files.
+/// Files in work, each in a program of its own: what a file does to its reader ends that alone.
 #pragma once
 
 #include <condition_variable>
@@ -14,18 +14,9 @@
 #include <vector>
 
 #include "post/correct_file.hpp"
+#include "watch/done.hpp"
 
 namespace slicecorr::post {
-
-/// What became of a file.
-struct Done {
-  std::string path;
-  enum class Kind { corrected, already, left_alone, not_readable, in_use, failed, cancelled } kind;
-  int code = 0;         ///< exit code that the program would have had
-  std::string message;  ///< what went wrong, or the remarks and figures of a correction
-  double seconds = 0;
-  FileIdentity made;  ///< of the corrected file
-};
 
 /// A number of files at once, in the order in which they are put in; each gets its share of the
 /// threads. Signals do not reach the workers. `put` and `take` are for one thread.
@@ -47,7 +38,8 @@ class Workers {
   void work();
   Done correct(const std::string& path) const;
 
-  const PostRequest& request_;
+  /// What corrects one file and says what became of it, without the file's name.
+  std::vector<std::string> command_;
   ExecutionContext context_;
   int event_;
   std::mutex mutex_;

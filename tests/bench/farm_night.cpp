@@ -148,6 +148,10 @@ int main(int argc, char** argv) try {
         std::max({r.upper[0] - r.lower[0], r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]});
     parts.push_back({mesh, size_mm / longest});
   }
+  if (parts.size() < 7) {
+    fmt::print("skipped: no folder of real data beside tests/data: {}\n", SLICECORR_TEST_DATA);
+    return 77;
+  }
   // Resins and speeds that can print at all on this printer.
   const std::string printer = "dual-wavelength-dlp", layer = "50";
   std::string folder = (fs::temp_directory_path() / "farm-night-XXXXXX").string();

@@ -187,5 +187,15 @@ int main(int argc, char** argv) {
                  "20,10,5,\"80\",2 # a remark\n20,15,5,120,2\n30,15,5,90,\n"));
   write(folder / "measurements/heights",
         to_bytes("\xef\xbb\xbfintensity_mw_cm2;exposure_s\r\n1;2\r\n"));
+  number = 0;
+  for (
+      const char* request :
+      {"GET /healthz HTTP/1.1\r\n\r\n", "HEAD / HTTP/1.1\r\n\r\n",
+       "GET /api/v1/jobs?limit=5 HTTP/1.1\r\n\r\n",
+       "GET /api/v1/events HTTP/1.1\r\nRange: bytes=0-1\r\n\r\n",
+       "POST /api/v1/jobs HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: 11\r\n\r\n{\"jobs\":[]}",
+       "PUT /api/v1/parts/a.stl HTTP/1.1\r\nContent-Length: 5\r\n\r\nsolid"}) {
+    write(folder / "server" / std::to_string(number++), to_bytes(request));
+  }
   return 0;
 }

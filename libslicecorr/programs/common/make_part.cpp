@@ -11,6 +11,7 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/report.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::cli {
 
@@ -43,8 +44,9 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
     setup.process = *result->info.process;
     setup.printer = *result->info.printer;  // with as many levels as the file has
     // The proof: the prediction of the stack, with that of the uncorrected part beside it.
-    auto figures = nlohmann::ordered_json::parse(result->after.to_json());
-    figures["uncorrected"] = nlohmann::ordered_json::parse(result->before->to_json());
+    auto figures = slicecorr::detail::own_json<nlohmann::ordered_json>(result->after.to_json());
+    figures["uncorrected"] =
+        slicecorr::detail::own_json<nlohmann::ordered_json>(result->before->to_json());
     proof.emplace(proof_path, figures.dump(2) + "\n");
     std::shared_ptr<const SliceSource> shown = result->slices;
     if (!shown) shown = std::make_shared<const CorrectedSlices>(target, setup, context);

@@ -21,6 +21,7 @@
 #include <new>
 #include <optional>
 #include <sstream>
+#include <system_error>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/version.hpp"
@@ -244,6 +245,9 @@ int Program::run(int argc, char** argv) {
     return fail(kDevice, e.what());
   } catch (const std::bad_alloc&) {
     return fail(kDevice, "out of memory");
+  } catch (const std::system_error& e) {
+    // No threads, no open files to be had.
+    return fail(kDevice, fmt::format("the system refuses what is needed: {}", e.what()));
   } catch (const std::exception& e) {
     return fail(kDefect, fmt::format("a defect of the program: {}", e.what()));
   }

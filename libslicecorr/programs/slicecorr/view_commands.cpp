@@ -12,6 +12,7 @@
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::cli::commands {
 
@@ -257,7 +258,7 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
     // Only the erase has an N; the key is there for every method.
     nlohmann::ordered_json json;
     const auto add = [&](const char* method, const Prediction& p) {
-      json[method] = nlohmann::ordered_json::parse(p.to_json());
+      json[method] = slicecorr::detail::own_json<nlohmann::ordered_json>(p.to_json());
       json[method]["best_n"] = nullptr;
     };
     add("uncorrected", c.uncorrected);

@@ -17,6 +17,7 @@
 #include "stack/isa_l.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -93,7 +94,7 @@ BinaryFile::BinaryFile(const std::string& path)
   if (::access(beside.c_str(), F_OK) != 0) return;
   try {
     auto record = std::make_unique<ZipInput>(beside);
-    const auto of = nlohmann::json::parse(record->text(kOfEntry), nullptr, false);
+    const auto of = try_json(record->text(kOfEntry));
     if (!of.is_object() || !of["bytes"].is_number_unsigned() || !of["crc32"].is_number_unsigned()) {
       throw InputError(beside, kOfEntry, "does not say of which file the record is");
     }

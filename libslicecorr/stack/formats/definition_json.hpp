@@ -9,7 +9,7 @@
 
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/process.hpp"
-#include "stack/formats/json_node.hpp"
+#include "support/json/json_node.hpp"
 
 namespace slicecorr::detail {
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/process.hpp"
-#include "stack/formats/json_node.hpp"
+#include "support/json/json_node.hpp"
 
 namespace slicecorr::detail {
 

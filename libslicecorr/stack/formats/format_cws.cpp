@@ -19,6 +19,7 @@
 #include "slicecorr/version.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/formats/layer_gcode.hpp"
+#include "stack/formats/read_xml.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -213,7 +214,7 @@ void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& na
                      ContainerOutput& output) {
   std::string text = r.kept->text(kCwsManifest);
   pugi::xml_document document;
-  const bool is_xml = document.load_buffer(text.data(), text.size());
+  read_xml(document, text, r.kept->path(), kCwsManifest);
   pugi::xml_node slice;
   for (const pugi::xml_node node : document.first_element_by_path("manifest/Slices")) slice = node;
   const std::ptrdiff_t element = slice.offset_debug();
@@ -221,7 +222,7 @@ void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& na
   const std::string end_tag = std::string("</") + slice.name() + ">";
   const auto from = static_cast<std::size_t>(std::max<std::ptrdiff_t>(element, 0));
   const std::size_t end = text.find(end_tag, from);
-  if (!is_xml || element < 1 || name <= element || end == text.npos) {
+  if (element < 1 || name <= element || end == text.npos) {
     throw InputError(r.kept->path(), kCwsManifest,
                      "lists no slices, expected manifest/Slices/Slice/name");
   }

@@ -11,8 +11,9 @@
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
-#include "stack/formats/json_node.hpp"
 #include "stack/formats/layer_settings.hpp"
+#include "support/json/json_node.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -39,12 +40,7 @@ constexpr double kDisplayPixelUm = 50;
 constexpr double kMostS = 1e6;
 
 Json parse_settings(const Container& archive) {
-  try {
-    return Json::parse(archive.text(kSettingsEntry));
-  } catch (const Json::exception& error) {
-    throw InputError(archive.path(), kSettingsEntry,
-                     std::string("not valid JSON: ") + error.what());
-  }
+  return read_json<Json>(archive.text(kSettingsEntry), {archive.path(), kSettingsEntry});
 }
 
 /// The first firmware's portal put numbers in quotes, and that firmware read them.

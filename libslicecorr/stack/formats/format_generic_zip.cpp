@@ -14,6 +14,7 @@
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/version.hpp"
 #include "stack/formats/format_times.hpp"
+#include "stack/formats/read_xml.hpp"
 #include "stack/png/preview.hpp"
 
 namespace slicecorr::detail {
@@ -34,11 +35,7 @@ void read_manifest(const Container& archive, ArchiveContents& contents) {
   const std::string& path = archive.path();
   const std::string text = archive.text(kUvtoolsManifest);
   pugi::xml_document document;
-  const pugi::xml_parse_result result = document.load_buffer(text.data(), text.size());
-  if (!result) {
-    throw InputError(path, kUvtoolsManifest,
-                     fmt::format("is no XML: {} at byte {}", result.description(), result.offset));
-  }
+  read_xml(document, text, path, kUvtoolsManifest);
   const pugi::xml_node root = document.child("Manifest");
   if (!root) throw InputError(path, kUvtoolsManifest, "has no element Manifest");
   const auto number = [&](const char* key, double most) {

@@ -15,6 +15,7 @@
 #include "slicecorr/version.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/png/preview.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -79,11 +80,7 @@ struct Document {
 
 Document open(const Container& archive, const char* entry) {
   Document d{archive.path(), entry, archive.text(entry, kMaxJsonBytes), {}};
-  try {
-    d.json = Json::parse(d.text);
-  } catch (const Json::exception& error) {
-    d.fail(std::string("is no JSON: ") + error.what());
-  }
+  d.json = read_json<Json>(d.text, {d.file, d.entry});
   const bool is_list = std::string_view(entry) == kInfoEntry;
   if (is_list ? !d.json.is_array() : !d.json.is_object()) {
     d.fail(is_list ? "is no list" : "is no object");

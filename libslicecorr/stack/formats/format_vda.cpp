@@ -14,6 +14,7 @@
 #include "slicecorr/image_size.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
+#include "stack/formats/read_xml.hpp"
 #include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
@@ -48,11 +49,7 @@ const Container::Entry* manifest_of(const Container& archive) {
 }
 
 pugi::xml_node parse(const XmlSource& place, const std::string& text, pugi::xml_document& xml) {
-  const pugi::xml_parse_result result =
-      xml.load_buffer(text.data(), text.size(), kParseOptions, pugi::encoding_auto);
-  if (!result) {
-    place.refuse(fmt::format("not valid XML: {} at byte {}", result.description(), result.offset));
-  }
+  read_xml(xml, text, place.archive.path(), shown_name(place.entry), kParseOptions);
   const pugi::xml_node root = xml.child("root");
   if (!root.child("Slices") || !root.child("Machines")) {
     place.refuse("is no manifest of slices, expected <root> with <Slices> and <Machines>");

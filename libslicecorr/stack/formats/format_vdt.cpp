@@ -12,8 +12,9 @@
 #include "slicecorr/image_size.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
-#include "stack/formats/json_node.hpp"
 #include "stack/png/preview.hpp"
+#include "support/json/json_node.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -27,10 +28,6 @@ constexpr int kFullLight = 255;
 /// Most bytes of the manifest: it lists every layer, with some 15 values each.
 std::uint64_t manifest_limit(const Container& archive) {
   return (std::uint64_t{64} << 20) + 1024 * archive.entries().size();
-}
-
-[[noreturn]] void refuse_json(const Container& archive, const Json::exception& error) {
-  throw InputError(archive.path(), kVdtManifest, std::string("not valid JSON: ") + error.what());
 }
 
 /// What is needed of a layer; nothing where the manifest does not say it.
@@ -54,11 +51,7 @@ Json parse_manifest(const Container& archive, const JsonSource& place, std::vect
     layers.push_back(layer);
     return false;
   };
-  try {
-    return Json::parse(text, keep);
-  } catch (const Json::exception& error) {
-    refuse_json(archive, error);
-  }
+  return read_json<Json>(text, place, kManyLayers, keep);
 }
 
 double number_at(const Node& object, const char* key, double most) {
@@ -251,11 +244,8 @@ std::string new_manifest(const ArchiveRequest& r) {
 class Change {
  public:
   explicit Change(const ArchiveRequest& r) : r_(r) {
-    try {
-      json_ = Json::parse(r.kept->text(kVdtManifest, manifest_limit(*r.kept)));
-    } catch (const Json::exception& error) {
-      refuse_json(*r.kept, error);
-    }
+    json_ = read_json<Json>(r.kept->text(kVdtManifest, manifest_limit(*r.kept)),
+                            {r.kept->path(), kVdtManifest}, kManyLayers);
     add_layers();
     if (r.exposure_changes) set_exposure();
   }

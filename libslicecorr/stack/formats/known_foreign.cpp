@@ -12,6 +12,7 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/container/binary_file.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
@@ -97,7 +98,7 @@ void refuse_known_foreign(const Container& archive) {
         std::count(entry.name.begin(), entry.name.end(), '/') > 1) {
       continue;
     }
-    const SortedJson print = SortedJson::parse(archive.text(entry.name, limit), nullptr, false);
+    const SortedJson print = try_json<SortedJson>(archive.text(entry.name, limit));
     if (!print.is_object() || !print.contains("Header") ||
         !print.contains("Default layer settings")) {
       continue;

@@ -14,6 +14,7 @@
 #include "stack/formats/format_times.hpp"
 #include "stack/isa_l.hpp"
 #include "stack/recording_entry.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -157,7 +158,7 @@ OrderedJson block_json(const StackInfo& info, const ImageChecksums& checksums) {
 
 OrderedJson checked(OrderedJson block) {
   // Of what is read: texts that are no UTF-8 change when they are written.
-  block[kBlockCrc32Key] = block_crc32(nlohmann::json::parse(dump(block, -1)));
+  block[kBlockCrc32Key] = block_crc32(own_json(dump(block, -1)));
   return block;
 }
 
@@ -205,7 +206,7 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
                               const ImageChecksums& checksums, bool exposure_changes) {
   std::string_view text = original;
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
-  OrderedJson json = OrderedJson::parse(text);
+  OrderedJson json = read_json<OrderedJson>(text, {"config.json", ""}, kManyLayers);
   const ExposureSummary s = exposure_summary(info);
   OrderedJson& properties = json["Properties"];
   properties["Size"]["Layers"] = info.grid.layers;

@@ -12,9 +12,10 @@
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "stack/formats/even_light_json.hpp"
-#include "stack/formats/json_node.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/recording_entry.hpp"
+#include "support/json/json_node.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -61,11 +62,7 @@ SortedJson parse_json(std::string_view text, const JsonSource& place, LayerTimes
     read_layer(value, place, times);
     return false;
   };
-  try {
-    return SortedJson::parse(text.begin(), text.end(), keep);
-  } catch (const SortedJson::exception& error) {
-    throw InputError(place.file, place.entry, std::string("not valid JSON: ") + error.what());
-  }
+  return read_json<SortedJson>(text, place, kManyLayers, keep);
 }
 
 /// Millimetres to micrometres, without the noise that the division by pixels left.

@@ -5,21 +5,23 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "slicecorr/error.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr {
-
-namespace fs = std::filesystem;
 
 unsigned TomlTable::line(std::string_view key) const {
   const toml::node* node = table_.get(key);
   return node ? node->source().begin.line : table_.source().begin.line;
 }
+
+namespace {
+/// No quantity of a resin or printer comes near, in any unit.
+constexpr double kLeastMagnitude = 1e-30, kMostMagnitude = 1e30;
+}  // namespace
 
 void TomlTable::fail(std::string_view key, const std::string& message) const {
   throw InputError(source_, fmt::format("line {}: {}{}", line(key), prefix_, key), message);
@@ -56,6 +58,13 @@ std::optional<double> TomlTable::number(std::string_view key, double low, double
     fail(key, fmt::format("is {:g}; expected a number {} {:g} and at most {:g}", *value,
                           closed ? "of at least" : "above", low, high));
   }
+  // Products and quotients of a few such numbers are numbers.
+  if (*value != 0 && std::abs(*value) < kLeastMagnitude) {
+    fail(key, fmt::format("is {:g}; expected 0 or a number further from it", *value));
+  }
+  if (std::abs(*value) > kMostMagnitude) {
+    fail(key, fmt::format("is {:g}; expected at most {:g}", *value, kMostMagnitude));
+  }
   return value;
 }
 
@@ -81,23 +90,84 @@ int TomlTable::integer(std::string_view key, int low, int high, int fallback) co
   return static_cast<int>(value);
 }
 
-toml::table parse_toml(std::string_view text, const std::string& source) {
+namespace {
+
+/// More than any table of ours has, and little enough for functions that call themselves for each.
+constexpr int kMostNames = 16, kMostNested = 32;
+
+/// Place of the last character of a text in quotes that begins at `at`, or of the text's end.
+std::size_t end_of_quotes(std::string_view text, std::size_t at) {
+  const char quote = text[at];
+  const std::string three(3, quote);
+  const bool lines = text.substr(at, 3) == three;
+  for (std::size_t i = at + (lines ? 3 : 1); i < text.size(); ++i) {
+    if (quote == '"' && text[i] == '\\') {
+      ++i;
+    } else if (lines ? text.substr(i, 3) == three : text[i] == quote || text[i] == '\n') {
+      if (!lines) return text[i] == '\n' ? i - 1 : i;
+      // One or two more may stand before the three that end it.
+      for (i += 2; i + 1 < text.size() && text[i + 1] == quote;) ++i;
+      return i;
+    }
+  }
+  return text.size();
+}
+
+/// Line in which a name has too many parts, `a.a.a`, or values are too deep in each other.
+std::optional<std::size_t> line_too_deep(std::string_view text) {
+  std::size_t line = 1;
+  int names = 1, nested = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '#') {
+      i = std::min(text.find('\n', i), text.size()) - 1;
+    } else if (c == '"' || c == '\'') {
+      const std::size_t end = std::min(end_of_quotes(text, i), text.size() - 1);
+      line += static_cast<std::size_t>(std::count(text.begin() + static_cast<std::ptrdiff_t>(i),
+                                                  text.begin() + static_cast<std::ptrdiff_t>(end),
+                                                  '\n'));
+      i = end;
+    } else if (c == '.') {
+      if (++names > kMostNames) return line;
+    } else if (c == '=' || c == ',' || c == '\n') {
+      names = 1;
+      line += c == '\n' ? 1 : 0;
+    } else if (c == '[' || c == '{') {
+      names = 1;
+      if (++nested > kMostNested) return line;
+    } else if (c == ']' || c == '}') {
+      nested = std::max(0, nested - 1);
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<toml::table> try_toml(std::string_view text, const std::string& source,
+                                    TomlFault* fault) {
+  const auto refuse = [&](std::size_t line, std::string what) {
+    if (fault) *fault = {line, std::move(what)};
+    return std::nullopt;
+  };
+  if (text.size() > kMostTextBytes) return refuse(0, "it is too long");
+  if (const auto line = line_too_deep(text)) {
+    return refuse(*line,
+                  fmt::format("names of more than {} parts, or more than {} lists and tables "
+                              "in each other",
+                              kMostNames, kMostNested));
+  }
   try {
     return toml::parse(text, source);
   } catch (const toml::parse_error& e) {
-    throw InputError(source, fmt::format("line {}", e.source().begin.line),
-                     fmt::format("is not TOML: {}", e.description()));
+    return refuse(e.source().begin.line, text::printable(e.description()));
   }
 }
 
-std::string read_text_file(const std::string& path) {
-  std::error_code ec;
-  if (!fs::is_regular_file(path, ec)) throw InputError(path, "", "is not a file that can be read");
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream text;
-  text << in.rdbuf();
-  if (!in) throw InputError(path, "", "can't be read");
-  return text.str();
+toml::table parse_toml(std::string_view text, const std::string& source) {
+  TomlFault fault;
+  if (auto table = try_toml(text, source, &fault)) return std::move(*table);
+  throw InputError(source, fmt::format("line {}", fault.line), "is not TOML: " + fault.what);
 }
 
 }  // namespace slicecorr

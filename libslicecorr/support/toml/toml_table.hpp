@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "support/files/text_file.hpp"
 #include "support/toml/toml_plus_plus.hpp"
 
 namespace slicecorr {
@@ -31,7 +32,8 @@ class TomlTable {
   unsigned line(std::string_view key) const;
 
   std::string text(std::string_view key, const std::string& fallback) const;
-  /// A number in (low, high], or [low, high] when `closed`.
+  /// A number in (low, high], or [low, high] when `closed`; none but 0 within 1e-30 of 0, none
+  /// beyond 1e30.
   std::optional<double> number(std::string_view key, double low, double high,
                                bool closed = false) const;
   double required_number(std::string_view key, double low, double high) const;
@@ -43,8 +45,17 @@ class TomlTable {
   std::string source_, prefix_;
 };
 
+/// The one way to read TOML: within bounds of depth, which the parser of the library has not for
+/// names in names (`a.a.a`). Throws `InputError`.
 toml::table parse_toml(std::string_view text, const std::string& source);
-/// The whole text of an ordinary file.
-std::string read_text_file(const std::string& path);
+
+/// What is wrong with a text that is no TOML.
+struct TomlFault {
+  std::size_t line = 0;
+  std::string what;
+};
+/// The same where a text that can't be read is no exception; says why in `fault`.
+std::optional<toml::table> try_toml(std::string_view text, const std::string& source = {},
+                                    TomlFault* fault = nullptr);
 
 }  // namespace slicecorr

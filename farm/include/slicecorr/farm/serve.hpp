@@ -118,6 +118,8 @@ struct SubmitRules {
   /// parts ("upload:TOKEN/NAME") are always allowed.
   std::vector<std::string> allowed_folders;
   std::string user;  ///< where a job names none
+  /// Jobs of one user that may wait or run; what would be more is refused.
+  std::int64_t most_open_jobs = 10'000;
 };
 /// A `ServeOptions::submit` that checks the jobs as `slicefarm submit` does.
 std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> make_submitter(

@@ -106,7 +106,10 @@ std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::stri
                                         const JobRequest& defaults = {});
 std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source,
                                        const JobRequest& defaults = {});
-/// {"defaults": {...}, "jobs": [{...}]} with the keys of jobs files; for the REST API.
+/// Most jobs of one request over HTTP, copies counted; and most errors that one is told.
+inline constexpr int kMostJobsOfRequest = 2000, kMostErrorsTold = 100;
+/// {"defaults": {...}, "jobs": [{...}]} with the keys of jobs files; for the REST API. More than
+/// `kMostJobsOfRequest` jobs are refused before anything is made of them.
 std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source,
                                         const JobRequest& defaults = {});
 

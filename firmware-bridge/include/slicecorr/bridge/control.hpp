@@ -219,8 +219,9 @@ std::string against_start(const Machine& machine, const Status& status, bool mac
 
 class Controller {
  public:
-  /// `dry_run`: lamps stay off.
-  Controller(PrintPlan plan, Machine machine, bool dry_run);
+  /// `dry_run`: lamps stay off. `first_sequence`: number of the first set-points, not 0: one by
+  /// chance, so that an answer to somebody else's is not taken for one to ours.
+  Controller(PrintPlan plan, Machine machine, bool dry_run, std::uint16_t first_sequence = 1);
   ~Controller();
   /// One cycle: the last exchange (nothing: no answer) and the time now. The set-points go out at
   /// once; the next call is a cycle later.

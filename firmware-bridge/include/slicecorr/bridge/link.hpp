@@ -45,6 +45,22 @@ class Link {
 std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits,
                                        bool lockstep = false);
 
+/// One bridge per machine on this computer, whatever names and state folders printers have: held as
+/// long as it lives, and gone with the process.
+class MachineLock {
+ public:
+  /// Of the machine's address: host (looked up), port and unit, or the serial line. Throws
+  /// `InputError` when another process holds it, or the host is not found; `DeviceError` when the
+  /// system has no room for it.
+  explicit MachineLock(const RegisterMap& map);
+  ~MachineLock();
+  MachineLock(const MachineLock&) = delete;
+  MachineLock& operator=(const MachineLock&) = delete;
+
+ private:
+  int socket_ = -1;
+};
+
 /// The clock that the bridge goes by. In tests and `--lockstep` it only moves when somebody sleeps.
 class BridgeClock {
  public:

@@ -140,6 +140,11 @@ struct Register {
 };
 
 /// [modbus].
+/// The number that comes after: 0 is what a machine echoes that has just started.
+constexpr std::uint16_t next_sequence(std::uint16_t number) {
+  return number == 0xffff ? 1 : static_cast<std::uint16_t>(number + 1);
+}
+
 struct RegisterMap {
   Transport transport = Transport::tcp;
   std::string host = "127.0.0.1";

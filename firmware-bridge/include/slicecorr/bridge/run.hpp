@@ -55,7 +55,8 @@ struct Ending {
 /// happens, lamps go off first, then the stage stops, then black is shown, then the fault is
 /// latched; this holds for exceptions, too. The caller holds the printer's `PrintLock`. Throws only
 /// for what is wrong before anything was sent: `DeviceError` where nothing can be recorded, and
-/// what making the first frames throws. `uv_sink`: where the images of `Machine::uv_display` go,
+/// what making the first frames throws; `InputError` where the first exchanges, which move and
+/// light nothing, show that somebody else drives the machine. `uv_sink`: where the images of `Machine::uv_display` go,
 /// there exactly where the machine has one.
 Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
                  Link& link, FrameSink& sink, BridgeClock& clock, const StateFolder& folder,

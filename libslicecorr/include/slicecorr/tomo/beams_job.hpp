@@ -7,7 +7,8 @@
 /// The file is a zip with `config.json`, `display/1.png` and so on, which are all shown at once (one
 /// group of frames), and `beam/00.png` and so on, the grey level of each cell's ray in the order of
 /// the beams. Images of displays are as seen from the display, before what a printer's file says of
-/// its orientation. The same job gives the same bytes. Functions are thread-safe.
+/// its orientation. `config.json` has checksums as that of `tomo/job.hpp`. The same job gives the same
+/// bytes. Functions are thread-safe.
 #pragma once
 
 #include <string>
@@ -56,13 +57,18 @@ struct BeamJob {
   TimeWindow window;
   double contrast = 0;  ///< as shown
   ShownBeams shown;
+  /// Whether the file that it was read from has checksums of what it says and shows, which then were
+  /// right.
+  bool has_checksums = false;
 };
 
 /// Written under a temporary name, then renamed. Throws `DeviceError`.
 void write_beam_job(const std::string& path, const BeamJob& job,
                     const ExecutionContext& context = {});
 /// Of `shown` the displays alone. Throws `InputError` naming entry and key for what is missing,
-/// damaged, of another size than `config.json` says, or of a newer format.
+/// damaged, of another size than `config.json` says, or of a newer format; for an exposure outside
+/// of the job's own window of time; and where `config.json`, or an image, is another than its
+/// checksum says. Without checksums: a notice.
 BeamJob read_beam_job(const std::string& path, const ExecutionContext& context = {});
 /// Whether a file is an archive whose `config.json` says that it is such a job. Never throws for
 /// other files.

@@ -8,7 +8,8 @@
 /// size per frame, and `part/00000000.png` and so on, a voxel to a pixel, the lowest slice first;
 /// with an insert also `insert/00000000.png` and so on, opaque where above 0.
 /// Frames are shown in order, each for 1/angles of a turn, while the vial turns as `direction` says.
-/// The same job gives the same bytes.
+/// `config.json` has the CRC-32 of all images, `images_crc32`, and of all that it says itself,
+/// `block_crc32` as in stacks. The same job gives the same bytes.
 #pragma once
 
 #include <cstdint>
@@ -49,6 +50,9 @@ struct TomoJob {
   /// How the solve went, and the bound of contrast that it proved (infinite: none): for pages, no
   /// part of the print. Files that others made have neither.
   std::vector<Step> history;
+  /// Whether the file that it was read from has checksums of what it says and shows, which then were
+  /// right.
+  bool has_checksums = false;
   double contrast_bound = std::numeric_limits<double>::infinity();
 };
 
@@ -60,7 +64,9 @@ GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame);
 /// `make_bench`.
 void write_job(const std::string& path, const TomoJob& job, const ExecutionContext& context = {});
 /// Throws `InputError` naming entry and key for what is missing, damaged, of another size or number
-/// than `config.json` says, or of a newer format. What frames show beside the resin is not kept.
+/// than `config.json` says, or of a newer format; for a `config.json` that contradicts itself; and
+/// where it, or an image, is another than its checksum says. Without checksums: a notice. What
+/// frames show beside the resin is not kept.
 TomoJob read_job(const std::string& path, const ExecutionContext& context = {});
 
 /// The frames of a job as its file has them, read one at a time: for machines that show them.

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// @file command.hpp
-/// Programs that an engine runs: without a shell, with a time limit, and without waiting for them.
+/// Programs that this one runs: without a shell, with a time limit, and without waiting for them.
 #pragma once
 
 #include <sys/types.h>
@@ -12,10 +12,11 @@
 #include <string>
 #include <vector>
 
-namespace slicecorr::farm::detail {
+namespace slicecorr {
 
 struct CommandResult {
   int exit_code = -1;  ///< -1: a signal ended it, or it could not be started
+  int signal = 0;      ///< that ended it; 0: none
   bool started = true;
   bool timed_out = false;
   bool too_long = false;  ///< it printed more than `Command::kLongestOutput`
@@ -55,6 +56,8 @@ class Command {
   /// The same, but waits for the end up to `most`.
   bool wait(std::chrono::milliseconds most);
   const CommandResult& result() const { return result_; }
+  /// Asks it to end, with SIGTERM.
+  void ask_to_end() const;
   /// What it has printed on stderr so far.
   const std::string& said() const { return result_.err; }
   /// Descriptors that become readable when there is something to take; for poll(2).
@@ -83,4 +86,4 @@ CommandResult run_command(const std::vector<std::string>& arguments, std::chrono
                           const std::vector<std::string>& environment = {},
                           const CommandLimits& limits = {});
 
-}  // namespace slicecorr::farm::detail
+}  // namespace slicecorr

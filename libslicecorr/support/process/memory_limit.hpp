@@ -5,7 +5,7 @@
 /// Whether programs that this one runs can be bound in their memory.
 #pragma once
 
-namespace slicecorr::farm::detail {
+namespace slicecorr {
 
 /// Sanitizers map far more for themselves than any job takes.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -14,4 +14,4 @@ inline constexpr bool kLimitsMemory = false;
 inline constexpr bool kLimitsMemory = true;
 #endif
 
-}  // namespace slicecorr::farm::detail
+}  // namespace slicecorr

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "engine/command.hpp"
+#include "support/process/command.hpp"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -19,9 +19,9 @@
 #include <system_error>
 
 #include "slicecorr/error.hpp"
-#include "work/memory_limit.hpp"
+#include "support/process/memory_limit.hpp"
 
-namespace slicecorr::farm::detail {
+namespace slicecorr {
 
 namespace {
 
@@ -149,6 +149,10 @@ void Command::kill_it() {
   ::kill(pid_, SIGKILL);
 }
 
+void Command::ask_to_end() const {
+  if (pid_ > 0) ::kill(pid_, SIGTERM);
+}
+
 void Command::give() {
   while (in_ >= 0 && given_ < input_.size()) {
     const ssize_t n = ::send(in_, input_.data() + given_, input_.size() - given_, MSG_NOSIGNAL);
@@ -192,6 +196,7 @@ bool Command::done() {
   take(out_, result_.out);
   take(err_, result_.err);
   if (gone > 0 && WIFEXITED(status)) result_.exit_code = WEXITSTATUS(status);
+  if (gone > 0 && WIFSIGNALED(status)) result_.signal = WTERMSIG(status);
   for (int* fd : {&in_, &out_, &err_}) close_fd(*fd);
   end_ = SteadyTime::now();
   return ended_ = true;
@@ -234,4 +239,4 @@ CommandResult run_command(const std::vector<std::string>& arguments, std::chrono
   return command.result();
 }
 
-}  // namespace slicecorr::farm::detail
+}  // namespace slicecorr

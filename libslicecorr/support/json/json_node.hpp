@@ -13,15 +13,9 @@
 #include <vector>
 
 #include "slicecorr/error.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::detail {
-
-/// Where a JSON text stands.
-struct JsonSource {
-  /// Stands for no limit in the checks of numbers.
-  static constexpr double kLargest = 1e300;
-  std::string file, entry;
-};
 
 /// A value in the text, with the way to it for messages. Throws `InputError` when it is not what is
 /// asked for. Refers to the value and the place.

@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "support/files/text_file.hpp"
+
+#include <filesystem>
+#include <fstream>
+
+#include "slicecorr/error.hpp"
+#include "support/text/display_text.hpp"
+
+namespace slicecorr {
+
+std::string read_text_file(const std::string& path, std::size_t most_bytes) {
+  std::error_code ec;
+  if (!std::filesystem::is_regular_file(path, ec)) {
+    throw InputError(path, "", "is not a file that can be read");
+  }
+  std::ifstream in(path, std::ios::binary);
+  std::string text;
+  // In pieces: what a file's size says may change meanwhile.
+  constexpr std::size_t kPiece = 1 << 16;
+  for (std::size_t done = 0; in;) {
+    text.resize(done + kPiece);
+    in.read(text.data() + done, static_cast<std::streamsize>(kPiece));
+    done += static_cast<std::size_t>(in.gcount());
+    text.resize(done);
+    if (done > most_bytes) {
+      throw InputError(path, "", "has more than " + text::bytes(static_cast<double>(most_bytes)));
+    }
+  }
+  if (!in.eof()) throw InputError(path, "", "can't be read");
+  return text;
+}
+
+std::optional<std::string> text_of_file(const std::string& path, std::size_t most_bytes) {
+  try {
+    return read_text_file(path, most_bytes);
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace slicecorr

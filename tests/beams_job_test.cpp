@@ -251,7 +251,8 @@ TEST(BeamJobs, ComeBackFromTheirFiles) {
 TEST(BeamJobs, DamageIsToldByEntryAndKey) {
   const test::TemporaryFolder folder;
   const std::string path = folder / "job.uvj";
-  write_beam_job(path, lattice_job(vat_of(kSix)));
+  const BeamJob job = lattice_job(vat_of(kSix));
+  write_beam_job(path, job);
   const test::Entries good = test::unzip(path);
   const auto refused = [&](const std::function<void(test::Entries&)>& change) {
     test::Entries entries = good;
@@ -273,6 +274,22 @@ TEST(BeamJobs, DamageIsToldByEntryAndKey) {
   EXPECT_THAT(config("\"exposure_s\": 4.0", "\"exposure_s\": 0"), HasSubstr("exposure_s"));
   EXPECT_THAT(config("\"from\": \"-x\"", "\"from\": \"-w\""), HasSubstr("'-w' is no side"));
   EXPECT_THAT(config("{", "["), HasSubstr("not valid JSON"));
+  EXPECT_THAT(config("\"exposure_s\": 4.0", "\"exposure_s\": 0.4"),
+              HasSubstr("the job's time_window_s"));
+  EXPECT_THAT(config("\"exposure_s\": 4.0", "\"exposure_s\": 4.1"), HasSubstr("(checksum)"));
+  EXPECT_THAT(config("\"mirror\": false", "\"mirror\": true"), HasSubstr("(checksum)"));
+  const auto blackened = [&](const std::string& name, int width, int height) {
+    return refused([&](test::Entries& entries) {
+      const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+      test::entry(entries, name) =
+          encode_png(GreyImage{width, height, std::vector<std::uint8_t>(pixels)});
+    });
+  };
+  EXPECT_THAT(blackened("display/2.png", job.printer.width_px, job.printer.height_px),
+              HasSubstr("its images were changed"));
+  const BeamImage& beam = job.shown.images[0];
+  EXPECT_THAT(blackened("beam/00.png", beam.columns, beam.rows),
+              HasSubstr("its images were changed"));
   EXPECT_THAT(refused([](test::Entries& entries) {
                 std::erase_if(entries, [](const auto& e) { return e.first == "display/2.png"; });
               }),

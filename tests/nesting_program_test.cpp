@@ -89,9 +89,15 @@ TEST_F(Nesting, DefinitionsAndLists) {
   write("r.csv", "intensity_mw_cm2,exposure_s,cured_height_um\n5,20,100\n");
   make_zip(folder_ / "part.zip", {}, false);
   write("part.stl", "solid a\nendsolid a\n");
-  refused("slicecorr", {"run", "part.stl", "--printer", "p.toml", "--output", "o.uvj"}, deep);
+  refused("slicecorr",
+          {"run", "part.stl", "--printer", "p.toml", "--layer-um", "50", "--resin", "benchy-resin",
+           "--speed-mm-h", "500", "--output", "o.uvj"},
+          deep);
   refused("slicecorr", {"run", "part.stl", "--resin", "p.toml", "--output", "o.uvj"}, "");
-  refused("resinctl", {"validate", "p.toml"}, deep);
+  const RunResult valid =
+      run_program({SLICECORR_BIN_DIR "/resinctl", "validate", "p.toml"}, options_);
+  EXPECT_EQ(valid.exit_code, 2);
+  EXPECT_THAT(valid.out, ::testing::HasSubstr(deep));
   refused("resinctl", {"show", "p.toml"}, "");
   refused("resinctl", {"import", "list.json"}, "nested more than 64 deep");
   refused("slicecorr-post", {"--config", "p.toml", "part.zip"}, deep);

@@ -337,6 +337,26 @@ TEST_F(TomoProgram, DamagedJobsAreRefusedByName) {
       {"c['format'] = 2", "has format 2; this program knows up to 1"},
       {"c['voxels'][1] += 2", "voxels"},
       {"c['turns'] = 0", "turns is 0"},
+      {"c['turns'] += 1", "what it says was changed after the job was made (checksum)"},
+      {"c['turn_s'] *= 2", "turn_s is "},
+      {"del c['turn_s']", "turn_s is missing"},
+      {"c['pitch_mm'] *= 2", "pitch_mm is "},
+      {"del c['pitch_mm']", "pitch_mm is missing"},
+      {"c['direction'] = 'cw' if c['direction'] == 'ccw' else 'ccw'", "direction is "},
+      {"del c['direction']", "direction is missing"},
+      {"c['calibration'][0][1] += 1", "calibration[0][1] is "},
+      {"c['resin']['name'] = 'x'", "what it says was changed"},
+      {"n = sorted(x for x in f if x.startswith('frame/')); "
+       "f.update(zip(n, [f[x] for x in reversed(n)]))",
+       "its images were changed after the job was made (checksum)"},
+      {"f['frame/00000003.png'], f['frame/00000004.png'] = f['frame/00000004.png'], "
+       "f['frame/00000003.png']",
+       "its images were changed"},
+      {"f.update({x: f['frame/00000003.png'] for x in f if x.startswith('frame/')})",
+       "its images were changed"},
+      {"f['part/00000002.png'] = f['part/00000003.png']; f['part/00000003.png'] = "
+       "f['part/00000001.png']",
+       ""},
       {"del c['printer']['rotation']", "rotation"}};
   test::RunOptions options;
   options.folder = folder_.path();

@@ -65,7 +65,7 @@ FarmServer::FarmServer(const FarmFolder& folder, ServeOptions options)
   // Refused before the body is sent, where the client waits for leave to send it.
   server.set_expect_100_continue_handler(
       [api](const httplib::Request& request, httplib::Response& response) {
-        return api->before_body(request, response) ? response.status : 100;
+        return api->before_body(request, response) ? http::status_before_body(response) : 100;
       });
   const auto change = [api](const httplib::Request& request, httplib::Response& response,
                             const httplib::ContentReader& body) {

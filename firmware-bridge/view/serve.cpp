@@ -137,7 +137,7 @@ PrintServer::PrintServer(const StateFolder& folder, ServeOptions options)
   p.server.set_expect_100_continue_handler(
       [parts](const httplib::Request& request, httplib::Response& response) {
         parts->answer(request, response);
-        return response.status;
+        return http::status_before_body(response);
       });
   p.server.set_post_routing_handler(
       [](const httplib::Request&, httplib::Response& response) { http::finish(response); });

@@ -169,7 +169,6 @@ BeamJob read_beam_job(const std::string& path, const ExecutionContext& context) 
         fmt::format("has format {}; this program knows up to {}", format, kBeamJobFormat));
   }
   BeamJob job;
-  job.has_checksums = detail::check_parameters(config, path, context);
   job.printer = slicecorr::detail::read_printer(config["printer"]);
   job.resin = slicecorr::detail::read_resin(config["resin"]);
   job.vat = read_vat(config["vat"]);
@@ -219,13 +218,13 @@ BeamJob read_beam_job(const std::string& path, const ExecutionContext& context) 
     if (shown[d].string() != name) shown[d].fail("\"" + name + "\"");
     job.shown.displays.push_back(image_of(name, job.printer.width_px, job.printer.height_px));
   }
-  if (!job.has_checksums) return job;
   for (const auto& beam : config["beams"].list(1, 6)) {
+    if (!beam.has("size_px")) continue;  // of another program
     const auto size = beam["size_px"].list(2, 2);
     image_of(beam["image"].string(), size[0].integer(1, kMostAlongAxis),
              size[1].integer(1, kMostAlongAxis));
   }
-  detail::check_images(config, crc.value(), path);
+  job.has_checksums = detail::check(config, crc.value(), path, context);
   return job;
 }
 

@@ -273,7 +273,6 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
                      fmt::format("has format {}; this program knows up to {}", format, kJobFormat));
   }
   TomoJob job;
-  job.has_checksums = detail::check_parameters(config, path, context);
   job.printer = slicecorr::detail::read_printer(config["printer"]);
   job.resin = slicecorr::detail::read_resin(config["resin"]);
   if (job.printer.flat_field) read_flat_field(*archive, config["printer"]["flat_field"], job);
@@ -327,7 +326,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
     if (config[kInsertKey].json() != true) config[kInsertKey].fail("true, or no such key");
     job.insert = slices_of(*archive, grid, insert_name, crc);
   }
-  if (job.has_checksums) detail::check_images(config, crc.value(), path);
+  job.has_checksums = detail::check(config, crc.value(), path, context);
   return job;
 }
 

@@ -43,29 +43,29 @@ void add_checksums(nlohmann::ordered_json& config, std::uint32_t images_crc32) {
       slicecorr::detail::block_crc32(slicecorr::detail::own_json(config.dump()));
 }
 
-bool check_parameters(const Node& config, const std::string& path,
-                      const ExecutionContext& context) {
+bool check(const Node& config, std::uint32_t images_crc32, const std::string& path,
+           const ExecutionContext& context) {
   if (!config.has(kBlockCrc32Key) || !config.has(kImagesKey)) {
-    if (context.notice) {
-      context.notice(path +
-                     ": has no checksums of what it says and shows: another program made it, or it "
-                     "was changed since; it is taken as it stands");
-    }
+    context.tell(path +
+                 ": has no checksums of what it says and shows: another program made it, or it was "
+                 "changed since; it is taken as it stands");
     return false;
   }
-  const auto said = static_cast<std::uint32_t>(config[kBlockCrc32Key].whole(0, kMostCrc));
-  if (said == slicecorr::detail::block_crc32(config.json())) return true;
-  throw InputError(path, "",
-                   "what it says was changed after the job was made (checksum): its images were "
-                   "computed for another printer, resin or time; expected the job as `slicecorr` "
-                   "wrote it");
-}
-
-void check_images(const Node& config, std::uint32_t crc32, const std::string& path) {
-  if (static_cast<std::uint32_t>(config[kImagesKey].whole(0, kMostCrc)) == crc32) return;
-  throw InputError(path, "",
-                   "its images were changed after the job was made (checksum), or stand in another "
-                   "order; expected the job as `slicecorr` wrote it");
+  const auto said = [&](const char* key) {
+    return static_cast<std::uint32_t>(config[key].whole(0, kMostCrc));
+  };
+  if (said(kBlockCrc32Key) != slicecorr::detail::block_crc32(config.json())) {
+    throw InputError(path, "",
+                     "what it says was changed after the job was made (checksum): its images were "
+                     "computed for another printer, resin or time; expected the job as `slicecorr` "
+                     "wrote it");
+  }
+  if (said(kImagesKey) != images_crc32) {
+    throw InputError(path, "",
+                     "its images were changed after the job was made (checksum), or stand in "
+                     "another order; expected the job as `slicecorr` wrote it");
+  }
+  return true;
 }
 
 void check_number(const Node& said, double follows, const std::string& from) {

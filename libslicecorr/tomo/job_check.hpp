@@ -32,13 +32,10 @@ class ImagesCrc {
 /// Adds the checksums of the images and of all that `config` says.
 void add_checksums(nlohmann::ordered_json& config, std::uint32_t images_crc32);
 
-/// Of a config as it was read. Throws `InputError` where what it says was changed. False where it
-/// has no checksums, which `context.notice` is told.
-bool check_parameters(const slicecorr::detail::JsonNode<nlohmann::json>& config,
-                      const std::string& path, const ExecutionContext& context);
-/// Throws `InputError` where the images are others; `config` of which `check_parameters` is true.
-void check_images(const slicecorr::detail::JsonNode<nlohmann::json>& config, std::uint32_t crc32,
-                  const std::string& path);
+/// Of a config as it was read, and its images. Throws `InputError` where what it says, or an image,
+/// was changed. False where it has no checksums, which `context.notice` is told.
+bool check(const slicecorr::detail::JsonNode<nlohmann::json>& config, std::uint32_t images_crc32,
+           const std::string& path, const ExecutionContext& context);
 /// Throws `InputError` where a number that follows from the rest is another.
 void check_number(const slicecorr::detail::JsonNode<nlohmann::json>& said, double follows,
                   const std::string& from);

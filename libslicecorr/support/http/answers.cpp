@@ -36,8 +36,7 @@ std::string policy_for_styles(const std::string& html) {
 }
 
 void send(httplib::Response& response, int status, std::string text, const char* type) {
-  // The server itself tells a part of an answer (206) from a whole one.
-  if (status != 200) response.status = status;
+  response.status = status;
   if (text.empty()) {
     response.set_content("", type);
     return;
@@ -49,6 +48,12 @@ void send(httplib::Response& response, int status, std::string text, const char*
                                   if (at > body->size() || size > body->size() - at) return false;
                                   return sink.write(body->data() + at, size);
                                 });
+}
+
+int status_before_body(httplib::Response& response) {
+  // The server says no length of answers that come in place of leave to send, but for errors.
+  if (response.status < 400) response.set_header("Content-Length", std::to_string(response.content_length_));
+  return response.status;
 }
 
 void send_error(httplib::Response& response, int status, const char* code,

@@ -29,6 +29,10 @@ std::string style_hashes(const std::string& html);
 /// Allows exactly the styles that stand in a page.
 std::string policy_for_styles(const std::string& html);
 
+/// For the handler of clients that wait for leave to send a body: the status of an answer that was
+/// made with `send` in its place.
+int status_before_body(httplib::Response& response);
+
 /// Sends a text as it is: the server would compress it with settings meant for files on disks.
 void send(httplib::Response& response, int status, std::string text, const char* type);
 void send_error(httplib::Response& response, int status, const char* code,

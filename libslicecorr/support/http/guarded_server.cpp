@@ -141,7 +141,9 @@ ssize_t GuardedStream::read(char* data, std::size_t size) {
   return static_cast<ssize_t>(n);
 }
 
-/// The next line of the head that the server is to see; without its end where no more comes.
+/// The next line of the head that the server is to see; without its end where no more comes. A line
+/// that ends as none of HTTP does would be a line to one of us and none to the other: it ends the
+/// connection.
 ssize_t GuardedStream::read_line() {
   do {
     line_.clear();
@@ -152,8 +154,13 @@ ssize_t GuardedStream::read_line() {
       if (n <= 0) break;
       line_ += c;
     }
+    const bool ended = line_.ends_with('\n');
+    if (ended && (!line_.ends_with("\r\n") || line_.find('\r') + 2 != line_.size())) {
+      line_.clear();
+      return -1;
+    }
   } while (asks_for_a_part(line_));
-  in_head_ = line_ != "\r\n" && line_ != "\n";
+  in_head_ = line_ != "\r\n";
   return static_cast<ssize_t>(line_.size());
 }
 

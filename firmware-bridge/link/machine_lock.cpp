@@ -67,7 +67,7 @@ MachineLock::MachineLock(const RegisterMap& map) {
   const int error = errno;
   ::close(socket_);
   if (error == EADDRINUSE) {
-    throw InputError("modbus", "", "another printbridge on this computer drives this machine");
+    throw InputError("modbus", "", "another bridge on this computer is at work with this machine");
   }
   throw DeviceError(slicecorr::detail::errno_message("the machine", "can't be taken", error));
 }

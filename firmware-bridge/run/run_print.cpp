@@ -85,34 +85,6 @@ std::uint16_t after_looks(std::uint16_t first) {
                    "takes set-points from somebody else: another bridge is at work with it");
 }
 
-/// Begins to drive a machine that nobody else drives. A machine that takes numbers and gives status
-/// in one request always gives back the own number then: so it is looked at between requests, too.
-/// Silence is for the print's own rules. Throws `InputError`, with nothing moved or lit.
-void take_over(Link& link, BridgeClock& clock, const Machine& machine, std::uint16_t first) {
-  check_alone(link, clock, machine);
-  SetPoints out;
-  out.watchdog_s = machine.limits.watchdog_s;
-  std::deque<std::uint16_t> own;
-  bool taken = false;
-  double next_s = clock.now_s();
-  const auto judge = [&](const std::optional<Status>& status) {
-    if (!status) return;
-    const bool is_own = std::find(own.begin(), own.end(), status->sequence_echo) != own.end();
-    if (taken && !is_own) somebody_else(machine);
-    taken = taken || is_own;
-  };
-  for (std::uint16_t number = first, n = 0; n < kFirstExchanges; ++n) {
-    out.sequence = number;
-    number = next_sequence(number);
-    ++out.heartbeat;
-    own.push_back(out.sequence);
-    if (own.size() > kOwnNumbers) own.pop_front();
-    judge(link.exchange(out));
-    clock.sleep_until(next_s += machine.limits.cycle_s);
-    judge(link.look());
-  }
-}
-
 class Run {
  public:
   Run(const FrameSource& source, const PrintPlan& plan, const Machine& machine, Link& link,
@@ -464,6 +436,31 @@ Status check_alone(Link& link, BridgeClock& clock, const Machine& machine) {
     clock.sleep_until(clock.now_s() + 2 * machine.limits.cycle_s);
   }
   return *last;
+}
+
+void take_over(Link& link, BridgeClock& clock, const Machine& machine, std::uint16_t first) {
+  check_alone(link, clock, machine);
+  SetPoints out;
+  out.watchdog_s = machine.limits.watchdog_s;
+  std::deque<std::uint16_t> own;
+  bool taken = false;
+  double next_s = clock.now_s();
+  const auto judge = [&](const std::optional<Status>& status) {
+    if (!status) return;
+    const bool is_own = std::find(own.begin(), own.end(), status->sequence_echo) != own.end();
+    if (taken && !is_own) somebody_else(machine);
+    taken = taken || is_own;
+  };
+  for (std::uint16_t number = first, n = 0; n < kFirstExchanges; ++n) {
+    out.sequence = number;
+    number = next_sequence(number);
+    ++out.heartbeat;
+    own.push_back(out.sequence);
+    if (own.size() > kOwnNumbers) own.pop_front();
+    judge(link.exchange(out));
+    clock.sleep_until(next_s += machine.limits.cycle_s);
+    judge(link.look());
+  }
 }
 
 Status reset_machine(Link& link, BridgeClock& clock, const Machine& machine) {

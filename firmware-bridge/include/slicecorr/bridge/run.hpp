@@ -71,6 +71,12 @@ std::optional<std::string> ask_running(const StateFolder& folder, const std::str
 /// so, `DeviceError` when it does not answer. Gives what it said last.
 Status check_alone(Link& link, BridgeClock& clock, const Machine& machine);
 
+/// Begins to drive a machine that nobody else drives, with ten exchanges that move and light nothing,
+/// and a look at the machine after each: a machine that takes numbers and gives status in one request
+/// always gives back the own number then. The first set-points have the number `first`. A machine
+/// that does not answer is left to the print's own rules. Throws as `check_alone`.
+void take_over(Link& link, BridgeClock& clock, const Machine& machine, std::uint16_t first);
+
 /// Tells the machine to reset, when its interlocks are closed and its lamps are dark, and sees that
 /// they stay so. Gives its status. Throws `DeviceError` saying what is against it.
 Status reset_machine(Link& link, BridgeClock& clock, const Machine& machine);

@@ -629,6 +629,25 @@ TEST_F(Record, StatusTellsTheStateAndIsReadBack) {
     check_metrics(metrics_text(damaged, count_faults(state)));
     EXPECT_EQ(live_frame(damaged, 80, 24, true).size(), 24U);
   }
+  for (const char* text :
+       {R"({"fault":5})", R"({"detail":[],"frame":"x","stage_um":{}})", "[]", "x",
+        R"({"fault":"door_open","after_fault":{"confirmed":1,"dark":"yes"}})"}) {
+    put("latch.json", text);
+    const auto latch = read_latch(state, false);
+    ASSERT_TRUE(latch) << text;
+    EXPECT_NE(latch->fault, Fault::none) << text;
+    EXPECT_TRUE(seen_in(status_text(state, "p", {})).latched) << text;
+  }
+  put("latch.json", "");
+  std::filesystem::remove(state.file("latch.json"));
+  put("journal.jsonl", R"({"what":7,"frame":"x"})"
+                       "\n"
+                       "{\"what\":\"" +
+                           std::string(kJournalBegin) +
+                           R"(","detail":5,"facts":[1],"stage_um":"y"})"
+                           "\n[]\n");
+  EXPECT_TRUE(read_latch(state, false)) << "it has no end";
+  std::filesystem::remove(state.file("journal.jsonl"));
   write_latch(state, {Fault::door_open, "a door is open", "a.uvj", 3, 60});
   const std::string latched = status_text(state, "p", {});
   EXPECT_TRUE(seen_in(latched).latched);

@@ -10,6 +10,8 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <random>
 #include <thread>
 
@@ -61,6 +63,33 @@ class FarmQueue : public testing::Test {
   FarmFolderOfTest dir;
   TestClock clock;
 };
+
+TEST_F(FarmQueue, AnEmptyFileIsNoNewFarm) {
+  for (const std::size_t bytes : {0, 1, 100, 4096}) {
+    std::ofstream(path(), std::ios::binary) << std::string(bytes, '\0');
+    for (const bool read : {false, true}) {
+      try {
+        if (read) {
+          static_cast<void>(ReadModel(path(), clock));
+        } else {
+          static_cast<void>(open());
+        }
+        ADD_FAILURE() << bytes << " bytes became a farm";
+      } catch (const InputError& e) {
+        EXPECT_THAT(e.what(), HasSubstr("expected the database of a farm")) << bytes;
+      }
+    }
+    EXPECT_EQ(std::filesystem::file_size(path()), bytes);
+    std::filesystem::remove(path());
+  }
+  // Many at once make one, whole from the moment that it is there, and leave nothing else.
+  std::vector<std::thread> makers;
+  for (int i = 0; i < 8; ++i) makers.emplace_back([&] { open(); });
+  for (std::thread& t : makers) t.join();
+  for (const auto& entry : std::filesystem::directory_iterator(dir.path())) {
+    EXPECT_TRUE(entry.path().filename().string().starts_with("farm.sqlite")) << entry.path();
+  }
+}
 
 TEST_F(FarmQueue, MoreUrgentJobsComeFirst) {
   Queue q = open();

@@ -175,6 +175,26 @@ TEST(JobsFile, JsonErrorsNameTheJob) {
                           HasSubstr("request: job 3: is no object")));
 }
 
+TEST(JobsFile, JsonIsBoundedBeforeAnythingIsMadeOfIt) {
+  const auto errors = [](const std::string& text) {
+    return errors_of([&] { parse_jobs_json(text, "request"); });
+  };
+  std::string jobs;
+  for (int i = 0; i < 40; ++i) jobs += std::string(i ? "," : "") + R"({"part":"a","copies":10000})";
+  EXPECT_THAT(errors("{\"jobs\":[" + jobs + "]}"),
+              ElementsAre(HasSubstr("has 400000 jobs, copies counted; expected at most 2000")));
+  jobs.clear();
+  for (int i = 0; i < 2001; ++i) jobs += std::string(i ? "," : "") + "{}";
+  EXPECT_THAT(errors("{\"jobs\":[" + jobs + "]}"), ElementsAre(HasSubstr("has 2001 jobs")));
+  EXPECT_THAT(errors("{\"jobs\":" + std::string(60'000, '[') + std::string(60'000, ']') + "}"),
+              ElementsAre(HasSubstr("nested more than 16 deep")));
+  std::string keys;
+  for (int i = 0; i < 1000; ++i) keys += fmt::format("{}\"k{}\":1", i ? "," : "", i);
+  std::string wrong;
+  for (int i = 0; i < 20; ++i) wrong += std::string(i ? "," : "") + "{" + keys + "}";
+  EXPECT_LE(errors("{\"jobs\":[" + wrong + "]}").size(), 1100U) << "of one job, then no more";
+}
+
 // --- what is made of requests -------------------------------------------------------------------
 
 class Prepare : public FarmPrograms {

@@ -4,6 +4,7 @@
 /// slicecorr-post watching folders: what comes is corrected once it is whole, failures stop
 /// nothing, and kills at any moment lose nothing.
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -97,6 +98,7 @@ class Running {
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   }
   const std::string& said() const { return said_; }
+  pid_t pid() const { return child_; }
 
  private:
   pid_t child_ = -1;
@@ -148,6 +150,42 @@ TEST_F(Watch, WhatIsThereAndWhatComes) {
   EXPECT_THAT(names("in"),
               ::testing::ElementsAre(".hidden.sl1", "done.sl1", "moved.SL1", "readme.txt",
                                      "there.sl1", "there.sl1.orig", "written.sl1"));
+}
+
+/// The processes that a process has started.
+std::vector<pid_t> children_of(pid_t parent) {
+  std::vector<pid_t> children;
+  for (const auto& task : fs::directory_iterator(fmt::format("/proc/{}/task", parent))) {
+    std::ifstream in(task.path() / "children");
+    for (pid_t child; in >> child;) children.push_back(child);
+  }
+  return children;
+}
+
+TEST_F(Watch, AFileThatKillsItsReaderIsSetAside) {
+  Running watch(watching({"--on-fail", "/bin/true"}), options_);
+  ASSERT_TRUE(watch.says("watching"));
+  put("in/a.sl1");
+  std::vector<pid_t> children;
+  const auto end = Clock::now() + std::chrono::seconds(30);
+  while ((children = children_of(watch.pid())).empty() && Clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+  }
+  ASSERT_FALSE(children.empty());
+  ::kill(children[0], SIGSEGV);
+  ASSERT_TRUE(watch.says("failed " + (folder_ / "in/a.sl1")));
+  EXPECT_THAT(watch.said(), HasSubstr("ended the program that read it"));
+  EXPECT_THAT(watch.said(), HasSubstr("it is set aside as a.sl1.set-aside"));
+  // Others are corrected all the same, and one of the same name too.
+  put("in/b.sl1");
+  ASSERT_TRUE(watch.says("corrected " + (folder_ / "in/b.sl1")));
+  EXPECT_EQ(watch.stop(SIGTERM), 130);
+  EXPECT_EQ(bytes("in/a.sl1.set-aside"), whole_);
+  EXPECT_FALSE(fs::exists(folder_ / "in/a.sl1"));
+  // After a restart nothing meets it again.
+  Running again(watching({"--once"}), options_);
+  EXPECT_EQ(again.wait(), 0) << again.said();
+  EXPECT_EQ(again.count(" failed "), 0) << again.said();
 }
 
 TEST_F(Watch, SlowWritersAreWaitedFor) {

@@ -189,6 +189,33 @@ TEST_F(Streams, ImageNamesInAnyEncodingAreKeptAndContinued) {
   }
 }
 
+/// Where the system gives fewer threads, fewer do it; memory that it does not give is no defect of the program.
+TEST_F(Streams, ThreadsAndMemoryThatAreNotToBeHad) {
+  const std::string run =
+      "slicecorr run ladder.stl -o out.uvj --layer-um 50 --printer small.toml --resin "
+      "figure-2-2 --speed-mm-h 800 --threads 4";
+  if (::geteuid() == 0) {
+    // Root has as many as it likes.
+    RunOptions nobody = options_;
+    nobody.unprivileged = true;
+    std::filesystem::permissions(folder_.path(), std::filesystem::perms::all);
+    for (const int threads : {1, 2, 3}) {
+      RunResult r = run_program(
+          {"/bin/bash", "-c",
+           fmt::format("ulimit -u {}; exec " SLICECORR_BIN_DIR "/slicecorr run ladder.stl -o "
+                       "out.uvj --layer-um 50 --printer small.toml --resin figure-2-2 "
+                       "--speed-mm-h 800 --threads 6",
+                       threads)},
+          nobody);
+      EXPECT_EQ(r.exit_code, 0) << "with fewer threads, then" << r.err;
+    }
+  }
+  for (const int kib : {60'000, 80'000, 100'000}) {
+    const RunResult r = shell(fmt::format("ulimit -v {}; {}", kib, run));
+    EXPECT_THAT(r.exit_code, testing::AnyOf(0, 4)) << kib << r.err;
+  }
+}
+
 TEST(Words, ReadableKeepsLinesAndNothingThatMoves) {
   EXPECT_EQ(text::readable("a\tb\nµm \x1b[2J\r\a\xff"), "a\tb\nµm ?[2J ??");
   EXPECT_EQ(text::printable(kHostile), "a?[2Jb?c d??e ");

@@ -208,6 +208,10 @@ INSTANTIATE_TEST_SUITE_P(
     ResinFile, WrongResin,
     testing::Values(
         Wrong{"NotToml", kModelLine, "model = jacobs", "line 4: ", "is not TOML"},
+        Wrong{"NextToNothing", kDoseLine, "critical_dose_mj_cm3 = 1e-320",
+              "line 8: cure.critical_dose_mj_cm3: ", "expected 0 or a number further from it"},
+        Wrong{"BeyondAll", kDoseLine, "critical_dose_mj_cm3 = 1e300",
+              "line 8: cure.critical_dose_mj_cm3: ", "expected"},
         Wrong{"NameNumber", "name = \"r-1\"", "name = 1", "line 2: name: ", "text in quotes"},
         Wrong{"CureMissing", "[cure]", "[cures]", "line 1: cure: ", "missing; expected a table"},
         Wrong{"ModelUnknown", kModelLine, "model = \"magic\"", "line 4: cure.model: ",

@@ -86,11 +86,17 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
     sqlite3_extended_result_codes(db_, 1);
     sqlite3_busy_timeout(db_, kBusyTimeoutMs);
     execute("PRAGMA foreign_keys = ON");
+    // Before anything is written to it.
+    if (mode != Mode::make && version() == 0) {
+      throw InputError(path_, "",
+                       "is empty; expected the database of a farm. Its jobs are lost where they "
+                       "are in no backup; removed, it makes room for a new farm");
+    }
     if (mode != Mode::read) {
       use_wal();
       execute("PRAGMA synchronous = FULL");
     }
-    migrate(mode);
+    migrate();
     if (mode == Mode::read) execute("PRAGMA query_only = ON");
   } catch (...) {
     for (const auto& [sql, s] : statements_) sqlite3_finalize(s);
@@ -116,36 +122,32 @@ void Database::use_wal() {
   }
 }
 
-void Database::migrate(Mode mode) {
+/// The version of the database; 0: it is empty.
+std::int64_t Database::version() {
   const auto pragma = [&](const char* sql) {
     Rows rows = query(sql);
     return rows.next() ? rows.integer(0) : 0;
   };
-  // The version of the database; 0: it is empty.
-  const auto check = [&]() -> std::int64_t {
-    const std::int64_t version = pragma("PRAGMA user_version");
-    const std::int64_t id = pragma("PRAGMA application_id");
-    if (version == 0 && id == 0) return 0;
-    if (id != kApplicationId) {
-      throw InputError(path_, "", "is a database of another program; expected one of a farm");
-    }
-    if (version > kSchemaVersion) {
-      throw InputError(path_, "",
-                       fmt::format("made by a newer version of this program: schema {}, this "
-                                   "program knows up to {}",
-                                   version, kSchemaVersion));
-    }
-    return version;
-  };
-  std::int64_t version = check();
-  if (version == kSchemaVersion) return;
-  if (version == 0 && mode != Mode::make) {
-    throw InputError(path_, "",
-                     "is empty; expected the database of a farm. Its jobs are lost where it is not "
-                     "in a backup; removed, it makes room for a new farm");
+  const std::int64_t version = pragma("PRAGMA user_version");
+  const std::int64_t id = pragma("PRAGMA application_id");
+  if (version == 0 && id == 0) return 0;
+  if (id != kApplicationId) {
+    throw InputError(path_, "", "is a database of another program; expected one of a farm");
   }
+  if (version > kSchemaVersion) {
+    throw InputError(path_, "",
+                     fmt::format("made by a newer version of this program: schema {}, this "
+                                 "program knows up to {}",
+                                 version, kSchemaVersion));
+  }
+  return version;
+}
+
+void Database::migrate() {
+  std::int64_t version = this->version();
+  if (version == kSchemaVersion) return;
   Transaction transaction(*this);
-  version = check();
+  version = this->version();
   if (version == kSchemaVersion) return;  // another process was faster
   if (version < 1) execute(kSchema);
   if (version < 2) execute(kSchemaOfTomography);

@@ -95,7 +95,8 @@ class Database {
     bind(s, index, std::string_view(value));
   }
   void use_wal();
-  void migrate(Mode mode);
+  std::int64_t version();
+  void migrate();
 
   std::string path_;
   sqlite3* db_ = nullptr;

@@ -104,13 +104,13 @@ void Api::change(const httplib::Request& request, httplib::Response& response,
   } catch (const ApiError& e) {
     send_error(response, e.status, e.code, e.what());
   } catch (const InputError& e) {
-    send_error(response, 400, "input", e.what());
+    send_error(response, 400, "input", without_folders(e.what(), folder_));
   } catch (const InfeasibleError& e) {
-    send_error(response, 422, "infeasible", e.what());
+    send_error(response, 422, "infeasible", without_folders(e.what(), folder_));
   } catch (const Cancelled&) {
     send_error(response, 503, "stopping", "the server is stopping");
   } catch (const DeviceError& e) {
-    send_error(response, 503, "device", e.what());
+    send_error(response, 503, "device", without_folders(e.what(), folder_));
   }
 }
 

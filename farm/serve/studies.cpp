@@ -11,6 +11,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/token.hpp"
+#include "support/process/threads.hpp"
 #include "views/moment_text.hpp"
 
 namespace slicecorr::farm::detail {
@@ -43,7 +44,8 @@ std::string last_line(const std::string& text) {
   return text.substr(line == std::string::npos ? 0 : line + 1, end - (line + 1) + 1);
 }
 
-/// Without folders: who asks knows names, and need not know where the farm lies.
+}  // namespace
+
 std::string without_folders(std::string text, const FarmFolder& folder) {
   for (std::size_t at; (at = text.find(folder.root + "/")) != std::string::npos;) {
     std::size_t end = at + folder.root.size() + 1;
@@ -55,10 +57,15 @@ std::string without_folders(std::string text, const FarmFolder& folder) {
     }
     text.erase(at, end - at);
   }
+  // Other whole paths, of which the last name is left.
+  for (std::size_t at = 0; (at = text.find('/', at)) != std::string::npos; ++at) {
+    if (at > 0 && std::string_view(" \n\"'(=").find(text[at - 1]) == std::string_view::npos) continue;
+    const std::size_t end = std::min(text.find_first_of(" \n\"':;,)", at), text.size());
+    const std::size_t last = text.rfind('/', end - 1);
+    if (last > at) text.erase(at, last + 1 - at);
+  }
   return text;
 }
-
-}  // namespace
 
 std::string program_path(const ChildRules& rules, const std::string& name) {
   if (!rules.programs.empty()) return rules.programs + "/" + name;
@@ -88,7 +95,7 @@ std::string told_by(const CommandResult& result, const FarmFolder& folder) {
 Studies::Studies(const FarmFolder& folder, const ChildRules& rules)
     : folder_(folder), rules_(rules) {
   remove_left_over(studies_folder(folder_));
-  for (int i = 0; i < std::max(1, rules.studies); ++i) threads_.emplace_back([this] { work(); });
+  threads_ = slicecorr::detail::start_threads(std::max(1, rules.studies), [this] { work(); });
 }
 
 Studies::~Studies() {

@@ -47,6 +47,9 @@ StudyPlan plan_study(const FarmFolder& folder, const nlohmann::ordered_json& req
 /// A printer's or resin's name, as the database has them; no path. Throws `ApiError` naming `key`.
 std::string checked_name(const nlohmann::ordered_json& value, const char* key);
 
+/// A message with names in place of paths: who asks knows names, and need not know where files lie.
+std::string without_folders(std::string text, const FarmFolder& folder);
+
 /// The path of a program of the project.
 std::string program_path(const ChildRules& rules, const std::string& name);
 /// Bounds on a child that works in `folder`.

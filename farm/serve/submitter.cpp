@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "serve/studies.hpp"
 #include "serve/uploads.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/read_model.hpp"
@@ -91,11 +92,11 @@ void check_open_jobs(const std::vector<JobRequest>& requests, const SubmitRules&
   }
 }
 
-SubmitReply failed(const std::vector<SubmitError>& errors) {
+SubmitReply failed(const std::vector<SubmitError>& errors, const FarmFolder& folder) {
   Json list = Json::array();
   for (const SubmitError& e : errors) {
     if (list.size() == kMostErrorsTold) break;
-    list.push_back({{"where", e.where}, {"message", e.message}, {"reason", name_of(e.reason)}});
+    list.push_back({{"where", e.where}, {"message", detail::without_folders(e.message, folder)}, {"reason", name_of(e.reason)}});
   }
   const Json json = {{"error",
                       {{"status", 400},
@@ -116,7 +117,7 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
       std::vector<JobRequest> requests = parse_jobs_json(body, "request");
       std::vector<SubmitError> errors;
       for (JobRequest& request : requests) confine(request, rules, errors);
-      if (!errors.empty()) return failed(errors);
+      if (!errors.empty()) return failed(errors, rules.folder);
       check_open_jobs(requests, rules);
       Queue queue(rules.folder.database());
       ExecutionContext context;
@@ -144,7 +145,7 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
       return {dry_run ? 200 : 201,
               json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n"};
     } catch (const SubmitErrors& e) {
-      return failed(e.errors());
+      return failed(e.errors(), rules.folder);
     }
   };
 }

@@ -141,7 +141,7 @@ WorkSpec parse_spec(const std::string& json) {
   try {
     return spec_of(slicecorr::detail::read_json<Json>(json, {"what a job has to do", ""}));
   } catch (const Json::exception& e) {
-    throw InputError(fmt::format("what a job has to do can't be read: {}", e.what()));
+    throw InputError(fmt::format("what a job has to do can't be read: {}", slicecorr::detail::in_words(e)));
   }
 }
 
@@ -191,7 +191,7 @@ WorkOrder read_order(const std::string& folder) {
     o.memory_mb = json.at("memory_mb");
     return o;
   } catch (const Json::exception& e) {
-    throw InputError(path, "", e.what());
+    throw InputError(path, "", slicecorr::detail::in_words(e));
   }
 }
 

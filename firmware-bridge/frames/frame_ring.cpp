@@ -15,6 +15,7 @@
 #include "frames/vector_state.hpp"
 #include "frames/wire.hpp"
 #include "slicecorr/bridge/frames.hpp"
+#include "support/process/threads.hpp"
 
 namespace slicecorr::bridge {
 
@@ -199,9 +200,8 @@ struct FrameRing::Impl {
 
 FrameRing::FrameRing(const FrameSource& source, int ring, int threads)
     : impl_(std::make_unique<Impl>(source, ring)) {
-  for (int i = 0; i < std::max(threads, 1); ++i) {
-    impl_->threads.emplace_back([this] { impl_->work(); });
-  }
+  impl_->threads =
+      slicecorr::detail::start_threads(std::max(threads, 1), [this] { impl_->work(); });
 }
 
 FrameRing::~FrameRing() {

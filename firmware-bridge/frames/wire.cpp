@@ -256,7 +256,7 @@ WireHello hello_of(const WireMessage& message) {
     hello.angles = json.value("angles", 0);
     hello.uv_display = json.value("uv_display", false);
   } catch (const nlohmann::json::exception& e) {
-    wrong(std::string("hello: ") + e.what());
+    wrong("hello: " + slicecorr::detail::in_words(e));
   } catch (const InputError& e) {
     wrong(std::string("hello: ") + e.what());
   }

@@ -13,6 +13,9 @@
 #include <chrono>
 #include <mutex>
 #include <optional>
+#include <system_error>
+#include <thread>
+#include <vector>
 
 #include "slicecorr/error.hpp"
 
@@ -90,6 +93,33 @@ class Progress {
   Clock::time_point last_ = Clock::now();
 };
 
+/// As many of these threads as the system gives. TBB ends the program where one of its own can't be
+/// started, so that is tried before; where fewer are to be had, TBB is told of it for good.
+int obtainable(int wanted) {
+  static std::mutex mutex;
+  static int tried = 1, known = 1;
+  static std::optional<tbb::global_control> limit;
+  const std::scoped_lock lock(mutex);
+  if (wanted <= tried) return std::min(wanted, known);
+  std::vector<std::thread> threads;
+  std::mutex waiting;
+  {
+    const std::scoped_lock all_at_once(waiting);
+    const auto wait = [&] { const std::scoped_lock until_all_are_there(waiting); };
+    try {
+      while (known + static_cast<int>(threads.size()) < wanted) threads.emplace_back(wait);
+    } catch (const std::system_error&) {
+    }
+  }
+  for (std::thread& t : threads) t.join();
+  tried = wanted;
+  known += static_cast<int>(threads.size());
+  if (known < wanted) {
+    limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(known));
+  }
+  return known;
+}
+
 }  // namespace
 
 void ExecutionContext::check_cancelled() const {
@@ -122,8 +152,8 @@ void parallel_for(const ExecutionContext& context, std::string_view stage, std::
     body(i);
     progress.item_done();
   };
-  const int threads = thread_count(context);
-  if (threads == 1 || count <= 1) {
+  const int threads = count <= 1 ? 1 : obtainable(thread_count(context));
+  if (threads == 1) {
     for (std::size_t i = 0; i < count; ++i) item(i);
   } else {
     // TBB starts no more workers than there are cores unless told so.

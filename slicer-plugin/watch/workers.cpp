@@ -17,6 +17,7 @@
 
 #include "support/files/errno_message.hpp"
 #include "support/process/command.hpp"
+#include "support/process/threads.hpp"
 
 namespace slicecorr::post {
 
@@ -42,7 +43,7 @@ Workers::Workers(int count, const PostRequest& request, const ExecutionContext& 
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
-  for (int i = 0; i < count; ++i) threads_.emplace_back([this] { work(); });
+  threads_ = slicecorr::detail::start_threads(count, [this] { work(); });
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 

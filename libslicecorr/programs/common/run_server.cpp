@@ -64,7 +64,13 @@ int serve_until_ended(const std::function<void()>& run, const std::function<void
       ::poll(nullptr, 0, 50);
     }
   });
-  run();
+  try {
+    run();
+  } catch (...) {
+    done = true;
+    stopper.join();
+    throw;
+  }
   before_end();
   const bool asked = ended();
   done = true;

@@ -18,6 +18,7 @@
 
 #include "slicecorr/error.hpp"
 #include "support/http/answers.hpp"
+#include "support/process/threads.hpp"
 
 namespace slicecorr::http {
 
@@ -220,7 +221,7 @@ void GuardedStream::get_local_ip_and_port(std::string& ip, int& port) const {
 
 BoundedPool::BoundedPool(const ConnectionLimits& limits)
     : most_waiting_(static_cast<std::size_t>(limits.most_waiting)) {
-  for (int i = 0; i < limits.threads; ++i) threads_.emplace_back([this] { work(); });
+  threads_ = slicecorr::detail::start_threads(limits.threads, [this] { work(); });
 }
 
 bool BoundedPool::turning_away() { return turned_away_here; }

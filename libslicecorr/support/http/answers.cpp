@@ -52,7 +52,8 @@ void send(httplib::Response& response, int status, std::string text, const char*
 
 int status_before_body(httplib::Response& response) {
   // The server says no length of answers that come in place of leave to send, but for errors.
-  if (response.status < 400) response.set_header("Content-Length", std::to_string(response.content_length_));
+  if (response.status < 400)
+    response.set_header("Content-Length", std::to_string(response.content_length_));
   return response.status;
 }
 

@@ -111,7 +111,7 @@ TEST_F(Bath, DosesAreThoseOfTheImages) {
   for (const Case& c :
        {Case{{}, 1e9, 0}, Case{{"--resin-depth-um", "3000"}, 60, 0},
         Case{{"--platform-reflectance", "0.3"}, 1e9, 0.3},
-        Case{{"--resin-depth-um", "2049", "--platform-reflectance", "0.2"}, 40, 0.2}}) {
+        Case{{"--resin-depth-um", "2050", "--platform-reflectance", "0.2"}, 41, 0.2}}) {
     SCOPED_TRACE(::testing::PrintToString(c.options));
     good(Command{"correct", "target.uvj", "-o", "stack.uvj"} + kProcess + c.options);
     const auto shown = images("stack.uvj");

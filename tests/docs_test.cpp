@@ -368,6 +368,17 @@ TEST(Docs, LibraryNamesNoOptionsOfPrograms) {
   EXPECT_GT(files, 50);
 }
 
+TEST(Docs, FeaturesAreThoseThatTheProgramPrints) {
+  const auto result = test::run_program({(kBin / "slicecorr").string(), "features"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const std::string table = result.out.substr(result.out.find("\n\n") + 2);
+  EXPECT_NE(text_of(kSource / "docs" / "features.md").find("```\n" + table + "```\n"),
+            std::string::npos)
+      << table;
+  const auto json = test::run_program({(kBin / "slicecorr").string(), "features", "--json"});
+  EXPECT_NE(json.out.find("\"not_together\""), std::string::npos);
+}
+
 TEST(Docs, LevelTablesAreThoseThatTheProgramPrints) {
   const auto program = kBin / "levels_table";
   if (!fs::exists(program)) GTEST_SKIP() << "built without benchmarks: no levels_table";

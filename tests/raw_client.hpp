@@ -12,6 +12,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -46,7 +47,9 @@ class Raw {
     std::string text;
     for (;;) {
       pollfd fd{socket_, POLLIN, 0};
-      if (::poll(&fd, 1, 60'000) <= 0) return "(nothing)";
+      const int ready = ::poll(&fd, 1, 60'000);
+      if (ready < 0 && errno == EINTR) continue;  // a fuzzer has alarms
+      if (ready <= 0) return "(nothing)";
       char buffer[4096];
       const ssize_t n = ::recv(socket_, buffer, sizeof buffer, 0);
       if (n <= 0) return text;

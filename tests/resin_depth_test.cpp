@@ -116,8 +116,9 @@ TEST(ResinDepth, DeepResinHasNoEnd) {
   EXPECT_TRUE(none.is_plain());
   EXPECT_TRUE(deep.is_plain());
   EXPECT_FALSE(model_with_depth(4000).is_plain());
-  // Whole slices count: a depth of so many of them is not one less by rounding.
-  EXPECT_EQ(model_with_depth(1049).bath_slices, 20);
+  // A depth of so many whole slices is not one less by rounding; a part of one is refused.
+  EXPECT_EQ(model_with_depth(1050).bath_slices, 21);
+  EXPECT_THROW(model_with_depth(1049), InputError);
   EXPECT_EQ(model_with_depth(kLayerUm * 7).bath_slices, 7);
 }
 

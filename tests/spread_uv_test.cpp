@@ -350,16 +350,21 @@ TEST(CoupledUnderUv, RoundsNeverMakeItWorseAndThreadsChangeNothing) {
   EXPECT_EQ(p.cure_through_voxels + p.undercure_voxels, before);
 }
 
-TEST(CoupledUnderUv, WhatIsCorrectedAloneIsTold) {
+TEST(CoupledUnderUv, UvLightThatChangesIsRefused) {
   const MemorySlices target = part();
   slicecorr::Setup s = setup(44, 36, 100);
   s.printer.uv->patterned = true;
-  s.process.uv = {};
-  s.process.uv.kind = UvKind::patterned;
-  s.process.uv.dead_zone_um = 20;
-  std::vector<std::string> told;
-  corrected(target, s, 2, nullptr, 2, &told);
-  EXPECT_THAT(told, testing::Contains(HasSubstr("UV light is patterned")));
+  for (const UvKind kind : {UvKind::patterned, UvKind::per_slice}) {
+    s.process.uv = {};
+    s.process.uv.kind = kind;
+    s.process.uv.dead_zone_um = 20;
+    try {
+      corrected(target, s, 2);
+      ADD_FAILURE() << "would lose its UV light";
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr("is not corrected for where light spreads"));
+    }
+  }
 }
 
 TEST(CoupledUnderUv, WhatDoesNotAddUpIsRefused) {

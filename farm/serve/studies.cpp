@@ -59,7 +59,8 @@ std::string without_folders(std::string text, const FarmFolder& folder) {
   }
   // Other whole paths, of which the last name is left.
   for (std::size_t at = 0; (at = text.find('/', at)) != std::string::npos; ++at) {
-    if (at > 0 && std::string_view(" \n\"'(=").find(text[at - 1]) == std::string_view::npos) continue;
+    if (at > 0 && std::string_view(" \n\"'(=").find(text[at - 1]) == std::string_view::npos)
+      continue;
     const std::size_t end = std::min(text.find_first_of(" \n\"':;,)", at), text.size());
     const std::size_t last = text.rfind('/', end - 1);
     if (last > at) text.erase(at, last + 1 - at);

@@ -96,7 +96,9 @@ SubmitReply failed(const std::vector<SubmitError>& errors, const FarmFolder& fol
   Json list = Json::array();
   for (const SubmitError& e : errors) {
     if (list.size() == kMostErrorsTold) break;
-    list.push_back({{"where", e.where}, {"message", detail::without_folders(e.message, folder)}, {"reason", name_of(e.reason)}});
+    list.push_back({{"where", e.where},
+                    {"message", detail::without_folders(e.message, folder)},
+                    {"reason", name_of(e.reason)}});
   }
   const Json json = {{"error",
                       {{"status", 400},

@@ -66,103 +66,125 @@ std::vector<std::string> words_of(const Value& v) {
   }
 }
 
+/// A member as a text of its own for each value.
+std::string text_of_value(double v) { return fmt::format("{}", v); }
+std::string text_of_value(int v) { return fmt::format("{}", v); }
+std::string text_of_value(bool v) { return v ? "yes" : "no"; }
+std::string text_of_value(const std::string& v) { return fmt::format("{}:{}", v.size(), v); }
+template <typename T>
+std::string text_of_value(const std::vector<T>& list) {
+  std::string text = "[";
+  for (const T& v : list) text += text_of_value(v) + ",";
+  return text + "]";
+}
+
 using Set = std::function<std::string(JobRequest&, const Value&)>;
 
+/// A field of jobs: how it is set, and what it is.
+struct Field {
+  template <typename Member>
+  Field(Member member, Set setter)
+      : set(std::move(setter)), show([member](JobRequest r) { return text_of_value(member(r)); }) {}
+  Set set;
+  std::function<std::string(JobRequest)> show;
+};
+
 template <typename Member>
-Set number(Member member, double least, double largest, bool above = false) {
-  return [=](JobRequest& r, const Value& v) -> std::string {
-    const auto d = number_in(v);
-    if (!d || *d > largest || (above ? *d <= least : *d < least)) {
-      return expected(v, largest >= kMost
-                             ? fmt::format("a number {} {}", above ? "above" : "of at least", least)
-                             : fmt::format("a number from {} to {}", least, largest));
-    }
-    member(r) = *d;
-    return {};
-  };
+Field number(Member member, double least, double largest, bool above = false) {
+  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+            const auto d = number_in(v);
+            if (!d || *d > largest || (above ? *d <= least : *d < least)) {
+              return expected(
+                  v, largest >= kMost
+                         ? fmt::format("a number {} {}", above ? "above" : "of at least", least)
+                         : fmt::format("a number from {} to {}", least, largest));
+            }
+            member(r) = *d;
+            return {};
+          }};
 }
 
 template <typename Member>
-Set whole(Member member, int least, int largest) {
-  return [=](JobRequest& r, const Value& v) -> std::string {
-    const auto d = number_in(v);
-    if (!d || *d < least || *d > largest || *d != std::floor(*d)) {
-      return expected(v, fmt::format("a whole number from {} to {}", least, largest));
-    }
-    member(r) = static_cast<int>(*d);
-    return {};
-  };
+Field whole(Member member, int least, int largest) {
+  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+            const auto d = number_in(v);
+            if (!d || *d < least || *d > largest || *d != std::floor(*d)) {
+              return expected(v, fmt::format("a whole number from {} to {}", least, largest));
+            }
+            member(r) = static_cast<int>(*d);
+            return {};
+          }};
 }
 
 template <typename Member>
-Set text(Member member, const std::string& what) {
-  return [=](JobRequest& r, const Value& v) -> std::string {
-    const auto* s = std::get_if<std::string>(&v.value);
-    if (!s || s->empty()) return expected(v, what);
-    member(r) = *s;
-    return {};
-  };
+Field text(Member member, const std::string& what) {
+  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+            const auto* s = std::get_if<std::string>(&v.value);
+            if (!s || s->empty()) return expected(v, what);
+            member(r) = *s;
+            return {};
+          }};
 }
 
 template <typename Member>
-Set word(Member member, const std::vector<std::string>& known) {
-  return [=](JobRequest& r, const Value& v) -> std::string {
-    const auto* s = std::get_if<std::string>(&v.value);
-    if (!s || std::find(known.begin(), known.end(), *s) == known.end()) {
-      std::string list;
-      for (const std::string& k : known) list += (list.empty() ? "" : ", ") + k;
-      return expected(v, "one of " + list);
-    }
-    member(r) = *s;
-    return {};
-  };
+Field word(Member member, const std::vector<std::string>& known) {
+  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+            const auto* s = std::get_if<std::string>(&v.value);
+            if (!s || std::find(known.begin(), known.end(), *s) == known.end()) {
+              std::string list;
+              for (const std::string& k : known) list += (list.empty() ? "" : ", ") + k;
+              return expected(v, "one of " + list);
+            }
+            member(r) = *s;
+            return {};
+          }};
 }
 
 template <typename Member>
-Set numbers(Member member, std::size_t count) {
-  return [=](JobRequest& r, const Value& v) -> std::string {
-    std::vector<double> list;
-    if (const auto* d = std::get_if<std::vector<double>>(&v.value)) {
-      list = *d;
-    } else {
-      for (const std::string& w : words_of(v)) {
-        const auto d = cli::number_of(w);
-        if (!d) return expected(v, fmt::format("{} numbers", count));
-        list.push_back(*d);
-      }
-    }
-    if (list.size() != count) return expected(v, fmt::format("{} numbers", count));
-    member(r) = list;
-    return {};
-  };
+Field numbers(Member member, std::size_t count) {
+  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+            std::vector<double> list;
+            if (const auto* d = std::get_if<std::vector<double>>(&v.value)) {
+              list = *d;
+            } else {
+              for (const std::string& w : words_of(v)) {
+                const auto d = cli::number_of(w);
+                if (!d) return expected(v, fmt::format("{} numbers", count));
+                list.push_back(*d);
+              }
+            }
+            if (list.size() != count) return expected(v, fmt::format("{} numbers", count));
+            member(r) = list;
+            return {};
+          }};
 }
 
 template <typename Member>
-Set texts(Member member, const std::string& what) {
-  return [=](JobRequest& r, const Value& v) -> std::string {
-    std::vector<std::string> list = words_of(v);
-    if (list.empty() || std::find(list.begin(), list.end(), "") != list.end()) {
-      return expected(v, what);
-    }
-    member(r) = std::move(list);
-    return {};
-  };
+Field texts(Member member, const std::string& what) {
+  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+            std::vector<std::string> list = words_of(v);
+            if (list.empty() || std::find(list.begin(), list.end(), "") != list.end()) {
+              return expected(v, what);
+            }
+            member(r) = std::move(list);
+            return {};
+          }};
 }
 
 template <typename Member>
-Set flag(Member member) {
-  return [=](JobRequest& r, const Value& v) -> std::string {
-    const auto* b = std::get_if<bool>(&v.value);
-    const auto* s = std::get_if<std::string>(&v.value);
-    if (b) {
-      member(r) = *b;
-    } else if (v.from_text && s && (*s == "true" || *s == "false")) {
-      member(r) = *s == "true";
-    } else {
-      return expected(v, "true or false");
-    }
-    return {};
-  };
+Field flag(Member member) {
+  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+            const auto* b = std::get_if<bool>(&v.value);
+            const auto* s = std::get_if<std::string>(&v.value);
+            if (b) {
+              member(r) = *b;
+            } else if (v.from_text && s && (*s == "true" || *s == "false")) {
+              member(r) = *s == "true";
+            } else {
+              return expected(v, "true or false");
+            }
+            return {};
+          }};
 }
 
 std::string set_omega_max(JobRequest& r, const Value& v) {
@@ -180,8 +202,8 @@ std::string set_omega_max(JobRequest& r, const Value& v) {
 
 #define SLICEFARM_FIELD(path) ([](JobRequest & r) -> auto& { return r.path; })
 
-const std::map<std::string, Set, std::less<>>& fields() {
-  static const std::map<std::string, Set, std::less<>> table = {
+const std::map<std::string, Field, std::less<>>& fields() {
+  static const std::map<std::string, Field, std::less<>> table = {
       {"part", texts(SLICEFARM_FIELD(parts), "the path of a mesh, an archive or a volume")},
       {"parts", texts(SLICEFARM_FIELD(parts), "paths of meshes that share the plate")},
       {"printer", text(SLICEFARM_FIELD(setup.printer), "a name or a .toml file")},
@@ -226,7 +248,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"window_cure", word(SLICEFARM_FIELD(setup.window_cure), {"refuse", "allow"})},
       {"ramp", word(SLICEFARM_FIELD(setup.ramp), {"none", "lamp-follows", "outside"})},
       {"ramp_mm", number(SLICEFARM_FIELD(setup.ramp_mm), 0, kMost, true)},
-      {"omega_max", set_omega_max},
+      {"omega_max", {SLICEFARM_FIELD(setup.omega_max), set_omega_max}},
       {"one_slice_gaps", word(SLICEFARM_FIELD(setup.one_slice_gaps), {"open", "merge"})},
       {"gap_shortfall", number(SLICEFARM_FIELD(setup.gap_shortfall), 0, 0.5, true)},
       {"edge_aim_um", number(SLICEFARM_FIELD(setup.edge_aim_um), 0, kMostEdgeAimUm, true)},
@@ -295,9 +317,20 @@ std::string set_field(JobRequest& request, const std::string& key, const Value& 
     const std::string near = nearest(key, views);
     return "'" + key + "' is not known" + (near.empty() ? "" : "; expected " + near + "?");
   }
-  const std::string error = found->second(request, value);
+  const std::string error = found->second.set(request, value);
   request.said[key] = {value.where, false};
   return error.empty() ? "" : key + " " + error;
+}
+
+std::string work_text(const JobRequest& request) {
+  /// What a job is called and when it is done, not what is made.
+  static const std::set<std::string, std::less<>> beside{"name",     "out",    "copies", "priority",
+                                                         "ready_by", "labels", "user",   "format"};
+  std::string text;
+  for (const auto& [key, field] : fields()) {
+    if (!beside.contains(key)) text += key + "=" + field.show(request) + "\n";
+  }
+  return text;
 }
 
 std::vector<std::string> field_names() {

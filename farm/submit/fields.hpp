@@ -38,6 +38,9 @@ std::string misfit(const std::string& key, const std::string& name, JobKind kind
 /// Makes everything that was said until now a default for jobs that are still to come.
 void make_defaults(JobRequest& request);
 
+/// All fields that decide what is made, as one text: requests with the same make the same.
+std::string work_text(const JobRequest& request);
+
 /// All keys, for messages.
 std::vector<std::string> field_names();
 

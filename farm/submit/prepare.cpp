@@ -74,31 +74,10 @@ std::vector<std::string> inputs_of(const JobRequest& r) {
 
 /// All that decides what is found out, as one text.
 std::string signature(const JobRequest& r) {
-  const SetupChoices& s = r.setup;
-  std::string text =
-      fmt::format("{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}", r.layer_um,
-                  s.printer, s.resin, s.mode, s.speed_mm_h, s.exposure_s, s.bottom_exposure_s,
-                  s.bottom_layers, s.fade_layers, s.uv_mw_cm2, s.dead_zone_um, s.uv_schedule,
-                  s.window_cure, s.ramp, s.ramp_mm, s.omega_max, s.one_slice_gaps,
-                  s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
-  text += fmt::format("|{}|{}|{}|{}", s.resin_depth_um, s.platform_reflectance, s.spread_correction,
-                      s.rounds);
-  if (!s.even_dead_zone.empty()) text += "|e" + s.even_dead_zone;
-  if (s.edge_aim_um > 0) text += fmt::format("|a{}", s.edge_aim_um);
-  if (s.gap_um > 0) text += fmt::format("|g{}", s.gap_um);
-  for (const double v : s.slice_speed_mm_h) text += fmt::format("|v{}", v);
-  if (!s.slice_lamps.empty()) text += "|w" + s.slice_lamps;
-  if (!r.uncertain.empty()) text += fmt::format("|u{}|{}", r.uncertain, r.robust);
-  text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
-  text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
-                      r.iterations, r.max_time_s, r.beyond_reach);
-  text += fmt::format("|{}|{}", r.clip_sigma, r.stop_error);
-  for (const std::string& p : r.leave_alone) text += "|l" + p;
-  for (const std::string& p : r.inserts) text += "|i" + p;
-  for (const double v : r.center_mm) text += fmt::format("|c{}", v);
-  for (const double v : r.rotate_deg) text += fmt::format("|r{}", v);
-  for (const std::string& p : r.parts) text += "|" + p;
-  return text;
+  std::string text = detail::work_text(r);
+  // What planning adds.
+  for (const double v : r.setup.slice_speed_mm_h) text += fmt::format("v{}\n", v);
+  return text + r.setup.slice_lamps;
 }
 
 /// The archive's format and ending, from what was asked for and, for archives, what they are.

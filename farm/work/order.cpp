@@ -141,7 +141,8 @@ WorkSpec parse_spec(const std::string& json) {
   try {
     return spec_of(slicecorr::detail::read_json<Json>(json, {"what a job has to do", ""}));
   } catch (const Json::exception& e) {
-    throw InputError(fmt::format("what a job has to do can't be read: {}", slicecorr::detail::in_words(e)));
+    throw InputError(
+        fmt::format("what a job has to do can't be read: {}", slicecorr::detail::in_words(e)));
   }
 }
 

@@ -11,7 +11,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
-#include "slicecorr/light_spreads.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -152,6 +152,8 @@ namespace {
 
 /// Less than this of a slice's light is nothing: rounding has a margin of 1e-9 of a dose.
 constexpr double kNoLight = 1e-12;
+/// The margin of rounding, in doses.
+constexpr double kRounding = 1e-9;
 
 /// Lets the bath of a printer end where it does.
 void end_bath(const Printer& printer, CureModel& model) {
@@ -166,6 +168,15 @@ void end_bath(const Printer& printer, CureModel& model) {
   const double slices = std::floor(depth_um / model.layer_um * (1 + 1e-12));
   const double left = std::exp(-slices * model.eta * units::kLn10);
   if (left < kNoLight) return;
+  // What lies in a part of a slice gets a part of its light, which no slice can have.
+  const double part = depth_um / model.layer_um - slices;
+  if (left * -std::expm1(-part * model.eta * units::kLn10) > kRounding) {
+    throw InputError(fmt::format(
+        "the resin is {:g} um deep, which is {:.4g} slices of {:g} um; expected a whole number of "
+        "slices: a depth of {:g} or {:g} um (vat.depth_um), or other slices",
+        depth_um, depth_um / model.layer_um, model.layer_um, slices * model.layer_um,
+        (slices + 1) * model.layer_um));
+  }
   model.bath_slices = static_cast<int>(slices);
   model.beyond = left;
 }
@@ -178,26 +189,9 @@ void mirror(const Printer& printer, CureModel& model) {
   model.mirrored_slices = static_cast<int>(std::min(1e9, std::ceil(slices))) + 1;
 }
 
-void refuse_under(const Printer& printer, const char* key, const char* where, const char* without) {
-  throw InputError(
-      printer.name, key,
-      fmt::format("is not counted {}; expected a printer without it, or {}", where, without));
-}
-
 /// Makes the model of a resin with a time to gel of one that has its printer, height and mode.
-void take_gel_time(const Printer& printer, const Resin& resin, const Process& process,
+void take_gel_time(const Resin& resin, const Process& process,
                    const std::vector<double>& intensities, CureModel& model) {
-  constexpr const char* where = "for a resin of model \"gel-time\"";
-  constexpr const char* without = "a resin of another model (resinctl derive)";
-  if (process.uv.kind != UvKind::off) {
-    throw InputError(
-        resin.name, "cure.model",
-        fmt::format("UV light is not counted {}; expected no UV light, or {}", where, without));
-  }
-  if (printer.resin_depth_um > 0) refuse_under(printer, "vat.depth_um", where, without);
-  if (printer.platform_reflectance > 0) {
-    refuse_under(printer, "vat.platform_reflectance", where, without);
-  }
   model.gel_time = std::make_shared<const GelTimeKernel>(
       GelTime{resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s},
       units::height_e_from_10(resin.absorbance_height10_um), process, model.layer_um, intensities);
@@ -229,8 +223,22 @@ Printer dimmed(const Printer& printer, double factor) {
   return p;
 }
 
+std::vector<Feature> features_of(const CureModel& model) {
+  std::vector<Feature> features;
+  if (model.mode == ExposureMode::layerwise) features.push_back(Feature::layerwise);
+  if (model.inhibited) features.push_back(Feature::uv_constant);
+  if (model.gel_time) features.push_back(Feature::gel_time);
+  if (model.bath_slices > 0) features.push_back(Feature::vat_depth);
+  if (model.mirrored_slices > 0) features.push_back(Feature::reflectance);
+  if (model.is_continuous() && !model.exposure_ratio.empty()) {
+    features.push_back(Feature::lamps_stay);
+  }
+  return features;
+}
+
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light) {
+  check_supported(printer, resin, process);
   const std::vector<double> intensities =
       level_intensities(light.factor == 1 ? printer : dimmed(printer, light.factor));
   CureModel model;
@@ -249,7 +257,7 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s);
   }
   if (resin.has_gel_time()) {
-    take_gel_time(printer, resin, process, intensities, model);
+    take_gel_time(resin, process, intensities, model);
     return model;
   }
   if (process.mode == ExposureMode::layerwise) {
@@ -268,17 +276,6 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   }
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
   if (slices_differ(process)) {
-    const char* const where = process.uv.kind != UvKind::off ? "under UV light"
-                              : light_spreads(printer, resin, process)
-                                  ? "where light spreads from pixel to pixel"
-                              : resin.has_gel_time() ? "with a resin of model \"gel-time\""
-                                                     : nullptr;
-    if (where) {
-      throw InputError(fmt::format(
-          "slices that get more light where they go slower are not computed {}; expected lamps that "
-          "follow the speed",
-          where));
-    }
     for (const double v : process.slice_speed_mm_h) {
       model.exposure_ratio.push_back(process.speed_mm_h / v);
     }
@@ -287,11 +284,6 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     end_bath(printer, model);
     mirror(printer, model);
   } else {
-    const char *const where = "under UV light", *const without = "no UV light";
-    if (printer.resin_depth_um > 0) refuse_under(printer, "vat.depth_um", where, without);
-    if (printer.platform_reflectance > 0) {
-      refuse_under(printer, "vat.platform_reflectance", where, without);
-    }
     model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um, intensities,
                                                     light.brightest);
     // Under UV light phi is the dose after a long run of slices, and the exponent may be another.

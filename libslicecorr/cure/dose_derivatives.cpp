@@ -11,24 +11,15 @@
 
 #include "base/kernels.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
 void check_derivatives(const CureModel& model) {
-  const auto refuse = [](const char* where) {
-    throw InputError(std::string("how the dose changes with its inputs is not known ") + where);
-  };
-  if (model.inhibited) refuse("under UV light; expected exposure without it");
-  if (model.gel_time) refuse("with a time to gel; expected a resin of another model");
-  if (model.bath_slices > 0) {
-    refuse("where the resin ends above the window; expected a printer without vat.depth_um");
-  }
-  if (model.mirrored_slices > 0) {
-    refuse(
-        "below a platform that sends light back; expected a printer without "
-        "vat.platform_reflectance");
-  }
+  std::vector<Feature> features = features_of(model);
+  features.push_back(Feature::derivatives);
+  check_supported(features);
 }
 
 LightGradient light_gradient(const CureModel& model, double phi, double reference_mw_cm2) {

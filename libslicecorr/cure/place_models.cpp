@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/supports.hpp"
 
 namespace slicecorr {
 
@@ -32,6 +33,7 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
       process_(process),
       layer_um_(images.layer_um),
       map_(printer, images, frame) {
+  check_supported(printer, resin, process);
   printer_.flat_field.reset();
   if (even() || process.uv.kind == UvKind::off) return;
   const int values = printer.flat_field->greatest() - printer.flat_field->least() + 1;

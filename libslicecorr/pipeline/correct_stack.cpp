@@ -31,6 +31,7 @@
 #include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/supports.hpp"
 
 namespace slicecorr {
 
@@ -451,6 +452,21 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
   return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
+namespace {
+
+/// Heights that a mesh has and that are not counted.
+void tell_what_is_left_out(const SliceSource& target, const Setup& setup,
+                           const ExecutionContext& context) {
+  if (!target.edge_heights()) return;
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  features.push_back(Feature::edge_heights);
+  if (const Unsupported* pair = find_unsupported(features, Verdict::without)) {
+    context.tell(pair->words);
+  }
+}
+
+}  // namespace
+
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   Setup for_file = setup;
@@ -462,6 +478,8 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   check_file_times(file, planned);
   const SlicesAlone alone(target);
   const SliceSource& wanted = for_file.process.surface == Surface::mesh ? target : alone;
+  check_corrected(for_file.printer, for_file.resin, for_file.process);
+  tell_what_is_left_out(target, for_file, context);
   if (wanted.doses()) detail::check_graded(wanted, for_file);
   if (for_file.uncertainty) detail::check_uncertain(for_file);
   if (judges_suction(for_file)) {
@@ -486,14 +504,16 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
+  check_corrected(setup.printer, setup.resin, setup.process);
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_->models(), setup);
   if (!detail::spreads(setup)) return;
   const CureModel& model = plans_->models().brightest();
-  const char* const alone = model.bath_slices > 0       ? "the resin ends"
-                            : model.mirrored_slices > 0 ? "the platform sends light back"
-                            : model.gel_time            ? "the resin has a time to gel"
-                            : !model.inhibited          ? nullptr
-                            : !plans_->even() ? "the display's light is uneven under UV light"
+  std::vector<Feature> features = features_of(model);
+  features.push_back(Feature::spread);
+  const Unsupported* const pair = find_unsupported(features, Verdict::alone);
+  const char* const alone = pair               ? pair->words
+                            : !model.inhibited ? nullptr
+                            : !plans_->even()  ? "the display's light is uneven under UV light"
                             : !detail::can_couple_under_uv(model) ? "UV light is patterned"
                                                                   : nullptr;
   if (alone == nullptr) {

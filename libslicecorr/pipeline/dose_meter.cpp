@@ -11,51 +11,26 @@
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/light_spreads.hpp"
+#include "slicecorr/supports.hpp"
 
 namespace slicecorr::detail {
 
-namespace {
-
-[[noreturn]] void refuse(const char* why) {
-  throw InputError(fmt::format("doses can't be graded {}", why));
-}
-
-}  // namespace
-
 void check_graded(const SliceSource& target, const Setup& setup) {
-  if (target.left_alone()) refuse("beside what is left alone; expected the part by itself");
-  if (setup.process.mode == ExposureMode::layerwise) {
-    refuse(
-        "layer by layer, where the dose falls through every layer; expected continuous exposure");
-  }
-  if (setup.process.uv.kind != UvKind::off) {
-    refuse("under UV light; expected continuous exposure without it");
-  }
-  if (setup.resin.has_gel_time()) {
-    refuse("with a resin of model \"gel-time\"; expected one of another model (resinctl derive)");
-  }
-  if (light_spreads(setup.printer, setup.resin, setup.process)) {
-    refuse("where light spreads from pixel to pixel; expected a printer and a resin without");
-  }
-  if (setup.process.omega_max < 1e300) {
-    refuse("and capped at once: wanted doses say the most, too; expected no cap of the dose");
-  }
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  // Of these it depends on the height of slices whether they count: `check_doses`.
+  std::erase(features, Feature::vat_depth);
+  std::erase(features, Feature::reflectance);
+  if (target.left_alone()) features.push_back(Feature::left_alone);
+  features.push_back(Feature::wanted_doses);
+  check_supported(features);
 }
 
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
                  const Setup& setup) {
   check_graded(target, setup);
-  const CureModel& model = models.brightest();
-  if (model.bath_slices > 0) {
-    refuse("in resin that ends above the window; expected deeper resin, or no depth at all");
-  }
-  if (model.is_continuous() && !model.exposure_ratio.empty()) {
-    refuse("where slices get more light than others; expected lamps that follow the speed");
-  }
-  if (!model.is_plain()) {
-    refuse("below a platform that sends light back; expected one that takes it up");
-  }
+  std::vector<Feature> features = features_of(models.brightest());
+  features.push_back(Feature::wanted_doses);
+  check_supported(features);
   const LightCounts part = models.map().counts(target.bounds());
   const double most = doses.scale.greatest();
   for (std::size_t v = 1; v < part.size(); ++v) {

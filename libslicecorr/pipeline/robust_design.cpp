@@ -14,7 +14,7 @@
 
 #include "pipeline/uncertain_walk.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/light_spreads.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/uncertain_print.hpp"
 #include "slicecorr/units.hpp"
 
@@ -468,27 +468,15 @@ RobustLevels RobustBand::run() {
 }  // namespace
 
 void check_robust(const Setup& setup, const SliceSource& target) {
-  const auto refuse = [](const char* where) {
-    throw InputError(fmt::format("a correction can't be robust {}", where));
-  };
   check_uncertain(setup);
-  if (setup.process.uv.kind != UvKind::off) refuse("under UV light; expected no UV light");
-  if (light_spreads(setup.printer, setup.resin, setup.process)) {
-    refuse("where light spreads from pixel to pixel; expected a printer without blue.spread");
-  }
-  if (setup.process.mode == ExposureMode::layerwise) {
-    refuse("layer by layer; expected continuous exposure");
-  }
-  if (slices_differ(setup.process)) {
-    refuse("where slices get more light than others; expected lamps that follow the speed");
-  }
-  if (target.doses()) refuse("where doses are wanted; expected a part without them");
-  if (target.left_alone()) {
-    refuse("beside what is left alone; expected the part by itself");
-  }
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  if (target.doses()) features.push_back(Feature::wanted_doses);
+  if (target.left_alone()) features.push_back(Feature::left_alone);
+  features.push_back(Feature::robust);
+  check_supported(features, setup.printer.name, setup.resin.name);
   if (!setup.uncertainty->from_fit && setup.uncertainty->sd(UncertainInput::m) > 0) {
-    refuse(
-        "against an exponent that is off by itself, since doses rise with it here and fall there; "
+    throw InputError(
+        "a correction can't be robust against an exponent that is off by itself, since doses rise with it here and fall there; "
         "expected its errors from a fit, or no error of m");
   }
 }

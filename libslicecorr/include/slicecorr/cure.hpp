@@ -60,11 +60,16 @@
 #include <vector>
 
 #include "slicecorr/process.hpp"
+#include "slicecorr/supports.hpp"
 
 namespace slicecorr {
 
 class GelTimeKernel;
 class InhibitedKernel;
+
+struct CureModel;
+/// The features that count in a model (supports.hpp): UV light of any kind as constant.
+std::vector<Feature> features_of(const CureModel& model);
 
 /// A printer, a resin and an exposure schedule in dimensionless form.
 struct CureModel {

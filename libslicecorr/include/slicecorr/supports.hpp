@@ -1,0 +1,75 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// @file supports.hpp
+/// What goes with what: the one table that says which features of a print are not counted together.
+/// Every program asks it before the work; what the table does not name is counted. Pure and
+/// thread-safe.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "slicecorr/process.hpp"
+
+namespace slicecorr {
+
+/// What makes a print other than plain: continuous light, even and in columns, in deep resin.
+enum class Feature {
+  layerwise,
+  uv_constant,
+  uv_per_slice,
+  uv_patterned,
+  even_dead_zone,
+  gel_time,
+  spread,        ///< light goes from pixel to pixel (light_spreads.hpp)
+  uneven_light,  ///< a flat-field
+  vat_depth,     ///< resin that ends
+  reflectance,   ///< a platform that sends light back
+  lamps_stay,    ///< slices that go slower get more light
+  edge_heights,  ///< edges aimed at where the mesh has them
+  left_alone,
+  wanted_doses,
+  capped_dose,
+  robust,
+  derivatives,  ///< how sure figures are
+};
+inline constexpr int kFeatures = static_cast<int>(Feature::derivatives) + 1;
+
+/// What people call it, with the field or key that brings it: "UV light per slice (dead_zone_um)".
+std::string name_of(Feature feature);
+
+enum class Verdict {
+  refused,        ///< before the work, with these words
+  not_corrected,  ///< the same where a part is corrected; figures of a stack count both
+  without,        ///< the first of the two is left out, and this is told
+  alone,          ///< each column is corrected by itself, and this is told; predictions count both
+};
+struct Unsupported {
+  Feature a, b;
+  Verdict verdict;
+  /// "{printer}" and "{resin}" stand for their names.
+  const char* words;
+};
+/// All pairs that are not counted together, in the order in which they are told.
+std::span<const Unsupported> unsupported();
+
+/// The features of a print's light.
+std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
+                                 const Process& process);
+
+/// The first pair of the table that is among `features` and has this verdict.
+const Unsupported* find_unsupported(std::span<const Feature> features, Verdict verdict);
+
+/// Throws `InputError` with the words of the table where two of these do not go together.
+void check_supported(std::span<const Feature> features, const std::string& printer = {},
+                     const std::string& resin = {});
+/// Of a correction: what is refused in all that is done, and what is not corrected for.
+void check_corrected(const Printer& printer, const Resin& resin, const Process& process);
+/// The same of a print's light, and `more` beside it.
+void check_supported(const Printer& printer, const Resin& resin, const Process& process,
+                     std::vector<Feature> more = {});
+
+}  // namespace slicecorr

@@ -1,0 +1,225 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "slicecorr/supports.hpp"
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/light_spreads.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+using enum Feature;
+using enum Verdict;
+
+constexpr std::array<const char*, kFeatures> kNames = {
+    "layer by layer (mode)",
+    "constant UV light (uv_mw_cm2)",
+    "UV light per slice (dead_zone_um)",
+    "patterned UV light (uv_schedule)",
+    "an even dead zone (even_dead_zone)",
+    "a time to gel (model = \"gel-time\")",
+    "light that spreads ([blue] or [uv] spread, scatter)",
+    "uneven light ([blue] flat_field)",
+    "resin that ends ([vat] depth_um)",
+    "a platform that sends light back ([vat] platform_reflectance)",
+    "more light for slower slices (slice_lamps)",
+    "edges of the mesh (surface)",
+    "what is left alone (leave_alone)",
+    "wanted doses (doses)",
+    "a capped dose (omega_max)",
+    "a robust correction (robust)",
+    "how sure figures are (uncertain)",
+};
+
+// A pair for each of the kinds of UV light.
+#define UNDER_UV(feature, verdict, words)                                          \
+  {feature, uv_constant, verdict, words}, {feature, uv_per_slice, verdict, words}, \
+      {feature, uv_patterned, verdict, words}, {                                   \
+    feature, even_dead_zone, verdict, words                                        \
+  }
+
+constexpr const char* kGelTimeUv =
+    "{resin}: cure.model: UV light is not counted for a resin of model \"gel-time\"; expected no UV "
+    "light, or a resin of another model (resinctl derive)";
+constexpr const char* kDepthUv =
+    "{printer}: vat.depth_um: is not counted under UV light; expected a printer without it, or no UV "
+    "light";
+constexpr const char* kMirrorUv =
+    "{printer}: vat.platform_reflectance: is not counted under UV light; expected a printer without "
+    "it, or no UV light";
+constexpr const char* kStayUv =
+    "slices that get more light where they go slower are not computed under UV light; expected lamps "
+    "that follow the speed";
+constexpr const char* kGradedUv =
+    "doses can't be graded under UV light; expected continuous exposure without it";
+constexpr const char* kSureUv =
+    "how the dose changes with its inputs is not known under UV light; expected exposure without it";
+constexpr const char* kRobustUv =
+    "a correction can't be robust under UV light; expected no UV light";
+
+constexpr Unsupported kTable[] = {
+    UNDER_UV(gel_time, refused, kGelTimeUv),
+    {gel_time, vat_depth, refused,
+     "{printer}: vat.depth_um: is not counted for a resin of model \"gel-time\"; expected a printer "
+     "without it, or a resin of another model (resinctl derive)"},
+    {gel_time, reflectance, refused,
+     "{printer}: vat.platform_reflectance: is not counted for a resin of model \"gel-time\"; expected "
+     "a printer without it, or a resin of another model (resinctl derive)"},
+    UNDER_UV(vat_depth, refused, kDepthUv),
+    UNDER_UV(reflectance, refused, kMirrorUv),
+    UNDER_UV(lamps_stay, refused, kStayUv),
+    {lamps_stay, spread, refused,
+     "slices that get more light where they go slower are not computed where light spreads from pixel "
+     "to pixel; expected lamps that follow the speed"},
+    {lamps_stay, gel_time, refused,
+     "slices that get more light where they go slower are not computed with a resin of model "
+     "\"gel-time\"; expected lamps that follow the speed"},
+    {uv_per_slice, spread, not_corrected,
+     "UV light that changes from slice to slice is not corrected for where light spreads from pixel to "
+     "pixel; expected constant UV light (uv-mw-cm2), or a printer and a resin without spread"},
+    {uv_patterned, spread, not_corrected,
+     "patterned UV light is not corrected for where light spreads from pixel to pixel; expected constant UV "
+     "light (uv-mw-cm2), or a printer and a resin without spread"},
+    {uv_per_slice, uneven_light, not_corrected,
+     "UV light that changes from slice to slice is not corrected for where the display's light is uneven; "
+     "expected constant UV light (uv-mw-cm2), or a printer without blue.flat_field"},
+    // What is wanted of a correction.
+    {wanted_doses, left_alone, refused,
+     "doses can't be graded beside what is left alone; expected the part by itself"},
+    {wanted_doses, layerwise, refused,
+     "doses can't be graded layer by layer, where the dose falls through every layer; expected "
+     "continuous exposure"},
+    UNDER_UV(wanted_doses, refused, kGradedUv),
+    {wanted_doses, gel_time, refused,
+     "doses can't be graded with a resin of model \"gel-time\"; expected one of another model "
+     "(resinctl derive)"},
+    {wanted_doses, spread, refused,
+     "doses can't be graded where light spreads from pixel to pixel; expected a printer and a resin "
+     "without"},
+    {wanted_doses, capped_dose, refused,
+     "doses can't be graded and capped at once: wanted doses say the most, too; expected no cap of "
+     "the dose"},
+    {wanted_doses, vat_depth, refused,
+     "doses can't be graded in resin that ends above the window; expected deeper resin, or no depth "
+     "at all"},
+    {wanted_doses, lamps_stay, refused,
+     "doses can't be graded where slices get more light than others; expected lamps that follow the "
+     "speed"},
+    {wanted_doses, reflectance, refused,
+     "doses can't be graded below a platform that sends light back; expected one that takes it up"},
+    UNDER_UV(derivatives, refused, kSureUv),
+    {derivatives, gel_time, refused,
+     "how the dose changes with its inputs is not known with a time to gel; expected a resin of "
+     "another model"},
+    {derivatives, vat_depth, refused,
+     "how the dose changes with its inputs is not known where the resin ends above the window; "
+     "expected a printer without vat.depth_um"},
+    {derivatives, reflectance, refused,
+     "how the dose changes with its inputs is not known below a platform that sends light back; "
+     "expected a printer without vat.platform_reflectance"},
+    UNDER_UV(robust, refused, kRobustUv),
+    {robust, spread, refused,
+     "a correction can't be robust where light spreads from pixel to pixel; expected a printer "
+     "without blue.spread"},
+    {robust, layerwise, refused,
+     "a correction can't be robust layer by layer; expected continuous exposure"},
+    {robust, lamps_stay, refused,
+     "a correction can't be robust where slices get more light than others; expected lamps that "
+     "follow the speed"},
+    {robust, wanted_doses, refused,
+     "a correction can't be robust where doses are wanted; expected a part without them"},
+    {robust, left_alone, refused,
+     "a correction can't be robust beside what is left alone; expected the part by itself"},
+    {even_dead_zone, layerwise, refused,
+     "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
+    {even_dead_zone, spread, refused,
+     "an even dead zone is not found where light spreads; expected light that stays in its pixel"},
+    // What is left out.
+    {edge_heights, reflectance, without,
+     "edges lie at slices: the mesh's own heights are not counted below a platform that sends light "
+     "back"},
+    {edge_heights, gel_time, without,
+     "edges lie at slices: the mesh's own heights are not counted with a resin of model \"gel-time\""},
+    {spread, vat_depth, alone, "the resin ends"},
+    {spread, reflectance, alone, "the platform sends light back"},
+    {spread, gel_time, alone, "the resin has a time to gel"},
+};
+
+#undef UNDER_UV
+
+std::string with_names(std::string text, const std::string& printer, const std::string& resin) {
+  for (const auto& [mark, name] :
+       {std::pair<std::string_view, const std::string&>{"{printer}", printer},
+        {"{resin}", resin}}) {
+    if (const auto at = text.find(mark); at != text.npos) text.replace(at, mark.size(), name);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string name_of(Feature feature) { return kNames[static_cast<std::size_t>(feature)]; }
+
+std::span<const Unsupported> unsupported() { return kTable; }
+
+std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
+                                 const Process& process) {
+  std::vector<Feature> features;
+  const auto add = [&](bool is, Feature feature) {
+    if (is) features.push_back(feature);
+  };
+  add(process.mode == ExposureMode::layerwise, layerwise);
+  const bool even = process.even_light || process.even_dead_zone != EvenDeadZone::off;
+  add(even, even_dead_zone);
+  add(!even && process.uv.kind == UvKind::constant, uv_constant);
+  add(!even && process.uv.kind == UvKind::per_slice, uv_per_slice);
+  add(!even && process.uv.kind == UvKind::patterned, uv_patterned);
+  add(resin.has_gel_time(), gel_time);
+  add(light_spreads(printer, resin, process), spread);
+  add(printer.flat_field.has_value(), uneven_light);
+  add(printer.resin_depth_um > 0, vat_depth);
+  add(printer.platform_reflectance > 0, reflectance);
+  add(slices_differ(process), lamps_stay);
+  add(process.surface == Surface::mesh, edge_heights);
+  add(process.omega_max < 1e300, capped_dose);
+  return features;
+}
+
+const Unsupported* find_unsupported(std::span<const Feature> features, Verdict verdict) {
+  const auto is = [&](Feature f) {
+    return std::find(features.begin(), features.end(), f) != features.end();
+  };
+  for (const Unsupported& pair : kTable) {
+    if (pair.verdict == verdict && is(pair.a) && is(pair.b)) return &pair;
+  }
+  return nullptr;
+}
+
+void check_supported(std::span<const Feature> features, const std::string& printer,
+                     const std::string& resin) {
+  if (const Unsupported* pair = find_unsupported(features, refused)) {
+    throw InputError(with_names(pair->words, printer, resin));
+  }
+}
+
+void check_corrected(const Printer& printer, const Resin& resin, const Process& process) {
+  const std::vector<Feature> features = features_of(printer, resin, process);
+  check_supported(features, printer.name, resin.name);
+  if (const Unsupported* pair = find_unsupported(features, not_corrected)) {
+    throw InputError(with_names(pair->words, printer.name, resin.name));
+  }
+}
+
+void check_supported(const Printer& printer, const Resin& resin, const Process& process,
+                     std::vector<Feature> more) {
+  for (const Feature f : features_of(printer, resin, process)) more.push_back(f);
+  check_supported(more, printer.name, resin.name);
+}
+
+}  // namespace slicecorr

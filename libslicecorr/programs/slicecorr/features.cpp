@@ -1,0 +1,77 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "features.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "programs/common/figures.hpp"
+#include "slicecorr/supports.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+const char* name_of_verdict(Verdict verdict) {
+  return verdict == Verdict::refused         ? "refused"
+         : verdict == Verdict::not_corrected ? "not corrected for, and refused"
+         : verdict == Verdict::without       ? "left out, and told"
+                                             : "corrected column by column, and told";
+}
+
+std::string features_json() {
+  nlohmann::ordered_json json;
+  for (int f = 0; f < kFeatures; ++f) {
+    json["features"].push_back(name_of(static_cast<Feature>(f)));
+  }
+  json["not_together"] = nlohmann::ordered_json::array();
+  for (const Unsupported& pair : unsupported()) {
+    json["not_together"].push_back({{"a", name_of(pair.a)},
+                                    {"b", name_of(pair.b)},
+                                    {"verdict", name_of_verdict(pair.verdict)},
+                                    {"words", pair.words}});
+  }
+  return json.dump(1) + "\n";
+}
+
+/// For each feature what it does not go with.
+std::string features_text() {
+  std::string text =
+      "What a print can have, and with what of it it does not go together. What three of them, a "
+      "printer or a file can't do is told where it comes up.\n";
+  for (int f = 0; f < kFeatures; ++f) {
+    const auto feature = static_cast<Feature>(f);
+    text += "\n" + name_of(feature) + "\n";
+    for (const Unsupported& pair : unsupported()) {
+      if (pair.a != feature && pair.b != feature) continue;
+      const Feature other = pair.a == feature ? pair.b : pair.a;
+      const bool left_out = pair.verdict == Verdict::without;
+      text += fmt::format("  {} {}\n",
+                          pair.verdict == Verdict::alone ? "corrected column by column with"
+                          : pair.verdict == Verdict::not_corrected ? "not corrected for with"
+                          : left_out && pair.a == feature          ? "left out, and told, with"
+                          : left_out                               ? "leaves out, and tells,"
+                                                                   : "not with",
+                          name_of(other));
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+void add_features(Program& program) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* app =
+      program.add("features", "What goes with what: features that are not counted together",
+                  [json](const ExecutionContext&, Console&) {
+                    print_result(*json ? features_json() : features_text());
+                    return static_cast<int>(kDone);
+                  });
+  app->add_flag("--json", *json, "As JSON, with the words of each refusal");
+}
+
+}  // namespace slicecorr::cli

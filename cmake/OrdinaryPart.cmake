@@ -1,10 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The slicecorr authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# slicecorr_ordinary_part(TARGET SOURCE...): sources of a library in which no time is spent, compiled with
-# SLICECORR_ORDINARY_SPEED. Called when the library has its include folders and what it links.
+# slicecorr_part(TARGET NAME OPTION SOURCE...): sources of a library that are compiled with an option of their own. Called
+# when the library has its include folders and what it links. slicecorr_ordinary_part: those in which no time is spent;
+# slicecorr_busy_part: those in which most of it is.
 function(slicecorr_ordinary_part target)
-  set(part ${target}-ordinary)
+  slicecorr_part(${target} ordinary "${SLICECORR_ORDINARY_SPEED}" ${ARGN})
+endfunction()
+function(slicecorr_busy_part target)
+  slicecorr_part(${target} busy "${SLICECORR_BUSY_SPEED}" ${ARGN})
+endfunction()
+function(slicecorr_part target name option)
+  set(part ${target}-${name})
   add_library(${part} OBJECT ${ARGN})
   get_target_property(position_independent ${target} POSITION_INDEPENDENT_CODE)
   set_target_properties(${part} PROPERTIES POSITION_INDEPENDENT_CODE ${position_independent})
@@ -13,7 +20,7 @@ function(slicecorr_ordinary_part target)
   get_target_property(libraries ${target} LINK_LIBRARIES)
   target_link_libraries(${part} PRIVATE ${libraries})
   target_compile_features(${part} PRIVATE cxx_std_20)
-  target_compile_options(${part} PRIVATE "${SLICECORR_ORDINARY_SPEED}")
+  target_compile_options(${part} PRIVATE "${option}")
   target_sources(${target} PRIVATE $<TARGET_OBJECTS:${part}>)
 endfunction()
 

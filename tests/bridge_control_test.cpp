@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "control/motion.hpp"
 #include "control_bench.hpp"
@@ -219,6 +220,23 @@ TEST(BridgeControl, LateFramesAreBorneWhereTheMachineSaysSo) {
   Bench far(m, plan, {parse_sim_fault("late-frame=0.25@frame:10")});
   far.run();
   EXPECT_EQ(far.controller.fault(), Fault::late_frame);
+}
+
+// Where answers are lost on a bad line, images come late: it is the line that has to be seen to.
+TEST(BridgeControl, ABadLineIsNamedAndNotTheImages) {
+  const Machine m = test_machine();
+  for (const bool bad : {false, true}) {
+    Bench b(m, continuous_plan(m, false, false), {parse_sim_fault("late-frame=0.25@frame:20")});
+    std::mt19937 random(3);
+    if (bad) b.noise = [&] { return random() % 10 < 4; };
+    b.run();
+    EXPECT_EQ(b.controller.fault(), bad ? Fault::heartbeat_lost : Fault::late_frame)
+        << b.controller.fault_detail();
+    EXPECT_EQ(b.controller.fault_detail().find("of requests were not answered rightly") !=
+                  std::string::npos,
+              bad)
+        << b.controller.fault_detail();
+  }
 }
 
 TEST(BridgeControl, AFrameThatComesTooEarlyIsAsWrongAsALateOne) {

@@ -95,6 +95,7 @@ class Bench {
       for (const FrameRecord& r : step.records) records.push_back(r);
       sent.push_back(step.set_points);
       answer_ = exchange(step.set_points);
+      if (noise && noise()) answer_.reset();
       check_light();
       if (step.finished) return;
       if (step.show) due_ = {*step.show, step.show_at_s};
@@ -131,6 +132,7 @@ class Bench {
   double now_s = 0;
   double uv_short_s = 0;  ///< longest time with light without the UV that it needs
   bool display_gone = false;
+  std::function<bool()> noise;  ///< whether the answer of this cycle can't be read
   double early_s = 0;      ///< by which frames appear before their time
   double stage_speed = 1;  ///< share of what it is told at which the stage goes while printing
   std::vector<PrintEvent> events;

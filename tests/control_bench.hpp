@@ -133,8 +133,8 @@ class Bench {
   double uv_short_s = 0;  ///< longest time with light without the UV that it needs
   bool display_gone = false;
   std::function<bool()> noise;  ///< whether the answer of this cycle can't be read
-  double early_s = 0;      ///< by which frames appear before their time
-  double stage_speed = 1;  ///< share of what it is told at which the stage goes while printing
+  double early_s = 0;           ///< by which frames appear before their time
+  double stage_speed = 1;       ///< share of what it is told at which the stage goes while printing
   std::vector<PrintEvent> events;
   std::vector<FrameRecord> records;
   std::vector<SetPoints> sent;

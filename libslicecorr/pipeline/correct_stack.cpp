@@ -452,25 +452,14 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
   return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
-namespace {
-
-/// Heights that a mesh has and that are not counted.
-void tell_what_is_left_out(const SliceSource& target, const Setup& setup,
-                           const ExecutionContext& context) {
-  if (!target.edge_heights()) return;
-  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
-  features.push_back(Feature::edge_heights);
-  if (const Unsupported* pair = find_unsupported(features, Verdict::without)) {
-    context.tell(pair->words);
-  }
-}
-
-}  // namespace
-
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   Setup for_file = setup;
   for_file.printer = printer_for_file(setup.printer, file, target.grid(), context);
+  check_corrected(for_file.printer, for_file.resin, for_file.process);
+  const char* const left_out =
+      leave_out_heights(for_file.printer, for_file.resin, for_file.process);
+  if (left_out && target.edge_heights()) context.tell(left_out);
   StackInfo planned;
   planned.kind = StackKind::corrected;
   planned.grid = target.grid();
@@ -478,8 +467,6 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   check_file_times(file, planned);
   const SlicesAlone alone(target);
   const SliceSource& wanted = for_file.process.surface == Surface::mesh ? target : alone;
-  check_corrected(for_file.printer, for_file.resin, for_file.process);
-  tell_what_is_left_out(target, for_file, context);
   if (wanted.doses()) detail::check_graded(wanted, for_file);
   if (for_file.uncertainty) detail::check_uncertain(for_file);
   if (judges_suction(for_file)) {

@@ -22,7 +22,7 @@ void check_graded(const SliceSource& target, const Setup& setup) {
   std::erase(features, Feature::reflectance);
   if (target.left_alone()) features.push_back(Feature::left_alone);
   features.push_back(Feature::wanted_doses);
-  check_supported(features);
+  check_supported(features, setup.printer.name, setup.resin.name);
 }
 
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,

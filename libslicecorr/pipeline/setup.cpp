@@ -443,10 +443,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     setup.process.edge_aim_um = std::max(0.0, c_.edge_aim_um);
     setup.process.cap_platform_features = c_.platform_features == "capped";
     setup.process.surface = surface_named(c_.surface);
-    if (find_unsupported(features_of(setup.printer, setup.resin, setup.process),
-                         Verdict::without)) {
-      setup.process.surface = Surface::slices;
-    }
+    leave_out_heights(setup.printer, setup.resin, setup.process);
     // Without light that spreads there are no rounds, and nothing to say of them.
     const bool spreads = light_spreads(setup.printer, setup.resin, setup.process);
     if (c_.rounds > Process::kMostSpreadRounds) {

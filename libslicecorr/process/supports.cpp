@@ -208,6 +208,10 @@ void check_supported(std::span<const Feature> features, const std::string& print
   }
 }
 
+void check_supported(const Printer& printer, const Resin& resin, const Process& process) {
+  check_supported(features_of(printer, resin, process), printer.name, resin.name);
+}
+
 void check_corrected(const Printer& printer, const Resin& resin, const Process& process) {
   const std::vector<Feature> features = features_of(printer, resin, process);
   check_supported(features, printer.name, resin.name);
@@ -216,10 +220,13 @@ void check_corrected(const Printer& printer, const Resin& resin, const Process& 
   }
 }
 
-void check_supported(const Printer& printer, const Resin& resin, const Process& process,
-                     std::vector<Feature> more) {
-  for (const Feature f : features_of(printer, resin, process)) more.push_back(f);
-  check_supported(more, printer.name, resin.name);
+const char* leave_out_heights(const Printer& printer, const Resin& resin, Process& process) {
+  std::vector<Feature> features = features_of(printer, resin, process);
+  features.push_back(edge_heights);
+  const Unsupported* const pair = find_unsupported(features, without);
+  if (!pair) return nullptr;
+  process.surface = Surface::slices;
+  return pair->words;
 }
 
 }  // namespace slicecorr

@@ -7,7 +7,6 @@
 /// thread-safe.
 #pragma once
 
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -66,10 +65,11 @@ const Unsupported* find_unsupported(std::span<const Feature> features, Verdict v
 /// Throws `InputError` with the words of the table where two of these do not go together.
 void check_supported(std::span<const Feature> features, const std::string& printer = {},
                      const std::string& resin = {});
+/// The same of a print's light.
+void check_supported(const Printer& printer, const Resin& resin, const Process& process);
 /// Of a correction: what is refused in all that is done, and what is not corrected for.
 void check_corrected(const Printer& printer, const Resin& resin, const Process& process);
-/// The same of a print's light, and `more` beside it.
-void check_supported(const Printer& printer, const Resin& resin, const Process& process,
-                     std::vector<Feature> more = {});
+/// The process without edge heights where these are not counted, and why; null where they are.
+const char* leave_out_heights(const Printer& printer, const Resin& resin, Process& process);
 
 }  // namespace slicecorr

@@ -1,14 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The slicecorr authors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Makes a C++ source of text files: cmake -DOUT=x.cpp -DFILES=a;b [-DHEADER=h -DSPACE=n] -P EmbedText.cmake
-# Each becomes std::string_view SPACE::page_NAME_EXT, which HEADER declares.
-if(NOT DEFINED HEADER)
-  set(HEADER "report/page_text.hpp")
-endif()
-if(NOT DEFINED SPACE)
-  set(SPACE "slicecorr::detail")
-endif()
+# Makes a C++ source of text files, for slicecorr_embed_text():
+# cmake -DOUT=x.cpp -DFILES=a;b -DHEADER=h -DSPACE=n -P EmbedText.cmake
 set(text "#include \"${HEADER}\"\n\nnamespace ${SPACE} {\n")
 foreach(file IN LISTS FILES)
   get_filename_component(name "${file}" NAME)

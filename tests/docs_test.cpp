@@ -368,15 +368,21 @@ TEST(Docs, LibraryNamesNoOptionsOfPrograms) {
   EXPECT_GT(files, 50);
 }
 
-TEST(Docs, FeaturesAreThoseThatTheProgramPrints) {
-  const auto result = test::run_program({(kBin / "slicecorr").string(), "features"});
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const std::string table = result.out.substr(result.out.find("\n\n") + 2);
-  EXPECT_NE(text_of(kSource / "docs" / "features.md").find("```\n" + table + "```\n"),
-            std::string::npos)
-      << table;
-  const auto json = test::run_program({(kBin / "slicecorr").string(), "features", "--json"});
-  EXPECT_NE(json.out.find("\"not_together\""), std::string::npos);
+TEST(Docs, FeaturesAndSettingsAreThoseThatTheProgramPrints) {
+  for (const std::string page : {"features", "settings"}) {
+    const auto result = test::run_program({(kBin / "slicecorr").string(), page});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const std::string table = result.out.substr(result.out.find("\n\n") + 2);
+    EXPECT_NE(text_of(kSource / "docs" / (page + ".md")).find("```\n" + table + "```\n"),
+              std::string::npos)
+        << table;
+  }
+  for (const auto& [page, word] :
+       {std::pair<std::string, std::string>{"features", "\"not_together\""},
+        {"settings", "\"takes\""}}) {
+    const auto json = test::run_program({(kBin / "slicecorr").string(), page, "--json"});
+    EXPECT_NE(json.out.find(word), std::string::npos);
+  }
 }
 
 TEST(Docs, LevelTablesAreThoseThatTheProgramPrints) {

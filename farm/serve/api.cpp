@@ -12,6 +12,7 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
+#include "serve/description.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"
@@ -207,7 +208,7 @@ bool Api::read_shell(const std::string& path, httplib::Response& response) {
   if (path == "/") return shell(std::string(page_live_html), kHtmlType);
   if (path == "/print") return shell(std::string(page_print_html), kHtmlType);
   if (path == "/materials") return shell(std::string(page_materials_html), kHtmlType);
-  if (path == "/api/v1/openapi.json") return shell(std::string(page_openapi_json), kJsonType);
+  if (path == "/api/v1/openapi.json") return shell(api_description(), kJsonType);
   if (path == "/healthz") return shell("ok\n", kTextType);
   if (path == "/pages/style.css") {
     return shell(std::string(slicecorr::detail::page_page_css) +

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/token.hpp"
@@ -173,6 +174,9 @@ void Studies::work() {
 }
 
 void Studies::run(Study& study) {
+  for (const auto& [name, text] : study.plan.tables) {
+    cli::write_text_file(study.folder + "/" + name, text);
+  }
   for (const StudyStep& step : study.plan.steps) {
     std::vector<std::string> arguments = step.arguments(study.folder);
     arguments[0] = program_path(rules_, arguments[0]);

@@ -37,6 +37,8 @@ struct StudyStep {
 struct StudyPlan {
   std::string kind;  ///< plate, plan, check or fit
   std::string name;  ///< of the resin that a fit makes
+  /// Tables that the programs read, by name and text: written before the first step.
+  std::vector<std::pair<std::string, std::string>> tables;
   std::vector<StudyStep> steps;
   std::vector<std::string> files;  ///< that may be asked for when it is done
 };

@@ -16,6 +16,7 @@
 #include "serve/studies.hpp"
 #include "serve/uploads.hpp"
 #include "slicecorr/mesh.hpp"
+#include "slicecorr/settings.hpp"
 #include "support/files/text_file.hpp"
 #include "support/json/read_json.hpp"
 
@@ -44,20 +45,6 @@ constexpr Option kPlacing[] = {
     {"fit_mm", "--fit-mm", Kind::number},
     {"rotate_deg", "--rotate-deg", Kind::numbers, 3},
     {"center_mm", "--center-mm", Kind::numbers, 2},
-};
-constexpr Option kProcess[] = {
-    {"mode", "--mode", Kind::word},
-    {"speed_mm_h", "--speed-mm-h", Kind::number},
-    {"exposure_s", "--exposure-s", Kind::number},
-    {"bottom_exposure_s", "--bottom-exposure-s", Kind::number},
-    {"bottom_layers", "--bottom-layers", Kind::number},
-    {"fade_layers", "--fade-layers", Kind::number},
-    {"omega_max", "--omega-max", Kind::number},
-    {"one_slice_gaps", "--one-slice-gaps", Kind::word},
-    {"edge_aim_um", "--edge-aim-um", Kind::number},
-    {"dose_factor", "--dose-factor", Kind::number},
-    {"uv_mw_cm2", "--uv-mw-cm2", Kind::number},
-    {"dead_zone_um", "--dead-zone-um", Kind::number},
 };
 constexpr Option kPlanning[] = {
     {"tolerance_um", "--tolerance-um", Kind::number},
@@ -110,6 +97,36 @@ std::string argument_of(const Option& option, const Json& value) {
   return std::string(option.option) + "=" + text;
 }
 
+/// A value of a setting that is no list, checked.
+std::string setting_value(const Setting& s, const Json& value) {
+  const std::string key(s.name);
+  if (value.is_number() && (s.words.empty())) {
+    if (!takes_number(s, value.get<double>())) wrong(key, setting_takes(s));
+    return number_of(value, key.c_str());
+  }
+  const bool texts = std::holds_alternative<std::string SetupChoices::*>(s.chosen);
+  if (!texts || !value.is_string() || !is_word(value.get<std::string>(), 20) ||
+      !takes_text(s, value.get<std::string>())) {
+    wrong(key, setting_takes(s));
+  }
+  return value.get<std::string>();
+}
+
+/// A list as the table that programs read.
+std::string setting_table(const Setting& s, const Json& value) {
+  constexpr std::size_t most = 100000;
+  std::string text = fmt::format("slice,{}\n", s.column);
+  if (!value.is_array() || value.empty() || value.size() > most)
+    wrong(std::string(s.name), "a list");
+  for (std::size_t n = 0; n < value.size(); ++n) {
+    if (!value[n].is_number() || !takes_number(s, value[n].get<double>())) {
+      wrong(std::string(s.name), "a list, each " + setting_takes(s));
+    }
+    text += fmt::format("{},{}\n", n, value[n].get<double>());
+  }
+  return text;
+}
+
 /// A request whose keys are taken one after the other.
 class Asked {
  public:
@@ -131,6 +148,29 @@ class Asked {
   void add(Arguments& arguments, const Option (&options)[N]) {
     for (const Option& option : options) {
       if (const Json* value = find(option.key)) arguments.push_back(argument_of(option, *value));
+    }
+  }
+  /// What is said of the process, by the table of settings: as arguments, and lists as tables that
+  /// these name. `without`: settings that are checked, and passed over.
+  void add_process(StudyPlan& plan, Arguments& arguments,
+                   std::initializer_list<std::string_view> without = {}) {
+    for (const Setting& s : settings()) {
+      // Definitions are chosen by names of the database.
+      if (s.said_by != SaidBy::all || s.name == "printer" || s.name == "resin") continue;
+      const std::string key(s.name);
+      const Json* const value = find(key.c_str());
+      if (!value) continue;
+      const std::string option = setting_name(ChoiceNames::options, s.name) + "=";
+      const bool passed = std::find(without.begin(), without.end(), s.name) != without.end();
+      if (s.column.empty()) {
+        const std::string text = setting_value(s, *value);
+        if (!passed) arguments.push_back(option + text);
+        continue;
+      }
+      const std::string table = setting_table(s, *value);
+      if (passed) continue;
+      plan.tables.emplace_back(key + ".csv", table);
+      arguments.push_back(option + key + ".csv");
     }
   }
   Arguments uploads(const char* key) {
@@ -251,14 +291,12 @@ StudyPlan plate_plan(Asked& asked) {
 
 StudyPlan speed_plan(Asked& asked) {
   const PartsAsked p = parts_asked(asked, true);
-  Arguments process;
-  asked.add(process, kProcess);
-  asked.add(process, kPlanning);
-  // The speed is what is asked.
-  std::erase_if(process, [](const std::string& a) {
-    return a.starts_with("--speed-mm-h=") || a.starts_with("--exposure-s=");
-  });
   StudyPlan plan;
+  Arguments process;
+  // The speed is what is asked.
+  asked.add_process(plan, process,
+                    {"speed_mm_h", "exposure_s", "slice_speed_mm_h", "layer_exposure_s"});
+  asked.add(process, kPlanning);
   plan.kind = "plan";
   plan.files = {"plan.json", "plan.svg"};
   plan.steps = {fixed("finding the speed", joined({{"slicecorr", "plan"},
@@ -274,9 +312,9 @@ StudyPlan speed_plan(Asked& asked) {
 
 StudyPlan check_plan(Asked& asked) {
   const PartsAsked p = parts_asked(asked, true);
-  Arguments process;
-  asked.add(process, kProcess);
   StudyPlan plan;
+  Arguments process;
+  asked.add_process(plan, process);
   plan.kind = "check";
   plan.files = {"check.json", "check.html", "section.png"};
   if (p.archive) {

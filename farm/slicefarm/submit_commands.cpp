@@ -53,7 +53,7 @@ bool is_jobs_file(const std::string& path) {
 
 std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   JobRequest common = a.request;
-  common.setup = a.setup;
+  common.setup = a.setup.choices();
   const cli::MeshOptions& mesh = a.tomo.mesh;
   common.layer_um = mesh.layer_um;
   common.antialias = mesh.antialias;

@@ -10,11 +10,12 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <string_view>
 
 #include "programs/common/program.hpp"
-#include "slicecorr/flow.hpp"
+#include "slicecorr/settings.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/nearest.hpp"
 
@@ -66,6 +67,19 @@ std::vector<std::string> words_of(const Value& v) {
   }
 }
 
+/// The numbers of a value; nothing where it has others.
+std::optional<std::vector<double>> numbers_in(const Value& v) {
+  if (const auto* d = std::get_if<std::vector<double>>(&v.value)) return *d;
+  if (const auto d = number_in(v)) return std::vector<double>{*d};
+  std::vector<double> list;
+  for (const std::string& w : words_of(v)) {
+    const auto d = cli::number_of(w);
+    if (!d) return std::nullopt;
+    list.push_back(*d);
+  }
+  return list;
+}
+
 /// A member as a text of its own for each value.
 std::string text_of_value(double v) { return fmt::format("{}", v); }
 std::string text_of_value(int v) { return fmt::format("{}", v); }
@@ -80,18 +94,49 @@ std::string text_of_value(const std::vector<T>& list) {
 
 using Set = std::function<std::string(JobRequest&, const Value&)>;
 
-/// A field of jobs: how it is set, and what it is.
+using Schema = nlohmann::ordered_json;
+
+/// A field of jobs: how it is set, what it is, and how the API describes it.
 struct Field {
   template <typename Member>
-  Field(Member member, Set setter)
-      : set(std::move(setter)), show([member](JobRequest r) { return text_of_value(member(r)); }) {}
+  Field(Member member, Schema described, Set setter)
+      : set(std::move(setter)),
+        show([member](JobRequest r) { return text_of_value(member(r)); }),
+        schema(std::move(described)) {}
+  /// With what it is for people.
+  Field&& of(const std::string& words) && {
+    schema["description"] = words;
+    return std::move(*this);
+  }
+  /// Under a heading of forms.
+  Field&& in(std::string_view group) && {
+    schema["x-group"] = group;
+    return std::move(*this);
+  }
   Set set;
   std::function<std::string(JobRequest)> show;
+  Schema schema;
 };
+/// The heading of what a job makes, beside those of settings.
+constexpr std::string_view kMade = "What is made";
+
+Schema number_schema(const SettingRange& r) {
+  Schema schema{{"type", r.whole ? "integer" : "number"}};
+  if (r.above) {
+    // As OpenAPI 3.0 has it.
+    schema["minimum"] = r.least;
+    schema["exclusiveMinimum"] = true;
+  } else {
+    schema["minimum"] = r.least;
+  }
+  if (r.most < kMost) schema["maximum"] = r.most;
+  return schema;
+}
 
 template <typename Member>
 Field number(Member member, double least, double largest, bool above = false) {
-  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+  return {member, number_schema({least, largest, above}),
+          [=](JobRequest& r, const Value& v) -> std::string {
             const auto d = number_in(v);
             if (!d || *d > largest || (above ? *d <= least : *d < least)) {
               return expected(
@@ -106,7 +151,8 @@ Field number(Member member, double least, double largest, bool above = false) {
 
 template <typename Member>
 Field whole(Member member, int least, int largest) {
-  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+  return {member, number_schema({1.0 * least, 1.0 * largest, false, true}),
+          [=](JobRequest& r, const Value& v) -> std::string {
             const auto d = number_in(v);
             if (!d || *d < least || *d > largest || *d != std::floor(*d)) {
               return expected(v, fmt::format("a whole number from {} to {}", least, largest));
@@ -118,7 +164,7 @@ Field whole(Member member, int least, int largest) {
 
 template <typename Member>
 Field text(Member member, const std::string& what) {
-  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+  return {member, {{"type", "string"}}, [=](JobRequest& r, const Value& v) -> std::string {
             const auto* s = std::get_if<std::string>(&v.value);
             if (!s || s->empty()) return expected(v, what);
             member(r) = *s;
@@ -128,7 +174,9 @@ Field text(Member member, const std::string& what) {
 
 template <typename Member>
 Field word(Member member, const std::vector<std::string>& known) {
-  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+  return {member,
+          {{"type", "string"}, {"enum", known}},
+          [=](JobRequest& r, const Value& v) -> std::string {
             const auto* s = std::get_if<std::string>(&v.value);
             if (!s || std::find(known.begin(), known.end(), *s) == known.end()) {
               std::string list;
@@ -142,26 +190,26 @@ Field word(Member member, const std::vector<std::string>& known) {
 
 template <typename Member>
 Field numbers(Member member, std::size_t count) {
-  return {member, [=](JobRequest& r, const Value& v) -> std::string {
-            std::vector<double> list;
-            if (const auto* d = std::get_if<std::vector<double>>(&v.value)) {
-              list = *d;
-            } else {
-              for (const std::string& w : words_of(v)) {
-                const auto d = cli::number_of(w);
-                if (!d) return expected(v, fmt::format("{} numbers", count));
-                list.push_back(*d);
-              }
+  return {member,
+          {{"type", "array"},
+           {"items", {{"type", "number"}}},
+           {"minItems", count},
+           {"maxItems", count}},
+          [=](JobRequest& r, const Value& v) -> std::string {
+            const auto list = numbers_in(v);
+            if (!list || list->size() != count) {
+              return expected(v, fmt::format("{} numbers", count));
             }
-            if (list.size() != count) return expected(v, fmt::format("{} numbers", count));
-            member(r) = list;
+            member(r) = *list;
             return {};
           }};
 }
 
 template <typename Member>
 Field texts(Member member, const std::string& what) {
-  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+  return {member,
+          {{"type", "array"}, {"items", {{"type", "string"}}}, {"minItems", 1}, {"maxItems", 100}},
+          [=](JobRequest& r, const Value& v) -> std::string {
             std::vector<std::string> list = words_of(v);
             if (list.empty() || std::find(list.begin(), list.end(), "") != list.end()) {
               return expected(v, what);
@@ -173,7 +221,7 @@ Field texts(Member member, const std::string& what) {
 
 template <typename Member>
 Field flag(Member member) {
-  return {member, [=](JobRequest& r, const Value& v) -> std::string {
+  return {member, {{"type", "boolean"}}, [=](JobRequest& r, const Value& v) -> std::string {
             const auto* b = std::get_if<bool>(&v.value);
             const auto* s = std::get_if<std::string>(&v.value);
             if (b) {
@@ -187,88 +235,150 @@ Field flag(Member member) {
           }};
 }
 
-std::string set_omega_max(JobRequest& r, const Value& v) {
-  const auto d = number_in(v);
-  const auto* s = std::get_if<std::string>(&v.value);
-  if (s && *s == "inf") {
-    r.setup.omega_max = "inf";
-  } else if (d && *d >= 1) {
-    r.setup.omega_max = fmt::format("{}", *d);
+/// Longest list of a setting.
+constexpr std::size_t kMostNumbers = 1000000;
+
+/// Sets what `settings()` have; gives what was expected where the value is another.
+std::string set_setting(const Setting& s, JobRequest& r, const Value& v) {
+  const auto is_text = [&] { return std::get_if<std::string>(&v.value); };
+  return std::visit(
+      [&](auto chosen) -> std::string {
+        auto& member = r.setup.*chosen;
+        using Member = std::decay_t<decltype(member)>;
+        if constexpr (std::is_same_v<Member, std::string>) {
+          const auto d = s.or_inf ? number_in(v) : std::nullopt;
+          const auto* text = is_text();
+          if (d && takes_number(s, *d)) {
+            member = fmt::format("{}", *d);
+          } else if (!d && text && !text->empty() &&
+                     (takes_text(s, *text) || (s.name == "mode" && *text == kTomographyMode))) {
+            member = *text;
+          } else {
+            std::string what = setting_takes(s);
+            if (s.name == "mode") what += fmt::format(", {}", kTomographyMode);
+            if (what == "a text") what = "a name or a .toml file";
+            return expected(v, what);
+          }
+        } else if constexpr (std::is_same_v<Member, std::vector<double>>) {
+          const auto list = numbers_in(v);
+          if (!list || list->empty() || list->size() > kMostNumbers ||
+              !std::all_of(list->begin(), list->end(),
+                           [&](double d) { return takes_number(s, d); })) {
+            return expected(v, fmt::format("a list, each {}", setting_takes(s)));
+          }
+          member = *list;
+        } else {
+          const auto d = number_in(v);
+          if (!d || !takes_number(s, *d)) return expected(v, setting_takes(s));
+          member = static_cast<Member>(*d);
+        }
+        return {};
+      },
+      s.chosen);
+}
+
+Schema setting_schema(const Setting& s) {
+  Schema schema;
+  if (std::holds_alternative<std::vector<double> SetupChoices::*>(s.chosen)) {
+    schema = {{"type", "array"}, {"items", number_schema(s.range)}, {"minItems", 1}};
+  } else if (s.or_inf) {
+    schema = {{"oneOf", {number_schema(s.range), {{"type", "string"}, {"enum", {"inf"}}}}}};
+  } else if (std::holds_alternative<std::string SetupChoices::*>(s.chosen)) {
+    schema = {{"type", "string"}};
+    if (!s.words.empty()) schema["enum"] = s.words;
+    if (s.name == "mode") schema["enum"].push_back(kTomographyMode);
   } else {
-    return expected(v, "inf, or a number of at least 1");
+    schema = number_schema(s.range);
   }
-  return {};
+  schema["description"] = setting_text(ChoiceNames::fields, s);
+  schema["x-group"] = s.group;
+  return schema;
+}
+
+Field setting_field(const Setting& s) {
+  return std::visit(
+      [&](auto chosen) {
+        return Field(
+            [chosen](JobRequest & r) -> auto& { return r.setup.*chosen; }, setting_schema(s),
+            [&s](JobRequest& r, const Value& v) { return set_setting(s, r, v); });
+      },
+      s.chosen);
 }
 
 #define SLICEFARM_FIELD(path) ([](JobRequest & r) -> auto& { return r.path; })
 
-const std::map<std::string, Field, std::less<>>& fields() {
-  static const std::map<std::string, Field, std::less<>> table = {
-      {"part", texts(SLICEFARM_FIELD(parts), "the path of a mesh, an archive or a volume")},
-      {"parts", texts(SLICEFARM_FIELD(parts), "paths of meshes that share the plate")},
-      {"printer", text(SLICEFARM_FIELD(setup.printer), "a name or a .toml file")},
-      {"resin", text(SLICEFARM_FIELD(setup.resin), "a name or a .toml file")},
-      {"layer_um", number(SLICEFARM_FIELD(layer_um), 1, 1000)},
-      {"antialias", word(SLICEFARM_FIELD(antialias), {"on", "off"})},
-      {"surface", word(SLICEFARM_FIELD(setup.surface), {"slices", "mesh"})},
-      {"units", word(SLICEFARM_FIELD(units), {"auto", "mm", "inch", "m"})},
-      {"scale", number(SLICEFARM_FIELD(scale), 0, kMost, true)},
-      {"fit_mm", number(SLICEFARM_FIELD(fit_mm), 0, kMost, true)},
-      {"center_mm", numbers(SLICEFARM_FIELD(center_mm), 2)},
-      {"rotate_deg", numbers(SLICEFARM_FIELD(rotate_deg), 3)},
-      {"mode", word(SLICEFARM_FIELD(setup.mode), {"continuous", "layerwise", kTomographyMode})},
-      {"voxel_mm", number(SLICEFARM_FIELD(voxel_mm), 0, kMost, true)},
-      {"method", word(SLICEFARM_FIELD(method), {"ladder", "osmo", "kelly", "fbp"})},
-      {"window", word(SLICEFARM_FIELD(window), {"hamming", "ram-lak", "kelly"})},
-      {"angles", whole(SLICEFARM_FIELD(angles), 3, 100000)},
-      {"iterations", whole(SLICEFARM_FIELD(iterations), 1, 100000)},
-      {"leave_alone", texts(SLICEFARM_FIELD(leave_alone), "paths of meshes or stacks")},
-      {"insert", texts(SLICEFARM_FIELD(inserts), "paths of meshes or volumes")},
-      {"clip_sigma", number(SLICEFARM_FIELD(clip_sigma), 0, kMost, true)},
-      {"stop_error", number(SLICEFARM_FIELD(stop_error), 0, kMost, true)},
-      {"max_time_s", number(SLICEFARM_FIELD(max_time_s), 0, kMost, true)},
-      {"beyond_reach", flag(SLICEFARM_FIELD(beyond_reach))},
-      {"plan", flag(SLICEFARM_FIELD(plan))},
-      {"uncertain", text(SLICEFARM_FIELD(uncertain), "errors of inputs, as in ha=5%,dc=5%")},
-      {"robust", flag(SLICEFARM_FIELD(robust))},
-      {"tolerance_um", number(SLICEFARM_FIELD(tolerance_um), 0, kMost, true)},
-      {"gap_contrast", number(SLICEFARM_FIELD(gap_contrast), 0, 1, true)},
-      {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, kMost, true)},
-      {"exposure_s", number(SLICEFARM_FIELD(setup.exposure_s), 0, kMost, true)},
-      {"bottom_exposure_s", number(SLICEFARM_FIELD(setup.bottom_exposure_s), 0, kMost, true)},
-      {"bottom_layers", whole(SLICEFARM_FIELD(setup.bottom_layers), 0, 1000000)},
-      {"fade_layers", whole(SLICEFARM_FIELD(setup.fade_layers), 0, 1000000)},
-      {"uv_mw_cm2", number(SLICEFARM_FIELD(setup.uv_mw_cm2), 0, kMost, true)},
-      {"dead_zone_um", number(SLICEFARM_FIELD(setup.dead_zone_um), 0, kMost, true)},
-      {"gap_um", number(SLICEFARM_FIELD(setup.gap_um), 0, kMostGapUm, true)},
-      {"even_dead_zone",
-       word(SLICEFARM_FIELD(setup.even_dead_zone), {"auto", "constant", "blue", "uv", "both"})},
-      {"uv_schedule",
-       word(SLICEFARM_FIELD(setup.uv_schedule), {"constant", "per-slice", "patterned"})},
-      {"window_cure", word(SLICEFARM_FIELD(setup.window_cure), {"refuse", "allow"})},
-      {"ramp", word(SLICEFARM_FIELD(setup.ramp), {"none", "lamp-follows", "outside"})},
-      {"ramp_mm", number(SLICEFARM_FIELD(setup.ramp_mm), 0, kMost, true)},
-      {"omega_max", {SLICEFARM_FIELD(setup.omega_max), set_omega_max}},
-      {"one_slice_gaps", word(SLICEFARM_FIELD(setup.one_slice_gaps), {"open", "merge"})},
-      {"gap_shortfall", number(SLICEFARM_FIELD(setup.gap_shortfall), 0, 0.5, true)},
-      {"edge_aim_um", number(SLICEFARM_FIELD(setup.edge_aim_um), 0, kMostEdgeAimUm, true)},
-      {"platform_features", word(SLICEFARM_FIELD(setup.platform_features), {"capped", "uncapped"})},
-      {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, kMost, true)},
-      {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},
-      {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, kMost, true)},
-      {"spread_correction", word(SLICEFARM_FIELD(setup.spread_correction), {"on", "off"})},
-      {"rounds", whole(SLICEFARM_FIELD(setup.rounds), 0, Process::kMostSpreadRounds)},
-      {"resin_depth_um", number(SLICEFARM_FIELD(setup.resin_depth_um), 0, kMostDepthUm, true)},
-      {"platform_reflectance", number(SLICEFARM_FIELD(setup.platform_reflectance), 0, 1)},
-      {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},
-      {"format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending")},
-      {"out", text(SLICEFARM_FIELD(out), "a folder")},
-      {"copies", whole(SLICEFARM_FIELD(copies), 1, 10000)},
-      {"priority", whole(SLICEFARM_FIELD(priority), -1000000, 1000000)},
-      {"ready_by", text(SLICEFARM_FIELD(ready_by), "HH:MM or YYYY-MM-DD HH:MM")},
-      {"labels", texts(SLICEFARM_FIELD(labels), "words")},
-      {"user", text(SLICEFARM_FIELD(user), "a name")},
-  };
+using Fields = std::map<std::string, Field, std::less<>>;
+
+/// The settings of printer, resin and process, and what jobs have beside them.
+const Fields& fields() {
+  static const Fields table = [] {
+    Fields t;
+    for (const Setting& s : settings()) {
+      if (s.said_by == SaidBy::all) t.emplace(s.name, setting_field(s));
+    }
+    const auto add = [&](const char* name, Field field, const char* words) {
+      t.emplace(name, std::move(field).of(words));
+    };
+    add("part", texts(SLICEFARM_FIELD(parts), "the path of a mesh, an archive or a volume"),
+        "The part: a mesh, an archive of slices or a volume; over HTTP an upload");
+    add("parts", texts(SLICEFARM_FIELD(parts), "paths of meshes that share the plate"),
+        "Meshes that share the plate; over HTTP uploads");
+    add("layer_um", number(SLICEFARM_FIELD(layer_um), 1, 1000),
+        "Height of slices; an archive says it itself");
+    add("antialias", word(SLICEFARM_FIELD(antialias), {"on", "off"}),
+        "Grey pixels where an outline goes through them");
+    add("units", word(SLICEFARM_FIELD(units), {"auto", "mm", "inch", "m"}), "Unit of the meshes");
+    add("scale", number(SLICEFARM_FIELD(scale), 0, kMost, true), "Factor of the meshes' size");
+    add("fit_mm", number(SLICEFARM_FIELD(fit_mm), 0, kMost, true),
+        "Longest side of all parts together, in place of scale");
+    add("center_mm", numbers(SLICEFARM_FIELD(center_mm), 2),
+        "Where the middle lies on the plate, x and y");
+    add("rotate_deg", numbers(SLICEFARM_FIELD(rotate_deg), 3), "Turned about x, y and z");
+    add("voxel_mm", number(SLICEFARM_FIELD(voxel_mm), 0, kMost, true),
+        "Side of a voxel (tomographic)");
+    add("method", word(SLICEFARM_FIELD(method), {"ladder", "osmo", "kelly", "fbp"}),
+        "How light is found (tomographic)");
+    add("window", word(SLICEFARM_FIELD(window), {"hamming", "ram-lak", "kelly"}),
+        "Of the filter that it starts from (tomographic)");
+    add("angles", whole(SLICEFARM_FIELD(angles), 3, 100000), "Frames of a turn (tomographic)");
+    add("iterations", whole(SLICEFARM_FIELD(iterations), 1, 100000), "Steps (tomographic)");
+    add("leave_alone", texts(SLICEFARM_FIELD(leave_alone), "paths of meshes or stacks"),
+        "Meshes and stacks of what is shown as it is sliced: supports, rafts");
+    add("insert", texts(SLICEFARM_FIELD(inserts), "paths of meshes or volumes"),
+        "What turns with the part (tomographic)");
+    add("clip_sigma", number(SLICEFARM_FIELD(clip_sigma), 0, kMost, true),
+        "OSMO: cut off light above the mean and so many standard deviations (tomographic)");
+    add("stop_error", number(SLICEFARM_FIELD(stop_error), 0, kMost, true),
+        "OSMO: stop when doses are wrong by less than this share (tomographic)");
+    add("max_time_s", number(SLICEFARM_FIELD(max_time_s), 0, kMost, true),
+        "Refuse what takes longer to print (tomographic)");
+    add("beyond_reach", flag(SLICEFARM_FIELD(beyond_reach)),
+        "Parts may reach further than light from all directions (tomographic)");
+    add("plan", flag(SLICEFARM_FIELD(plan)),
+        "The speed, or layer by layer the exposure, is found for the part");
+    add("uncertain",
+        text(SLICEFARM_FIELD(uncertain), "errors of inputs, as in ha=5%,dc=5%").in(kMade),
+        "By how much inputs may be off: ha=5%,dc=5%, or fit");
+    add("robust", flag(SLICEFARM_FIELD(robust)).in(kMade),
+        "The correction allows for all that uncertain names");
+    add("tolerance_um", number(SLICEFARM_FIELD(tolerance_um), 0, kMost, true),
+        "How far edges may lie from the design (plan)");
+    add("gap_contrast", number(SLICEFARM_FIELD(gap_contrast), 0, 1, true),
+        "1 less the least dose that gaps are to have (plan)");
+    add("name", text(SLICEFARM_FIELD(name), "a file name without its ending"),
+        "File name of the outputs, without ending");
+    add("format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending").in(kMade),
+        "Format of the archive");
+    add("out", text(SLICEFARM_FIELD(out), "a folder"), "Folder of the outputs");
+    add("copies", whole(SLICEFARM_FIELD(copies), 1, 10000), "How many jobs of it");
+    add("priority", whole(SLICEFARM_FIELD(priority), -1000000, 1000000), "Larger comes first");
+    add("ready_by", text(SLICEFARM_FIELD(ready_by), "HH:MM or YYYY-MM-DD HH:MM"),
+        "When it is to be done: HH:MM, or YYYY-MM-DD HH:MM");
+    add("labels", texts(SLICEFARM_FIELD(labels), "words"), "Words to find it by");
+    add("user", text(SLICEFARM_FIELD(user), "a name"),
+        "Whose job it is; over HTTP of an account that may operate");
+    return t;
+  }();
   return table;
 }
 #undef SLICEFARM_FIELD
@@ -331,6 +441,14 @@ std::string work_text(const JobRequest& request) {
     if (!beside.contains(key)) text += key + "=" + field.show(request) + "\n";
   }
   return text;
+}
+
+nlohmann::ordered_json field_schemas() {
+  Schema all = Schema::object();
+  for (const auto& [name, field] : fields()) all[name] = field.schema;
+  // One path may stand alone.
+  all["part"] = {{"type", "string"}, {"description", all["part"]["description"]}};
+  return all;
 }
 
 std::vector<std::string> field_names() {

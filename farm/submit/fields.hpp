@@ -6,6 +6,7 @@
 #pragma once
 
 #include <map>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <variant>
 #include <vector>
@@ -14,7 +15,7 @@
 
 namespace slicecorr::farm::detail {
 
-/// The mode of tomographic prints, beside those of `SetupChoices`.
+/// The mode of tomographic prints, beside those of the settings.
 inline constexpr const char* kTomographyMode = "tomography";
 
 /// A value as a file has it: a word, a number, yes or no, or a list of words or numbers.
@@ -40,6 +41,9 @@ void make_defaults(JobRequest& request);
 
 /// All fields that decide what is made, as one text: requests with the same make the same.
 std::string work_text(const JobRequest& request);
+
+/// What each key takes, as OpenAPI describes it, by name.
+nlohmann::ordered_json field_schemas();
 
 /// All keys, for messages.
 std::vector<std::string> field_names();

@@ -273,7 +273,7 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
   };
   if (root.at("jobs").size() > kMostJobsOfRequest) throw too_many(root.at("jobs").size());
   int n = 0;
-  std::size_t jobs = 0;
+  std::size_t jobs = 0, numbers = 0;
   for (const Json& item : root.at("jobs")) {
     if (errors.size() >= kMostErrorsTold) break;
     JobRequest request = common;
@@ -283,7 +283,14 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
     } else {
       errors.push_back({request.where, "is no object"});
     }
-    jobs += static_cast<std::size_t>(std::max(1, request.copies));
+    const auto copies = static_cast<std::size_t>(std::max(1, request.copies));
+    jobs += copies;
+    numbers +=
+        copies * (request.setup.slice_speed_mm_h.size() + request.setup.layer_exposure_s.size());
+    if (numbers > kMostNumbersOfRequest) {
+      throw SubmitErrors({{source, fmt::format("has lists of more than {} numbers, copies counted",
+                                               kMostNumbersOfRequest)}});
+    }
     requests.push_back(std::move(request));
   }
   if (jobs > kMostJobsOfRequest) throw too_many(jobs);

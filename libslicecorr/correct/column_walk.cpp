@@ -24,7 +24,7 @@ CureModel multiplied(CureModel model, double factor) {
 }
 
 Process with_cap(Process process, double factor) {
-  process.omega_max = std::min(process.omega_max * factor, 1e300);
+  process.omega_max = std::min(process.omega_max * factor, kNoCap);
   return process;
 }
 
@@ -141,8 +141,8 @@ RunAt ColumnWalk::run_for(WalkSearches& all, std::size_t index) {
   return run_ = run;
 }
 
-int ColumnWalk::seen_to(const WalkSearches& all, const RunAt& run, int n, double far,
-                        int level) const {
+int ColumnWalk::seen_to(const WalkSearches& all, const RunAt& run, int n, double far, int level,
+                        bool near) const {
   if (runs_.back().cover != kFull) return level;
   const CureModel& model = all.model();
   const ContinuousPlan& far_plan = *all.plans().plans.front();
@@ -156,11 +156,11 @@ int ColumnWalk::seen_to(const WalkSearches& all, const RunAt& run, int n, double
            at_middle * model.middle(light(l), omega_) >= far_plan.prints;
   };
   const Process& process = all.plan().process;
-  const bool capped = process.omega_max < 1e300 && (run.node > 0 || process.cap_platform_features);
+  const bool capped = process.omega_max < kNoCap && (run.node > 0 || process.cap_platform_features);
   // Between 1 and a lower cap no level could hold the dose.
   const double cap = std::max(process.omega_max, 1.0 + 3.0 * at_node * far_plan.largest_step);
   while (capped && level > 0 && node(level) > cap && prints(level - 1)) --level;
-  while (level + 1 < levels.size() && !prints(level)) ++level;
+  while (!near && level + 1 < levels.size() && !prints(level)) ++level;
   return level;
 }
 

@@ -110,8 +110,9 @@ class ColumnWalk {
   RunAt run_for(WalkSearches& all, std::size_t index);
   std::int32_t edge_of(WalkSearches& all, std::size_t index) const;
   /// The level nearest to `level` with which the layer of slice n, of a feature, prints and keeps its
-  /// cap.
-  int seen_to(const WalkSearches& all, const RunAt& run, int n, double far, int level) const;
+  /// cap. `near`: levels are chosen for the edge that comes, and only the cap is seen to.
+  int seen_to(const WalkSearches& all, const RunAt& run, int n, double far, int level,
+              bool near) const;
 
   std::vector<ColumnRun> runs_;  ///< those that are not passed
   ColumnRun before_, after_;     ///< the run that was passed last, and the one before it
@@ -149,8 +150,11 @@ int ColumnWalk::choose(WalkSearches& all, int n, Far far) {
   }
   count_ = search.levels.choose(run, n, factor * omega_, levels_, bath > 0 ? taken : nullptr);
   count_ = std::min({count_, slices, bath > 0 ? bath : LevelSearch::kMost});
-  if (index > 0 && ahead > p.together) {
-    levels_[0] = static_cast<std::uint8_t>(seen_to(all, run, n, far(n), levels_[0]));
+  if (index > 0) {
+    const bool near = ahead <= p.together;
+    const auto seen = static_cast<std::uint8_t>(seen_to(all, run, n, far(n), levels_[0], near));
+    if (seen != levels_[0] && near) count_ = 1;
+    levels_[0] = seen;
   }
   left_ = count_ - 1;
   return levels_[0];

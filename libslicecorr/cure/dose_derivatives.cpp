@@ -20,6 +20,11 @@ void check_derivatives(const CureModel& model) {
   std::vector<Feature> features = features_of(model);
   features.push_back(Feature::derivatives);
   check_supported(features);
+  if (model.inhibited) {
+    throw InputError(
+        "how the dose changes with its inputs is not known under UV light; expected exposure "
+        "without it");
+  }
 }
 
 LightGradient light_gradient(const CureModel& model, double phi, double reference_mw_cm2) {

@@ -460,6 +460,9 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   const char* const left_out =
       leave_out_heights(for_file.printer, for_file.resin, for_file.process);
   if (left_out && target.edge_heights()) context.tell(left_out);
+  if (const char* const cap = leave_out_cap(for_file.printer, for_file.resin, for_file.process)) {
+    context.tell(cap);
+  }
   StackInfo planned;
   planned.kind = StackKind::corrected;
   planned.grid = target.grid();

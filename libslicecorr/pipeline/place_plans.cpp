@@ -20,6 +20,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/limit.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
@@ -28,16 +29,10 @@ namespace {
 
 /// The printer, if the target's images are of its size, and what is left alone can be.
 const Printer& fitting(const Setup& setup, const SliceSource& target) {
-  if (target.left_alone() && setup.resin.has_gel_time()) {
-    throw InputError(setup.resin.name, "cure.model",
-                     "nothing can be left alone with a resin of model \"gel-time\", where the dose "
-                     "of a slice depends on what is shown before and after it; expected a resin of "
-                     "another model (resinctl derive)");
-  }
-  if (target.left_alone() && setup.process.uv.kind != UvKind::off) {
-    throw InputError(
-        "nothing can be left alone under UV light, where the dose of a slice depends on what is shown "
-        "before and after it; expected no UV light");
+  if (target.left_alone()) {
+    std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+    features.push_back(Feature::left_alone);
+    check_supported(features, setup.printer.name, setup.resin.name);
   }
   const Printer& printer = setup.printer;
   const Grid& grid = target.grid();

@@ -6,13 +6,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <numeric>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/settings.hpp"
 #include "slicecorr/supports.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -26,19 +26,6 @@ namespace {
 std::vector<double> trimmed(std::vector<double> times) {
   while (times.size() > 1 && times.back() == times[times.size() - 2]) times.pop_back();
   return times;
-}
-
-/// The option of `SetupChoices::slice_speed_mm_h`.
-constexpr std::string_view kSliceSpeeds = "slice-speed-mm-h";
-/// And of `SetupChoices::slice_lamps`.
-constexpr std::string_view kSliceLamps = "slice-lamps";
-
-/// A choice as messages name it: --speed-mm-h, or speed_mm_h.
-std::string named(ChoiceNames names, std::string_view option) {
-  if (names == ChoiceNames::options) return "--" + std::string(option);
-  std::string field(option);
-  std::replace(field.begin(), field.end(), '-', '_');
-  return field;
 }
 
 /// Whether an archive says a first exposure.
@@ -79,8 +66,7 @@ class Resolver {
   Printer printer() const;
   Resin resin() const;
   ResinOverrides overrides() const;
-  std::string o(std::string_view option) const { return named(names_, option); }
-  double omega_max() const;
+  std::string o(std::string_view name) const { return setting_name(names_, name); }
   void resolve_exposure(Process& process, const StackInfo* times) const;
   void resolve_continuous(Process& process) const;
   void resolve_slice_speeds(Process& process) const;
@@ -96,24 +82,12 @@ class Resolver {
   ChoiceNames names_;
 };
 
-double Resolver::omega_max() const {
-  const std::string& text = c_.omega_max;
-  if (text == "inf") return 1e300;
-  double value = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, value);
-  if (error != std::errc{} || stop != end || !(value >= 1.0)) {
-    wrong(fmt::format("{} {}: expected inf or a number of at least 1", o("omega-max"), text));
-  }
-  return std::min(value, 1e300);
-}
-
 void Resolver::resolve_exposure(Process& process, const StackInfo* times) const {
   const bool layerwise =
       c_.mode.empty() ? process.mode == ExposureMode::layerwise : c_.mode == "layerwise";
   if (layerwise && c_.speed_mm_h > 0) {
     wrong(fmt::format("{} is for continuous exposure; expected {} with {} layerwise",
-                      o("speed-mm-h"), o("exposure-s"), o("mode")));
+                      o("speed_mm_h"), o("exposure_s"), o("mode")));
   }
   if (layerwise && (!c_.ramp.empty() || c_.ramp_mm > 0)) {
     wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
@@ -121,11 +95,11 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
   }
   if (layerwise && !c_.slice_speed_mm_h.empty()) {
     wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
-                      o(kSliceSpeeds)));
+                      o("slice_speed_mm_h")));
   }
   if (layerwise && !c_.slice_lamps.empty()) {
     wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
-                      o(kSliceLamps)));
+                      o("slice_lamps")));
   }
   if (!layerwise && (any_exposure() || !c_.layer_exposure_s.empty())) {
     wrong(fmt::format(
@@ -152,25 +126,23 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
 
 void Resolver::resolve_continuous(Process& process) const {
   if (c_.speed_mm_h > 0) process.speed_mm_h = c_.speed_mm_h;
-  if (!(process.speed_mm_h > 0)) wrong(o("speed-mm-h") + " is required");
+  if (!(process.speed_mm_h > 0)) wrong(o("speed_mm_h") + " is required");
   resolve_slice_speeds(process);
   if (c_.ramp.empty()) {
     if (c_.ramp_mm > 0) {
       wrong(
-          fmt::format("{}: expected {} lamp-follows or outside with it", o("ramp-mm"), o("ramp")));
+          fmt::format("{}: expected {} lamp-follows or outside with it", o("ramp_mm"), o("ramp")));
     }
     return;
   }
-  process.ramp = c_.ramp == "lamp-follows" ? Ramp::lamp_follows
-                 : c_.ramp == "outside"    ? Ramp::outside
-                                           : Ramp::none;
+  apply_choice(*find_setting("ramp"), c_, process);
   process.ramp_mm = c_.ramp_mm;
   if (process.ramp == Ramp::lamp_follows && !(c_.ramp_mm > 0)) {
     wrong(fmt::format("{} lamp-follows: expected {}, the distance that the lamp has to follow",
-                      o("ramp"), o("ramp-mm")));
+                      o("ramp"), o("ramp_mm")));
   }
   if (process.ramp == Ramp::none && c_.ramp_mm > 0) {
-    wrong(fmt::format("{} goes with a {}", o("ramp-mm"), o("ramp")));
+    wrong(fmt::format("{} goes with a {}", o("ramp_mm"), o("ramp")));
   }
 }
 
@@ -182,8 +154,8 @@ void Resolver::resolve_slice_speeds(Process& process) const {
   }
   if (!c_.slice_lamps.empty()) {
     if (speeds.empty()) {
-      wrong(fmt::format("{} {}: expected speeds of slices with it ({})", o(kSliceLamps),
-                        c_.slice_lamps, o(kSliceSpeeds)));
+      wrong(fmt::format("{} {}: expected speeds of slices with it ({})", o("slice_lamps"),
+                        c_.slice_lamps, o("slice_speed_mm_h")));
     }
     process.slice_lamps = c_.slice_lamps == "stay" ? SliceLamps::stay : SliceLamps::follow;
   }
@@ -192,7 +164,7 @@ void Resolver::resolve_slice_speeds(Process& process) const {
     wrong(
         fmt::format("{}: slice {} at {:g} mm/h; expected a speed above 0, at most the {:g} mm/h "
                     "that the light is for ({})",
-                    o(kSliceSpeeds), n, speeds[n], process.speed_mm_h, o("speed-mm-h")));
+                    o("slice_speed_mm_h"), n, speeds[n], process.speed_mm_h, o("speed_mm_h")));
   }
   if (speeds.size() == 1 && speeds.front() == process.speed_mm_h) speeds.clear();
   if (speeds.empty()) process.slice_lamps = SliceLamps::follow;
@@ -202,7 +174,7 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
   if (!c_.layer_exposure_s.empty()) {
     if (any_exposure()) {
       wrong(fmt::format("{} says the exposure of every layer; expected no other times with it",
-                        o("layer-exposure-s")));
+                        o("layer_exposure_s")));
     }
     process.layer_exposure_s = trimmed(c_.layer_exposure_s);
     process.exposure_s = process.layer_exposure_s.back();
@@ -227,17 +199,17 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
                                                   : 0;
     process.fade_layers = c_.fade_layers >= 0 ? c_.fade_layers : has_first ? times->fade_layers : 0;
     if (process.bottom_layers > 0 && !(process.bottom_exposure_s > 0)) {
-      wrong(fmt::format("{}: expected {} with it", o("bottom-layers"), o("bottom-exposure-s")));
+      wrong(fmt::format("{}: expected {} with it", o("bottom_layers"), o("bottom_exposure_s")));
     }
     if (process.bottom_layers + process.fade_layers == 0) {
       if (c_.bottom_exposure_s > 0) {
-        wrong(fmt::format("{}: expected {} with it", o("bottom-exposure-s"), o("bottom-layers")));
+        wrong(fmt::format("{}: expected {} with it", o("bottom_exposure_s"), o("bottom_layers")));
       }
       process.bottom_exposure_s = 0;
     }
     if (process.fade_layers > 0 && !(process.bottom_exposure_s > 0)) {
-      wrong(fmt::format("{}: expected {} with it, which they start from", o("fade-layers"),
-                        o("bottom-exposure-s")));
+      wrong(fmt::format("{}: expected {} with it, which they start from", o("fade_layers"),
+                        o("bottom_exposure_s")));
     }
   } else if (!(process.exposure_s > 0) && times) {
     process.exposure_s = times->exposure_s;
@@ -247,21 +219,21 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
     process.fade_layers = times->fade_layers;
   }
   if (!(process.exposure_s > 0)) {
-    wrong(o("exposure-s") +
+    wrong(o("exposure_s") +
           " is required: no exposure times are given, and there are none in an archive");
   }
 }
 
 /// What needs flow needs more of printer and resin than other prints do.
 void Resolver::resolve_even_dead_zone(Setup& setup) const {
-  const std::string option = o("even-dead-zone");
+  const std::string option = o("even_dead_zone");
   if (setup.process.mode != ExposureMode::continuous) {
     wrong(fmt::format("{}: layer by layer resin comes to rest; expected continuous exposure",
                       option));
   }
   if (c_.uv_mw_cm2 > 0 || c_.dead_zone_um > 0 || !c_.uv_schedule.empty()) {
     wrong(fmt::format("{} finds the UV light; expected no {}, {} or {} with it", option,
-                      o("uv-mw-cm2"), o("dead-zone-um"), o("uv-schedule")));
+                      o("uv_mw_cm2"), o("dead_zone_um"), o("uv_schedule")));
   }
   if (!setup.resin.inhibition) {
     wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
@@ -300,8 +272,8 @@ void Resolver::resolve_even_dead_zone(Setup& setup) const {
 void Resolver::resolve_uv(Setup& setup) const {
   UvSchedule& uv = setup.process.uv;
   if (!c_.window_cure.empty()) setup.process.allow_window_cure = c_.window_cure == "allow";
-  const std::string intensity = o("uv-mw-cm2"), zone = o("dead-zone-um"),
-                    schedule = o("uv-schedule");
+  const std::string intensity = o("uv_mw_cm2"), zone = o("dead_zone_um"),
+                    schedule = o("uv_schedule");
   if (c_.uv_mw_cm2 > 0 && c_.dead_zone_um > 0) {
     wrong(fmt::format("{} and {} are two ways to set the UV light; expected one of them", intensity,
                       zone));
@@ -361,21 +333,21 @@ void check_recorded(const Setup& setup, const StackInfo& info) {
 
 Printer Resolver::printer() const {
   return c_.printer_toml.empty() ? load_printer(c_.printer)
-                                 : complete_printer(c_.printer_toml, o("printer-toml"));
+                                 : complete_printer(c_.printer_toml, o("printer_toml"));
 }
 
 ResinOverrides Resolver::overrides() const {
   const ResinOverrides overrides = resin_overrides(c_);
   if (overrides.dc_mj_cm3 && overrides.dose_factor) {
     wrong(fmt::format("{} and {} are two ways to set the dose; expected one of them",
-                      o("dc-mj-cm3"), o("dose-factor")));
+                      o("dc_mj_cm3"), o("dose_factor")));
   }
   return overrides;
 }
 
 Resin Resolver::resin() const {
   return c_.resin_toml.empty() ? load_resin(c_.resin, overrides())
-                               : parse_resin(c_.resin_toml, o("resin-toml"), overrides());
+                               : parse_resin(c_.resin_toml, o("resin_toml"), overrides());
 }
 
 Printer Resolver::chosen_printer() const {
@@ -394,25 +366,22 @@ Resin Resolver::chosen_resin() const {
 
 Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   Setup setup;
+  check_choices(c_, names_);
   const bool recorded = info && info->printer && info->resin && info->process;
   const auto need = [&](bool given, std::string_view option) {
     if (!given && !recorded) {
       throw InputError(fmt::format(
           "the stack does not say how it is printed; expected {} (and {}, {}, {} or {} layerwise)",
-          o(option), o("printer"), o("resin"), o("speed-mm-h"), o("mode")));
+          o(option), o("printer"), o("resin"), o("speed_mm_h"), o("mode")));
     }
   };
   const bool printer_given = !c_.printer.empty() || !c_.printer_toml.empty();
   const bool resin_given = !c_.resin.empty() || !c_.resin_toml.empty();
   need(printer_given, "printer");
   need(resin_given, "resin");
-  if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed-mm-h");
+  if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed_mm_h");
   setup.printer = printer_given ? printer() : *info->printer;
   if (c_.resin_depth_um > 0) setup.printer.resin_depth_um = c_.resin_depth_um;
-  if (c_.platform_reflectance > 1) {
-    wrong(fmt::format("{} is {:g}; expected 0 to 1", o("platform-reflectance"),
-                      c_.platform_reflectance));
-  }
   if (c_.platform_reflectance >= 0) setup.printer.platform_reflectance = c_.platform_reflectance;
   setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
   if (recorded) setup.process = *info->process;
@@ -422,36 +391,18 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   } else {
     resolve_even_dead_zone(setup);
   }
-  if (c_.gap_um > kMostGapUm) {
-    wrong(fmt::format("{} is {:g}; expected at most {:g} um", o("gap-um"), c_.gap_um, kMostGapUm));
-  }
   setup.gap_um = std::max(0.0, c_.gap_um);
-  const double cap = omega_max();
   if (!recorded) {
-    setup.process.omega_max = cap;
-    setup.process.one_slice_gaps =
-        c_.one_slice_gaps == "merge" ? OneSliceGaps::merge : OneSliceGaps::open;
-    if (c_.gap_shortfall > 0.5) {
-      wrong(fmt::format("{} is {:g}; expected at most 0.5 slices", o("gap-shortfall"),
-                        c_.gap_shortfall));
+    for (const Setting& s : settings()) {
+      if (s.group == kHowItIsCorrected) apply_choice(s, c_, setup.process);
     }
-    if (c_.gap_shortfall > 0) setup.process.gap_shortfall = c_.gap_shortfall;
-    if (c_.edge_aim_um > kMostEdgeAimUm) {
-      wrong(fmt::format("{} is {:g}; expected at most {:g} um", o("edge-aim-um"), c_.edge_aim_um,
-                        kMostEdgeAimUm));
-    }
-    setup.process.edge_aim_um = std::max(0.0, c_.edge_aim_um);
-    setup.process.cap_platform_features = c_.platform_features == "capped";
-    setup.process.surface = surface_named(c_.surface);
     leave_out_heights(setup.printer, setup.resin, setup.process);
     // Without light that spreads there are no rounds, and nothing to say of them.
-    const bool spreads = light_spreads(setup.printer, setup.resin, setup.process);
-    if (c_.rounds > Process::kMostSpreadRounds) {
-      wrong(fmt::format("{} is {}; expected at most {}", o("rounds"), c_.rounds,
-                        Process::kMostSpreadRounds));
+    if (!light_spreads(setup.printer, setup.resin, setup.process)) {
+      setup.process.spread_rounds = Process::kDefaultSpreadRounds;
+    } else if (c_.spread_correction == "off") {
+      setup.process.spread_rounds = 0;
     }
-    if (spreads && c_.rounds >= 0) setup.process.spread_rounds = c_.rounds;
-    if (spreads && c_.spread_correction == "off") setup.process.spread_rounds = 0;
   }
   if (info && info->recording) check_recorded(setup, *info);
   return setup;
@@ -487,7 +438,7 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
     notices.push_back(fmt::format(
         "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "
         "is not considered",
-        setup.printer.name, named(names, "uv-mw-cm2"), named(names, "dead-zone-um"),
+        setup.printer.name, setting_name(names, "uv_mw_cm2"), setting_name(names, "dead_zone_um"),
         setup.resin.name));
   }
   if (setup.printer.suction_limit_pa > 0 && !(setup.resin.viscosity_pa_s > 0) &&
@@ -523,7 +474,8 @@ Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
     throw InputError(fmt::format(
         "{} fit says how sure the file's own height and dose are, and another is given by {} or {}; "
         "expected its error by hand, as in ha=8%",
-        named(names, "uncertain"), named(names, "ha-um"), named(names, "dc-mj-cm3")));
+        setting_name(names, "uncertain"), setting_name(names, "ha_um"),
+        setting_name(names, "dc_mj_cm3")));
   }
   return u;
 }

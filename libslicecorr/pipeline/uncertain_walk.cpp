@@ -10,20 +10,19 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/supports.hpp"
 
 namespace slicecorr::detail {
 
 void check_uncertain(const Setup& setup) {
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  features.push_back(Feature::derivatives);
+  check_supported(features, setup.printer.name, setup.resin.name);
+  // What three of these, or an input, bring.
   const auto refuse = [](const char* where) {
     throw InputError(fmt::format("how sure a print is can't be said {}", where));
   };
   const UvKind uv = setup.process.uv.kind;
-  if (uv == UvKind::patterned || setup.process.even_light) {
-    refuse("where UV light has a pattern; expected one intensity, or one per slice");
-  }
-  if (setup.resin.has_gel_time()) {
-    refuse("with a resin of model \"gel-time\"; expected one of another model (resinctl derive)");
-  }
   if (uv != UvKind::off && !setup.printer.spread.none()) {
     refuse(
         "where light spreads under UV light; expected a printer without blue.spread, or no UV light");
@@ -37,16 +36,6 @@ void check_uncertain(const Setup& setup) {
   }
   if (setup.resin.scatter_um2_per_um > 0) {
     refuse("where light scatters in the resin; expected a resin without it");
-  }
-  if (setup.printer.resin_depth_um > 0) {
-    refuse(
-        "where the resin ends above the window; expected a printer without "
-        "vat.depth_um");
-  }
-  if (setup.printer.platform_reflectance > 0) {
-    refuse(
-        "below a platform that sends light back; expected a printer without "
-        "vat.platform_reflectance");
   }
 }
 

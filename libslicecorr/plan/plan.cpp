@@ -88,11 +88,11 @@ void add_aims(const Setup& setup, std::vector<Candidate>& all) {
 std::vector<Candidate> candidates(const Setup& setup, const PlanFree& free) {
   std::vector<Candidate> all{{setup, ""}};
   if (free.omega_max) {
-    constexpr std::array<double, 4> caps{1e300, 1.5, 1.2, 1.05};
+    constexpr std::array<double, 4> caps{kNoCap, 1.5, 1.2, 1.05};
     for (const double cap : caps) {
       if (cap == setup.process.omega_max) continue;
-      all.push_back({setup, cap >= 1e300 ? std::string("no cap of the dose")
-                                         : fmt::format("dose inside features at most {:g}", cap)});
+      all.push_back({setup, cap >= kNoCap ? std::string("no cap of the dose")
+                                          : fmt::format("dose inside features at most {:g}", cap)});
       all.back().setup.process.omega_max = cap;
     }
   }

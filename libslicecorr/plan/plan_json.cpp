@@ -82,8 +82,8 @@ std::string PrintPlan::to_json() const {
   j["extra_slices"] = at.extra_slices;
   j["print_time_s"] = along_z ? along_z->time_s : at.time_s;
   j["lamp_share"] = lamp_share;
-  j["omega_max"] = setup.process.omega_max >= 1e300 ? ordered_json("inf")
-                                                    : ordered_json(setup.process.omega_max);
+  j["omega_max"] = setup.process.omega_max >= kNoCap ? ordered_json("inf")
+                                                     : ordered_json(setup.process.omega_max);
   j["edge_aim_um"] =
       setup.process.edge_aim_um > 0 ? ordered_json(setup.process.edge_aim_um) : ordered_json();
   j["uv_mw_cm2"] = setup.process.uv.kind == UvKind::constant

@@ -59,7 +59,13 @@ constexpr const char* kStayUv =
 constexpr const char* kGradedUv =
     "doses can't be graded under UV light; expected continuous exposure without it";
 constexpr const char* kSureUv =
-    "how the dose changes with its inputs is not known under UV light; expected exposure without it";
+    "how sure a print is can't be said where UV light has a pattern; expected one intensity, or one "
+    "per slice";
+constexpr const char* kAloneUv =
+    "nothing can be left alone under UV light, where the dose of a slice depends on what is shown "
+    "before and after it; expected no UV light";
+constexpr const char* kCapUv =
+    "the dose inside features is not capped: under UV light they get the least that gels them";
 constexpr const char* kRobustUv =
     "a correction can't be robust under UV light; expected no UV light";
 
@@ -88,7 +94,7 @@ constexpr Unsupported kTable[] = {
      "light (uv-mw-cm2), or a printer and a resin without spread"},
     {uv_per_slice, uneven_light, not_corrected,
      "UV light that changes from slice to slice is not corrected for where the display's light is uneven; "
-     "expected constant UV light (uv-mw-cm2), or a printer without blue.flat_field"},
+     "expected constant UV light (uv-mw-cm2), or a printer without display.flat_field"},
     // What is wanted of a correction.
     {wanted_doses, left_alone, refused,
      "doses can't be graded beside what is left alone; expected the part by itself"},
@@ -113,16 +119,22 @@ constexpr Unsupported kTable[] = {
      "speed"},
     {wanted_doses, reflectance, refused,
      "doses can't be graded below a platform that sends light back; expected one that takes it up"},
-    UNDER_UV(derivatives, refused, kSureUv),
+    {derivatives, uv_patterned, refused, kSureUv},
+    {derivatives, even_dead_zone, refused, kSureUv},
     {derivatives, gel_time, refused,
-     "how the dose changes with its inputs is not known with a time to gel; expected a resin of "
-     "another model"},
+     "how sure a print is can't be said with a resin of model \"gel-time\"; expected one of another "
+     "model (resinctl derive)"},
     {derivatives, vat_depth, refused,
-     "how the dose changes with its inputs is not known where the resin ends above the window; "
-     "expected a printer without vat.depth_um"},
+     "how sure a print is can't be said where the resin ends above the window; expected a printer "
+     "without vat.depth_um"},
     {derivatives, reflectance, refused,
-     "how the dose changes with its inputs is not known below a platform that sends light back; "
-     "expected a printer without vat.platform_reflectance"},
+     "how sure a print is can't be said below a platform that sends light back; expected a printer "
+     "without vat.platform_reflectance"},
+    UNDER_UV(left_alone, refused, kAloneUv),
+    {left_alone, gel_time, refused,
+     "{resin}: cure.model: nothing can be left alone with a resin of model \"gel-time\", where the "
+     "dose of a slice depends on what is shown before and after it; expected a resin of another model "
+     "(resinctl derive)"},
     UNDER_UV(robust, refused, kRobustUv),
     {robust, spread, refused,
      "a correction can't be robust where light spreads from pixel to pixel; expected a printer "
@@ -146,6 +158,11 @@ constexpr Unsupported kTable[] = {
      "back"},
     {edge_heights, gel_time, without,
      "edges lie at slices: the mesh's own heights are not counted with a resin of model \"gel-time\""},
+    {capped_dose, layerwise, without,
+     "the dose inside features is not capped: layer by layer each layer gets the least that gels it"},
+    UNDER_UV(capped_dose, without, kCapUv),
+    {capped_dose, gel_time, without,
+     "the dose inside features is not capped: with a time to gel they get the least that gels them"},
     {spread, vat_depth, alone, "the resin ends"},
     {spread, reflectance, alone, "the platform sends light back"},
     {spread, gel_time, alone, "the resin has a time to gel"},
@@ -187,7 +204,7 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
   add(printer.platform_reflectance > 0, reflectance);
   add(slices_differ(process), lamps_stay);
   add(process.surface == Surface::mesh, edge_heights);
-  add(process.omega_max < 1e300, capped_dose);
+  add(process.omega_max < kNoCap, capped_dose);
   return features;
 }
 
@@ -220,13 +237,34 @@ void check_corrected(const Printer& printer, const Resin& resin, const Process& 
   }
 }
 
+namespace {
+
+/// Why `feature` is left out of a print; null where it is counted.
+const char* why_left_out(Feature feature, const Printer& printer, const Resin& resin,
+                         const Process& process) {
+  const std::vector<Feature> features = features_of(printer, resin, process);
+  for (const Unsupported& pair : kTable) {
+    if (pair.verdict == without && pair.a == feature &&
+        std::find(features.begin(), features.end(), pair.b) != features.end()) {
+      return pair.words;
+    }
+  }
+  return nullptr;
+}
+
+}  // namespace
+
 const char* leave_out_heights(const Printer& printer, const Resin& resin, Process& process) {
-  std::vector<Feature> features = features_of(printer, resin, process);
-  features.push_back(edge_heights);
-  const Unsupported* const pair = find_unsupported(features, without);
-  if (!pair) return nullptr;
-  process.surface = Surface::slices;
-  return pair->words;
+  const char* const why = why_left_out(edge_heights, printer, resin, process);
+  if (why) process.surface = Surface::slices;
+  return why;
+}
+
+const char* leave_out_cap(const Printer& printer, const Resin& resin, Process& process) {
+  if (process.omega_max >= kNoCap) return nullptr;
+  const char* const why = why_left_out(capped_dose, printer, resin, process);
+  if (why) process.omega_max = kNoCap;
+  return why;
 }
 
 }  // namespace slicecorr

@@ -172,8 +172,8 @@ std::string summary(const ReportContent& c) {
   if (layerwise) return html + "</p>";
   if (c.most_wanted > 1) return html + " Doses inside features wanted place by place.</p>";
   const double cap = c.setup.process.omega_max;
-  return html + (cap >= 1e300 ? " Dose inside features not capped.</p>"
-                              : fmt::format(" Dose inside features capped at {:g}.</p>", cap));
+  return html + (cap >= kNoCap ? " Dose inside features not capped.</p>"
+                               : fmt::format(" Dose inside features capped at {:g}.</p>", cap));
 }
 
 /// The surface of the print as it is seen from below and from above.

@@ -6,6 +6,8 @@ const round = new PlateView($('round')), layers = new LayerView($('layer-canvas'
 const value = (id) => ($(id).value === '' ? undefined : Number($(id).value));
 let printers = [], plan = null;
 
+let settings = {}, schemas = {};  // by the description of the API
+
 const parts = new Parts($('drop'), $('files'), $('parts'), partName, partsChanged);
 
 function partsChanged() {
@@ -23,7 +25,7 @@ const chosen = () => (together() ? parts.there : parts.there.filter((p) => $('ho
 function numbers(text, key, n) {
   if (!text.trim()) return undefined;
   const list = text.split(/[\s,;]+/).filter(Boolean).map(Number);
-  if (list.length !== n || list.some((v) => !Number.isFinite(v))) throw new Error(key + ': expected ' + n + ' numbers.');
+  if ((n && list.length !== n) || list.some((v) => !Number.isFinite(v))) throw new Error(key + ': expected ' + (n ? n + ' ' : '') + 'numbers.');
   return list;
 }
 
@@ -40,11 +42,64 @@ function setup(list) {
   return s;
 }
 function speed() {
+  if (value('speed') === undefined && settings.layer_exposure_s && settings.layer_exposure_s.input.value.trim()) return {};
   if (value('speed') === undefined) throw new Error('Say the speed, or let it be found.');
   return $('mode').value === 'layerwise' ? {exposure_s: value('speed')} : {speed_mm_h: value('speed')};
 }
 // A plan may hold with settings of its own only.
 const withPlan = () => (plan && plan.edge_aim_um !== null && plan.edge_aim_um !== undefined && value('speed') === plannedSpeed() ? {edge_aim_um: plan.edge_aim_um} : {});
+
+// --- more settings: what the API takes beside what the form asks --------------------------------------------------
+
+const kinds = {plan: 'PlanStudy', check: 'CheckStudy', job: 'JobKeys'};
+const isList = (schema) => schema.type === 'array';
+function settingInput(schema) {
+  if (schema.enum || schema.type === 'boolean') {
+    const e = el('select');
+    e.append(new Option('', ''), ...(schema.enum || ['yes', 'no']).map((w) => new Option(w)));
+    return e;
+  }
+  const e = el('input');
+  e.type = schema.type === 'number' || schema.type === 'integer' ? 'number' : 'text';
+  if (e.type === 'number') { e.step = schema.type === 'integer' ? 1 : 'any'; for (const [a, k] of [['min', 'minimum'], ['max', 'maximum']]) if (schema[k] !== undefined) e[a] = schema[k]; }
+  if (isList(schema)) e.placeholder = 'numbers with commas between';
+  return e;
+}
+function showSettings() {
+  const groups = new Map();
+  for (const [key, schema] of Object.entries(schemas.JobKeys.properties)) {
+    const group = schema['x-group'];
+    if (!group || $(key) || key === 'speed_mm_h' || key === 'exposure_s') continue;
+    if (!groups.has(group)) groups.set(group, []);
+    const label = el('label', key.replace(/_/g, ' ')), input = settingInput(schema), words = el('span', schema.description, 'dim');
+    input.id = 'set-' + key;
+    words.id = 'of-' + key;
+    input.setAttribute('aria-describedby', words.id);
+    label.append(input, words);
+    groups.get(group).push(label);
+    settings[key] = {schema, input};
+  }
+  $('settings').replaceChildren(...[...groups].flatMap(([group, labels]) => { const form = el('div', undefined, 'form'); form.append(...labels); return [el('h3', group), form]; }));
+}
+// Values of those that are said and that this kind of request takes.
+function moreSettings(kind) {
+  const said = {};
+  for (const [key, {schema, input}] of Object.entries(settings)) {
+    const text = input.value.trim();
+    if (!text || !(key in schemas[kinds[kind]].properties)) continue;
+    const number = Number(text);
+    if (input.validity && !input.validity.valid) throw new Error(key + ': ' + input.validationMessage);
+    if (isList(schema)) said[key] = numbers(text, key);
+    else if (schema.type === 'boolean') said[key] = text === 'yes';
+    else said[key] = schema.type === 'string' || !Number.isFinite(number) ? text : number;
+  }
+  return said;
+}
+$('more').addEventListener('input', () => {
+  const said = Object.entries(settings).filter(([, s]) => s.input.value.trim()).map(([key]) => key);
+  $('more-said').textContent = said.length ? '(' + said.join(', ') + ')' : '';
+});
+
 const plannedSpeed = () => plan.speed_mm_h ?? plan.exposure_s;
 
 async function during(id, work) {
@@ -73,7 +128,7 @@ $('look').addEventListener('click', () => during('look', async () => {
 }));
 
 $('plan').addEventListener('click', () => during('plan', async () => {
-  const list = chosen(), request = asks('plan', list, {tolerance_um: value('tolerance_um'), gap_contrast: value('gap_contrast')});
+  const list = chosen(), request = asks('plan', list, {...moreSettings('plan'), tolerance_um: value('tolerance_um'), gap_contrast: value('gap_contrast')});
   const s = await study(request, $('plan-said'));
   $('planned').hidden = true;
   if (!s) return;
@@ -88,7 +143,7 @@ $('plan').addEventListener('click', () => during('plan', async () => {
 $('use').addEventListener('click', () => { $('speed').value = plannedSpeed(); });
 
 $('check').addEventListener('click', () => during('check', async () => {
-  const list = chosen(), s = await study(asks('check', list, {...speed(), ...withPlan()}), $('check-said'));
+  const list = chosen(), s = await study(asks('check', list, {...moreSettings('check'), ...speed(), ...withPlan()}), $('check-said'));
   $('checked').hidden = true;
   if (!s) return;
   const f = await read(s.path + '/files/check.json'), before = f.uncorrected;
@@ -107,7 +162,7 @@ $('check').addEventListener('click', () => during('check', async () => {
 
 $('queue').addEventListener('click', () => during('queue', async () => {
   const all = parts.there, prints = together() ? [all] : all.map((p) => [p]);
-  const more = {...speed(), ...withPlan()};
+  const more = {...moreSettings('job'), ...speed(), ...withPlan()};
   if ($('ready').value) more.ready_by = $('ready').value;
   if (value('copies') > 1) more.copies = value('copies');
   const labels = $('labels').value.split(',').map((l) => l.trim()).filter(Boolean);
@@ -129,6 +184,7 @@ for (const [id, view] of [['round', round], ['layer', layers]]) {
   $(id + '-in').addEventListener('click', () => view.scale(1.3));
   $(id + '-out').addEventListener('click', () => view.scale(1 / 1.3));
 }
+$('more').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
 $('setup').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
 $('how').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
 $('mode').addEventListener('change', () => { $('speed-words').textContent = $('mode').value === 'layerwise' ? 'Exposure, s' : 'Speed, mm/h'; $('speed').value = ''; });
@@ -138,7 +194,9 @@ for (const id of ['printer', 'resin', 'layer_um']) $(id).addEventListener('chang
 begin(async () => {
   $('files').disabled = !may('submit');
   partsChanged();
-  const [p, r] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins')]);
+  const [p, r, description] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins'), read('/api/v1/openapi.json')]);
+  schemas = description.components.schemas;
+  showSettings();
   printers = p;
   // Tomographic printers print in another way.
   const plain = printers.filter((x) => x.width_px && x.calibration && !x.vial);

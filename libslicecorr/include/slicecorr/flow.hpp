@@ -41,9 +41,6 @@ double flow_share_inverse(double share);
 /// it came in, in (0, 1] (r̄² of a disc, x̄ of a strip). Infinite where `share_in` is 0.
 double seconds_under_way(double share_in, double gap_um, double speed_mm_h);
 
-/// Thickest gap that is taken, um: beyond, the gap is no thin one.
-inline constexpr double kMostGapUm = 1000;
-
 /// Most that one can draw on a liquid, Pa: 1 bar, from which on it cavitates.
 inline constexpr double kCavitationPa = 1e5;
 

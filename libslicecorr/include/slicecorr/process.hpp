@@ -326,6 +326,12 @@ inline constexpr double kDefaultGapShortfall = 0.18;
 /// Most that `Process::edge_aim_um` may be.
 inline constexpr double kMostEdgeAimUm = 100;
 
+/// What `Process::omega_max` is where nothing is capped.
+inline constexpr double kNoCap = 1e300;
+
+/// Thickest gap between part and window that is taken, um: beyond, the gap is no thin one.
+inline constexpr double kMostGapUm = 1000;
+
 /// How a stack is exposed and corrected.
 struct Process {
   static constexpr int kDefaultSpreadRounds = 20, kMostSpreadRounds = 1000;
@@ -339,8 +345,8 @@ struct Process {
   /// what it does at `speed_mm_h`, black as well as full light; while the stage changes its speed
   /// within a slice the lamps follow that of the slice.
   SliceLamps slice_lamps = SliceLamps::follow;
-  /// Cap of the relative dose inside features, >= 1; >= 1e300 means none.
-  double omega_max = 1e300;
+  /// Cap of the relative dose inside features, >= 1; from `kNoCap` on none.
+  double omega_max = kNoCap;
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
   /// Continuous: how much of the feature above an open gap of one slice may stay unprinted at its
   /// lower edge, in slices, 0 to 0.5: the more, the darker the gap. More stays unprinted only where

@@ -71,5 +71,7 @@ void check_supported(const Printer& printer, const Resin& resin, const Process& 
 void check_corrected(const Printer& printer, const Resin& resin, const Process& process);
 /// The process without edge heights where these are not counted, and why; null where they are.
 const char* leave_out_heights(const Printer& printer, const Resin& resin, Process& process);
+/// The same of a cap of the dose; null also where there is none.
+const char* leave_out_cap(const Printer& printer, const Resin& resin, Process& process);
 
 }  // namespace slicecorr

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "slicecorr/error.hpp"
@@ -14,21 +16,29 @@
 namespace slicecorr::cli {
 
 struct SetupOptions : SetupChoices {
-  std::string slice_speeds;  ///< a table for `slice_speed_mm_h`
   /// `required`: printer, resin and schedule must be given; else a stack may bring them.
-  /// `more_modes`: that the program knows besides those of `SetupChoices`.
+  /// `more_modes`: that the program knows besides those of the settings.
   void add_to(CLI::App& app, bool required, bool correcting,
               const std::vector<std::string>& more_modes = {});
   /// `--surface` alone, for what slices but does not correct; `add_to` has it for what corrects.
   void add_surface_to(CLI::App& app);
   Surface wanted_surface() const { return surface_named(surface); }
-  /// See `resolve_setup`. Throws `InputError` when the table of speeds can't be read, too.
+  /// Whether something is said by slice or layer, in tables.
+  bool by_slice() const;
+  /// With what the tables say. Throws `InputError` when one can't be read.
+  SetupChoices choices() const;
+  /// See `resolve_setup`. Throws `InputError` when a table can't be read, too.
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
+
+ private:
+  CLI::Option* add(CLI::App& app, const Setting& setting);
+
+  std::map<std::string_view, std::string> tables_;  ///< of settings that are lists, their paths
 };
 
-/// Speeds of slices from a table with the columns `slice,speed_mm_h`: from that slice on that speed.
-/// The first row is of slice 0, slices rise. Throws `InputError` naming file and line.
-std::vector<double> read_slice_speeds(const std::string& path);
+/// Values of slices from a table with the columns `slice,COLUMN`: from that slice on that value. The
+/// first row is of slice 0, slices rise. Throws `InputError` naming file and line.
+std::vector<double> read_by_slice(const std::string& path, const std::string& column);
 
 /// A corrected stack shows light, not the design: measured against it, nothing means anything.
 /// Throws `InputError` when `path` is one, gives it back else.

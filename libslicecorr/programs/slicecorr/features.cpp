@@ -9,6 +9,7 @@
 #include <string>
 
 #include "programs/common/figures.hpp"
+#include "slicecorr/settings.hpp"
 #include "slicecorr/supports.hpp"
 
 namespace slicecorr::cli {
@@ -61,7 +62,52 @@ std::string features_text() {
   return text;
 }
 
+std::string settings_json() {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const Setting& s : settings()) {
+    json.push_back({{"name", s.name},
+                    {"group", s.group},
+                    {"takes", setting_takes(s)},
+                    {"list", !s.column.empty()},
+                    {"text", setting_text(ChoiceNames::fields, s)},
+                    {"only_where_corrected", s.corrects},
+                    {"library_only", s.said_by == SaidBy::library}});
+    if (!s.words.empty()) json.back()["words"] = s.words;
+  }
+  return json.dump(1) + "\n";
+}
+
+/// By heading each setting with what it takes and is.
+std::string settings_text() {
+  std::string text =
+      "What can be chosen of a print: as an option with dashes (--speed-mm-h), as a key of jobs and a "
+      "setting of the C interface as it stands.\n";
+  for (const std::string_view heading :
+       {kHowItPrints, kHowItIsCorrected, kUvAndFlow, kAlongTheHeight}) {
+    text += fmt::format("\n{}\n", heading);
+    for (const Setting& s : settings()) {
+      if (s.group != heading) continue;
+      text +=
+          fmt::format("  {}: {}{}{}\n      {}\n", s.name, s.column.empty() ? "" : "a list, each ",
+                      setting_takes(s), s.said_by == SaidBy::library ? "; C and C++ only" : "",
+                      setting_text(ChoiceNames::fields, s));
+    }
+  }
+  return text;
+}
+
 }  // namespace
+
+void add_settings(Program& program) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* app =
+      program.add("settings", "What can be chosen of a print, and what each choice takes",
+                  [json](const ExecutionContext&, Console&) {
+                    print_result(*json ? settings_json() : settings_text());
+                    return static_cast<int>(kDone);
+                  });
+  app->add_flag("--json", *json, "As JSON");
+}
 
 void add_features(Program& program) {
   auto json = std::make_shared<bool>(false);

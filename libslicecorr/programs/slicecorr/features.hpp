@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// `slicecorr features`: what goes with what.
+/// What the tables of the library say: `slicecorr features`, what goes with what, and `slicecorr
+/// settings`, what can be chosen.
 #pragma once
 
 #include "programs/common/program.hpp"
@@ -9,5 +10,6 @@
 namespace slicecorr::cli {
 
 void add_features(Program& program);
+void add_settings(Program& program);
 
 }  // namespace slicecorr::cli

@@ -13,6 +13,7 @@
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/settings.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/display_text.hpp"
 
@@ -147,7 +148,7 @@ std::string describe_stack(const StackInfo& info) {
   } else if (info.process) {
     text += fmt::format(
         "process      continuous, {}, dose cap {}\n", speeds_in_words(*info.process),
-        info.process->omega_max >= 1e300 ? "none" : fmt::format("{:g}", info.process->omega_max));
+        info.process->omega_max >= kNoCap ? "none" : fmt::format("{:g}", info.process->omega_max));
     if (info.process->ramp == Ramp::lamp_follows) {
       text += fmt::format("ramps        over {:g} mm at both ends, the lamp follows the speed\n",
                           info.process->ramp_mm);
@@ -189,6 +190,19 @@ std::string describe_stack(const StackInfo& info) {
     text += "checksum     of the images alone: nothing tells whether parameters were changed\n";
   }
   return text;
+}
+
+/// A setting as stacks have it.
+static void add_setting(nlohmann::ordered_json& json, const Setting& s, const Process& p) {
+  const std::string name(s.name);
+  if (const auto* number = std::get_if<double Process::*>(&s.process)) {
+    json[name] = p.*(*number);
+    if (s.or_inf && p.*(*number) >= 1e300) json[name] = "inf";
+  } else if (const auto* count = std::get_if<int Process::*>(&s.process)) {
+    json[name] = p.*(*count);
+  } else if (const auto* word = std::get_if<ProcessWord>(&s.process)) {
+    json[name] = s.words[word->get(p)];
+  }
 }
 
 std::string info_json(const StackInfo& info, const std::string& path) {
@@ -266,11 +280,6 @@ std::string info_json(const StackInfo& info, const std::string& path) {
         j["slice_lamps"] = slices_differ(*info.process) ? "stay" : "follow";
       }
     }
-    if (info.process->omega_max >= 1e300) {
-      j["omega_max"] = "inf";
-    } else {
-      j["omega_max"] = info.process->omega_max;
-    }
     const UvSchedule& uv = info.process->uv;
     if (uv.kind != UvKind::off) {
       j["uv"] = {{"uv_mw_cm2", uv.uv_mw_cm2},
@@ -283,11 +292,9 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       j["even_dead_zone"] = name_of(info.process->even_dead_zone);
       if (info.process->even_light) j["gap_um"] = info.process->even_light->gap_um;
     }
-    j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
-    j["gap_shortfall"] = info.process->gap_shortfall;
-    j["edge_aim_um"] = info.process->edge_aim_um;
-    j["surface"] = info.process->surface == Surface::mesh ? "mesh" : "slices";
-    j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
+    for (const Setting& s : settings()) {
+      if (s.group == kHowItIsCorrected) add_setting(j, s, *info.process);
+    }
   }
   const double time = light_on_s(info);
   j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();

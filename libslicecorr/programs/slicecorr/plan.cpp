@@ -30,8 +30,9 @@ Setup resolve(const PlanOptions& o) {
     throw InputError(fmt::format("{} is what plan finds; expected it not to be given",
                                  setup.speed_mm_h > 0 ? "--speed-mm-h" : "--exposure-s"));
   }
-  if (!setup.slice_speeds.empty()) {
-    throw InputError("--slice-speed-mm-h is a choice of speed; expected it not to be given");
+  if (setup.by_slice()) {
+    throw InputError(
+        "--slice-speed-mm-h and --layer-exposure-s choose speeds and exposures; expected neither");
   }
   (layerwise ? setup.exposure_s : setup.speed_mm_h) = 1;
   return setup.resolve(nullptr, nullptr);

@@ -285,11 +285,15 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Executio
           "--x, --y, --row, --times-s, --substeps and --dose-csv look into a stack; expected none "
           "of them with --stationary");
     }
-    if (!setup.printer.empty() || setup.speed_mm_h > 0 || !setup.mode.empty() ||
-        setup.exposure_s > 0 || setup.bottom_exposure_s > 0 || setup.bottom_layers >= 0 ||
-        setup.fade_layers >= 0 || setup.dead_zone_um > 0 || !setup.uv_schedule.empty() ||
-        !setup.window_cure.empty() || !setup.ramp.empty() || setup.ramp_mm > 0 ||
-        !setup.slice_speeds.empty() || !setup.slice_lamps.empty()) {
+    // Nothing but the resin, its changes and a constant UV light counts.
+    const auto counts = [](std::string_view name) {
+      return name == "resin" || name == "dc_mj_cm3" || name == "dose_factor" || name == "ha_um" ||
+             name == "uv_mw_cm2";
+    };
+    const auto all = settings();
+    if (setup.by_slice() || std::any_of(all.begin(), all.end(), [&](const Setting& s) {
+          return is_said(s, setup) && !counts(s.name);
+        })) {
       wrong(
           "a stationary exposure has a resin, intensities and a time; expected no printer, speed, "
           "mode or schedule with --stationary");

@@ -51,17 +51,12 @@ OrderedJson properties_json(const StackInfo& info, double light_on_s, double bot
   return properties;
 }
 
-/// What the version of our block must be for these parameters.
+/// What the version of our block must be for these parameters: 1 has those of the correction alone.
 int block_format(const Process& p) {
   Process plain;
-  plain.speed_mm_h = p.speed_mm_h;
-  plain.omega_max = p.omega_max;
-  plain.one_slice_gaps = p.one_slice_gaps;
-  plain.gap_shortfall = p.gap_shortfall;
-  plain.edge_aim_um = p.edge_aim_um;
-  plain.surface = p.surface;
-  plain.spread_rounds = p.spread_rounds;
-  plain.cap_platform_features = p.cap_platform_features;
+  for (const Setting& s : settings()) {
+    if (s.block == BlockPart::correction) copy_setting(s, p, plain);
+  }
   return p == plain ? 1 : 2;
 }
 
@@ -81,35 +76,34 @@ int block_format(const StackInfo& info) {
   return info.process ? block_format(*info.process) : 1;
 }
 
+void add_settings(OrderedJson& json, const Process& p, BlockPart part) {
+  static const Process unset;
+  for (const Setting& s : settings()) {
+    if (s.block != part || (s.changed_only && same_setting(s, p, unset))) continue;
+    OrderedJson& value = json[block_key(s)];
+    if (const auto* number = std::get_if<double Process::*>(&s.process)) {
+      value = p.*(*number);
+      if (s.or_inf && p.*(*number) >= 1e300) value = "inf";
+    } else if (const auto* count = std::get_if<int Process::*>(&s.process)) {
+      value = p.*(*count);
+    } else if (const auto* list = std::get_if<std::vector<double> Process::*>(&s.process)) {
+      value = p.*(*list);
+    } else {
+      value = block_word(s.words[std::get<ProcessWord>(s.process).get(p)]);
+    }
+  }
+}
+
 OrderedJson process_json(const Process& p, int format) {
   OrderedJson json;
-  json["speed_mm_h"] = p.speed_mm_h;
-  if (p.omega_max >= 1e300) {
-    json["omega_max"] = "inf";
-  } else {
-    json["omega_max"] = p.omega_max;
-  }
-  json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
-  if (p.gap_shortfall != kDefaultGapShortfall) json["gap_shortfall"] = p.gap_shortfall;
-  if (p.edge_aim_um > 0) json["edge_aim_um"] = p.edge_aim_um;
-  if (p.spread_rounds != Process::kDefaultSpreadRounds) json["spread_rounds"] = p.spread_rounds;
-  if (p.surface == Surface::mesh) json["surface"] = "mesh";
-  json["platform_features"] = p.cap_platform_features ? "capped" : "uncapped";
+  add_settings(json, p, BlockPart::correction);
   if (format == 1) return json;
-  json["exposure_s"] = p.exposure_s;
-  json["bottom_exposure_s"] = p.bottom_exposure_s;
-  json["bottom_layers"] = p.bottom_layers;
-  json["fade_layers"] = p.fade_layers;
-  json["layer_exposure_s"] = p.layer_exposure_s;
+  add_settings(json, p, BlockPart::exposure);
   json["uv"] = {{"kind", kNamesOfUv[static_cast<std::size_t>(p.uv.kind)]},
                 {"uv_mw_cm2", p.uv.uv_mw_cm2},
                 {"dead_zone_um", p.uv.dead_zone_um},
                 {"slice_mw_cm2", p.uv.slice_mw_cm2}};
-  json["ramp"] = kNamesOfRamps[static_cast<std::size_t>(p.ramp)];
-  json["ramp_mm"] = p.ramp_mm;
-  json["window_cure"] = p.allow_window_cure ? "allow" : "refuse";
-  if (!p.slice_speed_mm_h.empty()) json["slice_speed_mm_h"] = p.slice_speed_mm_h;
-  if (p.slice_lamps == SliceLamps::stay) json["slice_lamps"] = "stay";
+  add_settings(json, p, BlockPart::stage);
   if (p.even_dead_zone != EvenDeadZone::off) json["even_dead_zone"] = name_of(p.even_dead_zone);
   if (p.even_light) json["even_light"] = even_light_json(*p.even_light);
   return json;

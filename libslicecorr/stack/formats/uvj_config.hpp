@@ -5,12 +5,14 @@
 /// `config.json` of a UVJ archive, with our block under the key "slicecorr".
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "slicecorr/settings.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/formats/archive_format.hpp"
 
@@ -22,9 +24,17 @@ namespace slicecorr::detail {
 /// spreads, 7 even light, 8 slices with speeds of their own.
 inline constexpr int kUvjBlockFormat = 9;
 
-/// Words of the block, in the order of UvKind and Ramp.
+/// Words of the block, in the order of UvKind.
 inline const std::vector<std::string> kNamesOfUv{"off", "constant", "per_slice", "patterned"};
-inline const std::vector<std::string> kNamesOfRamps{"none", "lamp_follows", "outside"};
+/// A word of a setting as blocks have it: lamp_follows.
+inline std::string block_word(std::string_view word) {
+  std::string text(word);
+  std::replace(text.begin(), text.end(), '-', '_');
+  return text;
+}
+inline std::string block_key(const Setting& s) {
+  return std::string(s.block_key.empty() ? s.name : s.block_key);
+}
 
 std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checksums);
 

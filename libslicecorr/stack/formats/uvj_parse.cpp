@@ -113,50 +113,60 @@ std::vector<double> read_numbers(const SortedNode& node, double least) {
   return numbers;
 }
 
+/// Most that numbers of a schedule may be.
+constexpr double kMostOfSchedule = 1e9;
+
+void read_setting(const Setting& s, const SortedNode& node, Process& p) {
+  if (const auto* number = std::get_if<double Process::*>(&s.process)) {
+    // What is not said is 0, but where it is a factor; speeds may be any.
+    const double most =
+        s.block == BlockPart::correction ? std::min(s.range.most, kLargest) : kMostOfSchedule;
+    p.*(*number) = s.or_inf && node.is_text("inf")
+                       ? kLargest
+                       : node.number(s.range.above ? 0 : s.range.least, most);
+  } else if (const auto* count = std::get_if<int Process::*>(&s.process)) {
+    p.*(*count) = node.integer(static_cast<int>(s.range.least), static_cast<int>(s.range.most));
+  } else if (const auto* list = std::get_if<std::vector<double> Process::*>(&s.process)) {
+    p.*(*list) = read_numbers(node, 0);
+  } else {
+    std::vector<std::string> words;
+    for (const std::string_view word : s.words) words.push_back(block_word(word));
+    std::get<ProcessWord>(s.process).set(p, node.choice(words));
+  }
+}
+
+void read_settings(const SortedNode& node, Process& p, BlockPart part) {
+  for (const Setting& s : settings()) {
+    if (s.block != part) continue;
+    const std::string key = block_key(s);
+    if (!s.changed_only || node.has(key.c_str())) read_setting(s, node[key.c_str()], p);
+  }
+}
+
 /// Reads what the block has from version 2 on: schedules of exposure, UV light, ramps.
 void read_schedule(const SortedNode& node, Process& p) {
-  const bool layerwise = p.mode == ExposureMode::layerwise;
-  p.exposure_s = layerwise ? node["exposure_s"].positive(1e9) : node["exposure_s"].number(0, 1e9);
-  p.bottom_exposure_s = node["bottom_exposure_s"].number(0, 1e9);
-  p.bottom_layers = node["bottom_layers"].integer(0, 1000000);
-  p.fade_layers = node["fade_layers"].integer(0, 1000000);
-  p.layer_exposure_s = read_numbers(node["layer_exposure_s"], 0);
+  read_settings(node, p, BlockPart::exposure);
   const SortedNode uv = node["uv"];
   p.uv.kind = static_cast<UvKind>(uv["kind"].choice(kNamesOfUv));
-  p.uv.uv_mw_cm2 = uv["uv_mw_cm2"].number(0, 1e9);
-  p.uv.dead_zone_um = uv["dead_zone_um"].number(0, 1e9);
+  p.uv.uv_mw_cm2 = uv["uv_mw_cm2"].number(0, kMostOfSchedule);
+  p.uv.dead_zone_um = uv["dead_zone_um"].number(0, kMostOfSchedule);
   p.uv.slice_mw_cm2 = read_numbers(uv["slice_mw_cm2"], 0);
-  p.ramp = static_cast<Ramp>(node["ramp"].choice(kNamesOfRamps));
-  p.ramp_mm = node["ramp_mm"].number(0, 1e9);
-  p.allow_window_cure = node["window_cure"].choice({"refuse", "allow"}) == 1;
-  if (!node.has("slice_speed_mm_h")) return;
-  if (layerwise) node["slice_speed_mm_h"].refuse("is for continuous exposure");
-  for (const SortedNode& n : node["slice_speed_mm_h"].list(1, 1000000)) {
-    p.slice_speed_mm_h.push_back(n.positive(p.speed_mm_h));
-  }
-  if (node.has("slice_lamps")) {
-    p.slice_lamps = static_cast<SliceLamps>(node["slice_lamps"].choice({"follow", "stay"}));
+  read_settings(node, p, BlockPart::stage);
+  if (p.mode == ExposureMode::layerwise) {
+    node["exposure_s"].positive(kMostOfSchedule);
+    if (node.has("slice_speed_mm_h")) {
+      node["slice_speed_mm_h"].refuse("is for continuous exposure");
+    }
+  } else if (node.has("slice_speed_mm_h")) {
+    for (const SortedNode& n : node["slice_speed_mm_h"].list(1, 1000000)) n.positive(p.speed_mm_h);
   }
 }
 
 Process read_process(const SortedNode& node, ExposureMode mode, std::int64_t format) {
   Process p;
   p.mode = mode;
-  p.speed_mm_h = mode == ExposureMode::continuous ? node["speed_mm_h"].positive()
-                                                  : node["speed_mm_h"].number(0, kLargest);
-  const SortedNode omega = node["omega_max"];
-  p.omega_max = omega.is_text("inf") ? kLargest : omega.number(1, kLargest);
-  p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
-                                                                           : OneSliceGaps::open;
-  if (node.has("gap_shortfall")) p.gap_shortfall = node["gap_shortfall"].number(0, 0.5);
-  if (node.has("edge_aim_um")) p.edge_aim_um = node["edge_aim_um"].number(0, kMostEdgeAimUm);
-  if (node.has("spread_rounds")) {
-    p.spread_rounds = node["spread_rounds"].integer(0, Process::kMostSpreadRounds);
-  }
-  if (node.has("surface")) {
-    p.surface = node["surface"].choice({"slices", "mesh"}) == 1 ? Surface::mesh : Surface::slices;
-  }
-  p.cap_platform_features = node["platform_features"].choice({"capped", "uncapped"}) == 0;
+  read_settings(node, p, BlockPart::correction);
+  if (mode == ExposureMode::continuous) node["speed_mm_h"].positive();
   if (format >= 2) read_schedule(node, p);
   if (node.has("even_dead_zone")) {
     p.even_dead_zone = static_cast<EvenDeadZone>(

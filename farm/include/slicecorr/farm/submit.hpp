@@ -108,6 +108,8 @@ std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::strin
                                        const JobRequest& defaults = {});
 /// Most jobs of one request over HTTP, copies counted; and most errors that one is told.
 inline constexpr int kMostJobsOfRequest = 2000, kMostErrorsTold = 100;
+/// Most numbers in lists of such a request, copies counted.
+inline constexpr std::size_t kMostNumbersOfRequest = 1000000;
 /// {"defaults": {...}, "jobs": [{...}]} with the keys of jobs files; for the REST API. More than
 /// `kMostJobsOfRequest` jobs are refused before anything is made of them.
 std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source,

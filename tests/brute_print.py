@@ -1,0 +1,194 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a stack prints, by small steps of time through its images: shares no code with the programs.
+
+Each effect stands in its plainest form. A print is read from the archive (images, and the definitions that
+it carries); `Print.doses(heights_um)` are the relative doses of all pixels at some heights, in which nothing
+is summed in closed form: for each slice, for each of some steps of the window's way, the light that reaches
+the height.
+"""
+
+import json
+import math
+import zipfile
+import zlib
+
+import numpy as np
+
+
+def read_png(data):
+    """Grey images of 8 bits, or of 1, 2 or 4 spread to them."""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, packed = 8, b""
+    while at < len(data):
+        size = int.from_bytes(data[at:at + 4], "big")
+        kind, body = data[at + 4:at + 8], data[at + 8:at + 8 + size]
+        if kind == b"IHDR":
+            width, height = int.from_bytes(body[:4], "big"), int.from_bytes(body[4:8], "big")
+            depth, colour = body[8], body[9]
+            assert colour == 0 and body[12] == 0
+        elif kind == b"IDAT":
+            packed += body
+        at += 12 + size
+    raw = zlib.decompress(packed)
+    stride = (width * depth + 7) // 8
+    rows, before = [], bytearray(stride)
+    for y in range(height):
+        how, line = raw[y * (stride + 1)], bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
+        for x in range(stride):
+            left, up, corner = line[x - 1] if x else 0, before[x], before[x - 1] if x else 0
+            if how == 4:
+                p = left + up - corner
+                guess = min((left, up, corner), key=lambda v: abs(p - v))
+            else:
+                guess = (0, left, up, (left + up) // 2)[how]
+            line[x] = (line[x] + guess) & 255
+        rows.append(line)
+        before = line
+    image = np.array(rows, np.uint8)
+    if depth < 8:
+        bits = np.unpackbits(image, axis=1).reshape(height, -1, depth)
+        values = bits @ (1 << np.arange(depth)[::-1])
+        image = (values[:, :width] * 255 // ((1 << depth) - 1)).astype(np.uint8)
+    return image
+
+
+def images_of(archive, folder):
+    names = sorted(n for n in archive.namelist() if n.startswith(folder + "/"))
+    return np.array([read_png(archive.read(n)) for n in names])
+
+
+def read_images(path, folder="slice"):
+    with zipfile.ZipFile(path) as archive:
+        return images_of(archive, folder)
+
+
+def intensity(levels, calibration):
+    return np.interp(levels, [p["level"] for p in calibration], [p["intensity_mw_cm2"] for p in calibration])
+
+
+def blurred(image, spread, pitch_um):
+    """Light of each pixel spread by Gaussians over the window; beyond the display it is dark."""
+    if not spread:
+        return image
+    total = sum(weight for _, weight in spread)
+    out = np.zeros(image.shape)
+    for sigma, share in spread:
+        def weights(n):
+            edge = (np.arange(-n, n + 2) - 0.5) * pitch_um / (sigma * math.sqrt(2))
+            c = np.array([math.erf(e) for e in edge])
+            return (c[1:] - c[:-1]) / 2
+        part = image * (share / total)
+        if sigma > 0:
+            for axis in (0, 1):
+                n = image.shape[axis]
+                w = weights(n)
+                matrix = np.array([[w[n + i - j] for j in range(n)] for i in range(n)])
+                part = np.tensordot(matrix, part, (1, axis))
+                part = np.moveaxis(part, 0, axis)
+        out += part
+    return out
+
+
+class Print:
+    """`flat`: light of each pixel as a share of the calibration's; the archive has its picture elsewhere."""
+
+    def __init__(self, path, flat=None, steps=16):
+        with zipfile.ZipFile(path) as archive:
+            block = json.loads(archive.read("config.json"))["slicecorr"]
+            images = images_of(archive, "slice")
+            uv_images = images_of(archive, "uv")
+        self.steps = steps
+        self.layer_um = block["grid"]["layer_um"]
+        pitch = block["grid"]["pixel_x_um"]
+        printer, resin, process = block["printer"], block["resin"], block["process"]
+        self.layers = len(images)
+        blue = intensity(images, printer["calibration"])
+        if flat is not None:
+            blue = blue * flat
+        self.blue = np.array([blurred(b, gaussians(printer.get("spread")), pitch) for b in blue])
+        self.rho = printer.get("platform_reflectance", 0)
+        self.depth_um = printer.get("resin_depth_um", 0) or math.inf
+        self.gel_time = resin["model"] == "gel-time"
+        self.he_um = resin["absorbance_height10_um"] / math.log(10)
+        self.m = resin["m"]
+        self.dose = resin["critical_dose_prime"] or resin["critical_dose_mj_cm3"] * self.he_um * 1e-4
+        self.a, self.b = resin.get("gel_a_mj_cm2", 0), resin.get("gel_b_sqrt_mw_cm2_s", 0)
+        self.layerwise = block["mode"] == "layerwise"
+        self.exposure_s = process.get("exposure_s", 0)
+        speeds = process.get("slice_speed_mm_h") or [process["speed_mm_h"]]
+        stay = process.get("slice_lamps") == "stay"
+        speed = [speeds[min(n, len(speeds) - 1)] if stay else process["speed_mm_h"] for n in range(self.layers)]
+        self.um_s = [v / 3.6 for v in speed]
+        self.uv = None
+        uv = process.get("uv") or {"kind": "off"}
+        if uv["kind"] != "off":
+            inhibition = resin["inhibition"]
+            self.m = inhibition["m"]
+            self.dose = inhibition["critical_dose_prime"] or self.dose
+            self.beta, self.huv_um = inhibition["beta"], inhibition["absorbance_height10_um"] / math.log(10)
+            self.steps = max(steps, 64)
+            if uv["kind"] == "constant":
+                given = [np.full(blue.shape[1:], uv["uv_mw_cm2"])] * self.layers
+            elif uv["kind"] == "per_slice":
+                given = [np.full(blue.shape[1:], s) for s in uv["slice_mw_cm2"]]
+            else:
+                given = [blurred(i, gaussians(printer["uv"].get("spread")), pitch)
+                         for i in intensity(uv_images, printer["uv"]["calibration"])]
+            self.uv = [given[min(n, len(given) - 1)] for n in range(self.layers)]
+
+    def looks(self, z_um):
+        """Slice, distance from the window, time: what a height gets, one step after the other."""
+        for n in range(self.layers):
+            if self.layerwise:
+                d = (n + 1) * self.layer_um - z_um
+                if 0 <= d <= self.depth_um:
+                    yield n, np.array([d]), self.exposure_s
+                continue
+            low, high = max(n * self.layer_um, z_um), min((n + 1) * self.layer_um, z_um + self.depth_um)
+            if high <= low:
+                continue
+            step = (high - low) / self.steps
+            yield n, low + step * (np.arange(self.steps) + 0.5) - z_um, step / self.um_s[n]
+
+    def dose_at(self, z_um):
+        back = 1 + self.rho * math.exp(-2 * z_um / self.he_um)
+        total = np.zeros(self.blue.shape[1:])
+        lights, times = [], []
+        for n, d_um, dt in self.looks(z_um):
+            light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
+            if self.uv is not None:
+                light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
+            if self.gel_time:
+                lights.append(light)
+                times += [dt] * len(d_um)
+            else:
+                total += (light ** self.m).sum(-1) * dt
+        if not self.gel_time:
+            return total / self.dose
+        if not lights:
+            return total
+        return self.gelled(np.concatenate(lights, -1), np.array(times))
+
+    def gelled(self, light, dt):
+        """max over c of min(X, Y): X the dose before the cut c over A, Y what comes after it over B."""
+        zero = np.zeros(light.shape[:-1] + (1,))
+        x = np.concatenate([zero, np.cumsum(light * dt, -1)], -1) / self.a
+        y = np.cumsum(np.sqrt(light) * dt, -1) / self.b
+        y = np.concatenate([zero, y], -1)
+        y = y[..., -1:] - y
+        after = np.argmax(x >= y, -1)[..., None]  # the first cut at which they have met
+        before = np.maximum(after - 1, 0)
+        x0, x1 = np.take_along_axis(x, before, -1), np.take_along_axis(x, after, -1)
+        y0, y1 = np.take_along_axis(y, before, -1), np.take_along_axis(y, after, -1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(after > 0, (y0 - x0) / ((y0 - x0) + (x1 - y1)), 0)
+        return (x0 + share * (x1 - x0))[..., 0]
+
+    def doses(self, heights_um):
+        return np.array([self.dose_at(z) for z in heights_um])
+
+
+def gaussians(spread):
+    """[[sigma um, weight], ...]"""
+    return spread["gaussians"] if spread else []

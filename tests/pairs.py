@@ -1,0 +1,458 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pairs of features, held against a print by small steps (brute_print.py), which shares no code with the programs.
+
+    pairs.py FOLDER_OF_PROGRAMS [--triples] [--seed N] [--only A,B] [--keep FOLDER] [--threads N]
+
+For each pair that `slicecorr features` allows a random part is corrected. verify, probe and simulate must tell
+what the images print, voxel by voxel; both features must change the images. What is refused must be refused in
+the words of the table, in each program that corrects; what is left out must be told.
+"""
+
+import argparse
+import csv
+import io
+import itertools
+import json
+import pathlib
+import random
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+import brute_print
+
+WIDTH, HEIGHT, LAYERS = 12, 10, 26
+PIXEL_UM, LAYER_UM = 50, 50
+# Doses that the programs tell have six digits or more; steps of time miss less than this.
+TOLERANCE = 2e-3
+
+PRINTER = {
+    "": {"name": "pairs"},
+    "display": {"width_px": WIDTH, "height_px": HEIGHT, "pixel_um": PIXEL_UM, "bit_depth": 8},
+    "blue": {"calibration": [[0, 1.0], [255, 100.0]]},
+    "stage": {"max_speed_mm_h": 2000, "travel_mm": 100},
+}
+RESIN = {
+    "": {"name": "pairs-resin"},
+    "cure": {"model": "kinetic", "m": 0.95, "absorbance_height_um": 300.0, "absorbance_base": "e",
+             "critical_dose_prime": 40.0, "dose_factor": 1.0},
+    "inhibition": {"beta": 0.73, "absorbance_height_um": 37.8, "absorbance_base": "e"},
+}
+
+
+def toml(tables):
+    text = ""
+    for name, table in tables.items():
+        if name:
+            text += f"[{name}]\n"
+        for key, value in table.items():
+            text += f"{key} = {json.dumps(value)}\n"
+    return text
+
+
+def png(values):
+    def chunk(kind, body):
+        return len(body).to_bytes(4, "big") + kind + body + zlib.crc32(kind + body).to_bytes(4, "big")
+    height, width = values.shape
+    raw = b"".join(b"\0" + bytes(row) for row in values.astype(np.uint8))
+    head = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 0, 0, 0, 0])
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b"")
+
+
+def stl(boxes):
+    """Boxes of (x0, x1, y0, y1) pixels and (z0, z1) layers."""
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    triangles = []
+    for x0, x1, y0, y1, z0, z1 in boxes:
+        p = [((x0, x1)[i & 1] * PIXEL_UM / 1000, (y0, y1)[i >> 1 & 1] * PIXEL_UM / 1000,
+              (z0, z1)[i >> 2] * LAYER_UM / 1000) for i in range(8)]
+        for a, b, c, d in faces:
+            triangles += [(p[a], p[b], p[c]), (p[a], p[c], p[d])]
+    return bytes(80) + struct.pack("<I", len(triangles)) + b"".join(
+        struct.pack("<12fH", 0, 0, 0, *(v for corner in t for v in corner), 0) for t in triangles)
+
+
+class Lit:
+    """A print: definitions, options, files, and the part."""
+
+    def __init__(self, rng):
+        self.seed = rng.random()
+        self.printer = {k: dict(v) for k, v in PRINTER.items()}
+        self.resin = {k: dict(v) for k, v in RESIN.items()}
+        self.options = {"speed-mm-h": "450"}
+        self.flat = None
+        self.files = {}
+        self.surface, self.fraction = "slices", 0.0
+        self.left_alone = []
+        self.uncertain = False
+
+    def boxes(self):
+        """The part: two corners that hold it in the middle of the plate, and features and gaps of any height."""
+        rng, f = random.Random(self.seed), self.fraction
+        out = [(0, 1, 0, 1, 0, LAYERS), (WIDTH - 1, WIDTH, HEIGHT - 1, HEIGHT, 0, LAYERS - 4)]
+        for x in range(1, WIDTH - 1, 2):
+            for y in range(0, HEIGHT, 2):
+                z = rng.choice((0, 0, rng.randint(2, 6)))
+                while z < LAYERS - 6:
+                    high = rng.randint(3, 9)
+                    if z + high > LAYERS - 2:
+                        break
+                    low = 0 if z == 0 else z + f
+                    out.append((x, x + 2, y, y + 2, low, z + high + f))
+                    z += high + rng.randint(4, 8)
+        # A place beside the part for what is left alone.
+        if self.left_alone:
+            out = [b for b in out if not (b[0] < 5 <= b[1] - 0 and b[2] < 4)]
+        return out
+
+
+def layerwise(p):
+    p.options.pop("speed-mm-h", None)
+    p.options.update({"mode": "layerwise", "exposure-s": "2.5"})
+    # The window stands a layer away: light that passes it is spent on the layers behind.
+    p.resin["cure"]["absorbance_height_um"] = 90.0
+
+
+def uv_lamp(p, kind):
+    p.printer["uv"] = dict(p.printer.get("uv", {}), kind=kind, calibration=[[0, 0.0], [255, 275.0]])
+
+
+def uv_constant(p):
+    uv_lamp(p, "flood")
+    p.options["uv-mw-cm2"] = "60"
+
+
+def uv_per_slice(p):
+    uv_lamp(p, "flood")
+    p.options.update({"dead-zone-um": "15", "uv-schedule": "per-slice"})
+
+
+def uv_patterned(p):
+    uv_lamp(p, "patterned")
+    p.options.update({"dead-zone-um": "15", "uv-schedule": "patterned"})
+
+
+def gel_time(p):
+    height = p.resin["cure"]["absorbance_height_um"]
+    p.resin["cure"] = {"model": "gel-time", "absorbance_height_um": height, "absorbance_base": "e",
+                       "gel_a_mj_cm2": 20.0, "gel_b_sqrt_mw_cm2_s": 2.5, "dose_factor": 1.0}
+    p.resin.pop("inhibition")
+
+
+def spread(p):
+    p.printer["blue"]["spread"] = [[35.0, 1.0]]
+
+
+def uneven_light(p):
+    values = np.array([[255 - 6 * x - 4 * y for x in range(WIDTH)] for y in range(HEIGHT)])
+    p.flat = values / 255
+    p.files["flat.png"] = png(values)
+    p.printer["display"]["flat_field"] = "flat.png"
+
+
+def vat_depth(p):
+    # So much that a tenth of the light goes out at its far side.
+    p.printer.setdefault("vat", {})["depth_um"] = round(2.3 * p.resin["cure"]["absorbance_height_um"] / 50) * 50
+
+
+def reflectance(p):
+    p.printer.setdefault("vat", {})["platform_reflectance"] = 0.3
+
+
+def lamps_stay(p):
+    p.files["speeds.csv"] = b"slice,speed_mm_h\n0,300\n6,450\n14,350\n"
+    p.options.update({"slice-speed-mm-h": "speeds.csv", "slice-lamps": "stay"})
+
+
+def edge_heights(p):
+    p.surface, p.fraction = "mesh", 0.3
+    p.options["surface"] = "mesh"
+
+
+def left_alone(p):
+    p.left_alone = [(5, 7, 1, 3, 0, 14)]
+    p.options["leave-alone"] = "alone.stl"
+
+
+def wanted_doses(p):
+    p.files["region.stl"] = stl([(1, 5, 0, HEIGHT, 0, LAYERS)])
+    p.options.update({"region": "region.stl=1.6", "design": "part.stl"})
+
+
+def capped_dose(p):
+    p.options["omega-max"] = "1.3"
+
+
+def robust(p):
+    p.options.update({"uncertain": "ha=4%,dc=4%", "robust": None})
+
+
+def derivatives(p):
+    if "uncertain" not in p.options:
+        p.options["uncertain"] = "ha=4%,dc=4%"
+
+
+# In the order of the table, with the words of `slicecorr features` that begin their names.
+FEATURES = {
+    "layer by layer": layerwise,
+    "constant UV light": uv_constant,
+    "UV light per slice": uv_per_slice,
+    "patterned UV light": uv_patterned,
+    "a time to gel": gel_time,
+    "light that spreads": spread,
+    "uneven light": uneven_light,
+    "resin that ends": vat_depth,
+    "a platform that sends light back": reflectance,
+    "more light for slower slices": lamps_stay,
+    "edges of the mesh": edge_heights,
+    "what is left alone": left_alone,
+    "wanted doses": wanted_doses,
+    "a capped dose": capped_dose,
+    "a robust correction": robust,
+    "how sure figures are": derivatives,
+}
+UV = {"constant UV light", "UV light per slice", "patterned UV light"}
+# Figures only: no image changes.
+TELLS_ONLY = {"how sure figures are"}
+# Not one print: no word of the table is needed.
+ELSEWHERE = [({"layer by layer", "more light for slower slices"}, "is for continuous exposure"),
+             ({"a robust correction", "how sure figures are"}, None)] + [
+    # Resin files have one or the other.
+    ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV)]
+
+
+def short(name):
+    return next(f for f in FEATURES if name.startswith(f))
+
+
+class Table:
+    def __init__(self, programs):
+        told = json.loads(subprocess.run([programs / "slicecorr", "features", "--json"], check=True,
+                                         capture_output=True, text=True).stdout)
+        self.rows = [r for r in told["not_together"] if "an even dead zone" not in r["a"] + r["b"]]
+
+    def verdicts(self, features):
+        """Of all pairs among `features`: verdict and words, as the programs look: refusals first."""
+        found = [(r["verdict"], r["words"]) for r in self.rows
+                 if short(r["a"]) in features and short(r["b"]) in features]
+        return found
+
+
+class Case:
+    def __init__(self, programs, folder, features, seed):
+        self.programs, self.folder, self.features = programs, folder, features
+        self.faults = []
+        self.lit = self.make(features, seed)
+        self.seed = seed
+
+    @staticmethod
+    def make(features, seed):
+        lit = Lit(random.Random(seed))
+        for f in FEATURES:
+            if f in features:
+                FEATURES[f](lit)
+        return lit
+
+    def run(self, program, *arguments):
+        return subprocess.run([str(self.programs / program), *map(str, arguments)], cwd=self.folder,
+                              capture_output=True, text=True)
+
+    def write(self, lit):
+        for name, data in {"printer.toml": toml(lit.printer).encode(), "resin.toml": toml(lit.resin).encode(),
+                           "part.stl": stl(lit.boxes()), **lit.files}.items():
+            (self.folder / name).write_bytes(data)
+        if lit.left_alone:
+            (self.folder / "alone.stl").write_bytes(stl(lit.left_alone))
+
+    def arguments(self, lit, without=()):
+        out = ["--printer", "printer.toml", "--resin", "resin.toml"]
+        for name, value in lit.options.items():
+            if name not in without:
+                out.append("--" + name if value is None else f"--{name}={value}")
+        return out
+
+    def target(self, lit, out="target.uvj"):
+        r = self.run("slicecorr", "slice", "part.stl", "-o", out, "--printer", "printer.toml", "--layer-um", LAYER_UM,
+                     "--antialias", "off", "--surface", lit.surface)
+        assert r.returncode == 0, r.stderr
+
+    def correct(self, lit, out="stack.uvj"):
+        return self.run("slicecorr", "correct", "target.uvj", "-o", out, *self.arguments(lit))
+
+    def fault(self, text):
+        self.faults.append(f"{' + '.join(sorted(self.features))} (seed {self.seed}): {text}")
+
+    def check_refusal(self, words):
+        expected = words.replace("{printer}", "pairs").replace("{resin}", "pairs-resin") if words else None
+        submit = self.arguments(self.lit, ("region", "design", "slice-speed-mm-h"))
+        mesh = ["part.stl", "--layer-um", LAYER_UM, "--antialias", "off"]
+        run_options = self.arguments(self.lit, ("design",))
+        (self.folder / "farm").mkdir(exist_ok=True)
+        tries = {"correct": self.correct(self.lit),
+                 "run": self.run("slicecorr", "run", *mesh, "-o", "run.uvj", *run_options)}
+        if not {"region", "slice-speed-mm-h"} & set(self.lit.options):
+            tries["slicefarm submit"] = self.run("slicefarm", "submit", "--dir", "farm", "--dry-run", *mesh, *submit)
+        for name, r in tries.items():
+            if r.returncode != 2:
+                self.fault(f"{name}: exit code {r.returncode} in place of 2: {r.stderr[-300:]}")
+            elif expected and expected not in " ".join(r.stderr.split()):
+                self.fault(f"{name} says '{r.stderr.strip()[-400:]}' in place of '{expected}'")
+
+    def check(self, table):
+        self.write(self.lit)
+        self.target(self.lit)
+        for together, words in ELSEWHERE:
+            if together <= self.features and words and not (len(self.features) > 2 and "gel" in str(together)):
+                return "refused", self.check_refusal(words)
+        verdicts = table.verdicts(self.features)
+        if "a robust correction" in self.features:
+            verdicts += table.verdicts(self.features | {"how sure figures are"})
+        verdicts = list(dict.fromkeys(verdicts))
+        refused = [w for v, w in verdicts if v == "refused"] or [w for v, w in verdicts if "refused" in v]
+        if refused:
+            return "refused", self.check_refusal(refused[0] if len(refused) == 1 else None)
+        r = self.correct(self.lit)
+        if r.returncode != 0:
+            self.fault(f"correct: exit code {r.returncode}: {r.stderr[-400:]}")
+            return "counted", None
+        for v, words in verdicts:
+            if words not in " ".join(r.stderr.split()):
+                self.fault(f"correct does not tell '{words}': {r.stderr[-300:]}")
+        self.check_changes([w for v, w in verdicts if v == "left out, and told"],
+                           [w for v, w in verdicts if "column by column" in v])
+        self.left_out_cap = any("not capped" in w for _, w in verdicts)
+        self.judge()
+        return "counted", None
+
+    def check_changes(self, left_out, alone):
+        """Without either feature the images are others."""
+        made = brute_print.read_images(self.folder / "stack.uvj")
+        for f in self.features - TELLS_ONLY:
+            if left_out and f in ("edges of the mesh", "a capped dose"):
+                continue
+            if alone and f == "light that spreads":
+                continue
+            lit = self.make(self.features - {f}, self.seed)
+            self.write(lit)
+            self.target(lit)
+            if self.correct(lit, "without.uvj").returncode != 0:
+                continue
+            other = brute_print.read_images(self.folder / "without.uvj")
+            if made.shape == other.shape and (made == other).all():
+                self.fault(f"'{f}' changes nothing")
+        self.write(self.lit)
+        self.target(self.lit)
+
+    def judge(self):
+        lit = self.lit
+        brute = brute_print.Print(self.folder / "stack.uvj", lit.flat)
+        mids = (np.arange(brute.layers) + 0.5) * LAYER_UM
+        doses = brute.doses(mids)
+        design = np.zeros(doses.shape, bool)
+        target = brute_print.read_images(self.folder / "target.uvj")
+        design[:len(target)] = target > 127
+        alone = np.zeros(doses.shape, bool)
+        for x0, x1, y0, y1, z0, z1 in lit.left_alone:
+            alone[z0:z1, HEIGHT - y1:HEIGHT - y0, x0:x1] = True
+        design &= ~alone
+        sure = (np.abs(doses - 1) > TOLERANCE) & ~alone
+        options = ["--leave-alone=alone.stl"] if lit.left_alone else []
+        r = self.run("slicecorr", "verify", "stack.uvj", "--target", "target.uvj", "--json", "-", *options)
+        if r.returncode != 0:
+            self.fault(f"verify: exit code {r.returncode}: {r.stderr[-300:]}")
+            return
+        told = json.loads(r.stdout)
+        if "a capped dose" in self.features and not self.left_out_cap:
+            over = doses[design].max()
+            # One step of levels more where the cap lies between two.
+            if over > 1.35:
+                self.fault(f"a dose of {over:.4f} is printed in spite of the cap of 1.3")
+        for key, wrong in (("cure_through_voxels", ~design & (doses >= 1)), ("undercure_voxels", design & (doses < 1))):
+            low, high = int((wrong & sure).sum()), int((wrong & sure).sum() + (~sure & ~alone).sum())
+            if not low <= told[key] <= high:
+                self.fault(f"verify: {key} {told[key]}, the images print {low} to {high}")
+        for x, y in ((3, 3), (WIDTH - 1, 0), (6, 8)):
+            self.check_column(brute, x, y)
+
+    def check_column(self, brute, x, y):
+        r = self.run("slicecorr", "probe", "stack.uvj", "--x", x, "--y", y)
+        if r.returncode != 0:
+            self.fault(f"probe: exit code {r.returncode}: {r.stderr[-300:]}")
+            return
+        rows = list(csv.DictReader(io.StringIO(r.stdout)))
+        z = np.array([float(row["z_um"]) for row in rows])
+        told = np.array([float(row["dose"]) for row in rows])
+        true = np.array([brute.dose_at(h + 1e-9)[y, x] for h in z])
+        self.compare(f"probe at {x}, {y}", z, told, true)
+        end_s = json.loads(self.run("slicecorr", "info", "stack.uvj", "--json", "-").stdout)["print_time_s"]
+        end = self.run("slicecorr", "simulate", "stack.uvj", "--x", x, "--y", y, "--times-s", repr(end_s),
+                       "--dose-csv", "dose.csv", "-o", "column.svg")
+        if end.returncode != 0:
+            self.fault(f"simulate: exit code {end.returncode}: {end.stderr[-300:]}")
+            return
+        rows = [row for row in csv.DictReader(io.StringIO((self.folder / "dose.csv").read_text()))]
+        z = np.array([float(row["z_um"]) for row in rows])
+        told = np.array([float(list(row.values())[-1]) for row in rows])
+        inside = z % LAYER_UM > 1
+        true = np.array([brute.dose_at(h)[y, x] for h in z[inside]])
+        self.compare(f"simulate at {x}, {y}", z[inside], told[inside], true)
+
+    def compare(self, what, z, told, true):
+        off = np.abs(told - true) / np.maximum(true, 0.05)
+        if off.max() > TOLERANCE:
+            n = int(off.argmax())
+            self.fault(f"{what}: dose {told[n]:.6g} at {z[n]:g} um, the images give {true[n]:.6g}")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("programs", type=pathlib.Path)
+    parser.add_argument("--triples", action="store_true")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only")
+    parser.add_argument("--keep", type=pathlib.Path)
+    parser.add_argument("--threads", type=int, default=2)
+    args = parser.parse_args()
+    args.programs = args.programs.resolve()
+    table = Table(args.programs)
+    cases = [frozenset([f]) for f in FEATURES]
+    for size in (2, 3) if args.triples else (2,):
+        for c in itertools.combinations(FEATURES, size):
+            if len(UV & set(c)) < 2:
+                cases.append(frozenset(c))
+    if args.only:
+        wanted = args.only.split(",")
+        cases = [c for c in cases if len(c) == len(wanted) and all(any(w in f for f in c) for w in wanted)]
+
+    def one(features):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            if args.keep:
+                folder = args.keep.resolve() / "-".join(f.split()[0] + f.split()[-1] for f in sorted(features))
+                folder.mkdir(parents=True, exist_ok=True)
+            case = Case(args.programs, folder, features, args.seed)
+            try:
+                verdict, _ = case.check(table)
+            except Exception as e:  # told with the case in which it came up
+                verdict = "failed"
+                case.fault(f"{type(e).__name__}: {e}")
+            return verdict, case.faults
+
+    with ThreadPoolExecutor(args.threads) as pool:
+        results = list(pool.map(one, cases))
+    faults = [f for _, fs in results for f in fs]
+    for f in faults:
+        print(f)
+    counts = {v: sum(r[0] == v for r in results) for v in ("counted", "refused", "failed")}
+    print(f"{len(cases)} cases: {counts['counted']} counted, {counts['refused']} refused; {len(faults)} faults")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -176,7 +176,7 @@ TEST(UvPattern, IsWrittenBesideTheSlices) {
     return std::find_if(list.begin(), list.end(), [&](auto& e) { return e.first == name; })->second;
   };
   const CureModel model = model_of(s);
-  const auto& uv_levels = model.inhibited->uv_levels();
+  const auto& uv_levels = model.inhibited()->uv_levels();
   for (int n = 0; n < c.info.grid.layers; n += 13) {
     char blue_name[40], uv_name[40];
     std::snprintf(blue_name, sizeof blue_name, "slice/%08d.png", n);

@@ -188,7 +188,7 @@ CureModel even_model(const Process& process) {
 
 TEST(EvenDose, EvenLightGelsJustAtTheGap) {
   const CureModel model = even_model(even_process(90, 140, 80));
-  const InhibitedKernel& kernel = *model.inhibited;
+  const InhibitedKernel& kernel = *model.inhibited();
   EXPECT_EQ(kernel.gap_um(), 80);
   for (const int level : {90, 100, 120, 140}) {
     // What light gives up to the gap, and beyond it as ever (m = 1, per um that the window moves).
@@ -217,7 +217,7 @@ TEST(EvenDose, WithoutEvenLightNothingCounts) {
   p.even_light.reset();
   p.even_dead_zone = EvenDeadZone::off;
   const CureModel model = even_model(p);
-  const InhibitedKernel& kernel = *model.inhibited;
+  const InhibitedKernel& kernel = *model.inhibited();
   EXPECT_EQ(kernel.gap_um(), 0);
   EXPECT_EQ(kernel.flow_factor(0, 100), 1);
 }
@@ -292,7 +292,7 @@ TEST(EvenCorrection, FeaturesGetEvenLightInsideAndKeepTheirEdges) {
     EXPECT_LT(most_in_gap, 1) << c;
     // Dark towards the gap until light from below brings the edge just its dose: the steady dose
     // falls to 1 over hb ln(steady dose), and the slices before that are all even.
-    const double dark = 408 / 50.0 * std::log(model.inhibited->steady_dose(0, most[c].back()));
+    const double dark = 408 / 50.0 * std::log(model.inhibited()->steady_dose(0, most[c].back()));
     EXPECT_NEAR(60 - even, dark, 2.5) << c;
   }
 }

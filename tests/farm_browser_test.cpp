@@ -117,6 +117,19 @@ TEST_F(Browser, FromPartsToTheQueue) {
   page_->set("printer", "dual-wavelength-dlp");
   page_->set("resin", "benchy-resin");
   page_->set("fit_mm", "12");
+  // All settings are there, few of them at once.
+  EXPECT_EQ(page_->eval("document.getElementById('more').open"), false);
+  page_->click("#more summary");
+  EXPECT_GT(page_->eval("document.querySelectorAll('#settings input, #settings select').length"),
+            25);
+  EXPECT_THAT(page_->text("settings"), HasSubstr("Gaps one slice high"));
+  page_->set("set-window_cure", "allow");
+  page_->set("set-gap_shortfall", "0.2");
+  EXPECT_EQ(page_->text("more-said"), "(gap_shortfall, window_cure)");
+  EXPECT_EQ(page_->eval("JSON.stringify(moreSettings('job'))"),
+            R"({"gap_shortfall":0.2,"window_cure":"allow"})");
+  pictures("print-settings");
+  page_->click("#more summary");
 
   page_->click("#look");
   see("plate");

@@ -13,6 +13,8 @@
 
 #include "serve/routes.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/settings.hpp"
+#include "submit/fields.hpp"
 
 namespace slicecorr::farm {
 namespace {
@@ -58,8 +60,28 @@ TEST(Routes, TheDescriptionIsServedAndWhole) {
   Farm farm;
   const Served served(farm);
   const json served_description = body_of(served.client().Get("/api/v1/openapi.json"));
-  EXPECT_EQ(served_description, description());
+  EXPECT_EQ(served_description["paths"], description()["paths"]);
   follow(served_description, served_description);
+  // Keys are those of jobs files, each with what it is; those of studies the settings that they take.
+  const json& schemas = served_description["components"]["schemas"];
+  EXPECT_EQ(schemas.dump().find("x-keys"), std::string::npos);
+  const json& job = schemas["JobKeys"]["properties"];
+  EXPECT_EQ(job.size(), detail::field_names().size());
+  for (const std::string& name : detail::field_names()) {
+    ASSERT_TRUE(job.contains(name)) << name;
+    EXPECT_FALSE(job[name]["description"].get<std::string>().empty()) << name;
+  }
+  for (const Setting& s : settings()) {
+    if (s.said_by != SaidBy::all) continue;
+    const std::string name(s.name);
+    ASSERT_TRUE(job.contains(name)) << name;
+    EXPECT_EQ(job[name]["x-group"], s.group);
+    for (const std::string study : {"PlanStudy", "CheckStudy"}) {
+      EXPECT_TRUE(schemas[study]["properties"].contains(name)) << study << " " << name;
+    }
+  }
+  EXPECT_TRUE(schemas["PlateStudy"]["properties"].contains("fit_mm"));
+  EXPECT_FALSE(schemas["PlateStudy"]["properties"].contains("speed_mm_h"));
 }
 
 /// A request for a route with something in the place of what is in braces.

@@ -164,6 +164,37 @@ TEST(Studies, ACheckHasFiguresAndTheWorstPlace) {
   EXPECT_THAT(broken["message"].get<std::string>(), Not(HasSubstr("uploads/")));
 }
 
+TEST(Studies, TakeTheSettingsOfPrograms) {
+  Farm farm;
+  const Served served(farm, with_accounts());
+  auto sam = client_of(served, kSubmit);
+  json request = of_ladder("check", ladder_of(farm, sam));
+  request.update({{"speed_mm_h", 800},
+                  {"omega_max", "inf"},
+                  {"gap_shortfall", 0.3},
+                  {"surface", "slices"},
+                  {"slice_speed_mm_h", {800, 800, 400}},
+                  {"slice_lamps", "stay"}});
+  const json s = study(sam, request);
+  ASSERT_EQ(s["state"], "done") << s.dump();
+  request["slice_lamps"] = "follow";
+  const json follows = study(sam, request);
+  ASSERT_EQ(follows["state"], "done") << follows.dump();
+  EXPECT_NE(file_of(sam, s, "section.png"), file_of(sam, follows, "section.png"));
+  for (const json& bad : std::vector<json>{{{"gap_shortfall", 0.7}},
+                                           {{"omega_max", 0.5}},
+                                           {{"omega_max", "most"}},
+                                           {{"surface", "moon"}},
+                                           {{"slice_speed_mm_h", 800}},
+                                           {{"slice_speed_mm_h", {800, -1}}},
+                                           {{"slice_speed_mm_h", json::array()}},
+                                           {{"bottom_layers", 1.5}}}) {
+    json other = request;
+    other.update(bad);
+    EXPECT_EQ(status_of(post(sam, "/api/v1/studies", other)), 400) << bad.dump();
+  }
+}
+
 TEST(Studies, RefusesWhatIsNoStudy) {
   Farm farm;
   const Served served(farm, with_accounts());

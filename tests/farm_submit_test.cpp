@@ -93,6 +93,28 @@ format = "sl1"
   EXPECT_EQ(j.format, "sl1");
 }
 
+TEST(JobsFile, ListsOfSlices) {
+  const auto toml = parse_jobs_toml(
+      "[[job]]\npart = \"a.stl\"\nslice_speed_mm_h = [800, 400]\nslice_lamps = \"stay\"\n",
+      "jobs.toml");
+  EXPECT_THAT(toml[0].setup.slice_speed_mm_h, ElementsAre(800, 400));
+  EXPECT_EQ(toml[0].setup.slice_lamps, "stay");
+  const auto csv = parse_jobs_csv("part,layer_exposure_s\na.stl,30; 8;2.5\n", "jobs.csv");
+  EXPECT_THAT(csv[0].setup.layer_exposure_s, ElementsAre(30, 8, 2.5));
+  EXPECT_THAT(errors_of([] {
+                parse_jobs_toml("[[job]]\npart = \"a.stl\"\nslice_speed_mm_h = [800, -4]\n",
+                                "j.toml");
+              }),
+              ElementsAre(HasSubstr("expected a list, each a number above 0")));
+  // Of a request over HTTP all lists together are bounded, copies counted.
+  std::string list = "[1";
+  for (int n = 0; n < 1000; ++n) list += ",1";
+  const std::string job =
+      R"({"part": "a.stl", "slice_speed_mm_h": )" + list + R"(], "copies": 1000})";
+  EXPECT_THAT(errors_of([&] { parse_jobs_json(R"({"jobs": [)" + job + "]}", "request"); }),
+              ElementsAre(HasSubstr("has lists of more than 1000000 numbers, copies counted")));
+}
+
 TEST(JobsFile, CsvSaysTheSame) {
   const auto jobs = parse_jobs_csv(
       "\xef\xbb\xbf# of Tuesday\r\n"

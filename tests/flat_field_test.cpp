@@ -306,8 +306,8 @@ TEST(PlaceModels, ADimPlaceIsADimPrinter) {
 TEST(PlaceModels, UvLightIsThatOfTheBrightestPlace) {
   const Settings setup = with(modes()[5].setup, field_of(2, 1, {128, 255}, 255));
   const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
-  const InhibitedKernel& dim = *models.model(128).inhibited;
-  const InhibitedKernel& bright = *models.model(255).inhibited;
+  const InhibitedKernel& dim = *models.model(128).inhibited();
+  const InhibitedKernel& bright = *models.model(255).inhibited();
   EXPECT_EQ(dim.uv_levels(), bright.uv_levels());
   for (int level = 20; level < 256; ++level) {
     EXPECT_GE(bright.dead_zone_um(0, level), 15 * (1 - 1e-9));

@@ -406,7 +406,7 @@ TEST(GelTimeCorrection, RandomColumns) {
     // A level moves an edge by no more than the model says; in continuous exposure several together
     // place it finer.
     // Layer by layer black light of the layer above an edge goes on what is left there.
-    const double black_um = layerwise ? model.gel_time->light(0).x * 2 * height_um : 0.0;
+    const double black_um = layerwise ? model.gel_time()->light(0).x * 2 * height_um : 0.0;
     EXPECT_LT(printed.largest_um, std::max(0.5, model.level_step_um()) + black_um) << round;
   }
 }

@@ -229,7 +229,7 @@ TEST(InhibitedCorrection, EachSliceForItsOwnNodeWouldChatter) {
   // limits of the light (physics.md §5).
   const Process process = uv_process(1000, 200);
   const CureModel model = model_of(resin_1(), process, 50);
-  const InhibitedKernel& kernel = *model.inhibited;
+  const InhibitedKernel& kernel = *model.inhibited();
   std::vector<int> levels(60, 0);
   const double* table = kernel.table(0, InhibitedKernel::upper_end);
   for (int k = 60; k-- > 0;) {
@@ -332,14 +332,14 @@ TEST(InhibitedKernel, PatternedUvHoldsTheDeadZone) {
   const CureModel model = make_cure_model(printer, resin_1(), process, 50);
   const Kinetics k = make_kinetics(resin_1(), true, true);
   for (int level = 1; level < 256; ++level) {
-    const double zone = model.inhibited->dead_zone_um(0, level);
+    const double zone = model.inhibited()->dead_zone_um(0, level);
     EXPECT_GE(zone, 12.0 - 1e-9) << level;
     // At most what one level of the lamp more gives: 275 / 255 mW/cm².
-    const double uv = model.inhibited->uv_mw_cm2(0, level);
+    const double uv = model.inhibited()->uv_mw_cm2(0, level);
     EXPECT_LE(zone, 12.0 + std::log(uv / (uv - 275.0 / 255)) / (1 / k.huv_um - 1 / k.hb_um) + 1e-9)
         << level;
   }
-  EXPECT_EQ(model.inhibited->uv_levels().size(), 256U);
+  EXPECT_EQ(model.inhibited()->uv_levels().size(), 256U);
 }
 
 }  // namespace

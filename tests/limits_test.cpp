@@ -387,14 +387,14 @@ TEST(JustEnoughUv, KeepsNoDeadZoneAnywhere) {
   Process process = test::process(400);
   process.uv = {UvKind::constant, 100, 0, {}};
   const CureModel model = make_cure_model(p, r, process, 50);
-  EXPECT_EQ(model.inhibited->highest_usable_level(0), 254);
-  EXPECT_TRUE(model.inhibited->any_level_cures_to_window());
-  EXPECT_EQ(model.inhibited->dead_zone_um(0, 255), 0);
+  EXPECT_EQ(model.inhibited()->highest_usable_level(0), 254);
+  EXPECT_TRUE(model.inhibited()->any_level_cures_to_window());
+  EXPECT_EQ(model.inhibited()->dead_zone_um(0, 255), 0);
 
   // Under such a pixel no fresh resin comes in: what has gathered at the window stays.
   process.uv = {UvKind::per_slice, 0, 0, {1, 100}};
   const CureModel two = make_cure_model(p, r, process, 50);
-  const double one_slice = two.inhibited->window_dose(0, 255);
+  const double one_slice = two.inhibited()->window_dose(0, 255);
   ASSERT_GT(one_slice, 0);
   const int slices = static_cast<int>(std::ceil(1 / one_slice));
   const auto cured = [&](double between_mw_cm2) {

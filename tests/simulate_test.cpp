@@ -198,7 +198,7 @@ TEST(Simulate, GrowsAndNeverGoesBack) {
     ASSERT_EQ(h.steps.size(), 301U);
     ASSERT_EQ(h.profiles.size(), 98U);
     // With UV light ends come from samples: as far as those are right.
-    const double room_um = model.inhibited ? 0.1 : 1e-6;
+    const double room_um = model.inhibited() ? 0.1 : 1e-6;
     EXPECT_FALSE(h.steps.back().gelled.empty()) << c.name;
     for (std::size_t i = 1; i < h.steps.size(); ++i) {
       EXPECT_GT(h.steps[i].time_s, h.steps[i - 1].time_s);
@@ -328,7 +328,7 @@ TEST(Simulate, DeadZonesOfAColumn) {
   for (const Case& c : cases()) {
     const CureModel model = c.model();
     const ColumnHistory h = simulate_column(model, c.process, {255, 0, 255, 128});
-    if (!model.inhibited) {
+    if (!model.inhibited()) {
       EXPECT_TRUE(h.dead_zone_um.empty());
       continue;
     }

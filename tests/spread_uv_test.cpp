@@ -113,7 +113,7 @@ TEST(FrontLight, IsThatOfTheGreyLevels) {
     process.mode = mode;
     process.exposure_s = 1;
     const CureModel model = model_of(resin_1(0.7), process, kHsUm);
-    const InhibitedKernel& kernel = *model.inhibited;
+    const InhibitedKernel& kernel = *model.inhibited();
     const auto by_front = kernel.by_front(1e-5);
     double most = 0;
     for (int i = 1; i < 80; ++i) most = std::max(most, kernel.exact(0, 255, 0.25 * i));
@@ -161,8 +161,8 @@ TEST(SpreadUnderUv, DosesAreThoseOfTheRateEquationOfBlurredLight) {
       const CureModel model = make_cure_model(plain.printer, plain.resin, plain.process, kHsUm);
       std::vector<double> blue_of, uv_of;
       for (int v = 0; v < 256; ++v) {
-        blue_of.push_back(model.inhibited->level_mw_cm2(v));
-        uv_of.push_back(model.inhibited->setting_uv_mw_cm2(0, v));
+        blue_of.push_back(model.inhibited()->level_mw_cm2(v));
+        uv_of.push_back(model.inhibited()->setting_uv_mw_cm2(0, v));
       }
       for (const Pixel p : {Pixel{0, 0}, Pixel{6, 4}, Pixel{9, 7}}) {
         const auto rows = probe_stack(stack, nullptr, s, p.x, p.y);

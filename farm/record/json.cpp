@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/farm/read_model.hpp"
+#include "support/json/finite.hpp"
 
 namespace slicecorr::farm {
 
@@ -20,7 +21,7 @@ std::string dump(const Json& json) {
 
 Json time_or_null(std::int64_t ms) { return ms > 0 ? Json(ms) : Json(nullptr); }
 
-Json finite_or_null(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
+using slicecorr::detail::finite_or_null;
 
 Json files(const std::vector<ResultFile>& list) {
   Json json = Json::array();

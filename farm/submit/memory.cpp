@@ -97,9 +97,10 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
   facts.stepwise = continuous && (facts.left_alone || !plan.model.is_plain());
   facts.bath_slices = plan.model.bath_slices;
   facts.mirrored_slices = continuous ? std::min(plan.model.mirrored_slices, plan.all_layers) : 0;
-  if (plan.model.gel_time) facts.cut_slices = std::min(plan.model.gel_time->reach(), facts.slices);
-  if (!plan.model.inhibited) return;
-  facts.tables_bytes = plan.model.inhibited->table_bytes();
+  if (plan.model.gel_time())
+    facts.cut_slices = std::min(plan.model.gel_time()->reach(), facts.slices);
+  if (!plan.model.inhibited()) return;
+  facts.tables_bytes = plan.model.inhibited()->table_bytes();
   const UvSchedule& uv = process.uv;
   if (uv.kind == UvKind::per_slice && uv.slice_mw_cm2.empty()) {
     facts.tables_bytes *= std::min(kLampSettings, facts.slices);

@@ -139,6 +139,7 @@ std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
 /// Asks the physics, of the places that the part is printed at where light is uneven.
 void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
           const ExecutionContext& context, Checked& c) {
+  check_correction(setup, {left_alone, false});
   const Grid& grid = slices.grid();
   const bool uneven = setup.printer.flat_field.has_value();
   const CorrectionPlan plan = uneven

@@ -235,6 +235,28 @@ void limit_memory(std::int64_t memory_mb, int threads) {
   ::setrlimit(RLIMIT_DATA, &limit);
 }
 
+/// What the record calls a failure.
+Reason reason_of(const Failure& failure) {
+  switch (failure.kind) {
+    case Failure::Kind::cancelled:
+      return Reason::stopped;
+    case Failure::Kind::input:
+      return Reason::bad_input;
+    case Failure::Kind::infeasible:
+      return Reason::infeasible;
+    case Failure::Kind::memory:
+    case Failure::Kind::system:  // threads that can't be made, mostly
+      return Reason::out_of_memory;
+    case Failure::Kind::device:
+    case Failure::Kind::disk:
+      return says_full(failure.text)        ? Reason::disk_full
+             : says_no_memory(failure.text) ? Reason::out_of_memory
+                                            : Reason::device_failed;
+    default:
+      return Reason::worker_crashed;
+  }
+}
+
 }  // namespace
 
 cli::MeshOptions detail::mesh_options(const WorkSpec& spec, const std::vector<std::string>& paths) {
@@ -281,33 +303,17 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
     make_result(order, folder, reporter, context, outcome);
     // Not why it failed, but what was wrong with its inputs.
     outcome.message = in_names_of_user(outcome.message, order);
-  } catch (const Cancelled&) {
-    end(cli::kInterrupted, Reason::stopped, "asked to stop");
   } catch (const InputGone& e) {
     end(cli::kInput, Reason::input_gone, e.what());
   } catch (const OutputInvalid& e) {
     end(cli::kDevice, Reason::output_invalid, e.what());
-  } catch (const InputError& e) {
-    end(cli::kInput, Reason::bad_input, e.what());
-  } catch (const InfeasibleError& e) {
-    end(cli::kInfeasible, Reason::infeasible, e.what());
-  } catch (const DeviceError& e) {
-    const std::string text = e.what();
-    end(cli::kDevice,
-        says_full(text)        ? Reason::disk_full
-        : says_no_memory(text) ? Reason::out_of_memory
-                               : Reason::device_failed,
-        text);
-  } catch (const std::bad_alloc&) {
-    end(cli::kDevice, Reason::out_of_memory,
-        fmt::format("out of memory; the limit is {} MB", order.memory_mb));
-  } catch (const fs::filesystem_error& e) {
-    end(cli::kDevice, says_full(e.what()) ? Reason::disk_full : Reason::device_failed, e.what());
-  } catch (const std::system_error& e) {
-    // Threads that can't be made, mostly.
-    end(cli::kDevice, Reason::out_of_memory, e.what());
-  } catch (const std::exception& e) {
-    end(cli::kDefect, Reason::worker_crashed, fmt::format("a defect of the program: {}", e.what()));
+  } catch (...) {
+    const Failure failure = failure_at_hand();
+    const bool memory = failure.kind == Failure::Kind::memory;
+    end(cli::exit_code(failure.kind), reason_of(failure),
+        failure.kind == Failure::Kind::cancelled ? "asked to stop"
+        : memory ? fmt::format("out of memory; the limit is {} MB", order.memory_mb)
+                 : failure.text);
   }
   detail::tell_work_stage("end", order);
   rusage used{};

@@ -16,6 +16,7 @@
 #include "slicecorr/farm/work.hpp"
 #include "slicecorr/version.hpp"
 #include "support/files/text_file.hpp"
+#include "support/json/finite.hpp"
 #include "support/json/read_json.hpp"
 #include "work/files.hpp"
 
@@ -100,15 +101,13 @@ WorkSpec spec_of(const Json& json) {
   return s;
 }
 
-/// Infinite: null.
-Json finite_json(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
 double finite_of(const Json& json) {
   return json.is_null() ? std::numeric_limits<double>::infinity() : json.get<double>();
 }
 
 Json tomo_json(const TomoFigures& t) {
-  return {{"contrast", finite_json(t.contrast)},
-          {"contrast_bound", finite_json(t.contrast_bound)},
+  return {{"contrast", slicecorr::detail::finite_or_null<Json>(t.contrast)},
+          {"contrast_bound", slicecorr::detail::finite_or_null<Json>(t.contrast_bound)},
           {"ver", t.ver},
           {"turns", t.turns},
           {"print_time_s", t.print_time_s},

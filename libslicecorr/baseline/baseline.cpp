@@ -103,7 +103,7 @@ int cure_through_slices(const CureModel& model) {
     longest.level_phi.back() *= model.greatest_ratio();
     longest.exposure_ratio.clear();
     // There phi is not what doses are made of.
-    if (model.gel_time) longest.exposure_ratio = {model.greatest_ratio()};
+    if (model.gel_time()) longest.exposure_ratio = {model.greatest_ratio()};
     const int high = std::min(most, static_cast<int>(std::ceil(16.0 / model.eta)) + 1);
     const std::uint8_t full = 255, black = 0;
     BandDose dose(longest, 1);

@@ -8,6 +8,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/version.hpp"
+#include "support/process/failure.hpp"
 
 namespace slicecorr::c_api {
 
@@ -41,31 +42,37 @@ slicecorr_status succeeded(std::string* own) noexcept {
   return SLICECORR_OK;
 }
 
+static slicecorr_status status_of(Failure::Kind kind) {
+  switch (kind) {
+    case Failure::Kind::cancelled:
+      return SLICECORR_CANCELLED;
+    case Failure::Kind::input:
+      return SLICECORR_BAD_INPUT;
+    case Failure::Kind::infeasible:
+      return SLICECORR_INFEASIBLE;
+    case Failure::Kind::defect:
+      return SLICECORR_DEFECT;
+    default:
+      return SLICECORR_DEVICE;
+  }
+}
+
 slicecorr_status failed(std::string* own) noexcept {
   try {
     throw;
-  } catch (const Cancelled& e) {
-    return tell(SLICECORR_CANCELLED, e.what(), own);
-  } catch (const InputError& e) {
-    return tell(SLICECORR_BAD_INPUT, e.what(), own);
-  } catch (const InfeasibleError& e) {
-    return tell(SLICECORR_INFEASIBLE, e.what(), own);
-  } catch (const DeviceError& e) {
-    return tell(SLICECORR_DEVICE, e.what(), own);
   } catch (const Missed& e) {
     return tell(SLICECORR_MISSED, e.what(), own);
   } catch (const BadCall& e) {
     return tell(SLICECORR_BAD_CALL, e.what(), own);
   } catch (const UnknownName& e) {
     return tell(SLICECORR_UNKNOWN_NAME, e.what(), own);
-  } catch (const std::filesystem::filesystem_error& e) {
-    return tell(SLICECORR_DEVICE, e.what(), own);
-  } catch (const std::bad_alloc&) {
-    return tell(SLICECORR_DEVICE, "out of memory", own);
-  } catch (const std::exception& e) {
-    return tell(SLICECORR_DEFECT, e.what(), own);
   } catch (...) {
-    return tell(SLICECORR_DEFECT, "something of an unknown type was thrown", own);
+    try {
+      const Failure failure = failure_at_hand();
+      return tell(status_of(failure.kind), failure.text.c_str(), own);
+    } catch (...) {  // no memory for the text
+      return tell(SLICECORR_DEVICE, "out of memory", own);
+    }
   }
 }
 

@@ -183,11 +183,11 @@ StackFile output_file(const slicecorr_stack& stack, const char* path, bool keep_
 
 std::vector<double> uv_of_pixel(const CureModel& model) {
   std::vector<double> table;
-  if (!model.inhibited || model.inhibited->uv_levels().empty()) return table;
+  if (!model.inhibited() || model.inhibited()->uv_levels().empty()) return table;
   const auto levels = static_cast<int>(model.level_phi.size());
   for (int v = 0; v < 256; ++v) {
     const auto level = static_cast<std::size_t>(level_of_pixel(v, levels));
-    table.push_back(pixel_of_level(model.inhibited->uv_levels()[level], levels));
+    table.push_back(pixel_of_level(model.inhibited()->uv_levels()[level], levels));
   }
   return table;
 }
@@ -217,7 +217,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const PlaceModels models(setup.printer, setup.resin, setup.process, source.grid(),
                            source.frame());
   const CureModel& model = models.brightest();
-  if (with_after || model.inhibited) {
+  if (with_after || model.inhibited()) {
     const Prediction p = verify_stack(*stack.slices, source, setup, context);
     if (p.dead_zones) check_window(*p.dead_zones, setup.process);
     if (with_after) result.after = figures_of(p);

@@ -11,6 +11,7 @@
 #include "chemistry/light.hpp"
 #include "slicecorr/chemistry_pattern.hpp"
 #include "slicecorr/error.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr {
 
@@ -66,11 +67,7 @@ double least_time(Consumption& A, const std::vector<char>& inside, double start_
     high *= 2;
     if (high > most_s) return std::numeric_limits<double>::infinity();
   }
-  for (int k = 0; k < 12 && high / low > 1.003; ++k) {
-    const double middle = std::sqrt(low * high);
-    (reached(middle) < 1 ? low : high) = middle;
-  }
-  return high;
+  return halved_by_ratio({low, high}, 12, 1.003, [&](double t) { return reached(t) < 1; }).high;
 }
 
 }  // namespace

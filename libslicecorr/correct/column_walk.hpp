@@ -150,10 +150,13 @@ int ColumnWalk::choose(WalkSearches& all, int n, Far far) {
   }
   count_ = search.levels.choose(run, n, factor * omega_, levels_, bath > 0 ? taken : nullptr);
   count_ = std::min({count_, slices, bath > 0 ? bath : LevelSearch::kMost});
-  if (index > 0) {
+  // Beside what is left alone a feature has no edge at which a search sees to its cap.
+  const bool beside = runs_.size() > 1 && runs_[runs_.size() - 2].left_alone;
+  if (index > 0 || (beside && ahead <= p.together)) {
     const bool near = ahead <= p.together;
     const auto seen = static_cast<std::uint8_t>(seen_to(all, run, n, far(n), levels_[0], near));
-    if (seen != levels_[0] && near) count_ = 1;
+    // What comes after it is chosen anew, so that the cap is seen to there, too.
+    if (near && all.plan().process.omega_max < kNoCap) count_ = 1;
     levels_[0] = seen;
   }
   left_ = count_ - 1;

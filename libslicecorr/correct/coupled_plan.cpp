@@ -77,7 +77,7 @@ int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 }  // namespace
 
 bool can_couple(const CureModel& model) {
-  return (!model.inhibited || can_couple_under_uv(model)) && !model.gel_time &&
+  return (!model.inhibited() || can_couple_under_uv(model)) && !model.gel_time() &&
          model.bath_slices == 0 && model.mirrored_slices == 0;
 }
 
@@ -124,7 +124,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
         "light that spreads is corrected without patterned UV light and time to gel, in a bath without a depth and "
         "before a platform that sends no light back: leave these out, or correct columns alone");
   }
-  if (columns.model.inhibited) uv = std::make_shared<const CoupledUv>(columns);
+  if (columns.model.inhibited()) uv = std::make_shared<const CoupledUv>(columns);
   top = columns.levels.size() - 1;
   shine_step = 0;
   double light_step = 0;

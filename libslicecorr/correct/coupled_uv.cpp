@@ -27,12 +27,13 @@ InhibitedTuning careful_tuning(InhibitedTuning tuning) {
 }  // namespace
 
 bool can_couple_under_uv(const CureModel& model) {
-  return model.inhibited && model.inhibited->uv_levels().empty() && model.inhibited->gap_um() == 0;
+  return model.inhibited() && model.inhibited()->uv_levels().empty() &&
+         model.inhibited()->gap_um() == 0;
 }
 
 int slices_to_gel_at_edges_under_uv(const CureModel& model) {
   const InhibitedPlan plan(model, false, 1, 1);
-  const InhibitedKernel& kernel = *model.inhibited;
+  const InhibitedKernel& kernel = *model.inhibited();
   const int setting = kernel.strongest_setting(), level = kernel.highest_usable_level(setting);
   const auto fronts = kernel.by_front(kDimmest * kernel.level_mw_cm2(kernel.levels() - 1));
   const FrontLight half = fronts->front_light(0.5 * kernel.level_mw_cm2(level),
@@ -51,11 +52,11 @@ CoupledUv::CoupledUv(const CorrectionPlan& columns)
       careful(columns.model, columns.merge_one_slice_gaps, columns.layers, columns.all_layers,
               careful_tuning(plan.tuning)),
       by_front(columns.model) {
-  const InhibitedKernel& kernel = *columns.model.inhibited;
+  const InhibitedKernel& kernel = *columns.model.inhibited();
   for (int level = 0; level < kernel.levels(); ++level) {
     blue.push_back(kernel.level_mw_cm2(level));
   }
-  by_front.inhibited = kernel.by_front(kDimmest * blue.back());
+  by_front.law = UnderUv{kernel.by_front(kDimmest * blue.back())};
 }
 
 int CoupledUv::level_of(double blue_mw_cm2) const {

@@ -24,7 +24,7 @@ class UvPatchJudge {
                std::size_t most_misses)
       : plan_(plan),
         uv_(*plan.uv),
-        kernel_(*uv_.by_front.inhibited),
+        kernel_(*uv_.by_front.inhibited()),
         box_(box),
         most_misses_(most_misses),
         place_(plan, box),
@@ -60,7 +60,7 @@ class UvPatchJudge {
     uv_before_ = uv;
   }
   double kernel_uv() const {
-    return plan_.columns.model.inhibited->uv_mw_cm2(std::max(0, slice_), 0);
+    return plan_.columns.model.inhibited()->uv_mw_cm2(std::max(0, slice_), 0);
   }
 
   void judge(int n) {

@@ -33,7 +33,7 @@ constexpr int kMoves = 3;
 
 GelTimePlan::GelTimePlan(const CureModel& model, const Process& process, int target_layers,
                          int all_slices)
-    : kernel(model.gel_time),
+    : kernel(std::get<WithGelTime>(model.law).kernel),
       cut(*kernel),
       layers(target_layers),
       all_layers(all_slices),

@@ -58,7 +58,7 @@ int ExtraLight::peak(int setting, int l) const {
 InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices,
                              const InhibitedTuning& numbers)
     : tuning(numbers),
-      kernel(model.inhibited),
+      kernel(std::get<UnderUv>(model.law).kernel),
       node_light(*kernel, InhibitedKernel::upper_end),
       middle_light(*kernel, InhibitedKernel::middle),
       near(kernel->near()),

@@ -21,11 +21,11 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& correction_p
       merge_one_slice_gaps(process.one_slice_gaps == OneSliceGaps::merge),
       layers(target_layers),
       all_layers(all_slices) {
-  if (model.inhibited) {
+  if (model.inhibited()) {
     inhibited = std::make_shared<const detail::InhibitedPlan>(model, merge_one_slice_gaps, layers,
                                                               all_layers);
   }
-  if (model.gel_time) {
+  if (model.gel_time()) {
     gel_time = std::make_shared<const detail::GelTimePlan>(model, process, layers, all_layers);
   }
   if (model.is_continuous()) {
@@ -38,9 +38,9 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& correction_p
 }
 
 int slices_with_burst(const CureModel& model, int target_layers, int last_lit) {
-  if (model.inhibited) return detail::inhibited_slices(model, target_layers, last_lit);
+  if (model.inhibited()) return detail::inhibited_slices(model, target_layers, last_lit);
   // With a time to gel, an edge half a slice after its node takes one more.
-  const int spare = model.gel_time && model.mode == ExposureMode::continuous ? 1 : 0;
+  const int spare = model.gel_time() && model.mode == ExposureMode::continuous ? 1 : 0;
   return std::max(target_layers, last_lit + 1 + model.slices_to_gel(last_lit + 1) + spare);
 }
 

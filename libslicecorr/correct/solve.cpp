@@ -109,11 +109,11 @@ void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& 
 
 std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std::size_t columns,
                                                 bool leaves_alone) {
-  if (plan.model.inhibited) {
+  if (plan.model.inhibited()) {
     if (leaves_alone) throw Error("nothing can be left alone under UV light");
     return detail::make_inhibited_solver(plan, columns);
   }
-  if (plan.model.gel_time) {
+  if (plan.model.gel_time()) {
     if (leaves_alone) throw Error("nothing can be left alone with a time to gel");
     return detail::make_gel_time_solver(plan, columns);
   }
@@ -157,8 +157,8 @@ void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& coverage,
                                        const std::vector<std::uint8_t>& heights) {
-  if (plan.model.inhibited) return detail::solve_inhibited_column(plan, coverage, heights);
-  if (plan.model.gel_time) return detail::solve_gel_time_column(plan, coverage, heights);
+  if (plan.model.inhibited()) return detail::solve_inhibited_column(plan, coverage, heights);
+  if (plan.model.gel_time()) return detail::solve_gel_time_column(plan, coverage, heights);
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::solve_layerwise_column(plan, coverage, heights);
   }
@@ -186,7 +186,7 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage,
                                          const std::vector<std::uint8_t>& heights) {
-  if (plan.model.inhibited || plan.model.gel_time) {
+  if (plan.model.inhibited() || plan.model.gel_time()) {
     // Their rules are about levels: each is told by its phi.
     std::vector<double> phi;
     for (const std::uint8_t level : solve_column(plan, coverage, heights)) {

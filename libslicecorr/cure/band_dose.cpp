@@ -269,8 +269,8 @@ class LayerwiseWalker final : public detail::DoseWalker {
 };
 
 std::unique_ptr<detail::DoseWalker> make_walker(const CureModel& model, std::size_t columns) {
-  if (model.inhibited) return detail::make_inhibited_walker(model, columns);
-  if (model.gel_time) return detail::make_gel_time_walker(model, columns);
+  if (model.inhibited()) return detail::make_inhibited_walker(model, columns);
+  if (model.gel_time()) return detail::make_gel_time_walker(model, columns);
   std::unique_ptr<detail::DoseWalker> walker;
   if (model.mode == ExposureMode::layerwise) {
     walker = std::make_unique<LayerwiseWalker>(model, columns);
@@ -289,7 +289,7 @@ BandDose::~BandDose() = default;
 BandDose::BandDose(BandDose&&) noexcept = default;
 void BandDose::add_slice(int slice, const std::uint8_t* pixels) {
   if (!pixels) return walker_->add_slice(slice, {});
-  const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
+  const int setting = model_.inhibited() ? model_.inhibited()->setting_of_slice(slice) : 0;
   const ImageShowing whole{pixels, 1.0, setting};
   walker_->add_slice(slice, {&whole, 1});
 }

@@ -17,13 +17,13 @@
 namespace slicecorr {
 
 double CureModel::phi(double intensity_mw_cm2) const {
-  if (gel_time) return gel_time->phi(intensity_mw_cm2);
+  if (gel_time()) return gel_time()->phi(intensity_mw_cm2);
   const double ratio = intensity_mw_cm2 / critical_intensity_mw_cm2;
   return m == 1.0 ? ratio : std::pow(ratio, m);
 }
 
 double CureModel::intensity_mw_cm2(double phi) const {
-  if (gel_time) return gel_time->intensity_mw_cm2(phi);
+  if (gel_time()) return gel_time()->intensity_mw_cm2(phi);
   return critical_intensity_mw_cm2 * std::pow(phi, 1.0 / m);
 }
 
@@ -36,8 +36,9 @@ double CureModel::crossing(double phi, double below) const {
 
 int CureModel::slices_to_gel(int first) const {
   if (mode == ExposureMode::layerwise) return 0;
-  if (gel_time) {
-    const double slices = gel_time->slices_to_gel(gel_time->level_mw_cm2(gel_time->levels() - 1));
+  if (gel_time()) {
+    const double slices =
+        gel_time()->slices_to_gel(gel_time()->level_mw_cm2(gel_time()->levels() - 1));
     return static_cast<int>(std::min(1e9, std::ceil(slices)));
   }
   if (!exposure_ratio.empty()) {
@@ -85,17 +86,17 @@ double CureModel::cut_through_um(double exposure) const {
 
 double CureModel::level_step_um() const {
   double step = 0;
-  if (gel_time) {
+  if (gel_time()) {
     // What a level adds to X, of which Omega takes no more; from an edge on the dose falls at least half
     // as fast as light does, from the window of the layer on (layer by layer).
     const bool layerwise = mode == ExposureMode::layerwise;
     const double ratio = greatest_ratio();
     const auto gels = [&](int l) {
-      return layerwise ? gel_time->dose_through_layer(gel_time->level_mw_cm2(l), ratio) >= 1.0
+      return layerwise ? gel_time()->dose_through_layer(gel_time()->level_mw_cm2(l), ratio) >= 1.0
                        : level_phi[static_cast<std::size_t>(l)] >= 1.0;
     };
-    for (int l = 1; l < gel_time->levels() && !gels(l - 1); ++l) {
-      step = std::max(step, ratio * (gel_time->light(l).x - gel_time->light(l - 1).x));
+    for (int l = 1; l < gel_time()->levels() && !gels(l - 1); ++l) {
+      step = std::max(step, ratio * (gel_time()->light(l).x - gel_time()->light(l - 1).x));
     }
     return layer_um * step * (layerwise ? a : one_minus_a) / (0.5 * units::kLn10 * eta);
   }
@@ -192,10 +193,10 @@ void mirror(const Printer& printer, CureModel& model) {
 /// Makes the model of a resin with a time to gel of one that has its printer, height and mode.
 void take_gel_time(const Resin& resin, const Process& process,
                    const std::vector<double>& intensities, CureModel& model) {
-  model.gel_time = std::make_shared<const GelTimeKernel>(
+  model.law = WithGelTime{std::make_shared<const GelTimeKernel>(
       GelTime{resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s},
-      units::height_e_from_10(resin.absorbance_height10_um), process, model.layer_um, intensities);
-  model.critical_intensity_mw_cm2 = model.gel_time->intensity_mw_cm2(1.0);
+      units::height_e_from_10(resin.absorbance_height10_um), process, model.layer_um, intensities)};
+  model.critical_intensity_mw_cm2 = model.gel_time()->intensity_mw_cm2(1.0);
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
 }
 
@@ -226,8 +227,8 @@ Printer dimmed(const Printer& printer, double factor) {
 std::vector<Feature> features_of(const CureModel& model) {
   std::vector<Feature> features;
   if (model.mode == ExposureMode::layerwise) features.push_back(Feature::layerwise);
-  if (model.inhibited) features.push_back(Feature::uv_constant);
-  if (model.gel_time) features.push_back(Feature::gel_time);
+  if (model.inhibited()) features.push_back(Feature::uv_constant);
+  if (model.gel_time()) features.push_back(Feature::gel_time);
   if (model.bath_slices > 0) features.push_back(Feature::vat_depth);
   if (model.mirrored_slices > 0) features.push_back(Feature::reflectance);
   if (model.is_continuous() && !model.exposure_ratio.empty()) {
@@ -284,10 +285,10 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     end_bath(printer, model);
     mirror(printer, model);
   } else {
-    model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um, intensities,
-                                                    light.brightest);
+    model.law = UnderUv{detail::make_inhibited_kernel(printer, resin, process, layer_um,
+                                                      intensities, light.brightest)};
     // Under UV light phi is the dose after a long run of slices, and the exponent may be another.
-    const InhibitedKernel& kernel = *model.inhibited;
+    const InhibitedKernel& kernel = *model.inhibited();
     model.m = kernel.kinetics().m;
     model.eta = model.m * layer_um / resin.absorbance_height10_um;
     model.a = kernel.a();

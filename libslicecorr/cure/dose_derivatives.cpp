@@ -20,7 +20,7 @@ void check_derivatives(const CureModel& model) {
   std::vector<Feature> features = features_of(model);
   features.push_back(Feature::derivatives);
   check_supported(features);
-  if (model.inhibited) {
+  if (model.inhibited()) {
     throw InputError(
         "how the dose changes with its inputs is not known under UV light; expected exposure "
         "without it");
@@ -142,7 +142,7 @@ BandDerivatives::BandDerivatives(BandDerivatives&&) noexcept = default;
 BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted,
                                  const NearbyModels* nearby)
     : model_(model), wanted_(wanted) {
-  if (model.inhibited && nearby && !wanted.noise) {
+  if (model.inhibited() && nearby && !wanted.noise) {
     differences_ = std::make_unique<Differences>(Differences{BandDose(model, columns), {}, {}});
     const auto add = [&](std::vector<double> Fields::*field, const CureModel& near, double step) {
       differences_->each.push_back({field, 1 / step, BandDose(near, columns)});

@@ -17,7 +17,7 @@ class GelTimeWalker final : public DoseWalker {
  public:
   GelTimeWalker(const CureModel& model, std::size_t columns)
       : model_(model),
-        kernel_(*model.gel_time),
+        kernel_(*model.gel_time()),
         cut_(kernel_),
         columns_(columns),
         slots_(static_cast<std::size_t>(kernel_.reach()) + std::size_t{2} * kStride),

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "cure/front_profile.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::detail {
 
@@ -117,31 +118,18 @@ double InhibitedLayer::turn(double from, double to, bool least) const {
 }
 
 double InhibitedLayer::crossing(double low, double high, bool rises) const {
-  // Regula falsi (Illinois): the value of an end that stays twice is halved.
-  double y_low = at(low) - 1.0, y_high = at(high) - 1.0;
-  int side = 0;
-  while (high - low > precision_) {
-    double t = 0.5 * (low + high);
-    if ((y_low < 0) != (y_high < 0)) {
-      t = (low * y_high - high * y_low) / (y_high - y_low);
+  FalsePosition root{low, high, at(low) - 1.0, at(high) - 1.0};
+  while (root.high - root.low > precision_) {
+    double t = 0.5 * (root.low + root.high);
+    if ((root.at_low < 0) != (root.at_high < 0)) {
       // Not too near an end, or the other end would never move.
       const double edge = 0.25 * precision_;
-      t = std::clamp(t, low + edge, high - edge);
+      t = std::clamp(root.chord(), root.low + edge, root.high - edge);
     }
     const double y = at(t) - 1.0;
-    if ((y >= 0) == rises) {
-      high = t;
-      y_high = y;
-      if (side == 1) y_low *= 0.5;
-      side = 1;
-    } else {
-      low = t;
-      y_low = y;
-      if (side == -1) y_high *= 0.5;
-      side = -1;
-    }
+    root.take(t, y, (y >= 0) == rises);
   }
-  return 0.5 * (low + high);
+  return 0.5 * (root.low + root.high);
 }
 
 /// Computes anew, from the integral, the samples that decide something: those near 1, and the

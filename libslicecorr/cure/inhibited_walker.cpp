@@ -20,7 +20,7 @@ class InhibitedWalker final : public DoseWalker {
  public:
   InhibitedWalker(const CureModel& model, std::size_t columns)
       : model_(model),
-        kernel_(*model.inhibited),
+        kernel_(*model.inhibited()),
         near_(static_cast<std::size_t>(kernel_.near())),
         stride_(static_cast<std::size_t>(kernel_.levels()) + 1),
         columns_(columns),

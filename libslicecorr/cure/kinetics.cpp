@@ -10,6 +10,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr {
 
@@ -26,14 +27,10 @@ double net_intensity(const Kinetics& k, double blue, double uv, double z_um) {
 /// nearest to it.
 double crossing(const Kinetics& k, double blue, double uv, double level, bool rises, double low,
                 double high) {
-  // Bisection to the last bit: some 60 steps, and nothing to go wrong.
-  for (int i = 0; i < 200; ++i) {
-    const double middle = 0.5 * (low + high);
-    if (!(middle > low && middle < high)) break;
-    const bool below = net_intensity(k, blue, uv, middle) < level;
-    (below == rises ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
+  // To the last bit: some 60 steps, and nothing to go wrong.
+  return halved({low, high}, 200,
+                [&](double z_um) { return (net_intensity(k, blue, uv, z_um) < level) == rises; })
+      .middle();
 }
 
 bool is_inhibited(const Kinetics& k, double uv) { return k.beta > 0 && uv > 0; }

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "base/kernels.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::detail {
 
@@ -168,11 +169,7 @@ FinestWidths finest_widths(const LightSpread& spread, bool rows, double full, do
   const auto least = [](const auto& rising) {
     double low = 0, high = 1;
     while (rising(high) < 0 && high < 1e9) high *= 2;
-    for (int i = 0; i < 100; ++i) {
-      const double x = (low + high) / 2;
-      (rising(x) < 0 ? low : high) = x;
-    }
-    return high;
+    return halved({low, high}, 100, [&](double x) { return rising(x) < 0; }).high;
   };
   FinestWidths finest;
   finest.line_um =

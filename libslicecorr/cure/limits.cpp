@@ -16,6 +16,7 @@
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr {
 
@@ -57,7 +58,7 @@ BlackLight most_black_by_time(const CureModel& model, const std::vector<double>&
   BandDose dose(black, 1);
   BlackLight most;
   const int own = static_cast<int>(ratios.size());
-  for (int n = own + 2 * model.gel_time->reach(); n-- > 0;) {
+  for (int n = own + 2 * model.gel_time()->reach(); n-- > 0;) {
     dose.add_slice(n, &pixel);
     if (*dose.lower() > most.dose) most = {*dose.lower(), std::min(n, own)};
   }
@@ -65,7 +66,7 @@ BlackLight most_black_by_time(const CureModel& model, const std::vector<double>&
 }
 
 BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
-  if (model.gel_time) return most_black_by_time(model, ratios);
+  if (model.gel_time()) return most_black_by_time(model, ratios);
   const auto ratio = [&](std::size_t n) {
     return ratios.empty() ? 1.0 : n < ratios.size() ? ratios[n] : ratios.back();
   };
@@ -88,7 +89,7 @@ BlackLight most_black(const CureModel& model, const std::vector<double>& ratios)
 double black_gain(const CureModel& model) { return model.steady(model.returned(1)); }
 /// What black light adds up to where all exposures are normal.
 double alike_black(const CureModel& model) {
-  if (model.gel_time) return most_black_by_time(model, {}).dose;
+  if (model.gel_time()) return most_black_by_time(model, {}).dose;
   return model.phi_min() * black_gain(model) / model.one_minus_a;
 }
 
@@ -98,14 +99,14 @@ struct Doses {
   double lit = 0, black = 0;
 };
 Doses doses_of(const CureModel& model) {
-  if (model.inhibited) {
-    const InhibitedKernel& kernel = *model.inhibited;
+  if (model.inhibited()) {
+    const InhibitedKernel& kernel = *model.inhibited();
     // A lamp that changes from slice to slice is weaker where a slice needs less.
     const int s = kernel.strongest_setting();
     return {kernel.steady_dose(s, kernel.highest_usable_level(s)), kernel.steady_dose(0, 0)};
   }
-  if (model.gel_time && model.mode == ExposureMode::layerwise) {
-    const GelTimeKernel& kernel = *model.gel_time;
+  if (model.gel_time() && model.mode == ExposureMode::layerwise) {
+    const GelTimeKernel& kernel = *model.gel_time();
     return {kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1),
                                       model.ratio(weakest_layer(model))),
             most_black_by_time(model, model.exposure_ratio).dose};
@@ -120,7 +121,7 @@ Doses doses_of(const CureModel& model) {
 }
 
 bool is_plain_layerwise(const CureModel& model) {
-  return model.mode == ExposureMode::layerwise && !model.inhibited;
+  return model.mode == ExposureMode::layerwise && !model.inhibited();
 }
 
 /// Whether the dose of lit pixels is enough. Layer by layer an exposure of just the least time is
@@ -140,14 +141,14 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
-  if (model.gel_time) return model.ratio(rule) * alike_black(model) >= 1.0;
+  if (model.gel_time()) return model.ratio(rule) * alike_black(model) >= 1.0;
   return model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a >= 1.0;
 }
 
 detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer,
                                   const Process& process, const Doses& doses) {
   detail::Verdict v;
-  const InhibitedKernel& kernel = *model.inhibited;
+  const InhibitedKernel& kernel = *model.inhibited();
   const std::vector<double> blue = level_intensities(printer);
   const std::string pace = pace_in_words(process);
   const int s = kernel.strongest_setting(), top = kernel.levels() - 1;
@@ -245,7 +246,7 @@ Process cut(Process p, double most_s) {
 /// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
 /// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
-  if (model.gel_time && model.phi_min() > 0) return normal_s / alike_black(model);
+  if (model.gel_time() && model.phi_min() > 0) return normal_s / alike_black(model);
   return model.phi_min() > 0 ? normal_s * model.one_minus_a / (model.phi_min() * black_gain(model))
                              : std::numeric_limits<double>::infinity();
 }
@@ -262,13 +263,9 @@ double longest_for_black_s(const CureModel& model, const Process& process, doubl
   for (int n = 0; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
     longest_s = std::max(longest_s, layer_exposure_s(process, n));
   }
-  double fits_s = alike_s * (1 - kInside), gels_s = std::max(longest_s, alike_s);
+  const double fits_s = alike_s * (1 - kInside), gels_s = std::max(longest_s, alike_s);
   if (fits(gels_s)) return alike_s;
-  for (int halved = 0; halved < 60; ++halved) {
-    const double middle_s = (fits_s + gels_s) / 2;
-    (fits(middle_s) ? fits_s : gels_s) = middle_s;
-  }
-  return fits_s;
+  return halved({fits_s, gels_s}, 60, fits).low;
 }
 
 struct Failing {
@@ -387,7 +384,7 @@ std::string exposure_way(const std::vector<LitPlace>& places, const Process& pro
   const char* which = "";
   for (const LitPlace& p : places) {
     const CureModel& model = *p.model;
-    if (model.exposure_ratio.empty() || model.inhibited || doses_of(model).black < 1.0) continue;
+    if (model.exposure_ratio.empty() || model.inhibited() || doses_of(model).black < 1.0) continue;
     which = black_as_a_rule(model)             ? "all layers "
             : process.layer_exposure_s.empty() ? "the first layers "
                                                : "each layer ";
@@ -399,21 +396,18 @@ std::string exposure_way(const std::vector<LitPlace>& places, const Process& pro
 double light_by_time(const CureModel& model, double wanted, double Doses::*dose) {
   const auto reaches = [&](double factor) {
     CureModel other = model;
-    other.gel_time = std::make_shared<const GelTimeKernel>(model.gel_time->with_light(factor));
+    other.law =
+        WithGelTime{std::make_shared<const GelTimeKernel>(model.gel_time()->with_light(factor))};
     for (std::size_t l = 0; l < other.level_phi.size(); ++l) {
-      other.level_phi[l] = other.phi(factor * model.gel_time->level_mw_cm2(static_cast<int>(l)));
+      other.level_phi[l] = other.phi(factor * model.gel_time()->level_mw_cm2(static_cast<int>(l)));
     }
     return doses_of(other).*dose >= wanted;
   };
   // In powers of e: no light at all makes no dose.
-  double low = -60, high = 60;
+  constexpr double low = -60, high = 60;
   if (!std::isfinite(wanted) || !reaches(std::exp(high)))
     return std::numeric_limits<double>::infinity();
-  for (int halved = 0; halved < 60; ++halved) {
-    const double half = 0.5 * (low + high);
-    (reaches(std::exp(half)) ? high : low) = half;
-  }
-  return std::exp(high);
+  return std::exp(halved({low, high}, 60, [&](double ln) { return !reaches(std::exp(ln)); }).high);
 }
 
 /// What intensities of full light and of black would make all places print at the speed or exposure
@@ -423,7 +417,7 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   double full = 0, black = std::numeric_limits<double>::infinity();
   for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
-    if (p.model->gel_time) {
+    if (p.model->gel_time()) {
       if (p.lit) full = std::max(full, light_by_time(*p.model, p.needed, &Doses::lit));
       black = std::min(black, light_by_time(*p.model, 1.0, &Doses::black));
       continue;
@@ -454,7 +448,7 @@ detail::Verdict detail::verdict(const LitPlace& place, const Printer& printer,
                                 const Process& process) {
   const CureModel& model = *place.model;
   const Doses doses = doses_of(model);
-  Verdict v = model.inhibited          ? inhibited_verdict(model, printer, process, doses)
+  Verdict v = model.inhibited()        ? inhibited_verdict(model, printer, process, doses)
               : is_continuous(process) ? continuous_verdict(model, printer, process, doses)
                                        : layerwise_verdict(model, printer, process, doses);
   if (!place.lit) v.weak.clear();
@@ -466,13 +460,13 @@ std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer&
   const Failing failing = failing_of(places);
   std::string text = is_continuous(process) ? speed_way(places, printer, process, failing)
                                             : exposure_way(places, process, failing);
-  if (!places.front().model->inhibited) {
+  if (!places.front().model->inhibited()) {
     if (const std::string light = light_way(places, printer, failing); !light.empty()) {
       text += ", or " + light;
     }
   } else if (places.size() == 1) {
     const LitPlace& p = places.front();
-    if (const auto uv = working_uv(p.model->inhibited->kinetics(), p.model->layer_um,
+    if (const auto uv = working_uv(p.model->inhibited()->kinetics(), p.model->layer_um,
                                    level_intensities(printer), *printer.uv, process, p.needed)) {
       text += fmt::format(", or with {} mW/cm² of UV light", *uv);
     }
@@ -527,11 +521,10 @@ std::optional<double> detail::working_uv(const Kinetics& k, double layer_um,
         fails = holds;
         continue;
       }
-      for (int halved = 0; halved < 40; ++halved) {
-        const double middle = 0.5 * (holds + fails);
-        (works(middle) ? holds : fails) = middle;
-      }
-      return typed_uv(holds, end > now, lamp, works);
+      // What holds may lie on either side.
+      const Bracket b = halved({std::min(holds, fails), std::max(holds, fails)}, 40,
+                               [&](double x) { return works(x) == (holds < fails); });
+      return typed_uv(holds < fails ? b.low : b.high, end > now, lamp, works);
     }
   }
   return std::nullopt;
@@ -557,11 +550,7 @@ std::optional<double> detail::working_dead_zone_um(const Kinetics& k, double lay
     fails = holds;
   }
   if (!works(holds)) return std::nullopt;
-  for (int halved = 0; halved < 40; ++halved) {
-    const double middle = 0.5 * (holds + fails);
-    (works(middle) ? holds : fails) = middle;
-  }
-  const double typed = rounded_down(holds);
+  const double typed = rounded_down(halved({holds, fails}, 40, works).low);
   return works(typed) ? std::optional(typed) : std::nullopt;
 }
 

@@ -37,7 +37,7 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
   printer_.flat_field.reset();
   if (even() || process.uv.kind == UvKind::off) return;
   const int values = printer.flat_field->greatest() - printer.flat_field->least() + 1;
-  map_.coarsen(values_per_model(*model(map_.greatest()).inhibited, values));
+  map_.coarsen(values_per_model(*model(map_.greatest()).inhibited(), values));
 }
 
 PlaceModels::PlaceModels(const CureModel& everywhere) : layer_um_(everywhere.layer_um) {

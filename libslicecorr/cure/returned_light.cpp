@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::detail {
 
@@ -46,19 +47,12 @@ class Along {
     double low = piece_.from, high = piece_.to;
     if (rises(low)) return low;
     if (!rises(high)) return high;
-    for (int i = 0; i < kHalvings; ++i) {
-      const double middle = 0.5 * (low + high);
-      (rises(middle) ? high : low) = middle;
-    }
-    return high;
+    return halved({low, high}, kHalvings, [&](double z) { return !rises(z); }).high;
   }
   /// Where between `low` and `high` the dose passes 1; it is not below 1 at `low` if `printed`.
   double crossing(double low, double high, bool printed) const {
-    for (int i = 0; i < kHalvings; ++i) {
-      const double middle = 0.5 * (low + high);
-      ((dose(middle) >= 1.0) == printed ? low : high) = middle;
-    }
-    return 0.5 * (low + high);
+    return halved({low, high}, kHalvings, [&](double z) { return (dose(z) >= 1.0) == printed; })
+        .middle();
   }
 
  private:

@@ -58,31 +58,31 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
   const bool uv_spreads = printer.uv && !printer.uv->spread.none();
   if (printer.spread.none() && resin.scatter_um2_per_um == 0 && !uv_spreads) return;
   const CureModel& model = models.brightest();
-  if (!model.inhibited && printer.spread.none() && resin.scatter_um2_per_um == 0) return;
+  if (!model.inhibited() && printer.spread.none() && resin.scatter_um2_per_um == 0) return;
   const Grid images = images_of(printer, frame);
   blur_ = LightBlur(printer.spread, images.pixel_x_um, images.pixel_y_um,
                     turn_to_display(frame, printer));
   scatter_ =
       SliceScatter(resin.scatter_um2_per_um, model.layer_um, images.pixel_x_um, images.pixel_y_um);
-  if (model.inhibited) {
+  if (model.inhibited()) {
     if (!scatter_.none()) {
       refuse(fmt::format(
           "resin '{}' has scatter_um2_per_um, and UV light is on; expected one of both: scattered "
           "light under UV light does not add up from slice to slice",
           resin.name));
     }
-    if (uv_spreads && !model.inhibited->uv_levels().empty()) {
+    if (uv_spreads && !model.inhibited()->uv_levels().empty()) {
       uv_blur_ = LightBlur(printer.uv->spread, images.pixel_x_um, images.pixel_y_um,
                            turn_to_display(frame, printer));
     }
     if (!none()) {
       by_front_ = model;
-      by_front_->inhibited = model.inhibited->by_front(
-          kDimmest * level_intensities(models.printer_at(models.map().greatest())).back());
+      by_front_->law = UnderUv{model.inhibited()->by_front(
+          kDimmest * level_intensities(models.printer_at(models.map().greatest())).back())};
     }
   }
   if (!scatter_.none()) {
-    if (model.gel_time) {
+    if (model.gel_time()) {
       refuse(fmt::format(
           "resin '{}' has scatter_um2_per_um and model \"gel-time\"; expected one of both: "
           "scattered light of such resins does not add up from slice to slice",
@@ -124,7 +124,7 @@ PixelBox SpreadLight::grown(const PixelBox& box, int x, int y) const {
 
 std::optional<FinestWidths> SpreadLight::finest() const {
   const CureModel& m = model();
-  if (m.inhibited || m.gel_time) return std::nullopt;
+  if (m.inhibited() || m.gel_time()) return std::nullopt;
   const LightSpread& spread = models_.printer().spread;
   const bool layerwise = m.mode == ExposureMode::layerwise;
   // Layer by layer each layer gels in its own exposure, and black adds up.
@@ -172,7 +172,7 @@ const std::vector<double>& SpreadBand::intensities(std::uint8_t place, int) {
     const PixelCurve& curve = light_.models_.curve(place);
     const double m = light_.model().m;
     values.assign(curve.begin(), curve.end());
-    if (const GelTimeKernel* const kernel = light_.model().gel_time.get()) {
+    if (const GelTimeKernel* const kernel = light_.model().gel_time()) {
       for (double& v : values) v = kernel->intensity_mw_cm2(v);
     } else if (m != 1.0) {
       for (double& v : values) v = std::pow(v, 1.0 / m);
@@ -184,7 +184,7 @@ const std::vector<double>& SpreadBand::intensities(std::uint8_t place, int) {
 const std::vector<double>& SpreadBand::uv_intensities(std::uint8_t, int setting) {
   std::vector<double>& values = uv_intensities_[setting];
   if (values.empty()) {
-    const InhibitedKernel& kernel = *light_.models_.brightest().inhibited;
+    const InhibitedKernel& kernel = *light_.models_.brightest().inhibited();
     for (int v = 0; v < 256; ++v) {
       values.push_back(kernel.setting_uv_mw_cm2(setting, level_of_pixel(v, kernel.levels())));
     }
@@ -250,7 +250,7 @@ void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, const Ligh
   }
   out_.resize(columns_of(to));
   spread.apply(in_.data(), from, out_.data(), to);
-  if (const GelTimeKernel* const kernel = light_.model().gel_time.get()) {
+  if (const GelTimeKernel* const kernel = light_.model().gel_time()) {
     for (double& v : out_) v = kernel->phi(v);
   } else if (const double m = light_.model().m; m != 1.0 && !light_.under_uv()) {
     for (double& v : out_) v = std::pow(v, m);
@@ -290,7 +290,7 @@ void SpreadBand::show_under_uv(const std::uint8_t* pixels, int setting, Shown& o
   const bool patterned = uv_intensities(0, setting).front() != uv_intensities(0, setting).back();
   if (patterned) show(light_.uv_blur_, &SpreadBand::uv_intensities, out.uv);
 
-  const InhibitedKernel& kernel = *light_.model().inhibited;
+  const InhibitedKernel& kernel = *light_.model().inhibited();
   out.fronts.resize(column_count());
   out.own.assign(column_count(), 0);
   double blue = -1, uv = -1;
@@ -358,7 +358,7 @@ std::span<const ImageShowing> SpreadBand::of(int slice) {
     if (light_.under_uv()) {
       const int setting = slices_.recorded()
                               ? images[k].setting
-                              : light_.models_.brightest().inhibited->setting_of_slice(slice);
+                              : light_.models_.brightest().inhibited()->setting_of_slice(slice);
       show_under_uv(images[k].pixels, setting, kept_[k]);
       showing.pixels = kept_[k].own.data();
       showing.fronts = kept_[k].fronts.data();

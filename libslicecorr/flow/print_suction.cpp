@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_suction.hpp"
 #include "slicecorr/limit.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr {
 
@@ -54,14 +55,11 @@ double even_gap_um(const Kinetics& kinetics, double blue_mw_cm2, double uv_mw_cm
   const double speed_um_s = speed_mm_h / 3.6;
   const FlowLight light{blue_mw_cm2, uv_mw_cm2};
   const double wanted = speed_um_s * kinetics.critical_dose_prime;
-  double low = std::min(steady_dead_zone_um(kinetics, blue_mw_cm2, uv_mw_cm2), kThickestGapUm);
-  double high = kThickestGapUm;
-  if (rate_integral(kinetics, light, high) < wanted) return high;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (low + high) / 2;
-    (rate_integral(kinetics, light, middle) < wanted ? low : high) = middle;
-  }
-  return high;
+  const double low =
+      std::min(steady_dead_zone_um(kinetics, blue_mw_cm2, uv_mw_cm2), kThickestGapUm);
+  constexpr double high = kThickestGapUm;
+  const auto less = [&](double um) { return rate_integral(kinetics, light, um) < wanted; };
+  return less(high) ? high : halved({low, high}, 60, less).high;
 }
 
 PrintGap print_gap(const Printer& printer, const Resin& resin, const Process& process,

@@ -114,42 +114,15 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
 /** Sets one setting. Names are those of the program's options with _ for -; NULL or "" takes a
  *  setting back. Numbers may be given as text, too: "800", or "inf" for omega_max.
  *
- *  printer, resin        name of a definition, or path of a .toml file
- *  printer_toml, resin_toml   the text of such a file, in place of a name
- *  mode                  continuous (the stage moves while slices are shown), layerwise
- *  speed_mm_h            print speed, continuous
- *  exposure_s            light-on time of a layer, layerwise; those of the archive when not set
- *  bottom_exposure_s, bottom_layers, fade_layers   of the first layers, layerwise
- *  layer_exposure_s      of each layer in place of all these (slicecorr_setup_set_numbers)
- *  dc_mj_cm3, ha_um      dose to aim at; absorbance height, base 10; instead of the resin's
- *  dose_factor           dose to aim at over the gel dose, instead of the resin's
- *  omega_max             cap of the dose inside features, in critical doses: inf, or 1 and more
- *  one_slice_gaps        open (the upper feature loses some height), merge
- *  gap_shortfall         how much of a slice it may lose, up to 0.5; 0.18 when not set
- *  edge_aim_um           how near edges are aimed at, um, at most 100; some 0.05 when not set
- *  surface               mesh, slices: where edges lie whose heights the target knows
- *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
- *  slice_speed_mm_h      speed at each slice, at most speed_mm_h (slicecorr_setup_set_numbers)
- *  slice_lamps           follow, stay: whether the lamps follow these speeds, or slower slices get
- *                        more light
- *  resin_depth_um        depth of the resin above the window, instead of the printer's
- *  platform_reflectance  share of light that the platform sends back, instead of the printer's
+ *  Those of printer, resin and process are the table of docs/settings.md, which `slicecorr settings`
+ *  prints and slicecorr_list_new("setting") gives; lists (slice_speed_mm_h, layer_exposure_s) are set
+ *  with slicecorr_setup_set_numbers(). Beside them:
+ *
  *  leave_alone           mesh on the plate, or stack like the target, of what is shown as it is sliced
- *  spread_correction     on, off: where light spreads, columns together or each alone
- *  rounds                most rounds of correcting columns together; 20 when not set
- *  uv_mw_cm2             inhibiting UV light, the same throughout
- *  dead_zone_um          or the dead zone at the window that it is to hold
- *  gap_um                gap between part and window that suction is judged with, where printer
- *                        (suction_limit_pa) and resin (viscosity_pa_s) say what they need for it
- *  even_dead_zone        auto, constant, blue, uv, both: find light with which dose and dead zone are
- *                        even although resin flows
- *  uv_schedule           constant, per-slice, patterned
- *  window_cure           refuse, allow: when the resin would cure to the window
  *  uncertain             by how much inputs may be off, as standard deviations: ha=5%,dc=5%, or fit
  *                        for what the resin's file says; predictions then say how sure they are
  *  robust                on, off: corrections keep features and gaps for all that uncertain names
  *  tolerance_um, gap_contrast   what slicecorr_plan() is to keep
- *  ramp, ramp_mm         none, lamp-follows, outside; distance in which the stage gets its speed
  *
  *  Tomographic printing looks at printer and resin, at what changes the resin (dc_mj_cm3, ha_um,
  *  dose_factor), and at these, which other calls don't look at:

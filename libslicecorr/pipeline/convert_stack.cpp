@@ -25,7 +25,7 @@ std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels) {
   for (int v = 0; v < 256; ++v) {
     const auto level = static_cast<std::size_t>(level_of_pixel(v, levels));
     uv_of_pixel[static_cast<std::size_t>(v)] =
-        static_cast<std::uint8_t>(pixel_of_level(model.inhibited->uv_levels()[level], levels));
+        static_cast<std::uint8_t>(pixel_of_level(model.inhibited()->uv_levels()[level], levels));
   }
   return uv_of_pixel;
 }
@@ -47,7 +47,7 @@ void set_uv_images(StackWriter& writer, const CureModel& model, const Setup& set
                           });
     return;
   }
-  if (!model.inhibited || model.inhibited->uv_levels().empty()) return;
+  if (!model.inhibited() || model.inhibited()->uv_levels().empty()) return;
   writer.set_uv_pattern(uv_of_pixels(model, setup.printer.levels()));
 }
 

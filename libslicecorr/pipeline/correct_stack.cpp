@@ -218,7 +218,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
-  if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
+  if (model().inhibited()) window_.emplace(plans_.models(), plans_.all_layers());
   if (setup_.process.even_light) {
     kept_.emplace(target, detail::judged_slices(*setup_.process.even_light), bands_);
   }
@@ -446,6 +446,27 @@ Correction StackCorrection::result() {
 
 }  // namespace
 
+void check_correction(const Setup& setup, const DesignHas& design) {
+  check_corrected(setup.printer, setup.resin, setup.process);
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  if (design.doses) {
+    // Of these it depends on the height of slices whether they count: `check_doses`.
+    std::erase(features, Feature::vat_depth);
+    std::erase(features, Feature::reflectance);
+    features.push_back(Feature::wanted_doses);
+  }
+  if (design.left_alone) features.push_back(Feature::left_alone);
+  if (setup.uncertainty) detail::check_uncertain(setup);
+  const bool robust = setup.uncertainty && setup.uncertainty->robust;
+  if (robust) features.push_back(Feature::robust);
+  check_supported(features, setup.printer.name, setup.resin.name);
+  if (robust && !setup.uncertainty->from_fit && setup.uncertainty->sd(UncertainInput::m) > 0) {
+    throw InputError(
+        "a correction can't be robust against an exponent that is off by itself, since doses rise "
+        "with it here and fall there; expected its errors from a fit, or no error of m");
+  }
+}
+
 CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
                                const ExecutionContext& context) {
   const PlacePlans plans(target, setup, context);
@@ -456,7 +477,7 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   Setup for_file = setup;
   for_file.printer = printer_for_file(setup.printer, file, target.grid(), context);
-  check_corrected(for_file.printer, for_file.resin, for_file.process);
+  check_correction(for_file, {target.left_alone() != nullptr, target.doses() != nullptr});
   const char* const left_out =
       leave_out_heights(for_file.printer, for_file.resin, for_file.process);
   if (left_out && target.edge_heights()) context.tell(left_out);
@@ -470,8 +491,6 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   check_file_times(file, planned);
   const SlicesAlone alone(target);
   const SliceSource& wanted = for_file.process.surface == Surface::mesh ? target : alone;
-  if (wanted.doses()) detail::check_graded(wanted, for_file);
-  if (for_file.uncertainty) detail::check_uncertain(for_file);
   if (judges_suction(for_file)) {
     plan_correction(wanted, for_file, context);  // what does not fit is refused first
     judge_suction(target, for_file, context);
@@ -494,16 +513,16 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
-  check_corrected(setup.printer, setup.resin, setup.process);
+  check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_->models(), setup);
   if (!detail::spreads(setup)) return;
   const CureModel& model = plans_->models().brightest();
   std::vector<Feature> features = features_of(model);
   features.push_back(Feature::spread);
   const Unsupported* const pair = find_unsupported(features, Verdict::alone);
-  const char* const alone = pair               ? pair->words
-                            : !model.inhibited ? nullptr
-                            : !plans_->even()  ? "the display's light is uneven under UV light"
+  const char* const alone = pair                 ? pair->words
+                            : !model.inhibited() ? nullptr
+                            : !plans_->even()    ? "the display's light is uneven under UV light"
                             : !detail::can_couple_under_uv(model) ? "UV light is patterned"
                                                                   : nullptr;
   if (alone == nullptr) {

@@ -15,19 +15,9 @@
 
 namespace slicecorr::detail {
 
-void check_graded(const SliceSource& target, const Setup& setup) {
-  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
-  // Of these it depends on the height of slices whether they count: `check_doses`.
-  std::erase(features, Feature::vat_depth);
-  std::erase(features, Feature::reflectance);
-  if (target.left_alone()) features.push_back(Feature::left_alone);
-  features.push_back(Feature::wanted_doses);
-  check_supported(features, setup.printer.name, setup.resin.name);
-}
-
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
                  const Setup& setup) {
-  check_graded(target, setup);
+  check_correction(setup, {target.left_alone() != nullptr, true});
   std::vector<Feature> features = features_of(models.brightest());
   features.push_back(Feature::wanted_doses);
   check_supported(features);

@@ -16,10 +16,7 @@
 
 namespace slicecorr::detail {
 
-/// Whether wanted doses go with a setup: continuous exposure without UV light and without light that
-/// spreads, no cap of the dose, and nothing that is left alone. Throws `InputError` where not.
-void check_graded(const SliceSource& target, const Setup& setup);
-/// The same, and whether the doses can be reached. Throws `InputError` in resin that ends, and
+/// Whether wanted doses go with a setup (`check_correction`), and can be reached. Throws `InputError` in resin that ends, and
 /// `InfeasibleError` where one is wanted that full light never reaches.
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
                  const Setup& setup);

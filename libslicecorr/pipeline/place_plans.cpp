@@ -65,7 +65,7 @@ std::optional<int> slices_of_travel(const Printer& printer, double layer_um) {
 /// dose_for_end() under UV light. There the slices added after the end depend on the level that
 /// holds the dose, and so on the dose itself (`inhibited_slices`): the least dose is searched.
 double inhibited_dose_for_end(const CureModel& model, int slices) {
-  const InhibitedKernel& kernel = *model.inhibited;
+  const InhibitedKernel& kernel = *model.inhibited();
   const int s = kernel.strongest_setting(), cap = kernel.highest_usable_level(s);
   const ExtraLight extra(kernel, InhibitedKernel::upper_end);
   const InhibitedTuning tuning;
@@ -89,12 +89,12 @@ double inhibited_dose_for_end(const CureModel& model, int slices) {
 /// The dose after a long run of slices that lit pixels must pass so that a part's end cures in so
 /// many slices; infinite when none is enough.
 double dose_for_end(const CureModel& model, int slices) {
-  if (model.mode == ExposureMode::layerwise && !model.inhibited) return 1.0;
+  if (model.mode == ExposureMode::layerwise && !model.inhibited()) return 1.0;
   if (slices < 1) return std::numeric_limits<double>::infinity();
-  if (model.inhibited) return inhibited_dose_for_end(model, slices);
-  if (model.gel_time) {
+  if (model.inhibited()) return inhibited_dose_for_end(model, slices);
+  if (model.gel_time()) {
     // Both doses are inversely proportional to the speed. One slice is to spare (slices_with_burst).
-    const GelTimeKernel& kernel = *model.gel_time;
+    const GelTimeKernel& kernel = *model.gel_time();
     const double full = kernel.level_mw_cm2(kernel.levels() - 1);
     return std::max(1.0, model.phi_max() / kernel.dose_at_end(full, std::max(1, slices - 1)));
   }
@@ -378,7 +378,7 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
       levels_(setup.printer.levels()) {
   refuse_recording(target);
   if (setup.uncertainty && setup.uncertainty->robust) {
-    check_robust(setup, target);
+    check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
     robust_ = setup.uncertainty;
   }
   all_layers_ = PlaceCheck(target, models_, setup, context).all_layers();

@@ -467,20 +467,6 @@ RobustLevels RobustBand::run() {
 
 }  // namespace
 
-void check_robust(const Setup& setup, const SliceSource& target) {
-  check_uncertain(setup);
-  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
-  if (target.doses()) features.push_back(Feature::wanted_doses);
-  if (target.left_alone()) features.push_back(Feature::left_alone);
-  features.push_back(Feature::robust);
-  check_supported(features, setup.printer.name, setup.resin.name);
-  if (!setup.uncertainty->from_fit && setup.uncertainty->sd(UncertainInput::m) > 0) {
-    throw InputError(
-        "a correction can't be robust against an exponent that is off by itself, since doses rise with it here and fall there; "
-        "expected its errors from a fit, or no error of m");
-  }
-}
-
 CureModel case_model(const CureModel& model, const Uncertainty& u, bool weak) {
   const double sign = weak ? -1.0 : 1.0;
   const auto more = [&](UncertainInput input) { return std::exp(sign * u.sd(input)); };

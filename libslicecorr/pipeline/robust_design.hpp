@@ -32,11 +32,6 @@ struct Setup;
 
 namespace slicecorr::detail {
 
-/// Throws `InputError`, naming it, where a correction can't be robust: where the dose's derivatives are
-/// not known (`check_uncertain`), layer by layer, with wanted doses, beside what is left alone, and for
-/// errors of m that don't come from a fit.
-void check_robust(const Setup& setup, const SliceSource& target);
-
 /// The model of a print with all inputs off at once, by their standard deviation each, towards less
 /// dose (`weak`) or more. `model`: plain.
 CureModel case_model(const CureModel& model, const Uncertainty& uncertainty, bool weak);

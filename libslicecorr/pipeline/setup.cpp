@@ -227,10 +227,9 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
 /// What needs flow needs more of printer and resin than other prints do.
 void Resolver::resolve_even_dead_zone(Setup& setup) const {
   const std::string option = o("even_dead_zone");
-  if (setup.process.mode != ExposureMode::continuous) {
-    wrong(fmt::format("{}: layer by layer resin comes to rest; expected continuous exposure",
-                      option));
-  }
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  features.push_back(Feature::even_dead_zone);
+  check_supported(features, setup.printer.name, setup.resin.name);
   if (c_.uv_mw_cm2 > 0 || c_.dead_zone_um > 0 || !c_.uv_schedule.empty()) {
     wrong(fmt::format("{} finds the UV light; expected no {}, {} or {} with it", option,
                       o("uv_mw_cm2"), o("dead_zone_um"), o("uv_schedule")));
@@ -241,11 +240,6 @@ void Resolver::resolve_even_dead_zone(Setup& setup) const {
   }
   if (!setup.printer.uv) {
     wrong(fmt::format("{}: printer '{}' has no [uv] lamp", option, setup.printer.name));
-  }
-  if (light_spreads(setup.printer, setup.resin, setup.process)) {
-    wrong(fmt::format(
-        "{}: the light of '{}' with '{}' spreads; expected light that stays in its pixel", option,
-        setup.printer.name, setup.resin.name));
   }
   const bool by_name = c_.resin_toml.empty() && !c_.resin.empty();
   flow_resin(setup.resin, by_name ? find_definition(c_.resin, "resin") : std::string());

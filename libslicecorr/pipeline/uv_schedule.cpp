@@ -69,7 +69,7 @@ Process schedule_uv(const SliceSource& target, const Setup& setup,
     const detail::GroupedBand grouped(models.map(), bands[i], detail::BandReaders({read}));
     for (const auto& g : grouped.groups) watch_columns(g.value, g.columns.size(), g.reader(0));
   });
-  const InhibitedKernel& kernel = *models.brightest().inhibited;
+  const InhibitedKernel& kernel = *models.brightest().inhibited();
   const double greatest = kernel.setting_uv_mw_cm2(0, plans.levels() - 1);
   for (const double blue : total.greatest_mw_cm2()) {
     const double needed = uv_for_dead_zone(kernel.kinetics(), blue, process.uv.dead_zone_um);

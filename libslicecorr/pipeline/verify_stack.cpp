@@ -111,7 +111,7 @@ class Verification {
         spread_(models_, stack.grid(), stack.frame()),
         bands_(bands_of_all()),
         surface_maps_(target.bounds()) {
-    if (models_.brightest().inhibited) window_.emplace(models_, layers_);
+    if (models_.brightest().inhibited()) window_.emplace(models_, layers_);
     if (!setup.uncertainty) return;
     if (recorded_) {
       throw InputError(
@@ -342,9 +342,9 @@ ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& inten
     const auto level = static_cast<std::size_t>(grey);
     if (part.light > most) row.grey = grey;
     most = std::max(most, part.light);
-    sum += part.light * (model.gel_time ? intensity[level] : std::pow(intensity[level], model.m));
-    row.phi += part.light * (model.inhibited ? model.inhibited->steady_dose(part.setting, grey)
-                                             : model.level_phi[level]);
+    sum += part.light * (model.gel_time() ? intensity[level] : std::pow(intensity[level], model.m));
+    row.phi += part.light * (model.inhibited() ? model.inhibited()->steady_dose(part.setting, grey)
+                                               : model.level_phi[level]);
   }
   // One image with the planned light: computed without a power, so that it is the same as in a
   // stack that is no recording.
@@ -356,7 +356,7 @@ ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& inten
 
 /// phi of the light of a single column.
 double phi_of(const CureModel& model, const ImageShowing& light) {
-  return light.fronts ? model.phi(model.inhibited->blue_of(*light.fronts)) : *light.phi;
+  return light.fronts ? model.phi(model.inhibited()->blue_of(*light.fronts)) : *light.phi;
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ class VolumeReducer {
   /// band. `model`: of that light (`SpreadLight::model`); must outlive this.
   void keep_light(const CureModel& model) {
     of_light_ = &model;
-    volume_.under_uv = model.inhibited != nullptr;
+    volume_.under_uv = model.inhibited() != nullptr;
     if (volume_.under_uv) return;
     // Beyond the display's edge light fades, and what scatters adds to it.
     volume_.least_light = model.phi_min() / 16;

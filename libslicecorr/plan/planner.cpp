@@ -30,13 +30,13 @@ PaceRange gelling(const Setup& setup, double layer_um) {
   const CureModel model = make_cure_model(setup.printer, setup.resin, p, layer_um);
   double lit = model.steady(model.phi_max()),
          black = model.steady(model.phi_min()) * model.returned(0);
-  if (model.inhibited) {
-    const InhibitedKernel& kernel = *model.inhibited;
+  if (model.inhibited()) {
+    const InhibitedKernel& kernel = *model.inhibited();
     const int s = kernel.strongest_setting();
     lit = kernel.steady_dose(s, kernel.highest_usable_level(s));
     black = kernel.steady_dose(0, 0);
-  } else if (model.gel_time && !continuous) {
-    const GelTimeKernel& kernel = *model.gel_time;
+  } else if (model.gel_time() && !continuous) {
+    const GelTimeKernel& kernel = *model.gel_time();
     lit = kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1), 1);
     const std::vector<std::uint8_t> dark(2 * static_cast<std::size_t>(kernel.reach()), 0);
     black = column_dose(model, dark).lower.front();

@@ -267,7 +267,7 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
   std::vector<std::vector<PlanPlace>> places_of(blocks);
   std::vector<Findings> findings(blocks);
   std::optional<WindowTotal> window;
-  if (plan.model.inhibited) window.emplace(plan.model, slices);
+  if (plan.model.inhibited()) window.emplace(plan.model, slices);
   std::mutex merging;
   parallel_for(quiet, "", blocks, [&](std::size_t b) {
     const auto some = which.subspan(b * kBlock, std::min(kBlock, which.size() - b * kBlock));

@@ -247,7 +247,7 @@ void BandPredictor::State::add_slice(int slice, const std::uint8_t* pixels,
   if (!pixels) {
     return add_slice(slice, std::span<const ImageShowing>{}, coverage, heights, left_alone);
   }
-  const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
+  const int setting = model_.inhibited() ? model_.inhibited()->setting_of_slice(slice) : 0;
   const ImageShowing whole{pixels, 1.0, setting};
   add_slice(slice, {&whole, 1}, coverage, heights, left_alone);
 }
@@ -288,7 +288,7 @@ void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
   std::size_t last = n;  // looked at
   double last_known = 0;
   const bool smooth =
-      (model_.inhibited || model_.gel_time) && model_.mode == ExposureMode::continuous;
+      (model_.inhibited() || model_.gel_time()) && model_.mode == ExposureMode::continuous;
   for (std::size_t i = 0; i < n; ++i) {
     if (!turning[first + i]) continue;
     double low = std::min(lower[i], middle[i]) * fall;
@@ -549,7 +549,7 @@ Prediction predict_black_columns(const CureModel& model, int slices, std::uint64
     const std::uint8_t black = 0;
     ImageShowing whole{&black, 1.0, 0};
     return predict_black_columns(model, slices, columns, [&](int n) {
-      whole.setting = model.inhibited ? model.inhibited->setting_of_slice(n) : 0;
+      whole.setting = model.inhibited() ? model.inhibited()->setting_of_slice(n) : 0;
       return std::span<const ImageShowing>(&whole, 1);
     });
   }

@@ -42,7 +42,7 @@ void check_window(const DeadZones& zones, const Process& process) {
 }
 
 WindowWatch::WindowWatch(const CureModel& model, int slices, std::size_t columns)
-    : kernel_(*model.inhibited),
+    : kernel_(*model.inhibited()),
       columns_(columns),
       low_(static_cast<std::size_t>(slices), 255),
       high_(static_cast<std::size_t>(slices), 0) {
@@ -157,7 +157,7 @@ void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
 }
 
 WindowTotal::WindowTotal(const CureModel& model, int slices)
-    : kernel_(*model.inhibited),
+    : kernel_(*model.inhibited()),
       low_(static_cast<std::size_t>(slices), 255),
       high_(static_cast<std::size_t>(slices), 0) {}
 

@@ -7,6 +7,7 @@
 
 #include "slicecorr/predict.hpp"
 #include "slicecorr/uncertain_print.hpp"
+#include "support/json/finite.hpp"
 #include "support/json/read_json.hpp"
 
 namespace slicecorr {
@@ -32,7 +33,7 @@ std::vector<FeatureExample> FeatureExamples::sorted() const {
 }
 
 std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model) {
-  if (model.mode != ExposureMode::layerwise || model.inhibited || model.gel_time) {
+  if (model.mode != ExposureMode::layerwise || model.inhibited() || model.gel_time()) {
     return std::nullopt;
   }
   const double longest = model.greatest_ratio();
@@ -256,9 +257,7 @@ std::string Prediction::to_json() const {
   }
   if (flow) j["flow"] = flow_json(*flow);
   if (dead_zones) {
-    const auto um = [](double value) {
-      return std::isfinite(value) ? ordered_json(value) : ordered_json();
-    };
+    const auto um = [](double value) { return detail::finite_or_null(value); };
     ordered_json slices = ordered_json::array();
     for (std::size_t n = 0; n < dead_zones->least_um.size(); ++n) {
       slices.push_back({um(dead_zones->least_um[n]), um(dead_zones->greatest_um[n])});

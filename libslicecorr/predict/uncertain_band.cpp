@@ -12,6 +12,7 @@
 #include "slicecorr/target.hpp"
 #include "slicecorr/uncertain_print.hpp"
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr {
 
@@ -131,7 +132,7 @@ struct UncertainBand::State {
   State(const CureModel& model, const Uncertainty& uncertainty, int all_layers, std::size_t columns,
         const NearbyModels* nearby)
       : model_(model),
-        variance_(uncertainty, model.m, model.inhibited != nullptr),
+        variance_(uncertainty, model.m, model.inhibited() != nullptr),
         derivatives_(model, columns, variance_.wanted(), nearby),
         layerwise_(model.mode == ExposureMode::layerwise),
         variances_{std::vector<double>(columns), std::vector<double>(columns)},
@@ -151,7 +152,7 @@ struct UncertainBand::State {
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     sides_.below_um.assign(columns, none);
     sides_.above_um.assign(columns, none);
-    if (variance_.wanted().stray && !model.inhibited &&
+    if (variance_.wanted().stray && !model.inhibited() &&
         std::isinf(light_gradient(model, model.phi_min()).stray)) {
       throw InputError(
           "stray light is off, and by how much the dose then is can't be said of an exponent below 1 "
@@ -275,28 +276,16 @@ double UncertainBand::State::crossing(std::size_t i, std::size_t print, double a
                       1.0);
   }
   constexpr double least = -50;  // of a dose of 0: any will do
-  double a = 0, b = 1;
-  double fa = std::max(at_lower, least), fb = std::max(at_upper, least);
-  int side = 0;
-  for (int k = 0; k < 100 && b - a > 1e-8; ++k) {
-    double t = (a * fb - b * fa) / (fb - fa);
-    if (!(t > a && t < b)) t = 0.5 * (a + b);
+  FalsePosition root{0, 1, std::max(at_lower, least), std::max(at_upper, least)};
+  for (int k = 0; k < 100 && root.high - root.low > 1e-8; ++k) {
+    double t = root.chord();
+    if (!(t > root.low && t < root.high)) t = 0.5 * (root.low + root.high);
     const double f = std::max(ln_dose(derivatives_.at(i, t)).seen(print), least);
     // Of a dose: some 1e-5 um of an edge.
     if (std::abs(f) < 1e-8) return t;
-    if ((f >= 0) == (fb >= 0)) {
-      b = t;
-      fb = f;
-      if (side == 1) fa /= 2;
-      side = 1;
-    } else {
-      a = t;
-      fa = f;
-      if (side == -1) fb /= 2;
-      side = -1;
-    }
+    root.take(t, f, (f >= 0) == (root.at_high >= 0));
   }
-  return 0.5 * (a + b);
+  return 0.5 * (root.low + root.high);
 }
 
 /// A print changes at `zeta`; from there on upwards it is on the other side.

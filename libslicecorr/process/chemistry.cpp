@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr {
 
@@ -183,14 +184,10 @@ double permeable_dead_zone_um(const Chemistry& c, double intensity_mw_cm2, doubl
   const auto rest = [](double x) {
     return x < 1e-3 ? x * x * (0.5 - x / 3 + x * x / 8) : 1 - (1 + x) * std::exp(-x);
   };
-  double low = 0, high = 1;
+  double high = 1;
+  constexpr double low = 0;
   while (rest(high) < left) high *= 2;
-  for (int k = 0; k < 200 && low < high; ++k) {
-    const double middle = (low + high) / 2;
-    if (middle == low || middle == high) break;
-    (rest(middle) < left ? low : high) = middle;
-  }
-  return height_um * high;
+  return height_um * halved({low, high}, 200, [&](double x) { return rest(x) < left; }).high;
 }
 
 double oxygen_used_mol_l(const Chemistry& c, double intensity_mw_cm2, FeatureShape shape,
@@ -210,12 +207,7 @@ double feature_inhibition_time_s(const Chemistry& c, double intensity_mw_cm2, Fe
     high *= 2;
     if (high > most_s) return kNever;
   }
-  for (int k = 0; k < 200; ++k) {
-    const double middle = (low + high) / 2;
-    if (middle == low || middle == high) break;
-    (used(middle) < c.oxygen_mol_l ? low : high) = middle;
-  }
-  return high;
+  return halved({low, high}, 200, [&](double t) { return used(t) < c.oxygen_mol_l; }).high;
 }
 
 }  // namespace slicecorr

@@ -199,12 +199,12 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   const bool uneven = std::any_of(v.columns.begin(), v.columns.end(),
                                   [](const auto& column) { return column.light != 1; });
   // Uneven light has kernels of its own in each place, light that spreads in each column.
-  if (model.inhibited) {
+  if (model.inhibited()) {
     j["kernel"] =
-        uneven || v.under_uv ? nlohmann::ordered_json() : kernel_json(*model.inhibited, v.layers);
+        uneven || v.under_uv ? nlohmann::ordered_json() : kernel_json(*model.inhibited(), v.layers);
   }
   // Doses that are no sums over slices are not for the page's own arithmetic.
-  if (model.gel_time) j["kernel"] = nullptr;
+  if (model.gel_time()) j["kernel"] = nullptr;
   j["state"] = {base64(states[0]), base64(states[1])};
 
   Bytes fields[6];

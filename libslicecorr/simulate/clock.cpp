@@ -52,8 +52,8 @@ std::vector<double> group_times_s(const PrintClock& clock, int groups) {
 double added_dose(const CureModel& model, const PrintClock::Moment& moment, int level, double x) {
   const double f = moment.share;
   if (f <= 0) return 0;
-  if (model.inhibited) {
-    const InhibitedKernel& kernel = *model.inhibited;
+  if (model.inhibited()) {
+    const InhibitedKernel& kernel = *model.inhibited();
     return model.ratio(moment.slice) *
            kernel.exact(kernel.setting_of_slice(moment.slice), level, x, f);
   }
@@ -64,7 +64,7 @@ double added_dose(const CureModel& model, const PrintClock::Moment& moment, cons
                   double x) {
   if (moment.share <= 0 || light.amount == 0) return 0;
   return model.ratio(moment.slice) * static_cast<double>(light.amount) *
-         model.inhibited->exact(0, light.front, x, moment.share);
+         model.inhibited()->exact(0, light.front, x, moment.share);
 }
 
 double added_dose_of_light(const CureModel& model, const PrintClock::Moment& moment, double phi,

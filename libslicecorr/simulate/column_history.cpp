@@ -74,7 +74,7 @@ ColumnHistory history_of(const CureModel& model, const Process& process, ColumnL
   history.layer_um = model.layer_um;
   history.total_s = clock.total_s();
   std::vector<KernelLight> lights;
-  if (model.inhibited) lights = lights_of(shown, *model.inhibited);
+  if (model.inhibited()) lights = lights_of(shown, *model.inhibited());
   const std::unique_ptr<detail::Column> column =
       detail::make_column(model, std::move(shown.phi), lights);
   const bool moving = model.mode == ExposureMode::continuous;
@@ -106,8 +106,8 @@ ColumnHistory history_of(const CureModel& model, const Process& process, ColumnL
     profiles_to(n, 1.0);
     context.report("simulate", static_cast<double>(n + 1) / slices);
   }
-  if (model.inhibited) {
-    const InhibitedKernel& kernel = *model.inhibited;
+  if (model.inhibited()) {
+    const InhibitedKernel& kernel = *model.inhibited();
     const auto none = std::numeric_limits<double>::quiet_NaN();
     for (int n = 0; n < slices; ++n) {
       const KernelLight& light = lights[static_cast<std::size_t>(n)];

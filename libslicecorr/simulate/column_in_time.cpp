@@ -14,6 +14,7 @@
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::detail {
 
@@ -227,7 +228,7 @@ class SampledColumn final : public Column {
  public:
   SampledColumn(const CureModel& model, std::vector<KernelLight> lights)
       : model_(model),
-        kernel_(*model.inhibited),
+        kernel_(*model.inhibited()),
         lights_(std::move(lights)),
         full_(lights_.size() * kStride, 0.0) {}
 
@@ -339,12 +340,8 @@ class SampledColumn final : public Column {
       return sum;
     };
     const bool rises = y[s] >= 1.0;
-    double low = s - 1, high = s;
-    for (int i = 0; i < 40; ++i) {
-      const double half = 0.5 * (low + high);
-      ((at(half) >= 1.0) == rises ? high : low) = half;
-    }
-    return 0.5 * (low + high);
+    return halved({s - 1.0, 1.0 * s}, 40, [&](double z) { return (at(z) >= 1.0) != rises; })
+        .middle();
   }
 
   const CureModel& model_;
@@ -405,17 +402,14 @@ class GelTimeColumn final : public Column {
     for (std::size_t n = 0; n < phi.size(); ++n) {
       // `phi` is with its exposure, of which both parts of light are multiples.
       const double ratio = model.ratio(static_cast<int>(n));
-      const CutLight l = model.gel_time->light_of(model.intensity_mw_cm2(phi[n] / ratio));
+      const CutLight l = model.gel_time()->light_of(model.intensity_mw_cm2(phi[n] / ratio));
       lights.push_back({ratio * l.x, ratio * l.y});
     }
     return lights;
   }
   double crossing(int n, double low, double high, bool rises) {
-    for (int i = 0; i < 40; ++i) {
-      const double half = 0.5 * (low + high);
-      ((column_.at(n, half) >= 1.0) == rises ? high : low) = half;
-    }
-    return 0.5 * (low + high);
+    return halved({low, high}, 40, [&](double z) { return (column_.at(n, z) >= 1.0) != rises; })
+        .middle();
   }
 
   const CureModel& model_;
@@ -426,8 +420,8 @@ class GelTimeColumn final : public Column {
 
 std::unique_ptr<Column> make_column(const CureModel& model, std::vector<double> phi,
                                     std::vector<KernelLight> lights) {
-  if (model.inhibited) return std::make_unique<SampledColumn>(model, std::move(lights));
-  if (model.gel_time) return std::make_unique<GelTimeColumn>(model, phi);
+  if (model.inhibited()) return std::make_unique<SampledColumn>(model, std::move(lights));
+  if (model.gel_time()) return std::make_unique<GelTimeColumn>(model, phi);
   if (model.bath_slices > 0 || model.mirrored_slices > 0) {
     return std::make_unique<PiecewiseColumn>(model, std::move(phi));
   }

@@ -18,11 +18,14 @@ class CutColumn {
  public:
   /// `light`: of each slice, with its exposure.
   CutColumn(const CureModel& model, std::vector<CutLight> light)
-      : model_(model), cut_(*model.gel_time), light_(std::move(light)), state_(light_.size() + 1) {}
+      : model_(model),
+        cut_(*model.gel_time()),
+        light_(std::move(light)),
+        state_(light_.size() + 1) {}
 
   /// Sets the moment.
   void begin(const PrintClock::Moment& now) {
-    const GelTimeKernel& kernel = *model_.gel_time;
+    const GelTimeKernel& kernel = *model_.gel_time();
     const auto n = static_cast<std::size_t>(now.slice);
     now_ = now;
     whole_ = light_[n];
@@ -46,10 +49,10 @@ class CutColumn {
     const auto i = static_cast<std::size_t>(k);
     if (moving() && k == now_.slice) {
       const Nothing below;
-      return cut_.dose(light_[i], model_.gel_time->fade(up), below, hint_);
+      return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_);
     }
     const Below below{*this, k};
-    return cut_.dose(light_[i], model_.gel_time->fade(up), below, hint_);
+    return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_);
   }
 
  private:

@@ -82,7 +82,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   const PrintClock clock(setup.process, model.m, grid.layer_um, grid.layers);
   const int levels = static_cast<int>(model.level_phi.size());
   std::vector<detail::CutColumn> cut_columns;
-  if (model.gel_time) {
+  if (model.gel_time()) {
     if (!spread.none()) {
       throw InputError(setup.resin.name, "cure.model",
                        "sections are not simulated with model \"gel-time\" where light spreads; "
@@ -93,7 +93,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
       std::vector<CutLight> shown;
       for (int n = 0; n < s.layers; ++n) {
         const std::uint8_t value = pixels[static_cast<std::size_t>(n) * width + x];
-        const CutLight& l = here.gel_time->light(level_of_pixel(value, levels));
+        const CutLight& l = here.gel_time()->light(level_of_pixel(value, levels));
         shown.push_back({here.ratio(n) * l.x, here.ratio(n) * l.y});
       }
       cut_columns.emplace_back(here, std::move(shown));
@@ -110,7 +110,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
     frame.gelled.assign(size, 0);
     const bool moving = model.mode == ExposureMode::continuous;
     frame.z_window_um = (now.slice + (moving ? now.share : 1.0)) * grid.layer_um;
-    if (model.gel_time) {
+    if (model.gel_time()) {
       for (std::size_t x = 0; x < width; ++x) {
         detail::CutColumn& column = cut_columns[x];
         column.begin(now);

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::detail {
 
@@ -29,24 +30,13 @@ constexpr Tetrahedron kTetrahedra[6] = {{{0, 1, 3, 7}, false}, {{0, 2, 6, 7}, fa
 /// Root in [0, 1] of a function whose values at the ends have different signs.
 template <typename Function>
 double root_of(const Function& excess, double at_low, double at_high) {
-  // Regula falsi with halving (Illinois): keeps the two signs.
-  double low = 0, high = 1;
+  FalsePosition root{0, 1, at_low, at_high};
   double d = 0.5;
-  for (int i = 0, side = 0; i < 60 && high - low > 1e-6; ++i) {
-    d = (low * at_high - high * at_low) / (at_high - at_low);
+  for (int i = 0; i < 60 && root.high - root.low > 1e-6; ++i) {
+    d = root.chord();
     const double value = excess(d);
     if (std::abs(value) < 1e-9) break;
-    if ((value > 0) == (at_high > 0)) {
-      high = d;
-      at_high = value;
-      if (side == 1) at_low *= 0.5;
-      side = 1;
-    } else {
-      low = d;
-      at_low = value;
-      if (side == -1) at_high *= 0.5;
-      side = -1;
-    }
+    root.take(d, value, (value > 0) == (root.at_high > 0));
   }
   return d;
 }

@@ -381,7 +381,7 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
   if (options.reduce < 1 || options.reduce > 64) {
     throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
   }
-  if (models.brightest().inhibited) detail::refuse_recording_under_uv(stack);
+  if (models.brightest().inhibited()) detail::refuse_recording_under_uv(stack);
   const Grid& grid = stack.grid();
   PixelBox lit = stack.bounds();
   // Where even black gels, the whole display prints.

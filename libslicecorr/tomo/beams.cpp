@@ -13,6 +13,7 @@
 #include "slice/placing.hpp"
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/error.hpp"
+#include "support/numbers/bracket.hpp"
 #include "tomo/beam_grid.hpp"
 #include "tomo/beam_solver.hpp"
 #include "tomo/voxels.hpp"
@@ -407,12 +408,12 @@ double most_absorption_per_mm(const Box<std::uint8_t>& part, const std::vector<B
   if (!separates(0)) return 0;
   double low = 0, high = setup.alpha_per_mm;
   if (!(high > 0) || separates(high)) return high;
-  for (int i = 0; i < 12; ++i) {
-    context.check_cancelled();
-    const double middle = 0.5 * (low + high);
-    (separates(middle) ? low : high) = middle;
-  }
-  return low;
+  return halved({low, high}, 12,
+                [&](double alpha) {
+                  context.check_cancelled();
+                  return separates(alpha);
+                })
+      .low;
 }
 
 GelTimeOf time_to_gel_of(const Resin& resin) {

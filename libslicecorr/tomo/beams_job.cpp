@@ -14,12 +14,14 @@
 #include "stack/container/container_output.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "support/files/temporary.hpp"
+#include "support/json/finite.hpp"
 #include "support/json/read_json.hpp"
 #include "tomo/job_check.hpp"
 
 namespace slicecorr::tomo {
 namespace {
 
+using slicecorr::detail::finite_or_null;
 using slicecorr::detail::JsonNode;
 using slicecorr::detail::JsonSource;
 
@@ -29,10 +31,6 @@ constexpr double kLongestS = 1e9;
 
 std::string display_name(int display) { return fmt::format("display/{}.png", display); }
 std::string beam_name(std::size_t beam) { return fmt::format("beam/{:02}.png", beam); }
-
-nlohmann::ordered_json finite(double v) {
-  return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
-}
 
 nlohmann::ordered_json vat_json(const BeamVat& vat) {
   nlohmann::ordered_json j;
@@ -91,8 +89,8 @@ nlohmann::ordered_json config_of(const BeamJob& job) {
   j["format"] = kBeamJobFormat;
   j["exposure_s"] = job.exposure_s;
   j["brightest_mw_cm2"] = job.brightest_mw_cm2;
-  j["time_window_s"] = {finite(job.window.first_s), finite(job.window.last_s)};
-  j["contrast"] = finite(job.contrast);
+  j["time_window_s"] = {finite_or_null(job.window.first_s), finite_or_null(job.window.last_s)};
+  j["contrast"] = finite_or_null(job.contrast);
   j["images"] = name_of(job.setup.images);
   j["cell_mm"] = job.setup.cell_mm;
   j["cells"] = {job.cells[2], job.cells[1], job.cells[0]};

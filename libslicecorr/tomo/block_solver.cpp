@@ -7,6 +7,7 @@
 #include <cmath>
 #include <mutex>
 
+#include "support/numbers/bracket.hpp"
 #include "tomo/column_loops.hpp"
 
 namespace slicecorr::tomo::detail {
@@ -34,38 +35,30 @@ struct Limits {
 /// Where the slope of a convex loss crosses 0 in (0, end], for each column; `end` where it does not.
 template <class SlopeAt>
 Doubles minima(const SlopeAt& slope_at, const Doubles& end) {
-  Doubles low{}, high = end, at_low = slope_at(low), at_high = slope_at(end), found{};
-  std::array<int, kColumns> side{};
+  const Doubles at_low = slope_at(Doubles{}), at_high = slope_at(end);
+  Doubles found{};
+  std::array<FalsePosition, kColumns> roots{};
   std::array<bool, kColumns> done{};
   for (std::size_t c = 0; c < end.size(); ++c) {
+    roots[c] = {0, end[c], at_low[c], at_high[c]};
     done[c] = true;
     if (!(end[c] > 0) || at_low[c] >= 0) continue;
     found[c] = end[c];
     done[c] = at_high[c] <= 0;
   }
-  // False position; an end that stays twice counts half (Illinois).
   for (int i = 0; i < 12; ++i) {
     if (std::all_of(done.begin(), done.end(), [](bool d) { return d; })) break;
     Doubles t{};
     for (std::size_t c = 0; c < end.size(); ++c) {
-      if (!done[c]) t[c] = (low[c] * at_high[c] - high[c] * at_low[c]) / (at_high[c] - at_low[c]);
+      if (!done[c]) t[c] = roots[c].chord();
     }
     const Doubles s = slope_at(t);
     for (std::size_t c = 0; c < end.size(); ++c) {
       if (done[c]) continue;
-      if (s[c] < 0) {
-        low[c] = t[c];
-        at_low[c] = s[c];
-        if (side[c] == -1) at_high[c] *= 0.5;
-        side[c] = -1;
-      } else {
-        high[c] = t[c];
-        at_high[c] = s[c];
-        if (side[c] == 1) at_low[c] *= 0.5;
-        side[c] = 1;
-      }
-      done[c] = high[c] - low[c] <= 1e-3 * high[c];
-      found[c] = low[c] > 0 ? low[c] : high[c];
+      FalsePosition& root = roots[c];
+      root.take(t[c], s[c], !(s[c] < 0));
+      done[c] = root.high - root.low <= 1e-3 * root.high;
+      found[c] = root.low > 0 ? root.low : root.high;
     }
   }
   return found;

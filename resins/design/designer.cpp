@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "design/numbers.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::resins {
 
@@ -47,12 +48,9 @@ EdgeSteps edge_steps(const CureModel& model) {
 }  // namespace
 
 double boundary(double low, double high, bool at_low, const std::function<bool(double)>& holds) {
-  for (int i = 0; i < 200 && high / low > 1 + 1e-14; ++i) {
-    const double middle = std::sqrt(low * high);
-    if (!(middle > low && middle < high)) break;
-    (holds(middle) == at_low ? low : high) = middle;
-  }
-  return at_low ? low : high;
+  const Bracket found =
+      halved_by_ratio({low, high}, 200, 1 + 1e-14, [&](double x) { return holds(x) == at_low; });
+  return at_low ? found.low : found.high;
 }
 
 Designer::Designer(const Resin& resin, const Printer& printer, const Wish& wish, double speed_mm_h)

@@ -14,7 +14,9 @@
 #include "slicecorr/limit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/units.hpp"
+#include "support/json/finite.hpp"
 #include "support/json/read_json.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::resins {
 
@@ -42,11 +44,7 @@ double critical_intensity(const Kinetics& k, double uv, double speed) {
   if (!(k.beta > 0 && uv > 0)) return low;
   double high = low;
   while (phi(high) < 1 && high < 1e12) high *= 2;
-  for (int i = 0; i < 100; ++i) {
-    const double middle = 0.5 * (low + high);
-    (phi(middle) < 1 ? low : high) = middle;
-  }
-  return high;
+  return halved({low, high}, 100, [&](double mw_cm2) { return phi(mw_cm2) < 1; }).high;
 }
 
 Passing passing_of(const Kinetics& k, const Question& q) {
@@ -269,7 +267,7 @@ Forecast predict(const Resin& resin, const Question& q) {
 
 std::string Forecast::to_json() const {
   using nlohmann::ordered_json;
-  const auto number = [](double v) { return std::isfinite(v) ? ordered_json(v) : ordered_json(); };
+  const auto number = [](double v) { return slicecorr::detail::finite_or_null(v); };
   ordered_json j;
   j["dose"] = question.aim ? "aim" : "gel";
   if (kinetics.has_gel_time()) {

@@ -5,12 +5,13 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/resins/design.hpp"
+#include "support/json/finite.hpp"
 
 namespace slicecorr::resins {
 
 std::string Recommendation::to_json() const {
   using nlohmann::ordered_json;
-  const auto number = [](double v) { return std::isfinite(v) ? ordered_json(v) : ordered_json(); };
+  const auto number = [](double v) { return slicecorr::detail::finite_or_null(v); };
   const auto range_of = [&](const std::optional<HeightRange>& r) {
     return r ? ordered_json({{"least_um", r->least_um}, {"greatest_um", r->greatest_um}})
              : ordered_json();

@@ -11,13 +11,13 @@
 #include <tuple>
 
 #include "fit/figure_text.hpp"
-#include "fit/json_number.hpp"
 #include "fit/prepare.hpp"
 #include "fit/statistics.hpp"
 #include "measure/number_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/gel_time_fit.hpp"
 #include "support/chart/chart.hpp"
+#include "support/json/finite.hpp"
 #include "support/text/ascii.hpp"
 
 namespace slicecorr::resins {
@@ -25,6 +25,7 @@ namespace slicecorr::resins {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using slicecorr::detail::finite_or_null;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 /// Conversions that differ by less are the same.
@@ -220,31 +221,31 @@ std::string GelTimeFit::to_json() const {
   j["model"] = "gel-time";
   for (const auto& [name, f, unit] :
        {std::tuple{"gel_a_mj_cm2", &a, "mJ/cm²"}, {"gel_b_sqrt_mw_cm2_s", &b, "sqrt(mW/cm²)·s"}}) {
-    j["parameters"][name] = {{"value", number(f->value)},
-                             {"stderr", number(f->stderr_)},
-                             {"ci95", {number(f->ci95[0]), number(f->ci95[1])}},
+    j["parameters"][name] = {{"value", finite_or_null(f->value)},
+                             {"stderr", finite_or_null(f->stderr_)},
+                             {"ci95", {finite_or_null(f->ci95[0]), finite_or_null(f->ci95[1])}},
                              {"unit", unit},
                              {"fixed", false},
                              {"at_bound", f->at_bound}};
   }
   j["n"] = times.size();
   if (conversion > 0) j["conversion"] = conversion;
-  j["rms_error"] = number(rms_error);
-  j["worst_error"] = number(worst_error);
-  j["exponent"] = number(exponent);
-  j["exponent_worst_error"] = number(exponent_error);
+  j["rms_error"] = finite_or_null(rms_error);
+  j["worst_error"] = finite_or_null(worst_error);
+  j["exponent"] = finite_or_null(exponent);
+  j["exponent_worst_error"] = finite_or_null(exponent_error);
   j["outliers"] = Json::array();
   j["warnings"] = warnings;
   j["covariance"] = {{"names", {"gel_a_mj_cm2", "gel_b_sqrt_mw_cm2_s"}},
                      {"matrix",
-                      {{number(a.stderr_ * a.stderr_), number(covariance)},
-                       {number(covariance), number(b.stderr_ * b.stderr_)}}}};
+                      {{finite_or_null(a.stderr_ * a.stderr_), finite_or_null(covariance)},
+                       {finite_or_null(covariance), finite_or_null(b.stderr_ * b.stderr_)}}}};
   j["sources"] = sources;
   Json& points = j["points"] = Json::array();
   for (std::size_t k = 0; k < times.size(); ++k) {
     points.push_back({{"intensity_mw_cm2", times[k].intensity_mw_cm2},
                       {"time_s", times[k].time_s},
-                      {"predicted_s", number(predicted_s[k])},
+                      {"predicted_s", finite_or_null(predicted_s[k])},
                       {"source", times[k].origin.source},
                       {"line", times[k].origin.line}});
   }

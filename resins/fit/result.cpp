@@ -11,22 +11,25 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/figure_text.hpp"
-#include "fit/json_number.hpp"
 #include "fit/prepare.hpp"
 #include "fit/statistics.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/fit.hpp"
+#include "support/json/finite.hpp"
 
 namespace slicecorr::resins {
 
 namespace {
 
 using Json = nlohmann::ordered_json;
+using slicecorr::detail::finite_or_null;
 
 // A table for a program to draw, not an archive: larger ones would be hundreds of megabytes.
 constexpr std::size_t kMostPointsInJson = 20000;
 
-Json interval(const std::array<double, 2>& ci) { return {number(ci[0]), number(ci[1])}; }
+Json interval(const std::array<double, 2>& ci) {
+  return {finite_or_null(ci[0]), finite_or_null(ci[1])};
+}
 
 bool has_dead_zones(FitModel m) {
   return m != FitModel::jacobs && m != FitModel::kinetic && m != FitModel::gel_time;
@@ -72,9 +75,9 @@ Height predict(const FitResult& r, double blue, double uv, double exposure) {
 
 Json kind_json(const KindFit& k) {
   return Json{{"n", k.n},
-              {"r2", number(k.r2)},
-              {"rmse_um", number(k.rmse_um)},
-              {"sigma_um", number(k.sigma_um)}};
+              {"r2", finite_or_null(k.r2)},
+              {"rmse_um", finite_or_null(k.rmse_um)},
+              {"sigma_um", finite_or_null(k.sigma_um)}};
 }
 
 Json outlier_json(const FitResult& r, const Outlier& o) {
@@ -83,11 +86,11 @@ Json outlier_json(const FitResult& r, const Outlier& o) {
   return Json{{"point", o.point},
               {"file", source < r.sources.size() ? Json(r.sources[source]) : Json()},
               {"line", p.origin.line},
-              {"measured_um", number(p.measured_um)},
-              {"predicted_um", number(p.predicted_um)},
-              {"studentised", number(p.studentised)},
-              {"leverage", number(p.leverage)},
-              {"cooks_distance", number(p.cooks_distance)},
+              {"measured_um", finite_or_null(p.measured_um)},
+              {"predicted_um", finite_or_null(p.predicted_um)},
+              {"studentised", finite_or_null(p.studentised)},
+              {"leverage", finite_or_null(p.leverage)},
+              {"cooks_distance", finite_or_null(p.cooks_distance)},
               {"reason", o.reason}};
 }
 
@@ -96,13 +99,13 @@ Json point_json(const FitPoint& p) {
   if (p.blue_mw_cm2 > 0) q["blue_mw_cm2"] = p.blue_mw_cm2;
   if (p.is_dead_zone) q["uv_mw_cm2"] = p.uv_mw_cm2;
   if (p.exposure_s > 0) q["exposure_s"] = p.exposure_s;
-  q["dose_mj_cm2"] = number(p.dose_mj_cm2);
-  q["measured_um"] = number(p.measured_um);
-  q["predicted_um"] = number(p.predicted_um);
-  q["weight"] = number(p.weight);
-  q["leverage"] = number(p.leverage);
-  q["studentised"] = number(p.studentised);
-  q["cooks_distance"] = number(p.cooks_distance);
+  q["dose_mj_cm2"] = finite_or_null(p.dose_mj_cm2);
+  q["measured_um"] = finite_or_null(p.measured_um);
+  q["predicted_um"] = finite_or_null(p.predicted_um);
+  q["weight"] = finite_or_null(p.weight);
+  q["leverage"] = finite_or_null(p.leverage);
+  q["studentised"] = finite_or_null(p.studentised);
+  q["cooks_distance"] = finite_or_null(p.cooks_distance);
   q["source"] = p.origin.source;
   q["line"] = p.origin.line;
   return q;
@@ -113,7 +116,7 @@ Json square_json(const std::vector<double>& values, std::size_t width) {
   Json rows = Json::array();
   for (std::size_t i = 0; i < width; ++i) {
     Json row = Json::array();
-    for (std::size_t k = 0; k < width; ++k) row.push_back(number(values[i * width + k]));
+    for (std::size_t k = 0; k < width; ++k) row.push_back(finite_or_null(values[i * width + k]));
     rows.push_back(std::move(row));
   }
   return rows;
@@ -173,8 +176,8 @@ std::string FitResult::to_json() const {
   Json free = Json::array();
   for (const Parameter& p : parameters) {
     Json& q = all[p.name];
-    q["value"] = number(p.value);
-    q["stderr"] = number(p.stderr_);
+    q["value"] = finite_or_null(p.value);
+    q["stderr"] = finite_or_null(p.stderr_);
     q["ci95"] = interval(p.ci95);
     if (p.bootstrap95) q["bootstrap95"] = interval(*p.bootstrap95);
     q["unit"] = p.unit;
@@ -182,17 +185,17 @@ std::string FitResult::to_json() const {
     q["at_bound"] = p.at_bound;
     if (!p.fixed) free.push_back(p.name);
   }
-  j["r2"] = number(r2);
-  j["rmse_um"] = number(rmse_um);
-  j["sigma_um"] = number(sigma_um);
+  j["r2"] = finite_or_null(r2);
+  j["rmse_um"] = finite_or_null(rmse_um);
+  j["sigma_um"] = finite_or_null(sigma_um);
   j["n"] = n;
   j["free_parameters"] = free_parameters;
   if (cured.n > 0) j["cured_heights"] = kind_json(cured);
   if (dead_zones.n > 0) j["dead_zones"] = kind_json(dead_zones);
   if (has_dead_zones(model)) {
-    j["blue_law"] = {{"hb_um", number(hb_um)},
-                     {"critical_dose_prime", number(critical_dose_prime)},
-                     {"m", number(m)}};
+    j["blue_law"] = {{"hb_um", finite_or_null(hb_um)},
+                     {"critical_dose_prime", finite_or_null(critical_dose_prime)},
+                     {"m", finite_or_null(m)}};
   }
   Json& apart = j["outliers"] = Json::array();
   for (const Outlier& o : outliers) {
@@ -202,12 +205,12 @@ std::string FitResult::to_json() const {
   if (reciprocity) {
     const Reciprocity& r = *reciprocity;
     j["reciprocity"] = {{"holds", r.holds},
-                        {"m", number(r.m)},
+                        {"m", finite_or_null(r.m)},
                         {"m_ci95", interval(r.m_ci95)},
-                        {"f", number(r.f)},
-                        {"p_value", number(r.p_value)},
-                        {"aicc_jacobs", number(r.aic_jacobs)},
-                        {"aicc_kinetic", number(r.aic_kinetic)},
+                        {"f", finite_or_null(r.f)},
+                        {"p_value", finite_or_null(r.p_value)},
+                        {"aicc_jacobs", finite_or_null(r.aic_jacobs)},
+                        {"aicc_kinetic", finite_or_null(r.aic_kinetic)},
                         {"verdict", r.verdict}};
   }
   Json rows = square_json(covariance, free.size());

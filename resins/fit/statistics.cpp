@@ -13,6 +13,8 @@
 #include <cmath>
 #include <limits>
 
+#include "support/numbers/bracket.hpp"
+
 namespace slicecorr::resins {
 
 namespace {
@@ -78,13 +80,10 @@ VariancePrior variance_prior(const std::vector<double>& variances,
   const double excess = spread - by_chance;
   if (n < 2 || !(excess > 0)) return {pooled, std::numeric_limits<double>::infinity()};
   // trigamma(half) = excess: it falls from infinity to 0.
-  double low = 1e-6, high = 1;
+  double high = 1;
   while (trigamma(high) > excess && high < 1e8) high *= 2;
-  for (int i = 0; i < 100; ++i) {
-    const double middle = 0.5 * (low + high);
-    (trigamma(middle) > excess ? low : high) = middle;
-  }
-  const double half = 0.5 * (low + high);
+  const double half =
+      halved({1e-6, high}, 100, [&](double x) { return trigamma(x) > excess; }).middle();
   return {std::exp(mean + digamma(half) - std::log(half)), 2 * half};
 }
 

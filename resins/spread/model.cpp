@@ -9,6 +9,8 @@
 #include <limits>
 #include <numbers>
 
+#include "support/numbers/bracket.hpp"
+
 namespace slicecorr::resins {
 
 namespace {
@@ -178,13 +180,9 @@ double printed_width_um(const SpreadState& s, const Exposure& e, double designed
 
 double narrowest_um(const SpreadState& s, Exposure e, bool gap) {
   e.gap = gap;
-  double low = 0, high = 40 * std::max({s.sigma_um, s.weight2 > 0 ? s.sigma2_um : 0.0, 1e-3});
+  const double high = 40 * std::max({s.sigma_um, s.weight2 > 0 ? s.sigma2_um : 0.0, 1e-3});
   if (!(printed_width_um(s, e, high) > 0)) return std::numeric_limits<double>::infinity();
-  for (int i = 0; i < 60; ++i) {
-    const double middle = 0.5 * (low + high);
-    (printed_width_um(s, e, middle) > 0 ? high : low) = middle;
-  }
-  return high;
+  return halved({0, high}, 60, [&](double um) { return !(printed_width_um(s, e, um) > 0); }).high;
 }
 
 }  // namespace slicecorr::resins

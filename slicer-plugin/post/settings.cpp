@@ -24,10 +24,11 @@ struct Group {
 };
 const std::vector<Group>& groups() {
   static const std::vector<Group> list = {
-      {{"mode", "speed-mm-h", "exposure-s"},
-       {"mode", "speed-mm-h", "ramp", "ramp-mm", "exposure-s", "bottom-exposure-s", "bottom-layers",
-        "fade-layers"}},
-      {{"uv-mw-cm2", "dead-zone-um"}, {"uv-mw-cm2", "dead-zone-um", "uv-schedule"}},
+      {{"mode", "speed-mm-h", "exposure-s", "layer-exposure-s"},
+       {"mode", "speed-mm-h", "slice-speed-mm-h", "slice-lamps", "ramp", "ramp-mm", "exposure-s",
+        "bottom-exposure-s", "bottom-layers", "fade-layers", "layer-exposure-s"}},
+      {{"uv-mw-cm2", "dead-zone-um", "even-dead-zone"},
+       {"uv-mw-cm2", "dead-zone-um", "uv-schedule", "even-dead-zone"}},
       {{"dc-mj-cm3", "dose-factor"}, {"dc-mj-cm3", "dose-factor"}}};
   return list;
 }

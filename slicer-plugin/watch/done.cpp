@@ -65,18 +65,11 @@ Done correct_and_tell(const std::string& path, const PostRequest& request,
     became(Kind::in_use, cli::kInput, e.what());
   } catch (const NotReadable& e) {
     became(Kind::not_readable, cli::kInput, e.what());
-  } catch (const Cancelled&) {
-    became(Kind::cancelled, cli::kInterrupted, {});
-  } catch (const InputError& e) {
-    became(Kind::failed, cli::kInput, e.what());
-  } catch (const InfeasibleError& e) {
-    became(Kind::failed, cli::kInfeasible, e.what());
-  } catch (const DeviceError& e) {
-    became(Kind::failed, cli::kDevice, e.what());
-  } catch (const std::bad_alloc&) {
-    became(Kind::failed, cli::kDevice, "out of memory");
-  } catch (const std::exception& e) {
-    became(Kind::failed, cli::kDefect, fmt::format("a defect of the program: {}", e.what()));
+  } catch (...) {
+    const Failure failure = failure_at_hand();
+    const bool cancelled = failure.kind == Failure::Kind::cancelled;
+    became(cancelled ? Kind::cancelled : Kind::failed, cli::exit_code(failure.kind),
+           cancelled ? std::string() : failure.text);
   }
   return done;
 }

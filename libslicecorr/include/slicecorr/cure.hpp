@@ -57,6 +57,7 @@
 #include <array>
 #include <cstddef>
 #include <memory>
+#include <variant>
 #include <vector>
 
 #include "slicecorr/process.hpp"
@@ -70,6 +71,19 @@ class InhibitedKernel;
 struct CureModel;
 /// The features that count in a model (supports.hpp): UV light of any kind as constant.
 std::vector<Feature> features_of(const CureModel& model);
+
+/// By what law light becomes dose. Each has both modes of exposure.
+struct SumOfLight {};  ///< (A.32), layer by layer W(n)
+/// Under UV light (inhibited.hpp); never null.
+struct UnderUv {
+  std::shared_ptr<const InhibitedKernel> kernel;
+};
+/// Of a resin whose time to gel counts (gel_time.hpp): phi is the dose after a long run of slices,
+/// layer by layer that of one exposure at the window, and `eta` and `a` are those of light. Never null.
+struct WithGelTime {
+  std::shared_ptr<const GelTimeKernel> kernel;
+};
+using DoseLaw = std::variant<SumOfLight, UnderUv, WithGelTime>;
 
 /// A printer, a resin and an exposure schedule in dimensionless form.
 struct CureModel {
@@ -86,15 +100,21 @@ struct CureModel {
   /// What each slice counts for over a normal one: layer by layer its exposure, continuous the
   /// print's speed over its own where lamps stay; the last holds for later slices, empty: 1.
   std::vector<double> exposure_ratio;
-  /// The dose under UV light; null without it.
-  std::shared_ptr<const InhibitedKernel> inhibited;
-  /// Of a resin whose time to gel counts (gel_time.hpp): phi is then the dose after a long run of
-  /// slices, layer by layer that of one exposure at the window, and `eta` and `a` are those of light.
-  /// Null for other resins.
-  std::shared_ptr<const GelTimeKernel> gel_time;
-  /// Continuous, neither under UV light nor with a time to gel: (A.32) describes the dose, where the
-  /// bath ends with what slices count for in it.
-  bool is_continuous() const { return mode == ExposureMode::continuous && !inhibited && !gel_time; }
+  DoseLaw law;
+  /// Of the law `UnderUv`, and of `WithGelTime`; null for other laws.
+  const InhibitedKernel* inhibited() const {
+    const auto* of = std::get_if<UnderUv>(&law);
+    return of ? of->kernel.get() : nullptr;
+  }
+  const GelTimeKernel* gel_time() const {
+    const auto* of = std::get_if<WithGelTime>(&law);
+    return of ? of->kernel.get() : nullptr;
+  }
+  /// Continuous, by sums of light: (A.32) describes the dose, where the bath ends with what slices
+  /// count for in it.
+  bool is_continuous() const {
+    return mode == ExposureMode::continuous && std::holds_alternative<SumOfLight>(law);
+  }
   /// Whether the recursion (A.32) describes the dose as it stands.
   bool is_plain() const {
     return is_continuous() && bath_slices == 0 && mirrored_slices == 0 && exposure_ratio.empty();

@@ -40,7 +40,7 @@ void check_window(const DeadZones& zones, const Process& process);
 /// Watches the window under one band.
 class WindowWatch {
  public:
-  /// `model.inhibited` must be there and outlive this.
+  /// `model.inhibited()` must be there and outlive this.
   WindowWatch(const CureModel& model, int slices, std::size_t columns);
   /// Pixels (0..255) of a slice, in any order of slices that is steadily up or down; null: black.
   void add_slice(int slice, const std::uint8_t* pixels);

@@ -197,6 +197,14 @@ class CorrectedSlices final : public SliceSource {
   Grid grid_;
 };
 
+/// What a design has beside features and gaps.
+struct DesignHas {
+  bool left_alone = false, doses = false;
+};
+/// All of a correction that is refused before the work, by the table of supports.hpp and by what three
+/// of its features or an input bring. Throws `InputError`.
+void check_correction(const Setup& setup, const DesignHas& design);
+
 /// Checks that `setup` can print `target` at all: size, scale, stage, light. Throws as
 /// `correct_stack`. Where the printer has a flat-field that is too dim at some places, the slices
 /// are read to find whether the part is lit there; a `GridOnly` is lit nowhere. The plan is that of

@@ -235,21 +235,26 @@ int Program::run(int argc, char** argv) {
       if (command->parsed()) return finish(act(console.context(threads_), console));
     }
     return only_ ? finish(only_(console.context(threads_), console)) : kInput;
-  } catch (const Cancelled&) {
-    return fail(kInterrupted, "interrupted; nothing was left half-made");
-  } catch (const InputError& e) {
-    return fail(kInput, e.what());
-  } catch (const InfeasibleError& e) {
-    return fail(kInfeasible, e.what());
-  } catch (const DeviceError& e) {
-    return fail(kDevice, e.what());
-  } catch (const std::bad_alloc&) {
-    return fail(kDevice, "out of memory");
-  } catch (const std::system_error& e) {
-    // No threads, no open files to be had.
-    return fail(kDevice, fmt::format("the system refuses what is needed: {}", e.what()));
-  } catch (const std::exception& e) {
-    return fail(kDefect, fmt::format("a defect of the program: {}", e.what()));
+  } catch (...) {
+    const Failure failure = failure_at_hand();
+    const bool stopped = failure.kind == Failure::Kind::cancelled;
+    return fail(exit_code(failure.kind),
+                stopped ? "interrupted; nothing was left half-made" : failure.text);
+  }
+}
+
+ExitCode exit_code(Failure::Kind kind) {
+  switch (kind) {
+    case Failure::Kind::cancelled:
+      return kInterrupted;
+    case Failure::Kind::input:
+      return kInput;
+    case Failure::Kind::infeasible:
+      return kInfeasible;
+    case Failure::Kind::defect:
+      return kDefect;
+    default:
+      return kDevice;
   }
 }
 

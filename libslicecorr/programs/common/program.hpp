@@ -16,6 +16,7 @@
 
 #include "programs/common/completion.hpp"
 #include "slicecorr/parallel.hpp"
+#include "support/process/failure.hpp"
 
 namespace slicecorr::detail {
 struct Temporary;
@@ -33,6 +34,9 @@ enum ExitCode {
   kMissed = 5,  ///< a tolerance; of a farm that has nothing left to do: jobs failed
   kInterrupted = 130,
 };
+
+/// Of what ended a program's work.
+ExitCode exit_code(Failure::Kind kind);
 
 /// Progress and remarks on stderr: a line that is rewritten on a terminal, plain lines else.
 class Console {

@@ -19,11 +19,13 @@
 #include "slicecorr/tomo/beams_job.hpp"
 #include "slicecorr/tomo/beams_page.hpp"
 #include "slicecorr/units.hpp"
+#include "support/json/finite.hpp"
 
 namespace slicecorr::cli {
 
 namespace {
 
+using slicecorr::detail::finite_or_null;
 using tomo::Beam;
 using tomo::BeamImages;
 using tomo::Box;
@@ -32,10 +34,6 @@ using tomo::Box;
 constexpr double kProven = 1.002;
 /// Absorption times the vat's length from which on absorption counts.
 constexpr double kDim = 0.05;
-
-nlohmann::ordered_json finite(double v) {
-  return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
-}
 
 Box<std::uint8_t> read_cells(const BeamsArguments& o, double cell_mm,
                              const ExecutionContext& context) {
@@ -87,16 +85,16 @@ std::string json_of(const Result& r) {
   const tomo::BeamFigures& f = r.figures;
   nlohmann::ordered_json j;
   j["printable"] = r.printable();
-  j["contrast"] = finite(r.print.figures.contrast);
-  j["contrast_shown"] = finite(f.contrast);
-  j["contrast_bound"] = finite(r.print.contrast_bound);
+  j["contrast"] = finite_or_null(r.print.figures.contrast);
+  j["contrast_shown"] = finite_or_null(f.contrast);
+  j["contrast_bound"] = finite_or_null(r.print.contrast_bound);
   j["jaccard"] = f.jaccard;
   j["best_jaccard"] = f.best_jaccard;
   j["hull_jaccard"] = r.print.hull_jaccard;
   j["hull_cells"] = r.print.hull_cells;
   j["ver"] = f.ver;
-  j["time_window_s"] = {finite(job.window.first_s), finite(job.window.last_s)};
-  j["exposure_s"] = finite(job.exposure_s);
+  j["time_window_s"] = {finite_or_null(job.window.first_s), finite_or_null(job.window.last_s)};
+  j["exposure_s"] = finite_or_null(job.exposure_s);
   j["brightest_mw_cm2"] = job.brightest_mw_cm2;
   j["least_inside_mw_cm2"] = f.least_inside * job.brightest_mw_cm2;
   j["most_outside_mw_cm2"] = f.most_outside * job.brightest_mw_cm2;
@@ -109,7 +107,7 @@ std::string json_of(const Result& r) {
     if (k < job.shown.laser_mw.size()) {
       beam["efficiency"] = job.shown.efficiency[k];
       beam["rms_error_padded"] = job.shown.rms_error[k];
-      beam["laser_mw"] = finite(job.shown.laser_mw[k]);
+      beam["laser_mw"] = finite_or_null(job.shown.laser_mw[k]);
     }
     j["beams"].push_back(beam);
   }

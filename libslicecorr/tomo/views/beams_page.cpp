@@ -12,6 +12,7 @@
 #include "slicecorr/tomo/section.hpp"
 #include "slicecorr/version.hpp"
 #include "support/chart/chart.hpp"
+#include "support/numbers/bracket.hpp"
 #include "support/page/page_style.hpp"
 #include "support/text/display_text.hpp"
 #include "support/text/escape.hpp"
@@ -39,12 +40,9 @@ std::string seconds(double s) { return std::isfinite(s) ? figure(s) + " s" : "ne
 /// The light that gels in the time of the exposure, mW/cm².
 double gelling_mw_cm2(const BeamReport& r) {
   const GelTimeOf time = time_to_gel_of(r.job.resin);
-  double low = 1e-9, high = 1e9;
-  for (int i = 0; i < 100; ++i) {
-    const double middle = std::sqrt(low * high);
-    (time(middle) > r.job.exposure_s ? low : high) = middle;
-  }
-  return high;
+  return halved_by_ratio({1e-9, 1e9}, 100, 1,
+                         [&](double mw_cm2) { return time(mw_cm2) > r.job.exposure_s; })
+      .high;
 }
 
 std::string figures_table(const BeamReport& r) {

@@ -421,7 +421,7 @@ TEST_F(BridgeTwoDisplays, AProfileOfSpeedsIsFollowedAndTheDoseStays) {
   bad("slice,speed_mm_h\n0,nan\n", "no number");
   bad("slice,speed\n0,300\n", "head slice,speed_mm_h");
   bad("slice,speed_mm_h\n0,300,4\n", "two columns");
-  bad("", "no speeds");
+  bad("", "has no rows");
   write_file(csv, to_bytes("slice,speed_mm_h\n0,300\n"));
   const RunResult layerwise =
       run_program({program("slicecorr"), "correct", target, "-o", folder / "no.uvj", "--printer",

@@ -252,7 +252,7 @@ TEST_F(EvenDeadZoneProgram, WhatCannotBeIsRefused) {
   bad(2,
       correct("flood.toml", "resin.toml",
               {"--mode", "layerwise", "--exposure-s", "2", "--even-dead-zone", "blue"}),
-      {"--even-dead-zone", "layer"});
+      {"an even dead zone", "layer by layer"});
   bad(3, correct("weak.toml", "resin.toml", even + Command{"--gap-um", "120"}), {"suction"});
 }
 

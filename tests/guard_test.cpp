@@ -31,7 +31,7 @@ TEST(Guard, EveryExceptionHasItsCode) {
   EXPECT_EQ(status_of(std::bad_alloc()), SLICECORR_DEVICE);
   EXPECT_STREQ(slicecorr_error_text(), "out of memory");
   EXPECT_EQ(status_of(std::logic_error("a defect")), SLICECORR_DEFECT);
-  EXPECT_STREQ(slicecorr_error_text(), "a defect");
+  EXPECT_STREQ(slicecorr_error_text(), "a defect of the program: a defect");
   EXPECT_EQ(status_of(Error("a plain error")), SLICECORR_DEFECT);
   EXPECT_EQ(status_of(42), SLICECORR_DEFECT);
   EXPECT_EQ(guarded(nullptr, [] {}), SLICECORR_OK);

@@ -328,9 +328,13 @@ class Case:
         if r.returncode != 0:
             self.fault(f"correct: exit code {r.returncode}: {r.stderr[-400:]}")
             return "counted", None
-        for v, words in verdicts:
-            if words not in " ".join(r.stderr.split()):
-                self.fault(f"correct does not tell '{words}': {r.stderr[-300:]}")
+        # One reason is enough where there are several.
+        told = " ".join(r.stderr.split())
+        for verdict in {v for v, _ in verdicts}:
+            reasons = [w for v, w in verdicts if v == verdict]
+            for feature in {w.split(":")[0] for w in reasons} if "left out" in verdict else {""}:
+                if not any(w in told for w in reasons if w.startswith(feature)):
+                    self.fault(f"correct does not tell '{reasons}': {r.stderr[-300:]}")
         if not self.quick:
             self.check_changes([w for v, w in verdicts if v == "left out, and told"],
                                [w for v, w in verdicts if "column by column" in v])
@@ -376,7 +380,9 @@ class Case:
             self.fault(f"verify: exit code {r.returncode}: {r.stderr[-300:]}")
             return
         told = json.loads(r.stdout)
-        if "a capped dose" in self.features and not self.left_out_cap:
+        # What is left alone shines on, and where light spreads on its neighbours, too.
+        shines = {"light that spreads", "what is left alone"} <= self.features
+        if "a capped dose" in self.features and not self.left_out_cap and not shines:
             over = doses[design].max()
             # One step of levels more where the cap lies between two.
             if over > 1.35:
@@ -412,7 +418,7 @@ class Case:
         self.compare(f"simulate at {x}, {y}", z[inside], told[inside], true)
 
     def compare(self, what, z, told, true):
-        off = np.abs(told - true) / np.maximum(true, 0.05)
+        off = np.abs(told - true) / np.maximum(true, 0.1)
         if off.max() > TOLERANCE:
             n = int(off.argmax())
             self.fault(f"{what}: dose {told[n]:.6g} at {z[n]:g} um, the images give {true[n]:.6g}")

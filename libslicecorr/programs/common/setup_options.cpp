@@ -46,7 +46,16 @@ CLI::Option* SetupOptions::add(CLI::App& app, const Setting& s) {
         } else {
           CLI::Option* const option = app.add_option(name, value, text);
           if constexpr (std::is_same_v<Value, std::string>) {
-            if (s.or_inf) option->check(value_is(ValueKind::text));
+            if (s.or_inf) {
+              option->check(value_is(ValueKind::text));
+              option->check(
+                  [&s](const std::string& said) {
+                    return takes_text(s, said)
+                               ? std::string()
+                               : fmt::format("'{}' is not {}", said, setting_takes(s));
+                  },
+                  "");
+            }
             if (!value.empty()) option->capture_default_str();
             if (s.words.empty()) return option;
             if (!s.bare.empty()) option->expected(0, 1)->default_str(std::string(s.bare));

@@ -3,7 +3,7 @@
 
 // What the wall of the C interface makes of each exception. Compiled in, because the shared library
 // does not show it.
-#include "c_api/guard.cpp"
+#include "c_api/guard.cpp"  // NOLINT(bugprone-suspicious-include)
 
 #include <gtest/gtest.h>
 

@@ -444,8 +444,18 @@ std::string work_text(const JobRequest& request) {
 }
 
 nlohmann::ordered_json field_schemas() {
+  // Settings first, by heading, in the order of their table.
   Schema all = Schema::object();
-  for (const auto& [name, field] : fields()) all[name] = field.schema;
+  for (const std::string_view heading :
+       {kHowItPrints, kHowItIsCorrected, kUvAndFlow, kAlongTheHeight}) {
+    for (const Setting& s : settings()) {
+      const auto found = fields().find(s.name);
+      if (s.group == heading && found != fields().end()) all[found->first] = found->second.schema;
+    }
+  }
+  for (const auto& [name, field] : fields()) {
+    if (!all.contains(name)) all[name] = field.schema;
+  }
   // One path may stand alone.
   all["part"] = {{"type", "string"}, {"description", all["part"]["description"]}};
   return all;

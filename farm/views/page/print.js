@@ -65,13 +65,20 @@ function settingInput(schema) {
   if (isList(schema)) e.placeholder = 'numbers with commas between';
   return e;
 }
+// A key with its unit as people write it.
+const units = {um: 'um', s: 's', mm_h: 'mm/h', mm: 'mm', mw_cm2: 'mW/cm²', mj_cm3: 'mJ/cm³'};
+function wordsOf(key) {
+  const unit = Object.keys(units).sort((a, b) => b.length - a.length).find((u) => key.endsWith('_' + u));
+  const words = (unit ? key.slice(0, -unit.length - 1) : key).replace(/_/g, ' ').replace(/^uv\b/, 'UV');
+  return words.charAt(0).toUpperCase() + words.slice(1) + (unit ? ', ' + units[unit] : '');
+}
 function showSettings() {
   const groups = new Map();
   for (const [key, schema] of Object.entries(schemas.JobKeys.properties)) {
     const group = schema['x-group'];
     if (!group || $(key) || key === 'speed_mm_h' || key === 'exposure_s') continue;
     if (!groups.has(group)) groups.set(group, []);
-    const label = el('label', key.replace(/_/g, ' ')), input = settingInput(schema), words = el('span', schema.description, 'dim');
+    const label = el('label', wordsOf(key)), input = settingInput(schema), words = el('span', schema.description, 'dim');
     input.id = 'set-' + key;
     words.id = 'of-' + key;
     input.setAttribute('aria-describedby', words.id);

@@ -26,10 +26,10 @@ struct MemberOf<Value Class::*> {
 
 /// A word that is a value of an enumeration, in its order.
 template <auto member>
-constexpr ProcessWord word{[](const Process& p) { return static_cast<std::size_t>(p.*member); },
-                           [](Process& p, std::size_t w) {
-                             p.*member = static_cast<typename MemberOf<decltype(member)>::Type>(w);
-                           }};
+constexpr ProcessWord kWord{[](const Process& p) { return static_cast<std::size_t>(p.*member); },
+                            [](Process& p, std::size_t w) {
+                              p.*member = static_cast<typename MemberOf<decltype(member)>::Type>(w);
+                            }};
 
 constexpr ProcessWord kPlatformFeatures{
     [](const Process& p) { return std::size_t{p.cap_platform_features ? 0U : 1U}; },
@@ -67,7 +67,7 @@ const std::vector<Setting>& table() {
        .text = "How the printer exposes: while the stage moves, or standing still for each layer "
                "[continuous]",
        .words = {"continuous", "layerwise"},
-       .process = word<&Process::mode>},
+       .process = kWord<&Process::mode>},
       {.name = "speed_mm_h",
        .group = kHowItPrints,
        .chosen = &C::speed_mm_h,
@@ -149,7 +149,7 @@ const std::vector<Setting>& table() {
                "loses some height, or let them close (merge)",
        .words = {"open", "merge"},
        .corrects = true,
-       .process = word<&Process::one_slice_gaps>,
+       .process = kWord<&Process::one_slice_gaps>,
        .block = BlockPart::correction},
       {.name = "gap_shortfall",
        .group = kHowItIsCorrected,
@@ -189,7 +189,7 @@ const std::vector<Setting>& table() {
                "(mesh), or where slices end (slices)",
        .words = {"slices", "mesh"},
        .corrects = true,
-       .process = word<&Process::surface>,
+       .process = kWord<&Process::surface>,
        .block = BlockPart::correction,
        .changed_only = true},
       {.name = "platform_features",
@@ -246,7 +246,7 @@ const std::vector<Setting>& table() {
                "lit slices, and the lamp follows the speed; outside: before and after them; none: "
                "the stack does not say [none]",
        .words = {"none", "lamp-follows", "outside"},
-       .process = word<&Process::ramp>,
+       .process = kWord<&Process::ramp>,
        .block = BlockPart::stage},
       {.name = "ramp_mm",
        .group = kAlongTheHeight,
@@ -259,7 +259,7 @@ const std::vector<Setting>& table() {
        .chosen = &C::window_cure,
        .text = "What to do when the resin would cure to the window, which ruins the vat [refuse]",
        .words = {"refuse", "allow"},
-       .process = word<&Process::allow_window_cure>,
+       .process = kWord<&Process::allow_window_cure>,
        .block = BlockPart::stage},
       {.name = "slice_speed_mm_h",
        .group = kAlongTheHeight,
@@ -277,7 +277,7 @@ const std::vector<Setting>& table() {
                "doses stay the same, or stay as they are, so that a slice at half the speed gets "
                "twice the dose [follow]",
        .words = {"follow", "stay"},
-       .process = word<&Process::slice_lamps>,
+       .process = kWord<&Process::slice_lamps>,
        .block = BlockPart::stage,
        .changed_only = true},
   };

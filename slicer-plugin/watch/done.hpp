@@ -34,7 +34,7 @@ inline constexpr const char* kDoneFlag = "--tell-watcher";
 
 /// Corrects one file; throws nothing.
 Done correct_and_tell(const std::string& path, const PostRequest& request,
-                      const ExecutionContext& context);
+                      const ExecutionContext& given);
 /// A line of JSON, all but `path` and `seconds`.
 std::string done_json(const Done& done);
 /// What a program that was to print such a line has said, however it ended.

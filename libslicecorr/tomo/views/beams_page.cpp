@@ -27,7 +27,6 @@ namespace {
 using chart::figure;
 using chart::Panel;
 using chart::Picture;
-using chart::Point;
 using chart::Style;
 
 /// Pixels along the longer side of a picture of a beam.

@@ -9,9 +9,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <regex>
 #include <sstream>
 
@@ -382,6 +384,31 @@ TEST(Docs, FeaturesAndSettingsAreThoseThatTheProgramPrints) {
         {"settings", "\"takes\""}}) {
     const auto json = test::run_program({(kBin / "slicecorr").string(), page, "--json"});
     EXPECT_NE(json.out.find(word), std::string::npos);
+  }
+}
+
+// A row of the table is an option of every program that corrects.
+TEST(Docs, EverySettingIsAnOption) {
+  const auto table = test::run_program({(kBin / "slicecorr").string(), "settings", "--json"});
+  const auto settings = nlohmann::json::parse(table.out);
+  EXPECT_GT(settings.size(), 30U);
+  for (const std::vector<std::string>& program :
+       std::vector<std::vector<std::string>>{{"slicecorr", "run"},
+                                             {"slicecorr", "correct"},
+                                             {"slicecorr", "plan"},
+                                             {"slicecorr-post"},
+                                             {"slicefarm", "submit"}}) {
+    std::vector<std::string> command{(kBin / program[0]).string()};
+    command.insert(command.end(), program.begin() + 1, program.end());
+    command.emplace_back("--help");
+    const std::string help = test::run_program(command).out;
+    for (const auto& s : settings) {
+      if (s["library_only"].get<bool>()) continue;
+      std::string option = "--" + s["name"].get<std::string>();
+      std::replace(option.begin(), option.end(), '_', '-');
+      EXPECT_TRUE(help.find(option + " ") != help.npos || help.find(option + "\n") != help.npos)
+          << option << " of " << program.back();
+    }
   }
 }
 

@@ -27,9 +27,6 @@ class LampJudge {
   /// during the time that the lamp may take to follow. `rising`: while it warms up too little
   /// light is right.
   std::optional<std::string> judge(double share, double at_s, bool rising) const;
-  /// Least and greatest share asked for in the time that the lamp may take to follow.
-  double least_asked(double at_s) const { return range(at_s).first; }
-  double greatest_asked(double at_s) const { return range(at_s).second; }
   /// When the machine is known to have taken over what was asked last.
   std::optional<double> confirmed_at_s() const;
   /// Whether `share` was asked for long enough for the lamp to follow, and `measured` agrees with

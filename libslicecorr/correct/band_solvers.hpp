@@ -9,14 +9,10 @@
 #include <memory>
 #include <vector>
 
+#include "cure/margin.hpp"
 #include "slicecorr/correct.hpp"
 
 namespace slicecorr::detail {
-
-/// Added to an edge's relative dose of 1, so that rounding can't leave it below. The recursion
-/// loses at most about two roundings per node, and they fade by a per slice: 2^-52 * Omega / (1 -
-/// a) in all, below 1e-10 for layers of 1e-5 absorbance heights.
-inline constexpr double kMargin = 1e-9;
 
 /// The solve behind a `BandCorrector`, which passes its calls on.
 class BandSolver {

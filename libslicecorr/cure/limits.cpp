@@ -10,6 +10,7 @@
 #include <functional>
 #include <optional>
 
+#include "cure/margin.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
@@ -24,9 +25,9 @@ namespace {
 
 using detail::LitPlace;
 
-/// Limits are computed in another way than models are made. So far inside a limit (a share of it)
-/// both agree.
-constexpr double kInside = 1e-9;
+// Limits are computed in another way than models are made. So far inside a limit (a share of it) both
+// agree.
+using detail::kMargin;
 
 bool is_continuous(const Process& process) { return process.mode == ExposureMode::continuous; }
 
@@ -263,7 +264,7 @@ double longest_for_black_s(const CureModel& model, const Process& process, doubl
   for (int n = 0; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
     longest_s = std::max(longest_s, layer_exposure_s(process, n));
   }
-  const double fits_s = alike_s * (1 - kInside), gels_s = std::max(longest_s, alike_s);
+  const double fits_s = alike_s * (1 - kMargin), gels_s = std::max(longest_s, alike_s);
   if (fits(gels_s)) return alike_s;
   return halved({fits_s, gels_s}, 60, fits).low;
 }
@@ -286,9 +287,9 @@ Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const 
     if (place.lit) p.greatest = std::min(p.greatest, process.speed_mm_h * d.lit / place.needed);
     p.least = std::max(p.least, process.speed_mm_h * d.black);
   }
-  p.greatest *= 1 - kInside;
+  p.greatest *= 1 - kMargin;
   if (printer.max_speed_mm_h > 0) p.greatest = std::min(p.greatest, printer.max_speed_mm_h);
-  p.least *= 1 + kInside;
+  p.least *= 1 + kMargin;
   return p;
 }
 
@@ -300,7 +301,7 @@ Paces exposures(const std::vector<LitPlace>& places, const Process& process,
     const double shortest_s = is_plain_layerwise(*place.model)
                                   ? layer_exposure_s(process, weakest_layer(*place.model))
                                   : process.exposure_s;
-    if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kInside));
+    if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kMargin));
   }
   if (!std::isfinite(p.least)) return {std::numeric_limits<double>::infinity(), 0};
   for (const LitPlace& place : places) {
@@ -309,7 +310,7 @@ Paces exposures(const std::vector<LitPlace>& places, const Process& process,
                              : failing.lit
                                  ? longest_alike_s(model, process.exposure_s)
                                  : longest_for_black_s(model, process, process.exposure_s);
-    p.greatest = std::min(p.greatest, longest_s * (1 - kInside));
+    p.greatest = std::min(p.greatest, longest_s * (1 - kMargin));
   }
   return p;
 }
@@ -425,8 +426,8 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
     if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));
     black = std::min(black, std::pow(1.0 / d.black, 1.0 / p.model->m));
   }
-  full *= printer.calibration.back().intensity_mw_cm2 * (1 + kInside);
-  black *= printer.calibration.front().intensity_mw_cm2 * (1 - kInside);
+  full *= printer.calibration.back().intensity_mw_cm2 * (1 + kMargin);
+  black *= printer.calibration.front().intensity_mw_cm2 * (1 - kMargin);
   // Where no light is enough, less of black changes nothing.
   if (failing.lit && !std::isfinite(full)) return {};
   std::string text;

@@ -34,8 +34,7 @@ class Designer {
   double blue() const { return blue_; }
   double black() const { return black_; }
   double ratio() const { return ratio_; }
-  /// Height at which full light just reaches the critical intensity, and black light does.
-  double speed_limit() const { return limit_; }
+  /// Height at which black light reaches the critical intensity.
   double black_limit() const { return ratio_ > 0 ? limit_ / ratio_ : kInfinity; }
   double phi_max(double he) const { return he / limit_; }
   double phi_min(double he) const { return ratio_ * he / limit_; }

@@ -315,6 +315,23 @@ TEST(PlaceModels, UvLightIsThatOfTheBrightestPlace) {
   }
 }
 
+// Where UV light has so many intensities that values of light would have to share tables that differ by
+// more than half a per cent, edges would lie elsewhere than is told.
+TEST(PlaceModels, LightThatCannotBeToldApartIsRefused) {
+  Settings setup = with(modes()[5].setup, field_of(2, 1, {155, 255}, 255));
+  setup.process.uv = {UvKind::constant, 50, 0, {}};
+  EXPECT_NO_THROW(PlaceModels(setup.printer, setup.resin, setup.process, kGrid, {}));
+  setup.process.uv = {UvKind::per_slice, 0, 0, {}};
+  for (int n = 0; n < 60; ++n) setup.process.uv.slice_mw_cm2.push_back(20 + 0.5 * n);
+  try {
+    const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
+    FAIL() << "60 intensities of UV light at 101 values of light";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("display.flat_field"));
+    EXPECT_THAT(e.what(), testing::HasSubstr("expected UV light of one intensity"));
+  }
+}
+
 // ---- correction -----------------------------------------------------------------------------
 
 class FlatFieldTest : public testing::Test {

@@ -3,9 +3,12 @@
 
 #include "slicecorr/place_models.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/supports.hpp"
 
@@ -18,6 +21,9 @@ int values_per_model(const InhibitedKernel& kernel, int values) {
   constexpr double most_bytes = 256.0 * 1024 * 1024;
   return std::clamp(static_cast<int>(std::ceil(values * kernel.table_bytes() / most_bytes)), 1, 64);
 }
+
+/// By how much light may be off where values share a model.
+constexpr double kMostSharedLight = 0.005;
 
 }  // namespace
 
@@ -36,8 +42,20 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
   check_supported(printer, resin, process);
   printer_.flat_field.reset();
   if (even() || process.uv.kind == UvKind::off) return;
-  const int values = printer.flat_field->greatest() - printer.flat_field->least() + 1;
-  map_.coarsen(values_per_model(*model(map_.greatest()).inhibited(), values));
+  const int least = printer.flat_field->least();
+  const int values = printer.flat_field->greatest() - least + 1;
+  const int together = values_per_model(*model(map_.greatest()).inhibited(), values);
+  // Edges would lie elsewhere than is told.
+  const double off = 0.5 * (together - 1) / std::max(1, least);
+  if (off > kMostSharedLight) {
+    throw InputError(
+        printer.name, "display.flat_field",
+        fmt::format(
+            "under UV light of so many intensities its light is told apart to {:.1f} % only; "
+            "expected UV light of one intensity, or a printer without flat_field",
+            100 * off));
+  }
+  map_.coarsen(together);
 }
 
 PlaceModels::PlaceModels(const CureModel& everywhere) : layer_um_(everywhere.layer_um) {

@@ -27,10 +27,10 @@ namespace slicecorr {
 
 /// The cure models of a process by value of light. Made when asked for. Under UV light models have
 /// large tables: where those of all values together would take more than 256 MiB, neighbouring
-/// values share one (`LightMap::coarsen`).
+/// values share one (`LightMap::coarsen`), and light that can't be told apart to 0.5 % then is refused.
 class PlaceModels {
  public:
-  /// Throws as `LightMap`; making models throws as `make_cure_model`.
+  /// Throws as `LightMap`, and `InputError` where tables would have to be shared too widely; making models throws as `make_cure_model`.
   PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
               const Grid& images, const ImageFrame& frame);
   /// The same model at every place.

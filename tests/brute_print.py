@@ -17,7 +17,7 @@ import numpy as np
 
 
 def read_png(data):
-    """Grey images of 8 bits, or of 1, 2 or 4 spread to them."""
+    """Grey images of 8 bits, or of 1, 2 or 4 spread to them; colours as three numbers of each pixel."""
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     at, packed = 8, b""
     while at < len(data):
@@ -26,17 +26,19 @@ def read_png(data):
         if kind == b"IHDR":
             width, height = int.from_bytes(body[:4], "big"), int.from_bytes(body[4:8], "big")
             depth, colour = body[8], body[9]
-            assert colour == 0 and body[12] == 0
+            assert colour in (0, 2) and body[12] == 0
+            samples = 3 if colour == 2 else 1
         elif kind == b"IDAT":
             packed += body
         at += 12 + size
     raw = zlib.decompress(packed)
-    stride = (width * depth + 7) // 8
+    stride, whole = (width * depth * samples + 7) // 8, max(1, depth * samples // 8)
     rows, before = [], bytearray(stride)
     for y in range(height):
         how, line = raw[y * (stride + 1)], bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
         for x in range(stride):
-            left, up, corner = line[x - 1] if x else 0, before[x], before[x - 1] if x else 0
+            left, up = line[x - whole] if x >= whole else 0, before[x]
+            corner = before[x - whole] if x >= whole else 0
             if how == 4:
                 p = left + up - corner
                 guess = min((left, up, corner), key=lambda v: abs(p - v))
@@ -50,7 +52,7 @@ def read_png(data):
         bits = np.unpackbits(image, axis=1).reshape(height, -1, depth)
         values = bits @ (1 << np.arange(depth)[::-1])
         image = (values[:, :width] * 255 // ((1 << depth) - 1)).astype(np.uint8)
-    return image
+    return image.reshape(height, width, 3) if samples == 3 else image
 
 
 def images_of(archive, folder):

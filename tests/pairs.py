@@ -4,19 +4,21 @@
 
     pairs.py FOLDER_OF_PROGRAMS [--quick] [--triples] [--rounds N] [--seed N] [--only A,B] [--keep FOLDER]
 
-For each pair that `slicecorr features` allows a random part is corrected. verify, probe and simulate must tell
+For each pair that `slicecorr features` allows a random part is corrected. verify, probe, section and simulate must tell
 what the images print, voxel by voxel; both features must change the images. What is refused must be refused in
 the words of the table, in each program that corrects; what is left out must be told. --quick looks at fewer columns and
 leaves out whether both features change the images; --rounds takes so many parts for each.
 """
 
 import argparse
+import base64
 import csv
 import io
 import itertools
 import json
 import pathlib
 import random
+import re
 import struct
 import subprocess
 import sys
@@ -302,6 +304,10 @@ class Case:
         (self.folder / "farm").mkdir(exist_ok=True)
         tries = {"correct": self.correct(self.lit),
                  "run": self.run("slicecorr", "run", *mesh, "-o", "run.uvj", *run_options)}
+        # In place, as a slicer's archive; what only corrections by hand know, it is not asked.
+        if not {"region", "leave-alone", "uncertain"} & set(self.lit.options):
+            (self.folder / "posted.uvj").write_bytes((self.folder / "target.uvj").read_bytes())
+            tries["slicecorr-post"] = self.run("slicecorr-post", "posted.uvj", *self.arguments(self.lit))
         if not {"region", "slice-speed-mm-h"} & set(self.lit.options):
             tries["slicefarm submit"] = self.run("slicefarm", "submit", "--dir", "farm", "--dry-run", *mesh, *submit)
         for name, r in tries.items():
@@ -394,12 +400,33 @@ class Case:
             low, high = int((wrong & sure).sum()), int((wrong & sure).sum() + (~sure & ~alone).sum())
             if not low <= told[key] <= high:
                 self.fault(f"verify: {key} {told[key]}, the images print {low} to {high}")
+        self.check_section(brute, 5)
         for x, y in ((3, 3),) if self.quick else ((3, 3), (WIDTH - 1, 0), (6, 8)):
             self.check_column(brute, x, y)
 
     def tolerance(self):
         by_front = "light that spreads" in self.features and UV & self.features
         return TOLERANCE_BY_FRONT if by_front else TOLERANCE
+
+    def check_section(self, brute, y):
+        """Of the picture each colour is either of what prints or of what does not."""
+        r = self.run("slicecorr", "section", "stack.uvj", "--target", "target.uvj", "--y", y, "-o", "section.svg")
+        if r.returncode != 0:
+            self.fault(f"section: exit code {r.returncode}: {r.stderr[-300:]}")
+            return
+        svg = (self.folder / "section.svg").read_text()
+        picture = brute_print.read_png(base64.b64decode(re.findall(r"base64,([^\"]+)", svg)[1]))
+        down, across = picture.shape[0] // brute.layers, picture.shape[1] // WIDTH
+        seen = {}
+        for row in range(brute.layers * down):
+            doses = brute.dose_at((row + 0.5) / down * LAYER_UM)[y]
+            for x in range(WIDTH):
+                if abs(doses[x] - 1) > 5 * self.tolerance():
+                    colour = tuple(picture[row, x * across])
+                    seen.setdefault(colour, set()).add(bool(doses[x] >= 1))
+        mixed = [c for c, prints in seen.items() if len(prints) > 1]
+        if mixed or len(seen) < 2:
+            self.fault(f"section: colours {mixed} of {len(seen)} are of what prints and of what does not")
 
     def check_column(self, brute, x, y):
         r = self.run("slicecorr", "probe", "stack.uvj", "--x", x, "--y", y)

@@ -419,11 +419,14 @@ class Case:
         down, across = picture.shape[0] // brute.layers, picture.shape[1] // WIDTH
         seen = {}
         for row in range(brute.layers * down):
-            doses = brute.dose_at((row + 0.5) / down * LAYER_UM)[y]
+            # Edges go through a cell of the picture, along its height and, where light spreads, its width.
+            near = np.array([brute.dose_at(min(max(row + part, 0), brute.layers * down - 1e-6) / down * LAYER_UM)[y]
+                             for part in (-0.5, 0.02, 0.5, 0.98, 1.5)])
             for x in range(WIDTH):
-                if abs(doses[x] - 1) > 5 * self.tolerance():
+                around = near[:, max(x - 1, 0):x + 2] if "light that spreads" in self.features else near[:, x:x + 1]
+                if around.min() > 1 + self.tolerance() or around.max() < 1 - self.tolerance():
                     colour = tuple(picture[row, x * across])
-                    seen.setdefault(colour, set()).add(bool(doses[x] >= 1))
+                    seen.setdefault(colour, set()).add(bool(around.min() > 1))
         mixed = [c for c, prints in seen.items() if len(prints) > 1]
         if mixed or len(seen) < 2:
             self.fault(f"section: colours {mixed} of {len(seen)} are of what prints and of what does not")

@@ -153,13 +153,14 @@ class Print:
             step = (high - low) / self.steps
             yield n, low + step * (np.arange(self.steps) + 0.5) - z_um, step / self.um_s[n]
 
-    def dose_at(self, z_um):
+    def dose_at(self, z_um, uv=True):
+        """Relative dose of all pixels at a height; without `uv` as if no UV light came."""
         back = 1 + self.rho * math.exp(-2 * z_um / self.he_um)
         total = np.zeros(self.blue.shape[1:])
         lights, times = [], []
         for n, d_um, dt in self.looks(z_um):
             light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
-            if self.uv is not None:
+            if uv and self.uv is not None:
                 light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
             if self.gel_time:
                 lights.append(light)
@@ -187,8 +188,8 @@ class Print:
             share = np.where(after > 0, (y0 - x0) / ((y0 - x0) + (x1 - y1)), 0)
         return (x0 + share * (x1 - x0))[..., 0]
 
-    def doses(self, heights_um):
-        return np.array([self.dose_at(z) for z in heights_um])
+    def doses(self, heights_um, uv=True):
+        return np.array([self.dose_at(z, uv) for z in heights_um])
 
 
 def gaussians(spread):

@@ -66,7 +66,7 @@ class Browser : public ::testing::Test {
     page_->click("#who button");
     page_->set("token", token);
     page_->click("#ask button");
-    page_->wait_for("document.getElementById('ask').hidden && me.role !== 'look'");
+    page_->wait_for("document.body.dataset.ready === 'yes' && me.role !== 'look'");
   }
   /// The page as it is now on a desk and on a phone, light and dark, by day one of both each;
   /// nothing is wider than a phone.
@@ -107,7 +107,12 @@ TEST_F(Browser, FromPartsToTheQueue) {
                                                     "/tests/data/meshes/clean/ksr_fdmtest_v4.stl";
   open("/print");
   EXPECT_EQ(page_->eval("document.getElementById('queue').disabled"), true);
+  // What is said before one signs in stays said.
+  page_->set("set-window_cure", "allow");
+  page_->set("fit_mm", "12");
   sign_in(kOperate);
+  EXPECT_EQ(page_->eval("document.getElementById('set-window_cure').value"), "allow");
+  EXPECT_EQ(page_->eval("document.getElementById('fit_mm').value"), "12");
   EXPECT_THAT(page_->text("who"), HasSubstr("pia may operate"));
   test::write_file(farm_.root + "/notes.txt", "no part");
   page_->choose_files("#files", {part, ladder, farm_.root + "/notes.txt"});
@@ -116,14 +121,12 @@ TEST_F(Browser, FromPartsToTheQueue) {
   page_->click("#parts .part:last-child button");
   page_->set("printer", "dual-wavelength-dlp");
   page_->set("resin", "benchy-resin");
-  page_->set("fit_mm", "12");
   // All settings are there, few of them at once.
   EXPECT_EQ(page_->eval("document.getElementById('more').open"), false);
   page_->click("#more summary");
   EXPECT_GT(page_->eval("document.querySelectorAll('#settings input, #settings select').length"),
             25);
   EXPECT_THAT(page_->text("settings"), HasSubstr("Gaps one slice high"));
-  page_->set("set-window_cure", "allow");
   page_->set("set-gap_shortfall", "0.2");
   EXPECT_EQ(page_->text("more-said"), "(gap_shortfall, window_cure)");
   EXPECT_EQ(page_->eval("JSON.stringify(moreSettings('job'))"),

@@ -45,7 +45,7 @@ TEST(Settings, NamesInTexts) {
 
 TEST(Settings, WhatTheyTakeIsWhatTheySay) {
   EXPECT_EQ(setting_takes(*find_setting("speed_mm_h")), "a number above 0");
-  EXPECT_EQ(setting_takes(*find_setting("gap_shortfall")), "a number above 0, at most 0.5");
+  EXPECT_EQ(setting_takes(*find_setting("gap_shortfall")), "a number above 0 and at most 0.5");
   EXPECT_EQ(setting_takes(*find_setting("bottom_layers")), "a whole number from 0 to 1000000");
   EXPECT_EQ(setting_takes(*find_setting("platform_reflectance")), "a number from 0 to 1");
   EXPECT_EQ(setting_takes(*find_setting("omega_max")), "inf, or a number of at least 1");
@@ -117,7 +117,7 @@ TEST(Settings, OutOfRangeIsRefusedByName) {
   SetupChoices choices;
   choices.gap_shortfall = 0.7;
   EXPECT_EQ(refusal(choices, ChoiceNames::options),
-            "--gap-shortfall is 0.7; expected a number above 0, at most 0.5");
+            "--gap-shortfall is 0.7; expected a number above 0 and at most 0.5");
   choices = {};
   choices.slice_speed_mm_h = {100, -1};
   EXPECT_EQ(refusal(choices, ChoiceNames::fields),

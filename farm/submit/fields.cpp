@@ -446,8 +446,7 @@ std::string work_text(const JobRequest& request) {
 nlohmann::ordered_json field_schemas() {
   // Settings first, by heading, in the order of their table.
   Schema all = Schema::object();
-  for (const std::string_view heading :
-       {kHowItPrints, kHowItIsCorrected, kUvAndFlow, kAlongTheHeight}) {
+  for (const std::string_view heading : kSettingGroups) {
     for (const Setting& s : settings()) {
       const auto found = fields().find(s.name);
       if (s.group == heading && found != fields().end()) all[found->first] = found->second.schema;

@@ -205,6 +205,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   tell_notices(setup, target, context);
   const Images images(target, setup.printer, folder, context, left_alone(asked));
   const SliceSource& source = images.source();
+  setup = setup_to_correct(source, std::move(setup), context);
   setup.process = schedule_uv(source, setup, context);
   Watched watched(source, context);
   const CorrectedSlices corrected(watched, setup, context);

@@ -79,8 +79,9 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
 
 }  // namespace
 
-Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
+Comparison compare_methods(const SliceSource& whole_target, const Setup& asked,
                            const ExecutionContext& context) {
+  const Setup setup = setup_to_correct(whole_target, asked, context);
   const SlicesAlone alone(whole_target);
   const SliceSource& target = setup.process.surface == Surface::mesh ? whole_target : alone;
   const PlacePlans plans(target, setup, context);

@@ -467,6 +467,15 @@ void check_correction(const Setup& setup, const DesignHas& design) {
   }
 }
 
+Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionContext& context) {
+  check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
+  const char* const heights = leave_out_heights(setup.printer, setup.resin, setup.process);
+  if (heights && target.edge_heights()) context.tell(heights);
+  const char* const cap = leave_out_cap(setup.printer, setup.resin, setup.process);
+  if (cap) context.tell(cap);
+  return setup;
+}
+
 CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
                                const ExecutionContext& context) {
   const PlacePlans plans(target, setup, context);
@@ -477,13 +486,7 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   Setup for_file = setup;
   for_file.printer = printer_for_file(setup.printer, file, target.grid(), context);
-  check_correction(for_file, {target.left_alone() != nullptr, target.doses() != nullptr});
-  const char* const left_out =
-      leave_out_heights(for_file.printer, for_file.resin, for_file.process);
-  if (left_out && target.edge_heights()) context.tell(left_out);
-  if (const char* const cap = leave_out_cap(for_file.printer, for_file.resin, for_file.process)) {
-    context.tell(cap);
-  }
+  for_file = setup_to_correct(target, std::move(for_file), context);
   StackInfo planned;
   planned.kind = StackKind::corrected;
   planned.grid = target.grid();

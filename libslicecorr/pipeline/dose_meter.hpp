@@ -16,8 +16,8 @@
 
 namespace slicecorr::detail {
 
-/// Whether wanted doses go with a setup (`check_correction`), and can be reached. Throws `InputError` in resin that ends, and
-/// `InfeasibleError` where one is wanted that full light never reaches.
+/// Whether wanted doses go with a setup (`check_correction`), and can be reached. Throws `InputError`
+/// in resin that ends, and `InfeasibleError` where one is wanted that full light never reaches.
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
                  const Setup& setup);
 

@@ -30,7 +30,7 @@ double gap_of(std::string_view text, const std::string& source) {
   const double um = gap->is_number() ? gap->get<double>() : -1;
   if (!(um > 0 && um <= kMostGapUm)) {
     throw InputError(source, kGapKey,
-                     fmt::format("expected a number above 0, at most {:g}", kMostGapUm));
+                     fmt::format("expected a number above 0 and at most {:g}", kMostGapUm));
   }
   return um;
 }

@@ -206,15 +206,16 @@ void change_along_z(const SliceSource& target, const DesignColumns& columns,
 PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const PlanAsk& ask,
                      const ExecutionContext& context) {
   check(whole_target, asked, ask);
+  const Setup counted = setup_to_correct(whole_target, asked, context);
   const SlicesAlone alone(whole_target);
-  const SliceSource& target = asked.process.surface == Surface::mesh ? whole_target : alone;
+  const SliceSource& target = counted.process.surface == Surface::mesh ? whole_target : alone;
   PrintPlan plan;
   plan.ask = ask;
-  plan.mode = asked.process.mode;
+  plan.mode = counted.process.mode;
   plan.layer_um = target.grid().layer_um;
   plan.layers = target.grid().layers;
   const bool continuous = plan.mode == ExposureMode::continuous;
-  const Setup setup = of_columns(asked, plan.notes);
+  const Setup setup = of_columns(counted, plan.notes);
   plan.stage_mm_h = setup.printer.max_speed_mm_h;
 
   const DesignColumns columns(target, context);

@@ -337,7 +337,7 @@ std::string setting_takes(const Setting& s) {
   text += r.above   ? fmt::format(" above {:g}", r.least)
           : bounded ? fmt::format(" from {:g} to {:.7g}", r.least, r.most)
                     : fmt::format(" of at least {:g}", r.least);
-  if (r.above && bounded) text += fmt::format(", at most {:.7g}", r.most);
+  if (r.above && bounded) text += fmt::format(" and at most {:.7g}", r.most);
   return text;
 }
 
@@ -422,10 +422,38 @@ void copy_setting(const Setting& s, const Process& from, Process& to) {
       s.process);
 }
 
+SettingValue setting_value(const Setting& s, const Process& p) {
+  return std::visit(
+      [&](const auto& value) -> SettingValue {
+        using Value = std::decay_t<decltype(value)>;
+        if constexpr (std::is_same_v<Value, std::monostate>) {
+          return {};
+        } else if constexpr (std::is_same_v<Value, ProcessWord>) {
+          return s.words[value.get(p)];
+        } else if constexpr (std::is_same_v<Value, std::vector<double> Process::*>) {
+          return std::span<const double>(p.*value);
+        } else {
+          if (s.or_inf && p.*value >= kNoCap) return std::string_view("inf");
+          return p.*value;
+        }
+      },
+      s.process);
+}
+
 bool same_setting(const Setting& s, const Process& a, const Process& b) {
-  Process changed = a;
-  copy_setting(s, b, changed);
-  return changed == a;
+  const SettingValue x = setting_value(s, a), y = setting_value(s, b);
+  return std::visit(
+      [&](const auto& value) {
+        using Value = std::decay_t<decltype(value)>;
+        const auto* other = std::get_if<Value>(&y);
+        if (!other) return false;
+        if constexpr (std::is_same_v<Value, std::span<const double>>) {
+          return std::equal(value.begin(), value.end(), other->begin(), other->end());
+        } else {
+          return value == *other;
+        }
+      },
+      x);
 }
 
 }  // namespace slicecorr

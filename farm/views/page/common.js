@@ -109,6 +109,7 @@ const may = (role) => ['look', 'submit', 'operate'].indexOf(me.role) >= ['look',
 // Asks who we are, and begins; again after signing in.
 async function begin(start) {
   const go = async () => {
+    delete document.body.dataset.ready;
     try {
       me = await read('/api/v1/me');
       calm();

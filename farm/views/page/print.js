@@ -196,12 +196,14 @@ $('setup').addEventListener('change', () => { for (const id of ['plate', 'planne
 $('how').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
 $('mode').addEventListener('change', () => { $('speed-words').textContent = $('mode').value === 'layerwise' ? 'Exposure, s' : 'Speed, mm/h'; $('speed').value = ''; });
 
-// What was chosen last is chosen again.
+// Signing in begins again: what was said since stays said; else what was chosen last is chosen again.
 for (const id of ['printer', 'resin', 'layer_um']) $(id).addEventListener('change', () => localStorage.setItem('print-' + id, $(id).value));
 begin(async () => {
   $('files').disabled = !may('submit');
   partsChanged();
   const [p, r, description] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins'), read('/api/v1/openapi.json')]);
+  const said = [...document.querySelectorAll('#setup select, #setup input, #settings select, #settings input')].filter((e) => e.id && e.value).map((e) => [e.id, e.value]);
+  const again = printers.length > 0;
   schemas = description.components.schemas;
   showSettings();
   printers = p;
@@ -213,4 +215,5 @@ begin(async () => {
     const last = localStorage.getItem('print-' + id);
     if (last && (id === 'layer_um' || [...$(id).options].some((o) => o.value === last))) $(id).value = last;
   }
+  if (again) for (const [id, last] of said) if ($(id)) $(id).value = last;
 });

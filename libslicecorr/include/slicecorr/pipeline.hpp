@@ -204,6 +204,9 @@ struct DesignHas {
 /// All of a correction that is refused before the work, by the table of supports.hpp and by what three
 /// of its features or an input bring. Throws `InputError`.
 void check_correction(const Setup& setup, const DesignHas& design);
+/// The setup with which a target is corrected: `check_correction`, and without what supports.hpp says
+/// is left out, which is told.
+Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionContext& context);
 
 /// Checks that `setup` can print `target` at all: size, scale, stage, light. Throws as
 /// `correct_stack`. Where the printer has a flat-field that is too dim at some places, the slices

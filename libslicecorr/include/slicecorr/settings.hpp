@@ -9,6 +9,7 @@
 /// Plain values; all functions are thread-safe. Errors are `InputError`.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <limits>
 #include <span>
@@ -86,6 +87,9 @@ inline constexpr std::string_view kHowItPrints = "Printer, resin and process";
 inline constexpr std::string_view kHowItIsCorrected = "Correction";
 inline constexpr std::string_view kUvAndFlow = "UV light and flow";
 inline constexpr std::string_view kAlongTheHeight = "Speeds along the height";
+/// All of them, in the order in which people are shown them.
+inline constexpr std::array kSettingGroups{kHowItPrints, kHowItIsCorrected, kUvAndFlow,
+                                           kAlongTheHeight};
 
 struct Setting {
   using Chosen = std::variant<std::string SetupChoices::*, double SetupChoices::*,
@@ -124,7 +128,7 @@ std::string setting_name(ChoiceNames names, std::string_view name);
 /// `Setting::text` with the names of other settings put in.
 std::string setting_text(ChoiceNames names, const Setting& setting);
 
-/// What a setting takes, in words: "a number above 0, at most 100", "one of open, merge".
+/// What a setting takes, in words: "a number above 0 and at most 100", "one of open, merge".
 std::string setting_takes(const Setting& setting);
 /// Whether a number, finite, is in the range of a setting.
 bool takes_number(const Setting& setting, double value);
@@ -139,6 +143,11 @@ void check_choices(const SetupChoices& choices, ChoiceNames names);
 /// `choices` have been checked.
 void apply_choice(const Setting& setting, const SetupChoices& choices, Process& process);
 
+/// What a process has of a setting: words as its row has them, "inf" where `or_inf` has no number;
+/// nothing where it has no `process`. Lists and words live as long as the process and the table.
+using SettingValue =
+    std::variant<std::monostate, double, int, std::span<const double>, std::string_view>;
+SettingValue setting_value(const Setting& setting, const Process& process);
 /// Of a setting that has a `process`: copies it, and whether two processes have the same.
 void copy_setting(const Setting& setting, const Process& from, Process& to);
 bool same_setting(const Setting& setting, const Process& a, const Process& b);

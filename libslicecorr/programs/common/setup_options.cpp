@@ -20,14 +20,17 @@ namespace slicecorr::cli {
 
 namespace {
 
-/// What CLI11 checks of a setting that is no list.
+/// What CLI11 checks of a setting that is no list, in the words of the table.
 CLI::Validator check_of(const Setting& s) {
   if (!s.words.empty()) {
     return CLI::IsMember(std::vector<std::string>(s.words.begin(), s.words.end()));
   }
-  if (s.range.whole)
-    return CLI::Range(static_cast<int>(s.range.least), static_cast<int>(s.range.most));
-  return number_in(s.range.least, s.range.most, s.range.above);
+  const auto check = [&s](const std::string& said) -> std::string {
+    const auto value = number_of(said);
+    if (s.or_inf ? takes_text(s, said) : value && takes_number(s, *value)) return {};
+    return fmt::format("is {}, expected {}", said.empty() ? "''" : said, setting_takes(s));
+  };
+  return CLI::Validator(check, "");
 }
 
 }  // namespace
@@ -46,18 +49,9 @@ CLI::Option* SetupOptions::add(CLI::App& app, const Setting& s) {
         } else {
           CLI::Option* const option = app.add_option(name, value, text);
           if constexpr (std::is_same_v<Value, std::string>) {
-            if (s.or_inf) {
-              option->check(value_is(ValueKind::text));
-              option->check(
-                  [&s](const std::string& said) {
-                    return takes_text(s, said)
-                               ? std::string()
-                               : fmt::format("'{}' is not {}", said, setting_takes(s));
-                  },
-                  "");
-            }
+            if (s.or_inf) option->check(value_is(ValueKind::text));
             if (!value.empty()) option->capture_default_str();
-            if (s.words.empty()) return option;
+            if (s.words.empty() && !s.or_inf) return option;
             if (!s.bare.empty()) option->expected(0, 1)->default_str(std::string(s.bare));
           }
           return option->check(check_of(s));
@@ -68,8 +62,7 @@ CLI::Option* SetupOptions::add(CLI::App& app, const Setting& s) {
 
 void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
                           const std::vector<std::string>& more_modes) {
-  for (const std::string_view heading :
-       {kHowItPrints, kHowItIsCorrected, kUvAndFlow, kAlongTheHeight}) {
+  for (const std::string_view heading : kSettingGroups) {
     std::string shown(heading);
     // What a stack of ours says needs not be said again.
     if (heading == kHowItPrints && !required) shown += ", where the stack does not say them";

@@ -82,8 +82,7 @@ std::string settings_text() {
   std::string text =
       "What can be chosen of a print: as an option with dashes (--speed-mm-h), as a key of jobs and a "
       "setting of the C interface as it stands.\n";
-  for (const std::string_view heading :
-       {kHowItPrints, kHowItIsCorrected, kUvAndFlow, kAlongTheHeight}) {
+  for (const std::string_view heading : kSettingGroups) {
     text += fmt::format("\n{}\n", heading);
     for (const Setting& s : settings()) {
       if (s.group != heading) continue;
@@ -96,28 +95,24 @@ std::string settings_text() {
   return text;
 }
 
-}  // namespace
-
-void add_settings(Program& program) {
-  auto json = std::make_shared<bool>(false);
-  CLI::App* app =
-      program.add("settings", "What can be chosen of a print, and what each choice takes",
-                  [json](const ExecutionContext&, Console&) {
-                    print_result(*json ? settings_json() : settings_text());
-                    return static_cast<int>(kDone);
-                  });
-  app->add_flag("--json", *json, "As JSON");
+/// A command that prints a table, as text or JSON.
+void add_table(Program& program, const std::string& name, const std::string& what,
+               std::string (*text)(), std::string (*json)()) {
+  auto as_json = std::make_shared<bool>(false);
+  CLI::App* app = program.add(name, what, [=](const ExecutionContext&, Console&) {
+    print_result(*as_json ? json() : text());
+    return static_cast<int>(kDone);
+  });
+  app->add_flag("--json", *as_json, "As JSON, with all that the table says");
 }
 
-void add_features(Program& program) {
-  auto json = std::make_shared<bool>(false);
-  CLI::App* app =
-      program.add("features", "What goes with what: features that are not counted together",
-                  [json](const ExecutionContext&, Console&) {
-                    print_result(*json ? features_json() : features_text());
-                    return static_cast<int>(kDone);
-                  });
-  app->add_flag("--json", *json, "As JSON, with the words of each refusal");
+}  // namespace
+
+void add_tables(Program& program) {
+  add_table(program, "features", "What goes with what: features that are not counted together",
+            features_text, features_json);
+  add_table(program, "settings", "What can be chosen of a print, and what each choice takes",
+            settings_text, settings_json);
 }
 
 }  // namespace slicecorr::cli

@@ -9,7 +9,6 @@
 
 namespace slicecorr::cli {
 
-void add_features(Program& program);
-void add_settings(Program& program);
+void add_tables(Program& program);
 
 }  // namespace slicecorr::cli

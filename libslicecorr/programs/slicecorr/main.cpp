@@ -197,8 +197,7 @@ int run_program(int argc, char** argv) {
   add_plan(program, plan);
   add_whole_parts(program);
   add_hologram(program, hologram);
-  add_features(program);
-  add_settings(program);
+  add_tables(program);
   add_tune(program, argv);
   add_examples(program);
   return program.run(own_arguments(argc, argv), argv);

@@ -192,19 +192,6 @@ std::string describe_stack(const StackInfo& info) {
   return text;
 }
 
-/// A setting as stacks have it.
-static void add_setting(nlohmann::ordered_json& json, const Setting& s, const Process& p) {
-  const std::string name(s.name);
-  if (const auto* number = std::get_if<double Process::*>(&s.process)) {
-    json[name] = p.*(*number);
-    if (s.or_inf && p.*(*number) >= 1e300) json[name] = "inf";
-  } else if (const auto* count = std::get_if<int Process::*>(&s.process)) {
-    json[name] = p.*(*count);
-  } else if (const auto* word = std::get_if<ProcessWord>(&s.process)) {
-    json[name] = s.words[word->get(p)];
-  }
-}
-
 std::string info_json(const StackInfo& info, const std::string& path) {
   using nlohmann::ordered_json;
   const Grid& g = info.grid;
@@ -293,7 +280,13 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       if (info.process->even_light) j["gap_um"] = info.process->even_light->gap_um;
     }
     for (const Setting& s : settings()) {
-      if (s.group == kHowItIsCorrected) add_setting(j, s, *info.process);
+      if (s.group != kHowItIsCorrected) continue;
+      std::visit(
+          [&](const auto& value) {
+            using Value = std::decay_t<decltype(value)>;
+            if constexpr (!std::is_same_v<Value, std::monostate>) j[std::string(s.name)] = value;
+          },
+          setting_value(s, *info.process));
     }
   }
   const double time = light_on_s(info);

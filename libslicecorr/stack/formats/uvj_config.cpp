@@ -80,17 +80,19 @@ void add_settings(OrderedJson& json, const Process& p, BlockPart part) {
   static const Process unset;
   for (const Setting& s : settings()) {
     if (s.block != part || (s.changed_only && same_setting(s, p, unset))) continue;
-    OrderedJson& value = json[block_key(s)];
-    if (const auto* number = std::get_if<double Process::*>(&s.process)) {
-      value = p.*(*number);
-      if (s.or_inf && p.*(*number) >= 1e300) value = "inf";
-    } else if (const auto* count = std::get_if<int Process::*>(&s.process)) {
-      value = p.*(*count);
-    } else if (const auto* list = std::get_if<std::vector<double> Process::*>(&s.process)) {
-      value = p.*(*list);
-    } else {
-      value = block_word(s.words[std::get<ProcessWord>(s.process).get(p)]);
-    }
+    OrderedJson& json_value = json[block_key(s)];
+    std::visit(
+        [&](const auto& value) {
+          using Value = std::decay_t<decltype(value)>;
+          if constexpr (std::is_same_v<Value, std::string_view>) {
+            json_value = block_word(value);
+          } else if constexpr (std::is_same_v<Value, std::span<const double>>) {
+            json_value = std::vector<double>(value.begin(), value.end());
+          } else if constexpr (!std::is_same_v<Value, std::monostate>) {
+            json_value = value;
+          }
+        },
+        setting_value(s, p));
   }
 }
 

@@ -8,6 +8,7 @@ is summed in closed form: for each slice, for each of some steps of the window's
 the height.
 """
 
+import base64
 import json
 import math
 import zipfile
@@ -123,6 +124,7 @@ class Print:
         speed = [speeds[min(n, len(speeds) - 1)] if stay else process["speed_mm_h"] for n in range(self.layers)]
         self.um_s = [v / 3.6 for v in speed]
         self.uv = None
+        self.gap_um = 0
         uv = process.get("uv") or {"kind": "off"}
         if uv["kind"] != "off":
             inhibition = resin["inhibition"]
@@ -134,10 +136,29 @@ class Print:
                 given = [np.full(blue.shape[1:], uv["uv_mw_cm2"])] * self.layers
             elif uv["kind"] == "per_slice":
                 given = [np.full(blue.shape[1:], s) for s in uv["slice_mw_cm2"]]
+            elif "even_light" in process:
+                # The mean of each slice stands for all of it (docs/even-dead-zone.md).
+                given = [np.full(blue.shape[1:], s) for s in uv["slice_mw_cm2"]]
+                self.flows(process["even_light"], printer["calibration"][-1]["intensity_mw_cm2"])
             else:
                 given = [blurred(i, gaussians(printer["uv"].get("spread")), pitch)
                          for i in intensity(uv_images, printer["uv"]["calibration"])]
             self.uv = [given[min(n, len(given) - 1)] for n in range(self.layers)]
+
+    def flows(self, light, full):
+        """Resin flows under the part, in a gap, with light that is even between a least and a greatest."""
+        shares = base64.b64decode(light["blue"])
+        self.gap_um = light["gap_um"]
+        self.even = (min(shares) / 255 * full, max(shares) / 255 * full)
+
+    def flow_factor(self, n):
+        """How often the light of the gap counts: so that even light gels just at the gap."""
+        blue = np.clip(self.blue[n], *self.even)[..., None]
+        d_um = (np.arange(256) + 0.5) * self.gap_um / 256
+        light = blue * np.exp(-d_um / self.he_um)
+        light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
+        still = (light ** self.m).sum(-1) * self.gap_um / 256 / self.um_s[n] / self.dose
+        return np.clip(1 / np.maximum(still, 1e-9), 1 / 4, 4)[..., None]
 
     def looks(self, z_um):
         """Slice, distance from the window, time: what a height gets, one step after the other."""
@@ -150,8 +171,10 @@ class Print:
             low, high = max(n * self.layer_um, z_um), min((n + 1) * self.layer_um, z_um + self.depth_um)
             if high <= low:
                 continue
-            step = (high - low) / self.steps
-            yield n, low + step * (np.arange(self.steps) + 0.5) - z_um, step / self.um_s[n]
+            gap = z_um + self.gap_um
+            for low, high in ((low, gap), (gap, high)) if low < gap < high else ((low, high),):
+                step = (high - low) / self.steps
+                yield n, low + step * (np.arange(self.steps) + 0.5) - z_um, step / self.um_s[n]
 
     def dose_at(self, z_um, uv=True):
         """Relative dose of all pixels at a height; without `uv` as if no UV light came."""
@@ -166,7 +189,8 @@ class Print:
                 lights.append(light)
                 times += [dt] * len(d_um)
             else:
-                total += (light ** self.m).sum(-1) * dt
+                often = self.flow_factor(n) if d_um[-1] < self.gap_um else 1
+                total += (light ** self.m * often).sum(-1) * dt
         if not self.gel_time:
             return total / self.dose
         if not lights:

@@ -10,9 +10,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <sstream>
@@ -379,12 +381,39 @@ TEST(Docs, FeaturesAndSettingsAreThoseThatTheProgramPrints) {
               std::string::npos)
         << table;
   }
-  for (const auto& [page, word] :
-       {std::pair<std::string, std::string>{"features", "\"not_together\""},
-        {"settings", "\"takes\""}}) {
-    const auto json = test::run_program({(kBin / "slicecorr").string(), page, "--json"});
-    EXPECT_NE(json.out.find(word), std::string::npos);
+}
+
+// Who asks gets an answer for every feature, alone and with every other, in both modes.
+TEST(Docs, EveryPairOfFeaturesHasAnAnswer) {
+  const std::string program = (kBin / "slicecorr").string();
+  const auto asked = test::run_program({program, "features", "--json", "-"});
+  ASSERT_EQ(asked.exit_code, 0) << asked.err;
+  EXPECT_EQ(test::run_program({program, "features", "--json"}).out, asked.out);
+  const auto json = nlohmann::json::parse(asked.out);
+  std::map<std::string, int> answers;
+  std::map<std::array<std::string, 4>, std::string> of;
+  for (const auto& row : json.at("rows")) {
+    const std::string with = row.at("with").is_null() ? "" : row.at("with");
+    EXPECT_EQ(row.at("words").get<std::string>().empty(), row.at("answer") == "counted");
+    ++answers[row.at("answer")];
+    of[{row.at("feature"), with, row.at("mode"), row.at("model")}] = row.at("answer");
   }
+  EXPECT_EQ(of.size(), json.at("rows").size()) << "a row stands twice";
+  EXPECT_EQ(answers.size(), 3U);
+  for (const auto& [key, answer] : of) {
+    if (!key[1].empty()) {
+      EXPECT_EQ((of.at({key[1], key[0], key[2], key[3]})), answer) << key[0] << key[1];
+    }
+  }
+  const std::string spread = "light that spreads ([blue] or [uv] spread, scatter)",
+                    stay = "more light for slower slices (slice_lamps)",
+                    uneven = "uneven light ([blue] flat_field)";
+  EXPECT_EQ((of.at({stay, spread, "continuous", "kinetic"})), "refused");
+  EXPECT_EQ((of.at({stay, "", "continuous", "kinetic"})), "counted");
+  EXPECT_EQ((of.at({stay, "", "layerwise", "kinetic"})), "refused");
+  EXPECT_EQ((of.at({stay, "", "continuous", "gel-time"})), "refused");
+  EXPECT_EQ((of.at({spread, uneven, "continuous", "kinetic"})), "counted");
+  EXPECT_EQ((of.at({spread, uneven, "continuous", "gel-time"})), "alone");
 }
 
 // A row of the table is an option of every program that corrects.

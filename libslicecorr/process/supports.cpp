@@ -80,6 +80,9 @@ constexpr Unsupported kTable[] = {
     UNDER_UV(vat_depth, refused, kDepthUv),
     UNDER_UV(reflectance, refused, kMirrorUv),
     UNDER_UV(lamps_stay, refused, kStayUv),
+    {lamps_stay, layerwise, refused,
+     "more light for slower slices is for continuous exposure: layer by layer the stage stands still; "
+     "expected continuous exposure"},
     {lamps_stay, spread, refused,
      "slices that get more light where they go slower are not computed where light spreads from pixel "
      "to pixel; expected lamps that follow the speed"},
@@ -150,6 +153,9 @@ constexpr Unsupported kTable[] = {
      "a correction can't be robust beside what is left alone; expected the part by itself"},
     {even_dead_zone, layerwise, refused,
      "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
+    {even_dead_zone, uneven_light, refused,
+     "an even dead zone is not found where the display's light is uneven; expected a printer without "
+     "display.flat_field"},
     {even_dead_zone, spread, refused,
      "an even dead zone is not found where light spreads; expected light that stays in its pixel"},
     // What is left out.

@@ -6,7 +6,9 @@
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "programs/common/figures.hpp"
 #include "slicecorr/settings.hpp"
@@ -23,11 +25,66 @@ const char* name_of_verdict(Verdict verdict) {
                                              : "corrected column by column, and told";
 }
 
+/// What is answered where all of these are asked for: the pair of the table that decides, refusals
+/// first; null: all are counted.
+const Unsupported* deciding(const std::vector<Feature>& together) {
+  for (const Verdict v :
+       {Verdict::refused, Verdict::not_corrected, Verdict::alone, Verdict::without}) {
+    if (const Unsupported* pair = find_unsupported(together, v)) return pair;
+  }
+  return nullptr;
+}
+
+/// Every feature alone and with every other, in both modes and with both kinds of resin.
+nlohmann::ordered_json feature_rows() {
+  const auto is_uv = [](Feature f) {
+    return f == Feature::uv_constant || f == Feature::uv_per_slice || f == Feature::uv_patterned ||
+           f == Feature::even_dead_zone;
+  };
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  const auto add = [&](Feature a, std::optional<Feature> b, bool layerwise, bool gel_time) {
+    std::vector<Feature> together{a};
+    if (b) together.push_back(*b);
+    if (layerwise) together.push_back(Feature::layerwise);
+    if (gel_time) together.push_back(Feature::gel_time);
+    // A correction is robust against what is uncertain.
+    if (a == Feature::robust || b == Feature::robust) together.push_back(Feature::derivatives);
+    const Unsupported* pair = deciding(together);
+    const bool refused =
+        pair && (pair->verdict == Verdict::refused || pair->verdict == Verdict::not_corrected);
+    rows.push_back({{"feature", name_of(a)},
+                    {"with", b ? nlohmann::ordered_json(name_of(*b)) : nullptr},
+                    {"mode", layerwise ? "layerwise" : "continuous"},
+                    {"model", gel_time ? "gel-time" : "kinetic"},
+                    {"answer", !pair     ? "counted"
+                               : refused ? "refused"
+                                         : "alone"},
+                    {"words", pair ? pair->words : ""}});
+  };
+  for (const bool layerwise : {false, true}) {
+    for (const bool gel_time : {false, true}) {
+      for (int i = 0; i < kFeatures; ++i) {
+        const auto a = static_cast<Feature>(i);
+        if (a == Feature::layerwise || a == Feature::gel_time) continue;
+        add(a, std::nullopt, layerwise, gel_time);
+        for (int k = 0; k < kFeatures; ++k) {
+          const auto b = static_cast<Feature>(k);
+          if (b == a || b == Feature::layerwise || b == Feature::gel_time) continue;
+          // UV light is of one kind.
+          if (!(is_uv(a) && is_uv(b))) add(a, b, layerwise, gel_time);
+        }
+      }
+    }
+  }
+  return rows;
+}
+
 std::string features_json() {
   nlohmann::ordered_json json;
   for (int f = 0; f < kFeatures; ++f) {
     json["features"].push_back(name_of(static_cast<Feature>(f)));
   }
+  json["rows"] = feature_rows();
   json["not_together"] = nlohmann::ordered_json::array();
   for (const Unsupported& pair : unsupported()) {
     json["not_together"].push_back({{"a", name_of(pair.a)},
@@ -35,7 +92,7 @@ std::string features_json() {
                                     {"verdict", name_of_verdict(pair.verdict)},
                                     {"words", pair.words}});
   }
-  return json.dump(1) + "\n";
+  return json.dump(1);
 }
 
 /// For each feature what it does not go with.
@@ -74,7 +131,7 @@ std::string settings_json() {
                     {"library_only", s.said_by == SaidBy::library}});
     if (!s.words.empty()) json.back()["words"] = s.words;
   }
-  return json.dump(1) + "\n";
+  return json.dump(1);
 }
 
 /// By heading each setting with what it takes and is.
@@ -98,12 +155,18 @@ std::string settings_text() {
 /// A command that prints a table, as text or JSON.
 void add_table(Program& program, const std::string& name, const std::string& what,
                std::string (*text)(), std::string (*json)()) {
-  auto as_json = std::make_shared<bool>(false);
+  auto to = std::make_shared<std::string>();
   CLI::App* app = program.add(name, what, [=](const ExecutionContext&, Console&) {
-    print_result(*as_json ? json() : text());
+    if (to->empty()) {
+      print_result(text());
+    } else {
+      print_or_write(*to, json());
+    }
     return static_cast<int>(kDone);
   });
-  app->add_flag("--json", *as_json, "As JSON, with all that the table says");
+  app->add_option("--json", *to, "Write all that the table says as JSON to FILE, or - for stdout")
+      ->expected(0, 1)
+      ->default_str("-");
 }
 
 }  // namespace

@@ -3,28 +3,30 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <memory>
 #include <mutex>
+#include <utility>
+#include <vector>
 
 #include "base/coded_band.hpp"
+#include "cure/shown_slices.hpp"
 #include "pipeline/bands.hpp"
-#include "pipeline/compare_spread.hpp"
-#include "pipeline/correct_spread.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/baseline.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr {
 
-using detail::BandReader;
 using detail::bands_of;
+using detail::coded_band_of;
 using detail::CodedBand;
 using detail::columns_of;
 using detail::GroupedBand;
-using detail::pixels_of_columns;
 using detail::PlacePlans;
-using detail::whole_image;
 
 namespace {
 
@@ -42,7 +44,7 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
   parallel_for(context, "erase", bands.size(), [&](std::size_t i) {
     // Only columns that are lit somewhere have edges.
     const GroupedBand grouped(plans.models().map(), bands[i],
-                              detail::BandReaders({detail::reader_of(target, bands[i])}));
+                              {detail::reader_of(target, bands[i])});
     for (const GroupedBand::Group& group : grouped.groups) {
       const CodedBand& coded = group.sources[0];
       const std::size_t columns = coded.columns();
@@ -77,6 +79,51 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
   return means;
 }
 
+/// The slices of a target after a filter that follows them from the last to the first.
+class Filtered final : public SliceSource {
+ public:
+  /// Makes the filter of a band, whose slices are given.
+  using Filter = std::function<const std::uint8_t*(const std::uint8_t* rows)>;
+  using FilterOf = std::function<Filter(const CodedBand& band)>;
+  Filtered(const SliceSource& target, FilterOf filter)
+      : target_(target), filter_(std::move(filter)) {}
+  const Grid& grid() const override { return target_.grid(); }
+  PixelBox bounds() const override { return target_.bounds(); }
+  ImageFrame frame() const override { return target_.frame(); }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    const CodedBand coded = coded_band_of(target_, band);
+    const Filter filter = filter_(coded);
+    CodedBand upwards(coded.columns());
+    std::vector<std::uint8_t> rows(coded.columns());
+    for (int n = coded.slices(); n-- > 0;) {
+      coded.read(n, rows.data());
+      upwards.append(filter(rows.data()));
+    }
+    for (int n = 0; n < coded.slices(); ++n) {
+      const int at = coded.slices() - 1 - n;
+      upwards.read(at, rows.data());
+      sink(n, upwards.black(at) ? nullptr : rows.data());
+    }
+  }
+
+ private:
+  const SliceSource& target_;
+  FilterOf filter_;
+};
+
+/// An erase of a band, and where it stands.
+struct Erasing {
+  explicit Erasing(const CodedBand& band) : erase(band.columns()) {
+    std::vector<std::uint8_t> rows(band.columns());
+    for (int n = 0; n < band.slices(); ++n) {
+      band.read(n, rows.data());
+      erase.add_layer(rows.data());
+    }
+  }
+  BandErase erase;
+  std::unique_ptr<BandErase::Walk> walk;
+};
+
 }  // namespace
 
 Comparison compare_methods(const SliceSource& whole_target, const Setup& asked,
@@ -85,7 +132,6 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& asked,
   const SlicesAlone alone(whole_target);
   const SliceSource& target = setup.process.surface == Surface::mesh ? whole_target : alone;
   const PlacePlans plans(target, setup, context);
-  const PlaceModels& models = plans.models();
   const auto bands = bands_of(target.grid(), target.bounds());
 
   Comparison result;
@@ -93,119 +139,27 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& asked,
   const auto least = std::min_element(result.erase_mean_um.begin(), result.erase_mean_um.end());
   result.best_n = static_cast<int>(least - result.erase_mean_um.begin());
 
-  if (detail::spreads(setup)) {
-    detail::compare_spread_methods(target, setup, result, context);
-    return result;
-  }
-  std::uint8_t pixel_of[256] = {};
-  for (int level = 0; level < plans.levels(); ++level) {
-    pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plans.levels()));
-  }
-  enum Method { uncorrected, erased, darkened, ours, to_slices, methods };
-  std::array<Prediction, methods> totals;
-  detail::LightCounts in_groups{};
-  std::mutex merging;
-  parallel_for(context, "compare", bands.size(), [&](std::size_t i) {
-    const PixelBox& band = bands[i];
-    std::array<Prediction, methods> figures;
-    // Compares the columns of one value of light; figures are added to those of values before.
-    const auto compare = [&](std::uint8_t value, std::size_t columns, const BandReader& read,
-                             const CodedBand* edge_heights,
-                             const BandPredictor::PixelOfColumn& place) {
-      const CorrectionPlan& plan = plans.plan(value);
-      const BandCorrector::ColumnLevels most = plans.even_levels(value, place);
-      BandErase erase(columns);
-      CodedBand target_rows(columns);
-      const BandReader kept = [&](const SliceSource::Sink& sink) {
-        read([&](int n, const std::uint8_t* rows) {
-          if ((n & 63) == 0) context.check_cancelled();
-          erase.add_layer(rows);
-          target_rows.append(rows);
-          sink(n, rows);
-        });
-      };
-      const detail::CodedDesign design(columns, kept, edge_heights, Surface::mesh, nullptr);
-      std::vector<std::uint8_t> rows(columns), heights(columns), pixels(columns);
-      // Where the target has edge heights, its slices alone are corrected, too.
-      CodedBand upwards(columns);
-      if (edge_heights) {
-        BandCorrector alone(plan, columns);
-        if (most) alone.keep_light(most);
-        for (int n = 0; n < plan.layers; ++n) {
-          target_rows.read(n, rows.data());
-          alone.add_layer(rows.data());
-        }
-        alone.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
-          for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
-          upwards.append(pixels.data());
-        });
-      }
-      BandCorrector corrector(plan, columns);
-      if (most) corrector.keep_light(most);
-      for (int n = 0; n < plan.layers; ++n) {
-        design.coverage.read(n, rows.data());
-        corrector.add_layer(rows.data(), design.heights_at(n, heights.data()));
-      }
-      if (edge_heights) {
-        corrector.add_layer(nullptr, design.heights_at(plan.layers, heights.data()));
-      }
-      BandErase::Walk walk(erase, result.best_n);
-      BandGreyTable table(columns);
-      std::vector<std::unique_ptr<BandPredictor>> predict;
-      for (Prediction& so_far : figures) {
-        predict.push_back(std::make_unique<BandPredictor>(plan.model, models.curve(value),
-                                                          plan.all_layers, columns));
-        if (edge_heights) predict.back()->aim_at_heights();
-        predict.back()->go_on_from(std::move(so_far));
-      }
-      corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool) {
-        if ((n & 63) == 0) context.check_cancelled();
-        for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
-        const std::uint8_t* const its_heights = design.heights_at(n, heights.data());
-        predict[ours]->add_slice(n, pixels.data(), coverage, its_heights);
-        if (edge_heights) {
-          upwards.read(plan.all_layers - 1 - n, pixels.data());
-          predict[to_slices]->add_slice(n, pixels.data(), coverage, its_heights);
-        }
-        // Only the correction shows slices after the part's end.
-        const bool shown = n < plan.layers;
-        target_rows.read(n, rows.data());
-        const std::uint8_t* const lit = rows.data();
-        predict[uncorrected]->add_slice(n, shown ? lit : nullptr, coverage, its_heights);
-        predict[erased]->add_slice(n, shown ? walk.next(lit) : nullptr, coverage, its_heights);
-        predict[darkened]->add_slice(n, shown ? table.next(lit) : nullptr, coverage, its_heights);
-      });
-      for (std::size_t m = 0; m < methods; ++m) figures[m] = predict[m]->finish(place);
-    };
-    const BandReader read = detail::reader_of(target, band);
-    detail::LightCounts counts{};
-    if (plans.even()) {
-      const auto coded = detail::edge_heights_of(target, band);
-      compare(models.map().reference(), columns_of(band), read, coded ? &*coded : nullptr,
-              pixels_of_columns(band));
-    } else {
-      const GroupedBand grouped(models.map(), band, detail::with_target({read}, target, band));
-      for (const GroupedBand::Group& g : grouped.groups) {
-        counts[g.value] = g.columns.size();
-        compare(g.value, g.columns.size(), g.reader(0), g.heights(),
-                pixels_of_columns(band, g.columns));
-      }
-    }
-    const std::lock_guard lock(merging);
-    for (std::size_t m = 0; m < methods; ++m) totals[m].merge(figures[m]);
-    for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
-  });
-  if (totals[ours].target_voxels == 0) detail::refuse_vanished(target);
-  const Grid& grid = target.grid();
-  const auto whole = [&](Method method, int slices) {
-    return plans.even() ? whole_image(totals[method], models.brightest(), grid, slices, bands)
-                        : whole_image(totals[method], models, grid, slices, in_groups);
+  const AsSliced shown(target);
+  const auto verified = [&](const SliceSource& slices) {
+    return verify_stack(slices, target, setup, context);
   };
-  result.uncorrected = whole(uncorrected, plans.layers());
-  result.erase = whole(erased, plans.layers());
-  result.table = whole(darkened, plans.layers());
-  result.ours = whole(ours, plans.all_layers());
-  if (target.edge_heights()) result.to_slices = whole(to_slices, plans.all_layers());
+  result.uncorrected = verified(shown);
+  if (result.uncorrected.target_voxels == 0) detail::refuse_vanished(target);
+  result.erase = verified(Filtered(shown, [&](const CodedBand& band) -> Filtered::Filter {
+    auto erasing = std::make_shared<Erasing>(band);
+    erasing->walk = std::make_unique<BandErase::Walk>(erasing->erase, result.best_n);
+    return [erasing](const std::uint8_t* rows) { return erasing->walk->next(rows); };
+  }));
+  result.table = verified(Filtered(shown, [](const CodedBand& band) -> Filtered::Filter {
+    auto table = std::make_shared<BandGreyTable>(band.columns());
+    return [table](const std::uint8_t* rows) { return table->next(rows); };
+  }));
+  result.ours = verified(CorrectedSlices(target, setup, context));
+  if (target.edge_heights()) {
+    Setup to_slices = setup;
+    to_slices.process.surface = Surface::slices;
+    result.to_slices = verified(CorrectedSlices(target, to_slices, context));
+  }
   return result;
 }
 

@@ -35,9 +35,4 @@ class TogetherCorrected {
   CoupledCorrection coupled_;
 };
 
-/// As `correct_stack`, for light that spreads.
-Correction correct_spread_stack(const SliceSource& target, const Setup& setup,
-                                const StackFile& file, const CorrectionAsk& ask,
-                                const ExecutionContext& context);
-
 }  // namespace slicecorr::detail

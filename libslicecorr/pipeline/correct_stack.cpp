@@ -5,12 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <memory>
 #include <mutex>
 
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
-#include "pipeline/columns_alone.hpp"
-#include "pipeline/correct_columns.hpp"
+#include "pipeline/correct_group.hpp"
 #include "pipeline/correct_spread.hpp"
 #include "pipeline/corrected_info.hpp"
 #include "pipeline/design_band.hpp"
@@ -29,24 +30,23 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/file_times.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/supports.hpp"
+#include "slicecorr/volume.hpp"
 
 namespace slicecorr {
 
-using detail::BandReader;
 using detail::bands_of;
 using detail::CodedBand;
 using detail::columns_of;
-using detail::correct_columns;
-using detail::DesignReader;
-using detail::GroupedBand;
-using detail::Joiner;
+using detail::correct_group;
+using detail::DesignGroup;
 using detail::LightCounts;
-using detail::pixels_of_columns;
 using detail::PlacePlans;
 using detail::PlaceWindows;
+using detail::PutRows;
 using detail::TargetScan;
 using detail::VolumeReducer;
 using detail::whole_image;
@@ -92,6 +92,8 @@ class StackCorrection {
         plans_.robust()->text, r.lost, r.filled, r.features, r.gaps, r.mean_abs_um,
         r.plain_mean_abs_um));
   }
+  void describe(StackInfo& info) const;
+  void judge_together(Correction& result) const;
   const CureModel& model() const { return plans_.models().brightest(); }
   Prediction of_whole_image(const Prediction& in_bands, int slices) const {
     return plans_.even() ? whole_image(in_bands, model(), grid_, slices, bands_)
@@ -111,6 +113,10 @@ class StackCorrection {
   std::optional<PlaceWindows> window_;      ///< where UV light keeps a dead zone
   std::optional<VolumeReducer> volume_;     ///< where the reduced volume is asked for
   std::optional<detail::KeptImages> kept_;  ///< where light is even over the flow
+  /// Where light spreads: what all columns show, corrected in rounds; null elsewhere. It is judged
+  /// when it is whole, since each band prints by the light of those beside it.
+  std::shared_ptr<const CorrectedSlices> together_;
+  const int volume_cells_;
 
   detail::SurfaceCollector surface_after_, surface_before_;
   std::optional<detail::UncertainTotal> uncertain_;  ///< where it is asked how sure it is
@@ -136,28 +142,32 @@ class StackCorrection::Band {
     if (whole.volume_) reduced_.emplace(*whole.volume_, box_);
   }
 
-  /// All columns get the same light.
-  void correct_even() {
-    const auto heights = detail::edge_heights_of(whole_.target_, box_);
-    const auto left_alone = detail::left_alone_of(whole_.target_, box_);
-    std::optional<CodedBand> doses;
-    if (whole_.target_.doses()) {
-      doses = detail::coded_band_of(*whole_.target_.doses()->images, box_);
+  /// What is corrected already.
+  void show(const CorrectedSlices& together) {
+    read([](int, const std::uint8_t*) {});
+    if (const auto left_alone = detail::left_alone_of(whole_.target_, box_)) {
+      whole_.scan_.add(*left_alone);
     }
-    correct(
-        whole_.plans_.models().map().reference(), nullptr,
-        [this](const SliceSource::Sink& sink) { read(sink); }, heights ? &*heights : nullptr,
-        left_alone ? &*left_alone : nullptr, doses ? &*doses : nullptr, pixels_of_columns(box_),
+    together.read_band(box_, [this](int n, const std::uint8_t* pixels) {
+      if ((n & 63) == 0) whole_.context_.check_cancelled();
+      put(n, pixels);
+    });
+  }
+  /// Columns of equal light together.
+  void correct() {
+    const detail::DesignBand design(
+        whole_.target_, whole_.plans_.models().map(), box_,
+        {.coverage = [this](const SliceSource::Sink& sink) { read(sink); }});
+    design.count(counts_);
+    design.each(
+        whole_.plans_.all_layers(),
+        [this](const DesignGroup& g, const PutRows& put_rows) { correct(g, put_rows); },
         [this](int n, const std::uint8_t* pixels) { put(n, pixels); });
   }
-  /// Columns of equal light are corrected together, then joined.
-  void correct_by_light();
   /// Adds the band's figures to those of the whole.
   void finish();
 
  private:
-  using PutPixels = std::function<void(int slice, const std::uint8_t* pixels)>;
-
   void read(const SliceSource::Sink& sink) {
     if (!reduced_) return whole_.scan_.read(box_, sink);
     const auto left_alone = detail::left_alone_of(whole_.target_, box_);
@@ -173,19 +183,8 @@ class StackCorrection::Band {
     if (whole_.kept_) whole_.kept_->put(index_, n, pixels);
     if (reduced_) upwards_.append(pixels);
   }
-  /// Columns of one value of light, null for all of the band. Their figures go on from those
-  /// before them. `heights`, `left_alone`: null without.
-  void correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
-               const BandReader& reader, const CodedBand* heights, const CodedBand* left_alone,
-               const CodedBand* doses, const BandPredictor::PixelOfColumn& place,
-               const PutPixels& put_pixels);
-
-  /// The same where features and gaps are to hold although inputs are off. `design` is filled by
-  /// `read`.
-  /// Gives what the plain correction shows, first slice first.
-  CodedBand correct_robust(const CorrectionPlan& plan, const Uncertainty& robust,
-                           const DesignReader& read, detail::CodedDesign& design,
-                           const PutPixels& put_pixels);
+  /// The figures of a group go on from those of the groups before it.
+  void correct(const DesignGroup& group, const PutRows& put_rows);
 
   StackCorrection& whole_;
   const std::size_t index_;
@@ -213,8 +212,14 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       writer_(file, grid_, context),
       scan_(target),
       bands_(bands_of(grid_, target.bounds())),
+      volume_cells_(ask.volume_cells),
       surface_after_(target.bounds()),
       surface_before_(target.bounds()) {
+  if (detail::spreads(setup_)) {
+    together_ = std::make_shared<const CorrectedSlices>(
+        target, setup_, context, std::filesystem::path(file.path).parent_path().string());
+    return;
+  }
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
@@ -228,100 +233,82 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   }
 }
 
-void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
-                                    const BandReader& reader, const CodedBand* heights,
-                                    const CodedBand* left_alone, const CodedBand* doses,
-                                    const BandPredictor::PixelOfColumn& place,
-                                    const PutPixels& put_pixels) {
+void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_rows) {
   const int slices = whole_.plans_.all_layers();
-  const std::size_t count = of_band ? of_band->size() : columns_;
-  if (left_alone) whole_.scan_.add(*left_alone);
-  const CorrectionPlan& plan = whole_.plans_.plan(value);
-  const PixelCurve& curve = whole_.plans_.models().curve(value);
+  const std::size_t count = of.columns;
+  if (of.left_alone) whole_.scan_.add(*of.left_alone);
+  const CorrectionPlan& plan = whole_.plans_.plan(of.value);
+  const PixelCurve& curve = whole_.plans_.models().curve(of.value);
   // The node after the last layer may have edge heights: they come with a slice more.
-  const int predicted = heights ? std::max(slices, plan.layers + 1) : slices;
-  BandPredictor predict_after(plan.model, curve, predicted, count);
-  BandPredictor predict_before(plan.model, curve, predicted, count);
-  if (heights) {
-    predict_after.aim_at_heights();
-    predict_before.aim_at_heights();
-  }
-  predict_after.keep_sides();
-  if (whole_.with_before_) predict_before.keep_sides();
-  predict_after.go_on_from(std::move(after_));
-  predict_before.go_on_from(std::move(before_));
+  const int predicted = of.heights ? std::max(slices, plan.layers + 1) : slices;
+  BandPredictor after(plan.model, curve, predicted, count),
+      before(plan.model, curve, predicted, count);
+  const auto go_on = [&](BandPredictor& predictor, Prediction& so_far) {
+    if (of.heights) predictor.aim_at_heights();
+    predictor.go_on_from(std::move(so_far));
+  };
+  go_on(after, after_);
+  go_on(before, before_);
+  after.keep_sides();
+  if (whole_.with_before_) before.keep_sides();
   if (reduced_) {
-    reduced_->listen_after(predict_after, of_band);
-    reduced_->listen_before(predict_before, of_band);
+    reduced_->listen_after(after, of.of_band);
+    reduced_->listen_before(before, of.of_band);
   }
   std::optional<WindowWatch> watch;
   if (whole_.window_) watch.emplace(plan.model, slices, count);
   // Slices that are shown as they are have the greys of gentle slopes, which a design with edge
   // heights has not: they are kept, and predicted apart.
-  const Uncertainty* const robust = whole_.plans_.robust();
-  const bool apart = (heights || robust) && whole_.with_before_;
-  CodedBand as_shown(count), as_read(apart || doses ? count : 0);
+  const bool robust = whole_.plans_.robust() != nullptr;
+  const bool apart = (of.heights || robust) && whole_.with_before_;
+  DesignGroup group = of;
+  CodedBand as_shown(count), as_read(apart || of.doses ? count : 0);
   std::vector<std::uint8_t> sliced(count);
-  detail::LeftAloneRows left_rows(left_alone);
-  const BandReader kept = [&](const SliceSource::Sink& sink) {
-    reader([&](int n, const std::uint8_t* rows) {
+  detail::LeftAloneRows left_rows(of.left_alone);
+  group.coverage = [&](const SliceSource::Sink& sink) {
+    of.coverage([&](int n, const std::uint8_t* rows) {
       if (apart) as_shown.append(detail::as_sliced(rows, left_rows.at(n), sliced));
-      if (apart || doses) as_read.append(rows);
+      if (apart || of.doses) as_read.append(rows);
       sink(n, rows);
     });
   };
+  std::optional<detail::DoseMeter> meter;
   // Where it is asked how sure the print is, design and slices are kept to be walked once more.
   const bool uncertain = whole_.uncertain_.has_value();
   detail::CodedDesign looked_at(
-      count, [](const SliceSource::Sink&) {}, nullptr, Surface::mesh, left_alone);
-  if (uncertain && heights) looked_at.heights.emplace(count);
+      count, [](const SliceSource::Sink&) {}, nullptr, Surface::mesh, of.left_alone);
+  if (uncertain && of.heights) looked_at.heights.emplace(count);
   CodedBand shown_upwards(uncertain ? count : 0);
-  const DesignReader design = [&](const detail::DesignSink& sink) {
-    detail::read_design(kept, heights, Surface::mesh,
-                        [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
-                          if (uncertain) looked_at.coverage.append(rows);
-                          if (uncertain && heights) looked_at.heights->append(its_heights);
-                          sink(n, rows, its_heights);
-                        });
-  };
-  const detail::WantedBand wanted{whole_.target_.doses(), doses};
-  const BandDoses wanted_doses = doses ? wanted.of_columns() : BandDoses{};
-  std::optional<detail::DoseMeter> meter;
-  PutPixels put_and_measure = put_pixels;
-  if (doses || uncertain) {
-    put_and_measure = [&](int n, const std::uint8_t* pixels) {
-      if (doses && !meter) meter.emplace(wanted, plan.model, as_read);
+  detail::GroupListeners to{.put = put_rows, .after = &after};
+  if (whole_.with_before_ && !apart) to.before = &before;
+  if (watch) to.watch = &*watch;
+  if (of.doses || uncertain) {
+    to.put = [&](int n, const std::uint8_t* pixels) {
+      if (of.doses && !meter) meter.emplace(*of.doses, plan.model, as_read);
       if (meter) meter->add_slice(n, pixels);
       if (uncertain) shown_upwards.append(pixels);
-      put_pixels(n, pixels);
+      put_rows(n, pixels);
     };
   }
-  if (robust) {
-    const CodedBand plain = correct_robust(plan, *robust, design, looked_at, put_and_measure);
-    // What prints is measured against the design itself, not against what was aimed at.
-    CodedBand shown(count);
-    for (int n = 0; n < slices; ++n) shown.append_of(shown_upwards, slices - 1 - n);
-    detail::predict_shown(predict_after, true, shown, slices, looked_at, predicted, nullptr,
-                          whole_.context_);
-    BandPredictor predict_plain(plan.model, curve, predicted, count);
-    if (heights) predict_plain.aim_at_heights();
-    predict_plain.go_on_from(std::move(plain_));
-    detail::predict_shown(predict_plain, true, plain, slices, looked_at, predicted, nullptr,
-                          whole_.context_);
-    plain_ = predict_plain.finish(place);
-  } else {
-    correct_columns(
-        plan, count, design, left_alone, doses ? &wanted_doses : nullptr,
-        whole_.plans_.even_levels(value, place),
-        {put_and_measure, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
-         watch ? &*watch : nullptr},
-        whole_.context_);
+  if (uncertain) {
+    to.design = [&](int, const std::uint8_t* rows, const std::uint8_t* heights) {
+      looked_at.coverage.append(rows);
+      if (of.heights) looked_at.heights->append(heights);
+    };
   }
+  RobustFigures figures;
+  std::optional<BandPredictor> plain;
+  if (robust) {
+    to.robust = &figures;
+    to.plain = &plain.emplace(plan.model, curve, predicted, count);
+    go_on(*plain, plain_);
+  }
+  correct_group(whole_.plans_, group, to, whole_.context_);
   if (apart) {
-    const detail::CodedDesign sharp(count, detail::reader_of(as_read), heights, Surface::mesh,
-                                    left_alone);
-    detail::predict_shown(predict_before, plan.model.is_plain(), as_shown, plan.layers, sharp,
-                          predicted, nullptr, whole_.context_);
+    const detail::CodedDesign sharp(count, detail::reader_of(as_read), of.heights, Surface::mesh,
+                                    of.left_alone);
+    detail::predict_shown(before, plan.model.is_plain(), as_shown, plan.layers, sharp, predicted,
+                          nullptr, whole_.context_);
   }
   if (meter) detail::merge_regions(regions_, meter->regions());
   if (uncertain) {
@@ -331,61 +318,18 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
       shown_upwards.read(slices - 1 - n, pixels.data());
       return pixels.data();
     };
-    whole_.uncertain_->add(plan.model, count, shown_at, looked_at, predicted, heights != nullptr,
-                           place, whole_.context_);
+    whole_.uncertain_->add(plan.model, count, shown_at, looked_at, predicted, of.heights != nullptr,
+                           of.place, whole_.context_);
   }
-  after_ = predict_after.finish(place);
-  before_ = predict_before.finish(place);
-  whole_.surface_after_.add(predict_after.sides(), place);
-  if (whole_.with_before_) whole_.surface_before_.add(predict_before.sides(), place);
-  if (!watch) return;
+  after_ = after.finish(of.place);
+  before_ = before.finish(of.place);
+  if (plain) plain_ = plain->finish(of.place);
+  whole_.surface_after_.add(after.sides(), of.place);
+  if (whole_.with_before_) whole_.surface_before_.add(before.sides(), of.place);
+  if (!watch && !robust) return;
   const std::lock_guard lock(whole_.merging_);
-  whole_.window_->merge(value, *watch);
-}
-
-CodedBand StackCorrection::Band::correct_robust(const CorrectionPlan& plan,
-                                                const Uncertainty& robust, const DesignReader& read,
-                                                detail::CodedDesign& design,
-                                                const PutPixels& put_pixels) {
-  read([](int, const std::uint8_t*, const std::uint8_t*) {});
-  const detail::RobustLevels made = detail::robust_levels(plan, robust, design, whole_.context_);
-  const int slices = plan.all_layers;
-  std::vector<std::uint8_t> pixels(made.levels.columns());
-  const auto pixels_at = [&](const CodedBand& levels, int n) -> const std::uint8_t* {
-    const int at = slices - 1 - n;
-    if (levels.black(at)) return nullptr;
-    levels.read(at, pixels.data());
-    detail::to_pixels(pixels, plan.levels.size());
-    return pixels.data();
-  };
-  CodedBand plain(pixels.size());
-  for (int n = 0; n < slices; ++n) plain.append(pixels_at(made.plain, n));
-  for (int n = slices; n-- > 0;) put_pixels(n, pixels_at(made.levels, n));
-  const std::lock_guard lock(whole_.merging_);
-  whole_.robust_.merge(made.figures);
-  return plain;
-}
-
-void StackCorrection::Band::correct_by_light() {
-  const BandReader reader = [this](const SliceSource::Sink& sink) { read(sink); };
-  const DoseTarget* const doses = whole_.target_.doses();
-  std::vector<BandReader> readers;
-  if (doses) readers.push_back(detail::reader_of(*doses->images, box_));
-  const std::size_t own = readers.size();
-  readers.push_back(reader);
-  const GroupedBand grouped(whole_.plans_.models().map(), box_,
-                            detail::with_target(std::move(readers), whole_.target_, box_));
-  std::vector<CodedBand> corrected;
-  for (const GroupedBand::Group& g : grouped.groups) {
-    counts_[g.value] = g.columns.size();
-    CodedBand& coded = corrected.emplace_back(g.columns.size());
-    correct(g.value, &g.columns, g.reader(own), g.heights(), g.left_alone(),
-            doses ? g.sources.data() : nullptr, pixels_of_columns(box_, g.columns),
-            [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
-  }
-  Joiner joined(grouped, columns_, std::move(corrected));
-  const int slices = whole_.plans_.all_layers();
-  for (int n = slices; n-- > 0;) put(n, joined.at(slices - 1 - n));
+  if (watch) whole_.window_->merge(of.value, *watch);
+  if (robust) whole_.robust_.merge(figures);
 }
 
 void StackCorrection::Band::finish() {
@@ -405,23 +349,43 @@ void StackCorrection::Band::finish() {
 void StackCorrection::correct_bands() {
   parallel_for(context_, "correct", bands_.size(), [&](std::size_t i) {
     Band band(*this, i);
-    plans_.even() ? band.correct_even() : band.correct_by_light();
+    if (together_) return band.show(*together_);
+    band.correct();
     band.finish();
   });
 }
 
+void StackCorrection::describe(StackInfo& info) const {
+  detail::fill_corrected(info, grid_, target_, setup_, file_);
+  scan_.fill(info);
+}
+
+void StackCorrection::judge_together(Correction& result) const {
+  describe(result.info);
+  result.slices = together_;
+  result.after = verify_stack(*together_, target_, setup_, context_);
+  if (with_before_) {
+    result.before = verify_stack(AsSliced(target_), target_, setup_, context_);
+  }
+  if (volume_cells_ > 0) {
+    result.volume = std::make_shared<ReducedVolume>(
+        reduce_volume(*together_, target_, setup_, volume_cells_, context_));
+  }
+}
+
 Correction StackCorrection::result() {
   Correction result;
+  if (together_) {
+    judge_together(result);
+    return result;
+  }
   if (volume_) result.volume = std::make_shared<ReducedVolume>(volume_->take());
   std::optional<DeadZones> dead_zones;
   if (window_) {
     dead_zones = window_->result();
     check_window(*dead_zones, setup_.process);
   }
-  StackInfo& info = result.info;
-  detail::fill_corrected(info, grid_, target_, setup_, file_);
-  scan_.fill(info);
-
+  describe(result.info);
   result.after = of_whole_image(after_, plans_.all_layers());
   result.after.dead_zones = std::move(dead_zones);
   if (setup_.process.even_light) {
@@ -498,8 +462,6 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
     plan_correction(wanted, for_file, context);  // what does not fit is refused first
     judge_suction(target, for_file, context);
   }
-  if (detail::spreads(for_file))
-    return detail::correct_spread_stack(wanted, for_file, file, ask, context);
   StackCorrection correction(wanted, for_file, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
@@ -540,18 +502,16 @@ CorrectedSlices::~CorrectedSlices() = default;
 
 void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   if (together_) return together_->read_band(band, sink);
-  const CodedBand upwards = detail::levels_alone(target_, *plans_, band);
+  CodedBand upwards(columns_of(band));
+  detail::correct_band(target_, *plans_, band,
+                       [&](int, const std::uint8_t* rows) { upwards.append(rows); });
   std::vector<std::uint8_t> pixels(columns_of(band));
   const int all = plans_->all_layers();
   for (int n = 0; n < all; ++n) {
     const int at = all - 1 - n;
-    if (upwards.black(at)) {
-      sink(n, nullptr);
-      continue;
-    }
-    upwards.read(at, pixels.data());
-    detail::to_pixels(pixels, plans_->levels());
-    sink(n, pixels.data());
+    const bool black = upwards.black(at);
+    if (!black) upwards.read(at, pixels.data());
+    sink(n, black ? nullptr : pixels.data());
   }
 }
 

@@ -36,28 +36,6 @@ inline BandReader reader_of(const SliceSource& source, const PixelBox& band) {
   return [&source, band](const SliceSource::Sink& sink) { source.read_band(band, sink); };
 }
 BandReader reader_of(const CodedBand& coded);
-/// What a GroupedBand is made from.
-struct BandReaders {
-  static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
-  explicit BandReaders(std::vector<BandReader> readers) : all(std::move(readers)) {}
-  std::vector<BandReader> all;
-  /// Those of a target's edge heights, and of what is left alone; kNone: it has none.
-  std::size_t heights = kNone, left_alone = kNone;
-};
-/// `readers`, and those of what a target has besides its coverage.
-inline BandReaders with_target(std::vector<BandReader> readers, const SliceSource& target,
-                               const PixelBox& band) {
-  BandReaders with(std::move(readers));
-  if (target.edge_heights()) {
-    with.heights = with.all.size();
-    with.all.push_back(reader_of(*target.edge_heights(), band));
-  }
-  if (target.left_alone()) {
-    with.left_alone = with.all.size();
-    with.all.push_back(reader_of(*target.left_alone(), band));
-  }
-  return with;
-}
 /// What of a band is left alone; nothing where nothing is: columns are corrected faster then.
 inline std::optional<CodedBand> left_alone_of(const SliceSource& target, const PixelBox& band) {
   if (!target.left_alone()) return std::nullopt;

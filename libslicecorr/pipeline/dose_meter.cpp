@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "pipeline/bands.hpp"
+#include "pipeline/design_groups.hpp"
 #include "pipeline/place_plans.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/supports.hpp"
@@ -80,17 +81,14 @@ std::vector<RegionDose> measure_doses(const SliceSource& stack, const SliceSourc
   std::mutex merging;
   parallel_for(context, "measure doses", bands.size(), [&](std::size_t i) {
     // A model per value of light: columns of one value after the other.
-    const GroupedBand grouped(
-        models.map(), bands[i],
-        BandReaders({reader_of(stack, bands[i]), reader_of(*doses.images, bands[i]),
-                     reader_of(target, bands[i])}));
-    for (const GroupedBand::Group& g : grouped.groups) {
-      const WantedBand wanted{&doses, &g.sources[1]};
-      DoseMeter meter(wanted, models.model(g.value), g.sources[2]);
-      std::vector<std::uint8_t> pixels(g.columns.size());
-      for (int n = g.sources[0].slices(); n-- > 0;) {
+    const DesignBand band(target, models.map(), bands[i], {.beside = &stack});
+    for (const DesignGroup& g : band.groups()) {
+      const CodedDesign design = g.coded(Surface::slices);
+      DoseMeter meter(*g.doses, models.model(g.value), design.coverage);
+      std::vector<std::uint8_t> pixels(g.columns);
+      for (int n = g.beside->slices(); n-- > 0;) {
         if ((n & 63) == 0) context.check_cancelled();
-        g.sources[0].read(n, pixels.data());
+        g.beside->read(n, pixels.data());
         meter.add_slice(n, pixels.data());
       }
       const std::lock_guard lock(merging);

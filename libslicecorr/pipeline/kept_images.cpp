@@ -4,12 +4,9 @@
 #include "pipeline/kept_images.hpp"
 
 #include <algorithm>
-#include <functional>
-#include <optional>
-#include <utility>
 
 #include "pipeline/bands.hpp"
-#include "pipeline/place_plans.hpp"
+#include "pipeline/correct_group.hpp"
 
 namespace slicecorr::detail {
 
@@ -70,60 +67,15 @@ void KeptImages::read_band(const PixelBox& box, const Sink& sink) const {
   }
 }
 
-namespace {
-
-/// Solves columns of one plan and gives their pixels, from the last slice to the first.
-void solve_columns(const PlacePlans& plans, std::uint8_t value, std::size_t columns,
-                   const BandReader& coverage, const CodedBand* heights,
-                   const BandPredictor::PixelOfColumn& place, const ExecutionContext& context,
-                   const std::function<void(int, const std::uint8_t*)>& put) {
-  const CorrectionPlan& plan = plans.plan(value);
-  BandCorrector corrector(plan, columns);
-  corrector.keep_light(plans.even_levels(value, place));
-  read_design(coverage, heights, Surface::mesh,
-              [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
-                if ((n & 63) == 0) context.check_cancelled();
-                corrector.add_layer(rows, its_heights);
-              });
-  std::vector<std::uint8_t> pixels(columns);
-  corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
-    if ((n & 63) == 0) context.check_cancelled();
-    for (std::size_t k = 0; k < columns && !dark; ++k) {
-      pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan.levels.size()));
-    }
-    put(n, dark ? nullptr : pixels.data());
-  });
-}
-
-}  // namespace
-
 KeptImages solved_images(const SliceSource& target, const Setup& setup,
                          const std::vector<int>& whole, const ExecutionContext& context) {
   const PlacePlans plans(target, setup, context);
-  const LightMap& map = plans.models().map();
   const auto bands = bands_of(target.grid(), target.bounds());
   KeptImages images(target, whole, bands);
   parallel_for(context, "try the light", bands.size(), [&](std::size_t i) {
-    const PixelBox& box = bands[i];
-    const auto put = [&](int n, const std::uint8_t* pixels) { images.put(i, n, pixels); };
-    if (plans.even()) {
-      const auto heights = edge_heights_of(target, box);
-      solve_columns(plans, map.reference(), columns_of(box), reader_of(target, box),
-                    heights ? &*heights : nullptr, pixels_of_columns(box), context, put);
-      return;
-    }
-    std::vector<BandReader> readers{reader_of(target, box)};
-    const GroupedBand grouped(map, box, with_target(std::move(readers), target, box));
-    std::vector<CodedBand> solved;
-    for (const GroupedBand::Group& g : grouped.groups) {
-      CodedBand& coded = solved.emplace_back(g.columns.size());
-      solve_columns(plans, g.value, g.columns.size(), g.reader(0), g.heights(),
-                    pixels_of_columns(box, g.columns), context,
-                    [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
-    }
-    Joiner joined(grouped, columns_of(box), std::move(solved));
-    const int slices = plans.all_layers();
-    for (int n = slices; n-- > 0;) put(n, joined.at(slices - 1 - n));
+    correct_band(
+        target, plans, bands[i],
+        [&](int n, const std::uint8_t* pixels) { images.put(i, n, pixels); }, context);
   });
   return images;
 }

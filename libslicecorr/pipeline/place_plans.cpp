@@ -417,36 +417,6 @@ BandCorrector::ColumnLevels PlacePlans::even_levels(
   };
 }
 
-GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band, const BandReaders& readers) {
-  const std::size_t columns = columns_of(band);
-  std::vector<std::uint8_t> lit(columns, 0), rows(columns), gathered(columns);
-  std::vector<CodedBand> whole;
-  for (const BandReader& read : readers.all) {
-    CodedBand coded(columns);
-    read([&](int, const std::uint8_t* layer) {
-      coded.append(layer);
-      for (std::size_t k = 0; layer && k < columns; ++k) lit[k] |= layer[k];
-    });
-    whole.push_back(std::move(coded));
-  }
-  for (LightGroup& g : light_groups(map, band, lit.data())) {
-    groups.push_back({g.value, std::move(g.columns), {}, readers.heights, readers.left_alone});
-  }
-  for (const CodedBand& coded : whole) {
-    for (Group& g : groups) g.sources.emplace_back(g.columns.size());
-    for (int n = 0; n < coded.slices(); ++n) {
-      const bool black = coded.black(n);
-      if (!black) coded.read(n, rows.data());
-      for (Group& g : groups) {
-        if (!black) {
-          for (std::size_t k = 0; k < g.columns.size(); ++k) gathered[k] = rows[g.columns[k]];
-        }
-        g.sources.back().append(black ? nullptr : gathered.data());
-      }
-    }
-  }
-}
-
 Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, const Grid& grid,
                        int slices, const LightCounts& in_all_groups, const ShownSlices* recorded) {
   // Columns that the part does not light get black light alone: only the brightest of them matter.

@@ -13,7 +13,7 @@
 
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
-#include "pipeline/design_band.hpp"
+#include "pipeline/design_groups.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
 
@@ -52,63 +52,6 @@ class PlacePlans {
   mutable std::array<std::mutex, 256> making_;
   mutable std::array<std::unique_ptr<const CorrectionPlan>, 256> plans_;
 };
-
-/// A band read once and divided: the columns that are lit in any of its sources, by value of light.
-struct GroupedBand {
-  struct Group {
-    std::uint8_t value = 0;
-    std::vector<std::uint32_t> columns;  ///< of the band
-    std::vector<CodedBand> sources;      ///< rows of these columns, by reader
-    std::size_t heights_at = BandReaders::kNone, left_alone_at = BandReaders::kNone;
-    BandReader reader(std::size_t source) const { return reader_of(sources[source]); }
-    /// Those of the target (`with_target`); null where it has none.
-    const CodedBand* heights() const {
-      return heights_at < sources.size() ? &sources[heights_at] : nullptr;
-    }
-    const CodedBand* left_alone() const {
-      return left_alone_at < sources.size() ? &sources[left_alone_at] : nullptr;
-    }
-  };
-  std::vector<Group> groups;
-
-  GroupedBand(const LightMap& map, const PixelBox& band, const BandReaders& readers);
-};
-
-/// Joins the columns of groups into rows of a band. Coded bands begin with the last slice.
-class Joiner {
- public:
-  Joiner(const GroupedBand& band, std::size_t columns, std::vector<CodedBand> coded_bands)
-      : band_(band), coded_bands_(std::move(coded_bands)), rows_(columns, 0), part_(columns) {}
-  /// Null where the slice is black. Valid until the next call.
-  const std::uint8_t* at(int index) {
-    bool black = true;
-    for (std::size_t g = 0; g < coded_bands_.size(); ++g) {
-      black = black && coded_bands_[g].black(index);
-      coded_bands_[g].read(index, part_.data());
-      const auto& columns = band_.groups[g].columns;
-      for (std::size_t k = 0; k < columns.size(); ++k) rows_[columns[k]] = part_[k];
-    }
-    return black ? nullptr : rows_.data();
-  }
-
- private:
-  const GroupedBand& band_;
-  std::vector<CodedBand> coded_bands_;
-  std::vector<std::uint8_t> rows_, part_;
-};
-
-/// Gives the pixel of each column of a group.
-inline BandPredictor::PixelOfColumn pixels_of_columns(const PixelBox& band,
-                                                      const std::vector<std::uint32_t>& columns) {
-  const auto width = static_cast<std::uint32_t>(band.width());
-  return [&columns, band, width](std::size_t k) {
-    return Pixel{band.x0 + static_cast<int>(columns[k] % width),
-                 band.y0 + static_cast<int>(columns[k] / width)};
-  };
-}
-
-/// Number of columns of each value of light.
-using LightCounts = std::array<std::uint64_t, 256>;
 
 /// What all bands print together with the columns that are in none of their groups.
 Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, const Grid& grid,

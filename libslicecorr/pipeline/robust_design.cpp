@@ -12,6 +12,7 @@
 #include <memory>
 #include <utility>
 
+#include "pipeline/pixels_of_levels.hpp"
 #include "pipeline/uncertain_walk.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/supports.hpp"
@@ -253,15 +254,6 @@ void solve(const CorrectionPlan& plan, std::size_t columns, Rows rows, Sink sink
   });
 }
 
-std::vector<std::uint8_t> pixels_of_levels(const CorrectionPlan& plan) {
-  std::vector<std::uint8_t> pixels;
-  pixels.reserve(static_cast<std::size_t>(plan.levels.size()));
-  for (int level = 0; level < plan.levels.size(); ++level) {
-    pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(level, plan.levels.size())));
-  }
-  return pixels;
-}
-
 /// The columns of a band that are in trouble, and how their edges are moved.
 class RobustBand {
  public:
@@ -271,7 +263,7 @@ class RobustBand {
         uncertainty_(u),
         design_(design),
         context_(context),
-        pixels_(pixels_of_levels(plan)),
+        pixels_(plan.levels.size()),
         mover_(plan.model) {}
 
   RobustLevels run();
@@ -296,7 +288,7 @@ class RobustBand {
   const Uncertainty& uncertainty_;
   const CodedDesign& design_;
   const ExecutionContext& context_;
-  const std::vector<std::uint8_t> pixels_;
+  const PixelsOfLevels pixels_;
   const Mover mover_;
 };
 
@@ -309,7 +301,8 @@ std::vector<Trouble> RobustBand::try_columns(std::size_t columns, Rows rows, Cov
       plan_, columns, rows,
       [&](int n, const std::uint8_t* levels) {
         keep(levels);
-        for (std::size_t i = 0; i < columns; ++i) shown[i] = pixels_[levels ? levels[i] : 0];
+        for (std::size_t i = 0; i < columns; ++i)
+          shown[i] = pixels_(levels ? levels[i] : std::uint8_t{0});
         cover(n, coverage.data());
         watch.add_slice(n, shown.data(), coverage.data());
       },

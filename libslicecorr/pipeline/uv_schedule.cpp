@@ -6,7 +6,7 @@
 #include <mutex>
 
 #include "pipeline/bands.hpp"
-#include "pipeline/place_plans.hpp"
+#include "pipeline/correct_group.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -37,37 +37,19 @@ Process schedule_uv(const SliceSource& target, const Setup& setup,
   const detail::PlacePlans plans(target, setup, context);
   const PlaceModels& models = plans.models();
   detail::PlaceWindows total(models, plans.all_layers());
+  // Edges within slices change nothing of that.
+  const SlicesAlone slices(target);
   const auto bands = detail::bands_of(target.grid(), target.bounds());
   std::mutex merging;
   parallel_for(context, "choose UV", bands.size(), [&](std::size_t i) {
-    const auto watch_columns = [&](std::uint8_t value, std::size_t columns,
-                                   const detail::BandReader& read) {
-      const CorrectionPlan& plan = plans.plan(value);
-      BandCorrector corrector(plan, columns);
-      read([&](int n, const std::uint8_t* rows) {
-        if ((n & 63) == 0) context.check_cancelled();
-        corrector.add_layer(rows);
-      });
-      WindowWatch watch(plan.model, plan.all_layers, columns);
-      std::vector<std::uint8_t> pixels(columns);
-      corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
-        if ((n & 63) == 0) context.check_cancelled();
-        for (std::size_t k = 0; k < columns; ++k) {
-          pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan.levels.size()));
-        }
-        watch.add_slice(n, dark ? nullptr : pixels.data());
-      });
+    const detail::DesignBand band(slices, models.map(), bands[i]);
+    for (const detail::DesignGroup& group : band.groups()) {
+      WindowWatch watch(models.model(group.value), plans.all_layers(), group.columns);
+      detail::correct_group(plans, group, {.put = [](int, const std::uint8_t*) {}, .watch = &watch},
+                            context);
       const std::lock_guard lock(merging);
-      total.merge(value, watch);
-    };
-    const detail::BandReader read = [&](const SliceSource::Sink& sink) {
-      target.read_band(bands[i], sink);
-    };
-    if (plans.even()) {
-      return watch_columns(models.map().reference(), detail::columns_of(bands[i]), read);
+      total.merge(group.value, watch);
     }
-    const detail::GroupedBand grouped(models.map(), bands[i], detail::BandReaders({read}));
-    for (const auto& g : grouped.groups) watch_columns(g.value, g.columns.size(), g.reader(0));
   });
   const InhibitedKernel& kernel = *models.brightest().inhibited();
   const double greatest = kernel.setting_uv_mw_cm2(0, plans.levels() - 1);

@@ -166,8 +166,7 @@ class Verification {
   /// The same where light spreads.
   void predict_spread(const PixelBox& band);
   /// Columns of one value of light, whose figures go on from those before them.
-  void predict(std::uint8_t value, const CodedBand& shown, const CodedDesign& design,
-               const BandPredictor::PixelOfColumn& place, Prediction& figures);
+  void predict(const detail::DesignGroup& group, Prediction& figures);
   /// Slices of a recording, which show several images. `watch`: null, or takes them, too.
   void predict_showings(BandPredictor& predictor, const CodedBand& shown, const CodedDesign& design,
                         WindowWatch* watch) const;
@@ -191,11 +190,13 @@ class Verification {
   detail::LightCounts grouped_columns_{};  ///< where the display's light is uneven
 };
 
-void Verification::predict(std::uint8_t value, const CodedBand& shown, const CodedDesign& design,
-                           const BandPredictor::PixelOfColumn& place, Prediction& figures) {
-  const std::size_t columns = shown.columns();
-  const CureModel& model = models_.model(value);
-  BandPredictor predictor(model, models_.curve(value), all_layers_, columns, slices_.recorded());
+void Verification::predict(const detail::DesignGroup& group, Prediction& figures) {
+  const CodedDesign design = group.coded(surface_);
+  const CodedBand& shown = *group.beside;
+  const std::size_t columns = group.columns;
+  const CureModel& model = models_.model(group.value);
+  BandPredictor predictor(model, models_.curve(group.value), all_layers_, columns,
+                          slices_.recorded());
   if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
   predictor.keep_sides();
   predictor.go_on_from(std::move(figures));
@@ -207,8 +208,8 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
     detail::predict_shown(predictor, model.is_plain(), shown, layers_, design, all_layers_,
                           watch ? &*watch : nullptr, context_);
   }
-  figures = predictor.finish(place);
-  surface_maps_.add(predictor.sides(), place);
+  figures = predictor.finish(group.place);
+  surface_maps_.add(predictor.sides(), group.place);
   if (uncertain_) {
     std::vector<std::uint8_t> pixels(columns);
     const auto shown_at = [&](int n) -> const std::uint8_t* {
@@ -217,11 +218,11 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
       return pixels.data();
     };
     uncertain_->add(model, columns, shown_at, design, all_layers_,
-                    surface_ == Surface::mesh && target_.edge_heights(), place, context_);
+                    surface_ == Surface::mesh && target_.edge_heights(), group.place, context_);
   }
   if (!watch) return;
   const std::lock_guard lock(merging_);
-  window_->merge(value, *watch);
+  window_->merge(group.value, *watch);
 }
 
 void Verification::predict_showings(BandPredictor& predictor, const CodedBand& shown,
@@ -308,25 +309,10 @@ void Verification::predict_band(const PixelBox& band) {
   if (!spread_.none()) return predict_spread(band);
   Prediction figures;
   detail::LightCounts counts{};
-  const detail::BandReader coverage = detail::reader_of(target_, band);
-  if (models_.even()) {
-    const auto heights = detail::edge_heights_of(target_, band);
-    const auto left_alone = detail::left_alone_of(target_, band);
-    const CodedDesign design(columns_of(band), coverage, heights ? &*heights : nullptr, surface_,
-                             left_alone ? &*left_alone : nullptr);
-    predict(models_.map().reference(), detail::coded_band_of(stack_, band), design,
-            detail::pixels_of_columns(band), figures);
-  } else {
-    const detail::GroupedBand grouped(
-        models_.map(), band,
-        detail::with_target({detail::reader_of(stack_, band), coverage}, target_, band));
-    for (const auto& g : grouped.groups) {
-      counts[g.value] = g.columns.size();
-      const CodedDesign design(g.columns.size(), g.reader(1), g.heights(), surface_,
-                               g.left_alone());
-      predict(g.value, g.sources[0], design, detail::pixels_of_columns(band, g.columns), figures);
-    }
-  }
+  const detail::DesignBand design(target_, models_.map(), band,
+                                  {.beside = &stack_, .doses = false});
+  design.count(counts);
+  for (const detail::DesignGroup& g : design.groups()) predict(g, figures);
   const std::lock_guard lock(merging_);
   total_.merge(figures);
   for (std::size_t v = 0; v < counts.size(); ++v) grouped_columns_[v] += counts[v];

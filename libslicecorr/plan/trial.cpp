@@ -13,7 +13,7 @@
 #include <tuple>
 
 #include "parallel/silent.hpp"
-#include "pipeline/correct_columns.hpp"
+#include "pipeline/correct_group.hpp"
 #include "pipeline/place_plans.hpp"
 #include "slicecorr/error.hpp"
 
@@ -277,9 +277,14 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
     block.listen(predictor);
     std::optional<WindowWatch> watch;
     if (window) watch.emplace(plan.model, slices, some.size());
-    correct_columns(
-        plan, some.size(), columns_.reader(some), nullptr, nullptr, {},
-        {[](int, const std::uint8_t*) {}, predictor, nullptr, watch ? &*watch : nullptr}, quiet);
+    detail::DesignGroup group;
+    group.columns = some.size();
+    group.made = columns_.reader(some);
+    correct_group(plan, group,
+                  {.put = [](int, const std::uint8_t*) {},
+                   .after = &predictor,
+                   .watch = watch ? &*watch : nullptr},
+                  quiet);
     predictor.finish(0, 0, static_cast<int>(some.size()));
     findings[b] =
         block.finish(ask.failing ? &failing_of[b] : nullptr, ask.places ? &places_of[b] : nullptr);

@@ -14,7 +14,7 @@
 #include "refusal.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
-#include "tomo/beam_projector.hpp"
+#include "tomo/beams/beam_projector.hpp"
 
 namespace slicecorr::tomo {
 namespace {

@@ -14,6 +14,7 @@
 
 #include "programs/common/completion.hpp"
 #include "run_program.hpp"
+#include "stack_fixture.hpp"
 
 namespace slicecorr {
 namespace {
@@ -29,19 +30,14 @@ const std::vector<std::string> kTexts = {
 
 class CompletionText : public testing::Test {
  protected:
-  CompletionText() : folder_(fs::path(testing::TempDir()) / "completion_text") {
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
+  CompletionText() : folder_(temporary_.path()) {
     for (std::size_t i = 0; i < kTexts.size(); ++i) {
       app_.add_flag("--flag" + std::to_string(i), kTexts[i]);
     }
     CLI::App* sub = app_.add_subcommand("sub", kTexts[0]);
     sub->add_option("--words", word_, "Words")->check(cli::value_such_as(kTexts));
   }
-  ~CompletionText() override {
-    EXPECT_FALSE(fs::exists(folder_ / "made"));
-    fs::remove_all(folder_);
-  }
+  ~CompletionText() override { EXPECT_FALSE(fs::exists(folder_ / "made")); }
   /// What a shell prints of `code` after the script; the script alone prints nothing.
   std::string run(const std::string& shell, const std::string& code) {
     std::ofstream(folder_ / "script") << cli::completion_script(app_, shell);
@@ -56,6 +52,7 @@ class CompletionText : public testing::Test {
   }
   static bool is_there(const std::string& shell) { return fs::exists("/usr/bin/" + shell); }
 
+  test::TemporaryFolder temporary_;
   fs::path folder_;
   CLI::App app_{"Takes texts", "hostile"};
   std::string word_;

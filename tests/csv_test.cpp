@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -124,7 +125,7 @@ TEST(Csv, FilesAreReadAsTextsAre) {
                           : "\r");
   }
   ASSERT_GT(text.size(), std::size_t{3} << 18) << "more than three pieces";
-  const std::string path = testing::TempDir() + "csv_test.csv";
+  const std::string path = testing::TempDir() + "csv_test-" + std::to_string(::getpid()) + ".csv";
   std::ofstream(path, std::ios::binary) << text;
   const CsvRules rules{.lines_in_quotes = true};
   CsvReader file = CsvReader::of_file(path, rules), whole = CsvReader::of_text(text, path, rules);

@@ -100,7 +100,8 @@ class FarmOnSlurm : public testing::Test {
     if (HasFailure()) {
       std::cerr << "--- service\n" << text_of(folder_ + "/service.log");
     }
-    fs::remove_all(folder_);
+    std::error_code error;
+    fs::remove_all(folder_, error);
   }
 
   void start_cluster(int nodes, int cpus = 2, const std::string& configuration = {},

@@ -11,6 +11,7 @@
 
 #include "run_program.hpp"
 #include "slicecorr/stack.hpp"
+#include "stack_fixture.hpp"
 
 namespace slicecorr {
 namespace {
@@ -19,9 +20,7 @@ namespace fs = std::filesystem;
 
 class HologramProgram : public testing::Test {
  protected:
-  HologramProgram() : folder_(fs::path(testing::TempDir()) / "hologram_program") {
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
+  HologramProgram() : folder_(temporary_.path()) {
     GreyImage target{128, 128, std::vector<std::uint8_t>(128 * 128)};
     for (int y = 80; y < 112; ++y) {
       for (int x = 80; x < 112; ++x) target.pixels[static_cast<std::size_t>(y) * 128 + x] = 255;
@@ -30,8 +29,6 @@ class HologramProgram : public testing::Test {
     write("black.png", {16, 16, std::vector<std::uint8_t>(256)});
     write("white.png", {16, 16, std::vector<std::uint8_t>(256, 255)});
   }
-  ~HologramProgram() override { fs::remove_all(folder_); }
-
   void write(const std::string& name, const GreyImage& image) {
     const auto png = encode_png(image);
     std::ofstream(folder_ / name, std::ios::binary)
@@ -58,6 +55,7 @@ class HologramProgram : public testing::Test {
     return text.str();
   }
 
+  test::TemporaryFolder temporary_;
   fs::path folder_;
 };
 

@@ -42,11 +42,17 @@ def sources(component):
             yield path
 
 
-def module_of(component, path, homes):
+def module_in(parts, modules):
+    """The module that a file of these folders lies in: a folder of its own, or one within it that is listed."""
+    within = "/".join(parts[:2])
+    return within if within in modules else parts[0]
+
+
+def module_of(component, path, homes, modules):
     parts = path.relative_to(ROOT / component).parts
     if parts[0] == "include":
         return homes.get("/".join(parts[1:]))
-    return parts[0] if len(parts) > 1 else None
+    return module_in(parts, modules) if len(parts) > 1 else None
 
 
 def without_comments(text):
@@ -71,7 +77,7 @@ def check_component(name, modules, below, components):
     declared = {}
     for path in sources(name):
         text = path.read_text()
-        module = module_of(name, path, homes)
+        module = module_of(name, path, homes, modules)
         place = path.relative_to(ROOT)
         if module is not None and module not in order:
             wrong.append(f"{place}: lies in no module of [{name}]")
@@ -79,7 +85,7 @@ def check_component(name, modules, below, components):
         for include in re.findall(r'#include [<"]([^">]+)[">]', text):
             target = homes.get(include)
             if target is None and (ROOT / name / include).exists():
-                target = include.split("/")[0]
+                target = module_in(include.split("/"), modules)
             if target is not None:
                 if module is not None and order[target] > order[module]:
                     wrong.append(f"{place}: module {module} includes {include} of {target}, which is above it")
@@ -96,7 +102,7 @@ def check_component(name, modules, below, components):
     for path in sources(name):
         if path.suffix != ".cpp":
             continue
-        module = module_of(name, path, homes)
+        module = module_of(name, path, homes, modules)
         text = without_comments(path.read_text())
         outside = re.sub(r"namespace \{\n.*?\n\}  // namespace\n", "", path.read_text(), flags=re.S)
         text = without_comments(re.sub(r"\nnamespace \{\n.*?\n\}(?=\s*//\s*namespace\s*\n|\s*\n)", "\n", outside, flags=re.S))

@@ -5,7 +5,8 @@
 
 What asks rounds.hpp for more at night runs at night: a test that calls rounds() or by_night(), by itself or through a
 function of its file, is in a suite called ...Night or in a filter NIGHT of its executable. Each pattern of such a filter
-names a test. Prints what is wrong and ends with 1, else 0."""
+names a test. Tests of one executable run in several processes at once, so what they make among temporary files bears
+the number of the process or a random name. Prints what is wrong and ends with 1, else 0."""
 
 import fnmatch
 import pathlib
@@ -70,6 +71,13 @@ for executable, files, patterns in executables():
     for pattern in patterns:
         if not any(fnmatch.fnmatchcase(name, pattern) for name, _ in tests):
             wrong.append(f"{executable}-tests: the filter NIGHT names {pattern}, which is no test")
+for path in sorted((ROOT / "tests").glob("*.[ch]pp")):
+    text = path.read_text()
+    for at in re.finditer(r"(?:TempDir|temp_directory_path)\(\)\s*\)?\s*[/+]", text):
+        named = text[at.start():at.start() + 200]
+        if "getpid" not in named and "XXXXXX" not in named:
+            line = text[:at.start()].count("\n") + 1
+            wrong.append(f"tests/{path.name}:{line}: a temporary file of one name for all processes")
 if asking < 50:
     wrong.append(f"only {asking} random tests were found: expected 50 or more")
 print("\n".join(wrong) if wrong else f"{asking} random tests run at night")

@@ -250,7 +250,8 @@ TEST(OpticsFit, WhatIsLeftByAngleIsTheWobble) {
   }
   OpticsFit fit = fit_optics(measured(machine, kN, 0, 1), webber(), 1.49);
   EXPECT_GT(fit.rms_px, 0.2);
-  const auto path = std::filesystem::temp_directory_path() / "slicecorr-optics-wobble.csv";
+  const auto path = std::filesystem::temp_directory_path() /
+                    fmt::format("slicecorr-optics-wobble-{}.csv", ::getpid());
   std::ofstream(path) << fit.wobble_csv();
   const Printer with = parse_printer(
       fmt::format("[display]\nwidth_px = 1024\nheight_px = 768\npixel_um = 54.0\n[blue]\n"

@@ -9,9 +9,9 @@
 #include <cmath>
 #include <random>
 
+#include "bands/robust_design.hpp"
 #include "memory_slices.hpp"
 #include "models.hpp"
-#include "pipeline/robust_design.hpp"
 #include "rounds.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"

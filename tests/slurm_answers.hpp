@@ -30,7 +30,10 @@ class Folder {
     std::string path = (std::filesystem::temp_directory_path() / "farm-slurm-XXXXXX").string();
     path_ = ::mkdtemp(path.data());
   }
-  ~Folder() { std::filesystem::remove_all(path_); }
+  ~Folder() {
+    std::error_code error;
+    std::filesystem::remove_all(path_, error);
+  }
   const std::string& path() const { return path_; }
 
  private:

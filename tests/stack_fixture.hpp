@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 #include <stdlib.h>
+#include <unistd.h>
 #include <zip.h>
 
 #include <filesystem>
@@ -15,6 +16,7 @@
 #include <map>
 #include <random>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -33,7 +35,15 @@ class TemporaryFolder {
     std::string name = (std::filesystem::temp_directory_path() / "slicecorr.XXXXXX").string();
     path_ = ::mkdtemp(name.data());
   }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
+  ~TemporaryFolder() {
+    // Programs that were ended may write for a moment longer.
+    for (int tries = 0; tries < 40; ++tries) {
+      std::error_code error;
+      std::filesystem::remove_all(path_, error);
+      if (!error) return;
+      ::usleep(50'000);
+    }
+  }
   TemporaryFolder(const TemporaryFolder&) = delete;
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -156,7 +157,8 @@ TEST(TomoWobble, OfWholePixelsMovesFrames) {
     }
     EXPECT_LT(difference(dose_of(steady), dose_of(moved)), 1e-6) << name_of(direction);
     // As files: the images themselves are moved, and read back.
-    const auto folder = std::filesystem::temp_directory_path() / "slicecorr-tomo-wobble";
+    const auto folder = std::filesystem::temp_directory_path() /
+                        ("slicecorr-tomo-wobble-" + std::to_string(::getpid()));
     std::filesystem::create_directories(folder);
     const std::string path = (folder / "moved.frames").string();
     write_job(path, moved);
@@ -216,7 +218,8 @@ TEST(TomoTilt, FramesAreTurnedSoThatThePartIsPrinted) {
   EXPECT_GT(print.figures.metrics.contrast, 1.1);
   RecordProperty("contrast",
                  fmt::format("{:.3f} of {:.3f}", print.figures.metrics.contrast, straight));
-  const auto folder = std::filesystem::temp_directory_path() / "slicecorr-tomo-tilt";
+  const auto folder = std::filesystem::temp_directory_path() /
+                      ("slicecorr-tomo-tilt-" + std::to_string(::getpid()));
   std::filesystem::create_directories(folder);
   const std::string path = (folder / "tilt.frames").string();
   write_job(path, print.job);
@@ -281,7 +284,8 @@ TEST(TomoFlatField, DarkCornersGetHigherLevels) {
   EXPECT_LE(solve_print(part, 0.25, p, bench_resin(), quick).figures.print_time_s,
             print.figures.print_time_s);
 
-  const auto folder = std::filesystem::temp_directory_path() / "slicecorr-tomo-flat";
+  const auto folder = std::filesystem::temp_directory_path() /
+                      ("slicecorr-tomo-flat-" + std::to_string(::getpid()));
   std::filesystem::create_directories(folder);
   const std::string path = (folder / "flat.frames").string();
   write_job(path, print.job);

@@ -17,7 +17,7 @@
 #include "slicecorr/vial.hpp"
 #include "snell.hpp"
 #include "stack_fixture.hpp"
-#include "tomo/ray_sources.hpp"
+#include "tomo/operators/ray_sources.hpp"
 #include "tomo_jobs.hpp"
 
 namespace slicecorr::tomo {

@@ -22,9 +22,9 @@
 #include "slicecorr/tomo/shown.hpp"
 #include "slicecorr/vial.hpp"
 #include "stack_fixture.hpp"
-#include "tomo/changing_resin.hpp"
-#include "tomo/dose_spread.hpp"
-#include "tomo/spread_projector.hpp"
+#include "tomo/operators/dose_spread.hpp"
+#include "tomo/operators/spread_projector.hpp"
+#include "tomo/print/changing_resin.hpp"
 #include "tomo_jobs.hpp"
 
 namespace slicecorr::tomo {

@@ -9,7 +9,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/solve.hpp"
-#include "tomo/axis_projector.hpp"
+#include "tomo/operators/axis_projector.hpp"
 #include "tomo_reference.hpp"
 
 namespace slicecorr::tomo {

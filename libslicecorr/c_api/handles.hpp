@@ -15,6 +15,7 @@
 #include "c_api/slice_store.hpp"
 #include "slicecorr.h"
 #include "slicecorr/dose_target.hpp"
+#include "slicecorr/pipeline.hpp"
 #include "slicecorr/setup.hpp"
 
 namespace slicecorr::c_api {

@@ -10,8 +10,8 @@
 #include <mutex>
 #include <numeric>
 
+#include "bands/bands.hpp"
 #include "parallel/silent.hpp"
-#include "pipeline/bands.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -21,7 +21,7 @@ namespace slicecorr {
 namespace {
 
 /// How the columns of a stack and a target overlap.
-struct Overlap {
+struct SharedVoxels {
   std::uint64_t both = 0;             ///< columns lit in the stack in which something is designed
   std::uint64_t stack_only = 0;       ///< lit, with nothing designed
   std::uint64_t full_only = 0;        ///< with a voxel of coverage 1, never lit
@@ -30,7 +30,7 @@ struct Overlap {
   bool full = false;                  ///< the target has a voxel of coverage 1
 
   bool lit() const { return both + stack_only > 0; }
-  void merge(const Overlap& o) {
+  void merge(const SharedVoxels& o) {
     both += o.both;
     stack_only += o.stack_only;
     full_only += o.full_only;
@@ -60,15 +60,15 @@ int greatest_values(const SliceSource& source, const PixelBox& band,
   return end;
 }
 
-Overlap overlap_of(const SliceSource& stack, const SliceSource& target,
-                   const ExecutionContext& context) {
-  Overlap all;
+SharedVoxels overlap_of(const SliceSource& stack, const SliceSource& target,
+                        const ExecutionContext& context) {
+  SharedVoxels all;
   std::mutex merging;
   const auto bands = detail::bands_of(stack.grid(), stack.bounds().united(target.bounds()));
   parallel_for(detail::silent(context), "", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     std::vector<std::uint8_t> lit(detail::columns_of(band), 0), designed = lit;
-    Overlap o;
+    SharedVoxels o;
     o.stack_end = greatest_values(stack, band, context, lit, nullptr);
     o.target_end = greatest_values(target, band, context, designed, &o.coverage);
     if (target.left_alone()) {
@@ -116,7 +116,7 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
       is_its(volume_of(*pixel_sum))) {
     return;
   }
-  const Overlap o = overlap_of(stack, target, context);
+  const SharedVoxels o = overlap_of(stack, target, context);
   if (!o.full) detail::refuse_vanished(target, name);
   const auto refuse = [&](const std::string& what) {
     throw InputError(name, "",

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
+#include "bands/bands.hpp"
+#include "bands/place_plans.hpp"
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
-#include "pipeline/bands.hpp"
-#include "pipeline/place_plans.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/baseline.hpp"
 #include "slicecorr/error.hpp"

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "pipeline/bands.hpp"
+#include "bands/bands.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/uv_images.hpp"
 #include "slicecorr/error.hpp"

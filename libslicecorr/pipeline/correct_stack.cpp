@@ -9,21 +9,21 @@
 #include <memory>
 #include <mutex>
 
+#include "bands/bands.hpp"
+#include "bands/correct_group.hpp"
+#include "bands/correct_spread.hpp"
+#include "bands/design_band.hpp"
+#include "bands/dose_meter.hpp"
+#include "bands/place_plans.hpp"
+#include "bands/robust_design.hpp"
+#include "bands/surface_collector.hpp"
+#include "bands/uncertain_walk.hpp"
 #include "base/coded_band.hpp"
-#include "pipeline/bands.hpp"
-#include "pipeline/correct_group.hpp"
-#include "pipeline/correct_spread.hpp"
+#include "even/even_cells.hpp"
+#include "even/kept_images.hpp"
 #include "pipeline/corrected_info.hpp"
-#include "pipeline/design_band.hpp"
-#include "pipeline/dose_meter.hpp"
-#include "pipeline/even_cells.hpp"
-#include "pipeline/kept_images.hpp"
-#include "pipeline/place_plans.hpp"
-#include "pipeline/robust_design.hpp"
 #include "pipeline/shortcomings.hpp"
-#include "pipeline/surface_collector.hpp"
 #include "pipeline/target_scan.hpp"
-#include "pipeline/uncertain_walk.hpp"
 #include "pipeline/uv_images.hpp"
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/dead_zone.hpp"
@@ -409,36 +409,6 @@ Correction StackCorrection::result() {
 }
 
 }  // namespace
-
-void check_correction(const Setup& setup, const DesignHas& design) {
-  check_corrected(setup.printer, setup.resin, setup.process);
-  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
-  if (design.doses) {
-    // Of these it depends on the height of slices whether they count: `check_doses`.
-    std::erase(features, Feature::vat_depth);
-    std::erase(features, Feature::reflectance);
-    features.push_back(Feature::wanted_doses);
-  }
-  if (design.left_alone) features.push_back(Feature::left_alone);
-  if (setup.uncertainty) detail::check_uncertain(setup);
-  const bool robust = setup.uncertainty && setup.uncertainty->robust;
-  if (robust) features.push_back(Feature::robust);
-  check_supported(features, setup.printer.name, setup.resin.name);
-  if (robust && !setup.uncertainty->from_fit && setup.uncertainty->sd(UncertainInput::m) > 0) {
-    throw InputError(
-        "a correction can't be robust against an exponent that is off by itself, since doses rise "
-        "with it here and fall there; expected its errors from a fit, or no error of m");
-  }
-}
-
-Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionContext& context) {
-  check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
-  const char* const heights = leave_out_heights(setup.printer, setup.resin, setup.process);
-  if (heights && target.edge_heights()) context.tell(heights);
-  const char* const cap = leave_out_cap(setup.printer, setup.resin, setup.process);
-  if (cap) context.tell(cap);
-  return setup;
-}
 
 CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
                                const ExecutionContext& context) {

@@ -4,7 +4,7 @@
 /// What a corrected stack says of itself, besides what a scan of its target fills in.
 #pragma once
 
-#include "pipeline/bands.hpp"
+#include "bands/bands.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/stack.hpp"
 

@@ -9,8 +9,8 @@
 #include <cmath>
 #include <utility>
 
-#include "pipeline/bands.hpp"
-#include "pipeline/design_band.hpp"
+#include "bands/bands.hpp"
+#include "bands/design_band.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr {

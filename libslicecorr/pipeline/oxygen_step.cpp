@@ -13,13 +13,13 @@
 #include <utility>
 #include <vector>
 
+#include "bands/bands.hpp"
+#include "bands/design_band.hpp"
 #include "base/coded_band.hpp"
 #include "chemistry/even_oxygen.hpp"
 #include "cure/shown_slices.hpp"
 #include "parallel/silent.hpp"
-#include "pipeline/bands.hpp"
 #include "pipeline/corrected_info.hpp"
-#include "pipeline/design_band.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/target_scan.hpp"
 #include "slicecorr/cure.hpp"

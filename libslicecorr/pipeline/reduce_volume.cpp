@@ -4,10 +4,10 @@
 #include <memory>
 #include <utility>
 
+#include "bands/bands.hpp"
+#include "bands/design_band.hpp"
 #include "base/coded_band.hpp"
 #include "cure/spread_band.hpp"
-#include "pipeline/bands.hpp"
-#include "pipeline/design_band.hpp"
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "bands/bands.hpp"
 #include "base/coded_band.hpp"
-#include "pipeline/bands.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/error.hpp"

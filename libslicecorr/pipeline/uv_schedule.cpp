@@ -5,8 +5,8 @@
 #include <cmath>
 #include <mutex>
 
-#include "pipeline/bands.hpp"
-#include "pipeline/correct_group.hpp"
+#include "bands/bands.hpp"
+#include "bands/correct_group.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/pipeline.hpp"

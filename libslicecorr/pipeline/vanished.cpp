@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-#include "pipeline/bands.hpp"
+#include "bands/bands.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {

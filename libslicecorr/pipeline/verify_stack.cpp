@@ -8,15 +8,15 @@
 #include <mutex>
 #include <span>
 
+#include "bands/bands.hpp"
+#include "bands/design_band.hpp"
+#include "bands/dose_meter.hpp"
+#include "bands/place_plans.hpp"
+#include "bands/surface_collector.hpp"
+#include "bands/uncertain_walk.hpp"
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "cure/spread_band.hpp"
-#include "pipeline/bands.hpp"
-#include "pipeline/design_band.hpp"
-#include "pipeline/dose_meter.hpp"
-#include "pipeline/place_plans.hpp"
-#include "pipeline/surface_collector.hpp"
-#include "pipeline/uncertain_walk.hpp"
 #include "pipeline/vanished.hpp"
 #include "predict/plane_edges.hpp"
 #include "slicecorr/dead_zone.hpp"

@@ -10,7 +10,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "pipeline/bands.hpp"
+#include "bands/bands.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-#include "pipeline/bands.hpp"
+#include "bands/bands.hpp"
 #include "pipeline/target_scan.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/file_times.hpp"

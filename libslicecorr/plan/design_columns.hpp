@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/design_band.hpp"
+#include "bands/design_band.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/target.hpp"
 

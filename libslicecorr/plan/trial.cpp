@@ -12,9 +12,9 @@
 #include <set>
 #include <tuple>
 
+#include "bands/correct_group.hpp"
+#include "bands/place_plans.hpp"
 #include "parallel/silent.hpp"
-#include "pipeline/correct_group.hpp"
-#include "pipeline/place_plans.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {

@@ -24,10 +24,9 @@
 #include "slicecorr/correct.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/predict.hpp"
-#include "slicecorr/process.hpp"
+#include "slicecorr/setup.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/target.hpp"
-#include "slicecorr/uncertainty.hpp"
 
 namespace slicecorr {
 
@@ -35,20 +34,6 @@ namespace detail {
 class PlacePlans;
 class TogetherCorrected;
 }  // namespace detail
-
-/// Printer, resin and process with which a stack is corrected or judged.
-struct Setup {
-  Printer printer;
-  Resin resin;
-  Process process;
-  /// Gap under the part that suction is judged with, um (flow_suction.hpp); 0: by the UV light. Where an
-  /// even dead zone is asked for, that dead zone; 0: the best. Stacks do not keep it: even light has its
-  /// own.
-  double gap_um = 0;
-  /// By how much the inputs may be off: predictions then say how sure they are, and corrections allow
-  /// for it where that is asked for (`Uncertainty::robust`). Stacks do not keep it.
-  std::optional<Uncertainty> uncertainty{};
-};
 
 /// Writes a target as a stack of its coverage, with its edge heights where it has some; of archives
 /// that have no place for these that is told. Throws `InputError` when no voxel in it is covered
@@ -117,15 +102,6 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
 /// or scale.
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                         const ExecutionContext& context = {});
-
-/// Looks at how hard `target` pulls at window and vat (`print_suction` in flow_suction.hpp) where the
-/// resin says its viscosity and the print is continuous: tells it in a line, and throws
-/// `InfeasibleError`, naming slice, place and the speed that works, where the printer says what it
-/// bears and that is less. `correct_stack` does so before it corrects.
-void judge_suction(const SliceSource& target, const Setup& setup,
-                   const ExecutionContext& context = {});
-/// Whether there is something to look at.
-bool judges_suction(const Setup& setup);
 
 /// What a part prints with each way of showing its slices.
 struct Comparison {
@@ -196,17 +172,6 @@ class CorrectedSlices final : public SliceSource {
   std::unique_ptr<const detail::TogetherCorrected> together_;  ///< null: each column alone
   Grid grid_;
 };
-
-/// What a design has beside features and gaps.
-struct DesignHas {
-  bool left_alone = false, doses = false;
-};
-/// All of a correction that is refused before the work, by the table of supports.hpp and by what three
-/// of its features or an input bring. Throws `InputError`.
-void check_correction(const Setup& setup, const DesignHas& design);
-/// The setup with which a target is corrected: `check_correction`, and without what supports.hpp says
-/// is left out, which is told.
-Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionContext& context);
 
 /// Checks that `setup` can print `target` at all: size, scale, stage, light. Throws as
 /// `correct_stack`. Where the printer has a flat-field that is too dim at some places, the slices

@@ -8,15 +8,34 @@
 /// Plain values; all functions are thread-safe. Errors are `InputError`.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include "slicecorr/pipeline.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
 #include "slicecorr/settings.hpp"
+#include "slicecorr/stack.hpp"
+#include "slicecorr/target.hpp"
+#include "slicecorr/uncertainty.hpp"
 
 namespace slicecorr {
+
+/// Printer, resin and process with which a stack is corrected or judged.
+struct Setup {
+  Printer printer;
+  Resin resin;
+  Process process;
+  /// Gap under the part that suction is judged with, um (flow_suction.hpp); 0: by the UV light. Where an
+  /// even dead zone is asked for, that dead zone; 0: the best. Stacks do not keep it: even light has its
+  /// own.
+  double gap_um = 0;
+  /// By how much the inputs may be off: predictions then say how sure they are, and corrections allow
+  /// for it where that is asked for (`Uncertainty::robust`). Stacks do not keep it.
+  std::optional<Uncertainty> uncertainty{};
+};
 
 /// What of the choices changes the resin.
 ResinOverrides resin_overrides(const SetupChoices& choices);
@@ -56,5 +75,30 @@ std::pair<Printer, Resin> parse_definitions_json(std::string_view json, const st
 /// A corrected stack shows light, not the design: measured against it, or corrected again, nothing
 /// means anything. Throws `InputError` when `info`, of the archive at `path`, is of one.
 void check_design(const StackInfo& info, const std::string& path);
+
+/// What a design has beside features and gaps.
+struct DesignHas {
+  bool left_alone = false, doses = false;
+};
+/// All of a correction that is refused before the work, by the table of supports.hpp and by what three
+/// of its features or an input bring. Throws `InputError`.
+void check_correction(const Setup& setup, const DesignHas& design);
+/// The setup with which a target is corrected: `check_correction`, and without what supports.hpp says
+/// is left out, which is told.
+Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionContext& context);
+
+/// Throws `InputError`, naming it, where a setup has something under which it is not known how the
+/// dose changes: patterns of UV light, light that scatters, or spreads under UV light, resin that ends, a
+/// platform that sends light back.
+void check_uncertain(const Setup& setup);
+
+/// Looks at how hard `target` pulls at window and vat (`print_suction` in flow_suction.hpp) where the
+/// resin says its viscosity and the print is continuous: tells it in a line, and throws
+/// `InfeasibleError`, naming slice, place and the speed that works, where the printer says what it
+/// bears and that is less. `correct_stack` does so before it corrects.
+void judge_suction(const SliceSource& target, const Setup& setup,
+                   const ExecutionContext& context = {});
+/// Whether there is something to look at.
+bool judges_suction(const Setup& setup);
 
 }  // namespace slicecorr

@@ -1,0 +1,101 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "bands/dose_meter.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <mutex>
+
+#include "bands/bands.hpp"
+#include "bands/design_groups.hpp"
+#include "bands/place_plans.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/supports.hpp"
+
+namespace slicecorr::detail {
+
+void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
+                 const Setup& setup) {
+  check_correction(setup, {target.left_alone() != nullptr, true});
+  std::vector<Feature> features = features_of(models.brightest());
+  features.push_back(Feature::wanted_doses);
+  check_supported(features);
+  const LightCounts part = models.map().counts(target.bounds());
+  const double most = doses.scale.greatest();
+  for (std::size_t v = 1; v < part.size(); ++v) {
+    const auto value = static_cast<std::uint8_t>(v);
+    if (part[v] == 0 && !models.even()) continue;
+    if (models.even() && value != models.map().reference()) continue;
+    const double reached = models.model(value).phi_max();
+    if (most < reached) continue;
+    throw InfeasibleError(fmt::format(
+        "a dose of {:g} is wanted, and full light comes to {:.4g} at {:g} mm/h; a speed below {:.4g} "
+        "mm/h would do, or a lower dose",
+        most, reached, setup.process.speed_mm_h, setup.process.speed_mm_h * reached / most));
+  }
+}
+
+std::vector<RegionDose> regions_of(const DoseTarget& doses) {
+  std::vector<RegionDose> regions(doses.regions.size());
+  for (std::size_t r = 0; r < regions.size(); ++r) regions[r].name = doses.regions[r];
+  return regions;
+}
+
+void merge_regions(std::vector<RegionDose>& into, const std::vector<RegionDose>& from) {
+  if (into.empty()) into = std::vector<RegionDose>(from.size());
+  for (std::size_t r = 0; r < from.size(); ++r) {
+    into[r].name = from[r].name;
+    into[r].merge(from[r]);
+  }
+}
+
+DoseMeter::DoseMeter(const WantedBand& wanted, const CureModel& model, const CodedBand& coverage)
+    : wanted_(wanted),
+      coverage_(coverage),
+      dose_(model, coverage.columns()),
+      black_(coverage.columns(), 0),
+      cover_(coverage.columns()),
+      bytes_(coverage.columns()),
+      regions_(regions_of(*wanted.doses)) {}
+
+void DoseMeter::add_slice(int slice, const std::uint8_t* pixels) {
+  dose_.add_slice(slice, pixels ? pixels : black_.data());
+  if (slice >= coverage_.slices() || coverage_.black(slice)) return;
+  coverage_.read(slice, cover_.data());
+  wanted_.bytes->read(slice, bytes_.data());
+  const double* const middle = dose_.middle();
+  const DoseTarget& doses = *wanted_.doses;
+  for (std::size_t k = 0; k < cover_.size(); ++k) {
+    if (cover_[k] != 255) continue;
+    regions_[doses.region_of[bytes_[k]]].add(doses.scale.dose[bytes_[k]], middle[k]);
+  }
+}
+
+std::vector<RegionDose> measure_doses(const SliceSource& stack, const SliceSource& target,
+                                      const PlaceModels& models, const ExecutionContext& context) {
+  const DoseTarget& doses = *target.doses();
+  std::vector<RegionDose> all = regions_of(doses);
+  const auto bands = bands_of(target.grid(), target.bounds());
+  std::mutex merging;
+  parallel_for(context, "measure doses", bands.size(), [&](std::size_t i) {
+    // A model per value of light: columns of one value after the other.
+    const DesignBand band(target, models.map(), bands[i], {.beside = &stack});
+    for (const DesignGroup& g : band.groups()) {
+      const CodedDesign design = g.coded(Surface::slices);
+      DoseMeter meter(*g.doses, models.model(g.value), design.coverage);
+      std::vector<std::uint8_t> pixels(g.columns);
+      for (int n = g.beside->slices(); n-- > 0;) {
+        if ((n & 63) == 0) context.check_cancelled();
+        g.beside->read(n, pixels.data());
+        meter.add_slice(n, pixels.data());
+      }
+      const std::lock_guard lock(merging);
+      merge_regions(all, meter.regions());
+    }
+  });
+  return all;
+}
+
+}  // namespace slicecorr::detail

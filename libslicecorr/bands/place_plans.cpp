@@ -1,0 +1,482 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "bands/place_plans.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <span>
+
+#include "bands/bands.hpp"
+#include "bands/correct_spread.hpp"
+#include "bands/robust_design.hpp"
+#include "correct/coupled_plan.hpp"
+#include "correct/inhibited_plan.hpp"
+#include "cure/limits.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/gel_time.hpp"
+#include "slicecorr/limit.hpp"
+#include "slicecorr/supports.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// The printer, if the target's images are of its size, and what is left alone can be.
+const Printer& fitting(const Setup& setup, const SliceSource& target) {
+  if (target.left_alone()) {
+    std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+    features.push_back(Feature::left_alone);
+    check_supported(features, setup.printer.name, setup.resin.name);
+  }
+  const Printer& printer = setup.printer;
+  const Grid& grid = target.grid();
+  // Archives made for a printer have the images of its display, ours those of its plate.
+  const Grid wanted = images_of(printer, target.frame());
+  if (grid.width_px != wanted.width_px || grid.height_px != wanted.height_px) {
+    throw InputError(fmt::format("the slices are {} x {} pixels; printer '{}' has {} x {}",
+                                 grid.width_px, grid.height_px, printer.name, wanted.width_px,
+                                 wanted.height_px));
+  }
+  const auto differ = [](double a, double b) { return std::abs(a - b) > 0.01 * b; };
+  if (differ(grid.pixel_x_um, wanted.pixel_x_um) || differ(grid.pixel_y_um, wanted.pixel_y_um)) {
+    throw InputError(fmt::format(
+        "the slices were made for pixels of {:g} x {:g} um; those of printer '{}' are {:g} x {:g} "
+        "um",
+        grid.pixel_x_um, grid.pixel_y_um, printer.name, wanted.pixel_x_um, wanted.pixel_y_um));
+  }
+  return printer;
+}
+
+/// Slices that the stage can travel; nothing when it has no end.
+std::optional<int> slices_of_travel(const Printer& printer, double layer_um) {
+  if (printer.travel_mm <= 0) return std::nullopt;
+  const double most_mm = printer.travel_mm * (1 + 1e-9);
+  auto slices = static_cast<int>(std::min(1e9, std::floor(most_mm / (layer_um * 1e-3))));
+  while (slices > 0 && slices * layer_um * 1e-3 > most_mm) --slices;
+  return slices;
+}
+
+/// dose_for_end() under UV light. There the slices added after the end depend on the level that
+/// holds the dose, and so on the dose itself (`inhibited_slices`): the least dose is searched.
+double inhibited_dose_for_end(const CureModel& model, int slices) {
+  const InhibitedKernel& kernel = *model.inhibited();
+  const int s = kernel.strongest_setting(), cap = kernel.highest_usable_level(s);
+  const ExtraLight extra(kernel, InhibitedKernel::upper_end);
+  const InhibitedTuning tuning;
+  std::vector<double> doses;
+  for (int level = 0; level <= cap; ++level) doses.push_back(kernel.steady_dose(s, level));
+  const auto fits = [&](double times) {
+    int steady = cap;
+    while (steady > 0 && times * doses[static_cast<std::size_t>(steady - 1)] >= 1.0) --steady;
+    const int lag = lag_of(tuning.lag_shares.front(), extra.peak(s, steady));
+    const int full = slices - lag - tuning.spare_slices;
+    return full > 0 && times * extra.sum(s, cap, full) >= 1.0;
+  };
+  const double lit = doses.back();
+  if (!(lit > 0)) return std::numeric_limits<double>::infinity();
+  for (double dose = 1; dose < 1e6; dose *= 1.01) {
+    if (fits(dose / lit)) return dose;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+/// The dose after a long run of slices that lit pixels must pass so that a part's end cures in so
+/// many slices; infinite when none is enough.
+double dose_for_end(const CureModel& model, int slices) {
+  if (model.mode == ExposureMode::layerwise && !model.inhibited()) return 1.0;
+  if (slices < 1) return std::numeric_limits<double>::infinity();
+  if (model.inhibited()) return inhibited_dose_for_end(model, slices);
+  if (model.gel_time()) {
+    // Both doses are inversely proportional to the speed. One slice is to spare (slices_with_burst).
+    const GelTimeKernel& kernel = *model.gel_time();
+    const double full = kernel.level_mw_cm2(kernel.levels() - 1);
+    return std::max(1.0, model.phi_max() / kernel.dose_at_end(full, std::max(1, slices - 1)));
+  }
+  return std::max(1.0, model.steady(-1.0 / std::expm1(-slices * model.eta * units::kLn10)));
+}
+
+/// Per value of light: which columns the part lights, and up to which layer.
+struct LitPlaces {
+  LightCounts columns{};
+  std::array<std::int32_t, 256> end;  ///< 1 more than the last lit layer
+  std::array<Pixel, 256> first;       ///< in reading order
+
+  LitPlaces() { end.fill(0); }
+  void add(std::uint8_t value, Pixel pixel, std::int32_t lit_end) {
+    const Pixel& f = first[value];
+    const bool earlier = pixel.y < f.y || (pixel.y == f.y && pixel.x < f.x);
+    if (columns[value] == 0 || earlier) first[value] = pixel;
+    ++columns[value];
+    end[value] = std::max(end[value], lit_end);
+  }
+  void merge(const LitPlaces& o) {
+    for (std::size_t v = 0; v < 256; ++v) {
+      if (o.columns[v] == 0) continue;
+      const std::uint64_t sum = columns[v] + o.columns[v];
+      add(static_cast<std::uint8_t>(v), o.first[v], o.end[v]);
+      columns[v] = sum;
+    }
+  }
+};
+
+LitPlaces lit_places(const SliceSource& target, const LightMap& map,
+                     const ExecutionContext& context) {
+  const auto bands = bands_of(target.grid(), target.bounds());
+  LitPlaces all;
+  std::mutex merging;
+  parallel_for(context, "find lit places", bands.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i];
+    const std::size_t columns = columns_of(band);
+    std::vector<std::int32_t> end(columns, 0);
+    target.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) context.check_cancelled();
+      if (!rows) return;
+      for (std::size_t k = 0; k < columns; ++k) end[k] = rows[k] ? n + 1 : end[k];
+    });
+    LitPlaces found;
+    std::size_t k = 0;
+    for (int y = band.y0; y < band.y1; ++y) {
+      for (int x = band.x0; x < band.x1; ++x, ++k) {
+        if (end[k] > 0) found.add(map.value(x, y), {x, y}, end[k]);
+      }
+    }
+    const std::lock_guard lock(merging);
+    all.merge(found);
+  });
+  return all;
+}
+
+/// The first pixel of a value in reading order.
+Pixel first_of(const LightMap& map, const Grid& grid, std::uint8_t value) {
+  for (int y = 0; y < grid.height_px; ++y) {
+    for (int x = 0; x < grid.width_px; ++x) {
+      if (map.value(x, y) == value) return {x, y};
+    }
+  }
+  return {};
+}
+
+std::string share_in_words(const LightMap& map, std::uint8_t value) {
+  return fmt::format("{:.4g} of the light of the calibration", map.factor(value));
+}
+
+/// Checks whether a target can be printed on a display; refuses with what would do for all places.
+class PlaceCheck {
+ public:
+  PlaceCheck(const SliceSource& target, const PlaceModels& models, const Setup& setup,
+             const ExecutionContext& context)
+      : target_(target), models_(models), map_(models.map()), setup_(setup), context_(context) {
+    check_stage_speed(setup.printer, setup.process);
+    const Grid& grid = target.grid();
+    travel_ = slices_of_travel(setup.printer, grid.layer_um);
+    brightest_ = map_.reference();
+    if (map_.even()) return;
+    const LightCounts display = map_.counts({0, 0, grid.width_px, grid.height_px});
+    brightest_ = 255;
+    while (display[brightest_] == 0) --brightest_;
+  }
+
+  /// Slices that will be shown.
+  int all_layers() {
+    const int layers = target_.grid().layers;
+    if (travel_ && layers > *travel_) {
+      throw InfeasibleError(
+          fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {} mm",
+                      layers * target_.grid().layer_um * 1e-3, setup_.printer.name,
+                      at_most(setup_.printer.travel_mm, 12)));
+    }
+    // Black must leave the resin liquid everywhere, lit or not; the brightest place fails first.
+    if (!fine(brightest_)) refuse();
+    int all = slices_with_burst(models_.model(brightest_), layers, layers - 1);
+    if (!alike(all)) {
+      // A dim place counts only where the part is lit.
+      const LitPlaces& lit = lit_now();
+      all = layers;
+      for (std::size_t v = 0; v < 256; ++v) {
+        if (lit.columns[v] == 0) continue;
+        const auto value = static_cast<std::uint8_t>(v);
+        if (!fine(value)) refuse();
+        all = std::max(all, slices_with_burst(models_.model(value), layers, lit.end[v] - 1));
+      }
+    }
+    if (travel_ && all > *travel_) refuse_travel(all);
+    const int edges = layers + slices_for_edges();
+    all = std::max(all, travel_ ? std::min(edges, *travel_) : edges);
+    // The part's end may lie half a slice below its last node.
+    const bool more = models_.brightest().is_continuous() && !(travel_ && all + 1 > *travel_) &&
+                      target_.ends_below_last_node();
+    if (more) ++all;
+    if (setup_.uncertainty && setup_.uncertainty->robust) {
+      const int robust = all + robust_slices(models_.brightest());
+      all = travel_ ? std::max(all, std::min(robust, *travel_)) : robust;
+    }
+    if (all - layers > kLongest) {
+      throw InfeasibleError(fmt::format(
+          "the part's end does not cure: light of black comes too close to full light for any "
+          "number of slices after it; {}",
+          ways()));
+    }
+    return all;
+  }
+
+ private:
+  /// Slices that the edges of the last layer ask for where columns are corrected together.
+  int slices_for_edges() const {
+    const CureModel& model = models_.brightest();
+    if (!spreads(setup_) || setup_.process.spread_rounds == 0 || !map_.even() ||
+        target_.left_alone()) {
+      return 0;
+    }
+    if (can_couple_under_uv(model)) return slices_to_gel_at_edges_under_uv(model);
+    if (!model.is_plain()) return 0;
+    const SpreadLight light(models_, target_.grid(), target_.frame());
+    return slices_to_gel_at_edges(model, light.blur(), light.scatter());
+  }
+  Verdict verdict_at(std::uint8_t value, bool lit) const {
+    return verdict({&models_.model(value), map_.factor(value), lit}, models_.printer_at(value),
+                   setup_.process);
+  }
+  bool fine(std::uint8_t value) const {
+    if (value == 0) return false;
+    const Verdict v = verdict_at(value, true);
+    return v.weak.empty() && v.black.empty();
+  }
+  /// Whether all places that the part may be lit at need the same.
+  bool alike(int all) const {
+    if (map_.even()) return true;
+    const int layers = target_.grid().layers;
+    const LightCounts part = map_.counts(target_.bounds());
+    for (std::size_t v = 0; v < 256; ++v) {
+      const auto value = static_cast<std::uint8_t>(v);
+      if (part[v] == 0) continue;
+      if (!fine(value) || slices_with_burst(models_.model(value), layers, layers - 1) != all) {
+        return false;
+      }
+    }
+    return true;
+  }
+  const LitPlaces& lit_now() {
+    if (lit_) return *lit_;
+    if (map_.even()) {
+      lit_.emplace();
+      lit_->columns[brightest_] = 1;
+      lit_->end[brightest_] = target_.grid().layers;
+    } else {
+      lit_ = lit_places(target_, map_, context_);
+    }
+    return *lit_;
+  }
+
+  /// The brightest place and all that are lit, with what they need to end within the travel.
+  std::vector<LitPlace> places() {
+    const LitPlaces& lit = lit_now();
+    const bool none = std::all_of(lit.columns.begin(), lit.columns.end(),
+                                  [](std::uint64_t columns) { return columns == 0; });
+    std::vector<LitPlace> all;
+    for (std::size_t v = 1; v < 256; ++v) {
+      const auto value = static_cast<std::uint8_t>(v);
+      if (lit.columns[v] == 0 && value != brightest_) continue;
+      LitPlace p{&models_.model(value), map_.factor(value), none || lit.columns[v] > 0};
+      // Without a limit of travel a part's end must still cure within some number of slices.
+      const int most = travel_ ? *travel_ - lit.end[v] : kLongest;
+      if (p.lit) p.needed = dose_for_end(*p.model, most);
+      all.push_back(p);
+    }
+    return all;
+  }
+  std::string ways() { return ways_out(places(), setup_.printer, setup_.process); }
+
+  [[noreturn]] void refuse() {
+    const LitPlaces& lit = lit_now();
+    const std::string& name = setup_.printer.name;
+    if (lit.columns[0] > 0) {
+      throw InfeasibleError(fmt::format(
+          "the part lies where the flat-field of printer '{}' says that there is no light: {} "
+          "pixels, the first {}, {}; expected a part beside them, or another flat-field",
+          name, lit.columns[0], lit.first[0].x, lit.first[0].y));
+    }
+    std::uint64_t weak_pixels = 0, pixels = 0;
+    std::optional<std::uint8_t> dimmest;
+    for (std::size_t v = 0; v < 256; ++v) {
+      const auto value = static_cast<std::uint8_t>(v);
+      if (lit.columns[v] == 0) continue;
+      pixels += lit.columns[v];
+      if (verdict_at(value, true).weak.empty()) continue;
+      if (!dimmest) dimmest = value;
+      weak_pixels += lit.columns[v];
+    }
+    std::string text;
+    if (dimmest) {
+      const Pixel p = lit.first[*dimmest];
+      text = verdict_at(*dimmest, true).weak;
+      if (!map_.even()) {
+        text = fmt::format(
+            "the light of printer '{}' is {} for this part: it fails at {} of its pixels, the "
+            "dimmest {}, {}, which gets {}: {}",
+            name, weak_pixels < pixels ? "too uneven" : "too weak", weak_pixels, p.x, p.y,
+            share_in_words(map_, *dimmest), text);
+      }
+    }
+    if (const std::string black = verdict_at(brightest_, false).black; !black.empty()) {
+      if (!text.empty()) text += "; ";
+      if (!map_.even()) {
+        const Pixel p = first_of(map_, target_.grid(), brightest_);
+        text +=
+            fmt::format("at the brightest place of the display, pixel {}, {}, which gets {}: ", p.x,
+                        p.y, share_in_words(map_, brightest_));
+      }
+      text += black;
+    }
+    // Where no lit place is too weak, the brightest place itself is: nothing could be lit there.
+    if (text.empty()) text = verdict_at(brightest_, true).weak;
+    throw InfeasibleError(text + "; " + ways());
+  }
+
+  [[noreturn]] void refuse_travel(int slices) {
+    const Grid& grid = target_.grid();
+    const Printer& printer = setup_.printer;
+    const double travel_mm = slices * grid.layer_um * 1e-3;
+    std::string text = fmt::format(
+        "curing the part's end takes {} slices after it, {:.3f} mm in all; the stage of '{}' "
+        "travels {} mm; {}",
+        slices - grid.layers, travel_mm, printer.name, at_most(printer.travel_mm, 12), ways());
+    // Each layer less needs one slice less.
+    const int less = slices - *travel_;
+    if (less < grid.layers) {
+      const double lower_mm = std::ceil(less * grid.layer_um - 1e-6) * 1e-3;
+      text += fmt::format(", or make the part at least {:.3f} mm lower", lower_mm);
+    }
+    throw InfeasibleError(text);
+  }
+
+  const SliceSource& target_;
+  const PlaceModels& models_;
+  const LightMap& map_;
+  const Setup& setup_;
+  const ExecutionContext& context_;
+  std::optional<int> travel_;
+  std::uint8_t brightest_ = 255;
+  std::optional<LitPlaces> lit_;
+  /// Most slices after a part's end where the stage's travel sets no limit.
+  static constexpr int kLongest = 90000;
+};
+
+}  // namespace
+
+PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
+                       const ExecutionContext& context)
+    : process_(setup.process),
+      models_(fitting(setup, target), setup.resin, setup.process, target.grid(), target.frame()),
+      images_(target.grid()),
+      layers_(target.grid().layers),
+      levels_(setup.printer.levels()) {
+  refuse_recording(target);
+  if (setup.uncertainty && setup.uncertainty->robust) {
+    check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
+    robust_ = setup.uncertainty;
+  }
+  all_layers_ = PlaceCheck(target, models_, setup, context).all_layers();
+  if (robust_) check_cases(models_.brightest(), *robust_);
+}
+
+const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
+  const std::lock_guard lock(making_[value]);
+  auto& made = plans_[value];
+  if (!made) {
+    made = std::make_unique<const CorrectionPlan>(models_.model(value), process_, layers_,
+                                                  all_layers_);
+  }
+  return *made;
+}
+
+BandCorrector::ColumnLevels PlacePlans::even_levels(
+    std::uint8_t value, const BandPredictor::PixelOfColumn& place) const {
+  if (!process_.even_light) return {};
+  const LevelTable levels(level_intensities(models_.printer_at(value)));
+  const double full = level_intensities(models_.printer()).back();
+  std::array<std::uint8_t, 256> level_of{};
+  for (std::size_t share = 0; share < level_of.size(); ++share) {
+    const double wanted = full * static_cast<double>(share) / 255.0;
+    const auto [below, above] = levels.around(wanted);
+    const bool nearer = wanted - levels.phi(below) <= levels.phi(above) - wanted;
+    level_of[share] = static_cast<std::uint8_t>(nearer ? below : above);
+  }
+  const EvenPixels pixels(*process_.even_light, images_);
+  const auto slices = static_cast<std::size_t>(all_layers_);
+  return [=](std::size_t column, std::uint8_t* most) {
+    const Pixel pixel = place(column);
+    const std::span<std::uint8_t> shares(most, slices);
+    pixels.blue_of(pixel.x, pixel.y, shares);
+    for (std::uint8_t& share : shares) share = level_of[share];
+  };
+}
+
+Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, const Grid& grid,
+                       int slices, const LightCounts& in_all_groups, const ShownSlices* recorded) {
+  // Columns that the part does not light get black light alone: only the brightest of them matter.
+  const LightCounts display = models.map().counts({0, 0, grid.width_px, grid.height_px});
+  Prediction sum;
+  for (std::size_t v = 256; v-- > 0;) {
+    if (display[v] <= in_all_groups[v]) continue;
+    sum = black_columns(models.model(static_cast<std::uint8_t>(v)), slices,
+                        display[v] - in_all_groups[v], recorded);
+    break;
+  }
+  sum.layers = slices;
+  sum.layerwise = layerwise_figures(models.brightest());
+  sum.layer_um = grid.layer_um;
+  sum.pixel_x_um = grid.pixel_x_um;
+  sum.pixel_y_um = grid.pixel_y_um;
+  sum.merge(in_groups);
+  return sum;
+}
+
+void PlaceWindows::merge(std::uint8_t value, const WindowWatch& band) {
+  auto& total = totals_[value];
+  if (!total) total = std::make_unique<WindowTotal>(models_.model(value), slices_);
+  total->merge(band);
+}
+
+DeadZones PlaceWindows::result() const {
+  DeadZones all;
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  all.least_um.assign(static_cast<std::size_t>(slices_), none);
+  all.greatest_um = all.least_um;
+  for (const auto& total : totals_) {
+    if (!total) continue;
+    const DeadZones one = total->result();
+    for (std::size_t n = 0; n < all.least_um.size(); ++n) {
+      // fmin and fmax leave out what is NaN.
+      all.least_um[n] = std::fmin(all.least_um[n], one.least_um[n]);
+      all.greatest_um[n] = std::fmax(all.greatest_um[n], one.greatest_um[n]);
+    }
+    all.cured_pixels += one.cured_pixels;
+    if (one.cured_slice >= 0 && (all.cured_slice < 0 || one.cured_slice < all.cured_slice)) {
+      all.cured_slice = one.cured_slice;
+    }
+  }
+  return all;
+}
+
+std::vector<double> PlaceWindows::greatest_mw_cm2() const {
+  std::vector<double> greatest(static_cast<std::size_t>(slices_), 0.0);
+  for (std::size_t v = 0; v < totals_.size(); ++v) {
+    if (!totals_[v]) continue;
+    const auto value = static_cast<std::uint8_t>(v);
+    const std::vector<double> blue = level_intensities(models_.printer_at(value));
+    const std::vector<std::uint8_t>& brightest = totals_[v]->brightest();
+    for (std::size_t n = 0; n < greatest.size(); ++n) {
+      const int level = level_of_pixel(brightest[n], static_cast<int>(blue.size()));
+      greatest[n] = std::max(greatest[n], blue[static_cast<std::size_t>(level)]);
+    }
+  }
+  return greatest;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,514 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "bands/robust_design.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <utility>
+
+#include "bands/pixels_of_levels.hpp"
+#include "bands/uncertain_walk.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/supports.hpp"
+#include "slicecorr/uncertain_print.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Two neighbours that each fail when the other is mended let the edges beyond them move on, pass by pass.
+constexpr int kPasses = 60;
+constexpr double kAimStep = 0.01;
+constexpr int kMostSteps = 15;
+/// Columns that are corrected again and again at once: their slices are not coded meanwhile.
+constexpr std::size_t kTogether = 1024;
+
+/// 95 % of all draws of so many inputs lie in an ellipsoid of so many standard deviations: roots of
+/// the quantiles of chi².
+double chi_of(std::size_t inputs) {
+  constexpr std::array<double, 8> chi = {1.960, 2.448, 2.796, 3.080, 3.327, 3.548, 3.751, 3.938};
+  return chi[std::clamp<std::size_t>(inputs, 1, chi.size()) - 1];
+}
+
+/// Greatest dose that an edge may aim at.
+double most_aim(const CureModel& model) {
+  return std::min(1.0 + kMostSteps * kAimStep, 0.5 * (1.0 + model.phi_max()));
+}
+
+/// Doses of a band in both cases, at the nodes of each layer.
+class CaseDoses {
+ public:
+  CaseDoses(const CureModel& model, const Uncertainty& u, std::size_t columns)
+      : variance_(u, model.m), chi_(chi_of(u.inputs.size())) {
+    if (u.from_fit) {
+      derivatives_ = std::make_unique<BandDerivatives>(model, columns, variance_.wanted());
+      for (auto* dose : {&weak_[0], &weak_[1], &strong_[0], &strong_[1]})
+        dose->assign(columns, 0.0);
+      return;
+    }
+    weak_model_ = case_model(model, u, true);
+    strong_model_ = case_model(model, u, false);
+    weak_dose_ = std::make_unique<BandDose>(weak_model_, columns);
+    strong_dose_ = std::make_unique<BandDose>(strong_model_, columns);
+  }
+  CaseDoses(const CaseDoses&) = delete;
+  CaseDoses& operator=(const CaseDoses&) = delete;
+
+  void add_slice(int slice, const std::uint8_t* pixels) {
+    if (!derivatives_) {
+      weak_dose_->add_slice(slice, pixels);
+      strong_dose_->add_slice(slice, pixels);
+      return;
+    }
+    derivatives_->add_slice(slice, pixels);
+    for (auto* dose : {&weak_, &strong_}) std::swap((*dose)[0], (*dose)[1]);
+    for (std::size_t i = 0; i < weak_[1].size(); ++i) {
+      const DoseGradient g = derivatives_->at(i, 1);
+      const double share = g.dose > 0 ? std::exp(chi_ * variance_.sd_ln(g)) : 1.0;
+      weak_[1][i] = g.dose / share;
+      strong_[1][i] = g.dose * share;
+    }
+  }
+  const double* weak_lower() const { return weak_dose_ ? weak_dose_->lower() : weak_[0].data(); }
+  const double* weak_upper() const { return weak_dose_ ? weak_dose_->upper() : weak_[1].data(); }
+  const double* strong_lower() const {
+    return strong_dose_ ? strong_dose_->lower() : strong_[0].data();
+  }
+  const double* strong_upper() const {
+    return strong_dose_ ? strong_dose_->upper() : strong_[1].data();
+  }
+
+ private:
+  const DoseVariance variance_;
+  const double chi_;
+  CureModel weak_model_, strong_model_;
+  std::unique_ptr<BandDose> weak_dose_, strong_dose_;
+  std::unique_ptr<BandDerivatives> derivatives_;
+  std::array<std::vector<double>, 2> weak_, strong_;
+};
+
+enum class Kind : std::uint8_t { gap, run, grey };
+Kind kind_of(std::uint8_t coverage) {
+  return coverage == 0 ? Kind::gap : coverage == 255 ? Kind::run : Kind::grey;
+}
+
+/// A feature that is lost in the weak case, or a gap that fills in the strong one: the layers
+/// between two nodes.
+struct Trouble {
+  std::size_t column;
+  bool gap;
+  int top, bottom;
+};
+
+/// Finds what fails in the cases, slices from the last to the first.
+class Watch {
+ public:
+  Watch(const CorrectionPlan& plan, const Uncertainty& u, std::size_t columns)
+      : merged_(plan.merge_one_slice_gaps), doses_(plan.model, u, columns), columns_(columns) {
+    for (Column& c : columns_) c.bottom = plan.all_layers;
+  }
+  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
+    doses_.add_slice(slice, pixels);
+    const double* const weak[2] = {doses_.weak_lower(), doses_.weak_upper()};
+    const double* const strong[2] = {doses_.strong_lower(), doses_.strong_upper()};
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      Column& c = columns_[i];
+      const Kind kind = kind_of(coverage[i]);
+      if (kind != c.kind) {
+        close(i, slice + 1);
+        c.run_below = kind == Kind::gap && c.kind == Kind::run;
+        c.kind = kind;
+        c.bottom = slice + 1;
+        c.extreme = kind == Kind::run ? 0.0 : std::numeric_limits<double>::infinity();
+      }
+      if (kind == Kind::run) c.extreme = std::max({c.extreme, weak[0][i], weak[1][i]});
+      if (kind == Kind::gap) c.extreme = std::min({c.extreme, strong[0][i], strong[1][i]});
+    }
+  }
+  std::vector<Trouble> finish() {
+    for (std::size_t i = 0; i < columns_.size(); ++i) close(i, 0);
+    return std::move(troubles_);
+  }
+
+ private:
+  struct Column {
+    Kind kind = Kind::gap;
+    bool run_below = false;
+    int bottom = 0;
+    double extreme = std::numeric_limits<double>::infinity();
+  };
+  void close(std::size_t i, int top) {
+    const Column& c = columns_[i];
+    if (c.kind == Kind::run && c.extreme < 1) troubles_.push_back({i, false, top, c.bottom});
+    const bool meant = merged_ && c.bottom - top == 1;
+    if (c.kind == Kind::gap && c.run_below && c.extreme >= 1 && !meant) {
+      troubles_.push_back({i, true, top, c.bottom});
+    }
+  }
+  const bool merged_;  ///< gaps of one slice are to fill
+  CaseDoses doses_;
+  std::vector<Column> columns_;
+  std::vector<Trouble> troubles_;
+};
+
+/// Where the coverage of a column changes, or may not: from the platform on.
+struct Boundary {
+  int node = 0;             ///< of the design
+  std::uint8_t height = 0;  ///< its edge height there; 0: none
+  bool movable = false;     ///< between a full layer and an empty one
+  bool upper = false;       ///< the full layer is the one below
+  std::uint8_t below = 0;   ///< coverage below it; of greys that of the design counts
+  int aim = 0;              ///< dose to aim at, less 1, in steps
+  int at_node = 0;          ///< where it is put
+  std::uint8_t at_height = 0;
+};
+using Column = std::vector<Boundary>;
+
+/// Moves edges for what they aim at.
+class Mover {
+ public:
+  explicit Mover(const CureModel& model) : model_(model), most_(most_aim(model)) {}
+  /// Tries another aim of a boundary; false: there is no room for it.
+  bool aim(Column& column, std::size_t k, int steps) const {
+    Boundary b = column[k];
+    b.aim = steps;
+    const double dose = 1.0 + kAimStep * steps;
+    if (dose > most_ || dose <= 0.5 * (1.0 + model_.phi_min())) return false;
+    b.at_node = b.node;
+    b.at_height = b.height;
+    if (steps != 0) {
+      const double own = b.height ? edge_height_slices(b.height) : 0.0;
+      const double per_slice = model_.eta * units::kLn10;
+      const double p0 = model_.phi_min(), p1 = model_.phi_max();
+      const double at = b.node + own +
+                        (b.upper ? -std::log((dose - p0) / (1 - p0)) / per_slice
+                                 : std::log((p1 - 1) / (p1 - dose)) / per_slice);
+      b.at_node = static_cast<int>(std::lround(at));
+      b.at_height = edge_height_byte(at - b.at_node);
+    }
+    const int above = k > 0 ? column[k - 1].at_node : 0;
+    const int below =
+        k + 1 < column.size() ? column[k + 1].at_node : std::numeric_limits<int>::max();
+    if (b.at_node <= above || b.at_node >= below) return false;
+    column[k] = b;
+    return true;
+  }
+
+ private:
+  const CureModel& model_;
+  const double most_;
+};
+
+/// A design of columns that are moved: coverage and edge heights, slice by slice.
+class MovedColumns {
+ public:
+  /// `read`: writes a row of the design's coverage for these columns.
+  using ReadRow = std::function<void(int slice, std::uint8_t* out)>;
+  MovedColumns(const std::vector<const Column*>& columns, ReadRow read)
+      : columns_(columns), next_(columns.size(), 0), read_(std::move(read)) {}
+  /// Slices rise.
+  void row(int slice, std::uint8_t* coverage, std::uint8_t* heights) {
+    read_(slice, coverage);
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      const Column& c = *columns_[i];
+      std::size_t& k = next_[i];
+      heights[i] = 0;
+      while (k < c.size() && c[k].at_node <= slice) {
+        heights[i] = c[k].at_node == slice ? c[k].at_height : std::uint8_t{0};
+        ++k;
+      }
+      const std::uint8_t cover = k > 0 ? c[k - 1].below : std::uint8_t{0};
+      if (kind_of(cover) != Kind::grey) coverage[i] = cover;
+    }
+  }
+
+ private:
+  const std::vector<const Column*>& columns_;
+  std::vector<std::size_t> next_;
+  ReadRow read_;
+};
+
+/// Corrects columns; gives levels from the last slice to the first. `rows`: see MovedColumns.
+template <typename Rows, typename Sink>
+void solve(const CorrectionPlan& plan, std::size_t columns, Rows rows, Sink sink,
+           const ExecutionContext& context) {
+  // All slices that are shown are layers: edges may lie beyond the design's last one.
+  CorrectionPlan all = plan;
+  all.layers = all.all_layers;
+  BandCorrector corrector(all, columns);
+  std::vector<std::uint8_t> coverage(columns), heights(columns);
+  for (int n = 0; n < all.layers; ++n) {
+    if ((n & 63) == 0) context.check_cancelled();
+    rows(n, coverage.data(), heights.data());
+    corrector.add_layer(coverage.data(), heights.data());
+  }
+  corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
+    sink(n, dark ? nullptr : levels);
+  });
+}
+
+/// The columns of a band that are in trouble, and how their edges are moved.
+class RobustBand {
+ public:
+  RobustBand(const CorrectionPlan& plan, const Uncertainty& u, const CodedDesign& design,
+             const ExecutionContext& context)
+      : plan_(plan),
+        uncertainty_(u),
+        design_(design),
+        context_(context),
+        pixels_(plan.levels.size()),
+        mover_(plan.model) {}
+
+  RobustLevels run();
+
+ private:
+  void read_design(int n, std::uint8_t* coverage, std::uint8_t* heights) const {
+    design_.coverage.read(n, coverage);
+    if (const std::uint8_t* at = design_.heights_at(n, heights); at == nullptr) {
+      std::fill_n(heights, design_.coverage.columns(), std::uint8_t{0});
+    }
+  }
+  /// Levels of the last slices first, and what fails with them.
+  template <typename Rows, typename Cover, typename Keep>
+  std::vector<Trouble> try_columns(std::size_t columns, Rows rows, Cover cover, Keep keep) const;
+  void load(const std::vector<std::size_t>& which, std::vector<Column>& columns) const;
+  /// Finds aims for some columns of the band.
+  void repair(const std::vector<std::size_t>& which, std::vector<Column>& columns,
+              RobustFigures& counts) const;
+  bool change_aims(Column& column, const std::vector<Trouble>& troubles) const;
+
+  const CorrectionPlan& plan_;
+  const Uncertainty& uncertainty_;
+  const CodedDesign& design_;
+  const ExecutionContext& context_;
+  const PixelsOfLevels pixels_;
+  const Mover mover_;
+};
+
+template <typename Rows, typename Cover, typename Keep>
+std::vector<Trouble> RobustBand::try_columns(std::size_t columns, Rows rows, Cover cover,
+                                             Keep keep) const {
+  Watch watch(plan_, uncertainty_, columns);
+  std::vector<std::uint8_t> shown(columns), coverage(columns);
+  solve(
+      plan_, columns, rows,
+      [&](int n, const std::uint8_t* levels) {
+        keep(levels);
+        for (std::size_t i = 0; i < columns; ++i)
+          shown[i] = pixels_(levels ? levels[i] : std::uint8_t{0});
+        cover(n, coverage.data());
+        watch.add_slice(n, shown.data(), coverage.data());
+      },
+      context_);
+  return watch.finish();
+}
+
+/// The boundaries of some columns of the design.
+void RobustBand::load(const std::vector<std::size_t>& which, std::vector<Column>& columns) const {
+  const std::size_t all = design_.coverage.columns();
+  std::vector<std::uint8_t> coverage(all), heights(all), before(which.size(), 0);
+  columns.assign(which.size(), {});
+  for (int n = 0; n < plan_.all_layers; ++n) {
+    read_design(n, coverage.data(), heights.data());
+    for (std::size_t i = 0; i < which.size(); ++i) {
+      const std::uint8_t now = coverage[which[i]];
+      const Kind kind = kind_of(now), last = kind_of(before[i]);
+      before[i] = now;
+      if (n > 0 && kind == last) continue;
+      Boundary b;
+      b.node = b.at_node = n;
+      b.height = b.at_height = n > 0 ? heights[which[i]] : std::uint8_t{0};
+      b.below = kind == Kind::grey ? std::uint8_t{1} : now;
+      b.movable = n > 0 && kind != Kind::grey && last != Kind::grey;
+      b.upper = kind == Kind::run;
+      columns[i].push_back(b);
+    }
+  }
+}
+
+bool RobustBand::change_aims(Column& column, const std::vector<Trouble>& troubles) const {
+  std::vector<int> up(column.size(), 0), down(column.size(), 0);
+  for (const Trouble& t : troubles) {
+    for (std::size_t k = 0; k < column.size(); ++k) {
+      if (!column[k].movable || (column[k].node != t.top && column[k].node != t.bottom)) continue;
+      ++(t.gap ? down : up)[k];
+    }
+  }
+  bool changed = false;
+  for (std::size_t k = 0; k < column.size(); ++k) {
+    if ((up[k] > 0) == (down[k] > 0)) continue;  // neither, or wanted both ways
+    changed = mover_.aim(column, k, column[k].aim + (up[k] > 0 ? 1 : -1)) || changed;
+  }
+  return changed;
+}
+
+void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<Column>& columns,
+                        RobustFigures& counts) const {
+  load(which, columns);
+  const std::size_t all = design_.coverage.columns();
+  std::vector<Column> best = columns;
+  struct Score {
+    std::size_t lost = std::numeric_limits<std::size_t>::max() / 2, filled = 0;
+    std::size_t sum() const { return lost + filled; }
+  };
+  std::vector<Score> score(which.size());
+  std::vector<std::size_t> active(which.size());
+  for (std::size_t i = 0; i < which.size(); ++i) active[i] = i;
+  std::vector<std::uint8_t> whole(all);
+  for (int pass = 0; pass <= kPasses && !active.empty(); ++pass) {
+    std::vector<const Column*> moved;
+    moved.reserve(active.size());
+    for (const std::size_t i : active) moved.push_back(&columns[i]);
+    const auto design_row = [&](int n, std::uint8_t* out) {
+      design_.coverage.read(n, whole.data());
+      for (std::size_t k = 0; k < active.size(); ++k) out[k] = whole[which[active[k]]];
+    };
+    MovedColumns rows(moved, design_row);
+    const std::vector<Trouble> troubles = try_columns(
+        active.size(),
+        [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
+          rows.row(n, coverage, heights);
+        },
+        design_row, [](const std::uint8_t*) {});
+    std::vector<std::vector<Trouble>> of(active.size());
+    for (const Trouble& t : troubles) of[t.column].push_back(t);
+    std::vector<std::size_t> left;
+    for (std::size_t k = 0; k < active.size(); ++k) {
+      const std::size_t i = active[k];
+      Score now{0, 0};
+      for (const Trouble& t : of[k]) ++(t.gap ? now.filled : now.lost);
+      if (now.sum() < score[i].sum()) {
+        score[i] = now;
+        best[i] = columns[i];
+      }
+      if (now.sum() > 0 && change_aims(columns[i], of[k])) left.push_back(i);
+    }
+    active = std::move(left);
+  }
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    counts.lost += score[i].lost;
+    counts.filled += score[i].filled;
+    for (const Boundary& b : best[i]) counts.moved_edges += b.aim != 0;
+  }
+  columns = std::move(best);
+}
+
+RobustLevels RobustBand::run() {
+  const std::size_t all = design_.coverage.columns();
+  CodedBand plain(all);
+  std::vector<std::uint8_t> room(all);
+  const std::vector<Trouble> troubles = try_columns(
+      all,
+      [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
+        read_design(n, coverage, heights);
+      },
+      [&](int n, std::uint8_t* out) { design_.coverage.read(n, out); },
+      [&](const std::uint8_t* levels) { plain.append(levels); });
+  RobustFigures own;
+  std::vector<std::size_t> which;
+  for (const Trouble& t : troubles) {
+    ++(t.gap ? own.gaps : own.features);
+    which.push_back(t.column);
+  }
+  std::sort(which.begin(), which.end());
+  which.erase(std::unique(which.begin(), which.end()), which.end());
+  if (which.empty()) return {plain, plain, own};
+  // Only these columns change: their levels are put in place of the plain ones.
+  std::vector<CodedBand> repaired;
+  std::vector<std::vector<std::size_t>> parts;
+  for (std::size_t from = 0; from < which.size(); from += kTogether) {
+    const std::size_t to = std::min(which.size(), from + kTogether);
+    parts.emplace_back(which.begin() + static_cast<std::ptrdiff_t>(from),
+                       which.begin() + static_cast<std::ptrdiff_t>(to));
+    const std::vector<std::size_t>& part = parts.back();
+    std::vector<Column> columns;
+    repair(part, columns, own);
+    std::vector<const Column*> moved;
+    moved.reserve(columns.size());
+    for (const Column& c : columns) moved.push_back(&c);
+    MovedColumns rows(moved, [&](int n, std::uint8_t* out) {
+      design_.coverage.read(n, room.data());
+      for (std::size_t k = 0; k < part.size(); ++k) out[k] = room[part[k]];
+    });
+    CodedBand& levels = repaired.emplace_back(part.size());
+    solve(
+        plan_, part.size(),
+        [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
+          rows.row(n, coverage, heights);
+        },
+        [&](int, const std::uint8_t* its_levels) { levels.append(its_levels); }, context_);
+  }
+  CodedBand out(all);
+  std::vector<std::uint8_t> row(all), some(kTogether);
+  for (int k = 0; k < plan_.all_layers; ++k) {
+    plain.read(k, row.data());
+    for (std::size_t p = 0; p < parts.size(); ++p) {
+      repaired[p].read(k, some.data());
+      for (std::size_t i = 0; i < parts[p].size(); ++i) row[parts[p][i]] = some[i];
+    }
+    out.append(row.data());
+  }
+  return {std::move(out), std::move(plain), own};
+}
+
+}  // namespace
+
+CureModel case_model(const CureModel& model, const Uncertainty& u, bool weak) {
+  const double sign = weak ? -1.0 : 1.0;
+  const auto more = [&](UncertainInput input) { return std::exp(sign * u.sd(input)); };
+  const auto less = [&](UncertainInput input) { return std::exp(-sign * u.sd(input)); };
+  CureModel off = model;
+  const double ha = more(UncertainInput::ha);
+  off.eta = model.eta / ha;
+  off.a = std::exp(-off.eta * units::kLn10);
+  off.one_minus_a = -std::expm1(-off.eta * units::kLn10);
+  off.root_a = std::exp(-0.5 * off.eta * units::kLn10);
+  // The areal dose is what stays: phi grows with ha.
+  const double dose =
+      ha / (less(UncertainInput::dc) * less(UncertainInput::aim) * less(UncertainInput::speed));
+  const double light = more(UncertainInput::light) * std::exp(sign * u.flat);
+  const double stray = sign * u.sd(UncertainInput::stray) / model.critical_intensity_mw_cm2;
+  for (double& phi : off.level_phi) {
+    const double intensity = std::pow(phi, 1.0 / model.m) * light + stray;
+    phi = dose * std::pow(std::max(0.0, intensity), model.m);
+  }
+  return off;
+}
+
+void check_cases(const CureModel& model, const Uncertainty& u) {
+  if (u.from_fit) return;
+  const CureModel weak = case_model(model, u, true), strong = case_model(model, u, false);
+  if (weak.phi_max() <= 1) {
+    throw InfeasibleError(fmt::format(
+        "with {} off to the weak side full light comes to {:.4g} of the dose to aim at and never gels "
+        "the resin; a speed below {:.4g} of this one would do, or inputs that are surer",
+        u.text, weak.phi_max(), weak.phi_max()));
+  }
+  if (strong.phi_min() >= 1) {
+    throw InfeasibleError(fmt::format(
+        "with {} off to the strong side black comes to {:.4g} of the dose to aim at and gels the "
+        "resin; a speed above {:.4g} of this one would do, or inputs that are surer",
+        u.text, strong.phi_min(), strong.phi_min()));
+  }
+}
+
+int robust_slices(const CureModel& model) {
+  const double most = most_aim(model), p1 = model.phi_max();
+  // The edge lies further down, and the burst after it begins there.
+  const double slices = std::log((p1 - 1) / (p1 - most)) / (model.eta * units::kLn10);
+  return static_cast<int>(std::ceil(slices)) + 1;
+}
+
+RobustLevels robust_levels(const CorrectionPlan& plan, const Uncertainty& uncertainty,
+                           const CodedDesign& design, const ExecutionContext& context) {
+  return RobustBand(plan, uncertainty, design, context).run();
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,54 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// Corrections that keep features above and gaps below gelling although inputs are off.
+///
+/// Every dose rises and falls with each of ln ha, ln areal Dc, ln light, ln speed and stray light, so
+/// that of all inputs off by no more than so much two cases decide: the *weak* one, where all say
+/// less dose, and the *strong* one. A feature survives if its greatest dose is 1 or more in the weak
+/// case, a gap if its least is below 1 in the strong one. Of errors that are off together (a fit) the
+/// cases are ln Omega -+ chi sd(ln Omega), to first order.
+///
+/// Column by column, where one of these fails: correct; both edges of a feature that is lost aim at 1 %
+/// more dose, both beside a gap that fills at 1 % less, none that is wanted both ways; at most 60 times
+/// and 15 %, of which the best is kept, the first of equals. An edge that aims at the dose D is the same
+/// as one that lies where the dose is 1 when it is D there:
+///
+///     upper edge   ln((D - phi_min) / (1 - phi_min)) / (ln10 eta)   slices nearer to the platform
+///     lower edge   ln((phi_max - 1) / (phi_max - D)) / (ln10 eta)   further from it
+///
+/// so that a robust correction is an ordinary one of a design whose edges were moved, by edge heights
+/// (target.hpp). All other edges stay: no other aim betters the mean of their errors, which is least
+/// where the nominal dose is 1.
+#pragma once
+
+#include "bands/design_band.hpp"
+#include "slicecorr/correct.hpp"
+#include "slicecorr/uncertain_print.hpp"
+
+namespace slicecorr {
+struct Setup;
+}
+
+namespace slicecorr::detail {
+
+/// The model of a print with all inputs off at once, by their standard deviation each, towards less
+/// dose (`weak`) or more. `model`: plain.
+CureModel case_model(const CureModel& model, const Uncertainty& uncertainty, bool weak);
+/// Throws `InfeasibleError` where light never gels in the weak case, or black gels in the strong one.
+void check_cases(const CureModel& model, const Uncertainty& uncertainty);
+
+/// Slices more that must be shown so that lower edges of the last layer can aim higher.
+int robust_slices(const CureModel& model);
+
+/// Grey levels of a band, the last slice first, as `BandCorrector` gives them.
+struct RobustLevels {
+  CodedBand levels;
+  CodedBand plain;  ///< those of the plain correction
+  RobustFigures figures;
+};
+/// `plan`: of a plain model.
+RobustLevels robust_levels(const CorrectionPlan& plan, const Uncertainty& uncertainty,
+                           const CodedDesign& design, const ExecutionContext& context);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,120 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "slicecorr/even_dead_zone.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "even/even_finder.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/limit.hpp"
+#include "slicecorr/setup.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+void check_setup(const Setup& setup) {
+  const Resin& resin = setup.resin;
+  if (setup.process.mode != ExposureMode::continuous) {
+    throw InputError(
+        "an even dead zone is for continuous exposure: layer by layer resin comes to rest");
+  }
+  if (!resin.inhibition) {
+    throw InputError(resin.name, "inhibition",
+                     "is missing; an even dead zone needs a resin that UV light inhibits");
+  }
+  if (!setup.printer.uv) {
+    throw InputError(setup.printer.name, "uv", "is missing; an even dead zone needs a UV lamp");
+  }
+  const bool by_place = setup.process.even_dead_zone == EvenDeadZone::uv ||
+                        setup.process.even_dead_zone == EvenDeadZone::both;
+  if (by_place && !setup.printer.uv->patterned) {
+    throw InputError(setup.printer.name, "uv.kind",
+                     fmt::format("is a flood; an even dead zone by \"{}\" needs \"patterned\"",
+                                 name_of(setup.process.even_dead_zone)));
+  }
+  const double m = flow_resin(resin).kinetics.m;
+  if (m != 1) {
+    throw InputError(
+        resin.name, "inhibition.m",
+        fmt::format("is {:g}; an even dead zone needs light that acts in proportion, 1", m));
+  }
+}
+
+std::shared_ptr<const EvenLight> with_blue_as_uv(EvenLight light) {
+  light.uv = light.blue;
+  return std::make_shared<const EvenLight>(std::move(light));
+}
+
+}  // namespace
+
+Process find_even_light(const SliceSource& target, const Setup& setup,
+                        const ExecutionContext& context, int every) {
+  if (setup.process.even_dead_zone == EvenDeadZone::off || setup.process.even_light) {
+    return setup.process;
+  }
+  check_setup(setup);
+  detail::EvenFinder finder(target, setup, context, every);
+  Process process = finder.find();
+  finder.tell(process);
+  judge_suction(target, {setup.printer, setup.resin, process, setup.gap_um}, context);
+  return process;
+}
+
+EvenUvImages::EvenUvImages(const Printer& printer, const Resin& resin, const Process& process,
+                           const Grid& images)
+    : blue_light_(with_blue_as_uv(*process.even_light)),
+      pixels_(*process.even_light, images),
+      blue_(*blue_light_, images) {
+  const LevelTable lamp(uv_level_intensities(printer));
+  const int levels = printer.levels();
+  const auto pixel = [&](double mw_cm2) {
+    return static_cast<std::uint8_t>(pixel_of_level(lamp.at_least(mw_cm2 * (1 - 1e-12)), levels));
+  };
+  const double most = printer.uv->max_mw_cm2();
+  for (int s = 0; s <= 255 * kSteps; ++s) of_share_.push_back(pixel(s * most / (255 * kSteps)));
+  const std::vector<double> blue = level_intensities(printer);
+  for (int p = 0; p < 256; ++p) {
+    const int level = level_of_pixel(static_cast<std::uint8_t>(p), levels);
+    share_of_[static_cast<std::size_t>(p)] =
+        255 * blue[static_cast<std::size_t>(level)] / blue.back();
+  }
+  uv_of_blue_ = blue.back() / (flow_resin(resin).kinetics.beta * most);
+  // Twice what holds black's own light off the window.
+  const double black = level_intensities(printer).front();
+  const double beta = flow_resin(resin).kinetics.beta;
+  of_black_ = black > 0 ? pixel(std::min(most, 2 * black / beta)) : pixel(0);
+}
+
+void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) const {
+  const auto lit =
+      std::find_if(pixels.begin(), pixels.end(), [](std::uint8_t p) { return p != 0; });
+  const auto first = lit - pixels.begin();
+  std::fill(pixels.begin(), lit, of_black_);
+  if (lit == pixels.end()) return;
+  std::vector<double> shares(static_cast<std::size_t>(pixels.end() - lit)), even(shares.size());
+  pixels_.uv_of_row(slice, static_cast<int>(first), y, shares);
+  blue_.uv_of_row(slice, static_cast<int>(first), y, even);
+  for (std::size_t i = 0; i < shares.size(); ++i) {
+    std::uint8_t& p = pixels[static_cast<std::size_t>(first) + i];
+    if (p == 0) {
+      p = of_black_;
+      continue;
+    }
+    // Dimmer pixels, as beside edges, get less of both lights alike: else inhibitor would be left over
+    // and flow to where the part is to gel. But where much of the light is curing light, as on outlines,
+    // whose resin has just come in, they get what keeps their own off the window.
+    double uv = shares[i];
+    if (share_of_[p] < even[i]) {
+      uv = std::min(uv, std::max(uv * share_of_[p] / even[i], share_of_[p] * uv_of_blue_));
+    }
+    p = of_share_[static_cast<std::size_t>(std::ceil(uv * kSteps - 1e-9))];
+  }
+}
+
+}  // namespace slicecorr

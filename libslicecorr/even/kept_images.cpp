@@ -1,0 +1,83 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "even/kept_images.hpp"
+
+#include <algorithm>
+
+#include "bands/bands.hpp"
+#include "bands/correct_group.hpp"
+
+namespace slicecorr::detail {
+
+KeptImages::KeptImages(const SliceSource& target, const std::vector<int>& whole,
+                       const std::vector<PixelBox>& bands)
+    : target_(target), whole_(static_cast<std::size_t>(target.grid().layers), 0) {
+  for (const int n : whole) {
+    if (n < target.grid().layers) whole_[static_cast<std::size_t>(n)] = 1;
+  }
+  for (const PixelBox& box : bands) {
+    bands_.push_back({box, CodedBand(columns_of(box)), std::vector<std::uint8_t>(columns_of(box))});
+  }
+}
+
+void KeptImages::put(std::size_t band, int slice, const std::uint8_t* pixels) {
+  if (slice >= target_.grid().layers) return;
+  Band& b = bands_[band];
+  if (pixels && !whole_[static_cast<std::size_t>(slice)]) {
+    std::transform(pixels, pixels + b.room.size(), b.room.begin(),
+                   [](std::uint8_t p) { return static_cast<std::uint8_t>(p != 0); });
+    pixels = b.room.data();
+  }
+  b.upwards.append(pixels);
+  if (slice == 0) b.upwards.trim();
+}
+
+void KeptImages::read_band(const PixelBox& box, const Sink& sink) const {
+  std::vector<const Band*> within;
+  std::size_t most = 0;
+  for (const Band& b : bands_) {
+    const bool apart = b.box.y1 <= box.y0 || b.box.y0 >= box.y1;
+    if (apart) continue;
+    within.push_back(&b);
+    most = std::max(most, columns_of(b.box));
+  }
+  const auto width = static_cast<std::size_t>(box.width());
+  std::vector<std::uint8_t> rows(columns_of(box)), band(most);
+  const int layers = target_.grid().layers;
+  for (int n = 0; n < layers; ++n) {
+    bool black = true;
+    std::fill(rows.begin(), rows.end(), std::uint8_t{0});
+    for (const Band* b : within) {
+      const int at = layers - 1 - n;
+      if (b->upwards.black(at)) continue;
+      black = false;
+      b->upwards.read(at, band.data());
+      const int x0 = std::max(box.x0, b->box.x0), x1 = std::min(box.x1, b->box.x1);
+      for (int y = std::max(box.y0, b->box.y0); y < std::min(box.y1, b->box.y1) && x0 < x1; ++y) {
+        const auto from =
+            static_cast<std::size_t>(y - b->box.y0) * static_cast<std::size_t>(b->box.width()) +
+            static_cast<std::size_t>(x0 - b->box.x0);
+        const std::size_t to =
+            static_cast<std::size_t>(y - box.y0) * width + static_cast<std::size_t>(x0 - box.x0);
+        std::copy_n(&band[from], x1 - x0, &rows[to]);
+      }
+    }
+    sink(n, black ? nullptr : rows.data());
+  }
+}
+
+KeptImages solved_images(const SliceSource& target, const Setup& setup,
+                         const std::vector<int>& whole, const ExecutionContext& context) {
+  const PlacePlans plans(target, setup, context);
+  const auto bands = bands_of(target.grid(), target.bounds());
+  KeptImages images(target, whole, bands);
+  parallel_for(context, "try the light", bands.size(), [&](std::size_t i) {
+    correct_band(
+        target, plans, bands[i],
+        [&](int n, const std::uint8_t* pixels) { images.put(i, n, pixels); }, context);
+  });
+  return images;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,69 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include <fmt/format.h>
+
+#include <vector>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/setup.hpp"
+#include "slicecorr/supports.hpp"
+
+namespace slicecorr {
+
+void check_uncertain(const Setup& setup) {
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  features.push_back(Feature::derivatives);
+  check_supported(features, setup.printer.name, setup.resin.name);
+  // What three of these, or an input, bring.
+  const auto refuse = [](const char* where) {
+    throw InputError(fmt::format("how sure a print is can't be said {}", where));
+  };
+  const UvKind uv = setup.process.uv.kind;
+  if (uv != UvKind::off && !setup.printer.spread.none()) {
+    refuse(
+        "where light spreads under UV light; expected a printer without blue.spread, or no UV light");
+  }
+  if (uv != UvKind::off && setup.printer.flat_field) {
+    refuse(
+        "where the display's light is uneven under UV light; expected no flat_field, or no UV light");
+  }
+  if (uv != UvKind::off && setup.uncertainty && setup.uncertainty->noise > 0) {
+    refuse("of noise under UV light; expected no error of noise");
+  }
+  if (setup.resin.scatter_um2_per_um > 0) {
+    refuse("where light scatters in the resin; expected a resin without it");
+  }
+}
+
+void check_correction(const Setup& setup, const DesignHas& design) {
+  check_corrected(setup.printer, setup.resin, setup.process);
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  if (design.doses) {
+    // Of these it depends on the height of slices whether they count: `check_doses`.
+    std::erase(features, Feature::vat_depth);
+    std::erase(features, Feature::reflectance);
+    features.push_back(Feature::wanted_doses);
+  }
+  if (design.left_alone) features.push_back(Feature::left_alone);
+  if (setup.uncertainty) check_uncertain(setup);
+  const bool robust = setup.uncertainty && setup.uncertainty->robust;
+  if (robust) features.push_back(Feature::robust);
+  check_supported(features, setup.printer.name, setup.resin.name);
+  if (robust && !setup.uncertainty->from_fit && setup.uncertainty->sd(UncertainInput::m) > 0) {
+    throw InputError(
+        "a correction can't be robust against an exponent that is off by itself, since doses rise "
+        "with it here and fall there; expected its errors from a fit, or no error of m");
+  }
+}
+
+Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionContext& context) {
+  check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
+  const char* const heights = leave_out_heights(setup.printer, setup.resin, setup.process);
+  if (heights && target.edge_heights()) context.tell(heights);
+  const char* const cap = leave_out_cap(setup.printer, setup.resin, setup.process);
+  if (cap) context.tell(cap);
+  return setup;
+}
+
+}  // namespace slicecorr

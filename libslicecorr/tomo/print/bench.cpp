@@ -1,0 +1,363 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "slicecorr/tomo/bench.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/vial.hpp"
+#include "tomo/operators/rays.hpp"
+
+namespace slicecorr::tomo {
+
+namespace {
+
+constexpr double kSame = 1e-9;
+/// Rays of neighbouring groups of pixels are at least so many voxels apart: light that is finer than
+/// voxels can meet their middles and be anything in between.
+constexpr double kLeastApart = 0.95;
+
+[[noreturn]] void wrong(const Printer& printer, const std::string& what) {
+  throw InputError("printer '" + printer.name + "': " + what);
+}
+
+}  // namespace
+
+detail::RayAt detail::ray_at(const Vial& vial, double n_resin, double q_mm, double alpha_per_mm,
+                             double radius_mm) {
+  if (misses(vial, n_resin, q_mm, 0)) return {};
+  const double magnified = n_resin / vial.n_outside, t = q_mm / magnified;
+  const double beyond = std::sqrt(std::max(0.0, vial.inner_mm * vial.inner_mm - t * t)) -
+                        std::sqrt(std::max(0.0, radius_mm * radius_mm - t * t));
+  return {transmittance(vial, n_resin, q_mm, 0) * magnified * std::exp(-alpha_per_mm * beyond),
+          turned_rad(vial, n_resin, q_mm, 0)};
+}
+
+int voxels_across(const Printer& printer, double voxel_mm) {
+  require_tomographic(printer);
+  const double radius_mm = printer.vial->inner_mm;
+  const double half = std::floor(radius_mm / voxel_mm + kSame);
+  if (!(half >= 1) || half > 8000) {
+    throw InputError(fmt::format(
+        "voxels of {:g} mm in resin of {:g} mm radius; expected 1 to 8000 from axis to wall",
+        voxel_mm, radius_mm));
+  }
+  return 2 * static_cast<int>(half) + 1;
+}
+
+double z_of_row(const Bench& bench, int row) {
+  const TomoGrid& grid = bench.grid;
+  if (grid.coupled()) return bench.rays.row_mm[static_cast<std::size_t>(row)];
+  return grid.voxel_mm() * (row - 0.5 * (grid.slices - 1));
+}
+
+int row_of_slice(const Bench& bench, int slice) {
+  if (!bench.grid.coupled()) return slice;
+  const double z = bench.grid.lowest_mm + bench.grid.slice_height_mm() * slice;
+  int nearest = 0;
+  for (int r = 1; r < bench.grid.rows; ++r) {
+    if (std::abs(z_of_row(bench, r) - z) < std::abs(z_of_row(bench, nearest) - z)) nearest = r;
+  }
+  return nearest;
+}
+
+std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert) {
+  if (bench.lab) return make_ray_projector(bench.grid, *bench.lab, insert);
+  if (insert == nullptr) return make_projector(bench.grid, bench.rays);
+  return make_projector(bench.grid, bench.rays, std::make_shared<Shadow>(cast_shadow(*insert)));
+}
+
+int resolving_angles(double radius_mm, double voxel_mm) {
+  return static_cast<int>(
+      std::min(std::ceil(2 * std::numbers::pi * radius_mm / voxel_mm - kSame), 1e9));
+}
+
+int usual_angles(const Printer& printer, double part_radius_mm, double voxel_mm) {
+  constexpr int least = 180, most = 1440;
+  int angles = std::clamp(resolving_angles(part_radius_mm, voxel_mm), least, most);
+  const int shown = most_frames_per_turn(*printer.rotation);
+  if (shown > 0) angles = std::min(angles, shown);
+  return std::max(3, angles);
+}
+
+namespace {
+
+/// Light that stays in its slice.
+void make_level(const Printer& printer, double n, const Sampling& sampling, Bench& b) {
+  const Vial& vial = *printer.vial;
+  const Optics& optics = *printer.optics;
+  const double pitch_mm = printer.pixel_x_um * 1e-3, row_mm = printer.pixel_y_um * 1e-3;
+  TomoGrid& grid = b.grid;
+  grid.pixel_mm = pitch_mm * vial.n_outside / n;
+  // Columns whose light may meet a voxel, one more to each side.
+  // Where the axis does not keep to its place, as many more as it goes astray.
+  const auto line_mm = [&](double column) {
+    return pixel_x_mm(printer, column) * vial.n_outside / n;
+  };
+  const double tilt = optics.tilt_deg * std::numbers::pi / 180;
+  const double astray_px =
+      most_wobble_px(*printer.rotation) +
+      0.5 * sampling.voxel_mm * sampling.slices / pitch_mm * std::abs(std::sin(tilt)) +
+      printer.width_px * (1 - std::cos(tilt));
+  int first = 0, past = printer.width_px;
+  while (first < past && line_mm(first + 1 + astray_px) < -grid.radius_mm) ++first;
+  while (past > first && line_mm(past - 2 - astray_px) > grid.radius_mm) --past;
+  b.reach_mm = std::min(
+      {b.reach_mm, -line_mm(astray_px - kSame), line_mm(printer.width_px - 1 - astray_px + kSame)});
+  b.reach_mm = std::max(0.0, b.reach_mm);
+  grid.pixels = past - first;
+  b.window = {first, 0, grid.pixels, printer.height_px, 1, 1};
+  if (grid.pixels < 2) wrong(printer, "none of its pixels meets the resin");
+  grid.check();
+
+  RayTables& rays = b.rays;
+  for (int i = 0; i < grid.pixels; ++i) {
+    const double q = pixel_x_mm(printer, first + i), t = line_mm(first + i);
+    rays.line_mm.push_back(t);
+    const detail::RayAt ray = detail::ray_at(vial, n, q, rays.alpha_per_mm, grid.radius_mm);
+    rays.weight.push_back(ray.weight);
+    rays.turn_rad.push_back(ray.turn_rad);
+  }
+
+  // Empty tables leave the operators their shorter ways.
+  const auto all_near = [](const std::vector<double>& table, auto expected) {
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      if (std::abs(table[i] - expected(static_cast<int>(i))) > kSame) return false;
+    }
+    return true;
+  };
+  if (all_near(rays.line_mm, [&](int i) { return grid.pixel_at_mm(i); })) rays.line_mm.clear();
+  if (all_near(rays.turn_rad, [](int) { return 0.0; })) rays.turn_rad.clear();
+  if (all_near(rays.weight, [](int) { return 1.0; })) rays.weight.clear();
+
+  b.places = FramePlaces(printer, grid, b.window, b.clockwise);
+  // What all angles light, at both ends of the rows.
+  std::vector<bool> lit(static_cast<std::size_t>(sampling.slices), true);
+  for (int m = 0; m < (b.places.moved() ? grid.angles : 1); ++m) {
+    for (const int column : {0, grid.pixels - 1}) {
+      std::vector<bool> here(lit.size(), false);
+      for (int row = 0; row < printer.height_px; ++row) {
+        const int s = b.places.lit_by(m, first + column, row).row;
+        if (s >= 0) here[static_cast<std::size_t>(s)] = true;
+      }
+      for (std::size_t s = 0; s < lit.size(); ++s) lit[s] = lit[s] && here[s];
+    }
+  }
+  if (std::find(lit.begin(), lit.end(), false) != lit.end()) {
+    wrong(
+        printer,
+        fmt::format("its image is {:g} mm high about the optical axis at {:g} mm from its middle; "
+                    "expected the {:g} mm of the part in it",
+                    printer.height_px * row_mm, optics.axis_up_px * row_mm,
+                    sampling.slices * sampling.voxel_mm));
+  }
+}
+
+/// Half-open range of columns or rows.
+struct Stretch {
+  int first = 0, end = 0;
+  int count() const { return end - first; }
+};
+/// From the first of n to the last for which it holds.
+template <class Holds>
+Stretch range_of(int n, Holds holds) {
+  Stretch range{n, 0};
+  for (int i = 0; i < n; ++i) {
+    if (!holds(i)) continue;
+    range.first = std::min(range.first, i);
+    range.end = i + 1;
+  }
+  range.first = std::min(range.first, range.end);
+  return range;
+}
+
+/// z of a ray on its way, at u = 0 and at both ends of the resin.
+double z_on_axis(const LabRay& ray) { return ray.entry_z_mm + ray.slope * ray.half_mm; }
+bool meets(const LabRay& ray, double lowest_mm, double highest_mm) {
+  if (!(ray.half_mm > 0)) return false;
+  const double end = ray.entry_z_mm + ray.slope * 2 * ray.half_mm;
+  return std::max(ray.entry_z_mm, end) >= lowest_mm && std::min(ray.entry_z_mm, end) <= highest_mm;
+}
+
+/// Light that rises, falls or spreads: all of its rays.
+void make_coupled(const Printer& printer, double n, const Sampling& sampling, Bench& b) {
+  const Vial& vial = *printer.vial;
+  TomoGrid& grid = b.grid;
+  grid.slice_mm = sampling.voxel_mm;
+  grid.lowest_mm = -0.5 * sampling.voxel_mm * (sampling.slices - 1);
+  // How far apart neighbouring pixels are in the resin, near the axis.
+  const double at_mm = printer.pixel_x_um * 1e-3 * vial.n_outside / n,
+               row_mm = printer.pixel_y_um * 1e-3 * height_on_axis(printer, n);
+  const auto in_voxel = [&](double pixel_mm) {
+    if (sampling.every_pixel) return 1;
+    return std::max(
+        1, static_cast<int>(std::ceil(kLeastApart * sampling.voxel_mm / pixel_mm - kSame)));
+  };
+  const int wide = in_voxel(at_mm), high = in_voxel(row_mm);
+  const PixelWindow all{printer.width_px % wide / 2,
+                        printer.height_px % high / 2,
+                        printer.width_px / wide,
+                        printer.height_px / high,
+                        wide,
+                        high};
+  if (all.columns < 2 || all.rows < 1) {
+    wrong(printer, fmt::format("its image has fewer than 2 columns of {:g} mm", wide * at_mm));
+  }
+  // A row near the optical axis tells the columns that meet the resin.
+  PixelWindow some = all;
+  const auto middle_row = static_cast<int>(
+      std::clamp(std::lround(image_place(printer, {0, 0}).row), 0L, printer.height_px - 1L));
+  some.first_row =
+      all.first_row + std::clamp((middle_row - all.first_row) / high, 0, all.rows - 1) * high;
+  some.rows = 1;
+  const LabRays across = lab_rays(printer, n, b.rays.alpha_per_mm, some);
+  const auto per_pixel = static_cast<std::size_t>(across.per_pixel);
+  const Stretch columns = range_of(all.columns, [&](int c) {
+    const auto first = across.rays.begin() + static_cast<std::ptrdiff_t>(per_pixel) * c;
+    return std::any_of(first, first + static_cast<std::ptrdiff_t>(per_pixel),
+                       [](const LabRay& r) { return r.half_mm > 0; });
+  });
+  if (columns.count() < 2) wrong(printer, "none of its pixels meets the resin");
+  // Columns in the middle and at both ends tell the rows that meet slices.
+  const double high_mm = -grid.lowest_mm + sampling.voxel_mm, low_mm = -high_mm;
+  std::vector<bool> row_meets(static_cast<std::size_t>(all.rows), false);
+  for (const int c : {columns.first, (columns.first + columns.end) / 2, columns.end - 1}) {
+    some = all;
+    some.first_column = all.first_column + c * wide;
+    some.columns = 1;
+    const LabRays up = lab_rays(printer, n, b.rays.alpha_per_mm, some);
+    for (std::size_t k = 0; k < up.rays.size(); ++k) {
+      if (meets(up.rays[k], low_mm, high_mm)) row_meets[k / per_pixel] = true;
+    }
+  }
+  // Rows of light are counted upwards.
+  const Stretch rows =
+      range_of(all.rows, [&](int r) { return row_meets[static_cast<std::size_t>(r)]; });
+  if (rows.count() < 1) wrong(printer, "none of its rows lights the part");
+  b.window = {all.first_column + columns.first * wide,
+              all.first_row + (all.rows - rows.end) * high,
+              columns.count(),
+              rows.count(),
+              wide,
+              high};
+  grid.pixels = columns.count();
+  grid.rows = rows.count();
+  grid.pixel_mm = wide * at_mm;
+  grid.check();
+  b.lab = std::make_shared<const LabRays>(lab_rays(printer, n, b.rays.alpha_per_mm, b.window));
+
+  // The nearest to level rays: the middle rays of pixels, of a row near the optical axis.
+  RayTables& rays = b.rays;
+  const auto middle_of = [&](int c, int r) -> const LabRay& {
+    return b.lab->rays[(static_cast<std::size_t>(c) * static_cast<std::size_t>(grid.rows) +
+                        static_cast<std::size_t>(r)) *
+                       per_pixel];
+  };
+  const int near_row =
+      grid.rows - 1 - std::clamp((middle_row - b.window.first_row) / high, 0, grid.rows - 1);
+  const double axis_pixel =
+      -pixel_x_mm(printer, b.window.column_of(0)) / (printer.pixel_x_um * 1e-3 * wide);
+  for (int c = 0; c < grid.pixels; ++c) {
+    const LabRay& ray = middle_of(c, near_row);
+    rays.line_mm.push_back(ray.half_mm > 0 ? ray.t_mm : (c - axis_pixel) * grid.pixel_mm);
+    rays.turn_rad.push_back(ray.turn_rad);
+    rays.weight.push_back(ray.power * static_cast<double>(per_pixel) * n / vial.n_outside);
+  }
+  for (int r = 0; r < grid.rows; ++r)
+    rays.row_mm.push_back(z_on_axis(middle_of(grid.pixels / 2, r)));
+  const double half_row = 0.5 * high * row_mm;
+  if (rays.row_mm.front() - half_row > grid.lowest_mm * (1 - kSame) + kSame ||
+      rays.row_mm.back() + half_row < -grid.lowest_mm * (1 - kSame) - kSame) {
+    wrong(
+        printer,
+        fmt::format("its image lights {:.3f} to {:.3f} mm on the axis; expected the {:g} mm of the "
+                    "part in it, {:.3f} to {:.3f} mm",
+                    rays.row_mm.front() - half_row, rays.row_mm.back() + half_row,
+                    sampling.slices * sampling.voxel_mm, grid.lowest_mm - 0.5 * sampling.voxel_mm,
+                    -grid.lowest_mm + 0.5 * sampling.voxel_mm));
+  }
+  b.places = FramePlaces(printer, grid, b.window, b.clockwise);
+}
+
+}  // namespace
+
+bool slices_share_light(const Printer& printer) {
+  require_tomographic(printer);
+  return printer.optics->kind != OpticsKind::telecentric || printer.optics->half_angle_deg > 0;
+}
+
+Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling) {
+  require_tomographic(printer);
+  const Vial& vial = *printer.vial;
+  Bench b;
+  const double n = index_of(resin);
+  const double row_mm = printer.pixel_y_um * 1e-3;
+  if (sampling.voxel_mm < row_mm * (1 - kSame)) {
+    wrong(printer,
+          fmt::format("its rows are {:g} mm high; expected voxels of at least that, not of "
+                      "{:g} mm",
+                      row_mm, sampling.voxel_mm));
+  }
+  if (sampling.angles < 3) {
+    throw InputError(fmt::format("{} angles; expected at least 3", sampling.angles));
+  }
+  const int most_frames = most_frames_per_turn(*printer.rotation);
+  if (most_frames > 0 && sampling.angles > most_frames) {
+    wrong(printer,
+          fmt::format("shows {} frames in a turn at most, not {}; expected fewer angles, or "
+                      "a slower turn",
+                      most_frames, sampling.angles));
+  }
+  b.radius_mm = vial.inner_mm;
+  b.reach_mm = slicecorr::reach_mm(printer, n);
+  b.clockwise = printer.rotation->direction == TurnDirection::clockwise;
+  b.frame_width = printer.width_px;
+  b.frame_height = printer.height_px;
+
+  TomoGrid& grid = b.grid;
+  grid.voxels = voxels_across(printer, sampling.voxel_mm);
+  grid.radius_mm = 0.5 * sampling.voxel_mm * (grid.voxels - 1);
+  grid.slices = sampling.slices;
+  grid.angles = sampling.angles;
+  b.rays.alpha_per_mm = absorption_per_mm(resin);
+  b.alpha_r = b.rays.alpha_per_mm * b.radius_mm;
+  if (slices_share_light(printer)) {
+    make_coupled(printer, n, sampling, b);
+  } else {
+    make_level(printer, n, sampling, b);
+  }
+  b.mw_cm2 = level_intensities(printer);
+  if (!(b.mw_cm2.back() > b.mw_cm2.front())) {
+    wrong(printer,
+          fmt::format("its brightest level shows {:g} mW/cm², its darkest {:g}; expected a "
+                      "calibration that rises",
+                      b.mw_cm2.back(), b.mw_cm2.front()));
+  }
+  if (b.places.uneven()) {
+    for (int i = 0; i < grid.pixels; ++i) {
+      for (int z = 0; z < grid.light_rows(); ++z) {
+        const int column = b.window.column_of(i);
+        if (misses(vial, n, pixel_x_mm(printer, column), 0)) continue;
+        if (b.places.share(0, i, z) > 0) continue;
+        wrong(printer,
+              fmt::format("its flat-field is black in column {}, {:.3f} mm from the optical axis, "
+                          "where the resin is; expected some light",
+                          column, z_of_row(b, z)));
+      }
+    }
+  }
+  b.exposure.alpha_a_per_cm = curing_absorption_per_mm(resin) * 10;
+  b.exposure.turn_s = printer.rotation->turn_s();
+  b.exposure.critical_mj_cm3 = dose_to_gel_mj_cm3(resin);
+  b.exposure.black_mw_cm2 = b.mw_cm2.front();
+  b.resupply_mj_cm3_s = resin.inhibition_resupply_mj_cm3_s;
+  return b;
+}
+
+}  // namespace slicecorr::tomo

@@ -1,0 +1,571 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "slicecorr/tomo/print.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "parallel/silent.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/tomo/shown_light.hpp"
+#include "slicecorr/version.hpp"
+#include "slicecorr/vial.hpp"
+#include "stack/formats/definition_json.hpp"
+#include "tomo/operators/spread_projector.hpp"
+#include "tomo/print/changing_resin.hpp"
+#include "tomo/print/nodes.hpp"
+#include "tomo/print/voxels.hpp"
+#include "tomo/solve/checkpoint.hpp"
+#include "tomo/solve/told_projector.hpp"
+
+namespace slicecorr::tomo {
+
+namespace {
+
+Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
+  Volume volume(grid);
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x) {
+        volume.coverage[grid.voxel(x, y, z)] = part.values[part.at(z, y, x)];
+      }
+    }
+  }
+  return volume;
+}
+
+/// What is printed and what shades it, and what light does there.
+struct Scene {
+  Target target;
+  std::shared_ptr<const Projector> projector;
+};
+Target target_of(const Bench& bench, const Box<std::uint8_t>& part,
+                 const Box<std::uint8_t>& insert) {
+  const Volume volume = volume_of(bench.grid, part);
+  if (insert.values.empty()) return Target(volume);
+  const Volume opaque = volume_of(bench.grid, insert);
+  return Target(volume, &opaque);
+}
+Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
+  Target target = target_of(bench, part, insert);
+  if (insert.values.empty()) return {std::move(target), make_projector(bench)};
+  const Volume opaque = volume_of(bench.grid, insert);
+  return {std::move(target), make_projector(bench, &opaque)};
+}
+
+/// Throws for an insert of another grid, or one that reaches over the resin.
+void check_insert(const Box<std::uint8_t>& insert, const Box<std::uint8_t>& part,
+                  const Printer& printer, double voxel_mm) {
+  if (insert.values.empty()) return;
+  if (insert.nx != part.nx || insert.ny != part.ny || insert.nz != part.nz) {
+    throw InputError(
+        fmt::format("the insert has {} x {} x {} voxels, the part {} x {} x {}; "
+                    "expected the same",
+                    insert.nx, insert.ny, insert.nz, part.nx, part.ny, part.nz));
+  }
+  for (int z = 0; z < insert.nz; ++z) {
+    for (int y = 0; y < insert.ny; ++y) {
+      for (int x = 0; x < insert.nx; ++x) {
+        if (insert.values[insert.at(z, y, x)] == 0) continue;
+        detail::check_in_vial(insert.nx, x, y, z, voxel_mm, printer);
+      }
+    }
+  }
+}
+
+/// Of the calibration's light, where the projector is dimmest before the resin.
+double least_share(const Bench& bench) {
+  if (!bench.places.uneven()) return 1;
+  double least = std::numeric_limits<double>::infinity();
+  for (int m = 0; m < bench.grid.angles; ++m) {
+    for (int c = 0; c < bench.grid.pixels; ++c) {
+      for (int z = 0; z < bench.grid.light_rows(); ++z) {
+        const double share = bench.places.share(m, c, z);
+        if (share > 0) least = std::min(least, share);
+      }
+    }
+  }
+  return least;
+}
+
+/// mJ/cm³ that black light leaves in a turn, at most.
+double floor_of_turn(const Bench& bench, const Projector& projector,
+                     const ExecutionContext& context) {
+  const std::vector<std::uint16_t> black(bench.grid.blocks() * bench.grid.light_of_block(), 0);
+  const Field floor = adjoint(projector, context, shown_light(bench, black));
+  return *std::max_element(floor.values.begin(), floor.values.end()) *
+         dose_of_turn(bench.grid, bench.exposure);
+}
+
+detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
+                                   const TomoJob& job, const SolveOptions& options) {
+  const auto of_box = [](const Box<std::uint8_t>& box) {
+    const std::array<int, 3> size{box.nz, box.ny, box.nx};
+    return detail::hash_of(box.values.data(), box.values.size(),
+                           detail::hash_of(size.data(), sizeof size));
+  };
+  const std::string machine =
+      fmt::format("{} {} {} {} {}", version, job.sampling.voxel_mm, job.sampling.angles,
+                  slicecorr::detail::printer_json(job.printer).dump(),
+                  slicecorr::detail::resin_json(job.resin).dump());
+  return {of_box(part), of_box(insert), detail::hash_of(machine.data(), machine.size()),
+          detail::hash_of(options)};
+}
+
+PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
+                   const Box<float>& dose, double floor_of_turn_mj_cm3) {
+  Field field(bench.grid);
+  for (int z = 0; z < dose.nz; ++z) {
+    for (int y = 0; y < dose.ny; ++y) {
+      for (int x = 0; x < dose.nx; ++x) {
+        field.values[bench.grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
+      }
+    }
+  }
+  PrintFigures f;
+  f.turns = job.turns;
+  f.print_time_s = job.turns * bench.exposure.turn_s;
+  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3;
+  f.metrics = measure(target, field);
+  f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
+  f.efficiency = efficiency(shown_light(bench, job.levels));
+  f.alpha_r = bench.alpha_r;
+  f.floor_mj_cm3 =
+      std::max(0.0, floor_of_turn_mj_cm3 * job.turns - bench.resupply_mj_cm3_s * f.print_time_s);
+  return f;
+}
+
+/// Up to so many levels it is tried which way to round them.
+constexpr std::size_t kFewLevels = 64;
+/// With a time that is fixed light stays this far below the brightest, for what rounding costs.
+constexpr double kBelowCap = 0.98;
+
+/// Whole turns in the time; 0: as many as it takes.
+int turns_allowed(const Bench& bench, double most_time_s) {
+  if (most_time_s <= 0) return 0;
+  const double turns = std::floor(most_time_s / bench.exposure.turn_s * (1 + 1e-9));
+  if (!(turns >= 1)) {
+    throw InfeasibleError(
+        fmt::format("printing takes a turn of {:g} s at least, longer than the {:g} s allowed",
+                    bench.exposure.turn_s, most_time_s));
+  }
+  return static_cast<int>(std::min(turns, 1e9));
+}
+
+/// What is computed on, with all that is refused of it.
+struct Place {
+  Bench bench;
+  double part_radius_mm = 0;
+  int most_turns = 0;  ///< 0: as many as it takes
+};
+Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+               const Resin& resin, const PrintOptions& options) {
+  require_tomographic(printer);
+  Place place;
+  place.part_radius_mm = part_radius_mm(part, voxel_mm);
+  const double radius_mm = place.part_radius_mm;
+  place.bench = make_bench(
+      printer, resin,
+      {voxel_mm, part.nz,
+       options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)});
+  const double resin_mm = place.bench.radius_mm;
+  const double limit_mm =
+      options.beyond_reach ? resin_mm : std::min(place.bench.reach_mm, resin_mm);
+  if (radius_mm > limit_mm) {
+    throw InputError(fmt::format(
+        "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
+        "part scaled by at most {:.4f}{}",
+        radius_mm, limit_mm, std::floor(1e4 * limit_mm / radius_mm) * 1e-4,
+        radius_mm <= resin_mm ? ", or leave to print beyond that reach" : ""));
+  }
+  check_insert(options.insert, part, printer, voxel_mm);
+  place.most_turns = turns_allowed(place.bench, options.most_time_s);
+  return place;
+}
+
+/// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
+struct Turns {
+  int count = 0;
+  double dose_mj_cm3 = 0;
+};
+/// `weakest` gets `turn_mj_cm3` in a turn.
+Turns turns_for(const Bench& bench, double turn_mj_cm3, const std::string& weakest) {
+  const double turn_s = bench.exposure.turn_s;
+  const double back = bench.resupply_mj_cm3_s * turn_s;
+  if (!(turn_mj_cm3 > back)) {
+    throw InfeasibleError(fmt::format(
+        "inhibitor comes back as fast as light takes it: {:.4g} mJ/cm³ a second, and {} gets {:.4g} "
+        "of the brightest light; expected more light",
+        bench.resupply_mj_cm3_s, weakest, turn_mj_cm3 / turn_s));
+  }
+  const double turns =
+      std::ceil(bench.exposure.critical_mj_cm3 / (turn_mj_cm3 - back) * (1 - 1e-9));
+  if (!(turns < 1e9)) throw InfeasibleError("the part gets too little light to gel in any time");
+  const int count = std::max(1, static_cast<int>(turns));
+  return {count, bench.exposure.critical_mj_cm3 + back * count};
+}
+
+/// The part's voxel with the least dose, for people.
+std::string weakest_voxel(const Target& target, const Field& dose) {
+  const TomoGrid& grid = target.grid;
+  float least = std::numeric_limits<float>::infinity();
+  std::array<int, 3> at{};
+  for (int z = 0; z < grid.slices; ++z) {
+    for (int y = 0; y < grid.voxels; ++y) {
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        const std::size_t v = grid.voxel(x, y, z);
+        if (target.kinds[v] != Kind::gel || dose.values[v] >= least) continue;
+        least = dose.values[v];
+        at = {x, y, z};
+      }
+    }
+  }
+  return fmt::format("the part's voxel {}, {} in slice {}", at[0], at[1], at[2]);
+}
+
+/// What the solver sees: the part, and how light gives it dose.
+struct Asked {
+  Target target;
+  std::shared_ptr<const Projector> projector;
+  RayTables rays;
+};
+
+/// Solves are repeated until the dose has spread for as many turns as the light needs, to this share
+/// of them; so often at most.
+constexpr double kSameTurns = 0.1;
+constexpr int kMostPasses = 3;
+
+/// The bound of effective doses, of one of light: void gets at least 1 / `of_light` of what the part
+/// does, of which inhibitors take as much as there. What a voxel has while a turn lasts may be more
+/// than averages say, by what comes back in that turn.
+double bound_of_print(double of_light, const Bench& bench, const PrintFigures& figures) {
+  const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+  const double in_turn = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  const double part = figures.metrics.min_gel;
+  const double empty = (part - in_turn + back) / of_light - back;
+  return empty > 0 ? part / empty : std::numeric_limits<double>::infinity();
+}
+
+/// About how many turns light for a part takes: that of filtered back projection, for the mean dose
+/// of the part.
+int likely_turns(const Asked& asked, const Bench& bench, Window window, int most_turns,
+                 const ExecutionContext& context) {
+  const Light light = filtered_start(context, asked.target, asked.rays, window);
+  const Field dose = adjoint(*asked.projector, context, light);
+  double sum = 0;
+  for (std::size_t i = 0; i < asked.target.kinds.size(); ++i) {
+    if (asked.target.kinds[i] == Kind::gel) sum += dose.values[i];
+  }
+  const double turn = sum / static_cast<double>(asked.target.gel) * bench.mw_cm2.back() *
+                          dose_of_turn(bench.grid, bench.exposure) -
+                      bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  const double most = most_turns > 0 ? most_turns : 1e6;
+  const double turns = turn > 0 ? std::ceil(bench.exposure.critical_mj_cm3 / turn) : most;
+  return static_cast<int>(std::clamp(turns, 1.0, most));
+}
+
+/// The same where dose spreads for so many turns.
+Asked spread_for_turns(const Asked& asked, const Bench& bench, const Resin& resin,
+                       const Box<std::uint8_t>& insert, int turns) {
+  if (detail::spread_mm(bench, resin, turns) > bench.radius_mm) {
+    throw InfeasibleError(fmt::format(
+        "the part needs {} turns of {:g} s, in which its dose spreads by {:.3g} mm, and the resin "
+        "has a radius of {:g} mm; expected more light",
+        turns, bench.exposure.turn_s, detail::spread_mm(bench, resin, turns), bench.radius_mm));
+  }
+  const TomoGrid& grid = asked.target.grid;
+  auto spread =
+      std::make_shared<detail::DoseSpread>(grid, insert, detail::spread_mm(bench, resin, turns));
+  const double kappa = detail::kappa_of_turn(bench, resin);
+  detail::SpreadSeries series =
+      spread->series([&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
+  Asked with{detail::spread_target(asked.target),
+             detail::make_spread_projector(asked.projector, std::move(spread), std::move(series)),
+             asked.rays};
+  if (with.target.grid.coupled() && !grid.coupled()) {
+    for (int z = 0; z < grid.slices; ++z) {
+      with.rays.row_mm.push_back(with.target.grid.lowest_mm +
+                                 z * with.target.grid.slice_height_mm());
+    }
+  }
+  return with;
+}
+
+Evidence evidence_of(const Solution& solution, const Target& target, const Box<std::uint8_t>& part,
+                     const PrintOptions& options, double voxel_mm) {
+  Evidence e;
+  e.slice = solution.bound_slice;
+  e.z_mm = (e.slice - 0.5 * (part.nz - 1)) * voxel_mm;
+  e.voxel_mm = voxel_mm;
+  e.bound = solution.contrast_bound;
+  e.dose = {1, part.ny, part.nx, {}};
+  double least = std::numeric_limits<double>::infinity(), most = 0;
+  for (int y = 0; y < part.ny; ++y) {
+    for (int x = 0; x < part.nx; ++x) {
+      const std::size_t v = target.grid.voxel(x, y, e.slice);
+      const float d = solution.dose.values[v];
+      e.dose.values.push_back(d);
+      if (target.kinds[v] == Kind::gel) least = std::min<double>(least, d);
+      if (target.kinds[v] == Kind::empty) most = std::max<double>(most, d);
+    }
+  }
+  const double gels = std::sqrt(least * most);
+  for (float& d : e.dose.values) d = static_cast<float>(d / gels);
+  const auto slice_of = [&](const Box<std::uint8_t>& box) {
+    if (box.values.empty()) return Box<std::uint8_t>{};
+    const auto first = box.values.begin() + static_cast<std::ptrdiff_t>(box.at(e.slice, 0, 0));
+    return Box<std::uint8_t>{
+        1, box.ny, box.nx, {first, first + static_cast<std::ptrdiff_t>(box.at(1, 0, 0))}};
+  };
+  e.part = slice_of(part);
+  e.insert = slice_of(options.insert);
+  return e;
+}
+
+}  // namespace
+
+Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options) {
+  Bench bench = place_of(part, voxel_mm, printer, resin, options).bench;
+  target_of(bench, part, options.insert);
+  return bench;
+}
+
+Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options,
+                  const ExecutionContext& context) {
+  const Place place = place_of(part, voxel_mm, printer, resin, options);
+  const Bench& bench = place.bench;
+  TomoJob job;
+  job.printer = printer;
+  job.resin = resin;
+  job.sampling = {voxel_mm, part.nz, bench.grid.angles};
+  const Scene scene = scene_of(bench, part, options.insert);
+  const Target& target = scene.target;
+  std::shared_ptr<const detail::Nodes> nodes;
+  Asked flat{target, scene.projector, bench.rays};
+  if (auto found = detail::nodes_of(printer, resin, bench)) {
+    nodes = std::make_shared<const detail::Nodes>(*std::move(found));
+    flat.target.grid = nodes->grid;
+    flat.projector = detail::make_node_projector(nodes, scene.projector);
+    flat.rays = nodes->rays;
+  }
+  // The solve is told of as a whole, none of its sums over angles by itself.
+  const ExecutionContext quiet = slicecorr::detail::silent(context);
+  const int wanted = resolving_angles(place.part_radius_mm, voxel_mm);
+  if (bench.grid.angles < wanted) {
+    const int shown = most_frames_per_turn(*printer.rotation);
+    context.tell(fmt::format(
+        "{} angles are too few for voxels of {:g} mm at {:.3g} mm from the axis: {} would resolve "
+        "them{}",
+        bench.grid.angles, voxel_mm, place.part_radius_mm, wanted,
+        shown > 0 && shown < wanted
+            ? fmt::format(", of which the projector shows {} in a turn; a slower turn has more",
+                          shown)
+            : std::string()));
+  }
+  SolveOptions how = options.solve;
+  const int most_turns = place.most_turns;
+  if (most_turns > 0) {
+    double cap = kBelowCap * dose_of_turn(bench.grid, bench.exposure) * most_turns *
+                 bench.mw_cm2.back() /
+                 (bench.exposure.critical_mj_cm3 +
+                  bench.resupply_mj_cm3_s * bench.exposure.turn_s * most_turns);
+    // What the dimmest place can show bounds all light.
+    cap *= least_share(bench);
+    how.cap = how.cap > 0 ? std::min(how.cap, cap) : cap;
+  }
+  detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
+                              fingerprint_of(part, options.insert, job, how));
+  const double per_unit = dose_of_turn(bench.grid, bench.exposure);
+  const auto light_of = [&](const Solution& found) {
+    const Light light = detail::light_of_slices(found.light, flat.target.grid);
+    return asked_light(bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, light) : light);
+  };
+  // The light as bright as the projector can show it gives the number of turns; then as bright as
+  // they need.
+  const auto turns_of = [&](const Solution& found, const Asked& asked, double brightest) {
+    return turns_for(bench, per_unit * brightest, weakest_voxel(asked.target, found.dose));
+  };
+  const bool spreads = resin.dose_diffusion_m2_s > 0;
+  std::optional<SolverState> state;
+  if (options.resume) {
+    state = file.read(spreads ? detail::spread_grid(flat.target.grid) : flat.target.grid);
+  }
+  if (state) {
+    context.tell(
+        fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
+    how.resume = &*state;
+  }
+  how.checkpoint = [&](const SolverPlace& at) {
+    if (options.solve.checkpoint) options.solve.checkpoint(at);
+    file.keep(at);
+    if (at.rung > 0 && at.missed.empty()) {
+      context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
+    }
+  };
+  // How far dose spreads depends on the number of turns, and that on the light.
+  std::vector<int> passes = file.passes();
+  if (spreads && passes.empty()) {
+    passes.push_back(likely_turns(flat, bench, how.window, most_turns, quiet));
+  }
+  Asked asked = flat;
+  std::optional<Solution> found;
+  Light start(flat.target.grid), light(bench.grid);
+  double brightest = 0;
+  Turns turns;
+  for (;;) {
+    ExecutionContext told = context;
+    if (spreads) {
+      const double done_before = static_cast<double>(passes.size() - 1);
+      asked = spread_for_turns(flat, bench, resin, options.insert, passes.back());
+      file.of_passes(passes);
+      context.tell(fmt::format("light for dose that spreads by {:.3g} um in {} turns",
+                               1e3 * detail::spread_mm(bench, resin, passes.back()),
+                               passes.back()));
+      told.progress = [&context, done_before](std::string_view stage, double done) {
+        context.report(stage, (done_before + done) / kMostPasses);
+      };
+    }
+    const detail::ToldProjector projector(*asked.projector, told,
+                                          detail::expected_calls(how, asked.target.grid.blocks()));
+    found = solve(quiet, projector, asked.target, asked.rays, how);
+    if (found->contrast_bound < 1) {
+      if (options.evidence) {
+        options.evidence(evidence_of(*found, asked.target, part, options, voxel_mm));
+      }
+      throw InfeasibleError(fmt::format(
+          "no light prints this part{}: where it is hardest, in slice {} ({:.3f} mm above the "
+          "optical axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; "
+          "expected less absorption (alpha R is {:.3g}), or a part with more room",
+          spreads ? fmt::format(", of which the dose spreads by {:.3g} um in {} turns",
+                                1e3 * detail::spread_mm(bench, resin, passes.back()), passes.back())
+                  : std::string(),
+          found->bound_slice, (found->bound_slice - 0.5 * (part.nz - 1)) * voxel_mm,
+          found->contrast_bound, bench.alpha_r));
+    }
+    light = light_of(*found);
+    brightest = bench.mw_cm2.back() / *std::max_element(light.values.begin(), light.values.end());
+    turns = turns_of(*found, asked, brightest);
+    if (!spreads) break;
+    const int counted = passes.back();
+    if (std::abs(turns.count - counted) <= kSameTurns * counted) break;
+    if (passes.size() == kMostPasses) {
+      context.tell(
+          fmt::format("the light needs {} turns, and was found for {}", turns.count, counted));
+      break;
+    }
+    passes.push_back(most_turns > 0 ? std::min(turns.count, most_turns) : turns.count);
+    start = std::move(found->light);
+    how.start = &start;
+    how.resume = nullptr;
+  }
+  context.report("solving", 1);
+  Solution& solution = *found;
+  job.turns = turns.count;
+  Exposure exposure = bench.exposure;
+  exposure.critical_mj_cm3 = turns.dose_mj_cm3;
+  exposure.most_time_s = options.most_time_s;
+  Field full = std::move(solution.dose);
+  for (float& d : full.values) d = static_cast<float>(d * brightest);
+  const PrintTime time = plan_time(quiet, *asked.projector, asked.target, full, exposure);
+
+  // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
+  // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
+  // can't be brighter stay as they are.
+  job.part = part;
+  job.insert = options.insert;
+  const double black = floor_of_turn(bench, *scene.projector, quiet);
+  double scale = brightest * time.scale;
+  PrintFigures figures;
+  constexpr int rounds = 8;
+  int shown = 0;
+  ExecutionContext judging = quiet;
+  judging.progress = [&](std::string_view, double done) {
+    context.report("judging", std::min((shown + done) / rounds, 0.99));
+  };
+  const auto show = [&](bool carry) {
+    job.levels = carry ? carried_levels(light, scale, bench.mw_cm2)
+                       : nearest_levels(light, scale, bench.mw_cm2);
+    figures = judge(job, bench, target, dose_of(job, judging), black);
+    ++shown;
+  };
+  // With few levels it depends on the part which way to round prints better.
+  bool carry = false;
+  if (bench.mw_cm2.size() <= kFewLevels) {
+    show(true);
+    const double carried = figures.metrics.contrast;
+    show(false);
+    carry = carried > figures.metrics.contrast;
+  }
+  for (int round = 0; round < rounds; ++round) {
+    show(carry);
+    // What comes back takes its share of the light first.
+    const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+    const double short_by = (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
+    // More than enough, where the operators see less than the sum, costs turns: taken back once.
+    if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
+    scale *= short_by + 1e-4;
+    while (job.turns > 1 && scale * job.turns <= brightest * (job.turns - 1)) {
+      scale *= static_cast<double>(job.turns) / (job.turns - 1);
+      --job.turns;
+    }
+    if (scale <= brightest || job.turns == most_turns) continue;
+    scale *= static_cast<double>(job.turns) / (job.turns + 1);
+    ++job.turns;
+  }
+  context.report("judging", 1);
+
+  job.history = std::move(solution.history);
+  job.contrast_bound = bound_of_print(solution.contrast_bound, bench, figures);
+  Print print;
+  print.job = std::move(job);
+  print.figures = figures;
+  print.figures.contrast_bound = print.job.contrast_bound;
+  return print;
+}
+
+PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,
+                        const ExecutionContext& context) {
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  const Scene scene = scene_of(bench, part, job.insert);
+  return judge(job, bench, scene.target, dose, floor_of_turn(bench, *scene.projector, context));
+}
+
+std::string PrintFigures::to_json() const {
+  const auto finite = [](double v) {
+    return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
+  };
+  nlohmann::ordered_json j;
+  j["feasible"] = feasible();
+  j["ver"] = metrics.ver;
+  j["pw"] = metrics.pw;
+  j["trimmed_pw"] = metrics.trimmed_pw;
+  j["ipdr"] = metrics.ipdr;
+  j["jaccard"] = {{"best", metrics.best_jaccard}, {"dose", jaccard_at_dose}};
+  j["contrast"] = finite(metrics.contrast);
+  j["contrast_bound"] = finite(contrast_bound);
+  j["efficiency"] = efficiency;
+  j["turns"] = turns;
+  j["print_time_s"] = print_time_s;
+  j["alpha_r"] = alpha_r;
+  j["gel_voxels"] = metrics.gel;
+  j["void_voxels"] = metrics.empty;
+  j["dose_mj_cm3"] = {{"to_gel", gel_dose_mj_cm3},
+                      {"min_gel", metrics.min_gel},
+                      {"max_gel", metrics.max_gel},
+                      {"max_void", metrics.max_void},
+                      {"floor", floor_mj_cm3}};
+  return j.dump(2);
+}
+
+}  // namespace slicecorr::tomo

@@ -1,0 +1,403 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "tomo/solve/ladder.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "parallel/silent.hpp"
+#include "slicecorr/error.hpp"
+#include "tomo/operators/packed.hpp"
+#include "tomo/solve/block_solver.hpp"
+#include "tomo/solve/certificate.hpp"
+
+namespace slicecorr::tomo::detail {
+namespace {
+
+using slicecorr::detail::silent;
+
+constexpr double kNone = std::numeric_limits<double>::infinity();
+/// Slices that a proof goes on with: those with the least bounds.
+constexpr std::size_t kProven = 7;
+constexpr int kFirstProof = 40;
+/// A proof goes on while its bound falls by this share.
+constexpr double kFalls = 0.01;
+/// What a proof's rung times the contrast found is at most. Nearer to 1 little is left of the loss,
+/// and what rays lack weighs more than that; farther away the bound is of another problem.
+constexpr double kBeyond = 0.9;
+
+/// The share of its loss that the second half of a slice's steps has to take away.
+constexpr double kWorthGoingOn = 0.3;
+/// A loss that rounding leaves: doses wrong by 1e-7 in some 10,000 voxels.
+constexpr double kRounding = 1e-9;
+
+/// What is known of a slice on a rung.
+struct Climb {
+  int steps = 0;
+  double loss = kNone;
+  bool stuck = false;  ///< the loss can't fall
+  /// Nothing is left of the loss, or what single precision can't tell from that.
+  bool reached() const { return loss == 0 || (stuck && loss < kRounding); }
+  std::vector<SliceStep> history;
+  /// Going on is worth it: the second half of the steps took this share of the loss away.
+  bool falls(double share) const {
+    const std::size_t n = history.size();
+    return !stuck && n >= 2 && loss < (1 - share) * history[n / 2].loss;
+  }
+};
+
+class Ladder {
+ public:
+  Ladder(const ExecutionContext& context, const Projector& projector, const Target& target,
+         const RayTables& optics, const SolveOptions& options, Solution& solution)
+      : context_(context),
+        projector_(projector),
+        target_(target),
+        options_(options),
+        solution_(solution),
+        gel_(problems_with_gel(target)),
+        light_(options.start != nullptr ? *options.start
+                                        : filtered_start(context, target, optics, options.window)),
+        dose_(target.grid),
+        now_(static_cast<std::size_t>(target.grid.problems())),
+        kept_(now_.size(), -1.0) {}
+
+  void run() {
+    std::vector<int> missed;
+    if (options_.resume != nullptr) {
+      go_on(*options_.resume);
+      missed = options_.resume->missed;
+    } else {
+      dose_ = adjoint(projector_, context_, light_);
+      if (options_.start == nullptr) {
+        scale_start();
+      } else {
+        look();
+        keep(1, true);
+      }
+    }
+    for (std::size_t r = 0; r < options_.rungs.size(); ++r) {
+      const double rung = options_.rungs[r];
+      if (options_.resume != nullptr && rung > options_.resume->rung) continue;
+      if (missed.empty()) {
+        missed = climb(penalty_of(rung));
+        keep(rung, missed.empty());
+        const double next = r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 0;
+        tell_place(missed.empty() ? next : rung, missed);
+      }
+      if (missed.empty()) continue;
+      prove(rung, missed);
+      break;
+    }
+    finish();
+  }
+
+ private:
+  void tell_place(double rung, const std::vector<int>& missed) {
+    if (!options_.checkpoint) return;
+    std::vector<double> of_slices = kept_;
+    for (const SliceStep& s : now_) {
+      of_slices.insert(of_slices.end(), {s.loss, s.min_gel, s.max_void, s.max_dose, s.void_gelled});
+    }
+    options_.checkpoint({.numbers = light_.values,
+                         .dose = dose_.values,
+                         .of_slices = std::move(of_slices),
+                         .missed = missed,
+                         .rung = rung,
+                         .best = solution_});
+  }
+  void go_on(const SolverState& from) {
+    const std::size_t n = now_.size();
+    if (from.of_slices.size() != 6 * n)
+      throw InputError("solver", "resume", "is of another solver");
+    light_.values = from.numbers;
+    dose_.values = from.dose;
+    solution_ = from.best;
+    kept_.assign(from.of_slices.begin(), from.of_slices.begin() + static_cast<std::ptrdiff_t>(n));
+    for (std::size_t z = 0; z < n; ++z) {
+      const double* const s = &from.of_slices[n + 5 * z];
+      now_[z] = {};
+      now_[z].loss = s[0];
+      now_[z].min_gel = s[1];
+      now_[z].max_void = s[2];
+      now_[z].max_dose = s[3];
+      now_[z].void_gelled = s[4];
+    }
+  }
+
+  Penalty penalty_of(double rung) const {
+    return {.rung = rung,
+            .most_dose = options_.most_dose,
+            .cap = options_.cap > 0 ? options_.cap : kNone};
+  }
+  const Kind* kinds(std::size_t b) const {
+    return target_.kinds.data() + b * target_.grid.voxels_of_block();
+  }
+
+  /// One scale for each slice: they share nothing but the rung.
+  void scale_start() {
+    const TomoGrid& grid = target_.grid;
+    const Penalty penalty = penalty_of(options_.rungs.front());
+    const ExecutionContext inside = inside_block(context_, grid.blocks());
+    parallel_for(context_, "start", grid.blocks(), [&](std::size_t b) {
+      const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
+      const auto factors = best_scales(grid, kinds(b), dose_.block(b), penalty, inside);
+      const auto scale = [&](float* numbers, std::size_t count) {
+        for (std::size_t i = 0; i < count; ++i)
+          numbers[i] *= static_cast<float>(factors[i % lanes]);
+      };
+      scale(light_.block(b), grid.light_of_block());
+      scale(dose_.block(b), grid.voxels_of_block());
+    });
+  }
+
+  /// Extremes of the dose of each slice.
+  void look() {
+    const TomoGrid& grid = target_.grid;
+    const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
+    std::fill(now_.begin(), now_.end(), SliceStep{});
+    for (std::size_t i = 0; i < target_.kinds.size(); ++i) {
+      const double d = dose_.values[i];
+      if (target_.kinds[i] == Kind::neither) continue;
+      SliceStep& s = now_[i / grid.voxels_of_block() * lanes + i % lanes];
+      s.max_dose = std::max(s.max_dose, d);
+      if (target_.kinds[i] == Kind::gel) {
+        s.min_gel = std::min(s.min_gel, d);
+      } else {
+        s.max_void = std::max(s.max_void, d);
+      }
+    }
+  }
+
+  /// Keeps what was found: all slices of a rung that was reached; of one that was missed those that
+  /// had less contrast than the part can have.
+  void keep(double rung, bool reached) {
+    // With a cap, light that the weakest voxel wants more of is none to keep in place of another.
+    const auto gained = [&](int z) {
+      const bool short_of = options_.cap > 0 && kept_[z] >= 0 && now_[z].min_gel < 1;
+      return !reached && short_of ? -1.0 : now_[z].contrast();
+    };
+    double least_before = kNone, most_now = kNone;
+    for (const int z : gel_) {
+      least_before = std::min(least_before, kept_[z]);
+      most_now = std::min(most_now, std::max(kept_[z], gained(z)));
+    }
+    if (!reached && !(most_now > least_before)) return;
+    std::vector<int> taken;
+    for (const int z : gel_) {
+      if (!reached && kept_[z] >= most_now) continue;
+      kept_[z] = now_[z].contrast();
+      taken.push_back(z);
+    }
+    if (reached) {
+      solution_.light.values = light_.values;
+    } else {
+      for (const int z : taken) copy_slice(light_.values, z, solution_.light.values);
+    }
+    solution_.rung = rung;
+  }
+  void copy_slice(const Array<float>& from, int slice, Array<float>& to) const {
+    const TomoGrid& grid = target_.grid;
+    const auto lanes = static_cast<std::size_t>(grid.problem_lanes()),
+               z = static_cast<std::size_t>(slice);
+    const std::size_t per_block = from.size() / grid.blocks();
+    const std::size_t end = (z / lanes + 1) * per_block;
+    for (std::size_t i = z / lanes * per_block + z % lanes; i < end; i += lanes) to[i] = from[i];
+  }
+
+  static std::vector<int> problems_with_gel(const Target& target) {
+    return target.grid.coupled() ? std::vector<int>{0} : slices_with_gel(target);
+  }
+
+  /// What a run made of a slice.
+  void add_run(Climb& c, int slice, const BlockRun& run, const std::vector<SliceStep>& steps) {
+    c.stuck = static_cast<int>(steps.size()) <= run.steps || run.steps == 0;
+    c.steps += run.steps;
+    c.history.insert(c.history.end(), steps.begin() + (c.history.empty() ? 0 : 1), steps.end());
+    // Doses computed afresh may lack nothing where sums over steps did.
+    c.history.back() = steps.back();
+    c.loss = steps.back().loss;
+    now_[slice] = steps.back();
+  }
+
+  /// Runs slices, in blocks of their own, up to as many steps in all as `most` on this rung.
+  void descend(const Penalty& penalty, int most, std::vector<Climb>& climbs,
+               const std::vector<int>& slices, std::string_view stage) {
+    for (;;) {
+      std::vector<int> active;
+      for (const int z : slices) {
+        const Climb& c = climbs[z];
+        if (!c.reached() && !c.stuck && c.steps < most) active.push_back(z);
+      }
+      if (active.empty()) return;
+      if (target_.grid.coupled()) {
+        const BlockRun run = solve_block(projector_, 0, target_.kinds.data(), penalty,
+                                         most - climbs[0].steps, options_.memory, false, context_,
+                                         light_.values.data(), dose_.values.data());
+        add_run(climbs[0], 0, run, run.slices[0]);
+        continue;
+      }
+      const PackedSlices packed(projector_, active);
+      const ExecutionContext inside = inside_block(context_, packed.grid().blocks());
+      parallel_for(silent(context_), stage, packed.grid().blocks(), [&](std::size_t b) {
+        const std::vector<int> lanes = packed.of_block(b);
+        int left = most;
+        for (const int z : lanes) left = std::min(left, most - climbs[z].steps);
+        Array<float> light = packed.take(b, light_.values), dose = packed.take(b, dose_.values);
+        const Array<Kind> what = packed.take(b, target_.kinds);
+        const BlockRun run =
+            solve_block(packed.projector(), b, what.data(), penalty, left, options_.memory,
+                        active.size() > 1, inside, light.data(), dose.data());
+        packed.put_back(b, light, light_.values);
+        packed.put_back(b, dose, dose_.values);
+        for (std::size_t l = 0; l < lanes.size(); ++l) {
+          add_run(climbs[lanes[l]], lanes[l], run, run.slices[l]);
+        }
+      });
+    }
+  }
+
+  double least_kept() const {
+    double least = kNone;
+    for (const int z : gel_) least = std::min(least, kept_[z]);
+    return least;
+  }
+
+  /// The slices that miss the rung. Goes on, twice as long each time, while their losses fall; one
+  /// that does not is enough. More contrast is worth half of the steps that any is.
+  std::vector<int> climb(const Penalty& penalty) {
+    const int first = options_.steps == 0 ? 60 : options_.steps;
+    const int most =
+        std::max(first, least_kept() >= 1 ? options_.most_steps / 2 : options_.most_steps);
+    std::vector<Climb> climbs(now_.size());
+    std::vector<int> left = gel_;
+    for (int steps = first;; steps = std::min(2 * steps, most)) {
+      descend(penalty, steps, climbs, left, "solving");
+      std::erase_if(left, [&](int z) { return climbs[z].reached(); });
+      const bool over = std::any_of(left.begin(), left.end(),
+                                    [&](int z) { return !climbs[z].falls(kWorthGoingOn); });
+      if (left.empty() || steps == most || over) break;
+    }
+    add_history(climbs, penalty.rung);
+    return left;
+  }
+
+  /// The steps of all slices as steps of the part; a slice that was done early stays as it was.
+  void add_history(const std::vector<Climb>& climbs, double rung) {
+    std::size_t most = 0;
+    for (const Climb& c : climbs) most = std::max(most, c.history.size());
+    for (std::size_t k = 0; k < most; ++k) {
+      Step step{.rung = rung, .step = static_cast<int>(k)};
+      double min_gel = kNone, max_void = 0, max_dose = 0, gelled = 0;
+      for (const int z : gel_) {
+        const auto& history = climbs[z].history;
+        const SliceStep& s = history.empty() ? now_[z] : history[std::min(k, history.size() - 1)];
+        step.loss += s.loss;
+        min_gel = std::min(min_gel, s.min_gel);
+        max_void = std::max(max_void, s.max_void);
+        max_dose = std::max(max_dose, s.max_dose);
+        gelled += s.void_gelled;
+      }
+      step.ver = gelled / static_cast<double>(target_.gel + target_.empty);
+      step.pw = max_dose > 0 ? (min_gel - max_void) / max_dose : 0;
+      step.contrast = max_void > 0 ? min_gel / max_void : kNone;
+      solution_.history.push_back(step);
+    }
+  }
+
+  /// Bounds of these slices; sorts them, the least first.
+  void bound(double rung, std::vector<int>& slices) {
+    if (target_.grid.coupled()) {
+      const Certificate found = contrast_bound(silent(context_), projector_, target_, dose_, rung);
+      if (found.bound < solution_.contrast_bound) {
+        solution_.contrast_bound = found.bound;
+        solution_.bound_slice = found.slice;
+      }
+      return;
+    }
+    std::vector<double> bounds(now_.size(), kNone);
+    const PackedSlices packed(projector_, slices);
+    const ExecutionContext inside = inside_block(context_, packed.grid().blocks());
+    parallel_for(silent(context_), "proving", packed.grid().blocks(), [&](std::size_t b) {
+      const std::vector<int> lanes = packed.of_block(b);
+      const Array<float> dose = packed.take(b, dose_.values);
+      const Array<Kind> what = packed.take(b, target_.kinds);
+      const std::vector<double> found =
+          bounds_of_block(packed.projector(), b, what.data(), dose.data(), rung, inside);
+      for (std::size_t l = 0; l < lanes.size(); ++l) bounds[lanes[l]] = found[l];
+    });
+    std::stable_sort(slices.begin(), slices.end(),
+                     [&](int a, int b) { return bounds[a] < bounds[b]; });
+    const double least = bounds[slices.front()];
+    if (least < solution_.contrast_bound) {
+      solution_.contrast_bound = least;
+      solution_.bound_slice = slices.front();
+    }
+  }
+
+  /// The proof wants the minimum of the first two terms alone, without bounds on the light, of the
+  /// slices that limit the part, on a rung that is out of reach.
+  void prove(double missed, std::vector<int> slices) {
+    if (options_.proof_steps == 0) return;
+    const double contrast = least_kept();
+    const double rung = contrast > 0 ? std::min(missed, kBeyond / contrast) : missed;
+    bound(rung, slices);
+    slices.resize(std::min(slices.size(), kProven));
+    const Penalty penalty{.rung = rung, .most_dose = kNone, .cap = kNone};
+    std::vector<Climb> climbs(now_.size());
+    for (int steps = kFirstProof;; steps *= 2) {
+      steps = std::min(steps, options_.proof_steps);
+      descend(penalty, steps, climbs, slices, "proving");
+      std::erase_if(slices, [&](int z) { return climbs[z].reached(); });
+      if (slices.empty()) break;
+      const double before = solution_.contrast_bound;
+      bound(rung, slices);
+      if (steps == options_.proof_steps) break;
+      if (steps > kFirstProof && solution_.contrast_bound > before * (1 - kFalls)) break;
+    }
+    add_history(climbs, rung);
+  }
+
+  /// Each slice's weakest gel voxel gets 1. Doses are computed once more, of the whole part.
+  void finish() {
+    const TomoGrid& grid = target_.grid;
+    const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
+    dose_ = adjoint(projector_, silent(context_), solution_.light);
+    look();
+    for (std::size_t b = 0; b < grid.blocks(); ++b) {
+      std::vector<float> factors(lanes, 1);
+      for (int l = 0; l < grid.problems_of(b); ++l) {
+        const double least = now_[b * lanes + static_cast<std::size_t>(l)].min_gel;
+        if (least > 0 && least < kNone) factors[l] = static_cast<float>(1 / least);
+      }
+      const auto scale = [&](float* numbers, std::size_t count) {
+        for (std::size_t i = 0; i < count; ++i) numbers[i] *= factors[i % lanes];
+      };
+      scale(solution_.light.block(b), grid.light_of_block());
+      scale(dose_.block(b), grid.voxels_of_block());
+    }
+    solution_.dose = std::move(dose_);
+    solution_.metrics = measure(target_, solution_.dose);
+  }
+
+  const ExecutionContext& context_;
+  const Projector& projector_;
+  const Target& target_;
+  const SolveOptions& options_;
+  Solution& solution_;
+  std::vector<int> gel_;
+  Light light_;
+  Field dose_;
+  std::vector<SliceStep> now_;  ///< per slice, of `dose_`
+  std::vector<double> kept_;    ///< per slice, the contrast that the solution has
+};
+
+}  // namespace
+
+void run_ladder(const ExecutionContext& context, const Projector& projector, const Target& target,
+                const RayTables& optics, const SolveOptions& options, Solution& solution) {
+  Ladder(context, projector, target, optics, options, solution).run();
+}
+
+}  // namespace slicecorr::tomo::detail

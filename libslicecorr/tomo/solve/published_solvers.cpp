@@ -1,0 +1,184 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "tomo/solve/published_solvers.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tomo/solve/best_light.hpp"
+
+namespace slicecorr::tomo::detail {
+namespace {
+
+/// Clips at 0 and scales light to a maximum of 1.
+void normalise(Light& light) {
+  for (float& v : light.values) v = std::max(v, 0.0f);
+  const float most = largest(light.values);
+  if (most > 0) scale(light.values, 1.0 / most);
+}
+
+/// Cuts off light above the mean and this many standard deviations, and rounds what is left to 256
+/// levels, the brightest 1.
+void clip(Light& light, double sigmas) {
+  const TomoGrid& grid = light.grid;
+  const auto lanes = static_cast<std::size_t>(grid.light_lanes());
+  double sum = 0, squares = 0;
+  // Lanes without a slice are 0 and add nothing.
+  for (const float v : light.values) {
+    sum += v;
+    squares += static_cast<double>(v) * v;
+  }
+  const std::size_t of_lane = light.values.size() / (grid.blocks() * lanes);
+  const double count = static_cast<double>(of_lane) * (grid.coupled() ? grid.rows : grid.slices);
+  const double mean = sum / count;
+  const double most = mean + sigmas * std::sqrt(std::max(0.0, squares / count - mean * mean));
+  for (float& v : light.values) v = std::min(v, static_cast<float>(most));
+  normalise(light);
+  for (float& v : light.values) v = std::round(v * 255) / 255;
+}
+
+/// A step of OSMO or Kelly, judged.
+void record(const Target& target, const Light& light, const Field& dose, int step, Best& best,
+            Solution& solution) {
+  const Metrics m = measure(target, dose);
+  solution.history.push_back({.step = step, .ver = m.ver, .pw = m.pw, .contrast = m.contrast});
+  best.offer(light, dose, m);
+}
+
+}  // namespace
+
+void run_osmo(const ExecutionContext& context, const Projector& projector, const Target& target,
+              const SolveOptions& options, Solution& solution) {
+  Best best(target, solution);
+  Field model = filtered_model(context, target, options.window);
+  Light light(target.grid);
+  Field dose(target.grid);
+  const auto project = [&] {
+    forward(projector, context, model, light);
+    normalise(light);
+    adjoint(projector, context, light, dose);
+    const float most = largest(dose.values);
+    if (most > 0) scale(dose.values, 1.0 / most);
+  };
+  const auto high = static_cast<float>(options.osmo_high),
+             low = static_cast<float>(options.osmo_low);
+  // What is wrong with the dose, over what the part should have.
+  const auto error = [&] {
+    double wrong = 0;
+    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+      if (target.kinds[i] == Kind::empty) wrong += std::max(dose.values[i] - low, 0.0f);
+      if (target.kinds[i] == Kind::gel) wrong += std::max(high - dose.values[i], 0.0f);
+    }
+    return wrong / (options.osmo_high * static_cast<double>(target.gel));
+  };
+  const int steps = options.steps == 0 ? 20 : options.steps;
+  int step = 1;
+  if (options.resume != nullptr) {
+    model.values = options.resume->numbers;
+    step = options.resume->step;
+    best.resume(options.resume->best);
+    project();
+  } else {
+    project();
+    record(target, light, dose, 0, best, solution);
+  }
+  for (; step < steps && !(error() < options.stop_error); ++step) {
+    context.report("solving", static_cast<double>(step) / steps);
+    for (const Kind kind : {Kind::empty, Kind::gel}) {
+      context.check_cancelled();
+      for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+        if (target.kinds[i] != kind) continue;
+        if (kind == Kind::empty) {
+          model.values[i] -= std::max(dose.values[i] - low, 0.0f);
+        } else {
+          model.values[i] += std::max(high - dose.values[i], 0.0f);
+        }
+      }
+      project();
+    }
+    record(target, light, dose, step, best, solution);
+    if (options.checkpoint) {
+      options.checkpoint({.numbers = model.values, .dose = {}, .step = step + 1, .best = solution});
+    }
+  }
+  if (options.clip_sigma > 0) clip(solution.light, options.clip_sigma);
+  // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
+  solution.dose = adjoint(projector, context, solution.light);
+  solution.metrics = measure(target, solution.dose);
+  best.finish();
+}
+
+void run_kelly(const ExecutionContext& context, const Projector& projector, const Target& target,
+               const SolveOptions& options, Solution& solution) {
+  Best best(target, solution);
+  const TomoGrid& grid = target.grid;
+  Field gel(grid);
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    gel.values[i] = target.kinds[i] == Kind::gel ? 1.0f : 0.0f;
+  }
+  const auto filtered = [&](const Field& field) {
+    Light light = forward(projector, context, field);
+    ramp_filter(context, light, options.window);
+    return light;
+  };
+  Light unit = filtered(gel);
+  const Field response = adjoint(projector, context, unit);
+  double in_gel = 0, in_void = 0;
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    if (target.kinds[i] == Kind::gel) in_gel += response.values[i];
+    if (target.kinds[i] == Kind::empty) in_void += response.values[i];
+  }
+  const double jump =
+      in_gel / static_cast<double>(target.gel) - in_void / static_cast<double>(target.empty);
+  const double unit_step = jump > 0 ? 1 / jump : 1;
+  Light light = unit;
+  if (options.start != nullptr) {
+    light = *options.start;
+  } else {
+    scale(light.values, unit_step);
+  }
+  const int steps = options.steps == 0 ? 10 : options.steps;
+  int step = 0;
+  if (options.resume != nullptr) {
+    light.values = options.resume->numbers;
+    step = options.resume->step;
+    best.resume(options.resume->best);
+  }
+  for (; step < steps; ++step) {
+    context.check_cancelled();
+    context.report("solving", static_cast<double>(step) / steps);
+    for (float& v : light.values) v = std::max(v, 0.0f);
+    const float most = largest(light.values);
+    for (float& v : light.values) v = std::round(v / most * 255) / 255 * most;
+    const Field dose = adjoint(projector, context, light);
+    record(target, light, dose, step, best, solution);
+    const double threshold = measure(target, dose).best_threshold;
+    const double width = 0.05 * largest(dose.values);
+    Field wrong(grid);
+    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+      if (target.kinds[i] == Kind::neither) continue;
+      const double solid = 1 / (1 + std::exp(-(dose.values[i] - threshold) / width));
+      wrong.values[i] = static_cast<float>(solid - gel.values[i]);
+    }
+    const Light change = filtered(wrong);
+    for (std::size_t i = 0; i < light.values.size(); ++i) {
+      light.values[i] -= static_cast<float>(unit_step) * change.values[i];
+    }
+    if (options.checkpoint) {
+      options.checkpoint({.numbers = light.values, .dose = {}, .step = step + 1, .best = solution});
+    }
+  }
+  best.finish();
+}
+
+void run_fbp(const ExecutionContext& context, const Projector& projector, const Target& target,
+             const RayTables& optics, const SolveOptions& options, Solution& solution) {
+  Best best(target, solution);
+  const Light light = filtered_start(context, target, optics, options.window);
+  const Field dose = adjoint(projector, context, light);
+  record(target, light, dose, 0, best, solution);
+  best.finish();
+}
+
+}  // namespace slicecorr::tomo::detail

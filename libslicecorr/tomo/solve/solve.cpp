@@ -1,0 +1,110 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "slicecorr/tomo/solve.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <string>
+
+#include "slicecorr/error.hpp"
+#include "tomo/solve/ladder.hpp"
+#include "tomo/solve/published_solvers.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+void refuse(const char* option, const char* message) {
+  throw InputError("solver", option, message);
+}
+
+void check_options(const Projector& projector, const Target& target, const SolveOptions& o) {
+  if (!(projector.grid() == target.grid)) refuse("projector", "must have the grid of the part");
+  if (o.steps < 0) refuse("steps", "must be 0 or more");
+  if (o.memory < 1 || o.memory > 50) refuse("memory", "must be in 1..50");
+  if (o.most_steps < 0) refuse("most_steps", "must be 0 or more");
+  if (o.proof_steps < 0) refuse("proof_steps", "must be 0 or more");
+  if (!(o.most_dose > 1)) refuse("most_dose", "must be above 1");
+  if (!(o.cap >= 0)) refuse("cap", "must be 0 or more");
+  if (o.rungs.empty()) refuse("rungs", "must have at least one");
+  double before = 1;
+  for (const double rung : o.rungs) {
+    if (!(rung > 0 && rung < before)) refuse("rungs", "must be below 1, above 0 and fall");
+    before = rung;
+  }
+  if (!(o.osmo_low > 0 && o.osmo_low < o.osmo_high && o.osmo_high <= 1)) {
+    refuse("osmo_low, osmo_high", "must be 0 < low < high <= 1");
+  }
+  if (!(o.clip_sigma >= 0)) refuse("clip_sigma", "must be 0 or more");
+  if (!(o.stop_error >= 0)) refuse("stop_error", "must be 0 or more");
+  if (o.start != nullptr && !(o.start->grid == target.grid)) {
+    refuse("start", "must have the grid of the part");
+  }
+  if (o.resume != nullptr) {
+    const std::size_t light = target.grid.blocks() * target.grid.light_of_block();
+    const std::size_t voxels = target.kinds.size();
+    const bool ladder = o.method == Method::ladder;
+    if (!(o.resume->best.light.grid == target.grid) ||
+        o.resume->numbers.size() != (o.method == Method::osmo ? voxels : light) ||
+        o.resume->dose.size() != (ladder ? voxels : 0)) {
+      refuse("resume", "must have the grid of the part");
+    }
+  }
+}
+
+/// Throws for a gel voxel that no pixel lights.
+void check_lit(const ExecutionContext& context, const Projector& projector, const Target& target) {
+  const TomoGrid& grid = target.grid;
+  Light all(grid);
+  std::fill(all.values.begin(), all.values.end(), 1.0f);
+  const Field seen = adjoint(projector, context, all);
+  for (int z = 0; z < grid.slices; ++z) {
+    for (int y = 0; y < grid.voxels; ++y) {
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        const std::size_t v = grid.voxel(x, y, z);
+        if (target.kinds[v] == Kind::gel && !(seen.values[v] > 0)) {
+          throw InfeasibleError("the part's voxel " + std::to_string(x) + ", " + std::to_string(y) +
+                                " in slice " + std::to_string(z) +
+                                " is lit from no angle; move the part or the insert");
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Method method_named(std::string_view name) {
+  constexpr Method kAll[] = {Method::ladder, Method::osmo, Method::kelly, Method::fbp};
+  static_assert(std::size(kAll) == std::size(kMethodNames));
+  const auto* const found = std::find(std::begin(kMethodNames), std::end(kMethodNames), name);
+  if (found != std::end(kMethodNames)) return kAll[found - std::begin(kMethodNames)];
+  throw InputError(fmt::format("no method '{}'; expected {}", name, fmt::join(kMethodNames, ", ")));
+}
+
+Solution solve(const ExecutionContext& context, const Projector& projector, const Target& target,
+               const RayTables& optics, const SolveOptions& options) {
+  check_options(projector, target, options);
+  check_lit(context, projector, target);
+  Solution solution(target.grid);
+  switch (options.method) {
+    case Method::ladder:
+      detail::run_ladder(context, projector, target, optics, options, solution);
+      break;
+    case Method::osmo:
+      detail::run_osmo(context, projector, target, options, solution);
+      break;
+    case Method::kelly:
+      detail::run_kelly(context, projector, target, options, solution);
+      break;
+    case Method::fbp:
+      detail::run_fbp(context, projector, target, optics, options, solution);
+      break;
+  }
+  return solution;
+}
+
+}  // namespace slicecorr::tomo

@@ -88,7 +88,9 @@ std::uint8_t at(const Column& column, int n) {
 }
 
 /// Slices of the solve, column by column.
-std::vector<Column> solved(const Case& c, const CorrectionPlan& plan, bool tiles) {
+std::vector<Column> solved(const Case& c, const CorrectionPlan& plan, bool in_tiles) {
+  // Where gaps are merged there are no tiles.
+  const bool tiles = in_tiles && !plan.merge_one_slice_gaps;
   BandCorrector band(plan, c.designs.size());
   Column row(c.designs.size());
   for (int n = 0; n < c.layers; ++n) {

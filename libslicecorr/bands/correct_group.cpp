@@ -114,7 +114,8 @@ void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const G
                                         : BandCorrector(plan, columns, group.left_alone != nullptr);
   if (most) corrector.keep_light(std::move(most));
   LeftAloneRows left_rows(group.left_alone);
-  const bool in_tiles = to.after && plan.model.is_plain() && !group.left_alone && !group.doses;
+  const bool in_tiles = to.after && plan.model.is_plain() && !group.left_alone && !group.doses &&
+                        !plan.merge_one_slice_gaps;
   CodedBand heights(columns);
   group.read(Surface::mesh, [&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
     if ((n & 63) == 0) context.check_cancelled();

@@ -43,8 +43,7 @@ class ContinuousSolver final : public BandSolver {
         // the same lines of the cache.
         stride_((blocks_ | 1) * kLanes),
         rows_(stride_ * kRows, 0),
-        upper_(stride_, Upper{edges_.platform(0), 0}),
-        before_(shared_.merge ? stride_ : 0) {}
+        upper_(stride_, Upper{edges_.platform(0), 0}) {}
 
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
                  const std::uint8_t*) override;
@@ -98,7 +97,6 @@ class ContinuousSolver final : public BandSolver {
   LaneMask with_heights_ = 0;          ///< which of the kept rows have some
   std::vector<std::uint8_t> last_heights_;  ///< of the node after the last layer; empty: none
   std::vector<Upper> upper_;                ///< per column, of the run that the pass has come to
-  std::vector<Upper> before_;  ///< the same of the run above it; only where gaps may be merged
   CodedTiles coded_;
   RecordLog<Change> changes_;  ///< a record per tile
 };
@@ -236,18 +234,6 @@ void ContinuousSolver::forward(int count) {
           continue;
         }
         const Upper was = upper;
-        if (shared_.merge) {
-          const Edge& edge = edges_[was.edge];
-          Upper& before = before_[block * kLanes + static_cast<std::size_t>(i)];
-          if (below[i] == kFull && was.node == n - 1 && edge.below == 0 &&
-              edge.above_cover == kFull) {
-            // A gap that is merged: the feature above it goes on. What was noted at the gap's upper
-            // end leads to the same run.
-            upper = before;
-            continue;
-          }
-          before = was;
-        }
         std::uint8_t height = 0;
         if (with_heights_ >> k & 1) {
           const std::size_t column = block * kLanes + static_cast<std::size_t>(i);
@@ -359,7 +345,6 @@ void ContinuousSolver::pass_upper_ends(Lanes& lanes, int row, std::span<const Ch
        changes = changes.first(changes.size() - 1)) {
     RunAt& run = lanes.run[changes.back().lane];
     const Upper was = changes.back().was;
-    if (was.node == run.node) continue;  // a gap that was merged
     run = run_above(edges_, run);
     run.edge = was.edge;
     run.node = was.node;

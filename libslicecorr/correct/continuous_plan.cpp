@@ -119,7 +119,6 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
       climb_max(model.steady(model.phi_max())),
       layer_um(model.layer_um),
       exact(is_exact),
-      merge(process.one_slice_gaps == OneSliceGaps::merge),
       shortfall(process.gap_shortfall),
       levels(distinct(model.level_phi)) {
   for (std::size_t l = 0; l < model.level_phi.size(); ++l) {

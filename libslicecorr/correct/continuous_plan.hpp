@@ -91,7 +91,6 @@ struct ContinuousPlan {
   double climb_max;
   double layer_um;
   bool exact;
-  bool merge;         ///< gaps of one slice count as full
   double shortfall;   ///< `Process::gap_shortfall`, in slices
   LevelTable levels;  ///< each phi once: by index, not by grey level
   std::vector<std::uint8_t> level_of;

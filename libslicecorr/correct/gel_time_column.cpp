@@ -37,7 +37,6 @@ GelTimePlan::GelTimePlan(const CureModel& model, const Process& process, int tar
       cut(*kernel),
       layers(target_layers),
       all_layers(all_slices),
-      merge(process.one_slice_gaps == OneSliceGaps::merge),
       shortfall(std::min(process.gap_shortfall, kFarthest)) {
   if (!model.exposure_ratio.empty()) {
     for (int n = 0; n < all_layers; ++n) ratio.push_back(model.ratio(n));
@@ -77,13 +76,6 @@ void GelTimeColumn::read(const std::vector<CoverageRun>& runs) {
     std::fill(cover_.begin() + run.first, cover_.begin() + run.end, run.coverage);
     below_[static_cast<std::size_t>(run.first)] = farthest(run.upper_height);
     below_[static_cast<std::size_t>(run.end)] = farthest(run.lower_height);
-  }
-  if (plan_.merge) {
-    for (int n = 1; n + 1 < plan_.layers; ++n) {
-      if (cover(n) == 0 && cover(n - 1) == kFull && cover(n + 1) == kFull) {
-        cover_[static_cast<std::size_t>(n)] = kFull;
-      }
-    }
   }
   int last = -1;
   for (int n = 0; n < plan_.all_layers; ++n) {

@@ -43,11 +43,10 @@ struct GelTimePlan {
   GelTimeCut cut;
   std::vector<double> ratio;  ///< exposure of each slice over the normal one; empty: all 1
   int layers, all_layers;
-  int highest = 0;   ///< lowest level of the brightest light
-  int burst = 0;     ///< slices before a feature that can matter to its lower edge
-  int together = 0;  ///< slices before an upper edge whose levels are moved to place it
-  double step = 0;   ///< greatest step of the dose between two levels in a layer
-  bool merge = false;
+  int highest = 0;       ///< lowest level of the brightest light
+  int burst = 0;         ///< slices before a feature that can matter to its lower edge
+  int together = 0;      ///< slices before an upper edge whose levels are moved to place it
+  double step = 0;       ///< greatest step of the dose between two levels in a layer
   double shortfall = 0;  ///< of edges above gaps of one slice, slices
   double edge_dose = 0;  ///< an edge whose dose is this near to 1 is right
 };

@@ -12,6 +12,7 @@
 #include "base/coded_tiles.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/level_search.hpp"
+#include "correct/merged_slits.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
@@ -48,7 +49,6 @@ class GradedColumn {
   struct Upper {
     std::int32_t edge, node;
   };
-  void merge_slits(const std::uint8_t* coverage);
   void find_runs(const std::uint8_t* heights);
   /// Sets the doses of a feature's nodes, from its upper end to its lower one.
   void bound(Upper upper, int lower, const std::uint8_t* doses);
@@ -73,17 +73,6 @@ class GradedColumn {
   /// Doses that are never too low, and never too high, as light from here on can reach them.
   double over_ = 0, under_ = 0;
 };
-
-void GradedColumn::merge_slits(const std::uint8_t* coverage) {
-  const auto layers = static_cast<std::size_t>(plan_.layers);
-  std::fill(cover_.begin(), cover_.end(), std::uint8_t{0});
-  std::copy_n(coverage, std::min(layers, all_), cover_.begin());
-  if (!p_.merge) return;
-  for (std::size_t n = 1; n + 1 < std::min(layers, all_); ++n) {
-    const bool slit = coverage[n - 1] == kFull && coverage[n] == 0 && coverage[n + 1] == kFull;
-    if (slit) cover_[n] = kFull;
-  }
-}
 
 void GradedColumn::find_runs(const std::uint8_t* heights) {
   runs_.assign(1, {edges_.platform(cover_[0]), 0});
@@ -167,7 +156,8 @@ LevelSearch::Wanted GradedColumn::light_at(const RunAt& run, int n, double omega
 void GradedColumn::solve(const std::uint8_t* coverage, const std::uint8_t* heights,
                          const std::uint8_t* doses, std::uint8_t* levels) {
   if (all_ == 0) return;
-  merge_slits(coverage);
+  std::fill(cover_.begin(), cover_.end(), std::uint8_t{0});
+  std::copy_n(coverage, std::min(static_cast<std::size_t>(plan_.layers), all_), cover_.begin());
   find_runs(heights);
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     const int lower = r + 1 < runs_.size() ? runs_[r + 1].node : plan_.all_layers;
@@ -364,8 +354,9 @@ std::vector<std::uint8_t> solve_graded_column(const CorrectionPlan& plan, const 
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(std::max(plan.all_layers, 0)), 0);
   std::vector<std::uint8_t> at_nodes = heights;
   at_nodes.resize(static_cast<std::size_t>(plan.layers) + 1, 0);
+  const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
   std::make_unique<detail::GradedColumn>(plan, scale)
-      ->solve(coverage.data(), at_nodes.data(), doses.data(), levels.data());
+      ->solve(solved.data(), at_nodes.data(), doses.data(), levels.data());
   return levels;
 }
 

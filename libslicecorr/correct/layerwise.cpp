@@ -20,13 +20,6 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// The coverage for which a layer is solved: a gap of one slice that is merged counts as full.
-std::uint8_t solved_for(const CorrectionPlan& plan, std::uint8_t above, std::uint8_t here,
-                        std::uint8_t below) {
-  const bool merged = plan.merge_one_slice_gaps && here == 0 && above == kFull && below == kFull;
-  return merged ? kFull : here;
-}
-
 /// Light at a layer's window, and what becomes of it at the layer's far edge, its upper node.
 struct LayerLight {
   const CorrectionPlan& plan;
@@ -177,8 +170,8 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
   if (coded_.slices() != plan_.layers) throw Error("the plan has more layers");
   const std::size_t columns = coded_.columns();
   std::vector<double> far_edge(columns, 0.0);
-  std::vector<std::uint8_t> out(columns), below(columns), here(columns), above(columns);
-  std::vector<std::uint8_t> over(columns), heights(columns), left(columns, 0);
+  std::vector<std::uint8_t> out(columns), here(columns), above(columns);
+  std::vector<std::uint8_t> heights(columns), left(columns, 0);
   // Levels of the slices that are still in the bath, by slice modulo its depth.
   const auto bath = static_cast<std::size_t>(plan_.model.bath_slices);
   std::vector<std::uint8_t> held(bath * columns, 0);
@@ -186,7 +179,6 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
   for (int n = plan_.all_layers; n-- > 0;) {
     coded_.read(n - 1, above.data());
     heights_.read(n, heights.data());
-    if (plan_.merge_one_slice_gaps) coded_.read(n - 2, over.data());
     const double ratio = plan_.model.ratio(n);
     const double dark = plan_.levels.phi(0) * ratio;
     const double dark_above = dark_window(plan_, n - 1);
@@ -205,7 +197,7 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
       const std::size_t end = std::min(b + kBlock, columns);
       const bool gap = all_zero(here.data() + b, end - b) &&
                        (!leaves_alone || all_zero(left.data() + b, end - b));
-      if (gap && end - b == kBlock && !plan_.merge_one_slice_gaps) {
+      if (gap && end - b == kBlock) {
         darken(&far_edge[b], dark, plan_.model.a);
         std::memset(out.data() + b, 0, kBlock);
         continue;
@@ -217,11 +209,9 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
         far_edge[i] = (plan_.levels.phi(level) * ratio + far_edge[i]) * plan_.model.a;
       };
       const auto solve_voxel = [&](std::size_t i) {
-        const std::uint8_t coverage = solved_for(plan_, above[i], here[i], below[i]);
-        const std::uint8_t beyond = solved_for(plan_, over[i], above[i], here[i]);
         const LayerLight light{
-            plan_, ratio, far_edge[i], dark_above, beyond == 0 ? heights[i] : std::uint8_t{0}, 0};
-        show(i, coverage == 0 ? 0 : level_of(light, coverage, n));
+            plan_, ratio, far_edge[i], dark_above, above[i] == 0 ? heights[i] : std::uint8_t{0}, 0};
+        show(i, here[i] == 0 ? 0 : level_of(light, here[i], n));
       };
       if (!leaves_alone) {
         for (std::size_t i = b; i < end; ++i) solve_voxel(i);
@@ -237,7 +227,6 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
     }
     if (leaves) std::copy(out.begin(), out.end(), leaves);
     sink(n, out.data(), here.data(), all_dark);
-    below.swap(here);
     here.swap(above);
   }
 }
@@ -260,9 +249,9 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
       far_edge -= plan.model.beyond *
                   (shown[static_cast<std::size_t>(n + bath)] * plan.model.ratio(n + bath));
     }
-    const std::uint8_t c = solved_for(plan, at(n - 1), at(n), at(n + 1));
+    const std::uint8_t c = at(n);
     const auto k = static_cast<std::size_t>(n);
-    const bool gap_above = solved_for(plan, at(n - 2), at(n - 1), at(n)) == 0;
+    const bool gap_above = at(n - 1) == 0;
     const std::uint8_t height = gap_above && k < heights.size() ? heights[k] : std::uint8_t{0};
     const double phi =
         choose(k, c, LayerLight{plan, ratio, far_edge, dark_window(plan, n - 1), height, n});

@@ -9,6 +9,7 @@
 #include "correct/band_solvers.hpp"
 #include "correct/column_walk.hpp"
 #include "correct/level_search.hpp"
+#include "correct/merged_slits.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
 
@@ -25,13 +26,7 @@ void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
   using detail::kFull;
   const int all = plan.all_layers;
   std::vector<std::uint8_t> solved(static_cast<std::size_t>(std::max(all, 0)), 0);
-  const int layers = std::min(plan.layers, all);
-  for (int n = 0; n < layers; ++n) {
-    const auto k = static_cast<std::size_t>(n);
-    const bool slit = n > 0 && n + 1 < plan.layers && coverage[k - 1] == kFull &&
-                      coverage[k] == 0 && coverage[k + 1] == kFull;
-    solved[k] = slit && plan.merge_one_slice_gaps ? kFull : coverage[k];
-  }
+  std::copy_n(coverage.begin(), std::min(plan.layers, all), solved.begin());
   if (all <= 0) return;
   detail::RunAt run;
   run.edge = edges.platform(solved.front());
@@ -89,10 +84,8 @@ void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& 
   };
   for (int n = 0; n < plan.all_layers; ++n) {
     const auto k = static_cast<std::size_t>(n);
-    const bool merged = plan.merge_one_slice_gaps && n > 0 && cover(n) == 0 &&
-                        cover(n - 1) == detail::kFull && cover(n + 1) == detail::kFull;
-    walk.add(plan.model, n, merged ? detail::kFull : cover(n),
-             k < heights.size() ? heights[k] : std::uint8_t{0}, false, 0.0);
+    walk.add(plan.model, n, cover(n), k < heights.size() ? heights[k] : std::uint8_t{0}, false,
+             0.0);
   }
   walk.begin(plan.all_layers);
   const int bath = plan.model.bath_slices;
@@ -107,8 +100,8 @@ void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& 
   }
 }
 
-std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std::size_t columns,
-                                                bool leaves_alone) {
+std::unique_ptr<detail::BandSolver> solver_of(const CorrectionPlan& plan, std::size_t columns,
+                                              bool leaves_alone) {
   if (plan.model.inhibited()) {
     if (leaves_alone) throw Error("nothing can be left alone under UV light");
     return detail::make_inhibited_solver(plan, columns);
@@ -122,6 +115,12 @@ std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std:
   }
   if (leaves_alone || !plan.model.is_plain()) return detail::make_stepwise_solver(plan, columns);
   return detail::make_continuous_solver(plan, columns);
+}
+
+std::unique_ptr<detail::BandSolver> with_slits(const CorrectionPlan& plan, std::size_t columns,
+                                               std::unique_ptr<detail::BandSolver> solver) {
+  if (!plan.merge_one_slice_gaps) return solver;
+  return std::make_unique<detail::MergedSlits>(std::move(solver), plan.layers, columns);
 }
 
 }  // namespace
@@ -138,9 +137,11 @@ struct BandCorrector::Impl {
 };
 
 BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone)
-    : impl_(std::make_unique<Impl>(make_solver(plan, columns, leaves_alone))) {}
+    : impl_(std::make_unique<Impl>(
+          with_slits(plan, columns, solver_of(plan, columns, leaves_alone)))) {}
 BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns, BandDoses doses)
-    : impl_(std::make_unique<Impl>(detail::make_graded_solver(plan, columns, std::move(doses)))) {}
+    : impl_(std::make_unique<Impl>(with_slits(
+          plan, columns, detail::make_graded_solver(plan, columns, std::move(doses))))) {}
 BandCorrector::~BandCorrector() = default;
 BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
 void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
@@ -155,8 +156,9 @@ void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
 }
 
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
-                                       const std::vector<std::uint8_t>& coverage,
+                                       const std::vector<std::uint8_t>& design,
                                        const std::vector<std::uint8_t>& heights) {
+  const std::vector<std::uint8_t> coverage = detail::merged_slits(plan, design);
   if (plan.model.inhibited()) return detail::solve_inhibited_column(plan, coverage, heights);
   if (plan.model.gel_time()) return detail::solve_gel_time_column(plan, coverage, heights);
   if (plan.model.mode == ExposureMode::layerwise) {
@@ -184,8 +186,9 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
 }
 
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
-                                         const std::vector<std::uint8_t>& coverage,
+                                         const std::vector<std::uint8_t>& design,
                                          const std::vector<std::uint8_t>& heights) {
+  const std::vector<std::uint8_t> coverage = detail::merged_slits(plan, design);
   if (plan.model.inhibited() || plan.model.gel_time()) {
     // Their rules are about levels: each is told by its phi.
     std::vector<double> phi;

@@ -58,27 +58,18 @@ class StepwiseSolver final : public BandSolver {
 };
 
 void StepwiseSolver::find_runs() {
-  std::vector<std::uint8_t> above(columns_, 0), here(columns_), below(columns_), heights(columns_);
-  std::vector<std::uint8_t> left(columns_), left_below(columns_);
-  coded_.read(0, here.data());
-  left_alone_.read(0, left.data());
+  std::vector<std::uint8_t> here(columns_), heights(columns_), left(columns_);
   for (int n = 0; n < plan_.all_layers; ++n) {
-    coded_.read(n + 1, below.data());
-    left_alone_.read(n + 1, left_below.data());
+    coded_.read(n, here.data());
+    left_alone_.read(n, left.data());
     heights_.read(n, heights.data());
     for (std::size_t i = 0; i < columns_; ++i) {
-      const bool merged = plan_.merge_one_slice_gaps && !left[i] && here[i] == 0 && n > 0 &&
-                          above[i] == kFull && below[i] == kFull && !left_below[i];
       const double light = left[i]
                                ? plan_.model.ratio(n) *
                                      plan_.levels.phi(level_of_pixel(left[i], plan_.levels.size()))
                                : 0.0;
-      each_[i].add(plan_.model, n, merged ? kFull : here[i], heights[i], left[i] != 0, light);
+      each_[i].add(plan_.model, n, here[i], heights[i], left[i] != 0, light);
     }
-    // Where something is left alone there is no feature.
-    for (std::size_t i = 0; i < columns_; ++i) above[i] = left[i] ? std::uint8_t{0} : here[i];
-    here.swap(below);
-    left.swap(left_below);
   }
   for (ColumnWalk& column : each_) column.begin(plan_.all_layers);
 }

@@ -117,7 +117,7 @@ class BandCorrector {
     const std::uint8_t* heights;        ///< of their upper nodes, as many bytes; null: all 0
   };
   using TileSink = std::function<void(const Tile&)>;
-  /// The same for plain models (continuous exposure, no UV light), for those who also look at what
+  /// The same for plain models (continuous exposure, no UV light) in which no gaps are merged, for those who also look at what
   /// becomes of columns: first gives tiles, while they lie in the nearest cache, then their slices
   /// to `sink`, with null for coverage. Tiles come from the last slices to the first and, within
   /// the same slices, from the first column to the last.

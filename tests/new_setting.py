@@ -21,7 +21,7 @@ ROW = """      {.name = "test_tilt_deg",
        .group = kHowItIsCorrected,
        .chosen = &C::test_tilt_deg,
        .text = "Says nothing but that {omega_max} is not all",
-       .range = {2, 9, false},
+       .range = up_to(9),
        .corrects = true,
        .process = &Process::test_tilt_deg,
        .block = BlockPart::correction,
@@ -57,6 +57,7 @@ def main():
     with tempfile.TemporaryDirectory() as scratch:
         work = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else scratch).resolve()
         tree, build = work / "tree", work / "build"
+        tree.mkdir(parents=True)
         copy(source, tree)
         for name, (before, more) in ADDED.items():
             text = (tree / name).read_text()
@@ -83,7 +84,7 @@ def look(tree, programs, folder):
         expect(f"{program} {' '.join(map(str, arguments))}: exit code {r.returncode} in place of {code}", r.returncode == code, r.stderr[-300:])
         return r
 
-    takes = "a number from 2 to 9"
+    takes = "a number above 0 and at most 9"
     rows = json.loads(run("slicecorr", "settings", "--json").stdout)
     row = next((r for r in rows if r["name"] == "test_tilt_deg"), None)
     expect("slicecorr settings --json has no row", row is not None)
@@ -93,8 +94,6 @@ def look(tree, programs, folder):
         help_text = " ".join(run(program, command, "--help").stdout.split())
         expect(f"{program} {command} --help", "--test-tilt-deg" in help_text and "but that omega-max is not all" in help_text.replace("--", ""))
     expect("slicecorr-post --help", "--test-tilt-deg" in run("slicecorr-post", "--help").stdout)
-    # What only judges has no use for what corrects.
-    expect("verify has it", "--test-tilt-deg" not in run("slicecorr", "verify", "--help").stdout)
     for shell in ("bash", "zsh", "fish"):
         expect(f"completion for {shell}", "test-tilt-deg" in run("slicecorr", "--completion", shell).stdout)
 
@@ -104,7 +103,7 @@ def look(tree, programs, folder):
     run("slicecorr", "slice", *small, "--printer", "dual-wavelength-dlp", "-o", "part.uvj")
     run("slicecorr", "correct", "part.uvj", "-o", "out.uvj", *setup, "--test-tilt-deg", 3)
     told = run("slicecorr", "info", "out.uvj", "--json", "-").stdout
-    expect("info --json does not tell it", json.loads(told)["process"].get("test_tilt_deg") == 3, told[:300])
+    expect("info --json does not tell it", json.loads(told).get("test_tilt_deg") == 3, told[:300])
     run("slicecorr", "correct", "part.uvj", "-o", "plain.uvj", *setup)
     expect("a stack that was not asked for it has it", "test_tilt_deg" not in block_of(folder / "plain.uvj"))
     refused = run("slicecorr", "correct", "part.uvj", "-o", "no.uvj", *setup, "--test-tilt-deg", 10, code=2).stderr
@@ -112,7 +111,7 @@ def look(tree, programs, folder):
 
     # Jobs: an option, a key of a file, a key of a request.
     (folder / "farm").mkdir(exist_ok=True)
-    job = {"part": str(mesh), "printer": "dual-wavelength-dlp", "resin": "egg-resin", "speed_mm_h": 800, "layer_um": 200, "fit_mm": 6, "output": "job.uvj"}
+    job = {"part": str(mesh), "printer": "dual-wavelength-dlp", "resin": "egg-resin", "speed_mm_h": 800, "layer_um": 200, "fit_mm": 6}
 
     def jobs_file(value):
         (folder / "jobs.toml").write_text("[[job]]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in {**job, "test_tilt_deg": value}.items()))
@@ -132,7 +131,7 @@ def look(tree, programs, folder):
             schemas = json.load(answer)["components"]["schemas"]
         key = schemas["JobKeys"]["properties"].get("test_tilt_deg", {})
         # The form of the browser is made from this description.
-        expect("JobKeys of the API", (key.get("minimum"), key.get("maximum")) == (2, 9) and "x-group" in key, json.dumps(key))
+        expect("JobKeys of the API", (key.get("minimum"), key.get("exclusiveMinimum"), key.get("maximum")) == (0, True, 9) and "x-group" in key, json.dumps(key))
     finally:
         served.terminate()
         served.wait()

@@ -29,12 +29,11 @@ struct GroupListeners {
 
 /// Corrects columns that share a plan. The group's light (`DesignGroup::value`) counts for nothing.
 /// `most`: as for `BandCorrector::keep_light`; empty without even light. Throws `Cancelled`.
-void correct_group(const CorrectionPlan& plan, const DesignGroup& group,
-                   const GroupListeners& listeners, const ExecutionContext& context,
-                   BandCorrector::ColumnLevels most = {});
+void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const GroupListeners& to,
+                   const ExecutionContext& context, BandCorrector::ColumnLevels most = {});
 /// The same by the plan of the group's light, robust where the plans are, with their even light.
-void correct_group(const PlacePlans& plans, const DesignGroup& group,
-                   const GroupListeners& listeners, const ExecutionContext& context);
+void correct_group(const PlacePlans& plans, const DesignGroup& group, const GroupListeners& to,
+                   const ExecutionContext& context);
 
 /// Gives the pixels of a corrected band, from the last slice to the first. Throws as `correct_group`.
 void correct_band(const SliceSource& target, const PlacePlans& plans, const PixelBox& band,

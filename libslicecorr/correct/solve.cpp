@@ -156,15 +156,15 @@ void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
 }
 
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
-                                       const std::vector<std::uint8_t>& design,
+                                       const std::vector<std::uint8_t>& coverage,
                                        const std::vector<std::uint8_t>& heights) {
-  const std::vector<std::uint8_t> coverage = detail::merged_slits(plan, design);
-  if (plan.model.inhibited()) return detail::solve_inhibited_column(plan, coverage, heights);
-  if (plan.model.gel_time()) return detail::solve_gel_time_column(plan, coverage, heights);
+  const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
+  if (plan.model.inhibited()) return detail::solve_inhibited_column(plan, solved, heights);
+  if (plan.model.gel_time()) return detail::solve_gel_time_column(plan, solved, heights);
   if (plan.model.mode == ExposureMode::layerwise) {
-    return detail::solve_layerwise_column(plan, coverage, heights);
+    return detail::solve_layerwise_column(plan, solved, heights);
   }
-  if (!plan.model.is_plain()) return solve_stepwise(plan, coverage, heights);
+  if (!plan.model.is_plain()) return solve_stepwise(plan, solved, heights);
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
   const detail::ContinuousPlan& p = *plan.continuous;
   detail::Edges edges(p);
@@ -172,7 +172,7 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
   std::uint8_t chosen[detail::LevelSearch::kMost];
   int first = 0;
   walk_column(
-      plan, edges, coverage, heights,
+      plan, edges, solved, heights,
       [&](const detail::RunAt& run, int n, double below) {
         first = n;
         return search.choose(run, n, below, chosen);
@@ -186,29 +186,29 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
 }
 
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
-                                         const std::vector<std::uint8_t>& design,
+                                         const std::vector<std::uint8_t>& coverage,
                                          const std::vector<std::uint8_t>& heights) {
-  const std::vector<std::uint8_t> coverage = detail::merged_slits(plan, design);
+  const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
   if (plan.model.inhibited() || plan.model.gel_time()) {
     // Their rules are about levels: each is told by its phi.
     std::vector<double> phi;
-    for (const std::uint8_t level : solve_column(plan, coverage, heights)) {
+    for (const std::uint8_t level : solve_column(plan, solved, heights)) {
       phi.push_back(plan.model.level_phi[level]);
     }
     return phi;
   }
   if (plan.model.mode == ExposureMode::layerwise)
-    return detail::solve_layerwise_column_exactly(plan, coverage, heights);
+    return detail::solve_layerwise_column_exactly(plan, solved, heights);
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
   if (!plan.model.is_plain()) {
-    walk_stepwise(plan, coverage, heights, phi);
+    walk_stepwise(plan, solved, heights, phi);
     return phi;
   }
   const detail::ContinuousPlan p(plan.model, plan.process, plan.all_layers, true);
   detail::Edges edges(p);
   const detail::LevelSearch search(edges);
   walk_column(
-      plan, edges, coverage, heights,
+      plan, edges, solved, heights,
       [&](const detail::RunAt& run, int n, double below) {
         phi[static_cast<std::size_t>(n)] = search.exact(run, n, below);
         return 1;

@@ -24,7 +24,6 @@ namespace slicecorr {
 using detail::bands_of;
 using detail::coded_band_of;
 using detail::CodedBand;
-using detail::columns_of;
 using detail::GroupedBand;
 using detail::PlacePlans;
 
@@ -126,25 +125,25 @@ struct Erasing {
 
 }  // namespace
 
-Comparison compare_methods(const SliceSource& whole_target, const Setup& asked,
+Comparison compare_methods(const SliceSource& target, const Setup& setup,
                            const ExecutionContext& context) {
-  const Setup setup = setup_to_correct(whole_target, asked, context);
-  const SlicesAlone alone(whole_target);
-  const SliceSource& target = setup.process.surface == Surface::mesh ? whole_target : alone;
-  const PlacePlans plans(target, setup, context);
-  const auto bands = bands_of(target.grid(), target.bounds());
+  const Setup own = setup_to_correct(target, setup, context);
+  const SlicesAlone alone(target);
+  const SliceSource& judged = own.process.surface == Surface::mesh ? target : alone;
+  const PlacePlans plans(judged, own, context);
+  const auto bands = bands_of(judged.grid(), judged.bounds());
 
   Comparison result;
-  result.erase_mean_um = erase_errors(target, plans, bands, context);
+  result.erase_mean_um = erase_errors(judged, plans, bands, context);
   const auto least = std::min_element(result.erase_mean_um.begin(), result.erase_mean_um.end());
   result.best_n = static_cast<int>(least - result.erase_mean_um.begin());
 
-  const AsSliced shown(target);
+  const AsSliced shown(judged);
   const auto verified = [&](const SliceSource& slices) {
-    return verify_stack(slices, target, setup, context);
+    return verify_stack(slices, judged, own, context);
   };
   result.uncorrected = verified(shown);
-  if (result.uncorrected.target_voxels == 0) detail::refuse_vanished(target);
+  if (result.uncorrected.target_voxels == 0) detail::refuse_vanished(judged);
   result.erase = verified(Filtered(shown, [&](const CodedBand& band) -> Filtered::Filter {
     auto erasing = std::make_shared<Erasing>(band);
     erasing->walk = std::make_unique<BandErase::Walk>(erasing->erase, result.best_n);
@@ -154,11 +153,11 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& asked,
     auto table = std::make_shared<BandGreyTable>(band.columns());
     return [table](const std::uint8_t* rows) { return table->next(rows); };
   }));
-  result.ours = verified(CorrectedSlices(target, setup, context));
-  if (target.edge_heights()) {
-    Setup to_slices = setup;
+  result.ours = verified(CorrectedSlices(judged, own, context));
+  if (judged.edge_heights()) {
+    Setup to_slices = own;
     to_slices.process.surface = Surface::slices;
-    result.to_slices = verified(CorrectedSlices(target, to_slices, context));
+    result.to_slices = verified(CorrectedSlices(judged, to_slices, context));
   }
   return result;
 }

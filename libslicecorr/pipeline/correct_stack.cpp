@@ -184,7 +184,7 @@ class StackCorrection::Band {
     if (reduced_) upwards_.append(pixels);
   }
   /// The figures of a group go on from those of the groups before it.
-  void correct(const DesignGroup& group, const PutRows& put_rows);
+  void correct(const DesignGroup& of, const PutRows& put_rows);
 
   StackCorrection& whole_;
   const std::size_t index_;

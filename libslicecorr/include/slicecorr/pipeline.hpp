@@ -116,7 +116,7 @@ struct Comparison {
   std::vector<double> erase_mean_um;
 };
 
-/// Compares the correction with the baselines. The part is cut twice: to find N, and to predict.
+/// Compares the correction with the baselines. The part is cut to find N, and for each method.
 /// Writes nothing. Throws as `correct_stack`.
 Comparison compare_methods(const SliceSource& target, const Setup& setup,
                            const ExecutionContext& context = {});

@@ -250,6 +250,29 @@ std::vector<Bytes> corrected(const CorrectionPlan& plan, const Bytes& coverage,
   return levels;
 }
 
+// Even light was planned by the design, gap and all, whatever was asked.
+TEST(EvenCorrection, AGapThatIsMergedIsNone) {
+  for (const bool even : {true, false}) {
+    Process process = even_process(90, 140, 80);
+    if (!even) {
+      process.even_light.reset();
+      process.even_dead_zone = EvenDeadZone::off;
+    }
+    const CureModel model = even_model(process);
+    constexpr int layers = 60;
+    Bytes full(layers, 255), slit = full;
+    slit[30] = 0;
+    const int all = slices_with_burst(model, layers, layers - 1);
+    Process merge = process;
+    merge.one_slice_gaps = OneSliceGaps::merge;
+    const CorrectionPlan open(model, process, layers, all), merging(model, merge, layers, all);
+    const std::vector<Bytes> most(
+        1, Bytes(static_cast<std::size_t>(all), static_cast<std::uint8_t>(even ? 120 : 255)));
+    EXPECT_EQ(corrected(merging, slit, most), corrected(open, full, most)) << even;
+    EXPECT_NE(corrected(open, slit, most), corrected(open, full, most)) << even;
+  }
+}
+
 TEST(EvenCorrection, FeaturesGetEvenLightInsideAndKeepTheirEdges) {
   const Process process = even_process(90, 140, 80);
   const CureModel model = even_model(process);

@@ -67,12 +67,9 @@ CodedBand upright(const CodedBand& upwards) {
 void correct_robustly(const CorrectionPlan& plan, const Uncertainty& uncertainty,
                       const DesignGroup& group, const GroupListeners& to,
                       const ExecutionContext& context) {
-  CodedDesign design(
-      group.columns, [](const SliceSource::Sink&) {}, nullptr, Surface::mesh, group.left_alone);
-  if (group.heights) design.heights.emplace(group.columns);
+  CodedDesign design(group.columns, group.heights != nullptr, group.left_alone);
   group.read(Surface::mesh, [&](int n, const std::uint8_t* rows, const std::uint8_t* heights) {
-    design.coverage.append(rows);
-    if (design.heights) design.heights->append(heights);
+    design.append(rows, heights);
     if (to.design) to.design(n, rows, heights);
   });
   const RobustLevels made = robust_levels(plan, uncertainty, design, context);

@@ -91,15 +91,23 @@ struct CodedDesign {
   std::optional<CodedBand> heights;       ///< one row more
   const CodedBand* left_alone = nullptr;  ///< null: nothing
 
+  /// Nothing yet.
+  CodedDesign(std::size_t columns, bool with_heights, const CodedBand* its_left_alone)
+      : coverage(columns), left_alone(its_left_alone) {
+    if (with_heights) heights.emplace(columns);
+  }
   CodedDesign(std::size_t columns, const BandReader& reader, const CodedBand* edge_heights,
               Surface surface, const CodedBand* its_left_alone)
-      : coverage(columns), left_alone(its_left_alone) {
-    if (edge_heights) heights.emplace(columns);
+      : CodedDesign(columns, edge_heights != nullptr, its_left_alone) {
     read_design(reader, edge_heights, surface,
-                [&](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
-                  coverage.append(rows);
-                  if (heights) heights->append(its_heights);
+                [this](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
+                  append(rows, its_heights);
                 });
+  }
+  /// The next slice, as a `DesignSink` gets it.
+  void append(const std::uint8_t* rows, const std::uint8_t* its_heights) {
+    coverage.append(rows);
+    if (heights) heights->append(its_heights);
   }
   /// Null: none at this node. `out`: room for a row.
   const std::uint8_t* heights_at(int node, std::uint8_t* out) const {

@@ -65,6 +65,15 @@ Setup with_scheduled_uv(const SliceSource& target, Setup setup, const ExecutionC
   return setup;
 }
 
+/// Where light spreads, all slices corrected; else null.
+std::shared_ptr<const CorrectedSlices> corrected_together(const SliceSource& target,
+                                                          const Setup& setup, const StackFile& file,
+                                                          const ExecutionContext& context) {
+  if (!detail::spreads(setup)) return nullptr;
+  return std::make_shared<const CorrectedSlices>(
+      target, setup, context, std::filesystem::path(file.path).parent_path().string());
+}
+
 /// One run of correct_stack: what the bands share, and what they add up to.
 class StackCorrection {
  public:
@@ -105,7 +114,11 @@ class StackCorrection {
   const ExecutionContext& context_;
   const bool with_before_;
   const Setup setup_;
-  const PlacePlans plans_;
+  /// Where light spreads: what all columns show, corrected in rounds; null elsewhere. It is judged
+  /// when it is whole, since each band prints by the light of those beside it.
+  const std::shared_ptr<const CorrectedSlices> together_;
+  const std::unique_ptr<const PlacePlans> own_plans_;  ///< null where `together_` has them
+  const PlacePlans& plans_;
   Grid grid_;  ///< of the corrected stack
   StackWriter writer_;
   TargetScan scan_;
@@ -113,9 +126,6 @@ class StackCorrection {
   std::optional<PlaceWindows> window_;      ///< where UV light keeps a dead zone
   std::optional<VolumeReducer> volume_;     ///< where the reduced volume is asked for
   std::optional<detail::KeptImages> kept_;  ///< where light is even over the flow
-  /// Where light spreads: what all columns show, corrected in rounds; null elsewhere. It is judged
-  /// when it is whole, since each band prints by the light of those beside it.
-  std::shared_ptr<const CorrectedSlices> together_;
   const int volume_cells_;
 
   detail::SurfaceCollector surface_after_, surface_before_;
@@ -207,7 +217,9 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       context_(context),
       with_before_(ask.before || ask.volume_cells > 0),
       setup_(with_scheduled_uv(target, asked, context)),
-      plans_(target, setup_, context),
+      together_(corrected_together(target, setup_, file, context)),
+      own_plans_(together_ ? nullptr : std::make_unique<const PlacePlans>(target, setup_, context)),
+      plans_(together_ ? together_->plans() : *own_plans_),
       grid_(with_layers(target.grid(), plans_.all_layers())),
       writer_(file, grid_, context),
       scan_(target),
@@ -215,11 +227,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       volume_cells_(ask.volume_cells),
       surface_after_(target.bounds()),
       surface_before_(target.bounds()) {
-  if (detail::spreads(setup_)) {
-    together_ = std::make_shared<const CorrectedSlices>(
-        target, setup_, context, std::filesystem::path(file.path).parent_path().string());
-    return;
-  }
+  if (together_) return;
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
@@ -275,9 +283,7 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
   std::optional<detail::DoseMeter> meter;
   // Where it is asked how sure the print is, design and slices are kept to be walked once more.
   const bool uncertain = whole_.uncertain_.has_value();
-  detail::CodedDesign looked_at(
-      count, [](const SliceSource::Sink&) {}, nullptr, Surface::mesh, of.left_alone);
-  if (uncertain && of.heights) looked_at.heights.emplace(count);
+  detail::CodedDesign looked_at(count, uncertain && of.heights, of.left_alone);
   CodedBand shown_upwards(uncertain ? count : 0);
   detail::GroupListeners to{.put = put_rows, .after = &after};
   if (whole_.with_before_ && !apart) to.before = &before;
@@ -292,8 +298,7 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
   }
   if (uncertain) {
     to.design = [&](int, const std::uint8_t* rows, const std::uint8_t* heights) {
-      looked_at.coverage.append(rows);
-      if (of.heights) looked_at.heights->append(heights);
+      looked_at.append(rows, heights);
     };
   }
   RobustFigures figures;

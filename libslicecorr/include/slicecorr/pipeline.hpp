@@ -164,6 +164,8 @@ class CorrectedSlices final : public SliceSource {
   void read_band(const PixelBox& band, const Sink& sink) const override;
   /// All is corrected and kept: the target is read no more.
   bool kept() const { return together_ != nullptr; }
+  /// Of the library's own use.
+  const detail::PlacePlans& plans() const { return *plans_; }
 
  private:
   const SlicesAlone alone_;

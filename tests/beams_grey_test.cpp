@@ -217,6 +217,11 @@ TEST(GreyBeams, TheSameForAnyNumberOfThreads) {
   for (std::size_t k = 0; k < a.images.size(); ++k) EXPECT_EQ(a.images[k].share, b.images[k].share);
 }
 
+TEST(GreyBeams, ResinThatNoLightGetsThroughIsRefused) {
+  // The part is a cell from the walls: exp(-150) is 0 in single precision.
+  EXPECT_THROW(find_beams(hollow_part(), grey(3, 100)), InfeasibleError);
+}
+
 TEST(GreyBeams, CanBeStopped) {
   std::atomic<bool> cancel{true};
   ExecutionContext context;

@@ -203,7 +203,7 @@ TEST(Beams, TheSolversLightIsThatOfTheDirectSumAndItsOperatorsAreTransposes) {
     EXPECT_EQ(cells.size(1), 1 + 5);
     EXPECT_EQ(cells.size(2), 1 + 34);
     const detail::BeamProjector projector(part, cells, setup);
-    Light light(projector.grid());
+    Array<float> light(projector.shape().light()), dose(projector.shape().field());
     std::vector<BeamImage> images;
     for (std::size_t k = 0; k < setup.beams.size(); ++k) {
       const int axis = setup.beams[k].axis;
@@ -211,37 +211,37 @@ TEST(Beams, TheSolversLightIsThatOfTheDirectSumAndItsOperatorsAreTransposes) {
       image.share.resize(static_cast<std::size_t>(image.rows) * image.columns);
       for (float& share : image.share) share = number(random);
       images.push_back(std::move(image));
-      for (int z = 0; z < projector.nz(); ++z) {
-        for (int y = 0; y < projector.ny(); ++y) {
-          for (int x = 0; x < projector.nx(); ++x) {
+      for (int z = 0; z < cells.size(2); ++z) {
+        for (int y = 0; y < cells.size(1); ++y) {
+          for (int x = 0; x < cells.size(0); ++x) {
             const int at[3] = {cells.index[0][x], cells.index[1][y], cells.index[2][z]};
             const int row = axis == 2 ? at[1] : at[2], column = axis == 0 ? at[1] : at[0];
-            light.values[projector.pixel(k, x, y, z)] = images[k].at(row, column);
+            light[projector.pixel(k, x, y, z)] = images[k].at(row, column);
           }
         }
       }
     }
-    const Field dose = adjoint(projector, {}, light);
+    adjoint(projector, {}, light, dose);
     const Box<float> direct = light_of(part.nz, part.ny, part.nx, images, setup);
-    Field field(projector.grid());
+    Array<float> field(dose.size()), back(light.size());
     double left = 0;
-    for (int z = 0; z < projector.nz(); ++z) {
-      for (int y = 0; y < projector.ny(); ++y) {
-        for (int x = 0; x < projector.nx(); ++x) {
-          const std::size_t v = projector.grid().voxel(x, y, z);
+    for (int z = 0; z < cells.size(2); ++z) {
+      for (int y = 0; y < cells.size(1); ++y) {
+        for (int x = 0; x < cells.size(0); ++x) {
+          const std::size_t v = projector.cell(x, y, z);
           EXPECT_NEAR(
-              dose.values[v],
+              dose[v],
               direct.values[direct.at(cells.index[2][z], cells.index[1][y], cells.index[0][x])],
               1e-5);
-          field.values[v] = number(random);
-          left += static_cast<double>(field.values[v]) * dose.values[v];
+          field[v] = number(random);
+          left += static_cast<double>(field[v]) * dose[v];
         }
       }
     }
-    const Light back = forward(projector, {}, field);
+    forward(projector, {}, field, back);
     double right = 0;
-    for (std::size_t i = 0; i < back.values.size(); ++i) {
-      right += static_cast<double>(back.values[i]) * light.values[i];
+    for (std::size_t i = 0; i < back.size(); ++i) {
+      right += static_cast<double>(back[i]) * light[i];
     }
     EXPECT_NEAR(left, right, 1e-5 * left) << beams;
   }

@@ -385,7 +385,7 @@ TEST(TomoCoupled, ResumesFromACheckpoint) {
   for (std::size_t i = 0; i < places.size();
        i += std::max<std::size_t>(1, (places.size() - 1) / parts)) {
     options.resume = &places[i];
-    EXPECT_EQ(solve({}, *projector, target, bench.rays, options).light.values, whole.light.values);
+    EXPECT_EQ(solve({}, *projector, target, bench.rays, options).light, whole.light);
   }
 }
 

@@ -375,10 +375,10 @@ TEST(TomoRays, FinsPrintOnlyWithTheRaysThatThereAre) {
   options.method = Method::osmo;
   options.steps = 10;
   const auto printed = [&](const Projector& projector) {
-    return adjoint(*real, {}, solve({}, projector, target, {}, options).light);
+    return adjoint(*real, {}, Light(fins.grid, solve({}, projector, target, {}, options).light));
   };
   const Field as_level = printed(*level), as_real = printed(*real);
-  const Metrics wrong = measure(target, as_level), right = measure(target, as_real);
+  const Metrics wrong = measure(target, as_level.values), right = measure(target, as_real.values);
   EXPECT_LE(fins.right(as_level, wrong.best_threshold), 3);  // Webber printed 3
   EXPECT_LT(wrong.best_jaccard, 0.65);
   EXPECT_EQ(fins.right(as_real, right.best_threshold), 9);

@@ -77,9 +77,9 @@ class Bench {
     std::fill(light.values.begin(), light.values.end(), 1.0f);
     const int runs = slices == 1 ? 60 : 8;
     const Clock a =
-        least(runs, [&] { projector->forward(0, field.block(0), light.block(0), context_); });
+        least(runs, [&] { projector->forward(0, field.values.data(), light.block(0), context_); });
     const Clock at =
-        least(runs, [&] { projector->adjoint(0, light.block(0), field.block(0), context_); });
+        least(runs, [&] { projector->adjoint(0, light.block(0), field.values.data(), context_); });
     fmt::print("A, {}\t{}\t{:.5f}\t{:.5f}\t\t\t\t\n", name, goal_a, a.cpu_s, a.wall_s);
     fmt::print("A^T, {}\t{}\t{:.5f}\t{:.5f}\t\t\t\t\n", name, goal_at, at.cpu_s, at.wall_s);
     std::fflush(stdout);

@@ -7,7 +7,6 @@
 
 #include "base/kernels.hpp"
 #include "parallel/silent.hpp"
-#include "slicecorr/error.hpp"
 
 namespace slicecorr::tomo::detail {
 namespace {
@@ -42,21 +41,19 @@ SLICECORR_CLONES float weighted_sum(const float* weight, const float* from, std:
 
 BeamProjector::BeamProjector(const Box<std::uint8_t>& part, const DecidingCells& cells,
                              const BeamSetup& setup)
-    : beams_(setup.beams), nx_(cells.size(0)), ny_(cells.size(1)), nz_(cells.size(2)) {
-  // Slices that share light are two or more, angles three.
-  grid_.voxels = std::max({nx_, ny_, 3});
-  grid_.slices = std::max(2, nz_);
-  grid_.angles = std::max<int>(3, static_cast<int>(beams_.size()));
-  grid_.pixels = grid_.voxels;
-  grid_.rows = std::max(grid_.slices, grid_.voxels);
-  grid_.radius_mm = 0.5 * (grid_.voxels - 1) * setup.cell_mm;
-  grid_.pixel_mm = setup.cell_mm;
-  grid_.check();
+    : beams_(setup.beams),
+      nx_(cells.size(0)),
+      ny_(cells.size(1)),
+      nz_(cells.size(2)),
+      side_(static_cast<std::size_t>(std::max(nx_, ny_))),
+      rows_((std::max<std::size_t>(side_, nz_) + 15) / 16 * 16) {
+  const int lanes = Shape::all_lanes(nz_);
+  shape_ = {nz_, lanes, true, side_ * ny_ * lanes, beams_.size() * side_ * rows_};
   const int all[3] = {part.nx, part.ny, part.nz};
   for (const Beam& beam : beams_) {
     const auto axis = static_cast<std::size_t>(beam.axis);
     const std::vector<double> left = light_left(setup, beam, all[axis], cells.index[axis]);
-    Array<float> padded(std::max(left.size(), static_cast<std::size_t>(grid_.lanes())));
+    Array<float> padded(std::max(left.size(), static_cast<std::size_t>(shape_.lanes)));
     std::transform(left.begin(), left.end(), padded.begin(),
                    [](double share) { return static_cast<float>(share); });
     left_.push_back(std::move(padded));
@@ -65,17 +62,17 @@ BeamProjector::BeamProjector(const Box<std::uint8_t>& part, const DecidingCells&
 
 void BeamProjector::forward(std::size_t /*block*/, const float* field, float* light,
                             const ExecutionContext& context) const {
-  std::fill_n(light, grid_.light_of_block(), 0.0F);
-  const auto lanes = static_cast<std::size_t>(grid_.lanes());
-  const std::size_t rows = std::min(lanes, static_cast<std::size_t>(grid_.light_lanes()));
+  std::fill_n(light, shape_.light_of_block, 0.0F);
+  const auto lanes = static_cast<std::size_t>(shape_.lanes);
+  const std::size_t rows = std::min(lanes, rows_);
   const ExecutionContext worth =
-      silent(context, grid_.voxels_of_block() * beams_.size(), kProductsAThread);
+      silent(context, shape_.field_of_block * beams_.size(), kProductsAThread);
   // Each pixel is one item's alone: those of beams along x and z lie in one y, those of beams along y
   // in one x.
   parallel_for(worth, "", static_cast<std::size_t>(ny_), [&](std::size_t row) {
     const int y = static_cast<int>(row);
     for (int x = 0; x < nx_; ++x) {
-      const float* const column = field + grid_.voxel(x, y, 0);
+      const float* const column = field + cell(x, y, 0);
       for (std::size_t k = 0; k < beams_.size(); ++k) {
         if (beams_[k].axis == 0) {
           add_times(light + pixel(k, x, y, 0), column, left_[k][static_cast<std::size_t>(x)], rows);
@@ -90,7 +87,7 @@ void BeamProjector::forward(std::size_t /*block*/, const float* field, float* li
     for (std::size_t k = 0; k < beams_.size(); ++k) {
       if (beams_[k].axis != 1) continue;
       for (int y = 0; y < ny_; ++y) {
-        add_times(light + pixel(k, x, y, 0), field + grid_.voxel(x, y, 0),
+        add_times(light + pixel(k, x, y, 0), field + cell(x, y, 0),
                   left_[k][static_cast<std::size_t>(y)], rows);
       }
     }
@@ -99,15 +96,15 @@ void BeamProjector::forward(std::size_t /*block*/, const float* field, float* li
 
 void BeamProjector::adjoint(std::size_t /*block*/, const float* light, float* field,
                             const ExecutionContext& context) const {
-  std::fill_n(field, grid_.voxels_of_block(), 0.0F);
-  const auto lanes = static_cast<std::size_t>(grid_.lanes());
-  const std::size_t rows = std::min(lanes, static_cast<std::size_t>(grid_.light_lanes()));
+  std::fill_n(field, shape_.field_of_block, 0.0F);
+  const auto lanes = static_cast<std::size_t>(shape_.lanes);
+  const std::size_t rows = std::min(lanes, rows_);
   const ExecutionContext worth =
-      silent(context, grid_.voxels_of_block() * beams_.size(), kProductsAThread);
+      silent(context, shape_.field_of_block * beams_.size(), kProductsAThread);
   parallel_for(worth, "", static_cast<std::size_t>(ny_), [&](std::size_t row) {
     const int y = static_cast<int>(row);
     for (int x = 0; x < nx_; ++x) {
-      float* const column = field + grid_.voxel(x, y, 0);
+      float* const column = field + cell(x, y, 0);
       for (std::size_t k = 0; k < beams_.size(); ++k) {
         const float* const here = light + pixel(k, x, y, 0);
         if (beams_[k].axis == 2) {
@@ -121,10 +118,6 @@ void BeamProjector::adjoint(std::size_t /*block*/, const float* light, float* fi
       std::fill(column + nz_, column + lanes, 0.0F);
     }
   });
-}
-
-std::unique_ptr<Projector> BeamProjector::of_slices(const std::vector<int>& /*slices*/) const {
-  throw InputError("slices", "", "share their light");
 }
 
 }  // namespace slicecorr::tomo::detail

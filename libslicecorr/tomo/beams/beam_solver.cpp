@@ -9,12 +9,15 @@
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/tomo/solve.hpp"
+#include "slicecorr/tomo/ladder.hpp"
 #include "tomo/beams/beam_projector.hpp"
-#include "tomo/solve/block_solver.hpp"
+#include "tomo/projection/block_solver.hpp"
+#include "tomo/projection/certificate.hpp"
 
 namespace slicecorr::tomo::detail {
 namespace {
+
+using slicecorr::detail::silent;
 
 constexpr double kNone = std::numeric_limits<double>::infinity();
 /// Rungs fall by this factor first, then the one between the last reached and the first missed is
@@ -38,13 +41,16 @@ class Grey {
         context_(context),
         cells_(part),
         projector_(part, cells_, setup),
-        target_(target_of()),
+        target_(target()),
         enough_(enough()),
-        best_(projector_.grid()) {}
+        best_(projector_.shape().light()) {}
 
   GreyImages find(std::vector<BeamImage> images) {
     take(images);
     best_contrast_ = scale(best_);
+    if (!(best_contrast_ > 0)) {
+      throw InfeasibleError("no light gets through to all of the part; expected less absorption");
+    }
     std::vector<double> rungs;
     for (double rung = kFirstRung; rung > kLastRung; rung *= kFall) rungs.push_back(rung);
     const std::optional<double> missed = climb(rungs, kProofSteps);
@@ -66,18 +72,11 @@ class Grey {
   }
 
  private:
-  Target target_of() const {
-    // What the grid of a vial is asked for; then the kinds of all its cells.
-    Volume volume(projector_.grid());
-    const int middle = (projector_.grid().voxels - 1) / 2;
-    std::fill(volume.coverage.begin(), volume.coverage.end(), std::uint8_t{128});
-    volume.coverage[projector_.grid().voxel(middle, middle, 0)] = 255;
-    volume.coverage[projector_.grid().voxel(middle, middle, 1)] = 0;
-    Target target(volume);
-    std::fill(target.kinds.begin(), target.kinds.end(), Kind::neither);
-    target.gel = target.empty = 0;
+  CellKinds target() const {
+    CellKinds target;
+    target.kinds.resize(projector_.shape().field());
     each_cell([&](int x, int y, int z, std::uint8_t v) {
-      Kind& kind = target.kinds[projector_.grid().voxel(x, y, z)];
+      Kind& kind = target.kinds[projector_.cell(x, y, z)];
       kind = v == 255 ? Kind::gel : v == 0 ? Kind::empty : Kind::neither;
       target.gel += kind == Kind::gel ? 1 : 0;
       target.empty += kind == Kind::empty ? 1 : 0;
@@ -87,12 +86,12 @@ class Grey {
 
   /// Per pixel what alone gives the part's cells on its ray a dose of 1; 0 where it meets none. More
   /// is of no use: with this, these cells still have enough, and all others have less.
-  Light enough() const {
-    Light light(projector_.grid());
+  Array<float> enough() const {
+    Array<float> light(projector_.shape().light());
     each_cell([&](int x, int y, int z, std::uint8_t v) {
       if (v != 255) return;
-      for (std::size_t k = 0; k < projector_.beams().size(); ++k) {
-        float& most = light.values[projector_.pixel(k, x, y, z)];
+      for (std::size_t k = 0; k < setup_.beams.size(); ++k) {
+        float& most = light[projector_.pixel(k, x, y, z)];
         most = std::max(most, 1 / projector_.left(k, x, y, z));
       }
     });
@@ -102,9 +101,9 @@ class Grey {
   /// The deciding cells: use(x, y, z among them, coverage).
   template <class Use>
   void each_cell(const Use& use) const {
-    for (int z = 0; z < projector_.nz(); ++z) {
-      for (int y = 0; y < projector_.ny(); ++y) {
-        for (int x = 0; x < projector_.nx(); ++x) {
+    for (int z = 0; z < cells_.size(2); ++z) {
+      for (int y = 0; y < cells_.size(1); ++y) {
+        for (int x = 0; x < cells_.size(0); ++x) {
           use(x, y, z, part_.values[part_.at(of(2, z), of(1, y), of(0, x))]);
         }
       }
@@ -117,15 +116,12 @@ class Grey {
   /// use(beam, place in light, row and column of the image)
   template <class Use>
   void each_pixel(const Use& use) const {
-    for (std::size_t k = 0; k < projector_.beams().size(); ++k) {
-      const int axis = projector_.beams()[k].axis;
+    for (std::size_t k = 0; k < setup_.beams.size(); ++k) {
+      const int axis = setup_.beams[k].axis;
       const int across = axis == 0 ? 1 : 0, up = axis == 2 ? 1 : 2;
       for (int r = 0; r < cells_.size(up); ++r) {
         for (int c = 0; c < cells_.size(across); ++c) {
-          const std::size_t at = axis == 0   ? projector_.pixel(k, 0, c, r)
-                                 : axis == 1 ? projector_.pixel(k, c, 0, r)
-                                             : projector_.pixel(k, c, r, 0);
-          use(k, at, of(up, r), of(across, c));
+          use(k, projector_.pixel(k, c, r), of(up, r), of(across, c));
         }
       }
     }
@@ -136,38 +132,36 @@ class Grey {
   }
   void take(const std::vector<BeamImage>& images) {
     each_pixel([&](std::size_t k, std::size_t at, int row, int column) {
-      best_.values[at] = images[k].at(row, column);
+      best_[at] = images[k].at(row, column);
     });
   }
   /// The best light as images whose brightest pixel is 1.
   void put(std::vector<BeamImage>& images) const {
-    const float brightest = *std::max_element(best_.values.begin(), best_.values.end());
+    const float brightest = *std::max_element(best_.begin(), best_.end());
     each_pixel([&](std::size_t k, std::size_t at, int row, int column) {
-      images[k].share[place(images[k], row, column)] =
-          brightest > 0 ? best_.values[at] / brightest : 0;
+      images[k].share[place(images[k], row, column)] = brightest > 0 ? best_[at] / brightest : 0;
     });
   }
 
   struct Extremes {
     double least = kNone, most = 0;  ///< of the part, and outside
   };
-  Extremes look_at(const Light& light) const {
-    const Field dose =
-        slicecorr::tomo::adjoint(projector_, slicecorr::detail::silent(context_), light);
+  Extremes look_at(const Array<float>& light) const {
+    Array<float> dose(projector_.shape().field());
+    adjoint(projector_, silent(context_), light, dose);
     Extremes e;
-    for (std::size_t i = 0; i < target_.kinds.size(); ++i) {
-      if (target_.kinds[i] == Kind::gel) e.least = std::min<double>(e.least, dose.values[i]);
-      if (target_.kinds[i] == Kind::empty) e.most = std::max<double>(e.most, dose.values[i]);
+    for (std::size_t i = 0; i < dose.size(); ++i) {
+      if (target_.kinds[i] == Kind::gel) e.least = std::min<double>(e.least, dose[i]);
+      if (target_.kinds[i] == Kind::empty) e.most = std::max<double>(e.most, dose[i]);
     }
     return e;
   }
   /// Makes the least dose of the part 1, and no pixel brighter than is of use; returns the contrast.
-  double scale(Light& light) const {
+  double scale(Array<float>& light) const {
     const Extremes before = look_at(light);
     if (!(before.least > 0)) return 0;
-    for (std::size_t i = 0; i < light.values.size(); ++i) {
-      light.values[i] =
-          std::min(static_cast<float>(light.values[i] / before.least), enough_.values[i]);
+    for (std::size_t i = 0; i < light.size(); ++i) {
+      light[i] = std::min(static_cast<float>(light[i] / before.least), enough_[i]);
     }
     const Extremes after = look_at(light);
     return after.most > 0 ? after.least / after.most : kNone;
@@ -175,7 +169,7 @@ class Grey {
 
   /// The rung that was missed, nothing when all were reached.
   std::optional<double> climb(const std::vector<double>& rungs, int proof_steps) {
-    SolveOptions options;
+    LadderOptions options;
     options.start = &best_;
     options.steps = setup_.steps;
     options.most_dose = kMostDose;
@@ -186,8 +180,7 @@ class Grey {
       context_.report("solving", 1 - std::max(place.rung, 0.0));
       if (!place.missed.empty()) missed = place.rung;
     };
-    Solution found =
-        solve(slicecorr::detail::silent(context_), projector_, target_, RayTables{}, options);
+    FoundLight found = ladder(silent(context_), projector_, target_, options);
     bound_ = std::min(bound_, found.contrast_bound);
     const double contrast = scale(found.light);
     if (contrast > best_contrast_) {
@@ -199,20 +192,18 @@ class Grey {
 
   /// Which cells outside the least sum of squares can't spare, on a rung that is out of reach.
   void prove(GreyImages& found) {
-    const TomoGrid& grid = projector_.grid();
     const float rung = 0.9F;
-    Light light = best_;
-    Field dose(grid);
+    Array<float> light = best_, dose(projector_.shape().field());
     solve_block(projector_, 0, target_.kinds.data(),
                 {.rung = rung, .most_dose = kNone, .cap = kNone}, 2 * kProofSteps, 5, false,
-                context_, light.values.data(), dose.values.data());
-    const Certificate certificate =
-        contrast_bound(slicecorr::detail::silent(context_), projector_, target_, dose, rung);
-    bound_ = std::min(bound_, certificate.bound);
+                context_, light.data(), dose.data());
+    const std::vector<double> proven =
+        contrast_bounds(silent(context_), projector_, target_, dose, rung, {0});
+    bound_ = std::min(bound_, proven.front());
     std::vector<std::pair<float, std::array<int, 3>>> weights;
     float most = 0;
     each_cell([&](int x, int y, int z, std::uint8_t v) {
-      const float weight = dose.values[grid.voxel(x, y, z)] - rung;
+      const float weight = dose[projector_.cell(x, y, z)] - rung;
       if (v != 0 || !(weight > 0)) return;
       most = std::max(most, weight);
       weights.push_back({weight, {of(0, x), of(1, y), of(2, z)}});
@@ -231,9 +222,9 @@ class Grey {
   const ExecutionContext& context_;
   const DecidingCells cells_;
   const BeamProjector projector_;
-  const Target target_;
-  const Light enough_;
-  Light best_;
+  const CellKinds target_;
+  const Array<float> enough_;
+  Array<float> best_;
   double best_contrast_ = 0;
   double bound_ = kNone;
 };
@@ -246,16 +237,9 @@ GreyImages grey_images(const Box<std::uint8_t>& part, const BeamSetup& setup,
 }
 
 double bytes_of_grey(const Box<std::uint8_t>& part, const BeamSetup& setup) {
-  const DecidingCells cells(part);
-  TomoGrid grid;
-  grid.voxels = std::max({cells.size(0), cells.size(1), 3});
-  grid.slices = std::max(2, cells.size(2));
-  grid.rows = std::max(grid.slices, grid.voxels);
-  grid.pixels = grid.voxels;
-  grid.angles = std::max<int>(3, static_cast<int>(setup.beams.size()));
+  const Shape shape = BeamProjector(part, DecidingCells(part), setup).shape();
   // Doses of the solver and its proof, with limits and kinds; light with the pairs of its memory.
-  return 49.0 * static_cast<double>(grid.voxels_of_block()) +
-         72.0 * static_cast<double>(grid.light_of_block());
+  return 49.0 * static_cast<double>(shape.field()) + 72.0 * static_cast<double>(shape.light());
 }
 
 }  // namespace slicecorr::tomo::detail

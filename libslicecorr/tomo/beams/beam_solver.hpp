@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// Grey images of beams, by the solver of tomographic printing.
+/// Grey images of beams, by the ladder of tomographic printing.
 #pragma once
 
 #include <array>

@@ -78,7 +78,7 @@ class BeamProjector final : public Projector {
     beam_.slice = detail::make_slice_tables(beam_);
   }
 
-  const TomoGrid& grid() const override { return beam_.grid; }
+  Shape shape() const override { return beam_.grid.shape(); }
 
   std::unique_ptr<Projector> of_slices(const std::vector<int>& slices) const override {
     auto part = std::make_unique<BeamProjector>(*this);
@@ -92,7 +92,7 @@ class BeamProjector final : public Projector {
       for (int i = 0; i < to.pixels; ++i) {
         for (int z = 0; z < to.slices; ++z) {
           shadow->hit_mm[to.pixel(m, i, z)] =
-              shadow_->hit_mm[grid().pixel(m, i, slices[static_cast<std::size_t>(z)])];
+              shadow_->hit_mm[beam_.grid.pixel(m, i, slices[static_cast<std::size_t>(z)])];
         }
       }
     }
@@ -403,40 +403,15 @@ std::unique_ptr<Projector> detail::make_axis_projector(const TomoGrid& grid, dou
                                          true);
 }
 
-ExecutionContext inside_block(const ExecutionContext& context, std::size_t blocks) {
-  ExecutionContext inside;
-  inside.cancel = context.cancel;
-  const auto threads = static_cast<std::size_t>(thread_count(context));
-  inside.threads = static_cast<int>(
-      std::max<std::size_t>(1, (threads + blocks - 1) / std::max<std::size_t>(1, blocks)));
-  return inside;
-}
-
-void forward(const Projector& projector, const ExecutionContext& context, const Field& field,
-             Light& light) {
-  const ExecutionContext inside = inside_block(context, light.grid.blocks());
-  parallel_for(context, "projecting", light.grid.blocks(), [&](std::size_t b) {
-    projector.forward(b, field.block(b), light.block(b), inside);
-  });
-}
-
-void adjoint(const Projector& projector, const ExecutionContext& context, const Light& light,
-             Field& field) {
-  const ExecutionContext inside = inside_block(context, field.grid.blocks());
-  parallel_for(context, "adding up light", field.grid.blocks(), [&](std::size_t b) {
-    projector.adjoint(b, light.block(b), field.block(b), inside);
-  });
-}
-
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field) {
-  Light light(projector.grid());
-  forward(projector, context, field, light);
+  Light light(field.grid);
+  forward(projector, context, field.values, light.values);
   return light;
 }
 
 Field adjoint(const Projector& projector, const ExecutionContext& context, const Light& light) {
-  Field field(projector.grid());
-  adjoint(projector, context, light, field);
+  Field field(light.grid);
+  adjoint(projector, context, light.values, field.values);
   return field;
 }
 

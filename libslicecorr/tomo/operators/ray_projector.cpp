@@ -68,7 +68,7 @@ class RayProjector final : public Projector {
     if (insert != nullptr) cast_shadows(*insert);
   }
 
-  const TomoGrid& grid() const override { return walk_.grid; }
+  Shape shape() const override { return walk_.grid.shape(); }
 
   void forward(std::size_t /*block*/, const float* field, float* light,
                const ExecutionContext& context) const override {
@@ -104,10 +104,6 @@ class RayProjector final : public Projector {
         return false;
       });
     });
-  }
-
-  std::unique_ptr<Projector> of_slices(const std::vector<int>& /*slices*/) const override {
-    throw InputError("slices", "", "share their light");
   }
 
  private:

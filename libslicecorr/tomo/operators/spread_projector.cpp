@@ -15,14 +15,15 @@ namespace {
 
 class SpreadProjector final : public Projector {
  public:
-  SpreadProjector(std::shared_ptr<const Projector> of_light,
+  SpreadProjector(std::shared_ptr<const Projector> of_light, const TomoGrid& grid,
                   std::shared_ptr<const DoseSpread> spread, SpreadSeries series)
       : of_light_(std::move(of_light)),
+        from_(grid),
         spread_(std::move(spread)),
         series_(std::move(series)),
-        grid_(spread_grid(of_light_->grid())) {}
+        grid_(spread_grid(grid)) {}
 
-  const TomoGrid& grid() const override { return grid_; }
+  Shape shape() const override { return grid_.shape(); }
 
   void forward(std::size_t /*block*/, const float* field, float* light,
                const ExecutionContext& context) const override {
@@ -33,18 +34,17 @@ class SpreadProjector final : public Projector {
     });
     spread_->apply(series_, numbers, context);
     each_block(context, [&](std::size_t b, const ExecutionContext& inside) {
-      const TomoGrid& from = of_light_->grid();
-      Array<float> part(from.voxels_of_block(), 0.0F);
-      const auto part_lanes = static_cast<std::size_t>(from.lanes());
+      Array<float> part(from_.voxels_of_block(), 0.0F);
+      const auto part_lanes = static_cast<std::size_t>(from_.lanes());
       each_column([&](int x, int y, std::size_t at) {
-        std::copy_n(numbers.data() + at + b * part_lanes, from.lanes_used(b),
+        std::copy_n(numbers.data() + at + b * part_lanes, from_.lanes_used(b),
                     part.data() + column(x, y) * part_lanes);
       });
       if (same_light()) {
         of_light_->forward(b, part.data(), light, inside);
         return;
       }
-      Array<float> lines(from.light_of_block());
+      Array<float> lines(from_.light_of_block());
       of_light_->forward(b, part.data(), lines.data(), inside);
       each_light_row(b, [&](std::size_t in, std::size_t out, std::size_t count) {
         std::copy_n(lines.data() + in, count, light + out);
@@ -57,20 +57,19 @@ class SpreadProjector final : public Projector {
                const ExecutionContext& context) const override {
     Array<float> numbers(spread_->size(), 0.0F);
     each_block(context, [&](std::size_t b, const ExecutionContext& inside) {
-      const TomoGrid& from = of_light_->grid();
-      Array<float> part(from.voxels_of_block());
-      const auto part_lanes = static_cast<std::size_t>(from.lanes());
+      Array<float> part(from_.voxels_of_block());
+      const auto part_lanes = static_cast<std::size_t>(from_.lanes());
       if (same_light()) {
         of_light_->adjoint(b, light, part.data(), inside);
       } else {
-        Array<float> lines(from.light_of_block(), 0.0F);
+        Array<float> lines(from_.light_of_block(), 0.0F);
         each_light_row(b, [&](std::size_t in, std::size_t out, std::size_t count) {
           std::copy_n(light + out, count, lines.data() + in);
         });
         of_light_->adjoint(b, lines.data(), part.data(), inside);
       }
       each_column([&](int x, int y, std::size_t at) {
-        std::copy_n(part.data() + column(x, y) * part_lanes, from.lanes_used(b),
+        std::copy_n(part.data() + column(x, y) * part_lanes, from_.lanes_used(b),
                     numbers.data() + at + b * part_lanes);
       });
     });
@@ -86,11 +85,11 @@ class SpreadProjector final : public Projector {
     if (grid_.slices != 1 || slices.size() != 1) {
       throw InputError("slices", "", "share the dose that spreads");
     }
-    return make_spread_projector(of_light_->of_slices(slices), spread_, series_);
+    return make_spread_projector(of_light_->of_slices(slices), from_, spread_, series_);
   }
 
  private:
-  bool same_light() const { return grid_ == of_light_->grid(); }
+  bool same_light() const { return grid_ == from_; }
   std::size_t column(int x, int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.voxels) +
            static_cast<std::size_t>(x);
@@ -104,7 +103,7 @@ class SpreadProjector final : public Projector {
   }
   template <class Use>
   void each_block(const ExecutionContext& context, const Use& use) const {
-    const std::size_t blocks = of_light_->grid().blocks();
+    const std::size_t blocks = from_.blocks();
     const ExecutionContext inside = inside_block(context, blocks);
     parallel_for(slicecorr::detail::silent(context), "", blocks,
                  [&](std::size_t b) { use(b, inside); });
@@ -112,10 +111,9 @@ class SpreadProjector final : public Projector {
   /// use(from, to, count): where the numbers of a pixel are in a block of light, and in all light.
   template <class Use>
   void each_light_row(std::size_t block, const Use& use) const {
-    const TomoGrid& from = of_light_->grid();
-    const auto lanes = static_cast<std::size_t>(from.light_lanes()),
+    const auto lanes = static_cast<std::size_t>(from_.light_lanes()),
                all_lanes = static_cast<std::size_t>(grid_.light_lanes()),
-               used = static_cast<std::size_t>(from.lanes_used(block));
+               used = static_cast<std::size_t>(from_.lanes_used(block));
     const std::size_t pixels =
         static_cast<std::size_t>(grid_.angles) * static_cast<std::size_t>(grid_.pixels);
     for (std::size_t p = 0; p < pixels; ++p) use(p * lanes, p * all_lanes + block * lanes, used);
@@ -130,6 +128,7 @@ class SpreadProjector final : public Projector {
   }
 
   std::shared_ptr<const Projector> of_light_;
+  TomoGrid from_;
   std::shared_ptr<const DoseSpread> spread_;
   SpreadSeries series_;
   TomoGrid grid_;
@@ -147,9 +146,10 @@ TomoGrid spread_grid(const TomoGrid& grid) {
 }
 
 std::unique_ptr<Projector> make_spread_projector(std::shared_ptr<const Projector> of_light,
+                                                 const TomoGrid& grid,
                                                  std::shared_ptr<const DoseSpread> spread,
                                                  SpreadSeries series) {
-  return std::make_unique<SpreadProjector>(std::move(of_light), std::move(spread),
+  return std::make_unique<SpreadProjector>(std::move(of_light), grid, std::move(spread),
                                            std::move(series));
 }
 
@@ -168,7 +168,7 @@ Target spread_target(const Target& target) {
   return spread;
 }
 
-Light light_of_slices(const Light& light, const TomoGrid& grid) {
+Light light_of_slices(Light light, const TomoGrid& grid) {
   if (light.grid == grid) return light;
   Light slices(grid);
   for (int m = 0; m < grid.angles; ++m) {

@@ -18,14 +18,15 @@ namespace slicecorr::tomo::detail {
 TomoGrid spread_grid(const TomoGrid& grid);
 
 /// D = K A^T b and A K: K is symmetric, so that they are exact transposes as those of `of_light` are.
-/// `series` is of `spread`, which has its grid.
+/// `series` is of `spread`; both have the grid of the light.
 std::unique_ptr<Projector> make_spread_projector(std::shared_ptr<const Projector> of_light,
+                                                 const TomoGrid& grid,
                                                  std::shared_ptr<const DoseSpread> spread,
                                                  SpreadSeries series);
 
 /// The same target on `spread_grid` of its grid.
 Target spread_target(const Target& target);
 /// Light of `spread_grid(grid)` on `grid`.
-Light light_of_slices(const Light& light, const TomoGrid& grid);
+Light light_of_slices(Light light, const TomoGrid& grid);
 
 }  // namespace slicecorr::tomo::detail

@@ -36,7 +36,7 @@ void TomoGrid::check() const {
 }
 
 int TomoGrid::lanes() const {
-  if (coupled()) return all_lanes(slices);
+  if (coupled()) return Shape::all_lanes(slices);
   // A few slices are worked on one by one where a voxel is as wide as one to two pixels: then a
   // register holds the pixels that 16 voxels see.
   const double step = voxel_mm() / pixel_mm;
@@ -45,12 +45,6 @@ int TomoGrid::lanes() const {
 }
 
 double TomoGrid::angle_rad(int m) const { return 2 * std::numbers::pi * m / angles; }
-
-int TomoGrid::lanes_used(std::size_t block) const {
-  const std::size_t first = block * lanes();
-  const std::size_t left = static_cast<std::size_t>(slices) - first;
-  return left < static_cast<std::size_t>(lanes()) ? static_cast<int>(left) : lanes();
-}
 
 std::size_t TomoGrid::voxels_of_block() const {
   return static_cast<std::size_t>(voxels) * voxels * lanes();
@@ -100,9 +94,9 @@ TomoGrid square_grid(int voxels, int angles, int slices, double radius_mm) {
 
 Volume::Volume(const TomoGrid& g) : grid(g), coverage(g.blocks() * g.voxels_of_block()) {}
 
-Target::Target(const Volume& part, const Volume* opaque)
-    : grid(part.grid), kinds(part.coverage.size(), Kind::neither) {
+Target::Target(const Volume& part, const Volume* opaque) : grid(part.grid) {
   grid.check();
+  kinds.assign(part.coverage.size(), Kind::neither);
   if (opaque != nullptr && !(opaque->grid == grid)) {
     throw InputError("insert", "", "must have the grid of the part");
   }

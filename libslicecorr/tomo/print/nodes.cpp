@@ -42,16 +42,17 @@ void gather(const Nodes& nodes, std::size_t lanes, const float* from, float* to)
 class NodeProjector final : public Projector {
  public:
   NodeProjector(std::shared_ptr<const Nodes> nodes, std::shared_ptr<const Projector> of_pixels)
-      : nodes_(std::move(nodes)), of_pixels_(std::move(of_pixels)), grid_(of_pixels_->grid()) {
-    grid_.pixels = nodes_->grid.pixels;
-    grid_.pixel_mm = nodes_->grid.pixel_mm;
-  }
+      : nodes_(std::move(nodes)), of_pixels_(std::move(of_pixels)) {}
 
-  const TomoGrid& grid() const override { return grid_; }
+  Shape shape() const override {
+    Shape shape = of_pixels_->shape();
+    shape.light_of_block = angles() * nodes_of_frame();
+    return shape;
+  }
 
   void forward(std::size_t block, const float* field, float* light,
                const ExecutionContext& context) const override {
-    Array<float> pixels(of_pixels_->grid().light_of_block());
+    Array<float> pixels(of_pixels_->shape().light_of_block);
     of_pixels_->forward(block, field, pixels.data(), context);
     each_angle(context, [&](std::size_t m) {
       gather(*nodes_, lanes(), pixels.data() + m * pixels_of_frame(), light + m * nodes_of_frame());
@@ -60,7 +61,7 @@ class NodeProjector final : public Projector {
 
   void adjoint(std::size_t block, const float* light, float* field,
                const ExecutionContext& context) const override {
-    Array<float> pixels(of_pixels_->grid().light_of_block());
+    Array<float> pixels(of_pixels_->shape().light_of_block);
     each_angle(context, [&](std::size_t m) {
       spread(*nodes_, lanes(), light + m * nodes_of_frame(), pixels.data() + m * pixels_of_frame());
     });
@@ -72,18 +73,19 @@ class NodeProjector final : public Projector {
   }
 
  private:
-  std::size_t lanes() const { return static_cast<std::size_t>(grid_.lanes()); }
-  std::size_t nodes_of_frame() const { return static_cast<std::size_t>(grid_.pixels) * lanes(); }
+  std::size_t angles() const { return static_cast<std::size_t>(nodes_->grid.angles); }
+  std::size_t lanes() const { return static_cast<std::size_t>(of_pixels_->shape().lanes); }
+  std::size_t nodes_of_frame() const {
+    return static_cast<std::size_t>(nodes_->grid.pixels) * lanes();
+  }
   std::size_t pixels_of_frame() const { return nodes_->pixels.size() * lanes(); }
   template <class Each>
   void each_angle(const ExecutionContext& context, const Each& each) const {
-    parallel_for(slicecorr::detail::silent(context), "", static_cast<std::size_t>(grid_.angles),
-                 each);
+    parallel_for(slicecorr::detail::silent(context), "", angles(), each);
   }
 
   std::shared_ptr<const Nodes> nodes_;
   std::shared_ptr<const Projector> of_pixels_;
-  TomoGrid grid_;
 };
 
 }  // namespace

@@ -135,8 +135,8 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   f.turns = job.turns;
   f.print_time_s = job.turns * bench.exposure.turn_s;
   f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3;
-  f.metrics = measure(target, field);
-  f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
+  f.metrics = measure(target, field.values);
+  f.jaccard_at_dose = jaccard(target, field.values, f.gel_dose_mj_cm3);
   f.efficiency = efficiency(shown_light(bench, job.levels));
   f.alpha_r = bench.alpha_r;
   f.floor_mj_cm3 =
@@ -214,24 +214,6 @@ Turns turns_for(const Bench& bench, double turn_mj_cm3, const std::string& weake
   return {count, bench.exposure.critical_mj_cm3 + back * count};
 }
 
-/// The part's voxel with the least dose, for people.
-std::string weakest_voxel(const Target& target, const Field& dose) {
-  const TomoGrid& grid = target.grid;
-  float least = std::numeric_limits<float>::infinity();
-  std::array<int, 3> at{};
-  for (int z = 0; z < grid.slices; ++z) {
-    for (int y = 0; y < grid.voxels; ++y) {
-      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
-        const std::size_t v = grid.voxel(x, y, z);
-        if (target.kinds[v] != Kind::gel || dose.values[v] >= least) continue;
-        least = dose.values[v];
-        at = {x, y, z};
-      }
-    }
-  }
-  return fmt::format("the part's voxel {}, {} in slice {}", at[0], at[1], at[2]);
-}
-
 /// What the solver sees: the part, and how light gives it dose.
 struct Asked {
   Target target;
@@ -288,9 +270,10 @@ Asked spread_for_turns(const Asked& asked, const Bench& bench, const Resin& resi
   const double kappa = detail::kappa_of_turn(bench, resin);
   detail::SpreadSeries series =
       spread->series([&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
-  Asked with{detail::spread_target(asked.target),
-             detail::make_spread_projector(asked.projector, std::move(spread), std::move(series)),
-             asked.rays};
+  Asked with{
+      detail::spread_target(asked.target),
+      detail::make_spread_projector(asked.projector, grid, std::move(spread), std::move(series)),
+      asked.rays};
   if (with.target.grid.coupled() && !grid.coupled()) {
     for (int z = 0; z < grid.slices; ++z) {
       with.rays.row_mm.push_back(with.target.grid.lowest_mm +
@@ -312,7 +295,7 @@ Evidence evidence_of(const Solution& solution, const Target& target, const Box<s
   for (int y = 0; y < part.ny; ++y) {
     for (int x = 0; x < part.nx; ++x) {
       const std::size_t v = target.grid.voxel(x, y, e.slice);
-      const float d = solution.dose.values[v];
+      const float d = solution.dose[v];
       e.dose.values.push_back(d);
       if (target.kinds[v] == Kind::gel) least = std::min<double>(least, d);
       if (target.kinds[v] == Kind::empty) most = std::max<double>(most, d);
@@ -387,19 +370,20 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
                               fingerprint_of(part, options.insert, job, how));
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
-  const auto light_of = [&](const Solution& found) {
-    const Light light = detail::light_of_slices(found.light, flat.target.grid);
+  const auto light_of = [&](const Solution& found, const Asked& asked) {
+    const Light light = detail::light_of_slices({asked.target.grid, found.light}, flat.target.grid);
     return asked_light(bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, light) : light);
   };
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
   const auto turns_of = [&](const Solution& found, const Asked& asked, double brightest) {
-    return turns_for(bench, per_unit * brightest, weakest_voxel(asked.target, found.dose));
+    return turns_for(bench, per_unit * brightest, weakest_voxel(asked.target, found.dose).name);
   };
   const bool spreads = resin.dose_diffusion_m2_s > 0;
   std::optional<SolverState> state;
   if (options.resume) {
-    state = file.read(spreads ? detail::spread_grid(flat.target.grid) : flat.target.grid);
+    const TomoGrid& grid = flat.target.grid;
+    state = file.read((spreads ? detail::spread_grid(grid) : grid).shape());
   }
   if (state) {
     context.tell(
@@ -420,7 +404,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   }
   Asked asked = flat;
   std::optional<Solution> found;
-  Light start(flat.target.grid), light(bench.grid);
+  Array<float> start;
+  Light light(bench.grid);
   double brightest = 0;
   Turns turns;
   for (;;) {
@@ -453,7 +438,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
           found->bound_slice, (found->bound_slice - 0.5 * (part.nz - 1)) * voxel_mm,
           found->contrast_bound, bench.alpha_r));
     }
-    light = light_of(*found);
+    light = light_of(*found, asked);
     brightest = bench.mw_cm2.back() / *std::max_element(light.values.begin(), light.values.end());
     turns = turns_of(*found, asked, brightest);
     if (!spreads) break;
@@ -475,8 +460,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   Exposure exposure = bench.exposure;
   exposure.critical_mj_cm3 = turns.dose_mj_cm3;
   exposure.most_time_s = options.most_time_s;
-  Field full = std::move(solution.dose);
-  for (float& d : full.values) d = static_cast<float>(d * brightest);
+  Array<float> full = std::move(solution.dose);
+  for (float& d : full) d = static_cast<float>(d * brightest);
   const PrintTime time = plan_time(quiet, *asked.projector, asked.target, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a

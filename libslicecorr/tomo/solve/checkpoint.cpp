@@ -139,7 +139,7 @@ std::uint64_t hash_of(const SolveOptions& o) {
   }
   for (const double rung : o.rungs) add(rung);
   if (o.start != nullptr) {
-    hash = hash_of(o.start->values.data(), o.start->values.size() * sizeof(float), hash);
+    hash = hash_of(o.start->data(), o.start->size() * sizeof(float), hash);
   }
   return hash;
 }
@@ -150,7 +150,7 @@ CheckpointFile::CheckpointFile(std::string path, double every_s, const Fingerpri
       every_(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(every_s))),
       not_before_(Clock::now() + every_) {}
 
-std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) {
+std::optional<SolverState> CheckpointFile::read(const Shape& shape) {
   if (path_.empty() || !std::filesystem::exists(path_)) return std::nullopt;
   const File file(std::fopen(path_.c_str(), "rb"));
   if (!file) throw InputError(path_, "", std::string("can't be read: ") + std::strerror(errno));
@@ -174,7 +174,7 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) {
   }
   std::vector<int> passes;
   in.some(passes);
-  SolverState state{{}, {}, {}, {}, 0, 0, Solution(grid)};
+  SolverState state;
   scalars(state, in);
   in.some(state.of_slices);
   in.some(state.missed);
@@ -184,13 +184,12 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) {
   state.best.history.resize(steps);
   for (Step& step : state.best.history) step_of(step, in);
   in.field(model);
-  in.numbers(state.numbers,
-             model != 0 ? state.best.dose.values.size() : state.best.light.values.size());
+  in.numbers(state.numbers, model != 0 ? shape.field() : shape.light());
   std::uint64_t dose = 0;
   in.field(dose);
-  in.numbers(state.dose, dose != 0 ? state.best.dose.values.size() : 0);
-  in.numbers(state.best.light.values, state.best.light.values.size());
-  in.numbers(state.best.dose.values, state.best.dose.values.size());
+  in.numbers(state.dose, dose != 0 ? shape.field() : 0);
+  in.numbers(state.best.light, shape.light());
+  in.numbers(state.best.dose, shape.field());
   const std::uint64_t hash = in.hash();
   std::uint64_t written = 0;
   in.field(written);
@@ -217,12 +216,12 @@ void CheckpointFile::keep(const SolverPlace& place) {
   out.some(place.missed);
   out.field(static_cast<std::uint64_t>(place.best.history.size()));
   for (const Step& step : place.best.history) step_of(step, out);
-  out.field(std::uint64_t{place.numbers.size() != place.best.light.values.size()});
+  out.field(std::uint64_t{place.numbers.size() != place.best.light.size()});
   out.numbers(place.numbers);
   out.field(std::uint64_t{!place.dose.empty()});
   out.numbers(place.dose);
-  out.numbers(place.best.light.values);
-  out.numbers(place.best.dose.values);
+  out.numbers(place.best.light);
+  out.numbers(place.best.dose);
   const std::uint64_t hash = out.hash();
   out.field(hash);
   if (std::fclose(file.release()) != 0) failed();

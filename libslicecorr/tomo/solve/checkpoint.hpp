@@ -35,7 +35,7 @@ class CheckpointFile {
 
   /// Nothing when there is no file. Throws `InputError` for one that is damaged, or of another part,
   /// insert, printer, resin or options, naming which.
-  std::optional<SolverState> read(const TomoGrid& grid);
+  std::optional<SolverState> read(const Shape& shape);
   /// For how many turns dose spread, solve by solve up to the one that is kept; none where it does
   /// not. What was read, or given.
   const std::vector<int>& passes() const { return passes_; }

@@ -3,7 +3,10 @@
 
 #include "slicecorr/tomo/metrics.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -16,20 +19,22 @@ namespace {
 struct Sorted {
   std::vector<float> gel, empty;
 
-  Sorted(const Target& target, const Field& dose) {
-    gel.reserve(target.gel);
-    empty.reserve(target.empty);
-    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-      if (target.kinds[i] == Kind::gel) gel.push_back(dose.values[i]);
-      if (target.kinds[i] == Kind::empty) empty.push_back(dose.values[i]);
+  Sorted(const CellKinds& cells, const Array<float>& dose) {
+    gel.reserve(cells.gel);
+    empty.reserve(cells.empty);
+    for (std::size_t i = 0; i < cells.kinds.size(); ++i) {
+      if (cells.kinds[i] == Kind::gel) gel.push_back(dose[i]);
+      if (cells.kinds[i] == Kind::empty) empty.push_back(dose[i]);
     }
     std::sort(gel.begin(), gel.end());
     std::sort(empty.begin(), empty.end());
   }
 };
 
-void check_dose(const Target& target, const Field& dose) {
-  if (!(dose.grid == target.grid)) throw InputError("dose", "", "must have the grid of the part");
+void check_dose(const CellKinds& cells, const Array<float>& dose) {
+  if (dose.size() != cells.kinds.size()) {
+    throw InputError("dose", "", "must have the grid of the part");
+  }
 }
 
 bool in_slice(const TomoGrid& grid, std::size_t i) {
@@ -66,9 +71,9 @@ std::uint16_t nearest_level(double wanted, const std::vector<double>& mw_cm2) {
   return static_cast<std::uint16_t>(level);
 }
 
-Metrics measure(const Target& target, const Field& dose) {
-  check_dose(target, dose);
-  const Sorted d(target, dose);
+Metrics measure(const CellKinds& cells, const Array<float>& dose) {
+  check_dose(cells, dose);
+  const Sorted d(cells, dose);
   Metrics m;
   m.gel = d.gel.size();
   m.empty = d.empty.size();
@@ -100,15 +105,32 @@ Metrics measure(const Target& target, const Field& dose) {
   return m;
 }
 
-double jaccard(const Target& target, const Field& dose, double threshold) {
-  check_dose(target, dose);
+double jaccard(const CellKinds& cells, const Array<float>& dose, double threshold) {
+  check_dose(cells, dose);
   std::size_t both = 0, wrong = 0;
-  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    if (dose.values[i] < threshold) continue;
-    both += target.kinds[i] == Kind::gel;
-    wrong += target.kinds[i] == Kind::empty;
+  for (std::size_t i = 0; i < cells.kinds.size(); ++i) {
+    if (dose[i] < threshold) continue;
+    both += cells.kinds[i] == Kind::gel;
+    wrong += cells.kinds[i] == Kind::empty;
   }
-  return static_cast<double>(both) / static_cast<double>(target.gel + wrong);
+  return static_cast<double>(both) / static_cast<double>(cells.gel + wrong);
+}
+
+WeakVoxel weakest_voxel(const Target& target, const Array<float>& dose) {
+  const TomoGrid& grid = target.grid;
+  float least = std::numeric_limits<float>::infinity();
+  std::array<int, 3> at{};
+  for (int z = 0; z < grid.slices; ++z) {
+    for (int y = 0; y < grid.voxels; ++y) {
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        const std::size_t v = grid.voxel(x, y, z);
+        if (target.kinds[v] != Kind::gel || dose[v] >= least) continue;
+        least = dose[v];
+        at = {x, y, z};
+      }
+    }
+  }
+  return {least, fmt::format("the part's voxel {}, {} in slice {}", at[0], at[1], at[2])};
 }
 
 double efficiency(const Light& light) {
@@ -128,7 +150,7 @@ double dose_of_turn(const TomoGrid& grid, const Exposure& exposure) {
 }
 
 PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
-                    const Target& target, const Field& dose, const Exposure& exposure) {
+                    const Target& target, const Array<float>& dose, const Exposure& exposure) {
   check_dose(target, dose);
   if (!(exposure.alpha_a_per_cm > 0) || !(exposure.turn_s > 0) || !(exposure.critical_mj_cm3 > 0) ||
       !(exposure.black_mw_cm2 >= 0) || !(exposure.most_time_s >= 0)) {
@@ -138,20 +160,11 @@ PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
   }
   const TomoGrid& grid = target.grid;
   const double unit = dose_of_turn(grid, exposure);
-  double least = std::numeric_limits<double>::infinity();
-  for (int z = 0; z < grid.slices; ++z) {
-    for (int y = 0; y < grid.voxels; ++y) {
-      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
-        const std::size_t v = grid.voxel(x, y, z);
-        if (target.kinds[v] != Kind::gel) continue;
-        if (!(dose.values[v] > 0)) {
-          throw InfeasibleError("the part's voxel " + std::to_string(x) + ", " + std::to_string(y) +
-                                " in slice " + std::to_string(z) + " gets no light from any angle");
-        }
-        least = std::min<double>(least, unit * dose.values[v]);
-      }
-    }
+  const WeakVoxel weakest = weakest_voxel(target, dose);
+  if (!(weakest.dose > 0)) {
+    throw InfeasibleError(weakest.name + " gets no light from any angle");
   }
+  const double least = unit * weakest.dose;
   PrintTime time;
   const double turns = std::ceil(exposure.critical_mj_cm3 / least * (1 - 1e-12));
   time.time_s = std::max(1.0, turns) * exposure.turn_s;

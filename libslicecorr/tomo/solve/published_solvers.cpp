@@ -6,44 +6,85 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tomo/solve/best_light.hpp"
-
 namespace slicecorr::tomo::detail {
 namespace {
 
+void scale(Array<float>& values, double factor) {
+  for (float& v : values) v *= static_cast<float>(factor);
+}
+
+float largest(const Array<float>& values) {
+  return *std::max_element(values.begin(), values.end());
+}
+
+/// The best light of those that a solver passes through.
+class Best {
+ public:
+  Best(const Target& target, Solution& solution) : target_(target), solution_(solution) {}
+
+  /// Goes on from what another was offered.
+  void resume(const FoundLight& best) {
+    static_cast<FoundLight&>(solution_) = best;
+    solution_.metrics = measure(target_, best.dose);
+    any_ = true;
+  }
+  /// By VER first, and then by process window.
+  void offer(const Array<float>& light, const Array<float>& dose, const Metrics& m) {
+    const Metrics& best = solution_.metrics;
+    const bool better = m.ver < best.ver || (m.ver == best.ver && m.pw > best.pw);
+    if (any_ && !better) return;
+    any_ = true;
+    solution_.light = light;
+    solution_.dose = dose;
+    solution_.metrics = m;
+  }
+  /// Scales to 1 at the weakest gel voxel.
+  void finish() {
+    const double least = solution_.metrics.min_gel;
+    if (!(least > 0)) return;
+    scale(solution_.light, 1 / least);
+    scale(solution_.dose, 1 / least);
+    solution_.metrics = measure(target_, solution_.dose);
+  }
+
+ private:
+  const Target& target_;
+  Solution& solution_;
+  bool any_ = false;
+};
+
 /// Clips at 0 and scales light to a maximum of 1.
-void normalise(Light& light) {
-  for (float& v : light.values) v = std::max(v, 0.0f);
-  const float most = largest(light.values);
-  if (most > 0) scale(light.values, 1.0 / most);
+void normalise(Array<float>& light) {
+  for (float& v : light) v = std::max(v, 0.0f);
+  const float most = largest(light);
+  if (most > 0) scale(light, 1.0 / most);
 }
 
 /// Cuts off light above the mean and this many standard deviations, and rounds what is left to 256
 /// levels, the brightest 1.
-void clip(Light& light, double sigmas) {
-  const TomoGrid& grid = light.grid;
+void clip(const TomoGrid& grid, Array<float>& light, double sigmas) {
   const auto lanes = static_cast<std::size_t>(grid.light_lanes());
   double sum = 0, squares = 0;
   // Lanes without a slice are 0 and add nothing.
-  for (const float v : light.values) {
+  for (const float v : light) {
     sum += v;
     squares += static_cast<double>(v) * v;
   }
-  const std::size_t of_lane = light.values.size() / (grid.blocks() * lanes);
-  const double count = static_cast<double>(of_lane) * (grid.coupled() ? grid.rows : grid.slices);
+  const std::size_t of_lane = light.size() / (grid.blocks() * lanes);
+  const double count = static_cast<double>(of_lane) * grid.light_rows();
   const double mean = sum / count;
   const double most = mean + sigmas * std::sqrt(std::max(0.0, squares / count - mean * mean));
-  for (float& v : light.values) v = std::min(v, static_cast<float>(most));
+  for (float& v : light) v = std::min(v, static_cast<float>(most));
   normalise(light);
-  for (float& v : light.values) v = std::round(v * 255) / 255;
+  for (float& v : light) v = std::round(v * 255) / 255;
 }
 
 /// A step of OSMO or Kelly, judged.
 void record(const Target& target, const Light& light, const Field& dose, int step, Best& best,
             Solution& solution) {
-  const Metrics m = measure(target, dose);
+  const Metrics m = measure(target, dose.values);
   solution.history.push_back({.step = step, .ver = m.ver, .pw = m.pw, .contrast = m.contrast});
-  best.offer(light, dose, m);
+  best.offer(light.values, dose.values, m);
 }
 
 }  // namespace
@@ -55,9 +96,9 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   Light light(target.grid);
   Field dose(target.grid);
   const auto project = [&] {
-    forward(projector, context, model, light);
-    normalise(light);
-    adjoint(projector, context, light, dose);
+    forward(projector, context, model.values, light.values);
+    normalise(light.values);
+    adjoint(projector, context, light.values, dose.values);
     const float most = largest(dose.values);
     if (most > 0) scale(dose.values, 1.0 / most);
   };
@@ -102,9 +143,9 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
       options.checkpoint({.numbers = model.values, .dose = {}, .step = step + 1, .best = solution});
     }
   }
-  if (options.clip_sigma > 0) clip(solution.light, options.clip_sigma);
+  if (options.clip_sigma > 0) clip(target.grid, solution.light, options.clip_sigma);
   // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
-  solution.dose = adjoint(projector, context, solution.light);
+  adjoint(projector, context, solution.light, solution.dose);
   solution.metrics = measure(target, solution.dose);
   best.finish();
 }
@@ -134,7 +175,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
   const double unit_step = jump > 0 ? 1 / jump : 1;
   Light light = unit;
   if (options.start != nullptr) {
-    light = *options.start;
+    light.values = *options.start;
   } else {
     scale(light.values, unit_step);
   }
@@ -153,7 +194,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
     for (float& v : light.values) v = std::round(v / most * 255) / 255 * most;
     const Field dose = adjoint(projector, context, light);
     record(target, light, dose, step, best, solution);
-    const double threshold = measure(target, dose).best_threshold;
+    const double threshold = measure(target, dose.values).best_threshold;
     const double width = 0.05 * largest(dose.values);
     Field wrong(grid);
     for (std::size_t i = 0; i < target.kinds.size(); ++i) {

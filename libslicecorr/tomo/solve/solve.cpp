@@ -8,10 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <string>
 
 #include "slicecorr/error.hpp"
-#include "tomo/solve/ladder.hpp"
 #include "tomo/solve/published_solvers.hpp"
 
 namespace slicecorr::tomo {
@@ -22,7 +20,8 @@ void refuse(const char* option, const char* message) {
 }
 
 void check_options(const Projector& projector, const Target& target, const SolveOptions& o) {
-  if (!(projector.grid() == target.grid)) refuse("projector", "must have the grid of the part");
+  const Shape shape = target.grid.shape();
+  if (!(projector.shape() == shape)) refuse("projector", "must have the grid of the part");
   if (o.steps < 0) refuse("steps", "must be 0 or more");
   if (o.memory < 1 || o.memory > 50) refuse("memory", "must be in 1..50");
   if (o.most_steps < 0) refuse("most_steps", "must be 0 or more");
@@ -40,16 +39,14 @@ void check_options(const Projector& projector, const Target& target, const Solve
   }
   if (!(o.clip_sigma >= 0)) refuse("clip_sigma", "must be 0 or more");
   if (!(o.stop_error >= 0)) refuse("stop_error", "must be 0 or more");
-  if (o.start != nullptr && !(o.start->grid == target.grid)) {
+  if (o.start != nullptr && o.start->size() != shape.light()) {
     refuse("start", "must have the grid of the part");
   }
   if (o.resume != nullptr) {
-    const std::size_t light = target.grid.blocks() * target.grid.light_of_block();
-    const std::size_t voxels = target.kinds.size();
     const bool ladder = o.method == Method::ladder;
-    if (!(o.resume->best.light.grid == target.grid) ||
-        o.resume->numbers.size() != (o.method == Method::osmo ? voxels : light) ||
-        o.resume->dose.size() != (ladder ? voxels : 0)) {
+    if (o.resume->best.light.size() != shape.light() ||
+        o.resume->numbers.size() != (o.method == Method::osmo ? shape.field() : shape.light()) ||
+        o.resume->dose.size() != (ladder ? shape.field() : 0)) {
       refuse("resume", "must have the grid of the part");
     }
   }
@@ -57,22 +54,25 @@ void check_options(const Projector& projector, const Target& target, const Solve
 
 /// Throws for a gel voxel that no pixel lights.
 void check_lit(const ExecutionContext& context, const Projector& projector, const Target& target) {
-  const TomoGrid& grid = target.grid;
-  Light all(grid);
-  std::fill(all.values.begin(), all.values.end(), 1.0f);
-  const Field seen = adjoint(projector, context, all);
-  for (int z = 0; z < grid.slices; ++z) {
-    for (int y = 0; y < grid.voxels; ++y) {
-      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
-        const std::size_t v = grid.voxel(x, y, z);
-        if (target.kinds[v] == Kind::gel && !(seen.values[v] > 0)) {
-          throw InfeasibleError("the part's voxel " + std::to_string(x) + ", " + std::to_string(y) +
-                                " in slice " + std::to_string(z) +
-                                " is lit from no angle; move the part or the insert");
-        }
-      }
-    }
+  const Light all(target.grid, Array<float>(target.grid.shape().light(), 1.0F));
+  const WeakVoxel weakest = weakest_voxel(target, adjoint(projector, context, all).values);
+  if (!(weakest.dose > 0)) {
+    throw InfeasibleError(weakest.name + " is lit from no angle; move the part or the insert");
   }
+}
+
+/// The ladder, from where filtered back projection leads.
+Solution from_projections(const ExecutionContext& context, const Projector& projector,
+                          const Target& target, const RayTables& optics, SolveOptions how) {
+  Array<float> start;
+  if (how.start == nullptr && how.resume == nullptr) {
+    start = filtered_start(context, target, optics, how.window).values;
+    how.start = &start;
+    how.scale_start = true;
+  }
+  Solution solution{ladder(context, projector, target, how), {}};
+  solution.metrics = measure(target, solution.dose);
+  return solution;
 }
 
 }  // namespace
@@ -89,10 +89,10 @@ Solution solve(const ExecutionContext& context, const Projector& projector, cons
                const RayTables& optics, const SolveOptions& options) {
   check_options(projector, target, options);
   check_lit(context, projector, target);
-  Solution solution(target.grid);
+  Solution solution;
   switch (options.method) {
     case Method::ladder:
-      detail::run_ladder(context, projector, target, optics, options, solution);
+      solution = from_projections(context, projector, target, optics, options);
       break;
     case Method::osmo:
       detail::run_osmo(context, projector, target, options, solution);

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "slicecorr/parallel.hpp"
-#include "slicecorr/tomo/projector.hpp"
 #include "slicecorr/tomo/solve.hpp"
 
 namespace slicecorr::tomo::detail {
@@ -44,7 +43,7 @@ class ToldProjector final : public Projector {
         expected_(expected),
         calls_(std::make_shared<std::atomic<std::int64_t>>(0)) {}
 
-  const TomoGrid& grid() const override { return projector_.grid(); }
+  Shape shape() const override { return projector_.shape(); }
   void forward(std::size_t block, const float* field, float* light,
                const ExecutionContext& context) const override {
     projector_.forward(block, field, light, context);

@@ -12,8 +12,8 @@
 /// chapter 3, with absorption). A volume is [z][y][x], z upwards; images of beams along x are
 /// [z][y], along y [z][x], along z [y][x].
 ///
-/// Grey images are found by the solver of tomographic printing (tomo/solve.hpp), whose angles are
-/// the beams here. All functions are thread-safe and give the same bytes for any number of threads.
+/// Grey images are found by the ladder (tomo/ladder.hpp), which finds light for a vial that turns,
+/// too. All functions are thread-safe and give the same bytes for any number of threads.
 #pragma once
 
 #include <array>

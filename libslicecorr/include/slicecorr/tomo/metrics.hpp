@@ -11,6 +11,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "slicecorr/parallel.hpp"
@@ -38,9 +39,15 @@ struct Metrics {
   double best_jaccard = 0, best_threshold = 0;
 };
 
-Metrics measure(const Target& target, const Field& dose);
+Metrics measure(const CellKinds& cells, const Array<float>& dose);
 /// Jaccard index of what is at or above `threshold`.
-double jaccard(const Target& target, const Field& dose, double threshold);
+double jaccard(const CellKinds& cells, const Array<float>& dose, double threshold);
+/// The part's voxel with the least dose, the first of several.
+struct WeakVoxel {
+  double dose = 0;
+  std::string name;  ///< for people
+};
+WeakVoxel weakest_voxel(const Target& target, const Array<float>& dose);
 /// Mean over maximum of the light, 0..1; 0 when all is dark. Lanes without a slice don't count.
 double efficiency(const Light& light);
 
@@ -66,7 +73,7 @@ double dose_of_turn(const TomoGrid& grid, const Exposure& exposure);
 /// `dose` is A^T of the light in mW/cm2. Throws `InfeasibleError` when a gel voxel gets no light
 /// (naming it), when the floor reaches Dc, or when it takes longer than allowed (giving N).
 PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
-                    const Target& target, const Field& dose, const Exposure& exposure);
+                    const Target& target, const Array<float>& dose, const Exposure& exposure);
 
 /// Grey levels of a projector: `mw_cm2[level]`, which must not fall and must rise in all.
 /// The level nearest to a light in mW/cm2, the lower of two.

@@ -18,14 +18,12 @@
 /// frames: as each frame is shown for 1/M of a turn, that is the mean over the same time. Then the
 /// light is parallel-beam light.
 ///
-/// Thread-safe: projectors are const once made.
+/// Thread-safe.
 #pragma once
 
-#include <cstddef>
 #include <memory>
 #include <vector>
 
-#include "slicecorr/parallel.hpp"
 #include "slicecorr/tomo/volume.hpp"
 
 namespace slicecorr::tomo {
@@ -58,37 +56,14 @@ struct Shadow {
 /// square covers as seen at each angle, at least the nearest; light ends where it enters the voxel.
 Shadow cast_shadow(const Volume& insert);
 
-class Projector {
- public:
-  virtual ~Projector() = default;
-  virtual const TomoGrid& grid() const = 0;
-  /// light = A field, of one block. Voxels with r > R are ignored. Rows and angles are shared among
-  /// the context's threads; its callbacks are not called.
-  virtual void forward(std::size_t block, const float* field, float* light,
-                       const ExecutionContext& context) const = 0;
-  /// field = A^T light, of one block. Voxels with r > R become 0.
-  virtual void adjoint(std::size_t block, const float* light, float* field,
-                       const ExecutionContext& context) const = 0;
-  /// The same for these slices of the grid alone, in this order.
-  virtual std::unique_ptr<Projector> of_slices(const std::vector<int>& slices) const = 0;
-};
-
 /// The fast projector, in single precision and vector registers. Throws `InputError` for tables
 /// that don't fit the grid, and values out of range.
 std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const RayTables& optics = {},
                                           std::shared_ptr<const Shadow> shadow = nullptr);
 
-/// How a block may run where this context has so many of them to run at once: with the threads that
-/// are left to each, and silent.
-ExecutionContext inside_block(const ExecutionContext& context, std::size_t blocks);
-
-/// All blocks; the same bytes for any number of threads.
+/// All blocks of what has the projector's grid; the same bytes for any number of threads. Voxels with
+/// r > R are ignored, and become 0.
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field);
 Field adjoint(const Projector& projector, const ExecutionContext& context, const Light& light);
-/// The same in place of what `light` and `field` hold, which have the projector's grid.
-void forward(const Projector& projector, const ExecutionContext& context, const Field& field,
-             Light& light);
-void adjoint(const Projector& projector, const ExecutionContext& context, const Light& light,
-             Field& field);
 
 }  // namespace slicecorr::tomo

@@ -19,25 +19,11 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <new>
-#include <vector>
+#include <utility>
+
+#include "slicecorr/tomo/projection.hpp"
 
 namespace slicecorr::tomo {
-
-/// Allocates at cache lines, so that no vector register is loaded from two of them.
-template <class T>
-struct CacheLineAllocator {
-  using value_type = T;
-  static constexpr std::align_val_t kAlignment{64};
-  CacheLineAllocator() = default;
-  template <class U>
-  CacheLineAllocator(const CacheLineAllocator<U>&) {}  // NOLINT: as std::allocator
-  T* allocate(std::size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), kAlignment)); }
-  void deallocate(T* p, std::size_t) { ::operator delete(p, kAlignment); }
-  bool operator==(const CacheLineAllocator&) const = default;
-};
-template <class T>
-using Array = std::vector<T, CacheLineAllocator<T>>;
 
 /// Voxels, angles and pixels of a problem.
 struct TomoGrid {
@@ -68,11 +54,6 @@ struct TomoGrid {
   bool coupled() const { return rows > 0; }
   /// Rows of light: the slices', or the detector's.
   int light_rows() const { return coupled() ? rows : slices; }
-  /// How many parts of the light nothing else depends on: slices, or all of them as one.
-  int problems() const { return coupled() ? 1 : slices; }
-  /// The same of a block: its lanes are problems of their own, or all one.
-  int problem_lanes() const { return coupled() ? 1 : lanes(); }
-  int problems_of(std::size_t block) const { return coupled() ? 1 : lanes_used(block); }
 
   /// Slices per block, and so the number of lanes; the last block may hold fewer slices, its other
   /// lanes are 0 and stay 0. It depends on the number of slices, and of a few on the widths of
@@ -80,16 +61,12 @@ struct TomoGrid {
   int lanes() const;
   /// Numbers of light per angle and pixel of a block.
   int light_lanes() const { return rows > 0 ? (rows + 15) / 16 * 16 : lanes(); }
-  /// Cache lines of 16 lanes; many of them an odd number, as columns of voxels that are a power of
-  /// two apart would share few places in a cache.
-  static int all_lanes(int slices) {
-    const int lines = (slices + 15) / 16;
-    return 16 * (lines > 7 ? lines | 1 : lines);
-  }
-  std::size_t blocks() const { return (static_cast<std::size_t>(slices) + lanes() - 1) / lanes(); }
-  int lanes_used(std::size_t block) const;
   std::size_t voxels_of_block() const;  ///< numbers in a block of a field
   std::size_t light_of_block() const;   ///< numbers in a block of light
+  /// What solvers need to know of it.
+  Shape shape() const { return {slices, lanes(), coupled(), voxels_of_block(), light_of_block()}; }
+  std::size_t blocks() const { return shape().blocks(); }
+  int lanes_used(std::size_t block) const { return shape().lanes_used(block); }
   /// Place of a voxel in a field: [block][y][x][lane].
   std::size_t voxel(int x, int y, int slice) const;
   /// Place of a pixel in light: [block][angle][pixel][lane].
@@ -116,14 +93,9 @@ struct Volume {
   explicit Volume(const TomoGrid& g);
 };
 
-/// What the solver and the metrics take a voxel for.
-enum class Kind : std::uint8_t { neither, gel, empty };
-
-/// Kinds of all voxels, laid out as a field; outside of R and in unused lanes `neither`.
-struct Target {
+/// Voxels outside of R and in unused lanes are `neither`.
+struct Target : CellKinds {
   TomoGrid grid;
-  Array<Kind> kinds;
-  std::size_t gel = 0, empty = 0;  ///< numbers of gel and of void voxels
 
   /// `opaque` (an insert, coverage > 0), when given, has the grid of `part`; its voxels are neither.
   /// Throws `InputError` when there is no gel voxel, no void voxel, or a gel voxel in the insert.
@@ -136,8 +108,6 @@ struct Field {
   Array<float> values;
 
   explicit Field(const TomoGrid& g) : grid(g), values(g.blocks() * g.voxels_of_block()) {}
-  float* block(std::size_t b) { return values.data() + b * grid.voxels_of_block(); }
-  const float* block(std::size_t b) const { return values.data() + b * grid.voxels_of_block(); }
 };
 
 /// A number per angle and pixel, what the projector shows: [block][angle][pixel][lane].
@@ -145,7 +115,8 @@ struct Light {
   TomoGrid grid;
   Array<float> values;
 
-  explicit Light(const TomoGrid& g) : grid(g), values(g.blocks() * g.light_of_block()) {}
+  explicit Light(const TomoGrid& g) : Light(g, Array<float>(g.blocks() * g.light_of_block())) {}
+  Light(const TomoGrid& g, Array<float> v) : grid(g), values(std::move(v)) {}
   float* block(std::size_t b) { return values.data() + b * grid.light_of_block(); }
   const float* block(std::size_t b) const { return values.data() + b * grid.light_of_block(); }
 };

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "tomo/solve/block_solver.hpp"
+#include "tomo/projection/block_solver.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <mutex>
 
 #include "support/numbers/bracket.hpp"
-#include "tomo/solve/column_loops.hpp"
+#include "tomo/projection/column_loops.hpp"
 
 namespace slicecorr::tomo::detail {
 namespace {
@@ -77,9 +77,9 @@ class Solver {
       : projector_(projector),
         block_(block),
         context_(context),
-        loops_(projector.grid().problem_lanes(), context),
-        voxels_(projector.grid().voxels_of_block()),
-        pixels_(projector.grid().light_of_block()),
+        loops_(projector.shape().problem_lanes(), context),
+        voxels_(projector.shape().field_of_block),
+        pixels_(projector.shape().light_of_block),
         cap_(static_cast<float>(penalty.cap)),
         limits_(kinds, voxels_, loops_.padded(voxels_), penalty),
         dose_(loops_.padded(voxels_)),
@@ -94,7 +94,7 @@ class Solver {
   BlockRun run(int steps, bool may_leave, float* light, float* dose) {
     const int lanes = loops_.lanes();
     BlockRun run;
-    run.slices.resize(static_cast<std::size_t>(projector_.grid().problems_of(block_)));
+    run.slices.resize(static_cast<std::size_t>(projector_.shape().problems_of(block_)));
     for (std::size_t i = 0; i < pixels_; ++i) light_[i] = std::clamp(light[i], 0.0f, cap_);
     live_.fill(0);
     const std::size_t used = lanes == 1 ? kColumns : run.slices.size();
@@ -311,14 +311,14 @@ class Solver {
 
 }  // namespace
 
-std::vector<double> best_scales(const TomoGrid& grid, const Kind* kinds, const float* dose,
+std::vector<double> best_scales(const Shape& shape, const Kind* kinds, const float* dose,
                                 const Penalty& penalty, const ExecutionContext& context) {
-  const std::size_t count = grid.voxels_of_block();
-  const ColumnLoops loops(grid.problem_lanes(), context);
+  const std::size_t count = shape.field_of_block;
+  const ColumnLoops loops(shape.problem_lanes(), context);
   const Limits limits(kinds, count, loops.padded(count), penalty);
   Array<float> zero(loops.padded(count)), change(loops.padded(count));
   std::copy_n(dose, count, change.data());
-  const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
+  const auto lanes = static_cast<std::size_t>(shape.problem_lanes());
   Doubles most{};
   for (std::size_t i = 0; i < count; ++i) {
     if (kinds[i] == Kind::gel) most[i % lanes] = std::max<double>(most[i % lanes], dose[i]);

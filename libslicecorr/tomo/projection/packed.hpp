@@ -9,24 +9,26 @@
 #include <limits>
 #include <vector>
 
-#include "slicecorr/tomo/projector.hpp"
-#include "slicecorr/tomo/volume.hpp"
+#include "slicecorr/tomo/projection.hpp"
 
 namespace slicecorr::tomo::detail {
 
 class PackedSlices {
  public:
-  /// `slices` of the projector's grid, at least one.
+  /// `slices` of the projector, at least one.
   PackedSlices(const Projector& projector, const std::vector<int>& slices)
-      : from_(projector.grid()), slices_(slices), projector_(projector.of_slices(slices)) {}
+      : from_(projector.shape()),
+        slices_(slices),
+        projector_(projector.of_slices(slices)),
+        to_(projector_->shape()) {}
 
   const Projector& projector() const { return *projector_; }
-  const TomoGrid& grid() const { return projector_->grid(); }
+  std::size_t blocks() const { return to_.blocks(); }
   /// The slices of a block, lane by lane.
   std::vector<int> of_block(std::size_t block) const {
-    const auto lanes = static_cast<std::size_t>(grid().lanes());
+    const auto lanes = static_cast<std::size_t>(to_.lanes);
     const auto first = slices_.begin() + static_cast<std::ptrdiff_t>(block * lanes);
-    return {first, first + grid().lanes_used(block)};
+    return {first, first + to_.lanes_used(block)};
   }
 
   /// Numbers of a block out of an array over the whole part, and back: `per_block` per block and lane.
@@ -48,8 +50,8 @@ class PackedSlices {
     std::size_t rows, from_lanes, to_lanes;
   };
   Strides strides(std::size_t whole) const {
-    const auto lanes = static_cast<std::size_t>(from_.lanes());
-    return {whole / from_.blocks() / lanes, lanes, static_cast<std::size_t>(grid().lanes())};
+    const auto lanes = static_cast<std::size_t>(from_.lanes);
+    return {whole / from_.blocks() / lanes, lanes, static_cast<std::size_t>(to_.lanes)};
   }
   template <class Use>
   void copy(std::size_t block, const Strides& s, const Use& use) const {
@@ -66,24 +68,24 @@ class PackedSlices {
     }
   }
 
-  TomoGrid from_;
+  Shape from_;
   std::vector<int> slices_;
   std::unique_ptr<Projector> projector_;
+  Shape to_;
 };
 
 /// The slice whose own contrast is least.
-inline int hardest_slice(const Target& target, const Field& dose) {
-  const TomoGrid& grid = target.grid;
-  const auto lanes = static_cast<std::size_t>(grid.lanes());
-  const auto slices = static_cast<std::size_t>(grid.slices);
+inline int hardest_slice(const Shape& shape, const CellKinds& cells, const Array<float>& dose) {
+  const auto lanes = static_cast<std::size_t>(shape.lanes);
+  const auto slices = static_cast<std::size_t>(shape.slices);
   std::vector<float> least(slices, std::numeric_limits<float>::infinity()), most(slices, 0.0F);
-  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    if (target.kinds[i] == Kind::neither) continue;
-    const std::size_t z = i / grid.voxels_of_block() * lanes + i % lanes;
-    if (target.kinds[i] == Kind::gel) {
-      least[z] = std::min(least[z], dose.values[i]);
+  for (std::size_t i = 0; i < cells.kinds.size(); ++i) {
+    if (cells.kinds[i] == Kind::neither) continue;
+    const std::size_t z = i / shape.field_of_block * lanes + i % lanes;
+    if (cells.kinds[i] == Kind::gel) {
+      least[z] = std::min(least[z], dose[i]);
     } else {
-      most[z] = std::max(most[z], dose.values[i]);
+      most[z] = std::max(most[z], dose[i]);
     }
   }
   int hardest = -1;
@@ -96,18 +98,18 @@ inline int hardest_slice(const Target& target, const Field& dose) {
   return hardest;
 }
 
-/// The slices that hold gel.
-inline std::vector<int> slices_with_gel(const Target& target) {
-  const TomoGrid& grid = target.grid;
-  const auto lanes = static_cast<std::size_t>(grid.lanes());
-  std::vector<bool> has(static_cast<std::size_t>(grid.slices), false);
-  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    if (target.kinds[i] == Kind::gel) {
-      has[i / grid.voxels_of_block() * lanes + i % lanes] = true;
+/// The slices that hold gel, or all of them as one.
+inline std::vector<int> problems_with_gel(const Shape& shape, const CellKinds& cells) {
+  if (shape.coupled) return {0};
+  const auto lanes = static_cast<std::size_t>(shape.lanes);
+  std::vector<bool> has(static_cast<std::size_t>(shape.slices), false);
+  for (std::size_t i = 0; i < cells.kinds.size(); ++i) {
+    if (cells.kinds[i] == Kind::gel) {
+      has[i / shape.field_of_block * lanes + i % lanes] = true;
     }
   }
   std::vector<int> slices;
-  for (int z = 0; z < grid.slices; ++z) {
+  for (int z = 0; z < shape.slices; ++z) {
     if (has[static_cast<std::size_t>(z)]) slices.push_back(z);
   }
   return slices;

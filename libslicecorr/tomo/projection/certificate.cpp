@@ -1,16 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "tomo/solve/certificate.hpp"
+#include "tomo/projection/certificate.hpp"
 
 #include <algorithm>
 #include <limits>
 
-#include "slicecorr/tomo/solve.hpp"
-#include "tomo/operators/packed.hpp"
+#include "tomo/projection/packed.hpp"
 
-namespace slicecorr::tomo {
-namespace detail {
+namespace slicecorr::tomo::detail {
 namespace {
 
 constexpr double kWithoutEnd = std::numeric_limits<double>::infinity();
@@ -20,14 +18,13 @@ constexpr double kMargin = 1e-4;
 constexpr int kRounds = 12;
 constexpr float kRaise = 10;
 
-}  // namespace
-
+/// Of each slice of a block.
 std::vector<double> bounds_of_block(const Projector& projector, std::size_t block,
                                     const Kind* kinds, const float* dose, double rung,
                                     const ExecutionContext& context) {
-  const TomoGrid& grid = projector.grid();
-  const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
-  const std::size_t voxels = grid.voxels_of_block(), pixels = grid.light_of_block();
+  const Shape shape = projector.shape();
+  const auto lanes = static_cast<std::size_t>(shape.problem_lanes());
+  const std::size_t voxels = shape.field_of_block, pixels = shape.light_of_block;
   Array<float> low(voxels), high(voxels), empty(voxels), seen(voxels), raise(voxels);
   Array<float> a_low(pixels), a_high(pixels), a_empty(pixels), ray(pixels);
   for (std::size_t i = 0; i < voxels; ++i) {
@@ -87,38 +84,31 @@ std::vector<double> bounds_of_block(const Projector& projector, std::size_t bloc
       if (empty[i] > 0 && seen[i] > 0) high[i] += kRaise * raise[i] / seen[i];
     }
   }
-  bounds.resize(static_cast<std::size_t>(grid.problems_of(block)));
+  bounds.resize(static_cast<std::size_t>(shape.problems_of(block)));
   return bounds;
 }
 
-}  // namespace detail
+}  // namespace
 
-Certificate contrast_bound(const ExecutionContext& context, const Projector& projector,
-                           const Target& target, const Field& dose, double rung) {
-  if (target.grid.coupled()) {
-    const std::vector<double> bounds = detail::bounds_of_block(projector, 0, target.kinds.data(),
-                                                               dose.values.data(), rung, context);
-    return {bounds.front(), detail::hardest_slice(target, dose)};
+std::vector<double> contrast_bounds(const ExecutionContext& context, const Projector& projector,
+                                    const CellKinds& cells, const Array<float>& dose, double rung,
+                                    const std::vector<int>& slices) {
+  const Shape shape = projector.shape();
+  if (shape.coupled) {
+    return bounds_of_block(projector, 0, cells.kinds.data(), dose.data(), rung, context);
   }
-  const std::vector<int> slices = detail::slices_with_gel(target);
-  const detail::PackedSlices packed(projector, slices);
-  const std::size_t blocks = packed.grid().blocks();
-  const ExecutionContext inside = inside_block(context, blocks);
-  std::vector<std::vector<double>> bounds(blocks);
-  parallel_for(context, "proving", blocks, [&](std::size_t b) {
-    const Array<Kind> kinds = packed.take(b, target.kinds);
-    const Array<float> doses = packed.take(b, dose.values);
-    bounds[b] =
-        detail::bounds_of_block(packed.projector(), b, kinds.data(), doses.data(), rung, inside);
-  });
-  Certificate least;
-  for (std::size_t b = 0; b < blocks; ++b) {
+  std::vector<double> bounds(static_cast<std::size_t>(shape.slices), kWithoutEnd);
+  const PackedSlices packed(projector, slices);
+  const ExecutionContext inside = inside_block(context, packed.blocks());
+  parallel_for(context, "proving", packed.blocks(), [&](std::size_t b) {
     const std::vector<int> lanes = packed.of_block(b);
-    for (std::size_t l = 0; l < lanes.size(); ++l) {
-      if (bounds[b][l] < least.bound) least = {bounds[b][l], lanes[l]};
-    }
-  }
-  return least;
+    const Array<Kind> kinds = packed.take(b, cells.kinds);
+    const Array<float> doses = packed.take(b, dose);
+    const std::vector<double> found =
+        bounds_of_block(packed.projector(), b, kinds.data(), doses.data(), rung, inside);
+    for (std::size_t l = 0; l < lanes.size(); ++l) bounds[lanes[l]] = found[l];
+  });
+  return bounds;
 }
 
-}  // namespace slicecorr::tomo
+}  // namespace slicecorr::tomo::detail

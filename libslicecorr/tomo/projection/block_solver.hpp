@@ -1,15 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// Projected L-BFGS on the slices of one block: the penalty of solve.hpp, with bounds on the light.
+/// Projected L-BFGS on the slices of one block: the penalty of tomo/ladder.hpp, with bounds on the light.
 /// Slices share the operators and nothing else: each has steps and a memory of its own.
 #pragma once
 
 #include <limits>
 #include <vector>
 
-#include "slicecorr/tomo/projector.hpp"
-#include "slicecorr/tomo/volume.hpp"
+#include "slicecorr/tomo/projection.hpp"
 
 namespace slicecorr::tomo::detail {
 
@@ -44,7 +43,7 @@ BlockRun solve_block(const Projector& projector, std::size_t block, const Kind* 
                      const ExecutionContext& context, float* light, float* dose);
 
 /// Per lane the factor of `dose` with the least loss; 0 where no gel gets any.
-std::vector<double> best_scales(const TomoGrid& grid, const Kind* kinds, const float* dose,
+std::vector<double> best_scales(const Shape& shape, const Kind* kinds, const float* dose,
                                 const Penalty& penalty, const ExecutionContext& context);
 
 }  // namespace slicecorr::tomo::detail

@@ -1,18 +1,19 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "tomo/solve/ladder.hpp"
+#include "slicecorr/tomo/ladder.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
-#include "tomo/operators/packed.hpp"
-#include "tomo/solve/block_solver.hpp"
-#include "tomo/solve/certificate.hpp"
+#include "tomo/projection/block_solver.hpp"
+#include "tomo/projection/certificate.hpp"
+#include "tomo/projection/packed.hpp"
 
-namespace slicecorr::tomo::detail {
+namespace slicecorr::tomo {
+namespace detail {
 namespace {
 
 using slicecorr::detail::silent;
@@ -49,28 +50,30 @@ struct Climb {
 
 class Ladder {
  public:
-  Ladder(const ExecutionContext& context, const Projector& projector, const Target& target,
-         const RayTables& optics, const SolveOptions& options, Solution& solution)
+  Ladder(const ExecutionContext& context, const Projector& projector, const CellKinds& cells,
+         const LadderOptions& options)
       : context_(context),
         projector_(projector),
-        target_(target),
+        shape_(projector.shape()),
+        cells_(cells),
         options_(options),
-        solution_(solution),
-        gel_(problems_with_gel(target)),
-        light_(options.start != nullptr ? *options.start
-                                        : filtered_start(context, target, optics, options.window)),
-        dose_(target.grid),
-        now_(static_cast<std::size_t>(target.grid.problems())),
-        kept_(now_.size(), -1.0) {}
+        gel_(problems_with_gel(shape_, cells)),
+        light_(options.resume != nullptr ? options.resume->numbers : *options.start),
+        dose_(shape_.field()),
+        now_(static_cast<std::size_t>(shape_.problems())),
+        kept_(now_.size(), -1.0) {
+    found_.light.resize(shape_.light());
+    found_.dose.resize(shape_.field());
+  }
 
-  void run() {
+  FoundLight run() {
     std::vector<int> missed;
     if (options_.resume != nullptr) {
       go_on(*options_.resume);
       missed = options_.resume->missed;
     } else {
-      dose_ = adjoint(projector_, context_, light_);
-      if (options_.start == nullptr) {
+      adjoint(projector_, context_, light_, dose_);
+      if (options_.scale_start) {
         scale_start();
       } else {
         look();
@@ -91,6 +94,7 @@ class Ladder {
       break;
     }
     finish();
+    return std::move(found_);
   }
 
  private:
@@ -100,20 +104,19 @@ class Ladder {
     for (const SliceStep& s : now_) {
       of_slices.insert(of_slices.end(), {s.loss, s.min_gel, s.max_void, s.max_dose, s.void_gelled});
     }
-    options_.checkpoint({.numbers = light_.values,
-                         .dose = dose_.values,
+    options_.checkpoint({.numbers = light_,
+                         .dose = dose_,
                          .of_slices = std::move(of_slices),
                          .missed = missed,
                          .rung = rung,
-                         .best = solution_});
+                         .best = found_});
   }
   void go_on(const SolverState& from) {
     const std::size_t n = now_.size();
     if (from.of_slices.size() != 6 * n)
       throw InputError("solver", "resume", "is of another solver");
-    light_.values = from.numbers;
-    dose_.values = from.dose;
-    solution_ = from.best;
+    dose_ = from.dose;
+    found_ = from.best;
     kept_.assign(from.of_slices.begin(), from.of_slices.begin() + static_cast<std::ptrdiff_t>(n));
     for (std::size_t z = 0; z < n; ++z) {
       const double* const s = &from.of_slices[n + 5 * z];
@@ -131,38 +134,37 @@ class Ladder {
             .most_dose = options_.most_dose,
             .cap = options_.cap > 0 ? options_.cap : kNone};
   }
-  const Kind* kinds(std::size_t b) const {
-    return target_.kinds.data() + b * target_.grid.voxels_of_block();
-  }
 
   /// One scale for each slice: they share nothing but the rung.
   void scale_start() {
-    const TomoGrid& grid = target_.grid;
     const Penalty penalty = penalty_of(options_.rungs.front());
-    const ExecutionContext inside = inside_block(context_, grid.blocks());
-    parallel_for(context_, "start", grid.blocks(), [&](std::size_t b) {
-      const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
-      const auto factors = best_scales(grid, kinds(b), dose_.block(b), penalty, inside);
-      const auto scale = [&](float* numbers, std::size_t count) {
-        for (std::size_t i = 0; i < count; ++i)
-          numbers[i] *= static_cast<float>(factors[i % lanes]);
-      };
-      scale(light_.block(b), grid.light_of_block());
-      scale(dose_.block(b), grid.voxels_of_block());
+    const ExecutionContext inside = inside_block(context_, shape_.blocks());
+    parallel_for(context_, "start", shape_.blocks(), [&](std::size_t b) {
+      const std::vector<double> factors =
+          best_scales(shape_, cells_.kinds.data() + b * shape_.field_of_block,
+                      dose_.data() + b * shape_.field_of_block, penalty, inside);
+      scale_block(b, {factors.begin(), factors.end()}, light_);
     });
+  }
+  /// Light and dose of a block, lane by lane.
+  void scale_block(std::size_t block, const std::vector<float>& factors, Array<float>& light) {
+    const auto scale = [&](float* numbers, std::size_t count) {
+      for (std::size_t i = 0; i < count; ++i) numbers[i] *= factors[i % factors.size()];
+    };
+    scale(light.data() + block * shape_.light_of_block, shape_.light_of_block);
+    scale(dose_.data() + block * shape_.field_of_block, shape_.field_of_block);
   }
 
   /// Extremes of the dose of each slice.
   void look() {
-    const TomoGrid& grid = target_.grid;
-    const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
+    const auto lanes = static_cast<std::size_t>(shape_.problem_lanes());
     std::fill(now_.begin(), now_.end(), SliceStep{});
-    for (std::size_t i = 0; i < target_.kinds.size(); ++i) {
-      const double d = dose_.values[i];
-      if (target_.kinds[i] == Kind::neither) continue;
-      SliceStep& s = now_[i / grid.voxels_of_block() * lanes + i % lanes];
+    for (std::size_t i = 0; i < cells_.kinds.size(); ++i) {
+      const double d = dose_[i];
+      if (cells_.kinds[i] == Kind::neither) continue;
+      SliceStep& s = now_[i / shape_.field_of_block * lanes + i % lanes];
       s.max_dose = std::max(s.max_dose, d);
-      if (target_.kinds[i] == Kind::gel) {
+      if (cells_.kinds[i] == Kind::gel) {
         s.min_gel = std::min(s.min_gel, d);
       } else {
         s.max_void = std::max(s.max_void, d);
@@ -191,23 +193,18 @@ class Ladder {
       taken.push_back(z);
     }
     if (reached) {
-      solution_.light.values = light_.values;
+      found_.light = light_;
     } else {
-      for (const int z : taken) copy_slice(light_.values, z, solution_.light.values);
+      for (const int z : taken) copy_slice(light_, z, found_.light);
     }
-    solution_.rung = rung;
+    found_.rung = rung;
   }
   void copy_slice(const Array<float>& from, int slice, Array<float>& to) const {
-    const TomoGrid& grid = target_.grid;
-    const auto lanes = static_cast<std::size_t>(grid.problem_lanes()),
+    const auto lanes = static_cast<std::size_t>(shape_.problem_lanes()),
                z = static_cast<std::size_t>(slice);
-    const std::size_t per_block = from.size() / grid.blocks();
+    const std::size_t per_block = from.size() / shape_.blocks();
     const std::size_t end = (z / lanes + 1) * per_block;
     for (std::size_t i = z / lanes * per_block + z % lanes; i < end; i += lanes) to[i] = from[i];
-  }
-
-  static std::vector<int> problems_with_gel(const Target& target) {
-    return target.grid.coupled() ? std::vector<int>{0} : slices_with_gel(target);
   }
 
   /// What a run made of a slice.
@@ -231,26 +228,26 @@ class Ladder {
         if (!c.reached() && !c.stuck && c.steps < most) active.push_back(z);
       }
       if (active.empty()) return;
-      if (target_.grid.coupled()) {
-        const BlockRun run = solve_block(projector_, 0, target_.kinds.data(), penalty,
-                                         most - climbs[0].steps, options_.memory, false, context_,
-                                         light_.values.data(), dose_.values.data());
+      if (shape_.coupled) {
+        const BlockRun run =
+            solve_block(projector_, 0, cells_.kinds.data(), penalty, most - climbs[0].steps,
+                        options_.memory, false, context_, light_.data(), dose_.data());
         add_run(climbs[0], 0, run, run.slices[0]);
         continue;
       }
       const PackedSlices packed(projector_, active);
-      const ExecutionContext inside = inside_block(context_, packed.grid().blocks());
-      parallel_for(silent(context_), stage, packed.grid().blocks(), [&](std::size_t b) {
+      const ExecutionContext inside = inside_block(context_, packed.blocks());
+      parallel_for(silent(context_), stage, packed.blocks(), [&](std::size_t b) {
         const std::vector<int> lanes = packed.of_block(b);
         int left = most;
         for (const int z : lanes) left = std::min(left, most - climbs[z].steps);
-        Array<float> light = packed.take(b, light_.values), dose = packed.take(b, dose_.values);
-        const Array<Kind> what = packed.take(b, target_.kinds);
+        Array<float> light = packed.take(b, light_), dose = packed.take(b, dose_);
+        const Array<Kind> what = packed.take(b, cells_.kinds);
         const BlockRun run =
             solve_block(packed.projector(), b, what.data(), penalty, left, options_.memory,
                         active.size() > 1, inside, light.data(), dose.data());
-        packed.put_back(b, light, light_.values);
-        packed.put_back(b, dose, dose_.values);
+        packed.put_back(b, light, light_);
+        packed.put_back(b, dose, dose_);
         for (std::size_t l = 0; l < lanes.size(); ++l) {
           add_run(climbs[lanes[l]], lanes[l], run, run.slices[l]);
         }
@@ -299,41 +296,23 @@ class Ladder {
         max_dose = std::max(max_dose, s.max_dose);
         gelled += s.void_gelled;
       }
-      step.ver = gelled / static_cast<double>(target_.gel + target_.empty);
+      step.ver = gelled / static_cast<double>(cells_.gel + cells_.empty);
       step.pw = max_dose > 0 ? (min_gel - max_void) / max_dose : 0;
       step.contrast = max_void > 0 ? min_gel / max_void : kNone;
-      solution_.history.push_back(step);
+      found_.history.push_back(step);
     }
   }
 
   /// Bounds of these slices; sorts them, the least first.
   void bound(double rung, std::vector<int>& slices) {
-    if (target_.grid.coupled()) {
-      const Certificate found = contrast_bound(silent(context_), projector_, target_, dose_, rung);
-      if (found.bound < solution_.contrast_bound) {
-        solution_.contrast_bound = found.bound;
-        solution_.bound_slice = found.slice;
-      }
-      return;
-    }
-    std::vector<double> bounds(now_.size(), kNone);
-    const PackedSlices packed(projector_, slices);
-    const ExecutionContext inside = inside_block(context_, packed.grid().blocks());
-    parallel_for(silent(context_), "proving", packed.grid().blocks(), [&](std::size_t b) {
-      const std::vector<int> lanes = packed.of_block(b);
-      const Array<float> dose = packed.take(b, dose_.values);
-      const Array<Kind> what = packed.take(b, target_.kinds);
-      const std::vector<double> found =
-          bounds_of_block(packed.projector(), b, what.data(), dose.data(), rung, inside);
-      for (std::size_t l = 0; l < lanes.size(); ++l) bounds[lanes[l]] = found[l];
-    });
+    const std::vector<double> bounds =
+        contrast_bounds(silent(context_), projector_, cells_, dose_, rung, slices);
     std::stable_sort(slices.begin(), slices.end(),
                      [&](int a, int b) { return bounds[a] < bounds[b]; });
-    const double least = bounds[slices.front()];
-    if (least < solution_.contrast_bound) {
-      solution_.contrast_bound = least;
-      solution_.bound_slice = slices.front();
-    }
+    const int least = slices.front();
+    if (bounds[least] >= found_.contrast_bound) return;
+    found_.contrast_bound = bounds[least];
+    found_.bound_slice = shape_.coupled ? hardest_slice(shape_, cells_, dose_) : least;
   }
 
   /// The proof wants the minimum of the first two terms alone, without bounds on the light, of the
@@ -351,53 +330,48 @@ class Ladder {
       descend(penalty, steps, climbs, slices, "proving");
       std::erase_if(slices, [&](int z) { return climbs[z].reached(); });
       if (slices.empty()) break;
-      const double before = solution_.contrast_bound;
+      const double before = found_.contrast_bound;
       bound(rung, slices);
       if (steps == options_.proof_steps) break;
-      if (steps > kFirstProof && solution_.contrast_bound > before * (1 - kFalls)) break;
+      if (steps > kFirstProof && found_.contrast_bound > before * (1 - kFalls)) break;
     }
     add_history(climbs, rung);
   }
 
   /// Each slice's weakest gel voxel gets 1. Doses are computed once more, of the whole part.
   void finish() {
-    const TomoGrid& grid = target_.grid;
-    const auto lanes = static_cast<std::size_t>(grid.problem_lanes());
-    dose_ = adjoint(projector_, silent(context_), solution_.light);
+    adjoint(projector_, silent(context_), found_.light, dose_);
     look();
-    for (std::size_t b = 0; b < grid.blocks(); ++b) {
+    const auto lanes = static_cast<std::size_t>(shape_.problem_lanes());
+    for (std::size_t b = 0; b < shape_.blocks(); ++b) {
       std::vector<float> factors(lanes, 1);
-      for (int l = 0; l < grid.problems_of(b); ++l) {
+      for (int l = 0; l < shape_.problems_of(b); ++l) {
         const double least = now_[b * lanes + static_cast<std::size_t>(l)].min_gel;
         if (least > 0 && least < kNone) factors[l] = static_cast<float>(1 / least);
       }
-      const auto scale = [&](float* numbers, std::size_t count) {
-        for (std::size_t i = 0; i < count; ++i) numbers[i] *= factors[i % lanes];
-      };
-      scale(solution_.light.block(b), grid.light_of_block());
-      scale(dose_.block(b), grid.voxels_of_block());
+      scale_block(b, factors, found_.light);
     }
-    solution_.dose = std::move(dose_);
-    solution_.metrics = measure(target_, solution_.dose);
+    found_.dose = std::move(dose_);
   }
 
   const ExecutionContext& context_;
   const Projector& projector_;
-  const Target& target_;
-  const SolveOptions& options_;
-  Solution& solution_;
+  const Shape shape_;
+  const CellKinds& cells_;
+  const LadderOptions& options_;
+  FoundLight found_;
   std::vector<int> gel_;
-  Light light_;
-  Field dose_;
+  Array<float> light_, dose_;
   std::vector<SliceStep> now_;  ///< per slice, of `dose_`
   std::vector<double> kept_;    ///< per slice, the contrast that the solution has
 };
 
 }  // namespace
+}  // namespace detail
 
-void run_ladder(const ExecutionContext& context, const Projector& projector, const Target& target,
-                const RayTables& optics, const SolveOptions& options, Solution& solution) {
-  Ladder(context, projector, target, optics, options, solution).run();
+FoundLight ladder(const ExecutionContext& context, const Projector& projector,
+                  const CellKinds& cells, const LadderOptions& options) {
+  return detail::Ladder(context, projector, cells, options).run();
 }
 
-}  // namespace slicecorr::tomo::detail
+}  // namespace slicecorr::tomo

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "tomo/solve/column_loops.hpp"
+#include "tomo/projection/column_loops.hpp"
 
 #include <algorithm>
 

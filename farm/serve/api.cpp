@@ -18,7 +18,7 @@
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"
 #include "support/http/guarded_server.hpp"
-#include "support/page/page_style.hpp"
+#include "support/page/html_page.hpp"
 #include "views/page_text.hpp"
 
 namespace slicecorr::farm::detail {
@@ -211,9 +211,7 @@ bool Api::read_shell(const std::string& path, httplib::Response& response) {
   if (path == "/api/v1/openapi.json") return shell(api_description(), kJsonType);
   if (path == "/healthz") return shell("ok\n", kTextType);
   if (path == "/pages/style.css") {
-    return shell(std::string(slicecorr::detail::page_page_css) +
-                     std::string(slicecorr::detail::page_tiles_css) + std::string(page_farm_css) +
-                     std::string(page_live_css) + std::string(page_lab_css),
+    return shell(page::style({page::page_tiles_css, page_farm_css, page_live_css, page_lab_css}),
                  "text/css; charset=utf-8");
   }
   constexpr std::pair<const char*, const std::string_view*> scripts[] = {

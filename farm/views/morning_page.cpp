@@ -12,8 +12,7 @@
 #include "slicecorr/farm/morning.hpp"
 #include "support/chart/chart.hpp"
 #include "support/json/read_json.hpp"
-#include "support/page/page_style.hpp"
-#include "support/text/escape.hpp"
+#include "support/page/html_page.hpp"
 #include "views/moment_text.hpp"
 #include "views/page_text.hpp"
 #include "views/time_axis.hpp"
@@ -21,11 +20,10 @@
 namespace slicecorr::farm {
 
 using Json = nlohmann::ordered_json;
+using namespace page;
+using text::printable;
 
 namespace {
-
-/// What comes from files and users, for the page.
-std::string shown(std::string_view text) { return escape_markup(text::printable(text)); }
 
 /// A path as a link: everything but letters, digits and a few marks in percent.
 std::string link_text(const std::string& path) {
@@ -39,10 +37,10 @@ std::string link_text(const std::string& path) {
   return out;
 }
 
-std::string report_link(const Job& job, const LinkTo& links) {
+Markup report_link(const Job& job, const LinkTo& links) {
   const bool there = std::any_of(job.files.begin(), job.files.end(),
                                  [](const ResultFile& f) { return f.ending == "html"; });
-  std::string name = shown(job.name);
+  const std::string name = printable(job.name);
   if (!there) return name;
   std::string to;
   if (links.kind == LinkTo::Kind::server) {
@@ -55,18 +53,18 @@ std::string report_link(const Job& job, const LinkTo& links) {
     // A first segment with a colon would read as a scheme.
     if (!links.base.empty()) to = "./" + to;
   }
-  return fmt::format(R"(<a href="{}">{}</a>)", escape_markup(to), name);
+  return markup(R"(<a href="{}">{}</a>)", to, name);
 }
 
 std::string time_of_day(const MorningReport& r, std::int64_t ms) {
   return text::moment(ms, r.until_ms);
 }
 
-std::string reason_list(const std::vector<Reasons>& reasons) {
-  std::string text;
+Markup reason_list(const std::vector<Reasons>& reasons) {
+  Markup text;
   for (const Reasons& r : reasons) {
-    text += fmt::format("{}{} <code>{}</code>", text.empty() ? "" : ", ", text::count(r.jobs),
-                        name_of(r.reason));
+    text += markup("{}{} <code>{}</code>", text.empty() ? "" : ", ", text::count(r.jobs),
+                   name_of(r.reason));
   }
   return text;
 }
@@ -77,123 +75,120 @@ double jobs_per_h(const MorningReport& r) {
 
 double hours(const MorningReport& r) { return static_cast<double>(r.until_ms - r.from_ms) / 3.6e6; }
 
-std::string figures(const MorningReport& r) {
+Markup figures(const MorningReport& r) {
   const Summary& s = r.overview.summary;
   const auto left = s.jobs[static_cast<std::size_t>(JobState::queued)];
   const auto running = s.jobs[static_cast<std::size_t>(JobState::running)];
-  std::string html = "<div class=\"tiles\">";
-  const auto tile = [&](const std::string& value, const std::string& what, const char* kind = "") {
-    html +=
-        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
-  };
-  tile(text::count(r.done),
-       r.from_cache > 0 ? fmt::format("done, {} of them from the cache", text::count(r.from_cache))
-                        : "done",
-       r.done > 0 ? "good" : "");
-  tile(text::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
+  Tiles tiles;
+  tiles.add(text::count(r.done),
+            r.from_cache > 0
+                ? fmt::format("done, {} of them from the cache", text::count(r.from_cache))
+                : "done",
+            r.done > 0 ? "good" : "");
+  tiles.add(text::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
   if (r.with_defects > 0) {
-    tile(text::count(r.with_defects), "done, but with something wrong in their inputs", "bad");
+    tiles.add(text::count(r.with_defects), "done, but with something wrong in their inputs", "bad");
   }
-  if (r.cancelled > 0) tile(text::count(r.cancelled), "cancelled");
-  tile(text::count(left + running),
-       running > 0 ? fmt::format("still to do, {} running", text::count(running)) : "still to do");
-  tile(r.working_s > 0 ? text::figure(jobs_per_h(r)) : "-", "jobs an hour while something ran");
-  tile(r.working_s > 0 ? fmt::format("{:.2f}", r.core_s / r.working_s) : "-",
-       r.cores > 0 ? fmt::format("of {} {} busy while something ran", r.cores,
-                                 r.cores == 1 ? "core" : "cores")
-                   : "cores busy while something ran");
-  tile(text::bytes(static_cast<double>(r.delivered_bytes)), "written");
-  return html + "</div>";
+  if (r.cancelled > 0) tiles.add(text::count(r.cancelled), "cancelled");
+  tiles.add(
+      text::count(left + running),
+      running > 0 ? fmt::format("still to do, {} running", text::count(running)) : "still to do");
+  tiles.add(r.working_s > 0 ? text::figure(jobs_per_h(r)) : "-",
+            "jobs an hour while something ran");
+  tiles.add(r.working_s > 0 ? fmt::format("{:.2f}", r.core_s / r.working_s) : "-",
+            r.cores > 0 ? fmt::format("of {} {} busy while something ran", r.cores,
+                                      r.cores == 1 ? "core" : "cores")
+                        : "cores busy while something ran");
+  tiles.add(text::bytes(static_cast<double>(r.delivered_bytes)), "written");
+  return tiles;
 }
 
-std::string failures(const MorningReport& r) {
-  if (r.failed == 0) return "<h2>What failed</h2><p>Nothing.</p>";
-  std::string html = fmt::format("<h2 id=\"failed\">What failed, and why</h2><p>{}.</p>",
-                                 reason_list(r.failed_reasons));
+Markup failures(const MorningReport& r) {
+  if (r.failed == 0) return markup("<h2>What failed</h2><p>Nothing.</p>");
+  Markup html = markup(R"(<h2 id="failed">What failed, and why</h2><p>{}.</p>)",
+                       reason_list(r.failed_reasons));
   bool open = true;
   for (const auto& f : r.failures) {
     // The first ones can be read at once, and on paper.
-    html += fmt::format(
+    html += markup(
         R"(<details class="failure"{}><summary><b>{} {}</b> <code>{}</code> <span class="dim">{}</span></summary><p>{}</p>)",
-        open ? " open" : "", f.job.id, shown(f.job.name), name_of(f.job.reason),
-        time_of_day(r, f.job.ended_ms), shown(f.job.message));
+        open ? " open" : "", f.job.id, printable(f.job.name), name_of(f.job.reason),
+        time_of_day(r, f.job.ended_ms), printable(f.job.message));
     open = &f - r.failures.data() < 4;
     std::string parts;
-    for (const std::string& p : f.job.parts) parts += (parts.empty() ? "" : ", ") + shown(p);
-    html += fmt::format(
-        "<p class=\"dim\">{}; by {}; {}</p>", parts, shown(f.job.user),
+    for (const std::string& p : f.job.parts) parts += (parts.empty() ? "" : ", ") + printable(p);
+    html += markup(
+        R"(<p class="dim">{}; by {}; {}</p>)", parts, printable(f.job.user),
         f.attempts.size() == 1 ? "one attempt" : fmt::format("{} attempts", f.attempts.size()));
     if (f.attempts.size() > 1) {
-      html += "<ol>";
+      std::vector<Markup> tries;
       for (const Attempt& a : f.attempts) {
-        html += fmt::format("<li><code>{}</code> {}{}</li>", name_of(a.reason), shown(a.message),
-                            a.node.empty() ? "" : " on " + shown(a.node));
+        tries.push_back(markup("<code>{}</code> {}{}", name_of(a.reason), printable(a.message),
+                               a.node.empty() ? "" : " on " + printable(a.node)));
       }
-      html += "</ol>";
+      html += markup("<ol>{}</ol>", items(tries));
     }
-    if (!f.log_lines.empty()) {
-      html += "<pre class=\"log\">";
-      for (const std::string& line : f.log_lines) html += escape_markup(line) + "\n";
-      html += "</pre>";
-    }
-    html += "</details>";
+    std::string log;
+    for (const std::string& line : f.log_lines) log += line + "\n";
+    if (!log.empty()) html += markup(R"(<pre class="log">{}</pre>)", log);
+    html += markup("</details>");
   }
   const auto more = r.failed - static_cast<std::int64_t>(r.failures.size());
   if (more > 0) {
-    html += fmt::format("<p>and {} more: <code>slicefarm status --state failed</code></p>",
-                        text::count(more));
+    html += markup("<p>and {} more: <code>slicefarm status --state failed</code></p>",
+                   text::count(more));
   }
   return html;
 }
 
-std::string how_many(const std::vector<Job>& shown, std::int64_t all) {
+Markup how_many(const std::vector<Job>& shown, std::int64_t all) {
   if (all <= static_cast<std::int64_t>(shown.size())) return {};
-  return fmt::format("<p class=\"dim\">The worst {} of {}.</p>", shown.size(), text::count(all));
+  return markup(R"(<p class="dim">The worst {} of {}.</p>)", shown.size(), text::count(all));
 }
 
-std::string worst(const MorningReport& r, const LinkTo& links) {
+Markup worst(const MorningReport& r, const LinkTo& links) {
   if (r.worst.empty()) return {};
-  std::string html =
-      R"(<h2>Height errors, worst first</h2><div class="scroll" tabindex="0" role="region" aria-label="Height errors"><table class="jobs"><thead><tr><th scope="col">Part</th><th scope="col">largest</th><th scope="col">95 % within</th><th scope="col">mean</th><th scope="col">lost</th><th scope="col">merged</th><th scope="col">cured through</th><th scope="col">layers</th><th scope="col">job</th></tr></thead><tbody>)";
+  Table table("jobs", "Height errors");
+  table.columns("Part", "largest", "95 % within", "mean", "lost", "merged", "cured through",
+                "layers", "job");
   for (const Job& j : r.worst) {
     const ResultFigures f = j.figures.value_or(ResultFigures{});
     const auto um = [&](double v) {
       return j.figures ? text::figure(v) + " um" : std::string("-");
     };
     const auto n = [&](std::int64_t v) { return j.figures ? text::count(v) : std::string("-"); };
-    html += fmt::format(
-        R"(<tr><th scope="row">{}</th><td>{}</td><td>{}</td><td>{}</td><td{}>{}</td><td{}>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>)",
-        report_link(j, links), um(f.height_max_um), um(f.height_p95_um), um(f.height_mean_um),
-        f.lost_features > 0 ? " class=\"bad\"" : "", n(f.lost_features),
-        f.merged_features > 0 ? " class=\"bad\"" : "", n(f.merged_features),
-        n(f.cure_through_voxels), n(f.layers), j.id);
+    table.row(report_link(j, links), um(f.height_max_um), um(f.height_p95_um),
+              um(f.height_mean_um));
+    table.cell(n(f.lost_features), f.lost_features > 0 ? "bad" : "");
+    table.cell(n(f.merged_features), f.merged_features > 0 ? "bad" : "");
+    table.cells(n(f.cure_through_voxels), n(f.layers), j.id);
   }
-  html += "</tbody></table></div>";
-  html += how_many(r.worst, r.done - r.tomographic_done);
-  return html;
+  return markup("<h2>Height errors, worst first</h2>{}{}", table,
+                how_many(r.worst, r.done - r.tomographic_done));
 }
 
 /// Tomographic prints have no heights: what void and part get, and how long it takes.
-std::string tomographic(const MorningReport& r, const LinkTo& links) {
+Markup tomographic(const MorningReport& r, const LinkTo& links) {
   if (r.tomographic.empty()) return {};
-  std::string html =
-      R"(<h2>Tomographic prints, least contrast first</h2><div class="scroll" tabindex="0" role="region" aria-label="Tomographic prints"><table class="jobs"><thead><tr><th scope="col">Part</th><th scope="col">contrast</th><th scope="col">bound</th><th scope="col">VER</th><th scope="col">turns</th><th scope="col">print time</th><th scope="col">slices</th><th scope="col">job</th></tr></thead><tbody>)";
+  Table table("jobs", "Tomographic prints");
+  table.columns("Part", "contrast", "bound", "VER", "turns", "print time", "slices", "job");
   for (const Job& j : r.tomographic) {
     const ResultFigures f = j.figures.value_or(ResultFigures{});
     const TomoFigures t = f.tomo.value_or(TomoFigures{});
-    html += fmt::format(
-        R"(<tr><th scope="row">{}</th><td{}>{}</td><td>{}</td><td{}>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>)",
-        report_link(j, links), t.feasible ? "" : " class=\"bad\"", text::figure(t.contrast),
-        text::figure(t.contrast_bound), t.ver > 0 ? " class=\"bad\"" : "", text::figure(t.ver),
-        text::count(t.turns), text::duration(t.print_time_s), text::count(f.layers), j.id);
+    table.row(report_link(j, links));
+    table.cell(text::figure(t.contrast), !t.feasible ? "bad" : "");
+    table.cell(text::figure(t.contrast_bound));
+    table.cell(text::figure(t.ver), t.ver > 0 ? "bad" : "");
+    table.cells(text::count(t.turns), text::duration(t.print_time_s), text::count(f.layers), j.id);
   }
-  return html + "</tbody></table></div>" + how_many(r.tomographic, r.tomographic_done);
+  return markup("<h2>Tomographic prints, least contrast first</h2>{}{}", table,
+                how_many(r.tomographic, r.tomographic_done));
 }
 
 /// A column of the table of all jobs, and the order that a reader may ask for.
 struct JobColumn {
   const char *name, *title;
-  std::function<std::string(const Job&)> cell;
+  std::function<Markup(const Job&)> cell;
   /// Smaller comes first.
   std::function<double(const Job&)> rank;
 };
@@ -225,12 +220,12 @@ std::vector<JobColumn> job_columns(const MorningReport& r, const LinkTo& links) 
       {"part", "part", [&links](const Job& j) { return report_link(j, links); }, {}},
       {"state", "how it ended",
        [](const Job& j) {
-         if (j.state == JobState::done) {
-           return j.message.empty() ? std::string("done")
-                                    : "<b class=\"warn\">done</b>, but " +
-                                          shown(text::without_folders(j.message));
+         if (j.state != JobState::done) {
+           return markup(R"(<b class="bad">{}</b> {})", name_of(j.state), printable(j.message));
          }
-         return fmt::format("<b class=\"bad\">{}</b> {}", name_of(j.state), shown(j.message));
+         if (j.message.empty()) return Markup("done");
+         return markup(R"(<b class="warn">done</b>, but {})",
+                       printable(text::without_folders(j.message)));
        },
        state_rank},
       {"ended", "ended", [&r](const Job& j) { return time_of_day(r, j.ended_ms); },
@@ -257,53 +252,51 @@ std::vector<JobColumn> job_columns(const MorningReport& r, const LinkTo& links) 
                        },
                        [=](const Job& j) { return worst_first(j, lost(j)); }});
   }
-  columns.push_back({"user", "user", [](const Job& j) { return shown(j.user); }, {}});
+  columns.push_back({"user", "user", [](const Job& j) { return printable(j.user); }, {}});
   return columns;
 }
 
 /// All jobs of the time in a table that sorts without a script: each row has its rank in every
 /// order, and the order that is chosen picks one of them.
-std::string all_jobs(const MorningReport& r, const LinkTo& links) {
+Markup all_jobs(const MorningReport& r, const LinkTo& links) {
   if (r.jobs.empty()) return {};
   const std::vector<JobColumn> columns = job_columns(r, links);
   const std::int64_t ended = r.done + r.failed + r.cancelled;
-  std::string html = fmt::format("<h2 id=\"jobs\">All {} that ended</h2>",
-                                 ended == 1 ? "jobs" : text::count(ended) + " jobs");
+  Markup html = markup(R"(<h2 id="jobs">All {} that ended</h2>)",
+                       ended == 1 ? "jobs" : text::count(ended) + " jobs");
   std::string style = fmt::format(".all{{grid-template-columns:repeat({},auto)}}", columns.size());
-  std::string choices, head;
+  Markup choices, head, rows;
   std::vector<std::string> ranks(r.jobs.size());
   for (std::size_t c = 0; c < columns.size(); ++c) {
     const JobColumn& column = columns[c];
-    head += fmt::format("<span role=\"columnheader\">{}</span>", column.title);
+    head += markup(R"(<span role="columnheader">{}</span>)", column.title);
     std::vector<std::size_t> order(r.jobs.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
       if (column.rank) return column.rank(r.jobs[a]) < column.rank(r.jobs[b]);
-      return column.cell(r.jobs[a]) < column.cell(r.jobs[b]);
+      return column.cell(r.jobs[a]).html() < column.cell(r.jobs[b]).html();
     });
     for (std::size_t i = 0; i < order.size(); ++i) {
       ranks[order[i]] += fmt::format("--{}:{};", column.name, i + 1);
     }
-    choices += fmt::format(R"(<label><input type="radio" name="order" id="by-{0}"{1}> {2}</label>)",
-                           column.name, column.name == std::string("state") ? " checked" : "",
-                           column.title);
+    choices +=
+        markup(R"(<label><input type="radio" name="order" id="by-{0}"{1}> {2}</label>)",
+               column.name, column.name == std::string("state") ? " checked" : "", column.title);
     style += fmt::format(".sorted:has(#by-{0}:checked) .row>span{{order:var(--{0})}}", column.name);
   }
-  std::string rows;
   for (std::size_t i = 0; i < r.jobs.size(); ++i) {
     style += fmt::format(".j{}{{{}}}", i, ranks[i]);
-    rows += fmt::format("<div class=\"row j{}\" role=\"row\">", i);
+    rows += markup(R"(<div class="row j{}" role="row">)", i);
     for (const JobColumn& column : columns) {
-      rows += fmt::format("<span role=\"cell\">{}</span>", column.cell(r.jobs[i]));
+      rows += markup(R"(<span role="cell">{}</span>)", column.cell(r.jobs[i]));
     }
-    rows += "</div>";
+    rows += markup("</div>");
   }
-  html += fmt::format(
+  html += markup(
       R"(<style>{}</style><div class="sorted"><fieldset><legend>Sort by</legend>{}</fieldset><div class="scroll" tabindex="0" role="region" aria-label="All jobs"><div class="all" role="table"><div class="row head" role="row">{}</div>{}</div></div></div>)",
-      style, choices, head, rows);
+      Markup::raw(style), choices, head, rows);
   if (ended > std::ssize(r.jobs)) {
-    html +=
-        fmt::format("<p class=\"dim\">The last {} of {}.</p>", r.jobs.size(), text::count(ended));
+    html += markup(R"(<p class="dim">The last {} of {}.</p>)", r.jobs.size(), text::count(ended));
   }
   return html;
 }
@@ -347,22 +340,19 @@ std::string charts(const MorningReport& r) {
   return picture.svg();
 }
 
-std::string disk(const MorningReport& r) {
-  std::string html = "<div class=\"scroll\"><table><tbody>";
-  const auto row = [&](const std::string& what, const std::string& value) {
-    html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", what, value);
-  };
+Markup disk(const MorningReport& r) {
+  Table table;
   const Summary& s = r.overview.summary;
-  row("Written by jobs of this time", text::bytes(static_cast<double>(r.delivered_bytes)));
-  row(fmt::format("Cache, {} results", text::count(s.cache_entries)),
-      text::bytes(static_cast<double>(s.cache_bytes)));
-  row("Copies of inputs", text::bytes(static_cast<double>(r.inputs_bytes)));
+  table.row("Written by jobs of this time", text::bytes(static_cast<double>(r.delivered_bytes)));
+  table.row(fmt::format("Cache, {} results", text::count(s.cache_entries)),
+            text::bytes(static_cast<double>(s.cache_bytes)));
+  table.row("Copies of inputs", text::bytes(static_cast<double>(r.inputs_bytes)));
   for (const DiskState& d : r.overview.disks) {
-    row(fmt::format("Free where the {} is, of {}", d.what,
-                    text::bytes(static_cast<double>(d.total_bytes))),
-        text::bytes(static_cast<double>(d.free_bytes)));
+    table.row(fmt::format("Free where the {} is, of {}", d.what,
+                          text::bytes(static_cast<double>(d.total_bytes))),
+              text::bytes(static_cast<double>(d.free_bytes)));
   }
-  return html + "</tbody></table></div>";
+  return table;
 }
 
 }  // namespace
@@ -370,36 +360,37 @@ std::string disk(const MorningReport& r) {
 std::string morning_page(const MorningReport& r, const LinkTo& links) {
   const std::string title = fmt::format("Farm, {} to {}", local_time_text(r.from_ms).substr(0, 16),
                                         local_time_text(r.until_ms).substr(0, 16));
-  std::string html = fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}{3}</style></head><body><main><h1>{0}</h1><p class="dim">{4}{5}</p>)",
-      title, slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css,
-      detail::page_farm_css, shown(r.root), r.batch > 0 ? fmt::format(", batch {}", r.batch) : "");
-  html += figures(r);
+  Page page(title, {page_tiles_css, detail::page_farm_css});
+  page += markup(R"(<p class="dim">{}{}</p>)", printable(r.root),
+                 r.batch > 0 ? fmt::format(", batch {}", r.batch) : "");
+  page += figures(r);
   if (const std::string holds = what_holds(r.overview);
       !holds.empty() && r.overview.summary.jobs[static_cast<std::size_t>(JobState::queued)] > 0) {
-    html += fmt::format("<p class=\"holds\">Jobs wait and nothing starts: {}.</p>", shown(holds));
+    page += markup(R"(<p class="holds">Jobs wait and nothing starts: {}.</p>)", printable(holds));
   }
   if (r.overview.summary.late > 0) {
-    html += fmt::format("<p class=\"holds\">{} unfinished jobs will miss their time.</p>",
-                        text::count(r.overview.summary.late));
+    page += markup(R"(<p class="holds">{} unfinished jobs will miss their time.</p>)",
+                   text::count(r.overview.summary.late));
   }
-  html += fmt::format(
+  page += markup(
       R"(<h2>Workers</h2><div class="scroll" tabindex="0" role="region" aria-label="Workers over time"><figure class="wide">{}</figure></div>)",
-      timeline_svg(r));
+      Markup::raw(timeline_svg(r)));
   if (!r.attempt_reasons.empty()) {
-    html += fmt::format("<p>Attempts that ended without a result: {}. {} attempts in all.</p>",
-                        reason_list(r.attempt_reasons), text::count(r.attempts));
+    page += markup("<p>Attempts that ended without a result: {}. {} attempts in all.</p>",
+                   reason_list(r.attempt_reasons), text::count(r.attempts));
   }
-  html += failures(r);
-  html += worst(r, links);
-  html += tomographic(r, links);
-  html += all_jobs(r, links);
-  if (r.attempts == 0 && r.done == 0)
-    return html + "<h2>Disk</h2>" + disk(r) + "</main></body></html>";
-  html += fmt::format(
-      R"(<h2>Over time, and on the disk</h2><div class="side"><div class="scroll"><figure>{}</figure></div><div>{}</div></div>)",
-      charts(r), disk(r));
-  return html + "</main></body></html>";
+  page += failures(r);
+  page += worst(r, links);
+  page += tomographic(r, links);
+  page += all_jobs(r, links);
+  if (r.attempts == 0 && r.done == 0) {
+    page += markup("<h2>Disk</h2>{}", disk(r));
+  } else {
+    page += markup(
+        R"(<h2>Over time, and on the disk</h2><div class="side"><div class="scroll"><figure>{}</figure></div><div>{}</div></div>)",
+        Markup::raw(charts(r)), disk(r));
+  }
+  return page.html();
 }
 
 std::string morning_json(const MorningReport& r) {

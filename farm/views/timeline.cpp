@@ -10,7 +10,7 @@
 
 #include "slicecorr/farm/morning.hpp"
 #include "support/chart/chart.hpp"
-#include "support/text/escape.hpp"
+#include "support/page/html_page.hpp"
 #include "views/moment_text.hpp"
 #include "views/time_axis.hpp"
 
@@ -56,13 +56,13 @@ std::string timeline_svg(const MorningReport& r) {
   const auto x = [&](std::int64_t ms) {
     return kLeft + std::clamp(static_cast<double>(ms - r.from_ms) / span, 0.0, 1.0) * kInner;
   };
-  std::string body;
+  page::Markup body;
   double at = kLeft;
   std::array<bool, kKinds.size()> used{};
   for (const auto& bar : r.bars) used[static_cast<std::size_t>(bar.kind)] = true;
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
     if (!used[i]) continue;
-    body += fmt::format(
+    body += page::markup(
         R"(<rect class="{}" x="{:.0f}" y="12" width="22" height="14"/><text x="{:.0f}" y="25">{}</text>)",
         kKinds[i].style, at, at + 30, kKinds[i].words);
     at += 52 + 8.6 * static_cast<double>(std::string_view(kKinds[i].words).size());
@@ -70,35 +70,34 @@ std::string timeline_svg(const MorningReport& r) {
   for (int i = 0; i < lanes; ++i) {
     const double y = kTop + i * kLane;
     if (i % 2 == 0) {
-      body += fmt::format(R"(<rect class="row" x="{}" y="{}" width="{}" height="{}"/>)", kLeft, y,
-                          kInner, kLane);
+      body += page::markup(R"(<rect class="row" x="{}" y="{}" width="{}" height="{}"/>)", kLeft, y,
+                           kInner, kLane);
     }
-    body += fmt::format(
-        R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", kLeft - 8, y + 18.5,
-        escape_markup(text::clipped(text::printable(r.lanes[static_cast<std::size_t>(i)]), 17)));
+    body += page::markup(R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", kLeft - 8, y + 18.5,
+                         text::clipped(text::printable(r.lanes[static_cast<std::size_t>(i)]), 17));
   }
   const double bottom = kTop + std::max(1, lanes) * kLane;
   for (const auto& tick : detail::time_ticks(r.from_ms, r.until_ms, 12)) {
-    body += fmt::format(
+    body += page::markup(
         R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
         x(tick.ms), lanes == 0 ? bottom - 4 : kTop, bottom, bottom + 20, tick.label);
   }
   for (const auto& bar : r.bars) {
     const double from = x(bar.start_ms), to = x(bar.end_ms);
     // Nothing is too short to be seen.
-    body += fmt::format(
+    body += page::markup(
         R"(<rect class="{}" x="{:.1f}" y="{}" width="{:.1f}" height="{}" rx="1.5"><title>{}</title></rect>)",
         kKinds[static_cast<std::size_t>(bar.kind)].style, from, kTop + bar.lane * kLane + 4,
-        std::max(1.2, to - from - 0.6), kLane - 8, escape_markup(text::printable(bar.words)));
+        std::max(1.2, to - from - 0.6), kLane - 8, text::printable(bar.words));
   }
   if (lanes == 0) {
-    body +=
-        fmt::format(R"(<text x="{}" y="{}">no worker ran in this time</text>)", kLeft, kTop + 18.5);
+    body += page::markup(R"(<text x="{}" y="{}">no worker ran in this time</text>)", kLeft,
+                         kTop + 18.5);
   }
   return fmt::format(
       R"(<svg xmlns="http://www.w3.org/2000/svg" class="slc-time" viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="Workers from {2} to {3}: {4} attempts"><style>{5}</style><rect class="ground" width="{0}" height="{1}"/>{6}</svg>)",
       kWidth, height, local_time_text(r.from_ms), local_time_text(r.until_ms), r.attempts, kStyle,
-      body);
+      body.html());
 }
 
 }  // namespace slicecorr::farm

@@ -11,15 +11,15 @@
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
 #include "support/chart/chart.hpp"
-#include "support/page/page_style.hpp"
+#include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
-#include "support/text/escape.hpp"
 #include "view/charts.hpp"
 #include "view/page_text.hpp"
 
 namespace slicecorr::bridge {
 namespace {
 
+using namespace page;
 using End = PrintRecord::End;
 
 constexpr int kLongestText = 600;
@@ -31,7 +31,7 @@ constexpr std::size_t kMostEvents = 600, kFirstEvents = 200, kMostLate = 300;
 std::string shown(std::string_view text) {
   // Cut before it is looked at: a damaged line may be a file long.
   const std::string cut(text.substr(0, std::size_t{4} * kLongestText));
-  return escape_markup(text::clipped(text::printable(cut), kLongestText));
+  return text::clipped(text::printable(cut), kLongestText);
 }
 
 std::string figure(double value, const char* format_unit, int digits) {
@@ -109,8 +109,7 @@ const char* place_title(const PrintFacts& f) { return f.turns() ? "° on from th
 
 /// The latest frame of the chart beside; what the chart can't show, a frame that never came, and what
 /// counts as late there because it is early, are said with it.
-template <typename Tile>
-void put_latest(const PrintRecord& r, const Tile& tile) {
+void put_latest(const PrintRecord& r, Tiles& tiles) {
   const Lateness& l = r.lateness;
   const Length late_by = length(r.facts, l.worst_um);
   std::string what = fmt::format("the latest frame{}; in time {:.2f} ms", late_by.more, l.worst_ms);
@@ -123,38 +122,34 @@ void put_latest(const PrintRecord& r, const Tile& tile) {
     what +=
         "; one had not appeared " + length(r.facts, latest_um(*r.last)).value + " after its place";
   }
-  tile(late_by.value, what);
+  tiles.add(late_by.value, what);
 }
 
-std::string tiles(const PrintRecord& r) {
-  std::string html = "<div class=\"tiles\">";
-  const auto tile = [&](const std::string& value, const std::string& what, const char* kind = "") {
-    html +=
-        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
-  };
+Markup tiles(const PrintRecord& r) {
+  Tiles tiles;
   const bool bad = r.end == End::failed || r.end == End::cut_off;
-  tile(word_of(r.end),
-       r.fault != Fault::none ? std::string(name_of(r.fault))
-       : r.facts.dry_run      ? "dry run: without light"
-                              : "how it ended",
-       r.end == End::done ? "good"
-       : bad              ? "bad"
-                          : "");
+  tiles.add(word_of(r.end),
+            r.fault != Fault::none ? std::string(name_of(r.fault))
+            : r.facts.dry_run      ? "dry run: without light"
+                                   : "how it ended",
+            r.end == End::done ? "good"
+            : bad              ? "bad"
+                               : "");
   const int count = r.last ? r.last->frames_shown : static_cast<int>(r.frames.size());
-  tile(text::count(count),
-       r.facts.frames > 0
-           ? fmt::format("of {} frames shown{}", text::count(r.facts.frames),
-                         count > 0 ? fmt::format(", numbers 0 to {}", count - 1) : "")
-           : "frames shown",
-       r.facts.frames > 0 && count < r.facts.frames && bad ? "bad" : "");
+  tiles.add(text::count(count),
+            r.facts.frames > 0
+                ? fmt::format("of {} frames shown{}", text::count(r.facts.frames),
+                              count > 0 ? fmt::format(", numbers 0 to {}", count - 1) : "")
+                : "frames shown",
+            r.facts.frames > 0 && count < r.facts.frames && bad ? "bad" : "");
   const int late = late_frames(r);
-  tile(text::count(late), "late", late > 0 ? "bad" : "");
+  tiles.add(text::count(late), "late", late > 0 ? "bad" : "");
   if (!r.frames.empty()) {
     const Lateness& l = r.lateness;
     if (r.facts.layerwise) {
-      tile(fmt::format("{:.2f} ms", l.worst_ms), "longest exposure too long by");
+      tiles.add(fmt::format("{:.2f} ms", l.worst_ms), "longest exposure too long by");
     } else {
-      put_latest(r, tile);
+      put_latest(r, tiles);
     }
   }
   double stage = r.last ? r.last->worst_stage_error_um : NAN;
@@ -165,46 +160,47 @@ std::string tiles(const PrintRecord& r) {
   }
   if (std::isfinite(stage)) {
     const Length off = length(r.facts, stage);
-    tile(off.value, r.facts.tolerance_um > 0
-                        ? fmt::format("largest error of the stage{}; {} borne", off.more,
-                                      borne(r.facts, r.facts.tolerance_um))
-                        : "largest error of the stage" + off.more);
+    tiles.add(off.value, r.facts.tolerance_um > 0
+                             ? fmt::format("largest error of the stage{}; {} borne", off.more,
+                                           borne(r.facts, r.facts.tolerance_um))
+                             : "largest error of the stage" + off.more);
   }
   const double took = printed_s(r);
   const char* const printed = r.facts.turns() ? "turns with spin-up" : "slices";
   if (std::isfinite(took)) {
-    tile(seconds(took), r.facts.expected_s > 0 ? fmt::format("for the {}, planned {}", printed,
-                                                             seconds(r.facts.expected_s))
-                                               : fmt::format("for the {}", printed));
+    tiles.add(seconds(took), r.facts.expected_s > 0 ? fmt::format("for the {}, planned {}", printed,
+                                                                  seconds(r.facts.expected_s))
+                                                    : fmt::format("for the {}", printed));
   }
-  return html + "</div>";
+  return tiles;
 }
 
 /// What a person must see before anything else.
-std::string alarm(const PrintRecord& r) {
+Markup alarm(const PrintRecord& r) {
   if (!r.left) return {};
-  return fmt::format("<p class=\"holds{}\"{}>{}{}{}</p>", r.left->confirmed() ? "" : " alarm",
-                     r.left->confirmed() ? "" : " role=\"alert\"", r.left->confirmed() ? "" : "<b>",
-                     shown(in_words(*r.left)), r.left->confirmed() ? "" : "</b>");
+  const std::string words = shown(in_words(*r.left));
+  return r.left->confirmed()
+             ? markup(R"(<p class="holds">{}</p>)", words)
+             : markup(R"(<p class="holds alarm" role="alert"><b>{}</b></p>)", words);
 }
 
-std::string what_happened(const PrintRecord& r) {
+Markup what_happened(const PrintRecord& r) {
   if (r.end == End::running) {
-    return R"(<p class="holds">It prints; this page is of what was recorded so far.</p>)";
+    return markup(R"(<p class="holds">It prints; this page is of what was recorded so far.</p>)");
   }
   if (r.fault != Fault::none) {
-    return fmt::format(R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}</p>)", name_of(r.fault),
-                       shown(r.detail),
-                       r.fault_frame < 0 ? std::string("with black on the display")
-                       : !std::isfinite(r.fault_z_um)
-                           ? fmt::format("at frame {}", r.fault_frame)
-                           : fmt::format("at frame {}, {}", r.fault_frame,
-                                         place_in_words(r.fault_z_um, r.facts.um_per_deg)),
-                       what_to_do(r.fault));
+    return markup(R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}</p>)", name_of(r.fault),
+                  shown(r.detail),
+                  r.fault_frame < 0 ? std::string("with black on the display")
+                  : !std::isfinite(r.fault_z_um)
+                      ? fmt::format("at frame {}", r.fault_frame)
+                      : fmt::format("at frame {}, {}", r.fault_frame,
+                                    place_in_words(r.fault_z_um, r.facts.um_per_deg)),
+                  what_to_do(r.fault));
   }
   if (r.end == End::cut_off) {
     const RecordedEvent& last = r.events.back();
-    return fmt::format(
+    return markup(
         R"(<p class="holds">The program was killed, or the power failed: the journal has no end. Its last line of the print is <code>{}</code> at {}. Look at the machine before the next print.</p>)",
         shown(last.what == kJournalEnd && r.events.size() > 1 ? r.events[r.events.size() - 2].what
                                                               : last.what),
@@ -213,11 +209,10 @@ std::string what_happened(const PrintRecord& r) {
   return {};
 }
 
-std::string facts_table(const PrintRecord& r) {
-  std::string html = R"(<div class="scroll"><table class="facts"><tbody>)";
+Markup facts_table(const PrintRecord& r) {
+  Table table("facts");
   const auto row = [&](const char* what, const std::string& value) {
-    if (value.empty()) return;
-    html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", what, value);
+    if (!value.empty()) table.row(what, value);
   };
   const PrintFacts& f = r.facts;
   if (!r.events.empty()) row("Begun", shown(r.events.front().time));
@@ -248,21 +243,19 @@ std::string facts_table(const PrintRecord& r) {
         fmt::format("{} (of {:g} ms)", text::count(r.last->missed_cycles), f.cycle_s * 1e3));
   }
   for (const std::string& remark : r.remarks) row("Not readable", shown(remark));
-  return html + "</tbody></table></div>";
+  return table;
 }
 
 template <typename Bounds, typename Counts>
-std::string counts_row(const char* unit, const Bounds& bounds, const Counts& counts) {
-  std::string head = fmt::format("<tr><th scope=\"row\">up to, {}</th>", unit), row;
-  const auto names = detail::bound_names(bounds.data(), bounds.size());
-  for (std::size_t i = 0; i < counts.size(); ++i) {
-    head += fmt::format("<th scope=\"col\">{}</th>", names[i]);
-    row += fmt::format("<td>{}</td>", text::count(static_cast<std::int64_t>(counts[i])));
-  }
-  return head + "</tr><tr><th scope=\"row\">frames</th>" + row + "</tr>";
+void add_counts(Table& table, const std::string& unit, const Bounds& bounds, const Counts& counts) {
+  table.row("up to, " + unit);
+  for (const auto& name : detail::bound_names(bounds.data(), bounds.size()))
+    table.head(name, "col");
+  table.row("frames");
+  for (const auto n : counts) table.cell(text::count(static_cast<std::int64_t>(n)));
 }
 
-std::string late_table(const PrintRecord& r) {
+Markup late_table(const PrintRecord& r) {
   std::vector<const FrameRow*> late;
   for (const FrameRow& f : r.frames) {
     if (f.late) late.push_back(&f);
@@ -277,29 +270,26 @@ std::string late_table(const PrintRecord& r) {
     return std::isfinite(x) && (!std::isfinite(y) || x > y);
   });
   // Too early counts as late, too, and is negative.
-  std::string html = fmt::format(
-      R"(<h2>Late frames, the worst first</h2><div class="scroll tall" tabindex="0" role="region" aria-label="Late frames"><table><thead><tr><th scope="col">frame</th>{}<th scope="col">{}</th><th scope="col">late, {}</th>{}<th scope="col">late, ms</th><th scope="col">shown at, s</th></tr></thead><tbody>)",
-      turns ? R"(<th scope="col">turn</th>)" : "", place_title(r.facts),
-      r.facts.layerwise ? "ms of exposure"
-      : turns           ? "°"
-                        : "um",
-      turns ? R"(<th scope="col">um at the wall</th>)" : "");
+  Table table({}, "Late frames", true);
+  table.column("frame");
+  if (turns) table.column("turn");
+  table.column(place_title(r.facts));
+  table.column(r.facts.layerwise ? "late, ms of exposure" : turns ? "late, °" : "late, um");
+  if (turns) table.column("um at the wall");
+  table.columns("late, ms", "shown at, s");
   for (std::size_t i = 0; i < std::min(late.size(), kMostLate); ++i) {
     const FrameRow& f = *late[i];
-    const auto cell = [&](const std::string& text) { html += "<td>" + text + "</td>"; };
-    html += fmt::format("<tr><th scope=\"row\">{}</th>", f.frame);
-    if (turns) cell(std::to_string(f.frame / r.facts.angles + 1));
-    cell(place(r.facts, f.z_um));
-    if (turns) cell(figure(f.late_um / r.facts.um_per_deg, "", 3));
-    cell(figure(how_late(f), "", 2));
-    cell(figure((f.shown_s - f.planned_s) * 1e3, "", 2));
-    cell(figure(f.shown_s, "", 3));
-    html += "</tr>";
+    table.row(f.frame);
+    if (turns) table.cells(f.frame / r.facts.angles + 1);
+    table.cell(place(r.facts, f.z_um));
+    if (turns) table.cell(figure(f.late_um / r.facts.um_per_deg, "", 3));
+    table.cells(figure(how_late(f), "", 2), figure((f.shown_s - f.planned_s) * 1e3, "", 2),
+                figure(f.shown_s, "", 3));
   }
-  html += "</tbody></table></div>";
+  Markup html = markup("<h2>Late frames, the worst first</h2>{}", table);
   if (late.size() > kMostLate) {
-    html += fmt::format("<p class=\"dim\">The worst {} of {}; all are in frames.csv.</p>",
-                        kMostLate, text::count(static_cast<std::int64_t>(late.size())));
+    html += markup(R"(<p class="dim">The worst {} of {}; all are in frames.csv.</p>)", kMostLate,
+                   text::count(static_cast<std::int64_t>(late.size())));
   }
   return html;
 }
@@ -313,39 +303,42 @@ bool of_the_fault(const RecordedEvent& e) {
                      [&](const char* what) { return e.what == what; });
 }
 
-std::string event_table(const PrintRecord& r) {
+Markup event_table(const PrintRecord& r) {
   if (r.events.empty()) return {};
   const double fault_s = fault_at_s(r);
   const bool fault = std::isfinite(fault_s);
-  std::string html = fmt::format(
-      R"(<h2>What happened</h2>{}<div class="scroll{}" tabindex="0" role="region" aria-label="Events"><table class="events"><thead><tr><th scope="col">at, s</th>{}<th scope="col" class="words">what</th><th scope="col" class="words">detail</th><th scope="col">frame</th><th scope="col">{}</th></tr></thead><tbody>)",
-      fault ? "<p class=\"dim\">Marked: the fault and its order: lamps off, stage stop, black.</p>"
-            : "",
-      r.events.size() > kLongestUntouched ? " tall" : "",
-      fault ? "<th scope=\"col\">since the fault, ms</th>" : "", place_title(r.facts));
+  Table table("events", "Events", r.events.size() > kLongestUntouched);
+  table.column("at, s");
+  if (fault) table.column("since the fault, ms");
+  for (const char* head : {"what", "detail"}) table.column(head, "words");
+  table.columns("frame", place_title(r.facts));
   for (std::size_t i = 0; i < r.events.size(); ++i) {
     // Of many, how it began and how it ended.
     if (r.events.size() > kMostEvents && i == kFirstEvents) {
       const std::size_t left_out = r.events.size() - kMostEvents;
-      html += fmt::format(
-          R"(<tr><th scope="row">…</th><td colspan="{}">{} lines are left out</td></tr>)",
-          fault ? 5 : 4, text::count(static_cast<std::int64_t>(left_out)));
+      table.row("…");
+      table.cell(text::count(static_cast<std::int64_t>(left_out)) + " lines are left out", {},
+                 fault ? 5 : 4);
       i += left_out;
     }
     const RecordedEvent& e = r.events[i];
-    html += fmt::format("<tr{}><th scope=\"row\">{}</th>",
-                        of_the_fault(e) ? " class=\"fault\"" : "", figure(e.at_s, "", 3));
+    table.begin(of_the_fault(e) ? "fault" : "");
+    table.head(figure(e.at_s, "", 3));
     if (fault) {
-      html += fmt::format("<td>{}</td>", e.at_s >= fault_s && of_the_fault(e)
-                                             ? figure((e.at_s - fault_s) * 1e3, "", 1)
-                                             : "");
+      table.cell(e.at_s >= fault_s && of_the_fault(e) ? figure((e.at_s - fault_s) * 1e3, "", 1)
+                                                      : "");
     }
-    html += fmt::format(
-        R"(<td class="words">{}</td><td class="words">{}</td><td>{}</td><td>{}</td></tr>)",
-        shown(e.what), shown(e.detail), e.frame < 0 ? std::string() : std::to_string(e.frame),
-        place(r.facts, e.stage_um - r.facts.start_um));
+    for (const auto& text : {e.what, e.detail}) table.cell(shown(text), "words");
+    table.cells(e.frame < 0 ? std::string() : std::to_string(e.frame),
+                place(r.facts, e.stage_um - r.facts.start_um));
   }
-  return html + "</tbody></table></div>";
+  return markup(
+      "<h2>What happened</h2>{}{}",
+      fault
+          ? markup(
+                R"(<p class="dim">Marked: the fault and its order: lamps off, stage stop, black.</p>)")
+          : Markup(),
+      table);
 }
 
 std::string title_of(const PrintRecord& r) {
@@ -358,33 +351,35 @@ std::string title_of(const PrintRecord& r) {
 
 std::string report_body(const PrintRecord& r) {
   if (r.end == End::none) {
-    std::string html = fmt::format("<p>No print is recorded in {}.</p>", shown(r.folder));
-    for (const std::string& remark : r.remarks) html += fmt::format("<p>{}.</p>", shown(remark));
-    return html;
+    Markup html = markup("<p>No print is recorded in {}.</p>", shown(r.folder));
+    for (const std::string& remark : r.remarks) html += markup("<p>{}.</p>", shown(remark));
+    return html.html();
   }
-  std::string html = alarm(r) + tiles(r) + what_happened(r) + facts_table(r);
+  Markup html = alarm(r) + tiles(r) + what_happened(r) + facts_table(r);
   const auto charts = detail::charts_of(r);
   if (!charts.empty()) {
-    html += "<h2>Frame by frame</h2><div class=\"charts\">";
+    Markup figures;
     for (const detail::Chart& c : charts) {
-      html += fmt::format("<div class=\"scroll\"><figure>{}</figure></div>", c.svg);
+      figures += scrolled(markup("<figure>{}</figure>", Markup::raw(c.svg)));
     }
-    html += "</div>";
-    html += fmt::format(
-        R"(<details><summary>Numbers of the histogram</summary><div class="scroll"><table><tbody>{}{}</tbody></table></div></details>)",
-        r.facts.turns()     ? counts_row("°", Lateness::kBoundsDeg, r.lateness.deg)
-        : r.facts.layerwise ? ""
-                            : counts_row("um", Lateness::kBoundsUm, r.lateness.um),
-        counts_row("ms", Lateness::kBoundsMs, r.lateness.ms));
+    Table table;
+    if (r.facts.turns()) add_counts(table, "°", Lateness::kBoundsDeg, r.lateness.deg);
+    if (!r.facts.turns() && !r.facts.layerwise) {
+      add_counts(table, "um", Lateness::kBoundsUm, r.lateness.um);
+    }
+    add_counts(table, "ms", Lateness::kBoundsMs, r.lateness.ms);
+    html += markup(
+        R"(<h2>Frame by frame</h2><div class="charts">{}</div><details><summary>Numbers of the histogram</summary>{}</details>)",
+        figures, table);
   }
-  return html + late_table(r) + event_table(r);
+  return (html + late_table(r) + event_table(r)).html();
 }
 
 std::string report_page(const PrintRecord& r) {
-  return fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}{3}</style></head><body><main><h1>{0}</h1><p class="dim">{4}</p>{5}</main></body></html>)",
-      title_of(r), slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css,
-      detail::page_print_css, shown(r.folder), report_body(r));
+  Page page(title_of(r), {page_tiles_css, detail::page_print_css});
+  page += markup(R"(<p class="dim">{}</p>)", shown(r.folder));
+  page += Markup::raw(report_body(r));
+  return page.html();
 }
 
 void write_report(const StateFolder& folder, bool running) {

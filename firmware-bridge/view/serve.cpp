@@ -14,7 +14,7 @@
 #include "support/http/answers.hpp"
 #include "support/http/guard.hpp"
 #include "support/http/guarded_server.hpp"
-#include "support/page/page_style.hpp"
+#include "support/page/html_page.hpp"
 #include "view/page_text.hpp"
 
 namespace slicecorr::bridge {
@@ -69,9 +69,7 @@ void PrintServer::Parts::read(const httplib::Request& request, httplib::Response
     return shell(std::string(detail::page_live_js), "text/javascript; charset=utf-8");
   }
   if (path == "/live.css") {
-    return shell(std::string(slicecorr::detail::page_page_css) +
-                     std::string(slicecorr::detail::page_tiles_css) +
-                     std::string(detail::page_print_css),
+    return shell(page::style({page::page_tiles_css, detail::page_print_css}),
                  "text/css; charset=utf-8");
   }
   if (path == "/healthz") return http::send(response, 200, "ok\n", http::kTextType);

@@ -11,9 +11,10 @@
 #include "measure/sheet_commands.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
-#include "support/text/escape.hpp"
 
 namespace slicecorr {
+
+using namespace page;
 
 namespace {
 
@@ -34,29 +35,22 @@ constexpr const char* kRead =
     "At each image wait until the reading stands still, and write it down; that of black, too, which "
     "is small: its light adds up over a whole print. Take off what the meter shows while the lamp is "
     "off.";
-constexpr const char* kNoGrey =
-    "A display whose readings do not rise from image to image, or jump from nothing to full, shows no "
-    "grey: write <b>bit_depth = 1</b> into a copy of the printer's file, and measure black and full "
-    "light.";
 
 /// The images side by side, each with its number and level.
-std::string swatches(const std::vector<int>& levels, const std::vector<std::uint8_t>& values) {
+Markup swatches(const std::vector<int>& levels, const std::vector<std::uint8_t>& values) {
   constexpr int kSide = 44, kStep = 50, kInRow = 11, kRow = 84;
   const int rows = (static_cast<int>(levels.size()) + kInRow - 1) / kInRow;
-  std::string svg = fmt::format(
-      "<svg viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" role=\"img\" aria-label=\"the images "
-      "from the first to the last\">",
+  Markup svg = markup(
+      R"(<svg viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="the images from the first to the last">)",
       kStep * kInRow, kRow * rows);
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const int x = kStep * static_cast<int>(i % kInRow) + 1,
               y = kRow * static_cast<int>(i / kInRow) + 1, middle = x + kSide / 2;
-    svg += fmt::format(
-        "<rect x=\"{0}\" y=\"{1}\" width=\"{2}\" height=\"{2}\" fill=\"rgb({3},{3},{3})\" "
-        "stroke=\"#888\"/><text text-anchor=\"middle\" x=\"{4}\" y=\"{5}\" font-size=\"11\">{6}</text>"
-        "<text text-anchor=\"middle\" x=\"{4}\" y=\"{7}\" font-size=\"11\">level {8}</text>",
+    svg += markup(
+        R"x(<rect x="{0}" y="{1}" width="{2}" height="{2}" fill="rgb({3},{3},{3})" stroke="#888"/><text text-anchor="middle" x="{4}" y="{5}" font-size="11">{6}</text><text text-anchor="middle" x="{4}" y="{7}" font-size="11">level {8}</text>)x",
         x, y, kSide, values[i], middle, y + kSide + 13, i + 1, y + kSide + 26, levels[i]);
   }
-  return svg + "</svg>";
+  return svg + markup("</svg>");
 }
 
 }  // namespace
@@ -135,22 +129,25 @@ std::string LevelImages::sheet(const std::string& form_file,
       kNothingOnIt,
       "Let the lamp be lit for some minutes if you can: cold lamps are brighter.",
       "Lay the sensor face down onto the middle of the display.",
-      fmt::format(
-          "Print the file: <b>{} images</b>, each all of one grey, from black to full light, "
-          "each lit for <b>{:g} s</b>. The printer's motor may do what it will.",
+      markup(
+          "Print the file: <b>{} images</b>, each all of one grey, from black to full light, each "
+          "lit for <b>{:g} s</b>. The printer's motor may do what it will.",
           levels_.size(), ask_.image_s),
       kRead,
-      kNoGrey};
+      markup(
+          "A display whose readings do not rise from image to image, or jump from nothing to "
+          "full, shows no grey: write <b>bit_depth = 1</b> into a copy of the printer's file, and "
+          "measure black and full light.")};
   s.picture = swatches(levels_, values_);
   s.caption = "The images in their order, with their levels.";
   s.heads = {"image", "level", "mW/cm²"};
   for (std::size_t i = 0; i < levels_.size(); ++i) {
     s.rows.push_back({fmt::format("{}", i + 1), fmt::format("{}", levels_[i])});
   }
-  s.after = fmt::format(
+  s.after = markup(
       "Copy the last column into <b>{}</b>. What was not measured stays empty, but the first and the "
       "last are needed. Change nothing else there.",
-      escape_markup(form_file));
+      form_file);
   s.commands = detail::commands_on("levels", form_file, printer_file, printer_name_);
   return sheet_page(s);
 }

@@ -8,18 +8,19 @@
 #include <vector>
 
 #include "slicecorr/grid.hpp"
+#include "support/page/html_page.hpp"
 
 namespace slicecorr::detail {
 
-/// What a page says. Texts are HTML, but for names and commands.
+/// What a page says.
 struct PartSheet {
   std::string title, about;
-  std::vector<std::string> tools, steps;
-  std::string picture;  ///< SVG
+  std::vector<page::Markup> tools, steps;
+  page::Markup picture;
   std::string caption;
   std::vector<std::string> heads;              ///< of the table; the last column is left empty
   std::vector<std::vector<std::string>> rows;  ///< cells without the last
-  std::string after;                           ///< what to do with the table
+  page::Markup after;                          ///< what to do with the table
   std::vector<std::string> commands;
 };
 std::string sheet_page(const PartSheet& sheet);
@@ -31,6 +32,6 @@ struct SheetBox {
   std::string words;
 };
 /// The plate from above, as the images of the stack show it.
-std::string plate_picture(const Grid& grid, const std::vector<SheetBox>& boxes);
+page::Markup plate_picture(const Grid& grid, const std::vector<SheetBox>& boxes);
 
 }  // namespace slicecorr::detail

@@ -12,7 +12,6 @@
 #include "measure/sheet_commands.hpp"
 #include "picture/sheet.hpp"
 #include "slicecorr/error.hpp"
-#include "support/text/escape.hpp"
 
 namespace slicecorr {
 
@@ -151,9 +150,9 @@ std::string SpreadTestPart::sheet(const std::string& form_file,
       "gaps, tells how far light spreads.";
   s.tools = {"A microscope with a scale, 0.002 mm or finer"};
   s.steps = {
-      fmt::format("Print it as you print parts: layer by layer the stack as it is, continuously "
-                  "after a correction without that of spread: <code>{}</code>.",
-                  detail::kCorrectWithoutSpread),
+      page::markup("Print it as you print parts: layer by layer the stack as it is, continuously "
+                   "after a correction without that of spread: <code>{}</code>.",
+                   detail::kCorrectWithoutSpread),
       "Wash it as you wash parts, don't cure it further.",
       "Look at the side that was at the window. Measure the width of each line and gap in the middle "
       "of its length; its number says how many pixels wide it is in the image.",
@@ -177,10 +176,10 @@ std::string SpreadTestPart::sheet(const std::string& form_file,
   for (const TestFeature& f : features_) {
     s.rows.push_back({name_of(f), fmt::format("{:g}", f.width_um)});
   }
-  s.after = fmt::format(
+  s.after = page::markup(
       "Copy the last column into <b>{}</b> as <code>printed_um</code>, in um; leave empty what you "
       "did not measure.",
-      escape_markup(form_file));
+      form_file);
   s.commands = detail::commands_on("spread", form_file, printer_file, printer_name_);
   return detail::sheet_page(s);
 }

@@ -9,12 +9,12 @@
 #include "measure/part_sheet.hpp"
 #include "measure/sheet_commands.hpp"
 #include "slicecorr/tuning_part.hpp"
-#include "support/text/escape.hpp"
 
 namespace slicecorr {
 
 using detail::PartSheet;
 using detail::SheetBox;
+using namespace page;
 
 namespace {
 
@@ -26,38 +26,29 @@ constexpr const char* kWell =
     "window; or the window itself, with the platform taken away";
 /// A sixtieth of a second more or less, which displays make, is then less than a sixth.
 constexpr double kShortImage = 0.1;
-constexpr const char* kShort =
-    "<b>Times are short</b> for a display, whose images last for whole sixtieths of a second or so. "
-    "Turn the lamp down if you can, write the light that you then measure into a copy of the printer "
-    "file, and make the part again for it.";
 constexpr const char* kWash =
     "Drain and wash with isopropanol for as long as your prints; don't scrape. Let it dry, don't "
     "cure it any further before you have measured.";
 
 /// The comb from the side: the platform is above, as in the printer.
-std::string comb_picture(const TuningPart& part) {
+Markup comb_picture(const TuningPart& part) {
   const double total_um = part.grid().layers * part.grid().layer_um, scale = 420 / total_um;
-  std::string svg =
-      "<svg viewBox=\"0 0 560 460\" width=\"560\" height=\"460\" role=\"img\" aria-label=\"comb "
-      "from the side\"><rect class=\"plate\" x=\"40\" y=\"14\" width=\"280\" height=\"10\"/><text "
-      "x=\"44\" y=\"11\" font-size=\"11\">platform: measure from here</text><rect class=\"part\" "
-      "x=\"80\" y=\"24\" width=\"70\" height=\"420\"/>";
+  Markup svg = markup(
+      R"(<svg viewBox="0 0 560 460" width="560" height="460" role="img" aria-label="comb from the side"><rect class="plate" x="40" y="14" width="280" height="10"/><text x="44" y="11" font-size="11">platform: measure from here</text><rect class="part" x="80" y="24" width="70" height="420"/>)");
   for (std::size_t i = 0; i < part.rows().size(); ++i) {
     const TuningPart::Row& r = part.rows()[i];
     const double y = 24 + r.designed_um * scale;
     if (r.kind == "upper") {
-      svg += fmt::format(
-          "<rect class=\"part\" x=\"150\" y=\"{:.1f}\" width=\"140\" height=\"{:.1f}\"/>", y,
-          (part.rows()[i + 1].designed_um - r.designed_um) * scale);
+      svg += markup(R"(<rect class="part" x="150" y="{:.1f}" width="140" height="{:.1f}"/>)", y,
+                    (part.rows()[i + 1].designed_um - r.designed_um) * scale);
     }
     // Gaps of four slices are less high than words.
     const double words = y + (r.kind == "upper" ? 9.0 : 1.0);
-    svg += fmt::format(
-        "<line class=\"place\" x1=\"290\" x2=\"312\" y1=\"{0:.1f}\" y2=\"{0:.1f}\"/><text "
-        "x=\"316\" y=\"{1:.1f}\" font-size=\"11\">{2}, {3:g} um</text>",
-        y, words, escape_markup(r.name), r.designed_um);
+    svg += markup(
+        R"(<line class="place" x1="290" x2="312" y1="{0:.1f}" y2="{0:.1f}"/><text x="316" y="{1:.1f}" font-size="11">{2}, {3:g} um</text>)",
+        y, words, r.name, r.designed_um);
   }
-  return svg + "</svg>";
+  return svg + markup("</svg>");
 }
 
 std::string seconds(double s) { return fmt::format("{:.4g} s", s); }
@@ -87,11 +78,10 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
         "(row 0 at the largest y). Your display may mirror or turn them: look at which plug "
         "is which before you wash.";
   }
-  const std::string fill = fmt::format(
+  s.after = markup(
       "Copy the last column into <b>{}</b>, in um, and leave empty what you did not measure. Change "
       "nothing else there. A copy of the table for each further sample makes the answer surer.",
-      escape_markup(form_file));
-  s.after = fill;
+      form_file);
   switch (kind_) {
     case comb:
       s.title = "Comb";
@@ -123,9 +113,9 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
           "absorbance height and gel dose, and whether half the light for twice the time is "
           "the same.";
       s.tools = {kWell, kGauge};
-      std::string images;
+      Markup images;
       for (std::size_t n = 0; n < image_s_.size(); ++n) {
-        images += fmt::format("{}{}: <b>{}</b>", n ? ", " : "", n + 1, seconds(image_s_[n]));
+        images += markup("{}{}: <b>{}</b>", n ? ", " : "", n + 1, seconds(image_s_[n]));
       }
       s.steps = {
           "No UV light, no stage. Fill the well, wait until bubbles are gone.",
@@ -152,8 +142,8 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
           "of the grey levels is right: a level that is off stands out of the line.";
       s.tools = {kWell, kGauge};
       s.steps = {"No UV light, no stage. Fill the well, wait until bubbles are gone.",
-                 fmt::format("Show the image for <b>{}</b>, then switch the light off.",
-                             seconds(image_s_.front())),
+                 markup("Show the image for <b>{}</b>, then switch the light off.",
+                        seconds(image_s_.front())),
                  kWash,
                  "Measure the height of each step in its middle, from the glass. Leave out steps "
                  "that came off."};
@@ -175,15 +165,15 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       s.steps = {
           "Lay the slides on the window with the spacers between them and fill the gap with "
           "resin. Plugs must reach the upper slide.",
-          fmt::format("Set the UV light to <b>{:g} mW/cm²</b> at the window, evenly. Show "
-                      "the image for <b>{}</b> with both lights on, and switch both off at "
-                      "the same moment.",
-                      ask_.uv_mw_cm2, seconds(image_s_.front())),
+          markup("Set the UV light to <b>{:g} mW/cm²</b> at the window, evenly. Show the image for "
+                 "<b>{}</b> with both lights on, and switch both off at the same moment.",
+                 ask_.uv_mw_cm2, seconds(image_s_.front())),
           "Take the slides apart and wash: plugs stick to the upper one. Cure them under "
           "white light so that they can be handled.",
-          "Measure each plug's thickness. <b>Dead zone = thickness of the spacers - thickness "
-          "of the plug.</b> 0 where it stuck to the lower slide; leave empty where nothing "
-          "cured."};
+          markup(
+              "Measure each plug's thickness. <b>Dead zone = thickness of the spacers - thickness "
+              "of the plug.</b> 0 where it stuck to the lower slide; leave empty where nothing "
+              "cured.")};
       s.heads = {"plug", "blue, mW/cm²", "plug, um", "dead zone, um"};
       rows([](const Row& r) {
         return std::vector<std::string>{r.name, fmt::format("{:.4g}", r.intensity_mw_cm2), ""};
@@ -197,8 +187,8 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
                  kGauge};
       s.steps = {
           "No UV light, no stage.",
-          fmt::format("Show the image for <b>{}</b>, then switch the light off.",
-                      seconds(image_s_.front())),
+          markup("Show the image for <b>{}</b>, then switch the light off.",
+                 seconds(image_s_.front())),
           kWash,
           fmt::format("Measure each plug's height in its middle. 10 um are {:.2g} % of light "
                       "in this resin; one with a larger absorbance height shows more.",
@@ -210,7 +200,11 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       break;
   }
   if (!image_s_.empty() && *std::min_element(image_s_.begin(), image_s_.end()) < kShortImage) {
-    s.steps.insert(s.steps.begin(), kShort);
+    s.steps.insert(
+        s.steps.begin(),
+        markup("<b>Times are short</b> for a display, whose images last for whole sixtieths of a "
+               "second or so. Turn the lamp down if you can, write the light that you then measure "
+               "into a copy of the printer file, and make the part again for it."));
   }
   s.title += ", " + printer_name_;
   s.commands = detail::commands_on(word_of(kind_), form_file, printer_file, printer_name_);

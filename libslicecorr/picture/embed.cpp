@@ -3,7 +3,6 @@
 
 #include "picture/embed.hpp"
 
-#include <fmt/format.h>
 #include <libdeflate.h>
 
 #include <algorithm>
@@ -11,14 +10,14 @@
 #include <new>
 
 #include "support/text/base64.hpp"
-#include "support/text/escape.hpp"
 
 namespace slicecorr::detail {
 
-std::string image_element(const ColourImage& picture, const std::string& words) {
-  return fmt::format(R"(<img alt="{}" width="{}" height="{}" src="data:image/png;base64,{}">)",
-                     escape_markup(words), picture.width_px, picture.height_px,
-                     base64(encode_png(picture)));
+page::Markup captioned_image(const ColourImage& picture, const std::string& words) {
+  return page::captioned(
+      page::markup(R"(<img alt="{}" width="{}" height="{}" src="data:image/png;base64,{}">)", words,
+                   picture.width_px, picture.height_px, base64(encode_png(picture))),
+      words);
 }
 
 bool deflate_within(std::size_t most, const Bytes& raw, Bytes& out) {

@@ -10,13 +10,14 @@
 #include <vector>
 
 #include "slicecorr/picture.hpp"
+#include "support/page/html_page.hpp"
 
 namespace slicecorr::detail {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// An element <img>, with the picture in it and these words for those who do not see it.
-std::string image_element(const ColourImage& picture, const std::string& words);
+/// A picture, in the page itself, with these words below it and for those who do not see it.
+page::Markup captioned_image(const ColourImage& picture, const std::string& words);
 
 /// As a zlib stream, which `inflate` of the pages' scripts reads, of at most `most` bytes; false,
 /// and early, when it takes more.

@@ -67,7 +67,7 @@ Panel zone_panel(const Slices& slices, double gap_um) {
 
 }  // namespace
 
-std::string flow_charts(const ReportContent& c) {
+page::Markup flow_charts(const ReportContent& c) {
   if (!c.after.flow || c.after.flow->slices.empty()) return {};
   const FlowDoses& flow = *c.after.flow;
   const Slices slices = drawn(flow.slices);
@@ -83,10 +83,10 @@ std::string flow_charts(const ReportContent& c) {
   picture.legend_band(Style::series, "this stack, least to greatest dead zone");
   picture.add(share_panel(slices));
   picture.add(zone_panel(slices, flow.gap_um));
-  return fmt::format(
-      R"(<h3>Resin that flows</h3><p class="dim">Light made for an even dead zone of {:.4g} um. In the mean {:.1f} % of the sections get their dose within 10 %, with the best light that is the same everywhere {:.1f} %. {} slices were looked at. Above, the share of each section; below, its dead zone, least and greatest.</p><figure><div class="scroll">{}</div></figure>)",
+  return page::markup(
+      R"(<h3>Resin that flows</h3><p class="dim">Light made for an even dead zone of {:.4g} um. In the mean {:.1f} % of the sections get their dose within 10 %, with the best light that is the same everywhere {:.1f} %. {} slices were looked at. Above, the share of each section; below, its dead zone, least and greatest.</p>{})",
       flow.gap_um, 100 * flow.within_10(), 100 * flow.within_10_without(), flow.slices.size(),
-      picture.svg());
+      page::drawing(picture.svg()));
 }
 
 }  // namespace slicecorr::detail

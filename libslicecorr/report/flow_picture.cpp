@@ -14,8 +14,7 @@
 #include "slicecorr/flow_report.hpp"
 #include "slicecorr/limit.hpp"
 #include "support/chart/chart.hpp"
-#include "support/page/page_style.hpp"
-#include "support/text/escape.hpp"
+#include "support/page/html_page.hpp"
 
 namespace slicecorr {
 
@@ -24,6 +23,7 @@ namespace {
 using detail::Canvas;
 using detail::Colour;
 using detail::Segment;
+using namespace page;
 
 constexpr double kMargin = 16, kChartHeight = 440, kChartTop = 92, kMapSide = 250;
 constexpr Colour kGrid{222, 226, 230}, kLineColour{11, 79, 160}, kLimit{190, 30, 30};
@@ -221,40 +221,29 @@ Size draw(Canvas& canvas, const FlowPicture& p, bool title = true) {
   return {std::max(left, 760.0), foot + kMargin};
 }
 
-std::string slice_rows(const FlowPicture& p) {
+Markup slice_rows(const FlowPicture& p) {
   const bool dosed =
       std::any_of(p.slices.begin(), p.slices.end(), [](const SliceFlow& s) { return s.dose; });
-  std::string html =
-      R"(<div class="scroll tall" tabindex="0" role="region" aria-label="slices"><table><thead><tr>)";
-  std::vector<std::string> heads{"slice",     "mm",    "suction", "force, N",
-                                 "most mm/h", "x, mm", "y, mm"};
-  if (dosed) {
-    heads.insert(heads.end(), {"dose", "within 10 %", "window's dose", "dead zone, um"});
-  }
-  for (const std::string& head : heads) html += "<th scope=\"col\">" + head + "</th>";
-  html += "</tr></thead><tbody>";
+  Table table({}, "slices", true);
+  table.columns("slice", "mm", "suction", "force, N", "most mm/h", "x, mm", "y, mm");
+  if (dosed) table.columns("dose", "within 10 %", "window's dose", "dead zone, um");
   for (const SliceFlow& s : p.slices) {
-    html += fmt::format(
-        "<tr><td>{}</td><td>{:.3f}</td><td>{}</td><td>{:.3g}</td><td>{}</td><td>{:.2f}</td>"
-        "<td>{:.2f}</td>",
-        s.slice, HeightChart::height(s, p.layer_um), pressure(s.suction_pa), s.force_n,
-        at_most(s.speed_limit_mm_h), s.x_mm, s.y_mm);
+    table.begin();
+    table.cells(s.slice, fmt::format("{:.3f}", HeightChart::height(s, p.layer_um)),
+                pressure(s.suction_pa), fmt::format("{:.3g}", s.force_n),
+                at_most(s.speed_limit_mm_h), fmt::format("{:.2f}", s.x_mm),
+                fmt::format("{:.2f}", s.y_mm));
     if (s.dose) {
-      html += fmt::format(
-          "<td>{:.3g}–{:.3g}–{:.3g}</td><td>{:.1f} %</td><td>{:.3g}</td><td>{:.0f}–{:.0f}</td>",
-          s.dose->min, s.dose->mean, s.dose->max, 100 * s.dose->within_10, s.dose->max_window,
-          s.dead_zone_min_um, s.dead_zone_max_um);
+      table.cells(fmt::format("{:.3g}–{:.3g}–{:.3g}", s.dose->min, s.dose->mean, s.dose->max),
+                  fmt::format("{:.1f} %", 100 * s.dose->within_10),
+                  fmt::format("{:.3g}", s.dose->max_window),
+                  fmt::format("{:.0f}–{:.0f}", s.dead_zone_min_um, s.dead_zone_max_um));
     } else if (dosed) {
-      html += "<td></td><td></td><td></td><td></td>";
+      table.cells("", "", "", "");
     }
-    html += "</tr>";
   }
-  return html + "</tbody></table></div>";
+  return table;
 }
-
-}  // namespace
-
-namespace {
 
 std::string svg_of(const FlowPicture& picture, bool title) {
   std::string words = picture.title;
@@ -277,15 +266,11 @@ std::string flow_png(const FlowPicture& picture) {
 }
 
 std::string flow_page(const FlowPicture& picture) {
-  std::string html = fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}</style></head><body><main><h1>{0}</h1>)",
-      escape_markup(picture.title), detail::page_page_css, detail::page_tiles_css);
-  std::string svg = svg_of(picture, false);
-  // Within a page there is no prologue.
-  if (const auto start = svg.find("<svg"); start != std::string::npos) svg.erase(0, start);
-  html += "<figure><div class=\"scroll\">" + svg + "</div></figure>";
-  for (const std::string& note : picture.notes) html += "<p>" + escape_markup(note) + "</p>";
-  return html + slice_rows(picture) + "</main></body></html>\n";
+  Page page(picture.title, {page_tiles_css});
+  page += drawing(svg_of(picture, false));
+  for (const std::string& note : picture.notes) page += markup("<p>{}</p>", note);
+  page += slice_rows(picture);
+  return page.html() + "\n";
 }
 
 }  // namespace slicecorr

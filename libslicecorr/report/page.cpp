@@ -16,13 +16,12 @@
 #include "slicecorr/limit.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
-#include "support/page/page_style.hpp"
+#include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
-#include "support/text/escape.hpp"
 
 namespace slicecorr {
 
-using detail::image_element;
+using namespace page;
 
 namespace {
 
@@ -40,15 +39,15 @@ CureModel brightest_model(const ReportContent& c) {
                          {factor, factor});
 }
 
-std::string figures_table(const ReportContent& c) {
-  std::string html =
-      R"(<div class="scroll"><table class="figures"><thead><tr><th scope="col">Figure</th>)";
-  if (c.before) html += R"(<th scope="col">uncorrected</th>)";
-  html += R"(<th scope="col">this stack</th></tr></thead><tbody>)";
+Markup figures_table(const ReportContent& c) {
+  Table table("figures");
+  table.column("Figure");
+  if (c.before) table.column("uncorrected");
+  table.column("this stack");
   const auto row = [&](const char* name, auto figure) {
-    html += fmt::format("<tr><th scope=\"row\">{}</th>", name);
-    if (c.before) html += fmt::format("<td>{}</td>", figure(*c.before));
-    html += fmt::format("<td>{}</td></tr>", figure(c.after));
+    table.row(name);
+    if (c.before) table.cell(figure(*c.before));
+    table.cell(figure(c.after));
   };
   const auto errors = [&](const char* mean, const char* largest, Histogram Prediction::*of) {
     const auto um = [&](const Prediction& p, double value) {
@@ -80,9 +79,9 @@ std::string figures_table(const ReportContent& c) {
       [](const Prediction& p) { return counted(p.merged_features) + " of " + counted(p.gaps); });
   row("Gaps one slice high", [](const Prediction& p) { return counted(p.one_slice_gaps); });
   if (c.suction) {
-    std::string words = fmt::format("{:.4g} kPa, {:.3g} N<br>slice {}; at most {} mm/h",
-                                    c.suction->suction_pa * 1e-3, c.suction->force_n,
-                                    c.suction->slice, at_most(c.suction->speed_limit_mm_h));
+    Markup words =
+        markup("{:.4g} kPa, {:.3g} N<br>slice {}; at most {} mm/h", c.suction->suction_pa * 1e-3,
+               c.suction->force_n, c.suction->slice, at_most(c.suction->speed_limit_mm_h));
     row("Greatest suction under the part", [&](const Prediction&) { return words; });
   }
   if (c.after.left_alone_voxels > 0) {
@@ -124,14 +123,13 @@ std::string figures_table(const ReportContent& c) {
     row("Greatest over least dose in a layer",
         [&](const Prediction&) { return fmt::format("{:.4g}", l->heterogeneity); });
   }
-  const CureModel model = brightest_model(c);
-  return html + fmt::format(
-                    "</tbody></table></div><p class=\"dim\">One grey level moves the upper edge of "
-                    "a feature by up to {:.3g} um.</p>",
-                    model.level_step_um());
+  return table +
+         markup(
+             R"(<p class="dim">One grey level moves the upper edge of a feature by up to {:.3g} um.</p>)",
+             brightest_model(c).level_step_um());
 }
 
-std::string summary(const ReportContent& c) {
+Markup summary(const ReportContent& c) {
   const Grid& g = c.info.grid;
   const Process& process = c.setup.process;
   const bool layerwise = process.mode == ExposureMode::layerwise;
@@ -139,7 +137,7 @@ std::string summary(const ReportContent& c) {
   const double time_s = c.info.recording
                             ? light_on_s(c.info)
                             : light_on_s(process, c.setup.resin.m, g.layer_um, g.layers);
-  std::string html = fmt::format(
+  Markup html = markup(
       "<p>{}{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. {}: {:.0f} min {:02.0f} s{}.",
       c.info.recording ? fmt::format("What a machine showed, recorded: {} images in ", g.layers)
                        : std::string(),
@@ -151,52 +149,49 @@ std::string summary(const ReportContent& c) {
   if (c.info.part_volume_mm3 > 0) {
     html += fmt::format(" Resin in the part: {:.3f} ml.", c.info.part_volume_mm3 * 1e-3);
   }
-  html += fmt::format(
+  html += markup(
       R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} mW/cm²), resin {} (absorbance height {:g} um base 10, dose aimed at {}).)x",
-      escape_markup(c.setup.printer.name), c.setup.printer.levels(),
+      c.setup.printer.name, c.setup.printer.levels(),
       c.setup.printer.calibration.front().intensity_mw_cm2,
-      c.setup.printer.calibration.back().intensity_mw_cm2, escape_markup(c.setup.resin.name),
-      c.setup.resin.absorbance_height10_um, escape_markup(dose_in_words(c.setup.resin)));
-  if (const std::string light = light_in_words(c.setup.printer); !light.empty()) {
-    html += " Light over the display: " + escape_markup(light) + ".";
-  }
-  if (const std::string spread = spread_in_words(c.setup.printer.spread); !spread.empty()) {
-    html += " Light spreads: " + escape_markup(spread) + ".";
-  }
+      c.setup.printer.calibration.back().intensity_mw_cm2, c.setup.resin.name,
+      c.setup.resin.absorbance_height10_um, dose_in_words(c.setup.resin));
+  const auto say = [&](const char* what, const std::string& words) {
+    if (!words.empty()) html += fmt::format(" {}: {}.", what, words);
+  };
+  say("Light over the display", light_in_words(c.setup.printer));
+  say("Light spreads", spread_in_words(c.setup.printer.spread));
   if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {
     html += fmt::format(" Light scatters in the resin, {:g} um²/um.", scatter);
   }
-  if (const std::string uv = uv_in_words(c.setup.process.uv); !uv.empty()) {
-    html += " UV light: " + escape_markup(uv) + ".";
-  }
-  if (layerwise) return html + "</p>";
-  if (c.most_wanted > 1) return html + " Doses inside features wanted place by place.</p>";
+  say("UV light", uv_in_words(c.setup.process.uv));
   const double cap = c.setup.process.omega_max;
-  return html + (cap >= kNoCap ? " Dose inside features not capped.</p>"
-                               : fmt::format(" Dose inside features capped at {:g}.</p>", cap));
+  if (!layerwise) {
+    html += c.most_wanted > 1 ? " Doses inside features wanted place by place."
+            : cap >= kNoCap   ? " Dose inside features not capped."
+                              : fmt::format(" Dose inside features capped at {:g}.", cap);
+  }
+  return html + markup("</p>");
 }
 
 /// The surface of the print as it is seen from below and from above.
-std::string surfaces(const ReportContent& c) {
+Markup surfaces(const ReportContent& c) {
   if (!c.after.maps) return {};
   const double scale_um = 0.5 * c.info.grid.layer_um;
-  std::string html = fmt::format(
+  Markup html = markup(
       R"(<h3>Surface from below and from above</h3><p class="key dim">As the images lie: <b><i class="flat-through"></i>{0:.3g} um and more beyond the design (red)</b> <b><i class="flat-under"></i>{0:.3g} um and more missing (blue)</b> <b><i class="designed"></i>right</b>. From below a column shows its edge nearest to the platform, from above the one farthest from it; what lies on the platform is left white. Distances are those {1}.</p>)",
       scale_um,
       c.after.surface_error_um.count() > 0 ? "from the mesh where its height is known"
                                            : "from the slices");
   for (const bool from_below : {true, false}) {
-    html += R"(<div class="pair">)";
     const auto figure = [&](const Prediction& p, const char* whose) {
-      if (!p.maps) return;
-      const std::string words = fmt::format("{}: from {}", whose, from_below ? "below" : "above");
-      html +=
-          fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
-                      image_element(surface_picture(*p.maps, from_below, scale_um), words), words);
+      if (!p.maps) return Markup();
+      return detail::captioned_image(
+          surface_picture(*p.maps, from_below, scale_um),
+          fmt::format("{}: from {}", whose, from_below ? "below" : "above"));
     };
-    if (c.before) figure(*c.before, "Uncorrected");
-    figure(c.after, "This stack");
-    html += "</div>";
+    html += markup(R"(<div class="pair">{}{}</div>)",
+                   c.before ? figure(*c.before, "Uncorrected") : Markup(),
+                   figure(c.after, "This stack"));
   }
   return html;
 }
@@ -207,42 +202,34 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
   const Grid& g = c.info.grid;
   const CureModel model =
       make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
-  std::string html = fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}</style></head><body><main><h1>{0}</h1>)",
-      escape_markup(c.title), detail::page_page_css);
-  html += summary(c);
-  html += detail::uncertainty_section(c);
-  html += "<h2>What will print</h2>" + figures_table(c);
-  html += detail::dose_tables(c) + detail::flow_charts(c);
-  if (c.comparison) html += detail::comparison_table(*c.comparison);
+  Page page(c.title);
+  page += summary(c);
+  page += detail::uncertainty_section(c);
+  page += markup("<h2>What will print</h2>{}", figures_table(c));
+  page += detail::dose_tables(c);
+  page += detail::flow_charts(c);
+  if (c.comparison) page += detail::comparison_table(*c.comparison);
   const bool moving = c.volume && c.volume->cells() > 0;
-  if (moving) html += detail::page_explorer_html;
-  html += detail::histograms(c) + detail::feature_lists(c);
-  html +=
-      R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)";
-  struct Figure {
-    const ColourImage* picture;
-    const char* words;
-    std::string html;
-  };
-  std::vector<Figure> figures;
-  for (const auto& s : c.sections) {
-    figures.push_back({&s.cure_before, "Uncorrected: what would print", {}});
-    figures.push_back({&s.cure_after, "This stack: what will print", {}});
-    figures.push_back({&s.grey_before, "Uncorrected: grey values shown", {}});
-    figures.push_back({&s.grey_after, "This stack: grey values shown", {}});
-  }
+  if (moving) page += Markup::raw(detail::page_explorer_html);
+  page += detail::histograms(c);
+  page += detail::feature_lists(c);
+  page += markup(
+      R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)");
+  std::vector<Markup> figures(4 * c.sections.size());
   parallel_for(detail::silent(context), "", figures.size(), [&](std::size_t i) {
-    figures[i].html = image_element(*figures[i].picture, figures[i].words);
+    const auto& s = c.sections[i / 4];
+    const std::pair<const ColourImage&, const char*> kinds[] = {
+        {s.cure_before, "Uncorrected: what would print"},
+        {s.cure_after, "This stack: what will print"},
+        {s.grey_before, "Uncorrected: grey values shown"},
+        {s.grey_after, "This stack: grey values shown"}};
+    figures[i] = detail::captioned_image(kinds[i % 4].first, kinds[i % 4].second);
   });
-  html += surfaces(c);
-  for (std::size_t i = 0; i < figures.size(); ++i) {
-    if (i % 4 == 0) {
-      html += fmt::format("<h3>Section at {}</h3><div class=\"pair\">", c.sections[i / 4].place);
-    }
-    html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", figures[i].html,
-                        figures[i].words);
-    if (i % 4 == 3) html += "</div>";
+  page += surfaces(c);
+  for (std::size_t i = 0; i < figures.size(); i += 4) {
+    page +=
+        markup(R"(<h3>Section at {}</h3><div class="pair">{}{}{}{}</div>)", c.sections[i / 4].place,
+               figures[i], figures[i + 1], figures[i + 2], figures[i + 3]);
   }
   if (!c.column_after.empty()) {
     double top = 1;
@@ -250,28 +237,23 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
       for (const ProbeRow& row : *column) top = std::max(top, row.dose);
     }
     const std::size_t slices = std::max(c.column_before.size(), c.column_after.size());
-    html += fmt::format(
+    page += markup(
         R"(<h3>Column {}, {}</h3><p class="dim">Through the largest height error of the uncorrected part. Shaded: the design; line: dose; steps: grey level.</p><div class="scroll"><figure>{}</figure></div><div class="scroll"><figure>{}</figure></div>)",
-        c.column_x, c.column_y, column_svg(c.column_before, model, "Uncorrected", top, slices),
-        column_svg(c.column_after, model, "This stack", top, slices));
+        c.column_x, c.column_y,
+        Markup::raw(column_svg(c.column_before, model, "Uncorrected", top, slices)),
+        Markup::raw(column_svg(c.column_after, model, "This stack", top, slices)));
   }
-  html += fmt::format(R"(<p class="dim">{}</p></main>)", escape_markup(c.info.program));
+  page += markup(R"(<p class="dim">{}</p>)", c.info.program);
   if (moving) {
     const ReducedVolume& v = *c.volume;
     const std::array<int, 3> start{c.column_x >= 0 ? c.column_x : (v.box.x0 + v.box.x1) / 2,
                                    c.column_y >= 0 ? c.column_y : (v.box.y0 + v.box.y1) / 2,
                                    v.layers / 2};
-    html += R"(<script type="application/json" id="report-data">)";
-    html += detail::page_data(v, model, g, start, context);
-    html += "</script><script>";
-    for (const auto& script : {detail::page_inflate_js, detail::page_round_js, detail::page_data_js,
-                               detail::page_sections_js, detail::page_column_js,
-                               detail::page_solid_js, detail::page_page_js}) {
-      html += script;
-    }
-    html += "</script>";
+    page.scripts("report-data", detail::page_data(v, model, g, start, context),
+                 {page_inflate_js, page_round_js, detail::page_data_js, detail::page_sections_js,
+                  detail::page_column_js, detail::page_solid_js, detail::page_page_js});
   }
-  return html + "</body></html>\n";
+  return page.html() + "\n";
 }
 
 std::string row_in_words(const SliceSource& source, int y) {

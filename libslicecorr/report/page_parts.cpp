@@ -8,9 +8,10 @@
 #include <algorithm>
 
 #include "picture/embed.hpp"
-#include "support/text/escape.hpp"
 
 namespace slicecorr::detail {
+
+using namespace page;
 
 namespace {
 
@@ -21,8 +22,8 @@ double share(std::uint64_t part, std::uint64_t all) {
 }
 
 /// Bars of shares, before hatched and after filled, and the same as a table.
-std::string histogram(const char* title, const char* axis, const std::vector<std::string>& names,
-                      const Counts* before, const Counts& after) {
+Markup histogram(const char* title, const char* axis, const std::vector<std::string>& names,
+                 const Counts* before, const Counts& after) {
   constexpr double width = 520, height = 240, left = 46, ceiling = 34, floor = 190;
   const auto total = [](const Counts& c) {
     std::uint64_t sum = 0;
@@ -37,42 +38,41 @@ std::string histogram(const char* title, const char* axis, const std::vector<std
   }
   const double slot = (width - left - 8) / static_cast<double>(names.size());
   const auto y = [&](double percent) { return floor - percent / most * (floor - ceiling); };
-  std::string svg = fmt::format(
-      R"(<figure><div class="scroll"><svg viewBox="0 0 {} {}" class="plot small" role="img" aria-label="{}; the numbers are in the table below"><text x="{}" y="18" class="h">{}</text>)",
+  Markup svg = markup(
+      R"(<svg viewBox="0 0 {} {}" class="plot small" role="img" aria-label="{}; the numbers are in the table below"><text x="{}" y="18" class="h">{}</text>)",
       width, height, title, left, title);
   for (const double percent : {0.0, most / 2, most}) {
-    svg += fmt::format(
+    svg += markup(
         R"(<text x="{}" y="{:.1f}" class="tick" text-anchor="end">{:.3g} %</text><line class="grid" x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}"/>)",
         left - 5, y(percent) + 4, percent, left, width - 8, y(percent), y(percent));
   }
-  std::string table = fmt::format(
-      R"(<details><summary>Numbers</summary><div class="scroll"><table><thead><tr><th scope="col">{}</th>{}<th scope="col">this stack</th></tr></thead><tbody>)",
-      axis, before ? R"(<th scope="col">uncorrected</th>)" : "");
+  Table table;
+  table.column(axis);
+  if (before) table.column("uncorrected");
+  table.column("this stack");
   for (std::size_t i = 0; i < names.size(); ++i) {
     const double x = left + slot * static_cast<double>(i);
     const auto bar = [&](const char* kind, double at, double percent) {
       if (percent <= 0) return;
       const double top = std::min(y(percent), floor - 1.5);  // rare ones are seen, too
-      svg +=
-          fmt::format(R"(<rect class="{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)",
-                      kind, at, top, slot * 0.4, floor - top);
+      svg += markup(R"(<rect class="{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)",
+                    kind, at, top, slot * 0.4, floor - top);
     };
     if (before) bar("bar-before", x + slot * 0.08, share((*before)[i], all_before));
     bar("bar-after", x + slot * (before ? 0.5 : 0.3), share(after[i], all_after));
-    svg += fmt::format(R"(<text x="{:.1f}" y="{}" class="tick" text-anchor="middle">{}</text>)",
-                       x + slot / 2, floor + 15, names[i]);
-    table += fmt::format(R"(<tr><th scope="row">{}</th>)", names[i]);
-    if (before) table += fmt::format("<td>{}</td>", (*before)[i]);
-    table += fmt::format("<td>{}</td></tr>", after[i]);
+    svg += markup(R"(<text x="{:.1f}" y="{}" class="tick" text-anchor="middle">{}</text>)",
+                  x + slot / 2, floor + 15, names[i]);
+    table.row(names[i]);
+    if (before) table.cells((*before)[i]);
+    table.cells(after[i]);
   }
-  svg += fmt::format(R"(<text x="{}" y="{}" class="tick" text-anchor="middle">{}</text>)",
-                     (left + width) / 2, floor + 34, axis);
-  return svg + R"(</svg></div><figcaption>)" +
-         (before
-              ? R"(<span class="key"><b><i class="swatch-before"></i>uncorrected (outlined)</b> )"
-                R"(<b><i class="swatch-after"></i>this stack (filled)</b></span>)"
-              : "") +
-         "</figcaption>" + table + "</tbody></table></div></details></figure>";
+  svg += markup(R"(<text x="{}" y="{}" class="tick" text-anchor="middle">{}</text></svg>)",
+                (left + width) / 2, floor + 34, axis);
+  const Markup key = markup(
+      R"(<span class="key"><b><i class="swatch-before"></i>uncorrected (outlined)</b> <b><i class="swatch-after"></i>this stack (filled)</b></span>)");
+  return markup(
+      "<figure>{}<figcaption>{}</figcaption><details><summary>Numbers</summary>{}</details></figure>",
+      scrolled(svg), before ? key : Markup(), table);
 }
 
 struct ExampleGroup {
@@ -109,33 +109,37 @@ std::string range(int from, int to) {
   return from == to ? fmt::format("{}", from) : fmt::format("{}–{}", from, to);
 }
 
-std::string feature_table(const std::string& words, const FeatureExamples& examples,
-                          std::uint64_t count, const Grid& grid, bool open) {
-  if (count == 0) return fmt::format("<p>{}: none.</p>", words);
+Markup feature_table(const std::string& words, const FeatureExamples& examples, std::uint64_t count,
+                     const Grid& grid, bool open) {
+  if (count == 0) return markup("<p>{}: none.</p>", words);
   const auto list = groups_of(examples);
   std::size_t listed = 0;
   for (const ExampleGroup& p : list) listed += static_cast<std::size_t>(p.last_x - p.first.x + 1);
-  std::string html = fmt::format(
-      R"(<details{}><summary>{}: {}{}</summary><div class="scroll tall" tabindex="0" role="region" aria-label="{}"><table><thead><tr><th scope="col">image columns</th><th scope="col">row</th><th scope="col">slices</th><th scope="col">x, mm</th><th scope="col">y, mm</th><th scope="col">z, mm</th><th scope="col"></th></tr></thead><tbody>)",
-      open ? " open" : "", words, count,
-      listed < count ? fmt::format(" (the first {} are listed)", listed) : "", words);
+  Table table({}, words, true);
+  table.columns("image columns", "row", "slices", "x, mm", "y, mm", "z, mm", "");
   for (const ExampleGroup& p : list) {
     const FeatureExample& e = p.first;
     const double x0 = e.x * grid.pixel_x_um * 1e-3, x1 = (p.last_x + 1) * grid.pixel_x_um * 1e-3;
     const double y = (grid.height_px - e.y - 0.5) * grid.pixel_y_um * 1e-3;
-    html += fmt::format(
-        R"(<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2f}–{:.2f}</td><td>{:.2f}</td><td>{:.3f}–{:.3f}</td><td><button type="button" class="go" data-x="{}" data-y="{}" data-n="{}" hidden>show</button></td></tr>)",
-        range(e.x, p.last_x), e.y, range(e.first, e.last), x0, x1, y,
-        e.first * grid.layer_um * 1e-3, (e.last + 1) * grid.layer_um * 1e-3, (e.x + p.last_x) / 2,
-        e.y, (e.first + e.last) / 2);
+    table.begin();
+    table.cells(
+        range(e.x, p.last_x), e.y, range(e.first, e.last), fmt::format("{:.2f}–{:.2f}", x0, x1),
+        fmt::format("{:.2f}", y),
+        fmt::format("{:.3f}–{:.3f}", e.first * grid.layer_um * 1e-3,
+                    (e.last + 1) * grid.layer_um * 1e-3),
+        markup(
+            R"(<button type="button" class="go" data-x="{}" data-y="{}" data-n="{}" hidden>show</button>)",
+            (e.x + p.last_x) / 2, e.y, (e.first + e.last) / 2));
   }
-  return html + "</tbody></table></div></details>";
+  return markup("<details{}><summary>{}: {}{}</summary>{}</details>", open ? " open" : "", words,
+                count, listed < count ? fmt::format(" (the first {} are listed)", listed) : "",
+                table);
 }
 
 }  // namespace
 
-std::string histograms(const ReportContent& c) {
-  std::string html;
+Markup histograms(const ReportContent& c) {
+  Markup html;
   const std::vector<double> errors{0, 0.01, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 1e9};
   const std::vector<std::string> error_names{"< .01", ".01", ".1",  ".3",  "1",    "3",
                                              "10",    "30",  "100", "300", "1000+"};
@@ -163,15 +167,15 @@ std::string histograms(const ReportContent& c) {
                       c.before ? &before : nullptr, after);
   }
   if (html.empty()) return html;
-  return R"(<h2>How it is spread</h2><div class="pair">)" + html + "</div>";
+  return markup(R"(<h2>How it is spread</h2><div class="pair">{}</div>)", html);
 }
 
-std::string feature_lists(const ReportContent& c) {
+Markup feature_lists(const ReportContent& c) {
   const Grid& g = c.info.grid;
-  std::string html =
+  Markup html = markup(
       "<h2>Lost and merged features</h2><p class=\"dim\">Counted per pixel column. A feature is "
       "lost when nothing of it prints, in pieces when light too weak leaves a crack inside it, a "
-      "gap merged when nothing of it stays open.</p>";
+      "gap merged when nothing of it stays open.</p>");
   html += feature_table("Lost, this stack", c.after.lost_examples, c.after.lost_features, g, true);
   const bool any_split = c.after.split_features > 0 || (c.before && c.before->split_features > 0);
   if (any_split) {
@@ -202,67 +206,52 @@ std::string feature_lists(const ReportContent& c) {
   return html;
 }
 
-std::string dose_tables(const ReportContent& c) {
+Markup dose_tables(const ReportContent& c) {
   if (c.after.regions.empty()) return {};
-  std::string html =
-      R"(<h2>Doses wanted, and those that print</h2><div class="scroll"><table><thead><tr><th scope="col">Region</th><th scope="col">voxels</th><th scope="col">wanted</th><th scope="col">least</th><th scope="col">mean</th><th scope="col">greatest</th><th scope="col">mean difference</th><th scope="col">most below</th><th scope="col">most above</th></tr></thead><tbody>)";
+  Table table;
+  table.columns("Region", "voxels", "wanted", "least", "mean", "greatest", "mean difference",
+                "most below", "most above");
   for (const RegionDose& r : c.after.regions) {
     if (r.voxels == 0) {
-      html += fmt::format(
-          R"(<tr><th scope="row">{}</th><td>0</td><td>-</td><td>-</td><td>-</td><td>-</td><td>-</td><td>-</td><td>-</td></tr>)",
-          escape_markup(r.name));
+      table.row(r.name, 0, "-", "-", "-", "-", "-", "-", "-");
       continue;
     }
     const std::string wanted =
         r.least_wanted == r.greatest_wanted
             ? fmt::format("{:.4g}", r.least_wanted)
             : fmt::format("{:.4g} to {:.4g}", r.least_wanted, r.greatest_wanted);
-    html += fmt::format(
-        R"(<tr><th scope="row">{}</th><td>{}</td><td>{}</td><td>{:.4g}</td><td>{:.4g}</td><td>{:.4g}</td><td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td></tr>)",
-        escape_markup(r.name), r.voxels, wanted, r.least, r.mean(), r.greatest, r.mean_off(),
-        r.most_below, r.most_above);
+    table.row(r.name, r.voxels, wanted);
+    for (const double dose : {r.least, r.mean(), r.greatest}) table.cell(markup("{:.4g}", dose));
+    for (const double off : {r.mean_off(), r.most_below, r.most_above}) {
+      table.cell(markup("{:.3g}", off));
+    }
   }
-  html +=
-      R"(</tbody></table></div><p class="dim">Doses in the middle of voxels of features; 1 just gels. Near gaps a dose must come down to 1, however much is wanted.</p>)";
+  Markup html = markup(
+      R"(<h2>Doses wanted, and those that print</h2>{}<p class="dim">Doses in the middle of voxels of features; 1 just gels. Near gaps a dose must come down to 1, however much is wanted.</p>)",
+      table);
   for (const auto& s : c.sections) {
     if (s.dose_after.rgb.empty()) continue;
-    html += fmt::format(R"(<h3>Dose at {}</h3><p class="key dim">Platform up: )", s.place);
+    html += markup(R"(<h3>Dose at {}</h3><p class="key dim">Platform up: )", s.place);
     for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
       const double dose = 1 + share * (c.most_wanted - 1);
-      html += fmt::format(R"(<b><i style="background:{}"></i>{:.3g}{}</b> )",
-                          dose_colour(dose, c.most_wanted), dose, share == 1.0 ? " and more" : "");
+      html += markup(R"(<b><i style="background:{}"></i>{:.3g}{}</b> )",
+                     dose_colour(dose, c.most_wanted), dose, share == 1.0 ? " and more" : "");
     }
-    html += R"(<b><i style="background:)" + dose_colour(0.99, c.most_wanted) +
-            R"("></i>not gelled</b></p><div class="pair">)";
-    for (const bool wanted : {true, false}) {
-      const char* const words =
-          wanted ? "The doses that are wanted" : "This stack: doses that print";
-      html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
-                          image_element(wanted ? s.dose_wanted : s.dose_after, words), words);
-    }
-    html += "</div>";
+    html +=
+        markup(R"(<b><i style="background:{}"></i>not gelled</b></p><div class="pair">{}{}</div>)",
+               dose_colour(0.99, c.most_wanted),
+               captioned_image(s.dose_wanted, "The doses that are wanted"),
+               captioned_image(s.dose_after, "This stack: doses that print"));
   }
   return html;
 }
 
-std::string comparison_table(const ComparisonTable& comparison) {
-  std::string html = R"(<h2>Compared with other ways</h2><div class="scroll"><table><thead><tr>)";
-  for (const std::string& name : comparison.columns) {
-    html += fmt::format(R"(<th scope="col">{}</th>)", escape_markup(name));
-  }
-  html += "</tr></thead><tbody>";
-  for (const auto& row : comparison.rows) {
-    html += "<tr>";
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      html += (i == 0 ? R"(<th scope="row">)" : "<td>") + escape_markup(row[i]) +
-              (i == 0 ? "</th>" : "</td>");
-    }
-    html += "</tr>";
-  }
-  html += "</tbody></table></div>";
-  if (!comparison.note.empty()) {
-    html += fmt::format(R"(<p class="dim">{}</p>)", escape_markup(comparison.note));
-  }
+Markup comparison_table(const ComparisonTable& comparison) {
+  Table table;
+  for (const std::string& name : comparison.columns) table.column(name);
+  for (const auto& row : comparison.rows) table.row_of(row);
+  Markup html = markup("<h2>Compared with other ways</h2>{}", table);
+  if (!comparison.note.empty()) html += markup(R"(<p class="dim">{}</p>)", comparison.note);
   return html;
 }
 

@@ -11,22 +11,23 @@
 #include <vector>
 
 #include "slicecorr/report.hpp"
+#include "support/page/html_page.hpp"
 
 namespace slicecorr::detail {
 
 /// Height errors and gap contrasts, before and after.
-std::string histograms(const ReportContent& content);
+page::Markup histograms(const ReportContent& content);
 /// The lost and merged features with their places.
-std::string feature_lists(const ReportContent& content);
+page::Markup feature_lists(const ReportContent& content);
 /// Wanted doses beside those that print, by region, and pictures of both; empty where none are
 /// wanted.
-std::string dose_tables(const ReportContent& content);
+page::Markup dose_tables(const ReportContent& content);
 /// Dose and dead zone in resin that flows, slice by slice, beside those with even light; empty where no
 /// light was made for it.
-std::string flow_charts(const ReportContent& content);
+page::Markup flow_charts(const ReportContent& content);
 /// How sure the prediction is; empty where nobody asked.
-std::string uncertainty_section(const ReportContent& content);
-std::string comparison_table(const ComparisonTable& comparison);
+page::Markup uncertainty_section(const ReportContent& content);
+page::Markup comparison_table(const ComparisonTable& comparison);
 
 /// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made
 /// coarser where it would be more than a few MB. `start`: the voxel shown first.

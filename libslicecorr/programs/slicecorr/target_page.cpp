@@ -8,36 +8,33 @@
 #include <cmath>
 
 #include "slicecorr/vial.hpp"
-#include "support/page/page_style.hpp"
+#include "support/page/html_page.hpp"
 #include "support/text/base64.hpp"
-#include "support/text/escape.hpp"
 
 namespace slicecorr::cli {
 
+using namespace page;
 using tomo::TargetKind;
 using tomo::TargetPicture;
 
 namespace {
 
-/// What a page says; steps and lines of the file as they stand, in HTML.
+/// What a page says.
 struct Words {
   std::string title, about, vial;
-  std::vector<std::string> steps;
-  std::string table;  ///< to write measurements into
+  std::vector<Markup> steps;
+  Markup table;       ///< to write measurements into
   std::string enter;  ///< lines of the printer file, or commands
 };
 
-std::string blank_table(const std::vector<std::string>& heads,
-                        const std::vector<std::string>& rows) {
-  std::string html = "<div class=\"scroll\"><table class=\"blank\"><thead><tr>";
-  for (const std::string& h : heads) html += "<th scope=\"col\">" + h + "</th>";
-  html += "</tr></thead><tbody>";
+Markup blank_table(const std::vector<std::string>& heads, const std::vector<std::string>& rows) {
+  Table table("blank");
+  for (const std::string& h : heads) table.column(h);
   for (const std::string& r : rows) {
-    html += "<tr><th scope=\"row\">" + r + "</th>";
-    for (std::size_t i = 1; i < heads.size(); ++i) html += "<td></td>";
-    html += "</tr>";
+    table.row(r);
+    for (std::size_t i = 1; i < heads.size(); ++i) table.cell("");
   }
-  return html + "</tbody></table></div>";
+  return table;
 }
 
 Words axis_words(const Printer& p) {
@@ -50,16 +47,17 @@ Words axis_words(const Printer& p) {
       "A straight pin of 0.3 to 1 mm, pale and dull, upright and near the axis; resin without "
       "photoinitiator, or another clear liquid of its index, around it.";
   w.steps = {
-      "Show <b>axis-comb.png</b>, pixel by pixel, on the projector. Look from the side: one line "
-      "or the gap between two lights the pin.",
+      markup("Show <b>axis-comb.png</b>, pixel by pixel, on the projector. Look from the side: one "
+             "line or the gap between two lights the pin."),
       "Turn the stage by hand. Note the columns of the pin's middle where it stands farthest left "
       "and farthest right, at the top and at the bottom of the image; a quarter of a line's "
       "distance can be told.",
-      "The axis is in the middle of both, at each height. For wobble note the column at each 10 "
-      "degrees, for a pin 3 mm from the axis and another one at the other side, as points of "
-      "<code>resinctl fit-optics</code>.",
-      "Enter what you found, then show <b>axis-cross.png</b>, which is made again from the printer "
-      "file: the upright line must stay on the axis at all heights."};
+      markup(
+          "The axis is in the middle of both, at each height. For wobble note the column at each "
+          "10 degrees, for a pin 3 mm from the axis and another one at the other side, as points "
+          "of <code>resinctl fit-optics</code>."),
+      markup("Enter what you found, then show <b>axis-cross.png</b>, which is made again from the "
+             "printer file: the upright line must stay on the axis at all heights.")};
   w.table = blank_table({"row", "farthest left", "farthest right", "middle"}, {"top", "bottom"});
   w.enter = fmt::format(
       "[optics]\n"
@@ -84,8 +82,8 @@ Words focus_words(const Printer& p) {
       "bends light, so the image of a filled vial is sharp elsewhere: printing counts on focus in "
       "air.)";
   w.steps = {
-      "Show <b>focus.png</b>. Set the lens so that the finest line pairs are apart, upright and "
-      "level ones alike, and the grey disc in the middle of the star is smallest.",
+      markup("Show <b>focus.png</b>. Set the lens so that the finest line pairs are apart, upright "
+             "and level ones alike, and the grey disc in the middle of the star is smallest."),
       "Note the finest pair that is apart.",
       "Move the card by 5 mm towards the projector. Note the finest pair again: its width, in mm, "
       "is about the width of the blur there.",
@@ -107,9 +105,9 @@ Words scale_words(const Printer& p) {
   w.vial = "No vial: a white card where the axis is, facing the projector.";
   const int columns = (p.width_px - 1) / 100 * 100, rows = (p.height_px - 1) / 100 * 100;
   w.steps = {
-      fmt::format("Show <b>scale.png</b>. Measure with a calliper from column 0 to column {}, from "
-                  "left edge to left edge of the thick lines. By the printer file it is {:.3f} mm.",
-                  columns, columns * p.pixel_x_um * 1e-3),
+      markup("Show <b>scale.png</b>. Measure with a calliper from column 0 to column {}, from left "
+             "edge to left edge of the thick lines. By the printer file it is {:.3f} mm.",
+             columns, columns * p.pixel_x_um * 1e-3),
       fmt::format("Measure from row 0 to row {}. By the printer file it is {:.3f} mm.", rows,
                   rows * p.pixel_y_um * 1e-3),
       "Move the card by 20 mm towards the projector and measure the columns again. Light is "
@@ -137,11 +135,12 @@ Words direction_words(const Printer& p) {
       "A pin or a strip of paper at the wall of the vial. Turn the stage so that it faces the "
       "projector: this is angle 0.";
   w.steps = {
-      "Look from the projector towards the vial. The <b>F</b> must be an F, upright: if it is one "
-      "in a mirror, set the projector (front or rear, table or ceiling) first.",
-      "Show <b>direction-000.png</b>: the bar lights the pin, in the middle.",
-      "Let the stage turn by 90 degrees as it does when it prints, and show "
-      "<b>direction-090.png</b>. The bar must light the pin.",
+      markup(
+          "Look from the projector towards the vial. The <b>F</b> must be an F, upright: if it is "
+          "one in a mirror, set the projector (front or rear, table or ceiling) first."),
+      markup("Show <b>direction-000.png</b>: the bar lights the pin, in the middle."),
+      markup("Let the stage turn by 90 degrees as it does when it prints, and show "
+             "<b>direction-090.png</b>. The bar must light the pin."),
       "If the pin is on the dark side, the stage turns the other way than the printer file says. "
       "Make sure at 180 (middle, behind the axis) and 270 degrees."};
   w.table = blank_table({"angle", "the pin is lit"}, {"0", "90", "180", "270"});
@@ -159,16 +158,16 @@ Words light_words(const Printer& p) {
   w.about = "How bright each level is, and how evenly the projector shines.";
   w.vial = "No vial: the sensor of a power meter, and then a white card, where the axis is.";
   w.steps = {
-      "Show <b>light-*.png</b> one after the other, from dark to bright. Note mW/cm² in the middle "
-      "of the image at each, black too: its light adds up over the whole print.",
-      fmt::format("Show <b>light-{:03}.png</b>. Photograph the card, square on, in focus, with "
-                  "fixed exposure and no part of it white in the photograph; crop it to the "
-                  "image's four corners.",
-                  p.levels() - 1),
+      markup("Show <b>light-*.png</b> one after the other, from dark to bright. Note mW/cm² in the "
+             "middle of the image at each, black too: its light adds up over the whole print."),
+      markup("Show <b>light-{:03}.png</b>. Photograph the card, square on, in focus, with fixed "
+             "exposure and no part of it white in the photograph; crop it to the image's four "
+             "corners.",
+             p.levels() - 1),
       "Or walk the power meter over the image in a raster, and make a grey picture of the "
       "readings, white the greatest.",
-      "Import both; what they say is counted by <code>slicecorr tomo solve</code> and "
-      "<code>verify</code>, place by place."};
+      markup("Import both; what they say is counted by <code>slicecorr tomo solve</code> and "
+             "<code>verify</code>, place by place.")};
   std::vector<std::string> rows;
   for (int k = 0; k <= 8; ++k) {
     const std::string level = fmt::format("{}", std::lround(k / 8.0 * (p.levels() - 1)));
@@ -204,29 +203,21 @@ Words words_of(TargetKind kind, const Printer& p) {
 std::string target_page(TargetKind kind, const Printer& printer,
                         const std::vector<TargetPicture>& pictures) {
   const Words w = words_of(kind, printer);
-  std::string html = fmt::format(
-      "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
-      "content=\"width=device-width, initial-scale=1\"><title>{0}: {1}</title><style>{2}"
-      "pre{{overflow-x:auto;font-size:.9rem}}.blank td{{min-width:9rem}}li{{margin:.4em 0}}"
-      "figure img{{background:#000;image-rendering:auto}}@media "
-      "print{{figure{{break-inside:avoid}}}}</style></head>"
-      "<body><main><h1>{0}: {1}</h1><p class=\"dim\">{3} x {4} pixels of {5:g} x {6:g} um on the "
-      "plane of the axis, {7} light</p><p>{8}</p>",
-      escape_markup(w.title), escape_markup(printer.name), detail::page_page_css, printer.width_px,
-      printer.height_px, printer.pixel_x_um, printer.pixel_y_um, name_of(printer.optics->kind),
-      w.about);
-  html += fmt::format("<h2>Into the vial</h2><p>{}</p><h2>Show and measure</h2><ol>", w.vial);
-  for (const std::string& step : w.steps) html += "<li>" + step + "</li>";
-  html += "</ol>" + w.table;
-  html += fmt::format("<h2>Enter it</h2><pre>{}</pre>", escape_markup(w.enter));
-  html += "<h2>Pictures</h2><div class=\"pair\">";
+  Page page(w.title + ": " + printer.name,
+            {"pre{overflow-x:auto;font-size:.9rem}.blank td{min-width:9rem}li{margin:.4em 0}figure "
+             "img{background:#000;image-rendering:auto}@media print{figure{break-inside:avoid}}"});
+  page += markup(
+      R"(<p class="dim">{} x {} pixels of {:g} x {:g} um on the plane of the axis, {} light</p><p>{}</p><h2>Into the vial</h2><p>{}</p><h2>Show and measure</h2><ol>{}</ol>{}<h2>Enter it</h2><pre>{}</pre><h2>Pictures</h2>)",
+      printer.width_px, printer.height_px, printer.pixel_x_um, printer.pixel_y_um,
+      name_of(printer.optics->kind), w.about, w.vial, items(w.steps), w.table, w.enter);
+  Markup figures;
   for (const TargetPicture& p : pictures) {
-    html += fmt::format(
-        "<figure><img alt=\"{0}\" src=\"data:image/png;base64,{1}\"><figcaption>{2}.png: "
-        "{0}</figcaption></figure>",
-        escape_markup(p.what), detail::base64(encode_png(p.image)), escape_markup(p.name));
+    figures += captioned(markup(R"(<img alt="{}" src="data:image/png;base64,{}">)", p.what,
+                                detail::base64(encode_png(p.image))),
+                         p.name + ".png: " + p.what);
   }
-  return html + "</div></main></body></html>\n";
+  page += markup(R"(<div class="pair">{}</div>)", figures);
+  return page.html() + "\n";
 }
 
 }  // namespace slicecorr::cli

@@ -328,6 +328,19 @@ void Panel::band(const std::vector<Point>& low, const std::vector<Point>& high, 
     body_ += fmt::format(R"(<path class="{}" d="{}"/>)", area_class(style, series), d);
 }
 
+void Panel::bins(const std::vector<double>& counts, double most, int series) {
+  const auto n = static_cast<double>(counts.size());
+  std::vector<Point> low, high;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    for (const std::size_t edge : {i, i + 1}) {
+      low.push_back({most * static_cast<double>(edge) / n, y_.low});
+      high.push_back({low.back().x, std::max(counts[i], y_.low)});
+    }
+  }
+  band(low, high, Style::series, series);
+  line(high, Style::series, series);
+}
+
 void Panel::point(Point p, int series, const std::string& words) {
   if (shows(p)) body_ += marker(px(p.x), py(p.y), series, words);
 }

@@ -65,6 +65,8 @@ class Panel {
   /// Between two lines over the same x.
   void band(const std::vector<Point>& low, const std::vector<Point>& high, Style style,
             int series = 0);
+  /// Counts in bins of equal width from 0 to `most`, as steps from the axis' lower end on.
+  void bins(const std::vector<double>& counts, double most, int series);
   /// A measurement; `words`: shown when pointed at.
   void point(Point p, int series, const std::string& words = {});
   /// An error bar of half-length `error` about a value.

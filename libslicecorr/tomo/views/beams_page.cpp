@@ -13,11 +13,9 @@
 #include "slicecorr/version.hpp"
 #include "support/chart/chart.hpp"
 #include "support/numbers/bracket.hpp"
-#include "support/page/page_style.hpp"
+#include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
-#include "support/text/escape.hpp"
 #include "tomo/views/gel_cells.hpp"
-#include "tomo/views/page_parts.hpp"
 #include "tomo/views/page_text.hpp"
 
 namespace slicecorr::tomo {
@@ -28,6 +26,7 @@ using chart::figure;
 using chart::Panel;
 using chart::Picture;
 using chart::Style;
+using namespace page;
 
 /// Pixels along the longer side of a picture of a beam.
 constexpr int kImagePx = 260;
@@ -44,59 +43,57 @@ double gelling_mw_cm2(const BeamReport& r) {
       .high;
 }
 
-std::string figures_table(const BeamReport& r) {
-  detail::FigureTable table;
-  const auto row = [&](const char* name, const std::string& value, const std::string& meaning) {
-    table.row(name, value, meaning);
-  };
+Markup figures_table(const BeamReport& r) {
+  Table table("figures");
+  table.columns("Figure", "Value", "What it means");
   const BeamFigures& f = r.figures;
   const double light = r.job.brightest_mw_cm2;
-  row("Contrast", std::isfinite(f.contrast) ? figure(f.contrast) : "outside is dark",
-      "least light of the part over most outside, as the displays show it");
-  row("Contrast of the images",
-      std::isfinite(r.print.figures.contrast) ? figure(r.print.figures.contrast)
-                                              : "outside is dark",
-      "the same without grey levels and without the light of black");
+  table.row("Contrast", std::isfinite(f.contrast) ? figure(f.contrast) : "outside is dark",
+            "least light of the part over most outside, as the displays show it");
+  table.row("Contrast of the images",
+            std::isfinite(r.print.figures.contrast) ? figure(r.print.figures.contrast)
+                                                    : "outside is dark",
+            "the same without grey levels and without the light of black");
   if (std::isfinite(r.print.contrast_bound)) {
-    row("Bound", figure(r.print.contrast_bound), "no images of these beams have a higher contrast");
+    table.row("Bound", figure(r.print.contrast_bound),
+              "no images of these beams have a higher contrast");
   }
-  row("Least light of the part", figure(f.least_inside * light) + " mW/cm²",
-      "gels last: " + seconds(r.job.window.first_s));
-  row("Most light outside", figure(f.most_outside * light) + " mW/cm²",
-      "gels first: " + seconds(r.job.window.last_s));
-  row("Exposure", seconds(r.job.exposure_s), "what the job asks for, or would print best");
-  row("Overlap", figure(f.jaccard),
+  table.row("Least light of the part", figure(f.least_inside * light) + " mW/cm²",
+            "gels last: " + seconds(r.job.window.first_s));
+  table.row("Most light outside", figure(f.most_outside * light) + " mW/cm²",
+            "gels first: " + seconds(r.job.window.last_s));
+  table.row("Exposure", seconds(r.job.exposure_s), "what the job asks for, or would print best");
+  table.row(
+      "Overlap", figure(f.jaccard),
       "Jaccard index of what gels and what should, when all of the part has gelled; 1 is all right");
-  row("Best overlap", figure(f.best_jaccard), "the same at the exposure that suits best");
-  row("Overlap of the hull", figure(r.print.hull_jaccard),
-      fmt::format("of what silhouettes mark out, which has {} cells too many",
-                  count(r.print.hull_cells)));
-  row("Outside that gels with the part",
-      fmt::format("{} of {} cells", count(f.wrong_cells), count(f.outside_cells)),
-      "cells with at least the light of the part's darkest one");
-  row("Absorption", figure(r.job.setup.alpha_per_mm) + " / mm",
-      fmt::format("of light that crosses the vat {} is left along x",
-                  figure(std::exp(-r.job.setup.alpha_per_mm * r.job.vat.inside_mm[0]))));
-  return table.html();
+  table.row("Best overlap", figure(f.best_jaccard), "the same at the exposure that suits best");
+  table.row("Overlap of the hull", figure(r.print.hull_jaccard),
+            fmt::format("of what silhouettes mark out, which has {} cells too many",
+                        count(r.print.hull_cells)));
+  table.row("Outside that gels with the part",
+            fmt::format("{} of {} cells", count(f.wrong_cells), count(f.outside_cells)),
+            "cells with at least the light of the part's darkest one");
+  table.row("Absorption", figure(r.job.setup.alpha_per_mm) + " / mm",
+            fmt::format("of light that crosses the vat {} is left along x",
+                        figure(std::exp(-r.job.setup.alpha_per_mm * r.job.vat.inside_mm[0]))));
+  return table;
 }
 
-std::string tiles(const BeamReport& r) {
-  std::string html = R"(<div class="tiles">)";
-  const auto tile = [&](const char* kind, const std::string& value, const std::string& what) {
-    html += detail::tile(kind, value, what);
-  };
+Markup tiles(const BeamReport& r) {
+  Tiles tiles;
   const bool good = r.job.window.open();
-  tile(good ? "good" : "bad", good ? "prints as designed" : "not as designed",
-       good ? "all of the part gels before anything else does"
-            : "something outside gels before all of the part does");
-  tile("", std::isfinite(r.figures.contrast) ? figure(r.figures.contrast) : "∞", "contrast");
+  tiles.add(good ? "prints as designed" : "not as designed",
+            good ? "all of the part gels before anything else does"
+                 : "something outside gels before all of the part does",
+            good ? "good" : "bad");
+  tiles.add(std::isfinite(r.figures.contrast) ? figure(r.figures.contrast) : "∞", "contrast");
   if (good) {
-    tile("", figure(r.job.exposure_s) + " s",
-         fmt::format("exposure; from {} to {}", seconds(r.job.window.first_s),
-                     seconds(r.job.window.last_s)));
+    tiles.add(figure(r.job.exposure_s) + " s",
+              fmt::format("exposure; from {} to {}", seconds(r.job.window.first_s),
+                          seconds(r.job.window.last_s)));
   }
-  tile("", figure(r.figures.best_jaccard), "best overlap with the part");
-  return html + "</div>";
+  tiles.add(figure(r.figures.best_jaccard), "best overlap with the part");
+  return tiles;
 }
 
 ColourImage picture_of(const GreyImage& grey) {
@@ -116,8 +113,8 @@ ColourImage picture_of(const GreyImage& grey) {
   return image;
 }
 
-std::string beam_pictures(const BeamReport& r) {
-  std::string html = fmt::format(
+Markup beam_pictures(const BeamReport& r) {
+  Markup html = markup(
       R"(<h2>Beams</h2><p class="dim">As seen from their displays, a cell of {:g} mm to a square. White is {} mW/cm² at the wall.</p><div class="strip">)",
       r.job.setup.cell_mm, figure(r.job.brightest_mw_cm2));
   for (std::size_t k = 0; k < r.print.images.size(); ++k) {
@@ -129,11 +126,9 @@ std::string beam_pictures(const BeamReport& r) {
           fmt::format("; {} mW of laser light, {} % of it on the image",
                       figure(r.job.shown.laser_mw[k]), figure(100 * r.job.shown.efficiency[k]));
     }
-    html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
-                        slicecorr::detail::image_element(picture_of(seen_image(image, way)), words),
-                        words);
+    html += slicecorr::detail::captioned_image(picture_of(seen_image(image, way)), words);
   }
-  return html + "</div>";
+  return html + markup("</div>");
 }
 
 /// Cells that are drawn: the part and what gels, with a margin.
@@ -184,7 +179,7 @@ std::array<int, 3> middle_of(const Box<std::uint8_t>& part) {
   return {(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2};
 }
 
-std::string sections(const BeamReport& r, double gels) {
+Markup sections(const BeamReport& r, double gels) {
   const Box<std::uint8_t>& part = r.part;
   const double cell = r.job.setup.cell_mm;
   const double per_light = curing_absorption_per_cm(r.job.resin) * r.job.exposure_s;
@@ -220,14 +215,17 @@ std::string sections(const BeamReport& r, double gels) {
     gelled += s.gelled();
     drawn.push_back(std::move(s));
   }
-  return fmt::format(
-      R"(<h2>Dose against target</h2><figure><div class="scroll">{}</div><figcaption>At the end of {} of exposure, from the vat's middle: in these planes {} cells of the part are missing, and {} gel that should not.</figcaption></figure>)",
-      sections_svg(drawn, ColouredBy::dose, "Through the middle of the part"),
-      seconds(r.job.exposure_s), missing, gelled);
+  return markup(
+      "<h2>Dose against target</h2>{}",
+      drawing(sections_svg(drawn, ColouredBy::dose, "Through the middle of the part"),
+              fmt::format("At the end of {} of exposure, from the vat's middle: in these "
+                          "planes {} cells of the part are missing, and {} gel that should "
+                          "not.",
+                          seconds(r.job.exposure_s), missing, gelled)));
 }
 
 /// How many cells have how much light.
-std::string histogram(const BeamReport& r, double gels) {
+Markup histogram(const BeamReport& r, double gels) {
   constexpr std::size_t kBins = 80;
   double most = gels;
   for (const float v : r.light.values) most = std::max(most, v * r.job.brightest_mw_cm2);
@@ -244,8 +242,8 @@ std::string histogram(const BeamReport& r, double gels) {
     for (const double n : *bins) tallest = std::max(tallest, n);
   }
   Panel panel({"light, mW/cm²", false, 0, most}, {"cells", true, 0.7, tallest * 1.5}, 260);
-  detail::draw_bins(panel, outside, most, 0);
-  detail::draw_bins(panel, inside, most, 1);
+  panel.bins(outside, most, 0);
+  panel.bins(inside, most, 1);
   panel.vertical(gels, "gels");
   Picture picture("Light of the part and outside",
                   "How many cells have how much light, on a logarithmic scale.");
@@ -255,9 +253,9 @@ std::string histogram(const BeamReport& r, double gels) {
   picture.note(
       "To the right of the line resin gels by the end of the exposure: all of the part should lie "
       "there, nothing else.");
-  return "<h2>Light</h2><figure><div class=\"scroll\">" + picture.svg() +
-         "</div><figcaption>All cells of the vat; grey ones, which are partly part, are in "
-         "neither.</figcaption></figure>";
+  return markup("<h2>Light</h2>{}",
+                drawing(picture.svg(),
+                        "All cells of the vat; grey ones, which are partly part, are in neither."));
 }
 
 detail::RoundSource round_of(const BeamReport& r, const GelTimeOf& gel_time) {
@@ -281,53 +279,36 @@ detail::RoundSource round_of(const BeamReport& r, const GelTimeOf& gel_time) {
 
 std::string beams_page(const BeamReport& r, const std::string& title,
                        const ExecutionContext& context) {
-  std::string html = fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}.strip{{display:flex;gap:.5rem;overflow-x:auto}}.strip figure{{flex:0 0 auto}}.strip img{{image-rendering:pixelated}}</style></head><body><main><h1>{0}</h1>)",
-      escape_markup(title), slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css);
+  Page page(title,
+            {page_tiles_css, detail::page_print_css, ".strip img{image-rendering:pixelated}"});
   const auto& inside = r.job.vat.inside_mm;
-  html += fmt::format(
-      "<p>{} images, shown at once by {} beams into a vat of {:g} x {:g} x {:g} mm, print a part of "
-      "{} cells of {:g} mm.</p>"
-      R"(<p class="dim">Printer {}, resin {}. Light at a cell is the sum of all beams, each dimmed by the resin on its way from the wall.</p>)",
+  page += markup(
+      R"(<p>{} images, shown at once by {} beams into a vat of {:g} x {:g} x {:g} mm, print a part of {} cells of {:g} mm.</p><p class="dim">Printer {}, resin {}. Light at a cell is the sum of all beams, each dimmed by the resin on its way from the wall.</p>)",
       name_of(r.job.setup.images), r.print.images.size(), inside[0], inside[1], inside[2],
-      count(r.figures.part_cells), r.job.setup.cell_mm, escape_markup(r.job.printer.name),
-      escape_markup(r.job.resin.name));
-  html += tiles(r);
-  if (!r.why_not.empty()) {
-    html += fmt::format("<p><strong>Why not:</strong> {}.</p>", escape_markup(r.why_not));
-  }
-  html += "<h2>Figures</h2>" + figures_table(r);
+      count(r.figures.part_cells), r.job.setup.cell_mm, r.job.printer.name, r.job.resin.name);
+  page += tiles(r);
+  if (!r.why_not.empty()) page += markup("<p><strong>Why not:</strong> {}.</p>", r.why_not);
+  page += markup("<h2>Figures</h2>{}", figures_table(r));
   context.check_cancelled();
-  html += beam_pictures(r);
-  const bool exposed = std::isfinite(r.job.exposure_s) && r.job.exposure_s > 0;
-  if (exposed) {
+  page += beam_pictures(r);
+  if (std::isfinite(r.job.exposure_s) && r.job.exposure_s > 0) {
     const double gels = gelling_mw_cm2(r);
-    html += sections(r, gels);
+    page += sections(r, gels);
     context.check_cancelled();
-    html += histogram(r, gels) + std::string(detail::page_round_html);
-  } else {
-    html += "<p>Some of the part gets no light at all, so no exposure prints it.</p>";
-  }
-  html += fmt::format(R"(<p class="dim">slicecorr {}</p></main>)", slicecorr::version);
-  if (exposed) {
+    page += histogram(r, gels);
     const GelTimeOf gel_time = time_to_gel_of(r.job.resin);
-    html +=
-        R"(<script type="application/json" id="tomo-data">)" +
-        detail::round_data(round_of(r, gel_time),
-                           {.time_s = r.job.exposure_s,
-                            .turns = 0,
-                            .insert = false,
-                            .grows = "A cell gels when its light has lasted for its time to gel: "
-                                     "the slider is also one over the light that counts; beyond "
-                                     "100 % the exposure would go on."}) +
-        "</script><script>";
-    for (const auto& script : {slicecorr::detail::page_inflate_js, slicecorr::detail::page_round_js,
-                               detail::page_times_js}) {
-      html += script;
-    }
-    html += "</script>";
+    detail::add_round(page, round_of(r, gel_time),
+                      {.time_s = r.job.exposure_s,
+                       .turns = 0,
+                       .insert = false,
+                       .grows = "A cell gels when its light has lasted for its time to gel: the "
+                                "slider is also one over the light that counts; beyond 100 % the "
+                                "exposure would go on."});
+  } else {
+    page += markup("<p>Some of the part gets no light at all, so no exposure prints it.</p>");
   }
-  return html + "</body></html>\n";
+  page += markup(R"(<p class="dim">slicecorr {}</p>)", slicecorr::version);
+  return page.html() + "\n";
 }
 
 }  // namespace slicecorr::tomo

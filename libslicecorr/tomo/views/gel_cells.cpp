@@ -9,6 +9,7 @@
 
 #include "picture/embed.hpp"
 #include "support/text/base64.hpp"
+#include "tomo/views/page_text.hpp"
 
 namespace slicecorr::tomo::detail {
 namespace {
@@ -99,7 +100,7 @@ GelTimes gel_cells(const RoundSource& s, int voxels_per_cell) {
   return g;
 }
 
-std::string round_data(const RoundSource& source, const RoundWords& words) {
+void add_round(page::Page& page, const RoundSource& source, const RoundWords& words) {
   GelTimes g;
   Bytes time, kind;
   for (int every = 1;; ++every) {
@@ -135,7 +136,8 @@ std::string round_data(const RoundSource& source, const RoundWords& words) {
   j["insert"] = words.insert;
   j["time"] = slicecorr::detail::base64(time);
   j["kind"] = slicecorr::detail::base64(kind);
-  return j.dump();
+  page += page::Markup::raw(page_round_html);
+  page.scripts("tomo-data", j.dump(), {page::page_inflate_js, page::page_round_js, page_times_js});
 }
 
 }  // namespace slicecorr::tomo::detail

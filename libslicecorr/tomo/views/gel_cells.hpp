@@ -9,6 +9,7 @@
 #include <string>
 
 #include "slicecorr/tomo/report.hpp"
+#include "support/page/html_page.hpp"
 
 namespace slicecorr::tomo::detail {
 
@@ -32,7 +33,7 @@ struct RoundWords {
   bool insert = false;
   std::string grows;  ///< how light adds up, and what is beyond 100 %
 };
-/// What the page's script reads: the cells as fine as fits.
-std::string round_data(const RoundSource& source, const RoundWords& words);
+/// Adds the cells, as fine as fits, and the scripts that show them.
+void add_round(page::Page& page, const RoundSource& source, const RoundWords& words);
 
 }  // namespace slicecorr::tomo::detail

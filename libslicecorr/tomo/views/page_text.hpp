@@ -10,7 +10,7 @@ namespace slicecorr::tomo::detail {
 
 // Each is named after its file.
 // NOLINTBEGIN(readability-identifier-naming)
-extern const std::string_view page_round_html, page_times_js;
+extern const std::string_view page_print_css, page_round_html, page_times_js;
 // NOLINTEND(readability-identifier-naming)
 
 }  // namespace slicecorr::tomo::detail

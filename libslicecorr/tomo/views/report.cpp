@@ -15,11 +15,9 @@
 #include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
 #include "support/chart/chart.hpp"
-#include "support/page/page_style.hpp"
+#include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
-#include "support/text/escape.hpp"
 #include "tomo/views/gel_cells.hpp"
-#include "tomo/views/page_parts.hpp"
 #include "tomo/views/page_text.hpp"
 
 namespace slicecorr::tomo {
@@ -32,6 +30,8 @@ using chart::Panel;
 using chart::Picture;
 using chart::Point;
 using chart::Style;
+using namespace page;
+using slicecorr::detail::captioned_image;
 
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNever = std::numeric_limits<double>::infinity();
@@ -45,81 +45,74 @@ bool in_resin(const Box<std::uint8_t>& part, int x, int y) {
 
 std::string percent(double share) { return fmt::format("{} %", figure(100 * share)); }
 
-/// A table of figures: name, value, what it means.
-std::string figures_table(const Printed& p) {
+Markup figures_table(const Printed& p) {
   const PrintFigures& f = p.figures;
   const Metrics& m = f.metrics;
-  detail::FigureTable table;
-  const auto row = [&](const char* name, const std::string& value, const std::string& meaning) {
-    table.row(name, value, meaning);
-  };
-  row("Contrast C", figure(m.contrast),
+  Table table("figures");
+  table.columns("Figure", "Value", "What it means");
+  table.row(
+      "Contrast C", figure(m.contrast),
       "least dose of the part over most of void: void begins to gel after so many times the print's "
       "time");
   if (std::isfinite(f.contrast_bound)) {
-    row("Bound of C", figure(f.contrast_bound),
-        "no light whatever has more, as the solve of this job proved");
+    table.row("Bound of C", figure(f.contrast_bound),
+              "no light whatever has more, as the solve of this job proved");
   }
-  row("Void that gels with the part",
-      fmt::format("{} of {} voxels", text::count(static_cast<std::int64_t>(m.void_gelled)),
-                  text::count(static_cast<std::int64_t>(m.empty))),
-      "void voxels with at least the dose of the weakest voxel of the part");
-  row("VER", figure(m.ver), "these over all voxels of part and void");
-  row("Process window PW", figure(m.pw),
-      "least dose of the part less most of void, over the largest dose; above 0 is good");
-  row("PW, trimmed", figure(m.trimmed_pw),
-      "the same without the weakest 0.05 % of the part and the strongest 0.05 % of void");
-  row("Range in the part, IPDR", figure(m.ipdr),
-      "largest less least dose of the part, over the largest dose; small is even");
-  row("Overlap at the gel dose", figure(f.jaccard_at_dose),
-      "Jaccard index of what gels and what should; 1 is all right");
-  row("Best overlap", figure(m.best_jaccard),
-      "the same at the gel dose that would suit this light best");
-  row("Dose in the part", fmt::format("{} to {} mJ/cm³", figure(m.min_gel), figure(m.max_gel)),
-      "of the whole print");
-  row("Dose in void", fmt::format("up to {} mJ/cm³", figure(m.max_void)), "of the whole print");
-  row("Gel dose", fmt::format("{} mJ/cm³", figure(f.gel_dose_mj_cm3)),
-      "with what inhibitors take; what comes back of them is taken off doses");
-  row("Black light", fmt::format("up to {} mJ/cm³", figure(f.floor_mj_cm3)),
-      "what black frames alone would leave in that time");
-  row("Time", fmt::format("{} turns, {}", f.turns, text::duration(f.print_time_s)),
-      "whole turns, so that all directions count alike");
-  row("Mean over largest light", percent(f.efficiency),
-      "how much of the projector's light is used; contrast costs light");
-  row("Absorption times radius", figure(f.alpha_r),
-      "1 is the fastest on the axis; much more leaves it dark");
+  table.row("Void that gels with the part",
+            fmt::format("{} of {} voxels", text::count(static_cast<std::int64_t>(m.void_gelled)),
+                        text::count(static_cast<std::int64_t>(m.empty))),
+            "void voxels with at least the dose of the weakest voxel of the part");
+  table.row("VER", figure(m.ver), "these over all voxels of part and void");
+  table.row("Process window PW", figure(m.pw),
+            "least dose of the part less most of void, over the largest dose; above 0 is good");
+  table.row("PW, trimmed", figure(m.trimmed_pw),
+            "the same without the weakest 0.05 % of the part and the strongest 0.05 % of void");
+  table.row("Range in the part, IPDR", figure(m.ipdr),
+            "largest less least dose of the part, over the largest dose; small is even");
+  table.row("Overlap at the gel dose", figure(f.jaccard_at_dose),
+            "Jaccard index of what gels and what should; 1 is all right");
+  table.row("Best overlap", figure(m.best_jaccard),
+            "the same at the gel dose that would suit this light best");
+  table.row("Dose in the part",
+            fmt::format("{} to {} mJ/cm³", figure(m.min_gel), figure(m.max_gel)),
+            "of the whole print");
+  table.row("Dose in void", fmt::format("up to {} mJ/cm³", figure(m.max_void)),
+            "of the whole print");
+  table.row("Gel dose", fmt::format("{} mJ/cm³", figure(f.gel_dose_mj_cm3)),
+            "with what inhibitors take; what comes back of them is taken off doses");
+  table.row("Black light", fmt::format("up to {} mJ/cm³", figure(f.floor_mj_cm3)),
+            "what black frames alone would leave in that time");
+  table.row("Time", fmt::format("{} turns, {}", f.turns, text::duration(f.print_time_s)),
+            "whole turns, so that all directions count alike");
+  table.row("Mean over largest light", percent(f.efficiency),
+            "how much of the projector's light is used; contrast costs light");
+  table.row("Absorption times radius", figure(f.alpha_r),
+            "1 is the fastest on the axis; much more leaves it dark");
   const Vial& vial = *p.job.printer.vial;
   const double n = index_of(p.job.resin), r = part_radius_mm(p.job.part, p.job.sampling.voxel_mm);
   const double q = r * n / vial.n_outside;
   if (!misses(vial, n, q, 0)) {
-    row("Light through the wall",
-        fmt::format("{} to {}", percent(transmittance(vial, n, q, 0)),
-                    percent(transmittance(vial, n, 0, 0))),
-        fmt::format("at {:.3f} mm from the axis, where the part ends, and at the axis", r));
+    table.row("Light through the wall",
+              fmt::format("{} to {}", percent(transmittance(vial, n, q, 0)),
+                          percent(transmittance(vial, n, 0, 0))),
+              fmt::format("at {:.3f} mm from the axis, where the part ends, and at the axis", r));
   }
-  return table.html();
+  return table;
 }
 
-std::string tiles(const PrintFigures& f) {
-  std::string html = R"(<div class="tiles">)";
-  const auto tile = [&](const char* kind, const std::string& value, const std::string& what) {
-    html += detail::tile(kind, value, what);
-  };
+Markup tiles(const PrintFigures& f) {
+  Tiles tiles;
   const bool good = f.feasible();
-  tile(good ? "good" : "bad", good ? "as designed" : "not as designed",
-       good                     ? "all of the part gels, and before any void does"
-       : f.metrics.contrast < 1 ? "some void gels before all of the part does"
-                                : "some of the part gets less than what gels");
-  tile("", figure(f.metrics.contrast), "contrast");
-  tile("", text::count(static_cast<std::int64_t>(f.metrics.void_gelled)),
-       "void voxels gel with the part");
-  tile("", text::duration(f.print_time_s), fmt::format("in {} turns", f.turns));
-  return html + "</div>";
-}
-
-std::string framed(const std::string& picture, const std::string& words) {
-  return fmt::format(R"(<figure><div class="scroll">{}</div><figcaption>{}</figcaption></figure>)",
-                     picture, escape_markup(words));
+  tiles.add(good ? "as designed" : "not as designed",
+            good                     ? "all of the part gels, and before any void does"
+            : f.metrics.contrast < 1 ? "some void gels before all of the part does"
+                                     : "some of the part gets less than what gels",
+            good ? "good" : "bad");
+  tiles.add(figure(f.metrics.contrast), "contrast");
+  tiles.add(text::count(static_cast<std::int64_t>(f.metrics.void_gelled)),
+            "void voxels gel with the part");
+  tiles.add(text::duration(f.print_time_s), fmt::format("in {} turns", f.turns));
+  return tiles;
 }
 
 /// How many voxels of part and void have which dose.
@@ -148,8 +141,8 @@ std::string histogram_svg(const Printed& p) {
     for (const double n : *bins) tallest = std::max(tallest, n);
   }
   Panel panel({"dose, mJ/cm³", false, 0, most}, {"voxels", true, 0.7, tallest * 1.5}, 260);
-  detail::draw_bins(panel, empty, most, 0);
-  detail::draw_bins(panel, gel, most, 1);
+  panel.bins(empty, most, 0);
+  panel.bins(gel, most, 1);
   panel.vertical(p.figures.gel_dose_mj_cm3, "gels");
   Picture picture(
       "Doses of part and void",
@@ -322,7 +315,7 @@ ColourImage grey_image(const Shine& shine, int columns, int rows, int width, int
 /// `most` or fewer, a whole number to each of `n` where there is room.
 int whole_times(int n, int most) { return n <= most ? n * (most / n) : most; }
 
-std::string light_pictures(const Printed& p, const ExecutionContext& context) {
+Markup light_pictures(const Printed& p, const ExecutionContext& context) {
   const Shine shine(p.job);
   const TomoGrid& g = shine.bench.grid;
   // The slice where contrast is least.
@@ -344,7 +337,7 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
   const std::string scale = fmt::format(
       "White is the brightest pixel of all frames, {} mW/cm²; greys show the square root.",
       figure(shine.most));
-  std::string html = fmt::format(
+  Markup html = markup(
       R"(<h2>Light</h2><p class="dim">Columns {} to {} of the image, where there is light, are shown. {}</p>)",
       shine.bench.window.first_column + shine.bench.window.wide * shine.first,
       shine.bench.window.first_column + shine.bench.window.wide * shine.end - 1, scale);
@@ -356,9 +349,7 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
   const ColourImage sinogram =
       grey_image(shine, columns, g.angles, whole_times(columns, 640), whole_times(g.angles, 480),
                  [&](int c, int r) { return light(r, shine.first + c, row); });
-  html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
-                      slicecorr::detail::image_element(sinogram, words), words);
-  html += R"(<h3>Frames</h3><div class="strip">)";
+  html += captioned_image(sinogram, words) + markup(R"(<h3>Frames</h3><div class="strip">)");
   constexpr int kFrames = 8;
   // True to scale.
   const double width_mm = columns * shine.bench.window.wide * p.job.printer.pixel_x_um * 1e-3,
@@ -375,12 +366,11 @@ std::string light_pictures(const Printed& p, const ExecutionContext& context) {
     const ColourImage image = grey_image(shine, columns, rows, width, height, [&](int c, int r) {
       return light(m, shine.first + c, shine.high - 1 - r);
     });
-    const std::string what = fmt::format("frame {}, {:.1f}°", frame, 360.0 * frame / g.angles);
-    html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
-                        slicecorr::detail::image_element(image, what), what);
+    html +=
+        captioned_image(image, fmt::format("frame {}, {:.1f}°", frame, 360.0 * frame / g.angles));
   }
   return html +
-         fmt::format(
+         markup(
              R"(</div><p class="dim">As seen from the projector, in the order in which they are shown while the vial turns {}; each for {} s of a turn of {} s.</p>)",
              name_of(p.job.printer.rotation->direction),
              figure(shine.bench.exposure.turn_s / g.angles), figure(shine.bench.exposure.turn_s));
@@ -443,19 +433,16 @@ std::string report_page(const Printed& p, const std::string& title,
                         const ExecutionContext& context) {
   const TomoJob& job = p.job;
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  std::string html = fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}.strip{{display:flex;gap:.5rem;overflow-x:auto}}.strip figure{{flex:0 0 auto}}.drawn{{display:block;min-width:56rem;margin:0 auto}}</style></head><body><main><h1>{0}</h1>)",
-      escape_markup(title), slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css);
-  html += fmt::format(
-      "<p>{} frames of {} x {} pixels, shown in each of {} turns of {} s, for a part of {} voxels of "
-      "{:g} mm.</p>"
-      R"(<p class="dim">Printer {} ({} to {} mW/cm², {} mm of resin from axis to wall), resin {} (absorbs {} of the light per mm, gels at {} mJ/cm³).</p>)",
+  Page page(title, {page_tiles_css, detail::page_print_css,
+                    ".drawn{display:block;min-width:56rem;margin:0 auto}"});
+  page += markup(
+      R"(<p>{} frames of {} x {} pixels, shown in each of {} turns of {} s, for a part of {} voxels of {:g} mm.</p><p class="dim">Printer {} ({} to {} mW/cm², {} mm of resin from axis to wall), resin {} (absorbs {} of the light per mm, gels at {} mJ/cm³).</p>)",
       bench.grid.angles, bench.frame_width, bench.frame_height, job.turns,
       figure(bench.exposure.turn_s), text::count(static_cast<std::int64_t>(p.figures.metrics.gel)),
-      job.sampling.voxel_mm, escape_markup(job.printer.name), figure(bench.mw_cm2.front()),
-      figure(bench.mw_cm2.back()), figure(bench.radius_mm), escape_markup(job.resin.name),
+      job.sampling.voxel_mm, job.printer.name, figure(bench.mw_cm2.front()),
+      figure(bench.mw_cm2.back()), figure(bench.radius_mm), job.resin.name,
       percent(1 - std::exp(-absorption_per_mm(job.resin))), figure(bench.exposure.critical_mj_cm3));
-  html += tiles(p.figures) + "<h2>Figures</h2>" + figures_table(p);
+  page += markup("{}<h2>Figures</h2>{}", tiles(p.figures), figures_table(p));
 
   const std::vector<PrintSection> sections = sections_of(p, middle_planes(p));
   std::size_t missing = 0, gelled = 0;
@@ -464,35 +451,28 @@ std::string report_page(const Printed& p, const std::string& title,
     gelled += section.gelled();
   }
   context.check_cancelled();
-  html +=
-      "<h2>Dose against target</h2>" +
-      framed(sections_svg(sections, ColouredBy::dose, "Through the middle of the part"),
-             fmt::format("In these planes {} voxels of the part are missing, and {} of void gel.",
-                         missing, gelled));
-  html += R"(<h2>Doses</h2><div class="views">)";
-  html += framed(histogram_svg(p), "The whole print; grey voxels are in neither.");
-  html += framed(height_svg(p), "Every slice by itself.");
-  html += "</div>" + light_pictures(p, context);
-  html += "<h2>How the solve went</h2>";
-  html += job.history.empty()
-              ? R"(<p class="dim">This job does not say how its light was found.</p>)"
-              : framed(convergence_svg(job.history), "As the job holds it.");
-  html += detail::page_round_html;
-  html += fmt::format(R"(<p class="dim">slicecorr {}</p></main>)", slicecorr::version);
-  html += R"(<script type="application/json" id="tomo-data">)" +
-          detail::round_data(round_of(p),
-                             {.time_s = p.figures.print_time_s,
-                              .turns = p.figures.turns,
-                              .insert = !p.job.insert.values.empty(),
-                              .grows = "Doses are taken to grow evenly, as they do turn by "
-                                       "turn; beyond 100 % the print would go on at the "
-                                       "same light."}) +
-          "</script><script>";
-  for (const auto& script : {slicecorr::detail::page_inflate_js, slicecorr::detail::page_round_js,
-                             detail::page_times_js}) {
-    html += script;
-  }
-  return html + "</script></body></html>\n";
+  page += markup(
+      "<h2>Dose against target</h2>{}",
+      drawing(sections_svg(sections, ColouredBy::dose, "Through the middle of the part"),
+              fmt::format("In these planes {} voxels of the part are missing, and {} of void gel.",
+                          missing, gelled)));
+  page += markup(R"(<h2>Doses</h2><div class="views">{}{}</div>)",
+                 drawing(histogram_svg(p), "The whole print; grey voxels are in neither."),
+                 drawing(height_svg(p), "Every slice by itself."));
+  page += light_pictures(p, context);
+  page +=
+      markup("<h2>How the solve went</h2>{}",
+             job.history.empty()
+                 ? markup(R"(<p class="dim">This job does not say how its light was found.</p>)")
+                 : drawing(convergence_svg(job.history), "As the job holds it."));
+  detail::add_round(page, round_of(p),
+                    {.time_s = p.figures.print_time_s,
+                     .turns = p.figures.turns,
+                     .insert = !p.job.insert.values.empty(),
+                     .grows = "Doses are taken to grow evenly, as they do turn by turn; beyond "
+                              "100 % the print would go on at the same light."});
+  page += markup(R"(<p class="dim">slicecorr {}</p>)", slicecorr::version);
+  return page.html() + "\n";
 }
 
 }  // namespace slicecorr::tomo

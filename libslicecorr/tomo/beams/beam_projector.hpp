@@ -43,6 +43,8 @@ class BeamProjector final : public Projector {
  private:
   std::vector<Beam> beams_;
   int nx_, ny_, nz_;
+  /// Places along x, as many as along y where these are more, and the same for the columns of images;
+  /// places for their rows, in whole cache lines.
   std::size_t side_, rows_;
   Shape shape_;
   std::vector<Array<float>> left_;  ///< by beam, of the light along it; 0 in lanes without a cell

@@ -170,7 +170,6 @@ class Grey {
   /// The rung that was missed, nothing when all were reached.
   std::optional<double> climb(const std::vector<double>& rungs, int proof_steps) {
     LadderOptions options;
-    options.start = &best_;
     options.steps = setup_.steps;
     options.most_dose = kMostDose;
     options.rungs = rungs;
@@ -180,7 +179,7 @@ class Grey {
       context_.report("solving", 1 - std::max(place.rung, 0.0));
       if (!place.missed.empty()) missed = place.rung;
     };
-    FoundLight found = ladder(silent(context_), projector_, target_, options);
+    FoundLight found = ladder(silent(context_), projector_, target_, best_, options);
     bound_ = std::min(bound_, found.contrast_bound);
     const double contrast = scale(found.light);
     if (contrast > best_contrast_) {

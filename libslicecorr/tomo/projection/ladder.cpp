@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
@@ -51,14 +52,14 @@ struct Climb {
 class Ladder {
  public:
   Ladder(const ExecutionContext& context, const Projector& projector, const CellKinds& cells,
-         const LadderOptions& options)
+         Array<float> start, const LadderOptions& options)
       : context_(context),
         projector_(projector),
         shape_(projector.shape()),
         cells_(cells),
         options_(options),
         gel_(problems_with_gel(shape_, cells)),
-        light_(options.resume != nullptr ? options.resume->numbers : *options.start),
+        light_(options.resume != nullptr ? options.resume->numbers : std::move(start)),
         dose_(shape_.field()),
         now_(static_cast<std::size_t>(shape_.problems())),
         kept_(now_.size(), -1.0) {
@@ -370,8 +371,8 @@ class Ladder {
 }  // namespace detail
 
 FoundLight ladder(const ExecutionContext& context, const Projector& projector,
-                  const CellKinds& cells, const LadderOptions& options) {
-  return detail::Ladder(context, projector, cells, options).run();
+                  const CellKinds& cells, Array<float> start, const LadderOptions& options) {
+  return detail::Ladder(context, projector, cells, std::move(start), options).run();
 }
 
 }  // namespace slicecorr::tomo

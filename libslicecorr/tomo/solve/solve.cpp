@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 #include "tomo/solve/published_solvers.hpp"
@@ -63,14 +64,15 @@ void check_lit(const ExecutionContext& context, const Projector& projector, cons
 
 /// The ladder, from where filtered back projection leads.
 Solution from_projections(const ExecutionContext& context, const Projector& projector,
-                          const Target& target, const RayTables& optics, SolveOptions how) {
+                          const Target& target, const RayTables& optics, const SolveOptions& o) {
   Array<float> start;
-  if (how.start == nullptr && how.resume == nullptr) {
-    start = filtered_start(context, target, optics, how.window).values;
-    how.start = &start;
-    how.scale_start = true;
+  if (o.start != nullptr) start = *o.start;
+  if (o.start == nullptr && o.resume == nullptr) {
+    start = filtered_start(context, target, optics, o.window).values;
   }
-  Solution solution{ladder(context, projector, target, how), {}};
+  LadderOptions how = o;
+  how.scale_start = o.start == nullptr;
+  Solution solution{ladder(context, projector, target, std::move(start), how), {}};
   solution.metrics = measure(target, solution.dose);
   return solution;
 }

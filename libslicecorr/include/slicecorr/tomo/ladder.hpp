@@ -84,9 +84,7 @@ struct LadderOptions {
   int memory = 5;         ///< of L-BFGS, 1..50
   int proof_steps = 160;  ///< for the proof, once a rung is missed; 0: none
 
-  /// Light to start from. Null only where a solver has a start of its own, or goes on from `resume`.
-  const Array<float>* start = nullptr;
-  /// Each slice's start is first scaled to the least loss.
+  /// The ladder's start is first scaled to the least loss, slice by slice.
   bool scale_start = false;
   /// Called after each rung, or step of OSMO and Kelly; may keep the place, which is valid only in
   /// the call.
@@ -96,9 +94,9 @@ struct LadderOptions {
   const SolverState* resume = nullptr;
 };
 
-/// Options must be in range, and each cell of gel lit. Throws `Cancelled`. A bound below 1 is
-/// returned, not thrown.
+/// From `start`, unless it goes on. Options must be in range, and each cell of gel lit. Throws
+/// `Cancelled`. A bound below 1 is returned, not thrown.
 FoundLight ladder(const ExecutionContext& context, const Projector& projector,
-                  const CellKinds& cells, const LadderOptions& options);
+                  const CellKinds& cells, Array<float> start, const LadderOptions& options);
 
 }  // namespace slicecorr::tomo

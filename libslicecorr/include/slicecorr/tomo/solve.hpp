@@ -36,11 +36,12 @@ struct Solution : FoundLight {
   Metrics metrics;  ///< of `dose`
 };
 
-/// `start`: of the ladder and Kelly, in place of filtered back projection. May be null.
 struct SolveOptions : LadderOptions {
   Method method = Method::ladder;
   /// Start of the ladder, of Kelly, and all of FBP.
   Window window = Window::hamming;
+  /// Ladder and Kelly start from this light instead. May be null.
+  const Array<float>* start = nullptr;
 
   double osmo_high = 0.85, osmo_low = 0.6;  ///< D_H, D_L over the largest dose; high > low
   /// OSMO as in Webber 2023: light above the mean and this many standard deviations is cut off in

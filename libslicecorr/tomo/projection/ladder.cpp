@@ -59,7 +59,7 @@ class Ladder {
         cells_(cells),
         options_(options),
         gel_(problems_with_gel(shape_, cells)),
-        light_(options.resume != nullptr ? options.resume->numbers : std::move(start)),
+        light_(std::move(start)),
         dose_(shape_.field()),
         now_(static_cast<std::size_t>(shape_.problems())),
         kept_(now_.size(), -1.0) {
@@ -116,6 +116,7 @@ class Ladder {
     const std::size_t n = now_.size();
     if (from.of_slices.size() != 6 * n)
       throw InputError("solver", "resume", "is of another solver");
+    light_ = from.numbers;
     dose_ = from.dose;
     found_ = from.best;
     kept_.assign(from.of_slices.begin(), from.of_slices.begin() + static_cast<std::ptrdiff_t>(n));

@@ -116,6 +116,7 @@ class Print:
         self.he_um = resin["absorbance_height10_um"] / math.log(10)
         self.m = resin["m"]
         self.dose = resin["critical_dose_prime"] or resin["critical_dose_mj_cm3"] * self.he_um * 1e-4
+        self.bleaching = resin.get("bleaching")
         self.a, self.b = resin.get("gel_a_mj_cm2", 0), resin.get("gel_b_sqrt_mw_cm2_s", 0)
         self.layerwise = block["mode"] == "layerwise"
         self.exposure_s = process.get("exposure_s", 0)
@@ -212,7 +213,50 @@ class Print:
             share = np.where(after > 0, (y0 - x0) / ((y0 - x0) + (x1 - y1)), 0)
         return (x0 + share * (x1 - x0))[..., 0]
 
+    def followed(self, cells=32):
+        """Doses in cells of resin, which absorb by the dose that they have had: all light, in time."""
+        dz = self.layer_um / cells
+        fresh, eb = 1 / self.he_um, self.bleaching["dose_mj_cm2"]
+        bleached = math.log(10) / self.bleaching["absorbance_height10_um"]
+        dose = np.zeros((self.layers * cells,) + self.blue.shape[1:])
+
+        def gained(had, light):
+            fall = (bleached + (fresh - bleached) * np.exp(-had / eb)) * dz
+            after = np.cumsum(fall[::-1], axis=0)[::-1]
+            return light * np.exp(-(after - 0.5 * fall))
+
+        def shine(end, light):
+            """Light through the cells before `end`, which it bleaches: in the middle of its time as on average."""
+            half = dose[:end] + gained(dose[:end], 0.5 * light)
+            dose[:end] += gained(half, light)
+
+        for n in range(self.layers):
+            for c in range(cells):
+                if self.layerwise:
+                    shine((n + 1) * cells, self.blue[n] * self.exposure_s / cells)
+                    continue
+                # While the window passes a cell, those before it are lit through half of it.
+                k, dt = n * cells + c, dz / self.um_s[n]
+                fall = (bleached + (fresh - bleached) * np.exp(-0.25 * self.blue[n] * dt / eb)) * dz
+                shine(k, self.blue[n] * np.exp(-0.5 * fall) * dt)
+                dose[k] += self.blue[n] * 0.5 * dt * np.exp(-0.25 * fall)
+        return dose / self.dose, dz
+
+    def bleached_doses(self, heights_um):
+        dose, dz = self.followed()
+        cells = len(dose) // self.layers
+        out = []
+        for z_um in heights_um:
+            # Between the middles of two cells of the layer: at nodes, those of the one that ends or begins there.
+            n = min(int(z_um / self.layer_um + 1e-9), self.layers - 1)
+            at = np.clip(math.floor(z_um / dz - 0.5), n * cells, (n + 1) * cells - 2)
+            share = z_um / dz - 0.5 - at
+            out.append(dose[at] + share * (dose[at + 1] - dose[at]))
+        return np.array(out)
+
     def doses(self, heights_um, uv=True):
+        if self.bleaching:
+            return self.bleached_doses(heights_um)
         return np.array([self.dose_at(z, uv) for z in heights_um])
 
 

@@ -142,7 +142,7 @@ TEST(Kinetics, AgreesWithNumericalIntegrationOfTheLaw) {
 }
 
 TEST(Kinetics, WithoutUvTheFrontsAreTheWindowAndTheCuredHeight) {
-  for (const Kinetics k : {figure_3_4(), resin_1(), resin_2(), Kinetics{200, 0.76, 9, 0, 0}}) {
+  for (const Kinetics& k : {figure_3_4(), resin_1(), resin_2(), Kinetics{200, 0.76, 9, 0, 0}}) {
     EXPECT_EQ(steady_dead_zone_um(k, 50, 0), 0);
     EXPECT_EQ(first_gel(k, 50, 0).z_um, 0);
     const double start = first_gel(k, 50, 0).time_s;
@@ -321,7 +321,7 @@ TEST(Kinetics, ResinsWithoutADoseOrInhibitionAreRefused) {
 TEST(KineticUnits, ArealAndVolumetricLawsAreTheSame) {
   // dD'/dt = (Ib e^(-z/hb) / hb - betaV Iuv e^(-z/huv) / huv)^m in volumetric form (B.7): with
   // D'V,c = D'A,c / hb^m and betaV = betaA huv / hb it gels at the same places and times.
-  for (const Kinetics k : {figure_3_4(), resin_1(), resin_2()}) {
+  for (const Kinetics& k : {figure_3_4(), resin_1(), resin_2()}) {
     const double hb_cm = k.hb_um * 1e-4, huv_cm = k.huv_um * 1e-4;
     const double beta_v = units::volumetric_beta_from_areal(k.beta, k.hb_um, k.huv_um);
     const double dose_v = units::volumetric_prime_from_areal(k.critical_dose_prime, k.hb_um, k.m);

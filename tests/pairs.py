@@ -163,6 +163,12 @@ def gel_time(p):
     p.resin.pop("inhibition")
 
 
+def bleaching(p):
+    p.resin["cure"]["m"] = 1.0  # another exponent does not go with it
+    height = p.resin["cure"]["absorbance_height_um"]
+    p.resin["bleaching"] = {"absorbance_height_um": 2.5 * height, "absorbance_base": "e", "dose_mj_cm2": 30.0}
+
+
 def spread(p):
     p.printer["blue"]["spread"] = [[35.0, 1.0]]
 
@@ -224,6 +230,7 @@ FEATURES = {
     "patterned UV light": uv_patterned,
     "an even dead zone": even_dead_zone,
     "a time to gel": gel_time,
+    "a resin that bleaches": bleaching,
     "light that spreads": spread,
     "uneven light": uneven_light,
     "resin that ends": vat_depth,
@@ -242,7 +249,8 @@ TELLS_ONLY = {"how sure figures are"}
 # Not one print: no word of the table is needed.
 ELSEWHERE = [({"layer by layer", "more light for slower slices"}, "is for continuous exposure")] + [
     # Resin files have one or the other.
-    ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})]
+    ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})] + [
+    ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
 
 
 def short(name):

@@ -68,6 +68,9 @@ bool give(Lit& p, Feature feature) {
       p.resin.gel_a_mj_cm2 = 60;
       p.resin.gel_b_sqrt_mw_cm2_s = 4;
       return true;
+    case Feature::bleaching:
+      p.resin.bleaching = Bleaching{2 * p.resin.absorbance_height10_um, 30};
+      return true;
     case Feature::spread:
       p.printer.spread.gaussians = {{60.0, 1.0}};
       return true;

@@ -22,6 +22,7 @@
 #include "slicecorr/limit.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
 
 namespace slicecorr::detail {
 
@@ -97,6 +98,14 @@ double dose_for_end(const CureModel& model, int slices) {
     const GelTimeKernel& kernel = *model.gel_time();
     const double full = kernel.level_mw_cm2(kernel.levels() - 1);
     return std::max(1.0, model.phi_max() / kernel.dose_at_end(full, std::max(1, slices - 1)));
+  }
+  if (const BleachingLaw* const law = model.bleaching()) {
+    // One slice is to spare here, too.
+    const double length = std::max(1, slices - 1), gain = law->absorbed(1.0);
+    const double most = 2 + 2 / (length * gain);
+    return halved({1.0, most}, 60,
+                  [&](double phi) { return law->after(0.0, length, phi * gain) < 1.0; })
+        .high;
   }
   return std::max(1.0, model.steady(-1.0 / std::expm1(-slices * model.eta * units::kLn10)));
 }

@@ -10,6 +10,7 @@
 
 #include "base/kernels.hpp"
 #include "slicecorr/dose.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
@@ -104,7 +105,9 @@ int cure_through_slices(const CureModel& model) {
     longest.exposure_ratio.clear();
     // There phi is not what doses are made of.
     if (model.gel_time()) longest.exposure_ratio = {model.greatest_ratio()};
-    const int high = std::min(most, static_cast<int>(std::ceil(16.0 / model.eta)) + 1);
+    const double fall =
+        model.bleaching() ? model.bleaching()->bleached() / units::kLn10 : model.eta;
+    const int high = static_cast<int>(std::min<double>(most, std::ceil(16.0 / fall) + 1));
     const std::uint8_t full = 255, black = 0;
     BandDose dose(longest, 1);
     int slice = high + most;

@@ -39,8 +39,8 @@ std::unique_ptr<BandSolver> make_stepwise_solver(const CorrectionPlan& plan, std
 std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
 /// The solver of models with an inhibited kernel, in both modes.
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns);
-/// The solver of resins with a time to gel, in both modes.
-std::unique_ptr<BandSolver> make_gel_time_solver(const CorrectionPlan& plan, std::size_t columns);
+/// The solver of laws whose levels are tried (tried_column.hpp), in both modes.
+std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns);
 
 /// The same for one column: levels, and intensities before rounding to levels.
 std::vector<std::uint8_t> solve_layerwise_column(const CorrectionPlan& plan,
@@ -52,9 +52,9 @@ std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
 std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
                                                  const std::vector<std::uint8_t>& coverage,
                                                  const std::vector<std::uint8_t>& heights);
-std::vector<std::uint8_t> solve_gel_time_column(const CorrectionPlan& plan,
-                                                const std::vector<std::uint8_t>& coverage,
-                                                const std::vector<std::uint8_t>& heights);
+std::vector<std::uint8_t> solve_tried_column(const CorrectionPlan& plan,
+                                             const std::vector<std::uint8_t>& coverage,
+                                             const std::vector<std::uint8_t>& heights);
 
 /// Slices to show for a target whose last lit layer is `last_lit`, with an inhibited kernel.
 int inhibited_slices(const CureModel& model, int target_layers, int last_lit);

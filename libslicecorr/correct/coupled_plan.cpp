@@ -77,7 +77,7 @@ int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 }  // namespace
 
 bool can_couple(const CureModel& model) {
-  return (!model.inhibited() || can_couple_under_uv(model)) && !model.gel_time() &&
+  return (!model.inhibited() || can_couple_under_uv(model)) && model.adds_up() &&
          model.bath_slices == 0 && model.mirrored_slices == 0;
 }
 
@@ -121,7 +121,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
       reach_y(light_blur.reach_y()) {
   if (!can_couple(columns.model)) {
     throw InputError(
-        "light that spreads is corrected without patterned UV light and time to gel, in a bath without a depth and "
+        "light that spreads is corrected without patterned UV light, time to gel and a resin that bleaches, in a bath without a depth and "
         "before a platform that sends no light back: leave these out, or correct columns alone");
   }
   if (columns.model.inhibited()) uv = std::make_shared<const CoupledUv>(columns);

@@ -7,8 +7,8 @@
 #include "correct/band_solvers.hpp"
 #include "correct/column_walk.hpp"
 #include "correct/continuous_plan.hpp"
-#include "correct/gel_time_column.hpp"
 #include "correct/inhibited_plan.hpp"
+#include "correct/tried_column.hpp"
 #include "slicecorr/correct.hpp"
 
 namespace slicecorr {
@@ -25,8 +25,8 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& correction_p
     inhibited = std::make_shared<const detail::InhibitedPlan>(model, merge_one_slice_gaps, layers,
                                                               all_layers);
   }
-  if (model.gel_time()) {
-    gel_time = std::make_shared<const detail::GelTimePlan>(model, process, layers, all_layers);
+  if (!model.adds_up()) {
+    tried = std::make_shared<const detail::TriedPlan>(model, process, layers, all_layers);
   }
   if (model.is_continuous()) {
     continuous = std::make_shared<const detail::ContinuousPlan>(model, process, all_layers, false);
@@ -39,8 +39,8 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& correction_p
 
 int slices_with_burst(const CureModel& model, int target_layers, int last_lit) {
   if (model.inhibited()) return detail::inhibited_slices(model, target_layers, last_lit);
-  // With a time to gel, an edge half a slice after its node takes one more.
-  const int spare = model.gel_time() && model.mode == ExposureMode::continuous ? 1 : 0;
+  // Where levels are tried, an edge half a slice after its node takes one more.
+  const int spare = !model.adds_up() && model.mode == ExposureMode::continuous ? 1 : 0;
   return std::max(target_layers, last_lit + 1 + model.slices_to_gel(last_lit + 1) + spare);
 }
 

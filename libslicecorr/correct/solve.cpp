@@ -106,9 +106,9 @@ std::unique_ptr<detail::BandSolver> solver_of(const CorrectionPlan& plan, std::s
     if (leaves_alone) throw Error("nothing can be left alone under UV light");
     return detail::make_inhibited_solver(plan, columns);
   }
-  if (plan.model.gel_time()) {
-    if (leaves_alone) throw Error("nothing can be left alone with a time to gel");
-    return detail::make_gel_time_solver(plan, columns);
+  if (plan.tried) {
+    if (leaves_alone) throw Error("nothing can be left alone where levels are tried");
+    return detail::make_tried_solver(plan, columns);
   }
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::make_layerwise_solver(plan, columns);
@@ -160,7 +160,7 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& heights) {
   const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
   if (plan.model.inhibited()) return detail::solve_inhibited_column(plan, solved, heights);
-  if (plan.model.gel_time()) return detail::solve_gel_time_column(plan, solved, heights);
+  if (plan.tried) return detail::solve_tried_column(plan, solved, heights);
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::solve_layerwise_column(plan, solved, heights);
   }
@@ -189,7 +189,7 @@ std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage,
                                          const std::vector<std::uint8_t>& heights) {
   const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
-  if (plan.model.inhibited() || plan.model.gel_time()) {
+  if (plan.model.inhibited() || plan.tried) {
     // Their rules are about levels: each is told by its phi.
     std::vector<double> phi;
     for (const std::uint8_t level : solve_column(plan, solved, heights)) {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "base/kernels.hpp"
+#include "cure/steps.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/dose.hpp"
-#include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
@@ -94,11 +94,12 @@ class Bath {
   double beyond_;
 };
 
-/// Continuous exposure without UV light, by (A.32) and (A.35).
+/// Continuous exposure, where doses go on from slice to slice.
+template <typename Steps>
 class ContinuousWalker final : public detail::DoseWalker {
  public:
   ContinuousWalker(const CureModel& model, std::size_t columns)
-      : model_(model), curve_(pixel_curve(model)), bath_(model), phi_(columns) {
+      : model_(model), steps_(model), curve_(pixel_curve(model)), bath_(model), phi_(columns) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
   }
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
@@ -119,8 +120,13 @@ class ContinuousWalker final : public detail::DoseWalker {
     }
     for (std::size_t i = 0; i < far_.size(); ++i) phi_[i] += far_[i];
     for (std::size_t i = 0; i < phi_.size(); ++i) {
-      middle[i] = model_.middle(phi_[i], lower[i]);
-      upper[i] = model_.step(phi_[i], lower[i]);
+      if (Steps::kDear && i > 0 && phi_[i] == phi_[i - 1] && lower[i] == lower[i - 1]) {
+        middle[i] = middle[i - 1];
+        upper[i] = upper[i - 1];
+        continue;
+      }
+      middle[i] = steps_.middle(phi_[i], lower[i]);
+      upper[i] = steps_.node(phi_[i], lower[i]);
     }
   }
   void inside(std::size_t i, double, InsideLayer& out) const override {
@@ -128,18 +134,18 @@ class ContinuousWalker final : public detail::DoseWalker {
     out.least = std::min(lower[i], upper[i]);
     if (thin_slices_.empty()) {
       if ((lower[i] >= 1.0) != (upper[i] >= 1.0)) {
-        out.crossings.push_back(model_.crossing(phi_[i], lower[i]));
+        out.crossings.push_back(steps_.crossing(phi_[i], lower[i], 1.0));
       }
       return;
     }
     double below = lower[i];
     for (auto thin = thin_slices_.rbegin(); thin != thin_slices_.rend(); ++thin) {
       const double phi = phi_of(*thin, i);
-      const double above = phi * thin->one_minus_a + thin->a * below;
+      const double above = steps_.after(thin->part, phi, below);
       out.least = std::min(out.least, above);
       if ((above >= 1.0) != (below >= 1.0)) {
-        const double d = -std::log1p((1.0 - below) / (below - phi)) / (model_.eta * units::kLn10);
-        out.crossings.push_back(1.0 - thin->to + std::clamp(d, 0.0, thin->to - thin->from));
+        out.crossings.push_back(1.0 - thin->to +
+                                steps_.crossing(phi, below, thin->to - thin->from));
       }
       below = above;
     }
@@ -151,14 +157,15 @@ class ContinuousWalker final : public detail::DoseWalker {
     for (auto thin = thin_slices_.rbegin(); thin != thin_slices_.rend(); ++thin) {
       const double phi = phi_of(*thin, i);
       out.push_back({1.0 - thin->to, 1.0 - thin->from, phi, below});
-      below = phi * thin->one_minus_a + thin->a * below;
+      below = steps_.after(thin->part, phi, below);
     }
   }
 
  private:
   /// A stretch of the slice in which the same images are lit; their light is its density there.
   struct ThinSlice {
-    double from, to, a, one_minus_a;
+    double from, to;
+    typename Steps::Part part;
     std::vector<ImageShowing> lit;
   };
 
@@ -179,8 +186,7 @@ class ContinuousWalker final : public detail::DoseWalker {
     std::sort(ends.begin(), ends.end());
     ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
     for (std::size_t k = 0; k + 1 < ends.size(); ++k) {
-      const double exponent = -(ends[k + 1] - ends[k]) * model_.eta * units::kLn10;
-      ThinSlice thin{ends[k], ends[k + 1], std::exp(exponent), -std::expm1(exponent), {}};
+      ThinSlice thin{ends[k], ends[k + 1], steps_.part(ends[k + 1] - ends[k]), {}};
       for (const ImageShowing& p : showings) {
         if (p.from > thin.from || p.to < thin.to) continue;
         thin.lit.push_back(p);
@@ -199,7 +205,7 @@ class ContinuousWalker final : public detail::DoseWalker {
         for (std::size_t i = 0; i < n; ++i) phi[i] *= ratio_;
         for (std::size_t i = 0; bath_.ends() && i < n; ++i) phi[i] += far_[b + i];
         for (std::size_t i = 0; i < n; ++i) {
-          upper[b + i] = phi[i] * thin->one_minus_a + thin->a * upper[b + i];
+          upper[b + i] = steps_.after(thin->part, phi[i], upper[b + i]);
         }
       }
       if (thin->from == 0.5) middle = upper;
@@ -207,6 +213,7 @@ class ContinuousWalker final : public detail::DoseWalker {
   }
 
   const CureModel& model_;
+  Steps steps_;
   PixelCurve curve_;
   Bath bath_;
   std::vector<double> phi_;
@@ -230,11 +237,13 @@ void add(double* __restrict near, const double* __restrict far, const double* __
   for (std::size_t i = 0; i < n; ++i) near[i] = phi[i] * ratio + far[i];
 }
 
-/// Layer by layer exposure, by appendix A.6: W(n) = (phi'_n + W(n + 1)) a.
+/// Layer by layer exposure, by appendix A.6: W(n) = (phi'_n + W(n + 1)) a, or as it fades in the
+/// resin.
+template <typename Steps>
 class LayerwiseWalker final : public detail::DoseWalker {
  public:
   LayerwiseWalker(const CureModel& model, std::size_t columns)
-      : model_(model), curve_(pixel_curve(model)), bath_(model) {
+      : model_(model), steps_(model), curve_(pixel_curve(model)), bath_(model) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
   }
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
@@ -247,15 +256,18 @@ class LayerwiseWalker final : public detail::DoseWalker {
       const std::size_t n = std::min(kBlock, lower.size() - b);
       detail::block_phi(curve_, showings, b, n, phi);
       add(&lower[b], &upper[b], phi, ratio, n);
-      fade(&lower[b], &middle[b], &upper[b], model_.root_a, model_.a, n);
+      if constexpr (Steps::kDear) {
+        fade_by_steps(b, n);
+      } else {
+        fade(&lower[b], &middle[b], &upper[b], model_.root_a, model_.a, n);
+      }
     }
   }
   void inside(std::size_t i, double, InsideLayer& out) const override {
     out.crossings.clear();
     out.least = upper[i];
     if (lower[i] >= 1.0 && upper[i] < 1.0) {
-      const double d = std::log(lower[i]) / (model_.eta * units::kLn10);
-      out.crossings.push_back(std::clamp(d, 0.0, 1.0));
+      out.crossings.push_back(steps_.faded_to_one(lower[i]));
     }
   }
   void stretches(std::size_t i, std::vector<detail::Stretch>& out) const override {
@@ -263,20 +275,33 @@ class LayerwiseWalker final : public detail::DoseWalker {
   }
 
  private:
+  void fade_by_steps(std::size_t first, std::size_t n) {
+    for (std::size_t i = first; i < first + n; ++i) {
+      const bool alike = i > first && lower[i] == lower[i - 1];
+      middle[i] = alike ? middle[i - 1] : steps_.faded_half(lower[i]);
+      upper[i] = alike ? upper[i - 1] : steps_.faded(lower[i]);
+    }
+  }
+
   const CureModel& model_;
+  Steps steps_;
   PixelCurve curve_;
   Bath bath_;
 };
 
+template <typename Steps>
+std::unique_ptr<detail::DoseWalker> make_walker_by(const CureModel& model, std::size_t columns) {
+  if (model.mode == ExposureMode::layerwise) {
+    return std::make_unique<LayerwiseWalker<Steps>>(model, columns);
+  }
+  return std::make_unique<ContinuousWalker<Steps>>(model, columns);
+}
+
 std::unique_ptr<detail::DoseWalker> make_walker(const CureModel& model, std::size_t columns) {
   if (model.inhibited()) return detail::make_inhibited_walker(model, columns);
   if (model.gel_time()) return detail::make_gel_time_walker(model, columns);
-  std::unique_ptr<detail::DoseWalker> walker;
-  if (model.mode == ExposureMode::layerwise) {
-    walker = std::make_unique<LayerwiseWalker>(model, columns);
-  } else {
-    walker = std::make_unique<ContinuousWalker>(model, columns);
-  }
+  auto walker = model.bleaching() ? make_walker_by<detail::BleachingSteps>(model, columns)
+                                  : make_walker_by<detail::SummedSteps>(model, columns);
   if (model.mirrored_slices == 0) return walker;
   return detail::with_returned_light(model, std::move(walker));
 }

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "cure/limits.hpp"
+#include "cure/steps.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -36,6 +37,15 @@ double CureModel::crossing(double phi, double below) const {
 
 int CureModel::slices_to_gel(int first) const {
   if (mode == ExposureMode::layerwise) return 0;
+  if (bleaching()) {
+    const detail::BleachingSteps steps(*this);
+    constexpr int most = 1'000'000;
+    int slices = 0;
+    for (double dose = 0; dose < 1.0 - 1e-12 && slices < most; ++slices) {
+      dose = steps.node(phi_max() * ratio(first + slices), dose);
+    }
+    return slices;
+  }
   if (gel_time()) {
     const double slices =
         gel_time()->slices_to_gel(gel_time()->level_mw_cm2(gel_time()->levels() - 1));
@@ -102,13 +112,22 @@ double CureModel::level_step_um() const {
   }
   if (mode == ExposureMode::layerwise) {
     const double ratio = greatest_ratio();
-    for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] * ratio * a < 1.0; ++l) {
+    for (std::size_t l = 1; l < level_phi.size() && faded(level_phi[l - 1] * ratio) < 1.0; ++l) {
       step = std::max(step, level_phi[l] - level_phi[l - 1]);
+    }
+    if (bleaching()) {
+      // Light falls at least by what bleached resin takes, the dose by what one of 1 takes from it.
+      return layer_um * step * ratio * std::exp(-bleaching()->bleached()) /
+             bleaching()->absorbed(1.0);
     }
     return layer_um * step * ratio * a / (units::kLn10 * eta);
   }
   for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] < 1.0; ++l) {
     step = std::max(step, level_phi[l] - level_phi[l - 1]);
+  }
+  if (bleaching()) {
+    // A slice adds what its light is and resin takes a part of, and the edge falls by G(1) (1 - phi).
+    return layer_um * step / (1.0 - phi_min());
   }
   return layer_um * step * one_minus_a / (units::kLn10 * eta * (1.0 - phi_min()));
 }
@@ -200,6 +219,20 @@ void take_gel_time(const Resin& resin, const Process& process,
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
 }
 
+/// Makes the model of a resin that bleaches of one of its fresh absorption.
+void take_bleaching(const Resin& resin, CureModel& model) {
+  const double critical_mj_cm2 = make_kinetics(resin, false, true).critical_dose_prime;
+  const double fresh = model.eta * units::kLn10;
+  const double bleached =
+      fresh * resin.absorbance_height10_um / resin.bleaching->absorbance_height10_um;
+  const BleachingLaw law(fresh, bleached, resin.bleaching->dose_mj_cm2 / critical_mj_cm2);
+  // Continuous, phi of 1 holds a dose of 1 although that takes less light than it would in fresh resin.
+  if (model.mode == ExposureMode::continuous) {
+    model.critical_intensity_mw_cm2 *= law.absorbed(1.0) / fresh;
+  }
+  model.law = WithBleaching{law};
+}
+
 }  // namespace
 
 std::vector<double> detail::exposure_ratios(const Process& process, double normal_s) {
@@ -229,9 +262,10 @@ std::vector<Feature> features_of(const CureModel& model) {
   if (model.mode == ExposureMode::layerwise) features.push_back(Feature::layerwise);
   if (model.inhibited()) features.push_back(Feature::uv_constant);
   if (model.gel_time()) features.push_back(Feature::gel_time);
+  if (model.bleaching()) features.push_back(Feature::bleaching);
   if (model.bath_slices > 0) features.push_back(Feature::vat_depth);
   if (model.mirrored_slices > 0) features.push_back(Feature::reflectance);
-  if (model.is_continuous() && !model.exposure_ratio.empty()) {
+  if (model.mode == ExposureMode::continuous && !model.exposure_ratio.empty()) {
     features.push_back(Feature::lamps_stay);
   }
   return features;
@@ -275,6 +309,7 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
         units::height_e_from_10(resin.absorbance_height10_um) / dose_height_e_um(resin);
     model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s / cures;
   }
+  if (resin.bleaches()) take_bleaching(resin, model);
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
   if (slices_differ(process)) {
     for (const double v : process.slice_speed_mm_h) {

@@ -95,6 +95,15 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
         units::areal_from_volumetric(resin.critical_dose_mj_cm3, dose_height_e_um(resin)) /
         (aim ? 1.0 : factor);
   }
+  if (resin.bleaches()) {
+    if (inhibited) {
+      throw InputError(resin.name, "bleaching",
+                       "is not counted under UV light; expected a resin without it");
+    }
+    k.bleaching.emplace(1.0 / k.hb_um,
+                        1.0 / units::height_e_from_10(resin.bleaching->absorbance_height10_um),
+                        resin.bleaching->dose_mj_cm2);
+  }
   if (inhibited) {
     if (!resin.inhibition) {
       throw InputError(resin.name, "inhibition",
@@ -123,6 +132,7 @@ double cured_height_um(const Kinetics& k, double blue_mw_cm2, double exposure_s)
     return k.hb_um *
            (std::log(blue_mw_cm2) - std::log(gel_intensity_mw_cm2(k.gel_time, exposure_s)));
   }
+  if (k.bleaching) return k.bleaching->length(blue_mw_cm2 * exposure_s, k.critical_dose_prime);
   // Sum of logarithms: the product of their arguments may overflow where the height does not.
   return k.hb_um * std::log(blue_mw_cm2) +
          k.hb_um / k.m * (std::log(exposure_s) - std::log(k.critical_dose_prime));
@@ -132,11 +142,15 @@ double exposure_for_height_s(const Kinetics& k, double blue_mw_cm2, double heigh
   if (k.has_gel_time()) {
     return gel_time_s(k.gel_time, blue_mw_cm2 * std::exp(-height_um / k.hb_um));
   }
+  if (k.bleaching) {
+    return k.bleaching->after(k.critical_dose_prime, -height_um, 0.0) / blue_mw_cm2;
+  }
   return k.critical_dose_prime * std::exp(k.m * (height_um / k.hb_um - std::log(blue_mw_cm2)));
 }
 
 double dose_prime_at(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2, double z_um,
                      double exposure_s) {
+  if (k.bleaching) return k.bleaching->after(blue_mw_cm2 * exposure_s, z_um, 0.0);
   const double net = std::max(0.0, net_intensity(k, blue_mw_cm2, uv_mw_cm2, z_um));
   if (k.has_gel_time()) return net > 0 ? exposure_s / gel_time_s(k.gel_time, net) : 0.0;
   return (k.m == 1.0 ? net : std::pow(net, k.m)) * exposure_s;
@@ -202,6 +216,9 @@ double passing_dose_prime(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm
                           double speed_mm_h) {
   if (blue_mw_cm2 <= 0) return 0;
   if (k.has_gel_time()) return passing_dose(k.gel_time, blue_mw_cm2, k.hb_um, speed_mm_h);
+  if (k.bleaching) {
+    return k.bleaching->steady(blue_mw_cm2 / (units::cm_s_from_mm_h(speed_mm_h) * 1e4));
+  }
   const double distance_um = is_inhibited(k, uv_mw_cm2)
                                  ? inhibited_integral_um(k, k.beta * uv_mw_cm2 / blue_mw_cm2)
                                  : k.hb_um / k.m;

@@ -51,15 +51,22 @@ struct BlackLight {
   double dose = 0;
   int layer = 0;
 };
-/// The same with a time to gel: by walking black slices up to the platform.
-BlackLight most_black_by_time(const CureModel& model, const std::vector<double>& ratios) {
+/// So many black slices add up to what all would: beyond, light counts for nothing.
+int reach(const CureModel& model) {
+  if (model.gel_time()) return 2 * model.gel_time()->reach();
+  constexpr double nothing = 40, most = 1e6;
+  return static_cast<int>(std::min(most, std::ceil(nothing / model.bleaching()->bleached())));
+}
+
+/// The same of doses that are no sums: by walking black slices up to the platform.
+BlackLight most_black_by_walk(const CureModel& model, const std::vector<double>& ratios) {
   CureModel black = model;
   black.exposure_ratio = ratios;
   const std::uint8_t pixel = 0;
   BandDose dose(black, 1);
   BlackLight most;
   const int own = static_cast<int>(ratios.size());
-  for (int n = own + 2 * model.gel_time()->reach(); n-- > 0;) {
+  for (int n = own + reach(model); n-- > 0;) {
     dose.add_slice(n, &pixel);
     if (*dose.lower() > most.dose) most = {*dose.lower(), std::min(n, own)};
   }
@@ -67,7 +74,7 @@ BlackLight most_black_by_time(const CureModel& model, const std::vector<double>&
 }
 
 BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
-  if (model.gel_time()) return most_black_by_time(model, ratios);
+  if (!model.adds_up()) return most_black_by_walk(model, ratios);
   const auto ratio = [&](std::size_t n) {
     return ratios.empty() ? 1.0 : n < ratios.size() ? ratios[n] : ratios.back();
   };
@@ -88,9 +95,11 @@ BlackLight most_black(const CureModel& model, const std::vector<double>& ratios)
 /// What black light adds up to at most over what it does in deep resin far from the platform, where
 /// exposures are alike.
 double black_gain(const CureModel& model) { return model.steady(model.returned(1)); }
-/// What black light adds up to where all exposures are normal.
+/// What black light adds up to where all exposures are normal, as a share of that with which it gels.
 double alike_black(const CureModel& model) {
-  if (model.gel_time()) return most_black_by_time(model, {}).dose;
+  if (model.gel_time()) return most_black_by_walk(model, {}).dose;
+  // A dose of 1 at the window stays if a slice adds what it loses in a layer.
+  if (model.bleaching()) return model.phi_min() / (1.0 - model.faded(1.0));
   return model.phi_min() * black_gain(model) / model.one_minus_a;
 }
 
@@ -110,10 +119,11 @@ Doses doses_of(const CureModel& model) {
     const GelTimeKernel& kernel = *model.gel_time();
     return {kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1),
                                       model.ratio(weakest_layer(model))),
-            most_black_by_time(model, model.exposure_ratio).dose};
+            most_black_by_walk(model, model.exposure_ratio).dose};
   }
   if (model.mode == ExposureMode::layerwise) {
-    return {model.phi_max() * model.ratio(weakest_layer(model)) * model.a,
+    const double full = model.phi_max() * model.ratio(weakest_layer(model));
+    return {model.bleaching() ? full / model.before_fading(1.0) : full * model.a,
             most_black(model, model.exposure_ratio).dose};
   }
   // Where slices count for more than others, whatever their order.
@@ -142,7 +152,7 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
-  if (model.gel_time()) return model.ratio(rule) * alike_black(model) >= 1.0;
+  if (!model.adds_up()) return model.ratio(rule) * alike_black(model) >= 1.0;
   return model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a >= 1.0;
 }
 
@@ -177,6 +187,12 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
   return v;
 }
 
+/// What full light leaves of a critical dose at a layer's far edge, where it is least.
+double left_at_far_edge(const CureModel& model, const Doses& doses) {
+  return model.bleaching() ? model.faded(model.phi_max() * model.ratio(weakest_layer(model)))
+                           : doses.lit;
+}
+
 detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer,
                                   const Process& process, const Doses& doses) {
   detail::Verdict v;
@@ -185,7 +201,7 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
         "a layer does not gel through: {} full light ({:g} mW/cm²) leaves {:.4g} of the critical "
         "dose at its far edge",
         failing_layer(model, process, weakest_layer(model)),
-        printer.calibration.back().intensity_mw_cm2, doses.lit);
+        printer.calibration.back().intensity_mw_cm2, left_at_far_edge(model, doses));
   }
   if (doses.black >= 1.0) {
     const auto rule = static_cast<int>(model.exposure_ratio.size());
@@ -247,7 +263,7 @@ Process cut(Process p, double most_s) {
 /// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
 /// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
-  if (model.gel_time() && model.phi_min() > 0) return normal_s / alike_black(model);
+  if (!model.adds_up() && model.phi_min() > 0) return normal_s / alike_black(model);
   return model.phi_min() > 0 ? normal_s * model.one_minus_a / (model.phi_min() * black_gain(model))
                              : std::numeric_limits<double>::infinity();
 }
@@ -393,14 +409,17 @@ std::string exposure_way(const std::vector<LitPlace>& places, const Process& pro
   return fmt::format("expose {}for less than {} s", which, words->greatest);
 }
 
-/// With a time to gel: by how much light would have to be multiplied for a dose of it to be `wanted`.
-double light_by_time(const CureModel& model, double wanted, double Doses::*dose) {
+/// Where doses are no sums: by how much light would have to be multiplied for a dose of it to be
+/// `wanted`.
+double light_by_trying(const CureModel& model, double wanted, double Doses::*dose) {
   const auto reaches = [&](double factor) {
     CureModel other = model;
-    other.law =
-        WithGelTime{std::make_shared<const GelTimeKernel>(model.gel_time()->with_light(factor))};
-    for (std::size_t l = 0; l < other.level_phi.size(); ++l) {
-      other.level_phi[l] = other.phi(factor * model.gel_time()->level_mw_cm2(static_cast<int>(l)));
+    if (model.gel_time()) {
+      other.law =
+          WithGelTime{std::make_shared<const GelTimeKernel>(model.gel_time()->with_light(factor))};
+    }
+    for (double& phi : other.level_phi) {
+      phi = other.phi(factor * model.intensity_mw_cm2(phi));
     }
     return doses_of(other).*dose >= wanted;
   };
@@ -418,9 +437,9 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   double full = 0, black = std::numeric_limits<double>::infinity();
   for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
-    if (p.model->gel_time()) {
-      if (p.lit) full = std::max(full, light_by_time(*p.model, p.needed, &Doses::lit));
-      black = std::min(black, light_by_time(*p.model, 1.0, &Doses::black));
+    if (!p.model->adds_up()) {
+      if (p.lit) full = std::max(full, light_by_trying(*p.model, p.needed, &Doses::lit));
+      black = std::min(black, light_by_trying(*p.model, 1.0, &Doses::black));
       continue;
     }
     if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));

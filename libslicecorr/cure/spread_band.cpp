@@ -88,6 +88,12 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
           "scattered light of such resins does not add up from slice to slice",
           resin.name));
     }
+    if (model.bleaching()) {
+      refuse(fmt::format(
+          "resin '{}' has scatter_um2_per_um and [bleaching]; expected one of both: scattered light "
+          "of such resins does not add up from slice to slice",
+          resin.name));
+    }
     if (model.m != 1.0) {
       refuse(
           fmt::format("resin '{}' has scatter_um2_per_um and an exponent m of {:g}; expected 1: "

@@ -25,7 +25,7 @@ void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, 
                std::size_t n, double* phi);
 
 /// A piece of a layer, from `from` to `to` slices from the layer's lower end: at a distance d the dose
-/// is phi + (begin - phi) a^(d - from).
+/// is phi + (begin - phi) a^(d - from), where it is a sum of light.
 struct Stretch {
   double from, to, phi, begin;
 };

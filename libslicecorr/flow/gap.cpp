@@ -16,6 +16,7 @@ FlowResin flow_resin(const Resin& resin, const std::string& source) {
         source.empty() ? resin.name : source, "viscosity_pa_s",
         "is missing; resin flow needs the dynamic viscosity of the liquid resin, Pa·s");
   }
+  refuse_bleaching(resin, "flowing resin");
   return {make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,
           resin.dose_diffusion_m2_s, resin.inhibitor_life_s};
 }

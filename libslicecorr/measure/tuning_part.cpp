@@ -93,6 +93,7 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& a
         fmt::format("a part '{}' needs a resin, which says how long its plugs take; expected one",
                     word_of(kind)));
   }
+  if (ask.resin) refuse_bleaching(*ask.resin, "the times of test parts");
   if (ask.resin && ask.resin->has_gel_time()) {
     throw InputError(fmt::format(
         "resin '{}' has the model \"gel-time\", by which the times of a part '{}' are not reckoned; "

@@ -41,8 +41,9 @@ PaceRange gelling(const Setup& setup, double layer_um) {
     const std::vector<std::uint8_t> dark(2 * static_cast<std::size_t>(kernel.reach()), 0);
     black = column_dose(model, dark).lower.front();
   } else if (!continuous) {
-    lit = model.phi_max() * model.a;
-    black = model.phi_min() / model.one_minus_a;
+    lit =
+        model.bleaching() ? model.phi_max() / model.before_fading(1.0) : model.phi_max() * model.a;
+    black = model.phi_min() / (model.bleaching() ? 1.0 - model.faded(1.0) : model.one_minus_a);
   }
   const double unit = continuous ? reference : 1;
   PaceRange r{unit * black * (1 + 1e-6), unit * lit * (1 - 1e-6)};

@@ -33,7 +33,7 @@ std::vector<FeatureExample> FeatureExamples::sorted() const {
 }
 
 std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model) {
-  if (model.mode != ExposureMode::layerwise || model.inhibited() || model.gel_time()) {
+  if (model.mode != ExposureMode::layerwise || model.inhibited() || !model.adds_up()) {
     return std::nullopt;
   }
   const double longest = model.greatest_ratio();

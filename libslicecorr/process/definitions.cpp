@@ -138,6 +138,28 @@ Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
   return i;
 }
 
+Bleaching bleaching_of(const TomlTable& table, const Resin& resin) {
+  if (resin.model == CureModelKind::gel_time || resin.m != 1.0) {
+    table.fail(
+        "dose_mj_cm2",
+        "is of a resin whose dose is not its intensity times its time; expected a resin of model "
+        "\"jacobs\", or \"kinetic\" with m = 1");
+  }
+  Bleaching b;
+  b.absorbance_height10_um = detail::absorbance_height10(table);
+  b.dose_mj_cm2 = table.required_number("dose_mj_cm2", 0, 1e9);
+  if (b.absorbance_height10_um < resin.absorbance_height10_um) {
+    const double written_um = *table.number("absorbance_height_um", 0, 1e9);
+    table.fail(
+        "absorbance_height_um",
+        fmt::format("is {:g} um; expected at least that of the fresh resin, {:g} um in the same "
+                    "base: what bleaches lets more light pass",
+                    written_um,
+                    written_um * resin.absorbance_height10_um / b.absorbance_height10_um));
+  }
+  return b;
+}
+
 std::string only_for_m_1(const Resin& resin) {
   if (resin.model == CureModelKind::gel_time) {
     return "is \"gel-time\"; a dose in mJ/cm³ can't replace its two numbers; expected a dose factor, "
@@ -237,6 +259,13 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
 /// Gives the resin another absorbance height. What cures goes on absorbing as it did.
 void take_height(Resin& resin, double height10_um) {
   resin.absorbance_height10_um = height10_um;
+  if (resin.bleaches() && resin.bleaching->absorbance_height10_um < height10_um) {
+    throw InputError(
+        resin.name, "bleaching.absorbance_height_um",
+        fmt::format("is {:g} um in base 10; expected at least the {:g} um of the fresh resin that "
+                    "were asked for",
+                    resin.bleaching->absorbance_height10_um, height10_um));
+  }
   if (resin.active_absorption_per_cm > absorption_per_cm(resin)) {
     throw InputError(
         resin.name, "active_absorption_per_cm",
@@ -560,8 +589,22 @@ Resin parse_resin(std::string_view text, const std::string& source,
     }
     resin.inhibition = inhibition_of(*table, resin);
   }
+  if (const auto table = root.table("bleaching")) {
+    if (root.has("chemistry") && root.table("chemistry")) {
+      table->fail(
+          "dose_mj_cm2",
+          "stands beside a [chemistry], whose light falls by Beer's law; expected one of both");
+    }
+    resin.bleaching = bleaching_of(*table, resin);
+  }
   resin.chemistry = detail::chemistry_keys(root, cure, resin.viscosity_pa_s);
   return resin;
+}
+
+void refuse_bleaching(const Resin& resin, const char* what) {
+  if (!resin.bleaches()) return;
+  throw InputError(resin.name, "bleaching",
+                   fmt::format("is not counted in {}; expected a resin without it", what));
 }
 
 double absorption_per_cm(const Resin& resin) {

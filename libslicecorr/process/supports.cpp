@@ -24,6 +24,7 @@ constexpr std::array<const char*, kFeatures> kNames = {
     "patterned UV light (uv_schedule)",
     "an even dead zone (even_dead_zone)",
     "a time to gel (model = \"gel-time\")",
+    "a resin that bleaches ([bleaching])",
     "light that spreads ([blue] or [uv] spread, scatter)",
     "uneven light ([blue] flat_field)",
     "resin that ends ([vat] depth_um)",
@@ -47,6 +48,9 @@ constexpr std::array<const char*, kFeatures> kNames = {
 constexpr const char* kGelTimeUv =
     "{resin}: cure.model: UV light is not counted for a resin of model \"gel-time\"; expected no UV "
     "light, or a resin of another model (resinctl derive)";
+constexpr const char* kBleachingUv =
+    "{resin}: bleaching: is not counted under UV light; expected no UV light, or a resin without "
+    "[bleaching]";
 constexpr const char* kDepthUv =
     "{printer}: vat.depth_um: is not counted under UV light; expected a printer without it, or no UV "
     "light";
@@ -77,6 +81,15 @@ constexpr Unsupported kTable[] = {
     {gel_time, reflectance, refused,
      "{printer}: vat.platform_reflectance: is not counted for a resin of model \"gel-time\"; expected "
      "a printer without it, or a resin of another model (resinctl derive)"},
+    UNDER_UV(bleaching, refused, kBleachingUv),
+    {bleaching, gel_time, refused,
+     "{resin}: bleaching: does not go with model = \"gel-time\"; expected a resin of model \"jacobs\""},
+    {bleaching, vat_depth, refused,
+     "{printer}: vat.depth_um: is not counted for a resin that bleaches; expected a printer without it, "
+     "or a resin without [bleaching]"},
+    {bleaching, reflectance, refused,
+     "{printer}: vat.platform_reflectance: is not counted for a resin that bleaches; expected a printer "
+     "without it, or a resin without [bleaching]"},
     UNDER_UV(vat_depth, refused, kDepthUv),
     UNDER_UV(reflectance, refused, kMirrorUv),
     UNDER_UV(lamps_stay, refused, kStayUv),
@@ -108,6 +121,8 @@ constexpr Unsupported kTable[] = {
     {wanted_doses, gel_time, refused,
      "doses can't be graded with a resin of model \"gel-time\"; expected one of another model "
      "(resinctl derive)"},
+    {wanted_doses, bleaching, refused,
+     "doses can't be graded with a resin that bleaches; expected one without [bleaching]"},
     {wanted_doses, spread, refused,
      "doses can't be graded where light spreads from pixel to pixel; expected a printer and a resin "
      "without"},
@@ -127,6 +142,8 @@ constexpr Unsupported kTable[] = {
     {derivatives, gel_time, refused,
      "how sure a print is can't be said with a resin of model \"gel-time\"; expected one of another "
      "model (resinctl derive)"},
+    {derivatives, bleaching, refused,
+     "how sure a print is can't be said with a resin that bleaches; expected one without [bleaching]"},
     {derivatives, vat_depth, refused,
      "how sure a print is can't be said where the resin ends above the window; expected a printer "
      "without vat.depth_um"},
@@ -138,6 +155,9 @@ constexpr Unsupported kTable[] = {
      "{resin}: cure.model: nothing can be left alone with a resin of model \"gel-time\", where the "
      "dose of a slice depends on what is shown before and after it; expected a resin of another model "
      "(resinctl derive)"},
+    {left_alone, bleaching, refused,
+     "{resin}: bleaching: nothing can be left alone with a resin that bleaches; expected a resin without "
+     "[bleaching]"},
     UNDER_UV(robust, refused, kRobustUv),
     {robust, spread, refused,
      "a correction can't be robust where light spreads from pixel to pixel; expected a printer "
@@ -169,9 +189,13 @@ constexpr Unsupported kTable[] = {
     UNDER_UV(capped_dose, without, kCapUv),
     {capped_dose, gel_time, without,
      "the dose inside features is not capped: with a time to gel they get the least that gels them"},
+    {capped_dose, bleaching, without,
+     "the dose inside features is not capped: of a resin that bleaches they get the least that gels "
+     "them"},
     {spread, vat_depth, alone, "the resin ends"},
     {spread, reflectance, alone, "the platform sends light back"},
     {spread, gel_time, alone, "the resin has a time to gel"},
+    {spread, bleaching, alone, "the resin bleaches"},
 };
 
 #undef UNDER_UV
@@ -204,6 +228,7 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
   add(!even && process.uv.kind == UvKind::per_slice, uv_per_slice);
   add(!even && process.uv.kind == UvKind::patterned, uv_patterned);
   add(resin.has_gel_time(), gel_time);
+  add(resin.bleaches(), bleaching);
   add(light_spreads(printer, resin, process), spread);
   add(printer.flat_field.has_value(), uneven_light);
   add(printer.resin_depth_um > 0, vat_depth);

@@ -255,6 +255,7 @@ double absorption_per_mm(const Resin& resin) { return absorption_per_cm(resin) /
 double curing_absorption_per_mm(const Resin& resin) { return curing_absorption_per_cm(resin) / 10; }
 
 double dose_to_gel_mj_cm3(const Resin& resin) {
+  refuse_bleaching(resin, "tomographic printing");
   if (resin.has_gel_time()) {
     throw InputError(
         resin.name, "cure.model",

@@ -9,9 +9,8 @@
 #include <tuple>
 
 #include "cure/returned_light.hpp"
-#include "simulate/cut_column.hpp"
+#include "simulate/doses_in_time.hpp"
 #include "slicecorr/dose.hpp"
-#include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/units.hpp"
 #include "support/numbers/bracket.hpp"
@@ -352,68 +351,58 @@ class SampledColumn final : public Column {
   std::map<std::tuple<int, int, double>, std::vector<double>> added_;
 };
 
-/// With a time to gel: all doses anew for each moment.
-class GelTimeColumn final : public Column {
+/// Where doses are no sums: all anew for each moment.
+class AnewColumn final : public Column {
  public:
-  GelTimeColumn(const CureModel& model, const std::vector<double>& phi)
-      : model_(model), column_(model, lights_of(model, phi)) {}
+  AnewColumn(const CureModel& model, std::unique_ptr<DosesInTime> doses)
+      : model_(model), column_(std::move(doses)) {}
 
   std::vector<GelledInterval> gelled(const Moment& now) override {
     std::vector<GelledInterval> out;
     Stretches stretches(model_.layer_um, out);
-    column_.begin(now);
+    column_->begin(now);
     constexpr int parts = 4;
     for (int n = now.slice; n >= 0; --n) {
-      const double shown = column_.shown(n), lower = n + shown;
+      const double shown = column_->shown(n), lower = n + shown;
       double before = 0;
-      stretches.turn(lower, column_.at(n, 0) >= 1.0);
+      stretches.turn(lower, column_->at(n, 0) >= 1.0);
       for (int s = 1; s <= parts; ++s) {
         const double up = shown * s / parts;
-        const bool gels = column_.at(n, up) >= 1.0;
+        const bool gels = column_->at(n, up) >= 1.0;
         if (gels != stretches.gelled()) stretches.turn(lower - crossing(n, before, up, gels), gels);
         before = up;
       }
     }
-    column_.end();
+    column_->end();
     stretches.finish();
     return out;
   }
 
   DoseProfile profile(const Moment& now) override {
     DoseProfile p;
-    column_.begin(now);
+    column_->begin(now);
     const bool moving = model_.mode == ExposureMode::continuous;
     for (int n = 0; n <= now.slice; ++n) {
-      const double shown = column_.shown(n);
+      const double shown = column_->shown(n);
       const int last = moving && n < now.slice ? 1 : 0;
       for (int s = kSamplesPerLayer; s >= last; --s) {
         const double up = shown * s / kSamplesPerLayer;
         p.z_um.push_back((n + shown - up) * model_.layer_um);
-        p.dose.push_back(column_.at(n, up));
+        p.dose.push_back(column_->at(n, up));
       }
     }
-    column_.end();
+    column_->end();
     return p;
   }
 
  private:
-  static std::vector<CutLight> lights_of(const CureModel& model, const std::vector<double>& phi) {
-    std::vector<CutLight> lights;
-    for (std::size_t n = 0; n < phi.size(); ++n) {
-      // `phi` is with its exposure, of which both parts of light are multiples.
-      const double ratio = model.ratio(static_cast<int>(n));
-      const CutLight l = model.gel_time()->light_of(model.intensity_mw_cm2(phi[n] / ratio));
-      lights.push_back({ratio * l.x, ratio * l.y});
-    }
-    return lights;
-  }
   double crossing(int n, double low, double high, bool rises) {
-    return halved({low, high}, 40, [&](double z) { return (column_.at(n, z) >= 1.0) != rises; })
+    return halved({low, high}, 40, [&](double z) { return (column_->at(n, z) >= 1.0) != rises; })
         .middle();
   }
 
   const CureModel& model_;
-  CutColumn column_;
+  std::unique_ptr<DosesInTime> column_;
 };
 
 }  // namespace
@@ -421,7 +410,9 @@ class GelTimeColumn final : public Column {
 std::unique_ptr<Column> make_column(const CureModel& model, std::vector<double> phi,
                                     std::vector<KernelLight> lights) {
   if (model.inhibited()) return std::make_unique<SampledColumn>(model, std::move(lights));
-  if (model.gel_time()) return std::make_unique<GelTimeColumn>(model, phi);
+  if (auto doses = make_doses_in_time(model, phi)) {
+    return std::make_unique<AnewColumn>(model, std::move(doses));
+  }
   if (model.bath_slices > 0 || model.mirrored_slices > 0) {
     return std::make_unique<PiecewiseColumn>(model, std::move(phi));
   }

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "cure/spread_band.hpp"
-#include "simulate/cut_column.hpp"
+#include "simulate/doses_in_time.hpp"
 #include "simulate/refuse.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
@@ -81,22 +81,24 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   models.map().values(row, light.data());
   const PrintClock clock(setup.process, model.m, grid.layer_um, grid.layers);
   const int levels = static_cast<int>(model.level_phi.size());
-  std::vector<detail::CutColumn> cut_columns;
-  if (model.gel_time()) {
+  // Of a resin whose doses are no sums.
+  std::vector<std::unique_ptr<detail::DosesInTime>> columns;
+  if (detail::make_doses_in_time(model, {})) {
     if (!spread.none()) {
-      throw InputError(setup.resin.name, "cure.model",
-                       "sections are not simulated with model \"gel-time\" where light spreads; "
-                       "expected one column, or a printer without blue.spread");
+      throw InputError(setup.resin.name, model.gel_time() ? "cure.model" : "bleaching",
+                       "sections are not simulated with model \"gel-time\", or of a resin that "
+                       "bleaches, where light spreads; expected one column, or a printer without "
+                       "blue.spread");
     }
     for (std::size_t x = 0; x < width; ++x) {
       const CureModel& here = models.model(light[x]);
-      std::vector<CutLight> shown;
+      std::vector<double> shown;
       for (int n = 0; n < s.layers; ++n) {
         const std::uint8_t value = pixels[static_cast<std::size_t>(n) * width + x];
-        const CutLight& l = here.gel_time()->light(level_of_pixel(value, levels));
-        shown.push_back({here.ratio(n) * l.x, here.ratio(n) * l.y});
+        const auto level = static_cast<std::size_t>(level_of_pixel(value, levels));
+        shown.push_back(here.ratio(n) * here.level_phi[level]);
       }
-      cut_columns.emplace_back(here, std::move(shown));
+      columns.push_back(detail::make_doses_in_time(here, std::move(shown)));
     }
   }
   for (const double time_s : times_s) {
@@ -110,9 +112,9 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
     frame.gelled.assign(size, 0);
     const bool moving = model.mode == ExposureMode::continuous;
     frame.z_window_um = (now.slice + (moving ? now.share : 1.0)) * grid.layer_um;
-    if (model.gel_time()) {
+    if (!columns.empty()) {
       for (std::size_t x = 0; x < width; ++x) {
-        detail::CutColumn& column = cut_columns[x];
+        detail::DosesInTime& column = *columns[x];
         column.begin(now);
         for (int n = now.slice; n >= 0; --n) {
           // The middle of the layer, as far as light has come there.

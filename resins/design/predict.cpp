@@ -38,6 +38,9 @@ double critical_intensity(const Kinetics& k, double uv, double speed) {
     const double root = 0.5 * k.gel_time.B * rate;
     return k.gel_time.A * rate + root * root;
   }
+  if (k.bleaching) {
+    return k.bleaching->absorbed(k.critical_dose_prime) * units::cm_s_from_mm_h(speed) * 1e4;
+  }
   // UV only takes away: the intensity without it is a lower bound.
   double low = std::pow(
       k.m * units::cm_s_from_mm_h(speed) * k.critical_dose_prime / (k.hb_um * 1e-4), 1 / k.m);
@@ -54,15 +57,26 @@ Passing passing_of(const Kinetics& k, const Question& q) {
   };
   p.phi = phi(q.blue_mw_cm2);
   p.critical_intensity_mw_cm2 = critical_intensity(k, q.uv_mw_cm2, q.speed_mm_h);
-  // The dose is inversely proportional to the speed.
-  p.fastest_mm_h = q.speed_mm_h * p.phi;
-  p.slowest_mm_h = q.speed_mm_h * phi(q.black_mw_cm2);
+  if (k.bleaching) {
+    p.fastest_mm_h = q.speed_mm_h * q.blue_mw_cm2 / p.critical_intensity_mw_cm2;
+    p.slowest_mm_h = q.speed_mm_h * q.black_mw_cm2 / p.critical_intensity_mw_cm2;
+  } else {
+    // The dose is inversely proportional to the speed.
+    p.fastest_mm_h = q.speed_mm_h * p.phi;
+    p.slowest_mm_h = q.speed_mm_h * phi(q.black_mw_cm2);
+  }
   p.slice_time_s = units::slice_time_s(q.layer_um, q.speed_mm_h);
   if (p.phi > 1 && k.has_gel_time()) {
     Process process;
     process.speed_mm_h = q.speed_mm_h;
     const GelTimeKernel kernel(k.gel_time, k.hb_um, process, q.layer_um, {q.blue_mw_cm2});
     p.slices_to_gel = static_cast<int>(std::ceil(kernel.slices_to_gel(q.blue_mw_cm2) - 1e-9));
+  } else if (p.phi > 1 && k.bleaching) {
+    const double gain = q.blue_mw_cm2 / (units::cm_s_from_mm_h(q.speed_mm_h) * 1e4);
+    for (double dose = 0; dose < k.critical_dose_prime * (1 - 1e-9) && p.slices_to_gel < 1'000'000;
+         ++p.slices_to_gel) {
+      dose = k.bleaching->after(dose, q.layer_um, gain);
+    }
   } else if (p.phi > 1 && !(k.beta > 0 && q.uv_mw_cm2 > 0)) {
     const double reach_um = k.hb_um / k.m * std::log(p.phi / (p.phi - 1));
     p.slices_to_gel = static_cast<int>(std::ceil(reach_um / q.layer_um - 1e-9));

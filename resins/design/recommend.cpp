@@ -147,6 +147,7 @@ Recommendation recommend(const Resin& resin, const Printer& printer, const Wish&
                      "is \"gel-time\"; an absorber is chosen for one law of dose: expected a resin "
                      "that resinctl derive made for the intensities of the printer");
   }
+  refuse_bleaching(resin, "the choice of an absorber");
   check_wish(printer, resin, wish);
   const Designer d(resin, printer, wish, wish.speed_mm_h);
   Recommendation r;

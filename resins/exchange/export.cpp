@@ -40,6 +40,12 @@ std::string to_json(const ResinRecord& r) {
     j["m"] = r.resin.m;
   }
   j["absorbance_height_um"] = {{"base_e", f.height_e_um}, {"base_10", f.height10_um}};
+  if (const auto& b = r.resin.bleaching) {
+    j["bleaching"] = {{"absorbance_height_um",
+                       {{"base_e", units::height_e_from_10(b->absorbance_height10_um)},
+                        {"base_10", b->absorbance_height10_um}}},
+                      {"dose_mj_cm2", b->dose_mj_cm2}};
+  }
   j["absorption_per_cm"] = absorption_per_cm(r.resin);
   j["active_absorption_per_cm"] = curing_absorption_per_cm(r.resin);
   if (r.resin.n > 0) j["n"] = r.resin.n;
@@ -100,6 +106,7 @@ std::string to_csv(const ResinRecord& r) {
     const auto at = r.provenance.find(key);
     return at == r.provenance.end() ? "" : at->second;
   };
+  refuse_bleaching(r.resin, "tables, which have no column for it");
   const bool kinetic = r.resin.m != 1.0;
   const bool has_gel = f.gel_prime > 0 || r.resin.has_gel_time();
   cell("resin", r.product.empty() ? r.name : r.product);

@@ -20,14 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_cure_fit(const FitResult& fit) {
-  return fit.model == FitModel::jacobs || fit.model == FitModel::kinetic ||
-         fit.model == FitModel::gel_time || fit.model == FitModel::joint;
-}
-bool is_dead_zone_fit(const FitResult& fit) {
-  return fit.model == FitModel::dead_zone_steady || fit.model == FitModel::dead_zone_transient ||
-         fit.model == FitModel::joint;
-}
+bool is_cure_fit(const FitResult& fit) { return kind_of(fit.model).heights; }
+bool is_dead_zone_fit(const FitResult& fit) { return kind_of(fit.model).dead_zones; }
 
 std::optional<double> parameter(const FitResult& fit, std::string_view name) {
   for (const Parameter& p : fit.parameters) {
@@ -89,7 +83,7 @@ std::string covariance_of(const FitResult& fit) {
 void write_cure(TomlEdit& edit, const FitResult& fit, const ResinRecord* previous) {
   const double height_um = required(fit, "h_um");
   const auto number = [&](const char* key, double v) { edit.set("cure", key, toml_number(v)); };
-  const bool jacobs = fit.model == FitModel::jacobs;
+  const bool jacobs = kind_of(fit.model).by_dose;
   // The new fit says what the resin needs: figures of an older one must not stand beside it.
   for (const char* key : {"critical_dose_mj_cm3", "critical_dose_mj_cm2", "gel_dose_mj_cm2"}) {
     edit.remove("cure", key);
@@ -119,6 +113,15 @@ void write_cure(TomlEdit& edit, const FitResult& fit, const ResinRecord* previou
                      fmt::format("# Volumetric, of {:.6g} mJ/cm² areal.", areal));
   } else if (!gel_time) {
     number("critical_dose_prime", required(fit, "critical_dose_prime"));
+  }
+  if (fit.model == FitModel::bleaching) {
+    edit.set("bleaching", "absorbance_height_um", toml_number(required(fit, "h_bleached_um")));
+    edit.set("bleaching", "absorbance_base", "\"e\"");
+    edit.set("bleaching", "dose_mj_cm2", toml_number(required(fit, "bleaching_dose_mj_cm2")));
+  } else {
+    for (const char* key : {"absorbance_height_um", "absorbance_base", "dose_mj_cm2"}) {
+      edit.remove("bleaching", key);
+    }
   }
   if (!edit.has("cure", "dose_factor")) number("dose_factor", kDefaultDoseFactor);
 }
@@ -203,7 +206,7 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
   }
   if (!cure && !(zone && previous)) {
     throw InputError(
-        "a resin file needs a fit of cured heights (jacobs, kinetic, gel-time or joint), or a dead-zone fit "
+        "a resin file needs a fit of cured heights (jacobs, kinetic, gel-time, bleaching or joint), or a dead-zone fit "
         "of a resin that has one");
   }
   TomlEdit edit(previous ? previous->text : "", name + ".toml");

@@ -39,8 +39,9 @@ double rounding_of(const Problem& problem) {
 /// True when least squares have one minimum whatever the start: the law is linear in disguise, and
 /// no bound cuts through.
 bool is_convex(const PreparedFit& s, const FitOptions& options) {
-  return s.model != FitModel::dead_zone_transient && s.model != FitModel::joint &&
-         s.model != FitModel::gel_time && options.bounds.empty() && options.fixed.empty();
+  const bool linear = s.model == FitModel::jacobs || s.model == FitModel::kinetic ||
+                      s.model == FitModel::dead_zone_steady;
+  return linear && options.bounds.empty() && options.fixed.empty();
 }
 
 Solution solve_with_loss(PreparedFit& s, const FitOptions& options,

@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "slicecorr/bleaching.hpp"
+#include "support/numbers/quadrature.hpp"
+
 namespace slicecorr::resins {
 
 namespace {
@@ -79,9 +82,34 @@ Height gel_time_height(const Slots& law, const Exposure& e) {
   return z;
 }
 
+/// As `BleachingLaw::length`, with derivatives: of dD / G(D), dG / G² of each parameter.
+Height bleached_height(const Slots& law, const Exposure& e) {
+  const double fresh = 1 / law[kHeight], bleached = 1 / law[kBleachedHeight];
+  const double eb = law[kBleachingDose];
+  const BleachingLaw resin(fresh, bleached, eb);
+  const double from = std::log(law[kDose]), to = e.ln_blue + e.ln_time;
+  Height z;
+  z.um = resin.length(std::exp(to), law[kDose]);
+  z.by[kDose] = -1 / resin.absorbed(law[kDose]);
+  const auto integral = [&](auto per_dose) {
+    return gauss_legendre(from, to, [&](double ln_dose) {
+      const double dose = std::exp(ln_dose), g = resin.absorbed(dose);
+      return -per_dose(dose, -std::expm1(-dose / eb)) * dose / (g * g);
+    });
+  };
+  z.by[kHeight] = -fresh * fresh * integral([&](double, double spent) { return eb * spent; });
+  z.by[kBleachedHeight] =
+      -bleached * bleached * integral([&](double dose, double spent) { return dose - eb * spent; });
+  z.by[kBleachingDose] = integral([&](double dose, double spent) {
+    return (fresh - bleached) * (spent - dose / eb * (1 - spent));
+  });
+  return z;
+}
+
 }  // namespace
 
 Height cured_height(const Slots& law, const Exposure& e) {
+  if (law[kBleachingDose] > 0) return bleached_height(law, e);
   if (law[kGelA] > 0 || law[kGelB] > 0) return gel_time_height(law, e);
   const double h = law[kHeight], m = law[kExponent];
   const double excess = e.ln_time - std::log(law[kDose]);

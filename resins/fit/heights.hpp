@@ -4,10 +4,11 @@
 /// @file heights.hpp
 /// Heights that the cure law predicts, with exact derivatives.
 ///
-/// One law with eight parameters serves all models; a model is a choice of what is free:
+/// One law with ten parameters serves all models; a model is a choice of what is free:
 ///
 ///     cured height   zc = h ln I + (h / m) (ln t - ln D'c)                        (3.15)
 ///     with A and B   zc = h (ln I - ln ig),  ig = ((B + sqrt(B² + 4 A t)) / (2 t))², where one is above 0
+///     bleaching      zc = int from Dc to I t of dD / G(D)  (bleaching.hpp), where Eb is above 0
 ///     steady front   zf = L ln(rho),  L = 1 / (1/huv - 1/h),  rho = beta Iuv / Ib (3.25)
 ///     front at t     root of (Ib e^(-z/h) - beta Iuv e^(-z/huv))^m' t = D'c       (3.22)
 ///
@@ -20,7 +21,19 @@
 namespace slicecorr::resins {
 
 /// Parameters of the law. Jacobs' law is the one with m = 1: D'c is Dc then.
-enum Slot { kHeight, kExponent, kDose, kBeta, kUvHeight, kUvExponent, kGelA, kGelB, kSlots };
+enum Slot {
+  kHeight,
+  kExponent,
+  kDose,
+  kBeta,
+  kUvHeight,
+  kUvExponent,
+  kGelA,
+  kGelB,
+  kBleachedHeight,
+  kBleachingDose,
+  kSlots
+};
 /// Values by slot, or derivatives with respect to them. Heights um, base e; doses areal.
 using Slots = std::array<double, kSlots>;
 

@@ -1,39 +1,48 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
+#include <fmt/format.h>
+
+#include <array>
+
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/fit.hpp"
 
 namespace slicecorr::resins {
 
-std::string_view name_of(FitModel model) {
-  switch (model) {
-    case FitModel::jacobs:
-      return "jacobs";
-    case FitModel::kinetic:
-      return "kinetic";
-    case FitModel::gel_time:
-      return "gel-time";
-    case FitModel::dead_zone_steady:
-      return "deadzone-steady";
-    case FitModel::dead_zone_transient:
-      return "deadzone-transient";
-    case FitModel::joint:
-      return "joint";
-  }
-  return "";
+namespace {
+
+constexpr std::array kKinds = std::to_array<FitModelKind>({
+    {"jacobs", "Jacobs fit", true, false, true},
+    {"kinetic", "Kinetic fit", true, false, false},
+    {"gel-time", "Gel-time fit", true, false, false},
+    {"bleaching", "Bleaching fit", true, false, true},
+    {"deadzone-steady", "Dead zone, steady fit", false, true, false},
+    {"deadzone-transient", "Dead zone, transient fit", false, true, false},
+    {"joint", "Joint fit", true, true, false},
+});
+
+}  // namespace
+
+std::span<const FitModelKind> fit_model_kinds() { return kKinds; }
+
+const FitModelKind& kind_of(FitModel model) { return kKinds[static_cast<std::size_t>(model)]; }
+
+std::vector<std::string> fit_model_names() {
+  std::vector<std::string> names;
+  for (const FitModelKind& k : kKinds) names.emplace_back(k.name);
+  return names;
 }
 
+std::string_view name_of(FitModel model) { return kind_of(model).name; }
+
 FitModel fit_model_named(const std::string& name) {
-  for (const FitModel model :
-       {FitModel::jacobs, FitModel::kinetic, FitModel::gel_time, FitModel::dead_zone_steady,
-        FitModel::dead_zone_transient, FitModel::joint}) {
-    if (name == name_of(model)) return model;
+  std::string known;
+  for (std::size_t i = 0; i < kKinds.size(); ++i) {
+    if (name == kKinds[i].name) return static_cast<FitModel>(i);
+    known += (i == 0 ? "" : i + 1 == kKinds.size() ? " or " : ", ") + std::string(kKinds[i].name);
   }
-  throw InputError(
-      "'" + name +
-      "' is no model; expected jacobs, kinetic, gel-time, deadzone-steady, deadzone-transient "
-      "or joint");
+  throw InputError(fmt::format("'{}' is no model; expected {}", name, known));
 }
 
 }  // namespace slicecorr::resins

@@ -215,7 +215,7 @@ void take_dead_zones(PreparedFit& s, const Measurements& data, RowNumbers& rows)
 /// Points and observations of all measurements that the model uses.
 RowNumbers take_measurements(PreparedFit& s, const Measurements& data) {
   RowNumbers rows;
-  const bool cured = uses_cured(s.model), dead = uses_dead_zones(s.model);
+  const bool cured = kind_of(s.model).heights, dead = kind_of(s.model).dead_zones;
   const std::size_t most = (cured ? data.cured.size() : 0) + (dead ? data.dead_zones.size() : 0);
   s.points.reserve(most);
   s.point_of.reserve(most);
@@ -229,12 +229,12 @@ RowNumbers take_measurements(PreparedFit& s, const Measurements& data) {
 /// Throws where the measurements are not enough for the model.
 void check_enough(const PreparedFit& s, const Measurements& data, const FitOptions& options,
                   const RowNumbers& rows) {
-  if (uses_cured(s.model) && rows.cured == 0) {
+  if (kind_of(s.model).heights && rows.cured == 0) {
     refuse_fit(s, fmt::format("there are no cured heights among the measurements ({} dead zones); "
                               "expected intensity_mw_cm2,exposure_s,cured_height_um",
                               data.dead_zones.size()));
   }
-  if (uses_dead_zones(s.model) && rows.dead == 0) {
+  if (kind_of(s.model).dead_zones && rows.dead == 0) {
     refuse_fit(
         s, rows.saturated.empty()
                ? fmt::format("there are no dead zones among the measurements ({} cured "
@@ -244,10 +244,11 @@ void check_enough(const PreparedFit& s, const Measurements& data, const FitOptio
                              "expected more UV or less blue light, or shorter exposures",
                              rows.saturated.size()));
   }
-  if (rows.without_intensity > 0 && s.model != FitModel::jacobs) {
-    refuse_fit(s, fmt::format("{} of {} cured heights come with a dose alone; expected "
-                              "intensity_mw_cm2 and exposure_s (a dose is enough for jacobs)",
-                              rows.without_intensity, rows.cured));
+  if (rows.without_intensity > 0 && !kind_of(s.model).by_dose) {
+    refuse_fit(s, fmt::format(
+                      "{} of {} cured heights come with a dose alone; expected "
+                      "intensity_mw_cm2 and exposure_s (a dose is enough for jacobs and bleaching)",
+                      rows.without_intensity, rows.cured));
   }
   std::size_t free = 0;
   for (const Unknown& u : s.problem.unknowns) free += options.fixed.contains(u.name) ? 0 : 1;
@@ -259,11 +260,11 @@ void check_enough(const PreparedFit& s, const Measurements& data, const FitOptio
 }
 
 void warn_of_unused(PreparedFit& s, const Measurements& data, const RowNumbers& rows) {
-  if (!uses_cured(s.model) && !data.cured.empty()) {
+  if (!kind_of(s.model).heights && !data.cured.empty()) {
     s.warnings.push_back(fmt::format("{} cured heights are not used by the {} model",
                                      data.cured.size(), name_of(s.model)));
   }
-  if (!uses_dead_zones(s.model) && !data.dead_zones.empty()) {
+  if (!kind_of(s.model).dead_zones && !data.dead_zones.empty()) {
     s.warnings.push_back(fmt::format("{} dead zones are not used by the {} model",
                                      data.dead_zones.size(), name_of(s.model)));
   }
@@ -305,6 +306,12 @@ std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& optio
           h,
           {{"gel_a_mj_cm2", {kGelA}, true, kLeastDose, kGreatestDose}, "mJ/cm²"},
           {{"gel_b_sqrt_mw_cm2_s", {kGelB}, true, kLeastDose, kGreatestDose}, "sqrt(mW/cm²)·s"}};
+    case FitModel::bleaching:
+      return {
+          h,
+          dc,
+          {{"h_bleached_um", {kBleachedHeight}, true, kLeastHeight, kGreatestHeight}, "um"},
+          {{"bleaching_dose_mj_cm2", {kBleachingDose}, true, kLeastDose, kGreatestDose}, "mJ/cm²"}};
     case FitModel::dead_zone_steady:
       huv.unknown.high = below_hb;
       return {beta, huv};
@@ -395,7 +402,7 @@ PreparedFit prepare_fit(const Measurements& data, FitModel model, const FitOptio
   s.parameters = parameters_of(model, options);
   apply_choices(s, options);
   s.problem.fixed[kHeight] = s.start[kHeight] = options.hb_um;
-  s.problem.fixed[kExponent] = s.start[kExponent] = model == FitModel::jacobs ? 1 : options.m;
+  s.problem.fixed[kExponent] = s.start[kExponent] = kind_of(model).by_dose ? 1 : options.m;
   s.problem.fixed[kUvExponent] = s.start[kUvExponent] = options.m;
   s.problem.fixed[kDose] = s.start[kDose] = options.critical_dose_prime;
   s.start[kBeta] = s.start[kUvHeight] = 1;

@@ -31,10 +31,6 @@ Json interval(const std::array<double, 2>& ci) {
   return {finite_or_null(ci[0]), finite_or_null(ci[1])};
 }
 
-bool has_dead_zones(FitModel m) {
-  return m != FitModel::jacobs && m != FitModel::kinetic && m != FitModel::gel_time;
-}
-
 Slots law_of(const FitResult& r) {
   Slots law{};
   law[kHeight] = r.hb_um;
@@ -46,6 +42,8 @@ Slots law_of(const FitResult& r) {
     if (p.name == "huv_um") law[kUvHeight] = p.value;
     if (p.name == "gel_a_mj_cm2") law[kGelA] = p.value;
     if (p.name == "gel_b_sqrt_mw_cm2_s") law[kGelB] = p.value;
+    if (p.name == "h_bleached_um") law[kBleachedHeight] = p.value;
+    if (p.name == "bleaching_dose_mj_cm2") law[kBleachingDose] = p.value;
     if (p.name == "m_uv" || (own_m && p.name == "m")) law[kUvExponent] = p.value;
   }
   return law;
@@ -58,6 +56,8 @@ Slot slot_of(const FitResult& r, const std::string& name) {
   if (name == "huv_um") return kUvHeight;
   if (name == "gel_a_mj_cm2") return kGelA;
   if (name == "gel_b_sqrt_mw_cm2_s") return kGelB;
+  if (name == "h_bleached_um") return kBleachedHeight;
+  if (name == "bleaching_dose_mj_cm2") return kBleachingDose;
   if (name == "m_uv" || r.model == FitModel::dead_zone_transient) return kUvExponent;
   return kExponent;
 }
@@ -66,7 +66,7 @@ Height predict(const FitResult& r, double blue, double uv, double exposure) {
   const Slots law = law_of(r);
   const Exposure e{std::log(blue), uv > 0 ? std::log(uv) : 0, std::log(exposure)};
   if (!(uv > 0)) return cured_height(law, e);
-  if (!has_dead_zones(r.model)) {
+  if (!kind_of(r.model).dead_zones) {
     throw InputError(fmt::format("a {} fit says nothing about UV light; expected a dead-zone fit",
                                  name_of(r.model)));
   }
@@ -192,7 +192,7 @@ std::string FitResult::to_json() const {
   j["free_parameters"] = free_parameters;
   if (cured.n > 0) j["cured_heights"] = kind_json(cured);
   if (dead_zones.n > 0) j["dead_zones"] = kind_json(dead_zones);
-  if (has_dead_zones(model)) {
+  if (kind_of(model).dead_zones) {
     j["blue_law"] = {{"hb_um", finite_or_null(hb_um)},
                      {"critical_dose_prime", finite_or_null(critical_dose_prime)},
                      {"m", finite_or_null(m)}};

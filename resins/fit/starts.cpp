@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 
@@ -119,6 +120,28 @@ void start_gel_time(PreparedFit& s) {
   for (const double of_a : {0.9, 0.1}) s.more_starts.push_back(shares(of_a));
 }
 
+/// From Jacobs' law: the resin is fresh at low doses, where heights grow slower, and bleaches at
+/// doses from the least to the greatest.
+void start_bleaching(PreparedFit& s) {
+  double least = std::numeric_limits<double>::infinity(), greatest = 0;
+  for (const Observation& o : s.problem.observations) {
+    const double dose = std::exp(o.exposure.ln_blue + o.exposure.ln_time);
+    least = std::min(least, dose);
+    greatest = std::max(greatest, dose);
+  }
+  const auto guess = [&](double share, double apart) {
+    Slots g = s.start;
+    g[kHeight] = s.start[kHeight] / apart;
+    g[kBleachedHeight] = s.start[kHeight] * apart;
+    g[kBleachingDose] = least * std::pow(greatest / least, share);
+    return g;
+  };
+  for (const double share : {0.2, 0.5, 0.8}) {
+    for (const double apart : {1.2, 2.0}) s.more_starts.push_back(guess(share, apart));
+  }
+  s.start = guess(0.5, 1.4);
+}
+
 /// beta and huv of dead zones, as if all were steady.
 void start_dead_zones(PreparedFit& s, bool both_free) {
   std::vector<double> ln_ratio, height;
@@ -183,17 +206,18 @@ void choose_starts(PreparedFit& s, const FitOptions& options) {
   for (const auto& [name, value] : options.fixed) {
     if (name == "h_um") s.start[kHeight] = value;
   }
-  if (uses_cured(s.model)) {
+  if (kind_of(s.model).heights) {
     start_cured(s, s.model == FitModel::kinetic || s.model == FitModel::joint);
   }
   if (s.model == FitModel::gel_time) start_gel_time(s);
+  if (s.model == FitModel::bleaching) start_bleaching(s);
   for (const auto& [name, value] : options.fixed) {
     for (const auto& p : s.parameters) {
       if (p.unknown.name != name) continue;
       for (const Slot slot : p.unknown.slots) s.start[slot] = value;
     }
   }
-  if (uses_dead_zones(s.model)) {
+  if (kind_of(s.model).dead_zones) {
     if (s.model == FitModel::joint) s.start[kUvExponent] = s.start[kExponent];
     start_dead_zones(s, !options.fixed.contains("beta") && !options.fixed.contains("huv_um"));
     if (!s.problem.is_steady) start_transient(s);

@@ -10,12 +10,6 @@
 
 namespace slicecorr::resins {
 
-inline bool is_of_cured_alone(FitModel m) {
-  return m == FitModel::jacobs || m == FitModel::kinetic || m == FitModel::gel_time;
-}
-inline bool uses_cured(FitModel m) { return is_of_cured_alone(m) || m == FitModel::joint; }
-inline bool uses_dead_zones(FitModel m) { return !is_of_cured_alone(m); }
-
 /// Throws `InputError`: why the model can't be fitted.
 [[noreturn]] void refuse_fit(const PreparedFit& prepared, const std::string& why);
 

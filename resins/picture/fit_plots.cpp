@@ -206,8 +206,8 @@ struct WorkingCurve {
 
 WorkingCurve working_curve_of(const FitResult& fit) {
   WorkingCurve w;
-  w.jacobs = fit.model == FitModel::jacobs;
-  if (fit.model == FitModel::dead_zone_steady || fit.model == FitModel::dead_zone_transient) {
+  w.jacobs = kind_of(fit.model).by_dose;
+  if (!kind_of(fit.model).heights) {
     throw InputError("a fit of dead zones has no working curve; expected one of cured heights");
   }
   w.height_um = fit.value("h_um");
@@ -371,8 +371,7 @@ std::string collapse_svg(const FitResult& jacobs, const FitResult& kinetic,
 }
 
 std::string dead_zone_svg(const FitResult& fit, const std::string& name) {
-  if (fit.model == FitModel::jacobs || fit.model == FitModel::kinetic ||
-      fit.model == FitModel::gel_time) {
+  if (!kind_of(fit.model).dead_zones) {
     throw InputError("a fit of cured heights has no dead zone; expected one of dead zones");
   }
   const bool steady = fit.model == FitModel::dead_zone_steady;

@@ -62,6 +62,9 @@ RecordFits fits_of_record(const ResinRecord& record, const ExecutionContext& con
   });
   if (!data.cured.empty()) {
     attempt([&] { result.fits.push_back(fit(data, FitModel::jacobs, {}, context)); });
+    if (record.resin.bleaches()) {
+      attempt([&] { result.fits.push_back(fit(data, FitModel::bleaching, {}, context)); });
+    }
     if (has_intensities(data)) {
       attempt([&] { result.fits.push_back(fit(data, FitModel::kinetic, {}, context)); });
       if (record.resin.has_gel_time()) {

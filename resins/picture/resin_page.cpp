@@ -74,26 +74,8 @@ Markup list_of(const char* heading, const std::vector<std::string>& lines) {
   return markup("<h3>{}</h3><ul>{}</ul>", heading, items(lines));
 }
 
-std::string title_of(FitModel model) {
-  switch (model) {
-    case FitModel::jacobs:
-      return "Jacobs fit";
-    case FitModel::kinetic:
-      return "Kinetic fit";
-    case FitModel::gel_time:
-      return "Gel-time fit";
-    case FitModel::dead_zone_steady:
-      return "Dead zone, steady fit";
-    case FitModel::dead_zone_transient:
-      return "Dead zone, transient fit";
-    case FitModel::joint:
-      return "Joint fit";
-  }
-  return {};
-}
-
 Markup fit_section(const FitResult& fit) {
-  Markup html = markup("<h3>{}</h3><p>", title_of(fit.model));
+  Markup html = markup("<h3>{}</h3><p>", kind_of(fit.model).title);
   for (const Parameter& p : fit.parameters) html += markup("{}<br>", parameter_words(p));
   html += markup("R² {:.4f}, RMSE {} um, {} measurements</p>", fit.r2, figure(fit.rmse_um), fit.n);
   if (fit.reciprocity) html += markup("<p>{}</p>", fit.reciprocity->verdict);
@@ -137,11 +119,10 @@ Markup pictures(const ResinRecord& record, const std::vector<FitResult>& fits) {
   for (const FitResult& f : fits) {
     if (f.model == FitModel::jacobs) jacobs = &f;
     if (f.model == FitModel::kinetic || f.model == FitModel::joint) kinetic = &f;
-    if (f.model != FitModel::dead_zone_steady && f.model != FitModel::dead_zone_transient) {
+    if (kind_of(f.model).heights) {
       add([&] { return working_curve_svg(f, factor); });
     }
-    if (f.model != FitModel::jacobs && f.model != FitModel::kinetic &&
-        f.model != FitModel::gel_time) {
+    if (kind_of(f.model).dead_zones) {
       add([&] { return dead_zone_svg(f); });
     }
   }

@@ -32,6 +32,10 @@ std::string words_of(const Kinetics& k) {
   }
   std::string text = fmt::format("hb {} um, D′c {} {}, m {}", figure(k.hb_um),
                                  figure(k.critical_dose_prime), prime_unit(k.m), figure(k.m));
+  if (k.bleaching) {
+    text += fmt::format(", bleaches to hb {} um by {} mJ/cm²", figure(1 / k.bleaching->bleached()),
+                        figure(k.bleaching->dose()));
+  }
   if (k.beta > 0) text += fmt::format(", β {}, huv {} um", figure(k.beta), figure(k.huv_um));
   return text + " (heights base e, doses areal)";
 }
@@ -202,9 +206,15 @@ std::string record_svg(const ResinRecord& record) {
       fmt::format("Cured height over dose, from the parameters of resin {}.", record.name));
   const Axis x{gel.m == 1 ? "dose D, mJ/cm²" : fmt::format("dose analogue D′ = Iᵐ t, {}", unit),
                true, gel_dose / 1.6, std::max(2 * aim_dose, 30 * gel_dose)};
-  const double top = gel.hb_um / gel.m * std::log(x.high / gel_dose);
+  const double top = cured_height_um(gel, 1, x.high);
   Panel panel(x, {"cured height, um", false, 0, 1.04 * top}, 280);
-  panel.line({{gel_dose, 0}, {x.high, top}}, Style::fit);
+  std::vector<Point> curve;
+  const int points = gel.bleaching ? 120 : 1;
+  for (int i = 0; i <= points; ++i) {
+    const double dose = gel_dose * std::pow(x.high / gel_dose, static_cast<double>(i) / points);
+    curve.push_back({dose, cured_height_um(gel, 1, dose)});
+  }
+  panel.line(curve, Style::fit);
   if (gel_known) {
     panel.vertical(gel_dose, fmt::format("gel dose {}", figure(gel_dose)), 0);
     if (aim_dose > gel_dose) {

@@ -318,6 +318,13 @@ std::string describe_resin(const ResinRecord& r) {
     out += dose_line("dose aimed at", f, m, true);
   }
   if (gel_is_known(r)) out += line("dose factor", fmt::format("{:.4g}", f.dose_factor));
+  if (r.resin.bleaches()) {
+    const Bleaching& b = *r.resin.bleaching;
+    out += line("bleaches",
+                fmt::format("to an absorbance height of {:.5g} um base e, by {:.4g} mJ/cm² of "
+                            "light to 1/e",
+                            units::height_e_from_10(b.absorbance_height10_um), b.dose_mj_cm2));
+  }
   if (r.resin.inhibition) {
     const Inhibition& i = *r.resin.inhibition;
     out += "\nInhibition by UV light\n";

@@ -85,9 +85,7 @@ FitOptions options_of(const FitArguments& a) {
   return o;
 }
 
-bool is_dead_zone_model(FitModel m) {
-  return m == FitModel::dead_zone_steady || m == FitModel::dead_zone_transient;
-}
+bool is_dead_zone_model(FitModel m) { return !kind_of(m).heights; }
 
 /// The blue law that a dead-zone fit stands on.
 void take_blue_law(const FitArguments& a, FitModel model, FitOptions& o, Console& console) {
@@ -254,12 +252,14 @@ constexpr const char* kFitFooter =
     "  jacobs              dose_mj_cm2,cured_height_um, or as for kinetic\n"
     "  kinetic             intensity_mw_cm2,exposure_s,cured_height_um\n"
     "  gel-time            the same, or times to gel: intensity_mw_cm2,time_s, and conversion\n"
+    "  bleaching           as for jacobs: heights that grow faster at higher doses\n"
     "  deadzone-steady     blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um, and --resin\n"
     "  deadzone-transient  the same\n"
     "  joint               one file of each kind\n"
     "A column sigma_um gives the scatter of a measurement. Heights are base e, doses areal.\n"
     "Parameters: h_um, dc_mj_cm2 (jacobs); h_um, m, critical_dose_prime (kinetic); h_um, "
-    "gel_a_mj_cm2, gel_b_sqrt_mw_cm2_s (gel-time); beta, huv_um, "
+    "gel_a_mj_cm2, gel_b_sqrt_mw_cm2_s (gel-time); h_um, dc_mj_cm2, h_bleached_um, "
+    "bleaching_dose_mj_cm2 (bleaching); beta, huv_um, "
     "and m (dead zones); all of them, and m_uv (joint).\n"
     "Examples:\n"
     "  resinctl fit heights.csv --model kinetic -o my-resin.toml\n"
@@ -281,8 +281,7 @@ void add_fit(cli::Program& program) {
       ->required();
   sub->add_option("--model", a->model, "Law to fit")
       ->required()
-      ->check(CLI::IsMember(
-          {"jacobs", "kinetic", "gel-time", "deadzone-steady", "deadzone-transient", "joint"}));
+      ->check(CLI::IsMember(fit_model_names()));
   sub->add_option("--resin", a->resin,
                   "Resin, a .toml file or a name: dead-zone fits take hb, D'c and m from it, and "
                   "-o keeps its other figures and words");

@@ -38,9 +38,7 @@ bool has_ending(const std::string& path, const std::string& ending) {
   return lower_case(path).ends_with(ending);
 }
 
-bool is_dead_zone(FitModel model) {
-  return model == FitModel::dead_zone_steady || model == FitModel::dead_zone_transient;
-}
+bool is_dead_zone(FitModel model) { return !kind_of(model).heights; }
 
 /// A picture and a sentence on what it shows.
 struct Drawn {
@@ -106,8 +104,7 @@ Drawn draw_measurements(const Measurements& data, const PlotArguments& a, const 
                                        "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um"
                                      : "no cured heights; expected a column cured_height_um"));
   }
-  if (draw_zones &&
-      (model == FitModel::jacobs || model == FitModel::kinetic || model == FitModel::gel_time)) {
+  if (draw_zones && !kind_of(model).dead_zones) {
     throw InputError(fmt::format(
         "--model {} says nothing of dead zones; expected deadzone-steady, deadzone-transient or "
         "joint",
@@ -177,7 +174,8 @@ Drawn draw_record(const PlotArguments& a, const ExecutionContext& context, cli::
   const Measurements data = read_measurements(paths, context);
   for (const std::string& w : data.warnings) console.say("warning: " + w);
   return draw_measurements(data, a, {&record.resin, record.name},
-                           !has_intensities(data)        ? FitModel::jacobs
+                           record.resin.bleaches()       ? FitModel::bleaching
+                           : !has_intensities(data)      ? FitModel::jacobs
                            : record.resin.has_gel_time() ? FitModel::gel_time
                            : kinetic                     ? FitModel::kinetic
                                                          : FitModel::jacobs,
@@ -287,8 +285,7 @@ void add_plot(cli::Program& program) {
   app->add_option("--model", a->model,
                   "Model to fit [that of the resin; for CSV files kinetic when there are several "
                   "intensities, else jacobs; deadzone-steady]")
-      ->check(CLI::IsMember(
-          {"jacobs", "kinetic", "gel-time", "deadzone-steady", "deadzone-transient", "joint"}));
+      ->check(CLI::IsMember(fit_model_names()));
   app->add_option("--resin", a->resin,
                   "CSV files of dead zones: the resin whose blue parameters they stand on");
   app->add_option("--blue-mw-cm2", a->blue_mw_cm2, "fronts: curing light at the window [100]")

@@ -151,6 +151,7 @@ TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, 
                      "is \"gel-time\"; parts tune a resin of one law of dose: expected one that "
                      "resinctl derive made for the intensities of the printer");
   }
+  refuse_bleaching(resin, "what parts tell of a resin");
   check_prior(prior);
   if (!(sigma_um > 0) || !std::isfinite(sigma_um)) {
     throw InputError(fmt::format("edges are measured to {:g} um; expected more than 0", sigma_um));

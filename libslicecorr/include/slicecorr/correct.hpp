@@ -36,10 +36,10 @@
 namespace slicecorr {
 
 namespace detail {
-struct GelTimePlan;
 struct InhibitedPlan;
 struct ContinuousPlan;
 struct MirroredPlans;
+struct TriedPlan;
 }  // namespace detail
 
 /// What all columns of a correction share.
@@ -53,10 +53,10 @@ struct CorrectionPlan {
   bool merge_one_slice_gaps;  ///< gaps of one slice count as full
   int layers;                 ///< layers of the target, N
   int all_layers;             ///< slices that will be shown, M >= N
-  /// What the columns share under UV light, with a time to gel, and in continuous exposure without
-  /// either; null for other models.
+  /// What the columns share under UV light, with a time to gel or a resin that bleaches, and in
+  /// continuous exposure without any of them; null for other models.
   std::shared_ptr<const detail::InhibitedPlan> inhibited;
-  std::shared_ptr<const detail::GelTimePlan> gel_time;
+  std::shared_ptr<const detail::TriedPlan> tried;
   std::shared_ptr<const detail::ContinuousPlan> continuous;
   /// The same for the nodes beside a platform that sends light back; null where none does.
   std::shared_ptr<const detail::MirroredPlans> mirrored;

@@ -47,6 +47,10 @@
 /// v counts for speed / v of what it does at the print's speed: phi_n = ratio(n) phi, black as well as
 /// full light, and all of the above stays.
 ///
+/// Where the resin bleaches (bleaching.hpp) a slice takes the dose on by dOmega/ds = phi G(1) -
+/// G(Omega), s towards the platform, in place of (A.32): a long run of phi = 1 gels just as here. Layer
+/// by layer phi' adds up at the window as above, and falls in the layer by dOmega/ds = -G(Omega).
+///
 /// Under inhibiting UV light none of this holds near the window: see inhibited.hpp. Nor does it for
 /// resins of which a time to gel is known: see gel_time.hpp.
 ///
@@ -60,6 +64,7 @@
 #include <variant>
 #include <vector>
 
+#include "slicecorr/bleaching.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/supports.hpp"
 
@@ -83,7 +88,11 @@ struct UnderUv {
 struct WithGelTime {
   std::shared_ptr<const GelTimeKernel> kernel;
 };
-using DoseLaw = std::variant<SumOfLight, UnderUv, WithGelTime>;
+/// Of a resin that bleaches: lengths in slices, doses in critical ones.
+struct WithBleaching {
+  BleachingLaw law;
+};
+using DoseLaw = std::variant<SumOfLight, UnderUv, WithGelTime, WithBleaching>;
 
 /// A printer, a resin and an exposure schedule in dimensionless form.
 struct CureModel {
@@ -110,6 +119,13 @@ struct CureModel {
     const auto* of = std::get_if<WithGelTime>(&law);
     return of ? of->kernel.get() : nullptr;
   }
+  /// Null for laws other than `WithBleaching`.
+  const BleachingLaw* bleaching() const {
+    const auto* of = std::get_if<WithBleaching>(&law);
+    return of ? &of->law : nullptr;
+  }
+  /// Whether doses are sums of what each slice adds.
+  bool adds_up() const { return !gel_time() && !bleaching(); }
   /// Continuous, by sums of light: (A.32) describes the dose, where the bath ends with what slices
   /// count for in it.
   bool is_continuous() const {
@@ -171,6 +187,14 @@ struct CureModel {
   double cut_through_um(double exposure = 1.0) const;
   /// Layer by layer: greatest over least dose in a layer, 10^eta (A.54).
   double heterogeneity() const { return 1.0 / a; }
+  /// Layer by layer: what is left at a layer's far edge of a dose at its window, and the dose at the
+  /// window that leaves `far` there; not with a time to gel, or under UV light.
+  double faded(double near) const {
+    return bleaching() ? bleaching()->after(near, 1.0, 0.0) : near * a;
+  }
+  double before_fading(double far) const {
+    return bleaching() ? bleaching()->after(far, -1.0, 0.0) : far / a;
+  }
   /// Layer by layer: whether the layer after next above such a feature gels again beside its
   /// window: phi'_min >= (1 - a) / (1 + a).
   bool gels_further_teeth(double exposure = 1.0) const {

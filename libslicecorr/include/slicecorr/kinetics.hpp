@@ -17,6 +17,7 @@
 #include <limits>
 #include <optional>
 
+#include "slicecorr/bleaching.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/process.hpp"
 
@@ -33,6 +34,8 @@ struct Kinetics {
   /// D' is the relative dose. Else both 0.
   GelTime gel_time = {};
   bool has_gel_time() const { return gel_time.A > 0; }
+  /// Of a resin that bleaches, in um and mJ/cm²; then m is 1, and nothing is inhibited.
+  std::optional<BleachingLaw> bleaching{};
 };
 
 /// What a resin file says, at its gel dose (`aim` false) or at the dose that the correction aims
@@ -80,7 +83,7 @@ double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
 ///     (1/s) int_0^inf max(0, Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m dz.
 ///
 /// Without UV it is Ib^m hb / (m s). Over D'c it is phi, and the speed at which that is 1 is the
-/// fastest at which anything gels. Speed > 0.
+/// fastest at which anything gels. A resin that bleaches gains `BleachingLaw::steady`(Ib / s). Speed > 0.
 double passing_dose_prime(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,
                           double speed_mm_h);
 

@@ -210,6 +210,13 @@ struct Inhibition {
   bool operator==(const Inhibition&) const = default;
 };
 
+/// How a resin bleaches while light passes (bleaching.hpp).
+struct Bleaching {
+  double absorbance_height10_um = 0;  ///< base 10, bleached: not below that of the fresh resin
+  double dose_mj_cm2 = 0;             ///< Eb: of light that takes what bleaches to 1/e, > 0
+  bool operator==(const Bleaching&) const = default;
+};
+
 /// A resin file (contract: "Resin file"), resolved to what the cure model needs.
 struct Resin {
   std::string name;
@@ -251,6 +258,9 @@ struct Resin {
   double inhibitor_life_s = std::numeric_limits<double>::infinity();
   /// What light starts in it (chemistry.hpp); nothing where the file does not say it.
   std::optional<Chemistry> chemistry{};
+  /// Nothing: light changes nothing in what it passes. Else m is 1.
+  std::optional<Bleaching> bleaching{};
+  bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;
 };
 
@@ -265,6 +275,9 @@ inline constexpr double kMostLifeS = 1e9;
 
 /// Most that `scatter_um2_per_um` may be: light a millimetre deep is spread over as much again.
 inline constexpr double kMostScatter = 1e3;
+
+/// Throws `InputError` where the resin bleaches: that is not counted in `what`, a word or a few.
+void refuse_bleaching(const Resin& resin, const char* what);
 
 /// Absorption of the curing light, base e, 1/cm: that of its absorbance height.
 double absorption_per_cm(const Resin& resin);

@@ -23,6 +23,7 @@ enum class Feature {
   uv_patterned,
   even_dead_zone,
   gel_time,
+  bleaching,
   spread,        ///< light goes from pixel to pixel (light_spreads.hpp)
   uneven_light,  ///< a flat-field
   vat_depth,     ///< resin that ends

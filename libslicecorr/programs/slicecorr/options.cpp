@@ -247,6 +247,10 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     } else {
       j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
     }
+    if (const auto& bleaching = info.resin->bleaching) {
+      j["bleached_absorbance_height10_um"] = bleaching->absorbance_height10_um;
+      j["bleaching_dose_mj_cm2"] = bleaching->dose_mj_cm2;
+    }
     if (info.resin->critical_dose_prime > 0) {
       j["critical_dose_prime"] = info.resin->critical_dose_prime;
     }

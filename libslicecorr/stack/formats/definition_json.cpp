@@ -300,6 +300,10 @@ Json resin_json(const Resin& r) {
                           {"m", r.inhibition->m},
                           {"critical_dose_prime", r.inhibition->critical_dose_prime}};
   }
+  if (r.bleaching) {
+    json["bleaching"] = {{"absorbance_height10_um", r.bleaching->absorbance_height10_um},
+                         {"dose_mj_cm2", r.bleaching->dose_mj_cm2}};
+  }
   if (r.chemistry) json["chemistry"] = chemistry_json(*r.chemistry);
   return json;
 }
@@ -388,6 +392,13 @@ Resin read_resin(const Node& node) {
     const Node i = node["inhibition"];
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),
                               i["m"].positive(2), i["critical_dose_prime"].number(0, kLargest)};
+  }
+  if (node.has("bleaching")) {
+    const Node b = node["bleaching"];
+    r.bleaching = Bleaching{b["absorbance_height10_um"].positive(), b["dose_mj_cm2"].positive()};
+    if (r.bleaching->absorbance_height10_um < r.absorbance_height10_um) {
+      b["absorbance_height10_um"].fail("at least that of the fresh resin");
+    }
   }
   if (node.has("chemistry")) r.chemistry = read_chemistry(node["chemistry"]);
   return r;

@@ -66,6 +66,7 @@ int block_format(const StackInfo& info) {
       info.printer && (info.printer->resin_depth_um > 0 || info.printer->platform_reflectance > 0);
   const bool spreads = info.printer && info.resin && info.process &&
                        light_spreads(*info.printer, *info.resin, *info.process);
+  if (shows_light && info.resin && info.resin->bleaches()) return 10;
   if (shows_light && info.process && slices_differ(*info.process)) return 9;
   if (shows_light && info.process && !info.process->slice_speed_mm_h.empty()) return 8;
   if (info.process && info.process->even_dead_zone != EvenDeadZone::off) return 7;

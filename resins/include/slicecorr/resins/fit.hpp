@@ -10,6 +10,8 @@
 /// - kinetic: zc = (h / m) ln(I^m t / D'c); h_um, m, critical_dose_prime.
 /// - gel_time: zc = h ln(I / ig(t)), ig from A and B (gel_time.hpp); h_um, gel_a_mj_cm2,
 ///   gel_b_sqrt_mw_cm2_s.
+/// - bleaching: zc is the length over which D falls to Dc as the resin bleaches (bleaching.hpp); h_um,
+///   dc_mj_cm2, h_bleached_um, bleaching_dose_mj_cm2.
 /// - dead_zone_steady: zf = ln(beta Iuv / Ib) / (1/huv - 1/hb); beta, huv_um.
 /// - dead_zone_transient: the front, root of (Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m t = D'c;
 ///   beta, huv_um, m.
@@ -27,6 +29,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,8 +39,27 @@
 
 namespace slicecorr::resins {
 
-enum class FitModel { jacobs, kinetic, gel_time, dead_zone_steady, dead_zone_transient, joint };
-/// "jacobs", "kinetic", "gel-time", "deadzone-steady", "deadzone-transient", "joint".
+enum class FitModel {
+  jacobs,
+  kinetic,
+  gel_time,
+  bleaching,
+  dead_zone_steady,
+  dead_zone_transient,
+  joint
+};
+/// What is known of each, in the order of `FitModel`.
+struct FitModelKind {
+  const char* name;
+  const char* title;  ///< for people: "Jacobs fit"
+  bool heights;       ///< fitted to cured heights
+  bool dead_zones;
+  bool by_dose;  ///< of cured heights the dose is enough: intensity and time do not count apart
+};
+std::span<const FitModelKind> fit_model_kinds();
+const FitModelKind& kind_of(FitModel model);
+/// Their names.
+std::vector<std::string> fit_model_names();
 std::string_view name_of(FitModel model);
 /// Throws `InputError` when no model has this name.
 FitModel fit_model_named(const std::string& name);

@@ -1,0 +1,504 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "correct/tried_column.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "correct/band_solvers.hpp"
+#include "correct/column_band.hpp"
+#include "correct/coverage.hpp"
+#include "cure/gel_time_cut.hpp"
+#include "cure/steps.hpp"
+#include "slicecorr/target.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Doses of nodes inside features: between nodes the dose may dip by a little where light changes, the
+/// more the further it falls in a slice.
+constexpr double kInside = 1.003;
+/// Edges are aimed at no further from their nodes, in slices: beyond, the middle of a layer would give
+/// way.
+constexpr double kFarthest = 0.43;
+/// Edges that are off by less, um, are right.
+constexpr double kRightUm = 0.05;
+/// With so many levels or more the last three slices before an edge place it; with fewer, more.
+constexpr int kMany = 128;
+/// By how many levels slices before an edge are moved to either side to place it.
+constexpr int kMoves = 3;
+
+/// The doses of a column whose slices are set from the last to the first: what a law must say to have
+/// its levels tried.
+///
+/// - `set(n, level)`: slice n shows it; those after it are set.
+/// - `dose(layer, up)`: at a place so many slices above the lower node of a layer; `upper`, `middle`: there.
+
+/// With a time to gel.
+class GelTimeDoses {
+ public:
+  explicit GelTimeDoses(const TriedPlan& plan)
+      : kernel_(std::get<WithGelTime>(plan.model.law).kernel),
+        cut_(*kernel_),
+        model_(plan.model),
+        all_(plan.all_layers),
+        state_(static_cast<std::size_t>(std::max(all_, 0)) + 1),
+        light_(state_.size()) {}
+
+  void clear() { state_.back() = {}; }
+  void set(int n, int level) {
+    const auto at = static_cast<std::size_t>(n);
+    const CutLight& l = kernel_->light(level);
+    const double ratio = model_.ratio(n);
+    light_[at] = ratio == 1.0 ? l : CutLight{ratio * l.x, ratio * l.y};
+    state_[at] = cut_.step(light_[at], state_[at + 1]);
+  }
+  double dose(int layer, double up) const { return at(layer, kernel_->fade(up)); }
+  double upper(int layer) const { return at(layer, cut_.node()); }
+  double middle(int layer) const { return at(layer, cut_.middle()); }
+
+ private:
+  /// What lies below a layer.
+  struct Below {
+    const GelTimeDoses& doses;
+    int layer;
+    int count() const { return doses.all_ - layer; }
+    const CutLight& at(int j) const {
+      return doses.state_[static_cast<std::size_t>(layer + 1 + j)];
+    }
+    double x(int j) const { return at(j).x; }
+    double y(int j) const { return at(j).y; }
+    const CutLight& light(int j) const {
+      return doses.light_[static_cast<std::size_t>(layer + 1 + j)];
+    }
+  };
+  double at(int layer, const CutLight& left) const {
+    return cut_.dose(light_[static_cast<std::size_t>(layer)], left, Below{*this, layer}, hint_);
+  }
+
+  std::shared_ptr<const GelTimeKernel> kernel_;
+  GelTimeCut cut_;
+  const CureModel& model_;
+  int all_;
+  std::vector<CutLight> state_, light_;
+  mutable int hint_ = 0;
+};
+
+/// Where the dose further up follows from the one below.
+template <typename Steps>
+class SteppedDoses {
+ public:
+  explicit SteppedDoses(const TriedPlan& plan)
+      : steps_(plan.model),
+        model_(plan.model),
+        layerwise_(plan.layerwise),
+        dose_(static_cast<std::size_t>(std::max(plan.all_layers, 0)) + 1),
+        light_(dose_.size()) {}
+
+  void clear() { dose_.back() = 0; }
+  void set(int n, int level) {
+    const auto at = static_cast<std::size_t>(n);
+    light_[at] = model_.ratio(n) * model_.level_phi[static_cast<std::size_t>(level)];
+    dose_[at] = layerwise_ ? steps_.faded(light_[at] + dose_[at + 1])
+                           : steps_.node(light_[at], dose_[at + 1]);
+  }
+  double dose(int layer, double up) const { return after(layer, steps_.part(up)); }
+  double upper(int layer) const { return dose_[static_cast<std::size_t>(layer)]; }
+  double middle(int layer) const {
+    const auto at = static_cast<std::size_t>(layer);
+    return layerwise_ ? steps_.faded_half(light_[at] + dose_[at + 1])
+                      : steps_.middle(light_[at], dose_[at + 1]);
+  }
+
+ private:
+  double after(int layer, const typename Steps::Part& part) const {
+    const auto at = static_cast<std::size_t>(layer);
+    return layerwise_ ? steps_.after(part, 0.0, light_[at] + dose_[at + 1])
+                      : steps_.after(part, light_[at], dose_[at + 1]);
+  }
+
+  Steps steps_;
+  const CureModel& model_;
+  bool layerwise_;
+  std::vector<double> dose_, light_;  ///< at each node, of each slice
+};
+
+/// One column after the other; `Doses`: of the law.
+template <typename Doses>
+class TriedColumn final : public ColumnSolver {
+ public:
+  explicit TriedColumn(const TriedPlan& plan);
+  const std::vector<Level>& solve(const std::vector<CoverageRun>& runs,
+                                  const ColumnBounds& bounds) override;
+
+ private:
+  /// A place that is to have at least `dose`, the distance from the lower node of its layer in slices.
+  struct Ask {
+    int layer;
+    double up, dose;
+  };
+
+  void read(const std::vector<CoverageRun>& runs);
+  int cover(int n) const {
+    return n >= 0 && n < plan_.layers ? cover_[static_cast<std::size_t>(n)] : 0;
+  }
+  /// How far below its node an edge belongs, slices, no further than levels can bring it.
+  double edge_below(int node) const { return below_[static_cast<std::size_t>(node)]; }
+  /// What the layers above slice n ask of it: those of the next feature, and of greys before it.
+  void find_asks(int n);
+
+  void set(int n, int level);
+  double dose(int layer, double up) const { return doses_.dose(layer, up); }
+  double upper(int layer) const { return doses_.upper(layer); }
+  double middle(int layer) const { return doses_.middle(layer); }
+  /// The dose where the upper edge of the feature belongs that begins with layer n.
+  double at_upper_edge(int n);
+
+  int level_of(int n);
+  int full_level(int n);
+  int gap_level(int n);
+  int grey_level(int n);
+  int layerwise_level(int n);
+  /// Whether full light from slice n - 1 on can still do what is asked.
+  bool can_do(int n);
+  /// Whether the present slice has its layer of a feature printed.
+  bool prints(int n) const;
+  bool edge_above(int n) const { return n > 0 && cover(n - 1) == 0; }
+  /// The least level from `least` on for which `enough`, which holds for all brighter ones; the highest
+  /// where none does. `guess`: where to look first. Leaves that level set.
+  template <typename Enough>
+  int least_level(int n, int least, int guess, Enough enough);
+  /// The least level from `least` on with which the upper edge of layer n does not lie inside the
+  /// feature: there the dose is flat, and a little less of it would move the edge far.
+  int level_to_edge(int n, int least, int guess);
+  /// How far above its lower end the layer of a feature must print, slices; 0: where it begins.
+  double lower_edge_up(int n) const;
+  void place_edge(int n);
+
+  const TriedPlan& plan_;
+  Doses doses_;
+  std::vector<Level> levels_;
+  std::vector<std::uint8_t> cover_;
+  std::vector<double> below_;
+  std::vector<int> above_;  ///< per slice: the last layer up to it that is not empty; -1: none
+  std::vector<Ask> asks_;
+  int before_ = 0;  ///< level of the slice that was solved last
+};
+
+template <typename Doses>
+TriedColumn<Doses>::TriedColumn(const TriedPlan& plan) : plan_(plan), doses_(plan) {
+  const auto count = static_cast<std::size_t>(std::max(plan.all_layers, 0));
+  levels_.resize(count);
+  cover_.resize(static_cast<std::size_t>(std::max(plan.layers, 0)));
+  below_.resize(static_cast<std::size_t>(std::max(plan.layers, plan.all_layers)) + 2);
+  above_.resize(count);
+}
+
+template <typename Doses>
+void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs) {
+  std::fill(cover_.begin(), cover_.end(), std::uint8_t{0});
+  std::fill(below_.begin(), below_.end(), 0.0);
+  const auto farthest = [](std::uint8_t height) {
+    return height != 0 ? std::clamp(edge_height_slices(height), -kFarthest, kFarthest) : 0.0;
+  };
+  for (const CoverageRun& run : runs) {
+    std::fill(cover_.begin() + run.first, cover_.begin() + run.end, run.coverage);
+    below_[static_cast<std::size_t>(run.first)] = farthest(run.upper_height);
+    below_[static_cast<std::size_t>(run.end)] = farthest(run.lower_height);
+  }
+  int last = -1;
+  for (int n = 0; n < plan_.all_layers; ++n) {
+    if (cover(n) != 0) last = n;
+    above_[static_cast<std::size_t>(n)] = last;
+  }
+}
+
+template <typename Doses>
+void TriedColumn<Doses>::set(int n, int level) {
+  levels_[static_cast<std::size_t>(n)] = static_cast<Level>(level);
+  doses_.set(n, level);
+}
+
+template <typename Doses>
+double TriedColumn<Doses>::at_upper_edge(int n) {
+  const double below = edge_below(n);
+  if (below >= 0) return dose(n, 1.0 - below);
+  // In the layer above, a gap's, which gets black light.
+  set(n - 1, 0);
+  return dose(n - 1, -below);
+}
+
+template <typename Doses>
+double TriedColumn<Doses>::lower_edge_up(int n) const {
+  if (cover(n + 1) != 0) return 0.0;
+  const double below = edge_below(n + 1);
+  // A gap of one slice keeps dark, and the feature above it gives way.
+  const bool slit = cover(n + 2) == kFull;
+  return std::clamp(slit ? plan_.shortfall - below : -below, 0.0, kFarthest);
+}
+
+template <typename Doses>
+bool TriedColumn<Doses>::prints(int n) const {
+  if (middle(n) < 1.0 + kMargin) return false;
+  const double up = lower_edge_up(n);
+  if (up > 0 && dose(n, up) < 1.0 + kMargin) return false;
+  if (edge_above(n)) return true;
+  return upper(n) >= (cover(n - 1) == kFull ? kInside : 1.0 + kMargin);
+}
+
+template <typename Doses>
+template <typename Enough>
+int TriedColumn<Doses>::least_level(int n, int least, int guess, Enough enough) {
+  int low = least, high = plan_.highest;
+  const auto holds = [&](int level) {
+    set(n, level);
+    return enough();
+  };
+  // Levels settle: most often it is the one of the slice before, or one beside it.
+  int at = std::clamp(guess, low, high), step = 1;
+  if (low < high) {
+    if (holds(at)) {
+      high = at;
+      while (high > low) {
+        at = std::max(low, high - step);
+        step *= 2;
+        if (!holds(at)) {
+          low = at + 1;
+          break;
+        }
+        high = at;
+      }
+    } else {
+      low = std::min(high, at + 1);
+      while (low < high) {
+        at = std::min(high, low + step - 1);
+        step *= 2;
+        if (holds(at)) {
+          high = at;
+          break;
+        }
+        low = std::min(high, at + 1);
+      }
+    }
+  }
+  while (low < high) {
+    const int half = (low + high) / 2;
+    if (holds(half)) {
+      high = half;
+    } else {
+      low = half + 1;
+    }
+  }
+  set(n, low);
+  return low;
+}
+
+template <typename Doses>
+int TriedColumn<Doses>::level_to_edge(int n, int least, int guess) {
+  return least_level(n, least, guess, [&] { return at_upper_edge(n) >= 1.0 + kMargin; });
+}
+
+template <typename Doses>
+int TriedColumn<Doses>::full_level(int n) {
+  const int printing = least_level(n, 0, before_, [&] { return prints(n); });
+  return edge_above(n) ? level_to_edge(n, printing, printing) : printing;
+}
+
+template <typename Doses>
+void TriedColumn<Doses>::find_asks(int n) {
+  asks_.clear();
+  int u = above_[static_cast<std::size_t>(n)];
+  for (bool grey = false; u >= 0 && cover(u) != 0; --u) {
+    if (cover(u) == kFull) {
+      const double inside = grey ? 0.5 : lower_edge_up(u);
+      const double below = grey || inside > 0 ? 0.0 : std::max(0.0, edge_below(u + 1));
+      const bool slit = !grey && cover(u + 2) == kFull;
+      if (below > 0 && !slit) {
+        asks_.push_back({u + 1, 1.0 - below, 1.0 + kMargin});
+      } else {
+        asks_.push_back({u, inside, 1.0 + kMargin});
+      }
+      return;
+    }
+    grey = true;
+    asks_.push_back({u, 0.5, aim_of(static_cast<std::uint8_t>(cover(u)))});
+  }
+}
+
+template <typename Doses>
+bool TriedColumn<Doses>::can_do(int n) {
+  int lit = n;
+  for (const Ask& ask : asks_) {
+    while (lit > ask.layer) set(--lit, plan_.highest);
+    if (dose(ask.layer, ask.up) < ask.dose) return false;
+  }
+  return true;
+}
+
+template <typename Doses>
+int TriedColumn<Doses>::gap_level(int n) {
+  // What is further away can wait.
+  const bool waits = asks_.empty() || n - asks_.front().layer > plan_.burst;
+  const int level = waits ? 0 : least_level(n, 0, 0, [&] { return can_do(n); });
+  set(n, level);
+  return level;
+}
+
+template <typename Doses>
+int TriedColumn<Doses>::grey_level(int n) {
+  const double aim = aim_of(static_cast<std::uint8_t>(cover(n)));
+  int level = least_level(n, 0, before_, [&] { return middle(n) >= aim; });
+  const double over = middle(n);
+  if (level > 0) {
+    set(n, level - 1);
+    if (over >= 1.0 || aim - middle(n) < over - aim) --level;
+  }
+  // The layers above it come first.
+  asks_.clear();
+  if (n > 0 && cover(n - 1) != 0) {
+    find_asks(n - 1);
+    if (asks_.front().layer == n - 1) asks_.front().up = std::max(asks_.front().up, 0.5);
+  }
+  if (!asks_.empty()) level = least_level(n, level, level, [&] { return can_do(n); });
+  set(n, level);
+  return level;
+}
+
+template <typename Doses>
+int TriedColumn<Doses>::layerwise_level(int n) {
+  const int c = cover(n);
+  if (c == 0) return 0;
+  if (c != kFull) {
+    const double aim = aim_of(static_cast<std::uint8_t>(c));
+    const int level = least_level(n, 0, before_, [&] { return middle(n) >= aim; });
+    const double over = middle(n);
+    if (level == 0) return level;
+    set(n, level - 1);
+    return over >= 1.0 || aim - middle(n) < over - aim ? level - 1 : level;
+  }
+  if (!edge_above(n) || edge_below(n) == 0) {
+    return least_level(n, 0, before_, [&] { return upper(n) >= 1.0 + kMargin; });
+  }
+  const int printing = least_level(n, 0, before_, [&] { return middle(n) >= 1.0 + kMargin; });
+  return level_to_edge(n, printing, printing);
+}
+
+template <typename Doses>
+int TriedColumn<Doses>::level_of(int n) {
+  if (plan_.layerwise) return layerwise_level(n);
+  switch (cover(n)) {
+    case 0:
+      find_asks(n);
+      return gap_level(n);
+    case kFull:
+      return full_level(n);
+    default:
+      return grey_level(n);
+  }
+}
+
+/// Moves the levels of slices before the upper edge of layer n by a few, so that its dose comes
+/// nearer to 1 than the last slice alone brings it.
+template <typename Doses>
+void TriedColumn<Doses>::place_edge(int n) {
+  if (plan_.layerwise || cover(n) != kFull || !edge_above(n)) return;
+  double least = at_upper_edge(n) - 1.0;
+  if (least <= plan_.edge_dose) return;
+  int last = n;
+  while (last + 1 < n + plan_.together && cover(last + 1) == kFull) ++last;
+  if (last == n) return;
+  std::vector<Level> best(levels_.begin() + n, levels_.begin() + last + 1);
+  const std::vector<Level> first = best;
+  // From the second slice after the edge on: the nearer, the more it moves.
+  const auto move = [&](auto&& self, int slice) -> bool {
+    if (slice == n) {
+      const int printing = least_level(n, 0, best.front(), [&] { return prints(n); });
+      const int level = level_to_edge(n, printing, best.front());
+      const double off = at_upper_edge(n) - 1.0;
+      if (off >= 0 && off < least) {
+        least = off;
+        std::copy(levels_.begin() + n, levels_.begin() + last + 1, best.begin());
+        best.front() = static_cast<Level>(level);
+      }
+      return least <= plan_.edge_dose;
+    }
+    const int at = first[static_cast<std::size_t>(slice - n)];
+    for (int k = 0; k <= 2 * kMoves; ++k) {
+      const int level = at + (k % 2 ? (k + 1) / 2 : -k / 2);
+      if (level < 0 || level > plan_.highest) continue;
+      set(slice, level);
+      const bool fits = middle(slice) >= 1.0 + kMargin && upper(slice) >= 1.0 + kMargin;
+      if (fits && self(self, slice - 1)) return true;
+    }
+    return false;
+  };
+  move(move, last);
+  for (int slice = last; slice >= n; --slice) {
+    set(slice, best[static_cast<std::size_t>(slice - n)]);
+  }
+}
+
+template <typename Doses>
+const std::vector<Level>& TriedColumn<Doses>::solve(const std::vector<CoverageRun>& runs,
+                                                    const ColumnBounds&) {
+  read(runs);
+  doses_.clear();
+  before_ = 0;
+  for (int n = plan_.all_layers; n-- > 0;) {
+    const int level = level_of(n);
+    set(n, level);
+    place_edge(n);
+    before_ = levels_[static_cast<std::size_t>(n)];
+  }
+  return levels_;
+}
+
+}  // namespace
+
+TriedPlan::TriedPlan(const CureModel& cure_model, const Process& process, int target_layers,
+                     int all_slices)
+    : model(cure_model),
+      layerwise(model.mode == ExposureMode::layerwise),
+      layers(target_layers),
+      all_layers(all_slices),
+      shortfall(std::min(process.gap_shortfall, kFarthest)) {
+  const std::vector<double>& phi = model.level_phi;
+  highest = static_cast<int>(phi.size()) - 1;
+  while (highest > 0 && phi[static_cast<std::size_t>(highest) - 1] == phi.back()) --highest;
+  burst = model.slices_to_gel() + 2;
+  together = static_cast<int>(phi.size()) >= kMany ? 3 : 5;
+  // At the upper edge of a feature black light takes the dose down: with a time to gel by about half of
+  // what light falls.
+  const double fall =
+      model.bleaching() ? model.bleaching()->absorbed(1.0) : 0.5 * model.eta * units::kLn10;
+  edge_dose = std::max(kRightUm, process.edge_aim_um) * (fall / model.layer_um);
+}
+
+ColumnFacts TriedPlan::facts() const {
+  // Edges are placed to a part of this.
+  constexpr double height_steps = 64;
+  return {layers, all_layers, layerwise, height_steps};
+}
+
+std::unique_ptr<ColumnSolver> make_tried_column(const TriedPlan& plan) {
+  if (plan.model.bleaching()) {
+    return std::make_unique<TriedColumn<SteppedDoses<BleachingSteps>>>(plan);
+  }
+  return std::make_unique<TriedColumn<GelTimeDoses>>(plan);
+}
+
+std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns) {
+  const TriedPlan& p = *plan.tried;
+  return std::make_unique<ColumnBand>(make_tried_column(p), p.facts(), columns);
+}
+
+std::vector<std::uint8_t> solve_tried_column(const CorrectionPlan& plan,
+                                             const std::vector<std::uint8_t>& coverage,
+                                             const std::vector<std::uint8_t>& heights) {
+  return solve_alone(*make_tried_column(*plan.tried), plan.tried->facts(), coverage, heights);
+}
+
+}  // namespace slicecorr::detail

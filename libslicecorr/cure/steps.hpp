@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// What a law of dose must say that goes on from slice to slice: the dose further up follows from the
+/// one below and the light between. Walkers, and searches that try levels, are made of it.
+///
+/// `phi` is the light of the slice, continuous; layer by layer doses only fall in a layer, from what
+/// its exposure and the layers after it leave at its window.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/bleaching.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/units.hpp"
+#include "support/numbers/bracket.hpp"
+
+namespace slicecorr::detail {
+
+/// (A.32), (A.35), and layer by layer W(n).
+class SummedSteps {
+ public:
+  explicit SummedSteps(const CureModel& model) : model_(&model) {}
+  /// Whether a dose costs so much that columns which are alike are worth a look.
+  static constexpr bool kDear = false;
+
+  /// A part of a slice, of this length.
+  struct Part {
+    double a, one_minus_a;
+  };
+  Part part(double length) const {
+    const double exponent = -length * model_->eta * units::kLn10;
+    return {std::exp(exponent), -std::expm1(exponent)};
+  }
+  double after(const Part& part, double phi, double below) const {
+    return phi * part.one_minus_a + part.a * below;
+  }
+  double node(double phi, double below) const { return model_->step(phi, below); }
+  double middle(double phi, double below) const { return model_->middle(phi, below); }
+  /// Where in `length` the dose is 1, if it is on different sides of it at the ends.
+  double crossing(double phi, double below, double length) const {
+    const double d = -std::log1p((1.0 - below) / (below - phi)) / (model_->eta * units::kLn10);
+    return std::clamp(d, 0.0, length);
+  }
+  double faded(double near) const { return near * model_->a; }
+  double faded_half(double near) const { return near * model_->root_a; }
+  /// How far from the window a dose of `near` has fallen to 1.
+  double faded_to_one(double near) const {
+    return std::clamp(std::log(near) / (model_->eta * units::kLn10), 0.0, 1.0);
+  }
+
+ private:
+  const CureModel* model_;
+};
+
+/// Of a resin that bleaches (bleaching.hpp).
+class BleachingSteps {
+ public:
+  explicit BleachingSteps(const CureModel& model)
+      : law_(*model.bleaching()), per_phi_(law_.absorbed(1.0)) {}
+  static constexpr bool kDear = true;
+
+  using Part = double;
+  Part part(double length) const { return length; }
+  double after(Part part, double phi, double below) const {
+    return law_.after(below, part, phi * per_phi_);
+  }
+  double node(double phi, double below) const { return after(1.0, phi, below); }
+  double middle(double phi, double below) const { return after(0.5, phi, below); }
+  double crossing(double phi, double below, double length) const {
+    const bool prints = below >= 1.0;
+    return halved({0.0, length}, 50,
+                  [&](double d) { return (after(d, phi, below) >= 1.0) == prints; })
+        .middle();
+  }
+  double faded(double near) const { return law_.after(near, 1.0, 0.0); }
+  double faded_half(double near) const { return law_.after(near, 0.5, 0.0); }
+  double faded_to_one(double near) const { return std::clamp(law_.length(near, 1.0), 0.0, 1.0); }
+
+ private:
+  BleachingLaw law_;
+  double per_phi_;
+};
+
+}  // namespace slicecorr::detail

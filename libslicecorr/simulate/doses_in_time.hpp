@@ -1,0 +1,150 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// The doses of a pixel column at a moment of its print, where they are found anew for each: of a resin
+/// with a time to gel, and of one that bleaches.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "cure/gel_time_cut.hpp"
+#include "cure/steps.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/simulate.hpp"
+
+namespace slicecorr::detail {
+
+/// Doses of a column up to a moment: as of a print that ends there.
+class DosesInTime {
+ public:
+  explicit DosesInTime(const CureModel& model)
+      : model_(model), moving_(model.mode == ExposureMode::continuous) {}
+  virtual ~DosesInTime() = default;
+
+  /// Sets the moment.
+  void begin(const PrintClock::Moment& now) {
+    now_ = now;
+    set();
+  }
+  /// After the last question of a moment.
+  virtual void end() = 0;
+  /// The part of layer k that has been in the light, slices from its upper node: 1 but for the last.
+  double shown(int k) const { return moving_ && k == now_.slice ? now_.share : 1.0; }
+  /// The dose `up` slices above the lower end of what is shown of layer k.
+  virtual double at(int k, double up) = 0;
+
+ protected:
+  virtual void set() = 0;
+
+  const CureModel& model_;
+  bool moving_;
+  PrintClock::Moment now_{0, 0};
+};
+
+/// With a time to gel.
+class CutColumn final : public DosesInTime {
+ public:
+  /// `light`: of each slice, with its exposure.
+  CutColumn(const CureModel& model, std::vector<CutLight> light)
+      : DosesInTime(model),
+        cut_(*model.gel_time()),
+        light_(std::move(light)),
+        state_(light_.size() + 1) {}
+
+  void set() override {
+    const GelTimeKernel& kernel = *model_.gel_time();
+    const PrintClock::Moment& now = now_;
+    const auto n = static_cast<std::size_t>(now.slice);
+    whole_ = light_[n];
+    state_[n + 1] = {};
+    if (kernel.layer_by_layer()) {
+      light_[n] = {now.share * whole_.x, now.share * whole_.y};
+    } else if (now.share < 1.0) {
+      // A slice that is shown in part is one shown whole, less what is still to come.
+      const CutLight rest = kernel.fade(now.share - 1.0);
+      state_[n + 1] = {whole_.x * (1.0 - rest.x), whole_.y * (1.0 - rest.y)};
+    }
+    for (std::size_t p = n + 1; p-- > 0;) state_[p] = cut_.step(light_[p], state_[p + 1]);
+  }
+  void end() override { light_[static_cast<std::size_t>(now_.slice)] = whole_; }
+  double at(int k, double up) override {
+    const auto i = static_cast<std::size_t>(k);
+    if (moving_ && k == now_.slice) {
+      const Nothing below;
+      return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_);
+    }
+    const Below below{*this, k};
+    return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_);
+  }
+
+ private:
+  struct Nothing {
+    static int count() { return 1; }
+    static double x(int) { return 0; }
+    static double y(int) { return 0; }
+    static CutLight light(int) { return {}; }
+  };
+  struct Below {
+    const CutColumn& column;
+    int layer;
+    int count() const { return column.now_.slice + 1 - layer; }
+    const CutLight& state(int j) const {
+      return column.state_[static_cast<std::size_t>(layer + 1 + j)];
+    }
+    double x(int j) const { return state(j).x; }
+    double y(int j) const { return state(j).y; }
+    const CutLight& light(int j) const {
+      return column.light_[static_cast<std::size_t>(layer + 1 + j)];
+    }
+  };
+  GelTimeCut cut_;
+  std::vector<CutLight> light_, state_;
+  CutLight whole_;
+  int hint_ = 0;
+};
+
+/// Of a resin that bleaches.
+class BleachingColumn final : public DosesInTime {
+ public:
+  BleachingColumn(const CureModel& model, std::vector<double> phi)
+      : DosesInTime(model), steps_(model), phi_(std::move(phi)), dose_(phi_.size() + 1) {}
+
+  void set() override {
+    const auto n = static_cast<std::size_t>(now_.slice);
+    dose_[n + 1] = 0;
+    for (std::size_t k = n + 1; k-- > 0;) {
+      dose_[k] = at(static_cast<int>(k), shown(static_cast<int>(k)));
+    }
+  }
+  void end() override {}
+  double at(int k, double up) override {
+    const auto i = static_cast<std::size_t>(k);
+    if (moving_) return steps_.after(up, phi_[i], dose_[i + 1]);
+    const double light = k == now_.slice ? now_.share * phi_[i] : phi_[i];
+    return steps_.after(up, 0.0, light + dose_[i + 1]);
+  }
+
+ private:
+  BleachingSteps steps_;
+  std::vector<double> phi_, dose_;
+};
+
+/// Null where doses are sums of what slices add. `phi`: of each slice, with its exposure.
+inline std::unique_ptr<DosesInTime> make_doses_in_time(const CureModel& model,
+                                                       std::vector<double> phi) {
+  if (model.bleaching()) return std::make_unique<BleachingColumn>(model, std::move(phi));
+  if (!model.gel_time()) return nullptr;
+  std::vector<CutLight> lights;
+  for (std::size_t n = 0; n < phi.size(); ++n) {
+    // Both parts of light are multiples of the exposure.
+    const double ratio = model.ratio(static_cast<int>(n));
+    const CutLight l = model.gel_time()->light_of(model.intensity_mw_cm2(phi[n] / ratio));
+    lights.push_back({ratio * l.x, ratio * l.y});
+  }
+  return std::make_unique<CutColumn>(model, std::move(lights));
+}
+
+}  // namespace slicecorr::detail

@@ -117,6 +117,7 @@ class Print:
         self.m = resin["m"]
         self.dose = resin["critical_dose_prime"] or resin["critical_dose_mj_cm3"] * self.he_um * 1e-4
         self.bleaching = resin.get("bleaching")
+        self.known = None
         self.a, self.b = resin.get("gel_a_mj_cm2", 0), resin.get("gel_b_sqrt_mw_cm2_s", 0)
         self.layerwise = block["mode"] == "layerwise"
         self.exposure_s = process.get("exposure_s", 0)
@@ -243,7 +244,8 @@ class Print:
         return dose / self.dose, dz
 
     def bleached_doses(self, heights_um):
-        dose, dz = self.followed()
+        self.known = self.known or self.followed()
+        dose, dz = self.known
         cells = len(dose) // self.layers
         out = []
         for z_um in heights_um:

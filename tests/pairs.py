@@ -125,9 +125,14 @@ class Lit:
 
 def layerwise(p):
     p.options.pop("speed-mm-h", None)
-    p.options.update({"mode": "layerwise", "exposure-s": "2.5"})
+    p.options.update({"mode": "layerwise", "exposure-s": "2.5", "lifts": "none"})
     # The window stands a layer away: light that passes it is spent on the layers behind.
     p.resin["cure"]["absorbance_height_um"] = 90.0
+
+
+def lifts(p):
+    layerwise(p)
+    p.options["lifts"] = "each"
 
 
 def uv_lamp(p, kind):
@@ -235,6 +240,7 @@ FEATURES = {
     "uneven light": uneven_light,
     "resin that ends": vat_depth,
     "a platform that sends light back": reflectance,
+    "layers that hold at each lift": lifts,
     "more light for slower slices": lamps_stay,
     "edges of the mesh": edge_heights,
     "what is left alone": left_alone,

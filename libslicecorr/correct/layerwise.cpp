@@ -6,11 +6,16 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
+#include <memory>
+#include <optional>
+#include <tuple>
 
 #include "base/coded_band.hpp"
 #include "base/kernels.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/coverage.hpp"
+#include "correct/lifted_feature.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
@@ -117,10 +122,105 @@ int layer_level(const LayerLight& light, std::uint8_t coverage) {
   return level;
 }
 
+/// Levels of the features of a band that must hold at every lift: what `LiftedFeature` says, found once
+/// for those that are alike.
+class LiftedFeatures {
+ public:
+  LiftedFeatures(const CorrectionPlan& plan, std::size_t columns)
+      : plan_(plan),
+        light_(plan.model, &plan.levels),
+        begun_(columns, {-1, 0}),
+        before_(columns, 0),
+        at_(columns) {}
+
+  /// The layers from the platform on.
+  void add_layer(int layer, const std::uint8_t* coverage, const std::uint8_t* heights,
+                 const std::uint8_t* left_alone) {
+    for (std::size_t i = 0; i < begun_.size(); ++i) {
+      const bool full = coverage && coverage[i] == kFull && !(left_alone && left_alone[i]);
+      if (full && begun_[i].node < 0) {
+        const bool gap = before_[i] == 0;
+        begun_[i] = {layer, gap && heights ? heights[i] : std::uint8_t{0}};
+      } else if (!full && begun_[i].node >= 0) {
+        end(i, layer);
+      }
+      before_[i] = coverage ? coverage[i] : std::uint8_t{0};
+    }
+  }
+  /// After the last.
+  void end_all(int layers) {
+    for (std::size_t i = 0; i < begun_.size(); ++i) {
+      if (begun_[i].node >= 0) end(i, layers);
+    }
+  }
+  /// The slices from the last on: features that begin with slice n, seen from the window.
+  void begin_slice(int n) {
+    for (; !features_.empty() && features_.back().end == n + 1; features_.pop_back()) {
+      const Feature& f = features_.back();
+      at_[f.column] = {f.begun, f.end, nullptr};
+    }
+  }
+  /// The level of a column's slice. `after`: dose that later slices leave at its layer's window.
+  int level(std::size_t column, int n, double after) {
+    Now& now = at_[column];
+    const int top = plan_.levels.highest();
+    // Nothing lies above what stands on the platform.
+    if (now.begun.node == 0) return top;
+    const int j = n - now.begun.node, layers = std::min(now.end - now.begun.node, light_.reach());
+    if (j >= layers) return top;
+    if (!now.levels) now.levels = find(now.begun, layers, after);
+    return (*now.levels)[static_cast<std::size_t>(j)];
+  }
+
+ private:
+  struct Begun {
+    std::int32_t node;
+    std::uint8_t height;
+  };
+  struct Feature {
+    std::uint32_t column;
+    std::int32_t end;
+    Begun begun;
+  };
+  using Levels = std::shared_ptr<const std::vector<std::uint8_t>>;
+  struct Now {
+    Begun begun{0, 0};
+    std::int32_t end = 0;
+    Levels levels;
+  };
+  void end(std::size_t column, int layer) {
+    features_.push_back({static_cast<std::uint32_t>(column), layer, begun_[column]});
+    begun_[column].node = -1;
+  }
+  Levels find(const Begun& begun, int layers, double after) {
+    Levels& known = known_[{begun.node, begun.height, layers, after}];
+    if (known) return known;
+    // Those of a few layers are enough: most columns are like a neighbour.
+    if (known_.size() > kMostKnown) known_.clear();
+    const double below = begun.height == 0 ? 0.0 : edge_height_slices(begun.height);
+    const auto light = light_.solve({begun.node, layers, after, below});
+    auto levels = std::make_shared<std::vector<std::uint8_t>>();
+    for (const double phi : light.phi) {
+      levels->push_back(static_cast<std::uint8_t>(plan_.levels.at_least(phi)));
+    }
+    return known_[{begun.node, begun.height, layers, after}] = std::move(levels);
+  }
+
+  static constexpr std::size_t kMostKnown = 4096;
+  const CorrectionPlan& plan_;
+  LiftedFeature light_;
+  std::vector<Begun> begun_;          ///< of each column, node -1: not in a feature
+  std::vector<std::uint8_t> before_;  ///< coverage of the layer before
+  std::vector<Feature> features_;     ///< by their ends
+  std::vector<Now> at_;
+  std::map<std::tuple<int, std::uint8_t, int, double>, Levels> known_;
+};
+
 class LayerwiseSolver final : public BandSolver {
  public:
   LayerwiseSolver(const CorrectionPlan& plan, std::size_t columns)
       : plan_(plan), coded_(columns), heights_(columns), left_alone_(columns) {
+    if (plan.model.lifts) lifted_ = std::make_unique<LiftedFeatures>(plan, columns);
     for (auto& entry : cache_) entry.far_edge = std::numeric_limits<double>::quiet_NaN();
   }
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
@@ -128,6 +228,7 @@ class LayerwiseSolver final : public BandSolver {
     // Windows' sides stay on nodes: the node after the last layer is one.
     if (coded_.slices() == plan_.layers && !coverage) return;
     if (coded_.slices() >= plan_.layers) throw Error("more layers than the plan has");
+    if (lifted_) lifted_->add_layer(coded_.slices(), coverage, heights, left_alone);
     coded_.append(coverage);
     heights_.append(heights);
     left_alone_.append(left_alone);
@@ -157,6 +258,7 @@ class LayerwiseSolver final : public BandSolver {
 
   const CorrectionPlan& plan_;
   CodedBand coded_, heights_, left_alone_;
+  std::unique_ptr<LiftedFeatures> lifted_;
   std::array<Entry, 256> cache_;
 };
 
@@ -168,6 +270,7 @@ void darken(double* far_edge, double dark, double a) {
 
 void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
   if (coded_.slices() != plan_.layers) throw Error("the plan has more layers");
+  if (lifted_) lifted_->end_all(plan_.layers);
   const std::size_t columns = coded_.columns();
   std::vector<double> far_edge(columns, 0.0);
   std::vector<std::uint8_t> out(columns), here(columns), above(columns);
@@ -179,6 +282,7 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
   for (int n = plan_.all_layers; n-- > 0;) {
     coded_.read(n - 1, above.data());
     heights_.read(n, heights.data());
+    if (lifted_) lifted_->begin_slice(n);
     const double ratio = plan_.model.ratio(n);
     const double dark = plan_.levels.phi(0) * ratio;
     const double dark_above = dark_window(plan_, n - 1);
@@ -211,7 +315,9 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
       const auto solve_voxel = [&](std::size_t i) {
         const LayerLight light{
             plan_, ratio, far_edge[i], dark_above, above[i] == 0 ? heights[i] : std::uint8_t{0}, 0};
-        show(i, here[i] == 0 ? 0 : level_of(light, here[i], n));
+        show(i, here[i] == 0                  ? 0
+                : lifted_ && here[i] == kFull ? lifted_->level(i, n, far_edge[i])
+                                              : level_of(light, here[i], n));
       };
       if (!leaves_alone) {
         for (std::size_t i = b; i < end; ++i) solve_voxel(i);
@@ -230,6 +336,41 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
     here.swap(above);
   }
 }
+
+/// The same of one column, whose slices are asked from the last to the first.
+class LiftedColumn {
+ public:
+  LiftedColumn(const CorrectionPlan& plan, const LevelTable* levels,
+               const std::vector<std::uint8_t>& coverage, const std::vector<std::uint8_t>& heights)
+      : plan_(plan), light_(plan.model, levels), coverage_(coverage), heights_(heights) {}
+  /// phi of the slice of a full layer.
+  double phi(int n, double after) {
+    if (n < node_ || node_ < 0) {
+      int end = n + 1;
+      for (node_ = n; node_ > 0 && full(node_ - 1);) --node_;
+      while (full(end)) ++end;
+      layers_ = std::min(end - node_, light_.reach());
+      phi_.clear();
+    }
+    if (node_ == 0 || n - node_ >= layers_) return plan_.model.phi_max();
+    if (phi_.empty()) {
+      const auto k = static_cast<std::size_t>(node_);
+      const bool gap = coverage_[k - 1] == 0 && k < heights_.size() && heights_[k] != 0;
+      phi_ = light_.solve({node_, layers_, after, gap ? edge_height_slices(heights_[k]) : 0.0}).phi;
+    }
+    return phi_[static_cast<std::size_t>(n - node_)];
+  }
+
+ private:
+  bool full(int n) const {
+    return n < plan_.layers && coverage_[static_cast<std::size_t>(n)] == kFull;
+  }
+  const CorrectionPlan& plan_;
+  LiftedFeature light_;
+  const std::vector<std::uint8_t>&coverage_, &heights_;
+  int node_ = -1, layers_ = 0;  ///< of the feature at hand
+  std::vector<double> phi_;
+};
 
 /// Walks one column from the last slice to the first: `choose(n, coverage, light)` gives the
 /// intensity phi' at the normal exposure.
@@ -270,8 +411,12 @@ std::vector<std::uint8_t> solve_layerwise_column(const CorrectionPlan& plan,
                                                  const std::vector<std::uint8_t>& coverage,
                                                  const std::vector<std::uint8_t>& heights) {
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
+  std::optional<LiftedColumn> lifted;
+  if (plan.model.lifts) lifted.emplace(plan, &plan.levels, coverage, heights);
   walk_column(plan, coverage, heights, [&](std::size_t n, std::uint8_t c, const LayerLight& light) {
-    const int level = layer_level(light, c);
+    const bool holds = lifted && c == kFull;
+    const int level = holds ? plan.levels.at_least(lifted->phi(static_cast<int>(n), light.far_edge))
+                            : layer_level(light, c);
     levels[n] = static_cast<std::uint8_t>(level);
     return plan.levels.phi(level);
   });
@@ -283,7 +428,10 @@ std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
                                                    const std::vector<std::uint8_t>& heights) {
   const CureModel& model = plan.model;
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
+  std::optional<LiftedColumn> lifted;
+  if (model.lifts) lifted.emplace(plan, nullptr, coverage, heights);
   walk_column(plan, coverage, heights, [&](std::size_t n, std::uint8_t c, const LayerLight& light) {
+    if (lifted && c == kFull) return phi[n] = lifted->phi(static_cast<int>(n), light.far_edge);
     const double at_window = c == 0       ? 0.0
                              : c == kFull ? light.wanted()
                                           : aim_of(c) / model.root_a / light.returned(0.5);

@@ -316,6 +316,14 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
       model.exposure_ratio.push_back(process.speed_mm_h / v);
     }
   }
+  if (process.mode == ExposureMode::layerwise && process.lifts == Lifts::each &&
+      process.uv.kind == UvKind::off && model.adds_up()) {
+    LiftModel& lifts = model.lifts.emplace();
+    lifts.green_strength = process.green_strength;
+    lifts.skin = process.skin;
+    lifts.film = std::exp(lifts.skin * model.eta * units::kLn10);
+    if (process.lift_exchange >= 0) lifts.exchange = process.lift_exchange;
+  }
   if (process.uv.kind == UvKind::off) {
     end_bath(printer, model);
     mirror(printer, model);

@@ -123,7 +123,8 @@ Doses doses_of(const CureModel& model) {
   }
   if (model.mode == ExposureMode::layerwise) {
     const double full = model.phi_max() * model.ratio(weakest_layer(model));
-    return {model.bleaching() ? full / model.before_fading(1.0) : full * model.a,
+    const double holds = model.lifts ? model.lifts->green_strength : 1.0;
+    return {model.bleaching() ? full / model.before_fading(1.0) : full * model.a / holds,
             most_black(model, model.exposure_ratio).dose};
   }
   // Where slices count for more than others, whatever their order.
@@ -190,6 +191,7 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
 /// What full light leaves of a critical dose at a layer's far edge, where it is least.
 double left_at_far_edge(const CureModel& model, const Doses& doses) {
   return model.bleaching() ? model.faded(model.phi_max() * model.ratio(weakest_layer(model)))
+         : model.lifts     ? doses.lit * model.lifts->green_strength
                            : doses.lit;
 }
 
@@ -197,11 +199,14 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
                                   const Process& process, const Doses& doses) {
   detail::Verdict v;
   if (!gels(model, doses.lit)) {
+    const std::string asks =
+        model.lifts ? fmt::format(", where {:g} must be", model.lifts->green_strength) : "";
     v.weak = fmt::format(
-        "a layer does not gel through: {} full light ({:g} mW/cm²) leaves {:.4g} of the critical "
-        "dose at its far edge",
+        "a layer does not {}: {} full light ({:g} mW/cm²) leaves {:.4g} of the critical "
+        "dose at its far edge{}",
+        model.lifts ? "hold when the platform lifts" : "gel through",
         failing_layer(model, process, weakest_layer(model)),
-        printer.calibration.back().intensity_mw_cm2, left_at_far_edge(model, doses));
+        printer.calibration.back().intensity_mw_cm2, left_at_far_edge(model, doses), asks);
   }
   if (doses.black >= 1.0) {
     const auto rule = static_cast<int>(model.exposure_ratio.size());

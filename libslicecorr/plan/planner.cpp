@@ -43,6 +43,7 @@ PaceRange gelling(const Setup& setup, double layer_um) {
   } else if (!continuous) {
     lit =
         model.bleaching() ? model.phi_max() / model.before_fading(1.0) : model.phi_max() * model.a;
+    if (model.lifts) lit /= model.lifts->green_strength;
     black = model.phi_min() / (model.bleaching() ? 1.0 - model.faded(1.0) : model.one_minus_a);
   }
   const double unit = continuous ? reference : 1;

@@ -55,6 +55,10 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
   }
   if (in_showings || !model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
   if (dose_) inside_.resize(kBlock);
+  if (model.lifts) {
+    joints_ = std::make_unique<detail::JointWalker>(model, columns);
+    own_phi_.resize(columns);
+  }
 }
 
 void BandPredictor::State::error(std::size_t i, int node, std::uint8_t height, bool upper,
@@ -264,6 +268,15 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
       if (left_alone[i]) with_left_alone_[i] = detail::kLeftAlone;
     }
     cover = with_left_alone_.data();
+  }
+  if (joints_) {
+    const double ratio = model_.ratio(slice);
+    for (std::size_t b = 0; b < own_phi_.size(); b += kBlock) {
+      const std::size_t n = std::min(kBlock, own_phi_.size() - b);
+      detail::block_phi(curve_, showings, b, n, &own_phi_[b]);
+      for (std::size_t i = b; i < b + n; ++i) own_phi_[i] *= ratio;
+    }
+    joints_->add_slice(slice, own_phi_.data(), cover, heights, prediction_.at_heights);
   }
   if (dose_) {
     add_general_slice(slice, showings, cover, heights);
@@ -508,6 +521,10 @@ Prediction BandPredictor::State::finish(const PixelOfColumn& place) {
       }
       close_gap(i, 0);
     }
+  }
+  if (joints_) {
+    if (!prediction_.joints) prediction_.joints.emplace();
+    joints_->finish(*prediction_.joints);
   }
   const auto placed = [&](const FeatureExamples& from, FeatureExamples& to) {
     for (FeatureExample e : from.sorted()) {

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "predict/joints.hpp"
 #include "predict/tile_sums.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/predict.hpp"
@@ -92,6 +93,8 @@ struct BandPredictor::State {
   const CureModel& model_;
   const PixelCurve& curve_;
   int all_layers_;
+  std::unique_ptr<detail::JointWalker> joints_;  ///< with lifts
+  std::vector<double> own_phi_;                  ///< for them: of the present slice
   std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for showings
   /// Dose at the upper end of the layer that was added last.
   std::vector<double> omega_;

@@ -113,7 +113,20 @@ double Prediction::iou() const {
   return either ? static_cast<double>(both) / static_cast<double>(either) : 1.0;
 }
 
+void JointFigures::merge(const JointFigures& o) {
+  least = std::min(least, o.least);
+  not_holding_voxels += o.not_holding_voxels;
+  films += o.films;
+  liquid_layers_max = std::max(liquid_layers_max, o.liquid_layers_max);
+  exchanged_error_um.merge(o.exchanged_error_um);
+  exchanged_max_um = std::max(exchanged_max_um, o.exchanged_max_um);
+}
+
 void Prediction::merge(const Prediction& o) {
+  if (o.joints) {
+    if (!joints) joints.emplace();
+    joints->merge(*o.joints);
+  }
   target_voxels += o.target_voxels;
   printed_voxels += o.printed_voxels;
   cure_through_voxels += o.cure_through_voxels;
@@ -196,6 +209,12 @@ std::string Prediction::to_json() const {
     j["height_error_um"]["band95"] = {(upper.weak_um.value() + lower.weak_um.value()) / count,
                                       (upper.strong_um.value() + lower.strong_um.value()) / count};
   }
+  if (joints) {
+    const bool any = joints->exchanged_error_um.count() > 0;
+    j["height_error_um"]["exchanged"] = {
+        {"mean_abs", or_null(any, joints->exchanged_error_um.mean())},
+        {"max_abs", or_null(any, joints->exchanged_max_um)}};
+  }
   const bool surface = surface_error_um.count() > 0;
   j["surface_error_um"] = {{"mean_abs", or_null(surface, surface_error_um.mean())},
                            {"p95_abs", or_null(surface, surface_error_um.quantile(0.95))},
@@ -248,6 +267,12 @@ std::string Prediction::to_json() const {
   if (left_alone_voxels > 0) j["left_alone_voxels"] = left_alone_voxels;
   j["grey_dose_error"] = {{"mean_abs", or_null(greys, grey_dose_error.mean())},
                           {"p95_abs", or_null(greys, grey_dose_error.quantile(0.95))}};
+  if (joints) {
+    j["joints"] = {{"least", slicecorr::detail::finite_or_null(joints->least)},
+                   {"not_holding_voxels", joints->not_holding_voxels},
+                   {"films", joints->films},
+                   {"liquid_layers_max", joints->liquid_layers_max}};
+  }
   if (layerwise) {
     j["layerwise"] = {{"cut_through_um", layerwise->cut_through_um},
                       {"max_cut_through_um", layerwise->max_cut_through_um},

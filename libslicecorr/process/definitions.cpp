@@ -501,6 +501,14 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
     printer.max_speed_mm_h = stage->number("max_speed_mm_h", 0, 1e9).value_or(0);
     printer.travel_mm = stage->number("travel_mm", 0, 1e6).value_or(0);
   }
+  if (const auto process = root.table("process")) {
+    const std::string lifts = process->text("lifts", "each");
+    if (lifts != "each" && lifts != "none") {
+      process->fail("lifts", fmt::format("is '{}'; expected \"each\" or \"none\"", lifts));
+    }
+    printer.lifts = lifts == "each" ? Lifts::each : Lifts::none;
+    printer.lift_exchange = process->number("lift_exchange", 0, 1, true).value_or(kUnknownExchange);
+  }
   if (const auto vat = root.table("vat")) {
     printer.resin_depth_um = vat->number("depth_um", 0, kMostDepthUm).value_or(0);
     printer.platform_reflectance = vat->number("platform_reflectance", 0, 1, true).value_or(0);
@@ -569,6 +577,9 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.dose_diffusion_m2_s = light.dose_diffusion_m2_s;
   resin.scatter_um2_per_um = light.scatter_um2_per_um;
   resin.viscosity_pa_s = light.viscosity_pa_s;
+  if (const auto strength = cure.number("green_strength", 1, 10, true)) {
+    resin.green_strength = *strength;
+  }
   if (light.inhibitor_life_s) resin.inhibitor_life_s = *light.inhibitor_life_s;
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);

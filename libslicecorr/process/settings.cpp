@@ -108,6 +108,45 @@ const std::vector<Setting>& table() {
        .column = "exposure_s",
        .process = &Process::layer_exposure_s,
        .block = BlockPart::exposure},
+      {.name = "lifts",
+       .group = kHowItPrints,
+       .chosen = &C::lifts,
+       .text =
+           "Whether the platform lifts after each exposure, so that every layer must hold by its "
+           "own (layerwise) [the printer file's, else each]",
+       .words = {"none", "each"},
+       .process = kWord<&Process::lifts>,
+       .block = BlockPart::exposure,
+       .changed_only = true},
+      {.name = "green_strength",
+       .group = kHowItPrints,
+       .chosen = &C::green_strength,
+       .text =
+           "With {lifts}: gel doses that a layer's own exposure leaves at its far edge where it "
+           "holds [the resin file's, else 1.2]",
+       .range = {1, 10, false},
+       .process = &Process::green_strength,
+       .block = BlockPart::exposure,
+       .changed_only = true},
+      {.name = "skin",
+       .group = kHowItPrints,
+       .chosen = &C::skin,
+       .text = "With {lifts}: part of a first layer over a gap that has gelled where it is a film "
+               "[0.5]",
+       .range = up_to(1),
+       .process = &Process::skin,
+       .block = BlockPart::exposure,
+       .changed_only = true},
+      {.name = "lift_exchange",
+       .group = kHowItPrints,
+       .chosen = &C::lift_exchange,
+       .text =
+           "With {lifts}: share of the liquid resin that each lift exchanges, 0 to 1 [the printer "
+           "file's, else unknown: then no feature gets thinner for any]",
+       .range = kShare,
+       .process = &Process::lift_exchange,
+       .block = BlockPart::exposure,
+       .changed_only = true},
       {.name = "dc_mj_cm3",
        .group = kHowItPrints,
        .chosen = &C::dc_mj_cm3,
@@ -297,7 +336,10 @@ bool is_word(const Setting& s, std::string_view text) {
 }
 
 /// Whether somebody said this number.
-bool is_said(const Setting& s, double value) { return s.range.above ? value > 0 : value >= 0; }
+bool is_said(const Setting& s, double value) {
+  // Of what may be 0, only what is below is not said.
+  return s.range.above || s.range.least > 0 ? value > 0 : value >= 0;
+}
 
 }  // namespace
 

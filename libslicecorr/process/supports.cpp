@@ -29,6 +29,7 @@ constexpr std::array<const char*, kFeatures> kNames = {
     "uneven light ([blue] flat_field)",
     "resin that ends ([vat] depth_um)",
     "a platform that sends light back ([vat] platform_reflectance)",
+    "layers that hold at each lift (lifts)",
     "more light for slower slices (slice_lamps)",
     "edges of the mesh (surface)",
     "what is left alone (leave_alone)",
@@ -70,6 +71,8 @@ constexpr const char* kAloneUv =
     "before and after it; expected no UV light";
 constexpr const char* kCapUv =
     "the dose inside features is not capped: under UV light they get the least that gels them";
+constexpr const char* kLiftsUv =
+    "whether layers hold at each lift is not looked at under UV light: doses count at the end alone";
 constexpr const char* kRobustUv =
     "a correction can't be robust under UV light; expected no UV light";
 
@@ -192,6 +195,14 @@ constexpr Unsupported kTable[] = {
     {capped_dose, bleaching, without,
      "the dose inside features is not capped: of a resin that bleaches they get the least that gels "
      "them"},
+    UNDER_UV(lifts, without, kLiftsUv),
+    {lifts, gel_time, without,
+     "whether layers hold at each lift is not looked at with a resin of model \"gel-time\": doses count "
+     "at the end alone"},
+    {lifts, bleaching, without,
+     "whether layers hold at each lift is not looked at with a resin that bleaches: doses count at the "
+     "end alone"},
+    {spread, lifts, alone, "each layer is to hold when the platform lifts"},
     {spread, vat_depth, alone, "the resin ends"},
     {spread, reflectance, alone, "the platform sends light back"},
     {spread, gel_time, alone, "the resin has a time to gel"},
@@ -233,6 +244,7 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
   add(printer.flat_field.has_value(), uneven_light);
   add(printer.resin_depth_um > 0, vat_depth);
   add(printer.platform_reflectance > 0, reflectance);
+  add(process.mode == ExposureMode::layerwise && process.lifts == Lifts::each, Feature::lifts);
   add(slices_differ(process), lamps_stay);
   add(process.surface == Surface::mesh, edge_heights);
   add(process.omega_max < kNoCap, capped_dose);
@@ -288,6 +300,13 @@ const char* why_left_out(Feature feature, const Printer& printer, const Resin& r
 const char* leave_out_heights(const Printer& printer, const Resin& resin, Process& process) {
   const char* const why = why_left_out(edge_heights, printer, resin, process);
   if (why) process.surface = Surface::slices;
+  return why;
+}
+
+const char* leave_out_lifts(const Printer& printer, const Resin& resin, Process& process) {
+  if (process.mode != ExposureMode::layerwise || process.lifts == Lifts::none) return nullptr;
+  const char* const why = why_left_out(Feature::lifts, printer, resin, process);
+  if (why) process.lifts = Lifts::none;
   return why;
 }
 

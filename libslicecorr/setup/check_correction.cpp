@@ -61,6 +61,8 @@ Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionCo
   check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
   const char* const heights = leave_out_heights(setup.printer, setup.resin, setup.process);
   if (heights && target.edge_heights()) context.tell(heights);
+  const char* const lifts = leave_out_lifts(setup.printer, setup.resin, setup.process);
+  if (lifts) context.tell(lifts);
   const char* const cap = leave_out_cap(setup.printer, setup.resin, setup.process);
   if (cap) context.tell(cap);
   return setup;

@@ -71,6 +71,7 @@ class Resolver {
   void resolve_continuous(Process& process) const;
   void resolve_slice_speeds(Process& process) const;
   void resolve_layerwise(Process& process, const StackInfo* times) const;
+  void resolve_lifts(Setup& setup, bool recorded) const;
   void resolve_uv(Setup& setup) const;
   void resolve_even_dead_zone(Setup& setup) const;
   bool any_exposure() const {
@@ -143,6 +144,40 @@ void Resolver::resolve_continuous(Process& process) const {
   }
   if (process.ramp == Ramp::none && c_.ramp_mm > 0) {
     wrong(fmt::format("{} goes with a {}", o("ramp_mm"), o("ramp")));
+  }
+}
+
+/// What is said of lifts counts before what printer and resin files say, and that before what a stack
+/// was made for.
+void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
+  Process& p = setup.process;
+  const bool said =
+      !c_.lifts.empty() || c_.green_strength > 0 || c_.skin > 0 || c_.lift_exchange >= 0;
+  if (p.mode != ExposureMode::layerwise) {
+    if (said) {
+      wrong(fmt::format("{} is for layer by layer exposure; expected {} layerwise with it",
+                        o("lifts"), o("mode")));
+    }
+    p.lifts = Lifts::none;
+    return;
+  }
+  if (!recorded) {
+    p.lifts = setup.printer.lifts;
+    p.lift_exchange = setup.printer.lift_exchange;
+    if (setup.resin.green_strength > 0) p.green_strength = setup.resin.green_strength;
+  }
+  if (!c_.lifts.empty()) apply_choice(*find_setting("lifts"), c_, p);
+  if (c_.green_strength > 0) p.green_strength = c_.green_strength;
+  if (c_.skin > 0) p.skin = c_.skin;
+  if (c_.lift_exchange >= 0) p.lift_exchange = c_.lift_exchange;
+  if (recorded) return;
+  leave_out_lifts(setup.printer, setup.resin, p);
+  // With lifts the strength at joints takes the place of a factor on all doses.
+  const bool dose_said = c_.dose_factor > 0 || c_.dc_mj_cm3 > 0;
+  if (p.lifts == Lifts::each && !dose_said && setup.resin.dose_factor > 1) {
+    ResinOverrides gel;
+    gel.dose_factor = 1;
+    setup.resin = with_overrides(setup.resin, gel);
   }
 }
 
@@ -385,6 +420,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   } else {
     resolve_even_dead_zone(setup);
   }
+  resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   setup.gap_um = std::max(0.0, c_.gap_um);
   if (!recorded) {
     for (const Setting& s : settings()) {

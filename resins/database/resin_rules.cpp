@@ -193,6 +193,15 @@ constexpr std::array kResinRules = std::to_array<KeyRule>({
      .type = number,
      .high = 1e9,
      .what = "gel dose D'c that belongs to this m; that of [cure] without it"},
+    {.table = "cure",
+     .key = "green_strength",
+     .type = number,
+     .low = 1,
+     .high = 10,
+     .low_counts = true,
+     .what =
+         "layer by layer: gel doses of its own exposure at a layer's far edge with which it holds when "
+         "the platform lifts; 1.2 without it"},
     {.table = "bleaching",
      .key = "absorbance_height_um",
      .type = number,

@@ -61,6 +61,7 @@
 #include <array>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <variant>
 #include <vector>
 
@@ -94,6 +95,16 @@ struct WithBleaching {
 };
 using DoseLaw = std::variant<SumOfLight, UnderUv, WithGelTime, WithBleaching>;
 
+/// Layer by layer, where the platform lifts after each exposure (docs/lifts.md).
+struct LiftModel {
+  double green_strength =
+      kDefaultGreenStrength;  ///< G, 1 or more: dose at a layer's far edge that holds
+  double skin = 0.5;          ///< part of a layer that has gelled in a film
+  double film = 1;            ///< a^-skin: least dose of a film at its window
+  std::optional<double>
+      exchange{};  ///< x, share of the liquid that a lift exchanges; nothing: unknown
+};
+
 /// A printer, a resin and an exposure schedule in dimensionless form.
 struct CureModel {
   ExposureMode mode = ExposureMode::continuous;
@@ -109,6 +120,7 @@ struct CureModel {
   /// What each slice counts for over a normal one: layer by layer its exposure, continuous the
   /// print's speed over its own where lamps stay; the last holds for later slices, empty: 1.
   std::vector<double> exposure_ratio;
+  std::optional<LiftModel> lifts{};  ///< layer by layer, by sums of light alone
   DoseLaw law;
   /// Of the law `UnderUv`, and of `WithGelTime`; null for other laws.
   const InhibitedKernel* inhibited() const {

@@ -124,6 +124,23 @@ struct LayerwiseFigures {
 /// None for other models.
 std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model);
 
+/// Layer by layer, where the platform lifts after each exposure: what each exposure by itself does
+/// (docs/lifts.md). A joint is the far edge of a layer of a feature with a layer of it above, or the
+/// platform.
+struct JointFigures {
+  /// Least dose of an exposure at its joint, in critical doses; 0 where a liquid layer lies between
+  /// solid ones. Infinite without joints.
+  double least = std::numeric_limits<double>::infinity();
+  /// Voxels whose joint has less than `LiftModel::green_strength`, or that are a skin and no film.
+  std::uint64_t not_holding_voxels = 0;
+  std::uint64_t films = 0;    ///< first solid layers over gaps, that hang on their neighbours
+  int liquid_layers_max = 0;  ///< first layers of a feature over a gap that no exposure gels
+  /// Absolute height errors, one per designed edge, where each lift exchanges all liquid resin.
+  Histogram exchanged_error_um;
+  double exchanged_max_um = 0;
+  void merge(const JointFigures& other);
+};
+
 /// The finest that light which spreads can print, by the sharper of the images' two axes.
 struct FinestPrint {
   /// A line that is lit at full light between black gels in its middle if it is at least so wide.
@@ -187,6 +204,7 @@ struct Prediction {
   Histogram gap_contrast;             ///< 1 less the least dose of each gap, at least 0
   std::uint64_t gap_teeth = 0;  ///< printed stretches in gaps that touch neither of their edges
   std::optional<LayerwiseFigures> layerwise;
+  std::optional<JointFigures> joints;  ///< with lifts
   /// Where light was made for an even dead zone: doses in resin that flows; as `dead_zones`.
   std::optional<FlowDoses> flow;
   std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks

@@ -143,6 +143,10 @@ struct Rotation {
   bool operator==(const Rotation&) const = default;
 };
 
+/// Layer by layer: what happens between exposures (docs/lifts.md). each: the platform lifts, so every
+/// layer must hold by its own exposure; none: it only steps, and doses count at the end alone.
+enum class Lifts { none, each };
+
 /// Most that `Printer::suction_limit_pa` may be, Pa: beyond a bar resin cavitates.
 inline constexpr double kMostSuctionPa = 101325;
 
@@ -178,6 +182,9 @@ struct Printer {
   double platform_reflectance = 0;
   /// Most suction under the part that vat and window bear, Pa; 0 when not given.
   double suction_limit_pa = 0;
+  /// Layer by layer, where nothing else is said: as in `Process`.
+  Lifts lifts = Lifts::each;
+  double lift_exchange = -1;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -260,6 +267,7 @@ struct Resin {
   std::optional<Chemistry> chemistry{};
   /// Nothing: light changes nothing in what it passes. Else m is 1.
   std::optional<Bleaching> bleaching{};
+  double green_strength = 0;  ///< measured (`Process::green_strength`); 0: not given
   bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;
 };
@@ -328,6 +336,11 @@ enum class SliceLamps {
   stay,    ///< they stay as they are: a slice at half the speed gets twice the dose
 };
 
+/// The default of `Process::green_strength`.
+inline constexpr double kDefaultGreenStrength = 1.2;
+/// What `Process::lift_exchange` is where nobody knows it.
+inline constexpr double kUnknownExchange = -1;
+
 /// The dose that a resin is aimed at and the one at which it gels, in words: "230 mJ/cm³", "320
 /// (mW/cm²)^0.99·s, 5 times its gel dose".
 std::string dose_in_words(const Resin& resin);
@@ -385,6 +398,16 @@ struct Process {
   int fade_layers = 0;
   /// layerwise: exposure of each layer, in place of the bottom's; the last holds for later layers.
   std::vector<double> layer_exposure_s;
+  /// layerwise: whether the platform lifts after each exposure.
+  Lifts lifts = Lifts::none;
+  /// With lifts: critical doses of its own exposure that a layer has at its far edge where it holds,
+  /// 1 to 10.
+  double green_strength = kDefaultGreenStrength;
+  /// With lifts: part of the first layer over a gap that has gelled where that is a film, above 0 and
+  /// at most 1.
+  double skin = 0.5;
+  /// With lifts: share of the liquid resin that each exchanges, 0 to 1, or `kUnknownExchange`.
+  double lift_exchange = kUnknownExchange;
   UvSchedule uv;
   Ramp ramp = Ramp::none;
   double ramp_mm = 0;  ///< distance over which the stage reaches its speed; 0: not said

@@ -23,7 +23,7 @@
 namespace slicecorr {
 
 /// What a user says of printer, resin and process. An empty text, a number of 0 or less (of
-/// `platform_reflectance` and counts one below 0) and an empty list mean that nothing was said. What
+/// `platform_reflectance`, `lift_exchange` and counts one below 0) and an empty list mean that nothing was said. What
 /// each means and its range stand in `settings()`.
 struct SetupChoices {
   std::string printer, resin;            ///< names, or paths of .toml files
@@ -36,6 +36,9 @@ struct SetupChoices {
   int bottom_layers = -1, fade_layers = -1;
   /// The last holds for later layers. Alone, without the numbers above.
   std::vector<double> layer_exposure_s;
+  std::string lifts;  ///< each or none
+  double green_strength = 0, skin = 0;
+  double lift_exchange = -1;
   double uv_mw_cm2 = 0, dead_zone_um = 0;
   double gap_um = 0;  ///< `Setup::gap_um`; with an even dead zone the one aimed at
   std::string uv_schedule, even_dead_zone;

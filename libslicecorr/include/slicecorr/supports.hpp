@@ -28,6 +28,7 @@ enum class Feature {
   uneven_light,  ///< a flat-field
   vat_depth,     ///< resin that ends
   reflectance,   ///< a platform that sends light back
+  lifts,         ///< layer by layer: each layer holds when the platform lifts
   lamps_stay,    ///< slices that go slower get more light
   edge_heights,  ///< edges aimed at where the mesh has them
   left_alone,
@@ -74,5 +75,7 @@ void check_corrected(const Printer& printer, const Resin& resin, const Process& 
 const char* leave_out_heights(const Printer& printer, const Resin& resin, Process& process);
 /// The same of a cap of the dose; null also where there is none.
 const char* leave_out_cap(const Printer& printer, const Resin& resin, Process& process);
+/// The same of lifts.
+const char* leave_out_lifts(const Printer& printer, const Resin& resin, Process& process);
 
 }  // namespace slicecorr

@@ -54,6 +54,28 @@ std::string figures_table(const std::vector<Figures>& columns) {
        [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   line("feature voxels undercured",
        [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
+  const bool any_joints = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
+    return f.prediction->joints.has_value();
+  });
+  if (any_joints) {
+    const auto joints = [&](const char* name, auto value) {
+      line(name,
+           [&](const Prediction& p) { return p.joints ? value(*p.joints) : std::string("-"); });
+    };
+    joints("least dose at a joint", [](const JointFigures& j) {
+      return std::isfinite(j.least) ? fmt::format("{:.4f}", j.least) : std::string("-");
+    });
+    joints("voxels that do not hold at their lift",
+           [](const JointFigures& j) { return fmt::format("{}", j.not_holding_voxels); });
+    joints("films over gaps", [](const JointFigures& j) { return fmt::format("{}", j.films); });
+    joints("liquid layers over gaps, at most",
+           [](const JointFigures& j) { return fmt::format("{}", j.liquid_layers_max); });
+    joints("height error if lifts exchange resin, mean", [](const JointFigures& j) {
+      return fmt::format("{:.3f} um", j.exchanged_error_um.mean());
+    });
+    joints("height error if lifts exchange resin, largest",
+           [](const JointFigures& j) { return fmt::format("{:.3f} um", j.exchanged_max_um); });
+  }
   line("column features lost",
        [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
   const bool any_split = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {

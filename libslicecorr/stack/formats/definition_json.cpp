@@ -185,6 +185,8 @@ Json printer_json(const Printer& p) {
   }
   if (p.resin_depth_um > 0) json["resin_depth_um"] = p.resin_depth_um;
   if (p.platform_reflectance > 0) json["platform_reflectance"] = p.platform_reflectance;
+  if (p.lifts == Lifts::none) json["lifts"] = "none";
+  if (p.lift_exchange >= 0) json["lift_exchange"] = p.lift_exchange;
   if (p.suction_limit_pa > 0) json["suction_limit_pa"] = p.suction_limit_pa;
   if (p.vial) {
     json["vial"] = {{"outer_mm", p.vial->outer_mm},
@@ -293,6 +295,7 @@ Json resin_json(const Resin& r) {
   given("dose_diffusion_m2_s", r.dose_diffusion_m2_s);
   given("scatter_um2_per_um", r.scatter_um2_per_um);
   given("viscosity_pa_s", r.viscosity_pa_s);
+  given("green_strength", r.green_strength);
   if (std::isfinite(r.inhibitor_life_s)) json["inhibitor_life_s"] = r.inhibitor_life_s;
   if (r.inhibition) {
     json["inhibition"] = {{"beta", r.inhibition->beta},
@@ -350,6 +353,8 @@ Printer read_printer(const Node& node) {
   if (node.has("platform_reflectance")) {
     p.platform_reflectance = node["platform_reflectance"].number(0, 1);
   }
+  if (node.has("lifts")) p.lifts = Lifts(node["lifts"].choice({"none", "each"}));
+  if (node.has("lift_exchange")) p.lift_exchange = node["lift_exchange"].number(0, 1);
   if (node.has("suction_limit_pa")) {
     p.suction_limit_pa = node["suction_limit_pa"].number(0, kMostSuctionPa);
   }
@@ -385,6 +390,7 @@ Resin read_resin(const Node& node) {
   r.dose_diffusion_m2_s = given("dose_diffusion_m2_s", 0, kMostDiffusion);
   r.scatter_um2_per_um = given("scatter_um2_per_um", 0, kMostScatter);
   r.viscosity_pa_s = given("viscosity_pa_s", 0, kMostViscosity);
+  r.green_strength = given("green_strength", 1, 10);
   if (node.has("inhibitor_life_s")) {
     r.inhibitor_life_s = node["inhibitor_life_s"].number(0, kMostLifeS);
   }

@@ -1,0 +1,131 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "predict/joints.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/kernels.hpp"
+#include "cure/margin.hpp"
+#include "slicecorr/target.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+constexpr std::uint8_t kWhole = 255;
+
+}  // namespace
+
+JointWalker::JointWalker(const CureModel& model, std::size_t columns)
+    : model_(model), columns_(columns), brightest_(columns, 0.0) {}
+
+/// A layer of a feature with solid resin above: its own exposure must reach there.
+void JointWalker::join(double own_window, int slice) {
+  const double dose = own_window * model_.a * model_.returned(slice);
+  figures_.least = std::min(figures_.least, dose);
+  if (dose < model_.lifts->green_strength - kMargin) ++figures_.not_holding_voxels;
+}
+
+void JointWalker::add_slice(int slice, const double* phi, const std::uint8_t* coverage,
+                            const std::uint8_t* heights, bool at_heights) {
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    Column& c = columns_[i];
+    // What the layer's window sees at its brightest exposure; `far`: at the node below it.
+    const double far = brightest_[i];
+    const double near = std::max(phi[i], far);
+    brightest_[i] = near * model_.a;
+    const bool full = coverage[i] == kWhole;
+    if (!full) {
+      if (c.full) {
+        end_feature(c, slice + 1);
+        // Edges are those of features that end at a gap.
+        if (coverage[i] == 0) {
+          begin_gap(c, slice + 1, std::max(far, phi[i]),
+                    at_heights ? heights_[i] : std::uint8_t{0});
+        }
+      } else if (coverage[i] != 0) {
+        c.edge_node = -1;
+      }
+      continue;
+    }
+    if (!c.full) {
+      end_gap(c, slice + 1);
+      // Its edge towards the window is the window's own.
+      figures_.exchanged_error_um.add(0);
+      c.candidate = phi[i];
+      c.liquid = 0;
+      c.full = true;
+      continue;
+    }
+    // The layer below has this one above it.
+    if (phi[i] * model_.returned(slice + 1) < 1.0) {
+      ++c.liquid;
+      continue;
+    }
+    if (c.liquid > 0) {
+      // Liquid between solid layers: neither they nor the one below them hold on to anything.
+      figures_.not_holding_voxels += static_cast<std::uint64_t>(c.liquid) + 1;
+      figures_.least = 0;
+      c.liquid = 0;
+    } else {
+      join(c.candidate, slice + 1);
+    }
+    c.candidate = phi[i];
+  }
+  heights_.assign(columns_.size(), 0);
+  if (heights) std::copy_n(heights, columns_.size(), heights_.begin());
+}
+
+/// The first layer of the feature, below this node, has nothing solid above it.
+void JointWalker::end_feature(Column& c, int node) {
+  c.full = false;
+  figures_.liquid_layers_max = std::max(figures_.liquid_layers_max, c.liquid);
+  if (c.candidate * model_.returned(node + c.liquid + 1) >= model_.lifts->film - kMargin) {
+    ++figures_.films;
+  } else {
+    ++figures_.not_holding_voxels;
+  }
+  c.liquid = 0;
+}
+
+/// `exchanged`: the brightest exposure just above the node.
+void JointWalker::begin_gap(Column& c, int node, double exchanged, std::uint8_t height) {
+  const double um =
+      model_.layer_um / (model_.eta * units::kLn10) * std::log(exchanged * model_.returned(node));
+  c.edge_node = node;
+  c.edge_um = std::max(um, -1e9);
+  c.beyond_um = height != 0 ? edge_height_slices(height) * model_.layer_um : 0.0;
+}
+
+/// The gap above the last edge ends at this node: the print goes no further.
+void JointWalker::end_gap(Column& c, int node) {
+  if (c.edge_node < 0) return;
+  const double most_um = (c.edge_node - node) * model_.layer_um;
+  const double um = std::min(c.edge_um, most_um) + c.beyond_um;
+  figures_.exchanged_error_um.add(std::abs(um));
+  figures_.exchanged_max_um = std::max(figures_.exchanged_max_um, std::abs(um));
+  c.edge_node = -1;
+}
+
+void JointWalker::finish(JointFigures& figures) {
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    Column& c = columns_[i];
+    if (!c.full) {
+      end_gap(c, 0);
+      continue;
+    }
+    // On the platform every layer is to hold, the first one, too.
+    if (c.liquid > 0) {
+      figures_.not_holding_voxels += static_cast<std::uint64_t>(c.liquid) + 1;
+      figures_.least = 0;
+    } else {
+      join(c.candidate, 0);
+    }
+  }
+  figures.merge(figures_);
+}
+
+}  // namespace slicecorr::detail

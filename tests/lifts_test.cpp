@@ -1,0 +1,348 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Layer by layer with lifts: what each exposure leaves, tables of docs/lifts.md, columns against a print that
+// is followed lift by lift.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "models.hpp"
+#include "rounds.hpp"
+#include "slicecorr/correct.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr {
+namespace {
+
+struct Lift {
+  double layer_um, ha_um, full, strength = 1.2;
+  double exchange = kUnknownExchange, skin = 0.5;
+  int levels = 256;
+  double black = 0;
+};
+
+CureModel model_of(const Lift& l) {
+  CureModel m;
+  m.mode = ExposureMode::layerwise;
+  m.layer_um = l.layer_um;
+  m.eta = l.layer_um / l.ha_um;
+  m.a = std::pow(10.0, -m.eta);
+  m.one_minus_a = 1 - m.a;
+  m.root_a = std::sqrt(m.a);
+  m.critical_intensity_mw_cm2 = 1;
+  for (int v = 0; v < l.levels; ++v) {
+    m.level_phi.push_back(l.black + (l.full - l.black) * v / (l.levels - 1));
+  }
+  LiftModel& lifts = m.lifts.emplace();
+  lifts.green_strength = l.strength;
+  lifts.skin = l.skin;
+  lifts.film = std::pow(m.a, -l.skin);
+  if (l.exchange >= 0) lifts.exchange = l.exchange;
+  return m;
+}
+
+CorrectionPlan plan_of(const Lift& l, int layers) {
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = 1;
+  p.lifts = Lifts::each;
+  return {model_of(l), p, layers, layers};
+}
+
+/// How far above node u a print goes, um, below as negative, when each lift exchanges `x` of the liquid:
+/// points 1/200 of a layer apart, each followed through all exposures. `phi`: of all layers.
+double edge_um(const Lift& l, const std::vector<double>& phi, int u, double x) {
+  const double a = std::pow(10.0, -l.layer_um / l.ha_um);
+  constexpr int parts = 200;
+  const auto gels = [&](double z) {
+    // z in layers from the platform; exposures of layers below it count.
+    double dose = 0;
+    for (int n = static_cast<int>(std::floor(z + 1e-9)); n < static_cast<int>(phi.size()); ++n) {
+      dose = (1 - x) * dose + phi[static_cast<std::size_t>(n)] * std::pow(a, n + 1 - z);
+      if (dose >= 1 - 1e-12) return true;
+    }
+    return false;
+  };
+  // From within the feature's first layers towards the platform.
+  double z = u + 10;
+  while (z > 0 && gels(z - 1.0 / parts)) z -= 1.0 / parts;
+  return (u - z) * l.layer_um;
+}
+
+std::vector<double> first(const std::vector<double>& phi, int u, std::size_t count) {
+  return {phi.begin() + u, phi.begin() + u + static_cast<std::ptrdiff_t>(count)};
+}
+
+constexpr int kAbove = 60, kLayers = 60;
+
+std::vector<double> exact(const Lift& l) {
+  const auto plan = plan_of(l, kAbove + kLayers);
+  return solve_column_exactly(plan,
+                              test::column(kAbove + kLayers, {{kAbove, kAbove + kLayers - 1}}));
+}
+
+TEST(Lifts, HoldingLightWhereTheExchangeIsNotKnown) {
+  struct Row {
+    Lift lift;
+    int below;
+    double edges[3], as_sliced[3], at_node;
+  };
+  const Row rows[] = {
+      {{50, 150, 10, 1.0}, 7, {42.7, 0.0, 0.0}, {140.7, 100, 100}, 1.9244},
+      {{50, 150, 10, 1.2}, 6, {54.5, 12.0, 12.0}, {140.7, 100, 100}, 2.3093},
+      {{50, 400, 10, 1.0}, 22, {242.7, 38.8, 0.0}, {590.8, 388.8, 350}, 4.0446},
+      {{25, 200, 6, 1.2}, 17, {138.2, 35.2, 15.9}, {251.0, 150.0, 130.6}, 4.9097},
+      {{100, 110, 20, 1.0}, 2, {8.5, 0.0, 0.0}, {49.5, 43, 43}, 1.1894},
+  };
+  for (const Row& r : rows) {
+    const std::vector<double> phi = exact(r.lift);
+    const double a = std::pow(10.0, -r.lift.layer_um / r.lift.ha_um);
+    int below = 0;
+    double node = 0;
+    for (int j = 0; j < kLayers; ++j) {
+      const double light = phi[static_cast<std::size_t>(kAbove + j)];
+      EXPECT_GE(light * a, r.lift.strength) << j;
+      below += light < r.lift.full * (1 - 1e-9);
+      node += light * std::pow(a, j + 1);
+    }
+    EXPECT_EQ(below, r.below);
+    EXPECT_NEAR(node, r.at_node, 5.1e-5 * r.at_node);
+    std::vector<double> sliced(kAbove, 0.0);
+    sliced.resize(kAbove + kLayers, r.lift.full);
+    const double shares[] = {0, 0.5, 1};
+    for (int k = 0; k < 3; ++k) {
+      // To a part of 1/200 of a layer, and the digit of the table.
+      const double to = r.lift.layer_um / 200 + 0.051;
+      EXPECT_NEAR(edge_um(r.lift, phi, kAbove, shares[k]), r.edges[k], to);
+      EXPECT_NEAR(edge_um(r.lift, sliced, kAbove, shares[k]), r.as_sliced[k], to + 0.5);
+    }
+  }
+}
+
+TEST(Lifts, LightWhereAllResinStays) {
+  struct Row {
+    Lift lift;
+    int liquid;
+    std::vector<double> phi;
+  };
+  const Row rows[] = {
+      {{50, 150, 10, 1.0, 0}, 1, {0, 1.4678, 2.1544, 2.1544, 8.4341, 10, 10}},
+      {{50, 150, 10, 1.5, 0}, 1, {0, 1.4678, 3.2317, 3.2317, 3.2317}},
+      {{50, 400, 10, 1.0, 0}, 5, {0, 0, 0, 0, 0, 1.1548, 1.3335}},
+      {{25, 200, 6, 1.2, 0}, 6, {0, 0, 0, 0, 0, 0, 1.1548, 1.6002}},
+      {{100, 110, 20, 1.0, 0}, 0, {5.2989, 20, 20, 20}},
+  };
+  for (const Row& r : rows) {
+    const std::vector<double> phi = exact(r.lift);
+    const double a = std::pow(10.0, -r.lift.layer_um / r.lift.ha_um);
+    const auto got = first(phi, kAbove, r.phi.size());
+    for (std::size_t j = 0; j < got.size(); ++j) EXPECT_NEAR(got[j], r.phi[j], 5.1e-5) << j;
+    double node = 0;
+    for (int j = 0; j < kLayers; ++j) {
+      node += phi[static_cast<std::size_t>(kAbove + j)] * std::pow(a, j + 1);
+    }
+    EXPECT_NEAR(node, 1, 1e-6);
+    EXPECT_NEAR(edge_um(r.lift, phi, kAbove, 0), 0, r.lift.layer_um / 200 + 1e-9);
+  }
+}
+
+TEST(Lifts, LightWhereAllResinIsExchanged) {
+  const Lift l{50, 150, 10, 1.0, 1};
+  const std::vector<double> phi = exact(l);
+  const double a = std::pow(10.0, -1.0 / 3);
+  for (int j = 0; j < 10; ++j) {
+    EXPECT_NEAR(phi[static_cast<std::size_t>(kAbove + j)], std::min(10.0, std::pow(a, -(j + 1))),
+                1e-6);
+  }
+  EXPECT_NEAR(edge_um(l, phi, kAbove, 1), 0, 0.26);
+}
+
+TEST(Lifts, WhatStandsOnThePlatformKeepsItsLight) {
+  const Lift l{25, 157, 40, 1.2};
+  const auto plan = plan_of(l, 120);
+  const auto levels = solve_column(plan, test::column(120, {{0, 119}}));
+  for (const auto level : levels) EXPECT_EQ(level, 255);
+}
+
+/// What holds in a column, layer by layer, by a rule of its own: own exposures alone.
+struct Held {
+  std::uint64_t not_holding = 0, films = 0;
+  int liquid = 0;
+};
+Held held(const Lift& l, const std::vector<double>& phi, const std::vector<std::uint8_t>& design) {
+  const double a = std::pow(10.0, -l.layer_um / l.ha_um);
+  Held h;
+  for (std::size_t n = 0; n < design.size();) {
+    if (design[n] != 255) {
+      ++n;
+      continue;
+    }
+    std::size_t end = n;
+    while (end < design.size() && design[end] == 255) ++end;
+    std::size_t solid = n;
+    if (n > 0) {
+      while (solid < end && phi[solid] < 1) ++solid;
+      h.liquid = std::max(h.liquid, static_cast<int>(solid - n));
+      if (solid < end) {
+        if (phi[solid] >= std::pow(a, -l.skin) - 1e-9) {
+          ++h.films;
+        } else {
+          ++h.not_holding;
+        }
+        ++solid;
+      }
+    }
+    for (; solid < end; ++solid) h.not_holding += phi[solid] * a < l.strength - 1e-9;
+    n = end;
+  }
+  return h;
+}
+
+TEST(Lifts, RandomColumnsHoldAndNoFeatureIsThinner) {
+  std::mt19937 random(11);
+  for (int round = 0; round < test::rounds(80); ++round) {
+    Lift l{25.0 + 25 * (random() % 3), 60.0 + random() % 200, 0, 1.0 + 0.1 * (random() % 6)};
+    const double a = std::pow(10.0, -l.layer_um / l.ha_um);
+    // Full light holds, by up to ten times.
+    l.full = l.strength / a * (1.02 + random() % 9);
+    l.levels = round % 4 == 3 ? 16 : 256;
+    l.black = round % 3 == 0 ? l.full / 800 : 0;
+    const double shares[] = {kUnknownExchange, 0, 0.4, 1};
+    l.exchange = shares[round % 4];
+    std::vector<std::pair<int, int>> runs;
+    for (int n = static_cast<int>(random() % 4); n < 90;) {
+      const int last = n + 2 + static_cast<int>(random() % 25);
+      runs.push_back({n, last});
+      n = last + 8 + static_cast<int>(random() % 20);
+    }
+    runs.back().second = std::min(runs.back().second, 109);
+    const auto design = test::column(110, runs);
+    const auto plan = plan_of(l, 110);
+    const auto levels = solve_column(plan, design);
+    std::vector<double> phi;
+    for (const auto level : levels) phi.push_back(plan.model.level_phi[level]);
+    const Held by_hand = held(l, phi, design);
+    EXPECT_EQ(by_hand.not_holding, 0U) << round;
+    // What the prediction says is the same.
+    const PixelCurve curve = pixel_curve(plan.model);
+    BandPredictor predictor(plan.model, curve, 110, 1);
+    for (int n = 110; n-- > 0;) {
+      const auto k = static_cast<std::size_t>(n);
+      const auto pixel = static_cast<std::uint8_t>(pixel_of_level(levels[k], l.levels));
+      predictor.add_slice(n, &pixel, &design[k]);
+    }
+    const Prediction p = predictor.finish(0, 0, 1);
+    ASSERT_TRUE(p.joints);
+    EXPECT_EQ(p.joints->not_holding_voxels, by_hand.not_holding);
+    EXPECT_EQ(p.joints->films, by_hand.films);
+    EXPECT_EQ(p.joints->liquid_layers_max, by_hand.liquid);
+    if (l.exchange < 0) {
+      EXPECT_EQ(by_hand.liquid, 0);
+      EXPECT_EQ(p.undercure_voxels, 0U) << round;
+    }
+    // No upper edge lies inside its feature, whatever is exchanged.
+    for (const auto& [from, to] : runs) {
+      if (from == 0 || l.exchange >= 0) continue;
+      for (const double x : {0.0, 0.5, 1.0}) {
+        if (to - from >= 10) {
+          EXPECT_GE(edge_um(l, phi, from, x), -l.layer_um / 200 - 1e-9) << round;
+        }
+      }
+    }
+    // The band does what the definition does.
+    BandCorrector band(plan, 3);
+    std::vector<std::uint8_t> row(3);
+    for (const auto c : design) {
+      row.assign(3, c);
+      row[1] = 0;
+      band.add_layer(row.data());
+    }
+    band.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
+      EXPECT_EQ(level[0], levels[static_cast<std::size_t>(n)]) << round << " " << n;
+      EXPECT_EQ(level[1], 0);
+      EXPECT_EQ(level[2], levels[static_cast<std::size_t>(n)]);
+    });
+  }
+}
+
+TEST(Lifts, NoFewerLiquidLayersHoldOnShortColumns) {
+  // All sequences of five levels of the first five layers, the rest as they are: none with fewer
+  // liquid layers holds and ends at the node.
+  std::mt19937 random(5);
+  for (int round = 0; round < 12; ++round) {
+    Lift l{50, 120.0 + random() % 120, 0, 1.0 + 0.2 * (random() % 2), 0};
+    l.levels = 5;
+    const double a = std::pow(10.0, -l.layer_um / l.ha_um);
+    l.full = l.strength / a * 2.1;
+    const auto design = test::column(12, {{6, 11}});
+    const auto plan = plan_of(l, 12);
+    const auto levels = solve_column(plan, design);
+    const auto count_liquid = [&](const std::vector<int>& chosen) {
+      int liquid = 0;
+      while (
+          liquid < 6 &&
+          plan.model.level_phi[static_cast<std::size_t>(chosen[static_cast<std::size_t>(liquid)])] <
+              1)
+        ++liquid;
+      return liquid;
+    };
+    const auto fits = [&](const std::vector<int>& chosen) {
+      std::vector<double> phi(6, 0.0);
+      double node = 0;
+      for (std::size_t j = 0; j < 6; ++j) {
+        phi.push_back(plan.model.level_phi[static_cast<std::size_t>(chosen[j])]);
+        node += phi.back() * std::pow(a, static_cast<double>(j) + 1);
+      }
+      return held(l, phi, design).not_holding == 0 && node <= 1 + 1e-6;
+    };
+    std::vector<int> ours(levels.begin() + 6, levels.end());
+    int fewest = 99;
+    std::vector<int> tried(6);
+    for (int code = 0; code < 15625; ++code) {
+      int rest = code;
+      for (int& t : tried) {
+        t = rest % 5;
+        rest /= 5;
+      }
+      if (fits(tried)) fewest = std::min(fewest, count_liquid(tried));
+    }
+    if (fewest == 99) {
+      // None fits: the last layer is a film, and the edge goes too far.
+      EXPECT_EQ(count_liquid(ours), 5) << round;
+      continue;
+    }
+    EXPECT_TRUE(fits(ours)) << round;
+    EXPECT_EQ(count_liquid(ours), fewest) << round;
+  }
+}
+
+TEST(Lifts, FeasibleIsWhatHolds) {
+  const Printer printer = test::linear_printer(0, 10);
+  const auto fails = [&](double exposure_s) -> std::string {
+    Process p;
+    p.mode = ExposureMode::layerwise;
+    p.exposure_s = exposure_s;
+    p.lifts = Lifts::each;
+    try {
+      check_feasible(make_cure_model(printer, test::resin(100, 150), p, 50), printer, p);
+    } catch (const InfeasibleError& e) {
+      return e.what();
+    }
+    return {};
+  };
+  const std::string text = fails(0.01);
+  EXPECT_THAT(text, testing::HasSubstr("does not hold when the platform lifts"));
+  const auto at = text.find("at least ");
+  ASSERT_NE(at, text.npos);
+  const double least_s = std::stod(text.substr(at + 9));
+  EXPECT_EQ(fails(least_s), "");
+  EXPECT_NE(fails(least_s * 0.999), "");
+}
+
+}  // namespace
+}  // namespace slicecorr

@@ -261,10 +261,12 @@ TEST_F(FirstDay, ARefusalLayerByLayerNamesTheDoseFactor) {
   good(Command{"slice", "ladder.stl", "-o", "target.uvj"} + kPrinter + kLayers);
   const Command correct = Command{"correct",   "target.uvj", "-o",        "x.uvj",        "--mode",
                                   "layerwise", "--resin",    "five.toml", "--exposure-s", "0.1"} +
-                          kPrinter;
+                          kPrinter + Command{"--lifts", "none"};
   bad(3, correct,
       {"does not gel through", "5 times the gel dose of resin 'five'", "--dose-factor"});
   good(correct + Command{"--dose-factor", "1"});
+  // With lifts it is the gel dose that a layer must have, and more of it at its joint.
+  bad(2, correct + Command{"--lifts", "sometimes"}, {"--lifts"});
 }
 
 }  // namespace

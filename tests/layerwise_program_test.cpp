@@ -30,7 +30,8 @@ constexpr const char* kUvLamp = "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0]
 
 /// Figure A.7: the ladder in an absorbance height of 110 um.
 const Command kResin{"--printer", "small.toml", "--resin", "figure-2-2", "--ha-um", "110"};
-const Command kLayerwise{"--mode", "layerwise"};
+/// The rule for machines that only step; tests of lifts are lifts_test and lifts_program_test.
+const Command kLayerwise{"--mode", "layerwise", "--lifts", "none"};
 const Command kRung{"--x", "80", "--y", "60"};
 const double kA = std::pow(10.0, -50.0 / 110);
 

@@ -13,6 +13,7 @@
 #include "models.hpp"
 #include "rounds.hpp"
 #include "slicecorr/correct.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/predict.hpp"
 
@@ -267,6 +268,32 @@ TEST(Lifts, RandomColumnsHoldAndNoFeatureIsThinner) {
       EXPECT_EQ(level[1], 0);
       EXPECT_EQ(level[2], levels[static_cast<std::size_t>(n)]);
     });
+  }
+}
+
+TEST(Lifts, DosesOfExchangedResinAreThoseOfAPrintLiftByLift) {
+  std::mt19937 random(3);
+  for (int round = 0; round < test::rounds(20); ++round) {
+    Lift l{25.0 + 25 * (random() % 3), 60.0 + random() % 300, 8, 1.2};
+    const double shares[] = {0.05, 0.3, 0.8, 1};
+    l.exchange = shares[round % 4];
+    const CureModel model = model_of(l);
+    std::vector<std::uint8_t> pixels(60);
+    std::vector<double> phi;
+    for (auto& p : pixels) {
+      p = random() % 3 ? static_cast<std::uint8_t>(random() % 256) : 0;
+      phi.push_back(model.level_phi[p]);
+    }
+    const ColumnDose dose = column_dose(model, pixels);
+    for (std::size_t n = 0; n < pixels.size(); ++n) {
+      // In the middle of layer n, exposure by exposure.
+      double now = 0, most = 0;
+      for (std::size_t k = n; k < pixels.size(); ++k) {
+        now = (1 - l.exchange) * now + phi[k] * std::pow(model.a, static_cast<double>(k - n) + 0.5);
+        most = std::max(most, now);
+      }
+      EXPECT_NEAR(dose.middle[n], most, 1e-9 * (1 + most)) << round << " " << n;
+    }
   }
 }
 

@@ -169,7 +169,8 @@ def gel_time(p):
 
 
 def bleaching(p):
-    p.resin["cure"]["m"] = 1.0  # another exponent does not go with it
+    if p.resin["cure"]["model"] == "kinetic":
+        p.resin["cure"]["m"] = 1.0  # another exponent does not go with it
     height = p.resin["cure"]["absorbance_height_um"]
     p.resin["bleaching"] = {"absorbance_height_um": 2.5 * height, "absorbance_base": "e", "dose_mj_cm2": 30.0}
 
@@ -253,7 +254,8 @@ UV = {"constant UV light", "UV light per slice", "patterned UV light", "an even 
 # Figures only: no image changes.
 TELLS_ONLY = {"how sure figures are"}
 # Not one print: no word of the table is needed.
-ELSEWHERE = [({"layer by layer", "more light for slower slices"}, "is for continuous exposure")] + [
+ELSEWHERE = [({mode, "more light for slower slices"}, "is for continuous exposure")
+             for mode in ("layer by layer", "layers that hold at each lift")] + [
     # Resin files have one or the other.
     ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})] + [
     ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
@@ -271,6 +273,9 @@ class Table:
 
     def verdicts(self, features):
         """Of all pairs among `features`: verdict and words, as the programs look: refusals first."""
+        features = set(features)
+        if "layers that hold at each lift" in features:
+            features.add("layer by layer")
         found = [(r["verdict"], r["words"]) for r in self.rows
                  if short(r["a"]) in features and short(r["b"]) in features]
         return found

@@ -288,7 +288,7 @@ TEST_F(Post, ArchivesThatDoNotFit) {
   bad(2, kSmall + Command{"part.sl1"}, {"part.sl1: --exposure-s is required"});
   o.exposure_s = o.first_s = 0.05;
   make_sl1(folder_ / "part.sl1", o);
-  bad(3, kSmall + Command{"part.sl1"}, {"part.sl1: ", "at least 0.078"});
+  bad(3, kSmall + Command{"part.sl1"}, {"part.sl1: ", "at least 0.094"});
   Bytes whole = bytes("part.sl1");
   whole.resize(whole.size() / 2);
   write_file(folder_ / "part.sl1", whole);

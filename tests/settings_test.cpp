@@ -78,7 +78,7 @@ void say(const Setting& s, SetupChoices& choices) {
         } else if constexpr (std::is_same_v<Value, std::vector<double>>) {
           value = {3, 2};
         } else {
-          value = static_cast<Value>(s.range.most < 3 ? s.range.most / 2 : 3);
+          value = static_cast<Value>(s.range.most < 3 ? 0.7 * s.range.most : 3);
         }
       },
       s.chosen);

@@ -268,9 +268,17 @@ void darken(double* far_edge, double dark, double a) {
   for (std::size_t i = 0; i < kBlock; ++i) far_edge[i] = (dark + far_edge[i]) * a;
 }
 
+/// What later slices leave at the far edge of a layer whose slice has this light. Where lifts exchange
+/// resin it is no less than the brightest of them, which is taken: no feature gets thinner by it.
+double left_by(const CureModel& model, double light, double after) {
+  const bool exchanged = model.lifts && model.lifts->exchange.value_or(0) > 0;
+  return (exchanged ? std::max(light, after) : light + after) * model.a;
+}
+
 void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
   if (coded_.slices() != plan_.layers) throw Error("the plan has more layers");
   if (lifted_) lifted_->end_all(plan_.layers);
+  const bool exchanged = plan_.model.lifts && plan_.model.lifts->exchange.value_or(0) > 0;
   const std::size_t columns = coded_.columns();
   std::vector<double> far_edge(columns, 0.0);
   std::vector<std::uint8_t> out(columns), here(columns), above(columns);
@@ -302,7 +310,12 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
       const bool gap = all_zero(here.data() + b, end - b) &&
                        (!leaves_alone || all_zero(left.data() + b, end - b));
       if (gap && end - b == kBlock) {
-        darken(&far_edge[b], dark, plan_.model.a);
+        if (exchanged) {
+          for (std::size_t i = b; i < end; ++i)
+            far_edge[i] = left_by(plan_.model, dark, far_edge[i]);
+        } else {
+          darken(&far_edge[b], dark, plan_.model.a);
+        }
         std::memset(out.data() + b, 0, kBlock);
         continue;
       }
@@ -310,7 +323,7 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
       const auto show = [&](std::size_t i, int level) {
         out[i] = static_cast<std::uint8_t>(level);
         if (level) all_dark = false;
-        far_edge[i] = (plan_.levels.phi(level) * ratio + far_edge[i]) * plan_.model.a;
+        far_edge[i] = left_by(plan_.model, plan_.levels.phi(level) * ratio, far_edge[i]);
       };
       const auto solve_voxel = [&](std::size_t i) {
         const LayerLight light{
@@ -396,7 +409,7 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
     const std::uint8_t height = gap_above && k < heights.size() ? heights[k] : std::uint8_t{0};
     const double phi =
         choose(k, c, LayerLight{plan, ratio, far_edge, dark_window(plan, n - 1), height, n});
-    far_edge = (phi * ratio + far_edge) * plan.model.a;
+    far_edge = left_by(plan.model, phi * ratio, far_edge);
     if (bath > 0) shown[k] = phi;
   }
 }

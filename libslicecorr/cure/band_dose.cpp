@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "base/kernels.hpp"
@@ -237,6 +238,48 @@ void add(double* __restrict near, const double* __restrict far, const double* __
   for (std::size_t i = 0; i < n; ++i) near[i] = phi[i] * ratio + far[i];
 }
 
+/// The greatest dose that a place has had at any lift, where each exchanges a share x of the liquid
+/// (docs/lifts.md): D_k = (1 - x) D_(k-1) + phi_k a^(k-n) at the window of layer n, k from n on. With
+/// D_k = (1 - x)^(k-n) h_k one slice further up all h become phi + a h / (1 - x), so each k is carried on
+/// by itself.
+class ExchangedDose {
+ public:
+  ExchangedDose(double exchange, double a, double most, std::size_t columns)
+      : keeps_(1 - exchange), per_keeps_(a / keeps_), most_(most) {
+    if (keeps_ > 0) after_.resize(columns);
+  }
+  /// `far`: what later slices leave at the window; `near`: with the slice at hand.
+  void add(std::size_t first, std::size_t n, const double* phi, double ratio, const double* far,
+           double* near) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const double light = phi[i] * ratio;
+      near[i] = keeps_ > 0 ? add(after_[first + i], light) : std::max(light, far[i]);
+    }
+  }
+
+ private:
+  struct After {
+    double h, kept;
+  };
+  double add(std::vector<After>& after, double light) const {
+    double dose = light;
+    for (After& k : after) {
+      k.h = light + per_keeps_ * k.h;
+      k.kept *= keeps_;
+      dose = std::max(dose, k.kept * k.h);
+    }
+    // The furthest are the first to count for nothing.
+    constexpr double nothing = 1e-10;
+    const auto counts = [&](const After& k) { return k.kept * (k.h + most_) > nothing; };
+    after.erase(after.begin(), std::find_if(after.begin(), after.end(), counts));
+    if (light > 0) after.push_back({light, 1});
+    return dose;
+  }
+
+  double keeps_, per_keeps_, most_;
+  std::vector<std::vector<After>> after_;  ///< of each column, the furthest first
+};
+
 /// Layer by layer exposure, by appendix A.6: W(n) = (phi'_n + W(n + 1)) a, or as it fades in the
 /// resin.
 template <typename Steps>
@@ -245,6 +288,10 @@ class LayerwiseWalker final : public detail::DoseWalker {
   LayerwiseWalker(const CureModel& model, std::size_t columns)
       : model_(model), steps_(model), curve_(pixel_curve(model)), bath_(model) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
+    const double exchange = model.lifts ? model.lifts->exchange.value_or(0) : 0;
+    if (exchange > 0) {
+      exchanged_.emplace(exchange, model.a, model.phi_max() * model.greatest_ratio(), columns);
+    }
   }
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
     const double ratio = model_.ratio(slice);
@@ -255,7 +302,11 @@ class LayerwiseWalker final : public detail::DoseWalker {
     for (std::size_t b = 0; b < lower.size(); b += kBlock) {
       const std::size_t n = std::min(kBlock, lower.size() - b);
       detail::block_phi(curve_, showings, b, n, phi);
-      add(&lower[b], &upper[b], phi, ratio, n);
+      if (exchanged_) {
+        exchanged_->add(b, n, phi, ratio, &upper[b], &lower[b]);
+      } else {
+        add(&lower[b], &upper[b], phi, ratio, n);
+      }
       if constexpr (Steps::kDear) {
         fade_by_steps(b, n);
       } else {
@@ -287,6 +338,7 @@ class LayerwiseWalker final : public detail::DoseWalker {
   Steps steps_;
   PixelCurve curve_;
   Bath bath_;
+  std::optional<ExchangedDose> exchanged_;
 };
 
 template <typename Steps>

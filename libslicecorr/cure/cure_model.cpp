@@ -263,6 +263,7 @@ std::vector<Feature> features_of(const CureModel& model) {
   if (model.inhibited()) features.push_back(Feature::uv_constant);
   if (model.gel_time()) features.push_back(Feature::gel_time);
   if (model.bleaching()) features.push_back(Feature::bleaching);
+  if (model.lifts) features.push_back(Feature::lifts);
   if (model.bath_slices > 0) features.push_back(Feature::vat_depth);
   if (model.mirrored_slices > 0) features.push_back(Feature::reflectance);
   if (model.mode == ExposureMode::continuous && !model.exposure_ratio.empty()) {
@@ -317,7 +318,7 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     }
   }
   if (process.mode == ExposureMode::layerwise && process.lifts == Lifts::each &&
-      process.uv.kind == UvKind::off && model.adds_up()) {
+      process.uv.kind == UvKind::off && model.adds_up() && !(printer.resin_depth_um > 0)) {
     LiftModel& lifts = model.lifts.emplace();
     lifts.green_strength = process.green_strength;
     lifts.skin = process.skin;

@@ -55,7 +55,8 @@ struct BlackLight {
 int reach(const CureModel& model) {
   if (model.gel_time()) return 2 * model.gel_time()->reach();
   constexpr double nothing = 40, most = 1e6;
-  return static_cast<int>(std::min(most, std::ceil(nothing / model.bleaching()->bleached())));
+  const double fall = model.bleaching() ? model.bleaching()->bleached() : model.eta * units::kLn10;
+  return static_cast<int>(std::min(most, std::ceil(nothing / fall)));
 }
 
 /// The same of doses that are no sums: by walking black slices up to the platform.
@@ -73,8 +74,19 @@ BlackLight most_black_by_walk(const CureModel& model, const std::vector<double>&
   return most;
 }
 
+/// Whether lifts exchange resin that black light has reached; while nobody knows, they may.
+bool exchanges(const CureModel& model) {
+  return model.lifts && model.lifts->exchange.value_or(1) > 0;
+}
+
 BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
-  if (!model.adds_up()) return most_black_by_walk(model, ratios);
+  if (exchanges(model) && !model.lifts->exchange) {
+    // What a single exposure gels is sure to gel.
+    const auto longest = std::max_element(ratios.begin(), ratios.end());
+    if (longest == ratios.end()) return {model.phi_min(), 0};
+    return {model.phi_min() * *longest, static_cast<int>(longest - ratios.begin())};
+  }
+  if (!model.adds_up() || exchanges(model)) return most_black_by_walk(model, ratios);
   const auto ratio = [&](std::size_t n) {
     return ratios.empty() ? 1.0 : n < ratios.size() ? ratios[n] : ratios.back();
   };
@@ -97,6 +109,7 @@ BlackLight most_black(const CureModel& model, const std::vector<double>& ratios)
 double black_gain(const CureModel& model) { return model.steady(model.returned(1)); }
 /// What black light adds up to where all exposures are normal, as a share of that with which it gels.
 double alike_black(const CureModel& model) {
+  if (exchanges(model)) return most_black(model, {}).dose;
   if (model.gel_time()) return most_black_by_walk(model, {}).dose;
   // A dose of 1 at the window stays if a slice adds what it loses in a layer.
   if (model.bleaching()) return model.phi_min() / (1.0 - model.faded(1.0));
@@ -153,7 +166,7 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
-  if (!model.adds_up()) return model.ratio(rule) * alike_black(model) >= 1.0;
+  if (!model.adds_up() || exchanges(model)) return model.ratio(rule) * alike_black(model) >= 1.0;
   return model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a >= 1.0;
 }
 
@@ -268,7 +281,9 @@ Process cut(Process p, double most_s) {
 /// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
 /// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
-  if (!model.adds_up() && model.phi_min() > 0) return normal_s / alike_black(model);
+  if ((!model.adds_up() || exchanges(model)) && model.phi_min() > 0) {
+    return normal_s / alike_black(model);
+  }
   return model.phi_min() > 0 ? normal_s * model.one_minus_a / (model.phi_min() * black_gain(model))
                              : std::numeric_limits<double>::infinity();
 }

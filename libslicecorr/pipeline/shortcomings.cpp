@@ -23,6 +23,12 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "{} voxels cure through and {} stay undercured with the inputs as they are said: edges beside "
         "thin features and gaps give way so that these hold when inputs are off",
         p.cure_through_voxels, p.undercure_voxels));
+  } else if (p.cure_through_voxels > 0 && p.undercure_voxels == 0 && p.joints &&
+             !model.lifts->exchange) {
+    context.tell(fmt::format(
+        "{} voxels will still cure through if lifts exchange no resin, because each layer must hold when "
+        "the platform lifts; edges lie within {:.3g} um if they exchange all",
+        p.cure_through_voxels, p.joints->exchanged_max_um));
   } else if (p.cure_through_voxels + p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "

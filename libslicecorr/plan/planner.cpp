@@ -44,7 +44,11 @@ PaceRange gelling(const Setup& setup, double layer_um) {
     lit =
         model.bleaching() ? model.phi_max() / model.before_fading(1.0) : model.phi_max() * model.a;
     if (model.lifts) lit /= model.lifts->green_strength;
-    black = model.phi_min() / (model.bleaching() ? 1.0 - model.faded(1.0) : model.one_minus_a);
+    // What a lift exchanges does not add up; while nobody knows, it may exchange all.
+    const bool adds_up = !model.lifts || model.lifts->exchange.value_or(1) == 0;
+    black = model.phi_min() / (model.bleaching() ? 1.0 - model.faded(1.0)
+                               : adds_up         ? model.one_minus_a
+                                                 : 1.0);
   }
   const double unit = continuous ? reference : 1;
   PaceRange r{unit * black * (1 + 1e-6), unit * lit * (1 - 1e-6)};

@@ -199,6 +199,8 @@ constexpr Unsupported kTable[] = {
     {lifts, gel_time, without,
      "whether layers hold at each lift is not looked at with a resin of model \"gel-time\": doses count "
      "at the end alone"},
+    {lifts, vat_depth, without,
+     "whether layers hold at each lift is not looked at in resin that ends: doses count at the end alone"},
     {lifts, bleaching, without,
      "whether layers hold at each lift is not looked at with a resin that bleaches: doses count at the "
      "end alone"},

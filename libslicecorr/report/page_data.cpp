@@ -204,7 +204,8 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
         uneven || v.under_uv ? nlohmann::ordered_json() : kernel_json(*model.inhibited(), v.layers);
   }
   // Doses that are no sums over slices are not for the page's own arithmetic.
-  if (!model.adds_up()) j["kernel"] = nullptr;
+  const bool exchanged = model.lifts && model.lifts->exchange.value_or(0) > 0;
+  if (!model.adds_up() || exchanged) j["kernel"] = nullptr;
   j["state"] = {base64(states[0]), base64(states[1])};
 
   Bytes fields[6];

@@ -31,6 +31,9 @@ void check_uncertain(const Setup& setup) {
   if (uv != UvKind::off && setup.uncertainty && setup.uncertainty->noise > 0) {
     refuse("of noise under UV light; expected no error of noise");
   }
+  if (setup.process.lifts == Lifts::each && setup.process.lift_exchange > 0) {
+    refuse("where lifts exchange resin; expected no lift_exchange");
+  }
   if (setup.resin.scatter_um2_per_um > 0) {
     refuse("where light scatters in the resin; expected a resin without it");
   }

@@ -171,10 +171,11 @@ void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
   if (c_.skin > 0) p.skin = c_.skin;
   if (c_.lift_exchange >= 0) p.lift_exchange = c_.lift_exchange;
   if (recorded) return;
-  leave_out_lifts(setup.printer, setup.resin, p);
   // With lifts the strength at joints takes the place of a factor on all doses.
+  Process counted = p;
+  leave_out_lifts(setup.printer, setup.resin, counted);
   const bool dose_said = c_.dose_factor > 0 || c_.dc_mj_cm3 > 0;
-  if (p.lifts == Lifts::each && !dose_said && setup.resin.dose_factor > 1) {
+  if (counted.lifts == Lifts::each && !dose_said && setup.resin.dose_factor > 1) {
     ResinOverrides gel;
     gel.dose_factor = 1;
     setup.resin = with_overrides(setup.resin, gel);

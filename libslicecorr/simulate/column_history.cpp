@@ -157,6 +157,7 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
                               const ExecutionContext& context) {
   refuse_recording(stack);
   refuse_scatter(setup.resin);
+  refuse_exchange(setup.process);
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());

@@ -38,6 +38,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
                                 const ExecutionContext& context) {
   refuse_recording(stack);
   refuse_scatter(setup.resin);
+  refuse_exchange(setup.process);
   const Grid& grid = stack.grid();
   if (target) check_same_voxels(grid, target->grid());
   if (y < 0 || y >= grid.height_px) {

@@ -43,6 +43,8 @@ nlohmann::ordered_json feature_rows() {
   };
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   const auto add = [&](Feature a, std::optional<Feature> b, bool layerwise, bool gel_time) {
+    // Layers are lifted where they are exposed one by one.
+    if (!layerwise && (a == Feature::lifts || b == Feature::lifts)) return;
     std::vector<Feature> together{a};
     if (b) together.push_back(*b);
     if (layerwise) together.push_back(Feature::layerwise);

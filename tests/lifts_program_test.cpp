@@ -1,0 +1,159 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// Layer by layer with lifts through the programs: light that stays, figures, files that say it, what is
+/// refused and what is told.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "ladder.hpp"
+#include "program_fixture.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* kResinText =
+    "name = \"plain\"\n[cure]\nabsorbance_height_um = 150\nabsorbance_base = 10\n"
+    "gel_dose_mj_cm2 = 10\n";
+
+class LiftsProgram : public ProgramFixture {
+ protected:
+  LiftsProgram() {
+    write_stl(folder_ / "ladder.stl", ladder());
+    TriangleMesh block;
+    add_box(block, {0, 0, 0}, {2, 2, 1});
+    write_stl(folder_ / "block.stl", block);
+    write("small.toml", kSmallPrinter);
+    write("plain.toml", kResinText);
+    good(
+        {"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "small.toml"});
+  }
+  /// 0.6 s of 100 mW/cm²: 6 gel doses at the window.
+  const Command kWith{"--printer", "small.toml", "--resin",      "plain.toml",
+                      "--mode",    "layerwise",  "--exposure-s", "0.6"};
+  json process_of(const std::string& stack) const {
+    Entries entries = unzip(folder_ / stack);
+    return json::parse(to_text(entry(entries, "config.json")))["slicecorr"]["process"];
+  }
+};
+
+TEST_F(LiftsProgram, ABlockOnThePlatformKeepsItsLight) {
+  good(Command{"run", "block.stl", "-o", "block.uvj", "--layer-um", "50"} + kWith);
+  const RunResult probe = good({"probe", "block.uvj", "--x", "80", "--y", "60", "--quiet"});
+  std::size_t full = 0;
+  for (std::size_t at = 0; (at = probe.out.find(",255,", at)) != probe.out.npos; ++at) ++full;
+  EXPECT_EQ(full, 20U);
+  const json figures = json::parse(
+      good({"verify", "block.uvj", "--target", "block.uvj", "--json", "-", "--quiet"}).out);
+  EXPECT_EQ(figures["joints"]["not_holding_voxels"], 0);
+  // 6 gel doses, less what 50 um take.
+  EXPECT_NEAR(figures["joints"]["least"].get<double>(), 6 * std::pow(10.0, -1.0 / 3), 1e-3);
+}
+
+TEST_F(LiftsProgram, FeaturesOverGapsHoldAndFiguresSayIt) {
+  good(Command{"correct", "target.uvj", "-o", "part.uvj"} + kWith);
+  const json f = figures("part.uvj", "target.uvj");
+  EXPECT_EQ(f["joints"]["not_holding_voxels"], 0);
+  EXPECT_EQ(f["joints"]["liquid_layers_max"], 0);
+  EXPECT_EQ(f["joints"]["films"], 2 * 40 * 40);
+  EXPECT_GE(f["joints"]["least"].get<double>(), 1.2);
+  EXPECT_EQ(f["undercure_voxels"], 0);
+  // hs 50, ha 150: 54.5 um for x = 0, 12 for x = 1, and as sliced 11 and 78 um more.
+  EXPECT_NEAR(f["height_error_um"]["max_overreach"].get<double>(), 54.5, 2.5);
+  EXPECT_NEAR(f["height_error_um"]["exchanged"]["max_abs"].get<double>(), 12.0, 2.5);
+  const json sliced = figures("target.uvj", "target.uvj", kWith);
+  EXPECT_GT(sliced["height_error_um"]["exchanged"]["max_abs"].get<double>(), 60);
+  // The exchange known, edges come to where they belong.
+  good(Command{"correct", "target.uvj", "-o", "stays.uvj", "--lift-exchange", "0"} + kWith);
+  const json stays = figures("stays.uvj", "target.uvj");
+  EXPECT_EQ(stays["joints"]["not_holding_voxels"], 0);
+  EXPECT_GE(stays["joints"]["liquid_layers_max"], 1);
+  EXPECT_LT(stays["height_error_um"]["max_abs"].get<double>(), 1.5);
+  good(Command{"correct", "target.uvj", "-o", "fresh.uvj", "--lift-exchange", "1"} + kWith);
+  const json fresh = figures("fresh.uvj", "target.uvj");
+  EXPECT_LT(fresh["height_error_um"]["max_abs"].get<double>(), 3.0);
+  EXPECT_EQ(fresh["cure_through_voxels"], 0);
+  EXPECT_NEAR(fresh["height_error_um"]["max_abs"].get<double>(),
+              fresh["height_error_um"]["exchanged"]["max_abs"].get<double>(), 1e-3);
+}
+
+TEST_F(LiftsProgram, FilesSayIt) {
+  write("steps.toml", std::string(kSmallPrinter) + "[process]\nlifts = \"none\"\n");
+  write("known.toml", std::string(kSmallPrinter) + "[process]\nlift_exchange = 0.4\n");
+  write("tough.toml", std::string(kResinText) + "green_strength = 1.6\n");
+  const auto made = [&](const char* printer, const char* resin, const Command& more) {
+    good(Command{"correct", "target.uvj", "-o", "x.uvj", "--printer", printer, "--resin", resin,
+                 "--mode", "layerwise", "--exposure-s", "0.9"} +
+         more);
+    return process_of("x.uvj");
+  };
+  EXPECT_EQ(made("small.toml", "plain.toml", {})["lifts"], "each");
+  EXPECT_EQ(made("known.toml", "plain.toml", {})["lift_exchange"], 0.4);
+  EXPECT_EQ(made("known.toml", "plain.toml", {"--lift-exchange", "0.2"})["lift_exchange"], 0.2);
+  EXPECT_EQ(made("small.toml", "tough.toml", {})["green_strength"], 1.6);
+  EXPECT_EQ(made("small.toml", "tough.toml", {"--green-strength", "2"})["green_strength"], 2.0);
+  // Without lifts five gel doses are aimed at, for which 0.6 s are too short.
+  const RunResult steps =
+      call(Command{"correct", "target.uvj", "-o", "y.uvj", "--printer", "steps.toml", "--resin",
+                   "plain.toml", "--mode", "layerwise", "--exposure-s", "0.6"});
+  EXPECT_EQ(steps.exit_code, 3);
+  EXPECT_THAT(steps.err, HasSubstr("does not gel through"));
+  write("odd.toml", std::string(kSmallPrinter) + "[process]\nlifts = \"often\"\n");
+  bad(2,
+      {"correct", "target.uvj", "-o", "y.uvj", "--printer", "odd.toml", "--resin", "plain.toml",
+       "--mode", "layerwise", "--exposure-s", "0.6"},
+      {"odd.toml", "lifts", "often"});
+}
+
+TEST_F(LiftsProgram, WhatCantHoldIsRefusedWithATimeThatDoes) {
+  const Command brief{"--printer", "small.toml", "--resin",      "plain.toml",
+                      "--mode",    "layerwise",  "--exposure-s", "0.2"};
+  const RunResult r = call(Command{"correct", "target.uvj", "-o", "x.uvj"} + brief);
+  EXPECT_EQ(r.exit_code, 3);
+  EXPECT_THAT(r.err, HasSubstr("does not hold when the platform lifts"));
+  const auto at = r.err.find("at least ");
+  ASSERT_NE(at, r.err.npos);
+  const std::string least = r.err.substr(at + 9, r.err.find(" s", at) - at - 9);
+  good({"correct", "target.uvj", "-o", "x.uvj", "--printer", "small.toml", "--resin", "plain.toml",
+        "--mode", "layerwise", "--exposure-s", least});
+  // 1.2 gel doses through 50 um.
+  EXPECT_NEAR(std::stod(least), 0.12 * std::pow(10.0, 1.0 / 3), 1e-4);
+}
+
+TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
+  bad(2,
+      Command{"correct", "target.uvj", "-o", "x.uvj", "--printer", "small.toml", "--resin",
+              "plain.toml", "--speed-mm-h", "100", "--lifts", "each"},
+      {"--lifts", "layer by layer"});
+  for (const char* x : {"-0.1", "1.1", "nan"}) {
+    EXPECT_EQ(call(Command{"correct", "target.uvj", "-o", "x.uvj", "--lift-exchange", x} + kWith)
+                  .exit_code,
+              2);
+  }
+  bad(2,
+      Command{"correct", "target.uvj", "-o", "x.uvj", "--lift-exchange", "0.5", "--uncertain",
+              "ha=4%"} +
+          kWith,
+      {"where lifts exchange resin"});
+  good(Command{"correct", "target.uvj", "-o", "half.uvj", "--lift-exchange", "0.5"} + kWith);
+  bad(2, {"simulate", "half.uvj", "--x", "80", "--y", "60", "-o", "h.svg"}, {"lift_exchange"});
+  good({"report", "half.uvj", "--target", "target.uvj", "-o", "half.html"});
+  good({"section", "half.uvj", "--target", "target.uvj", "-o", "half.png"});
+  // Light that spreads: column by column, and told.
+  write("wide.toml", std::string(kSmallPrinter) + "spread = [[30.0, 1.0]]\n");
+  const RunResult wide =
+      good({"correct", "target.uvj", "-o", "wide.uvj", "--printer", "wide.toml", "--resin",
+            "plain.toml", "--mode", "layerwise", "--exposure-s", "0.9"});
+  EXPECT_THAT(wide.err, HasSubstr("each layer is to hold when the platform lifts"));
+}
+
+}  // namespace
+}  // namespace slicecorr::test

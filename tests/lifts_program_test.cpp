@@ -31,7 +31,10 @@ class LiftsProgram : public ProgramFixture {
     TriangleMesh block;
     add_box(block, {0, 0, 0}, {2, 2, 1});
     write_stl(folder_ / "block.stl", block);
-    write("small.toml", kSmallPrinter);
+    // Black without light, so that closed forms hold.
+    write("small.toml",
+          "name = \"small\"\n[display]\nwidth_px = 160\nheight_px = 120\npixel_um = 50.0\n[blue]\n"
+          "calibration = [[0, 0.0], [255, 100.0]]\n");
     write("plain.toml", kResinText);
     good(
         {"slice", "ladder.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "small.toml"});
@@ -46,16 +49,16 @@ class LiftsProgram : public ProgramFixture {
 };
 
 TEST_F(LiftsProgram, ABlockOnThePlatformKeepsItsLight) {
-  good(Command{"run", "block.stl", "-o", "block.uvj", "--layer-um", "50"} + kWith);
+  good({"slice", "block.stl", "-o", "design.uvj", "--layer-um", "50", "--printer", "small.toml"});
+  good(Command{"correct", "design.uvj", "-o", "block.uvj"} + kWith);
   const RunResult probe = good({"probe", "block.uvj", "--x", "80", "--y", "60", "--quiet"});
   std::size_t full = 0;
   for (std::size_t at = 0; (at = probe.out.find(",255,", at)) != probe.out.npos; ++at) ++full;
   EXPECT_EQ(full, 20U);
-  const json figures = json::parse(
-      good({"verify", "block.uvj", "--target", "block.uvj", "--json", "-", "--quiet"}).out);
-  EXPECT_EQ(figures["joints"]["not_holding_voxels"], 0);
+  const json f = figures("block.uvj", "design.uvj");
+  EXPECT_EQ(f["joints"]["not_holding_voxels"], 0);
   // 6 gel doses, less what 50 um take.
-  EXPECT_NEAR(figures["joints"]["least"].get<double>(), 6 * std::pow(10.0, -1.0 / 3), 1e-3);
+  EXPECT_NEAR(f["joints"]["least"].get<double>(), 6 * std::pow(10.0, -1.0 / 3), 1e-3);
 }
 
 TEST_F(LiftsProgram, FeaturesOverGapsHoldAndFiguresSayIt) {

@@ -67,7 +67,7 @@ class PrusaSlicer : public PostFolder {
     // The maker's file has 4 mW/cm²; these parts are for a brighter one, on a quarter of the display.
     write("sl1s.toml",
           "name = \"sl1s-bright\"\n[display]\nwidth_px = 810\nheight_px = 1280\npixel_um = 50\n"
-          "[blue]\ncalibration = [[0, 0.5], [255, 50.0]]\n");
+          "[blue]\ncalibration = [[0, 0.25], [255, 50.0]]\n");
   }
   static bool installed() { return fs::exists("/usr/bin/prusa-slicer"); }
 

@@ -138,7 +138,8 @@ class PrusaSlicer : public PostFolder {
       changed += is.pixels != was.pixels;
     }
     EXPECT_EQ(layer, expected.size());
-    EXPECT_GT(changed, layer / 2);
+    // What stands on the platform keeps its light; the layers near overhangs change.
+    EXPECT_GT(changed, layer / 3);
   }
 };
 

@@ -231,7 +231,8 @@ TEST_F(PlanProgram, TheWayThatPrintsInTheLeastTimeIsChosen) {
 }
 
 TEST_F(PlanProgram, LayerByLayerAndUvLight) {
-  const json layers = plan({"--mode", "layerwise", "--lifts", "none", "--ha-um", "110", "--points", "3"});
+  const json layers =
+      plan({"--mode", "layerwise", "--lifts", "none", "--ha-um", "110", "--points", "3"});
   // Figure A.7: 0.07837 s just gel a layer.
   EXPECT_NEAR(layers["exposure_s"].get<double>(), 0.07837, 0.0001);
   EXPECT_FALSE(layers.contains("speed_mm_h"));

@@ -30,6 +30,7 @@ const FitModelKind& kind_of(FitModel model) { return kKinds[static_cast<std::siz
 
 std::vector<std::string> fit_model_names() {
   std::vector<std::string> names;
+  names.reserve(kKinds.size());
   for (const FitModelKind& k : kKinds) names.emplace_back(k.name);
   return names;
 }

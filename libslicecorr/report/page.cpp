@@ -71,6 +71,25 @@ Markup figures_table(const ReportContent& c) {
   row("Gap voxels cured through",
       [](const Prediction& p) { return counted(p.cure_through_voxels); });
   row("Feature voxels undercured", [](const Prediction& p) { return counted(p.undercure_voxels); });
+  if (c.after.joints) {
+    const auto joints = [&](const char* name, auto value) {
+      row(name,
+          [&](const Prediction& p) { return p.joints ? value(*p.joints) : std::string("-"); });
+    };
+    joints("Least dose at a joint",
+           [](const JointFigures& j) { return number_or_dash(std::isfinite(j.least), j.least); });
+    joints("Voxels that do not hold at their lift",
+           [](const JointFigures& j) { return counted(j.not_holding_voxels); });
+    joints("Films over gaps", [](const JointFigures& j) { return counted(j.films); });
+    joints("Liquid layers over gaps, at most", [](const JointFigures& j) {
+      return counted(static_cast<std::uint64_t>(j.liquid_layers_max));
+    });
+    joints("Mean height error if lifts exchange resin", [](const JointFigures& j) {
+      return number_or_dash(true, j.exchanged_error_um.mean(), " um");
+    });
+    joints("Largest height error if lifts exchange resin",
+           [](const JointFigures& j) { return number_or_dash(true, j.exchanged_max_um, " um"); });
+  }
   row("Column features lost",
       [](const Prediction& p) { return counted(p.lost_features) + " of " + counted(p.runs); });
   row("Column features in pieces",

@@ -260,14 +260,7 @@ TEST(BleachingCorrection, RandomColumns) {
     const int bits = round % 5 == 4 ? 5 : 8;
     const Printer printer = test::gamma_printer(0.5, 100, round % 4 == 1 ? 2.2 : 1.0, bits);
     const CureModel model = make_cure_model(printer, resin, process, layer_um);
-    std::vector<std::pair<int, int>> runs;
-    for (int n = static_cast<int>(random() % 6); n < 90;) {
-      const int last = n + 3 + static_cast<int>(random() % 15);
-      runs.push_back({n, last});
-      n = last + 4 + static_cast<int>(random() % 15);
-    }
-    runs.back().second = std::min(runs.back().second, 109);
-    const auto design = test::column(110, runs);
+    const auto design = test::column(110, test::random_runs(random, 6, 109, 3, 4));
     const test::PrintedColumn printed = test::print(model, process, design);
     EXPECT_EQ(printed.undercured, 0U) << round;
     if (model.level_step_um() < layer_um / 2) {

@@ -199,6 +199,16 @@ class Print:
             return total
         return self.gelled(np.concatenate(lights, -1), np.array(times))
 
+    def own_doses(self):
+        """Layer by layer: what each exposure by itself leaves at its window, and at its layer's far edge."""
+        window = self.blue ** self.m * self.exposure_s / self.dose
+        z_um = np.arange(self.layers)[:, None, None] * self.layer_um
+        far = window * math.exp(-self.m * self.layer_um / self.he_um)
+
+        def back(z):
+            return (1 + self.rho * np.exp(-2 * z / self.he_um)) ** self.m
+        return window * back(z_um + self.layer_um), far * back(z_um)
+
     def gelled(self, light, dt):
         """max over c of min(X, Y): X the dose before the cut c over A, Y what comes after it over B."""
         zero = np.zeros(light.shape[:-1] + (1,))

@@ -389,14 +389,7 @@ TEST(GelTimeCorrection, RandomColumns) {
     const Printer printer = test::gamma_printer(0.5, 100, round % 4 == 1 ? 2.2 : 1.0, bits);
     const CureModel model =
         make_cure_model(printer, gel_time_resin({a, b}, height_um), process, layer_um);
-    std::vector<std::pair<int, int>> runs;
-    for (int n = static_cast<int>(random() % 6); n < 90;) {
-      const int last = n + 3 + static_cast<int>(random() % 15);
-      runs.push_back({n, last});
-      n = last + 4 + static_cast<int>(random() % 15);
-    }
-    runs.back().second = std::min(runs.back().second, 109);
-    const auto design = test::column(110, runs);
+    const auto design = test::column(110, test::random_runs(random, 6, 109, 3, 4));
     const test::PrintedColumn printed = test::print(model, process, design);
     // Features gel always. The middle of a gap's layer stays open where no level moves an edge that far.
     EXPECT_EQ(printed.undercured, 0U) << round;

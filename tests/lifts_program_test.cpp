@@ -67,9 +67,14 @@ TEST_F(LiftsProgram, FeaturesOverGapsHoldAndFiguresSayIt) {
   EXPECT_EQ(f["joints"]["films"], 2 * 40 * 40);
   EXPECT_GE(f["joints"]["least"].get<double>(), 1.2);
   EXPECT_EQ(f["undercure_voxels"], 0);
-  // hs 50, ha 150: 54.5 um for x = 0, 12 for x = 1, and as sliced 11 and 78 um more.
-  EXPECT_NEAR(f["height_error_um"]["max_overreach"].get<double>(), 54.5, 2.5);
-  EXPECT_NEAR(f["height_error_um"]["exchanged"]["max_abs"].get<double>(), 12.0, 2.5);
+  // hs 50, ha 150: 54.5 um for x = 0, 12 for x = 1 (docs/lifts.md); one of 256 levels of 6 gel doses more is
+  // 150 log10(1 + (6 / 255) / 2.585) = 0.59 um.
+  const double most = f["height_error_um"]["max_overreach"].get<double>();
+  EXPECT_GE(most, 54.4);
+  EXPECT_LE(most, 54.5 + 0.65);
+  const double fresh_um = f["height_error_um"]["exchanged"]["max_abs"].get<double>();
+  EXPECT_GE(fresh_um, 11.8);
+  EXPECT_LE(fresh_um, 11.9 + 0.65);
   const json sliced = figures("target.uvj", "target.uvj", kWith);
   EXPECT_GT(sliced["height_error_um"]["exchanged"]["max_abs"].get<double>(), 60);
   // The exchange known, edges come to where they belong.
@@ -77,10 +82,11 @@ TEST_F(LiftsProgram, FeaturesOverGapsHoldAndFiguresSayIt) {
   const json stays = figures("stays.uvj", "target.uvj");
   EXPECT_EQ(stays["joints"]["not_holding_voxels"], 0);
   EXPECT_GE(stays["joints"]["liquid_layers_max"], 1);
-  EXPECT_LT(stays["height_error_um"]["max_abs"].get<double>(), 1.5);
+  // The layer at the node is a level off at most: 150 log10(1 / (1 - (6 / 255) a)) = 0.71 um.
+  EXPECT_LT(stays["height_error_um"]["max_abs"].get<double>(), 0.75);
   good(Command{"correct", "target.uvj", "-o", "fresh.uvj", "--lift-exchange", "1"} + kWith);
   const json fresh = figures("fresh.uvj", "target.uvj");
-  EXPECT_LT(fresh["height_error_um"]["max_abs"].get<double>(), 3.0);
+  EXPECT_LT(fresh["height_error_um"]["max_abs"].get<double>(), 0.75);
   EXPECT_EQ(fresh["cure_through_voxels"], 0);
   EXPECT_NEAR(fresh["height_error_um"]["max_abs"].get<double>(),
               fresh["height_error_um"]["exchanged"]["max_abs"].get<double>(), 1e-3);
@@ -154,6 +160,10 @@ TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
       good({"correct", "target.uvj", "-o", "wide.uvj", "--printer", "wide.toml", "--resin",
             "plain.toml", "--mode", "layerwise", "--exposure-s", "0.9"});
   EXPECT_THAT(wide.err, HasSubstr("each layer is to hold when the platform lifts"));
+  // Rims of features, lit from one side alone, hold as they do as sliced.
+  const json spread = figures("wide.uvj", "target.uvj");
+  EXPECT_EQ(spread["joints"]["not_holding_voxels"], 0);
+  EXPECT_GE(spread["joints"]["least"].get<double>(), 1.2);
 }
 
 }  // namespace

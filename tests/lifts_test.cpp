@@ -16,6 +16,7 @@
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/predict.hpp"
+#include "slicecorr/target.hpp"
 
 namespace slicecorr {
 namespace {
@@ -25,6 +26,7 @@ struct Lift {
   double exchange = kUnknownExchange, skin = 0.5;
   int levels = 256;
   double black = 0;
+  std::vector<double> exposures = {};  ///< `CureModel::exposure_ratio`
 };
 
 CureModel model_of(const Lift& l) {
@@ -39,6 +41,7 @@ CureModel model_of(const Lift& l) {
   for (int v = 0; v < l.levels; ++v) {
     m.level_phi.push_back(l.black + (l.full - l.black) * v / (l.levels - 1));
   }
+  m.exposure_ratio = l.exposures;
   LiftModel& lifts = m.lifts.emplace();
   lifts.green_strength = l.strength;
   lifts.skin = l.skin;
@@ -56,8 +59,9 @@ CorrectionPlan plan_of(const Lift& l, int layers) {
 }
 
 /// How far above node u a print goes, um, below as negative, when each lift exchanges `x` of the liquid:
-/// points 1/200 of a layer apart, each followed through all exposures. `phi`: of all layers.
-double edge_um(const Lift& l, const std::vector<double>& phi, int u, double x) {
+/// points 1/200 of a layer apart, each followed through all exposures. `phi`: of all layers. From at most
+/// `layers` below the node on.
+double edge_um(const Lift& l, const std::vector<double>& phi, int u, double x, int layers = 10) {
   const double a = std::pow(10.0, -l.layer_um / l.ha_um);
   constexpr int parts = 200;
   const auto gels = [&](double z) {
@@ -70,7 +74,7 @@ double edge_um(const Lift& l, const std::vector<double>& phi, int u, double x) {
     return false;
   };
   // From within the feature's first layers towards the platform.
-  double z = u + 10;
+  double z = u + layers;
   while (z > 0 && gels(z - 1.0 / parts)) z -= 1.0 / parts;
   return (u - z) * l.layer_um;
 }
@@ -206,27 +210,31 @@ Held held(const Lift& l, const std::vector<double>& phi, const std::vector<std::
 
 TEST(Lifts, RandomColumnsHoldAndNoFeatureIsThinner) {
   std::mt19937 random(11);
+  int placed = 0;
   for (int round = 0; round < test::rounds(80); ++round) {
     Lift l{25.0 + 25 * (random() % 3), 60.0 + random() % 200, 0, 1.0 + 0.1 * (random() % 6)};
     const double a = std::pow(10.0, -l.layer_um / l.ha_um);
     // Full light holds, by up to ten times.
     l.full = l.strength / a * (1.02 + random() % 9);
-    l.levels = round % 4 == 3 ? 16 : 256;
+    l.levels = round / 4 % 3 == 2 ? 16 : 256;
     l.black = round % 3 == 0 ? l.full / 800 : 0;
+    if (round % 5 == 0) l.exposures = {4, 4, 2.5, 1};
     const double shares[] = {kUnknownExchange, 0, 0.4, 1};
     l.exchange = shares[round % 4];
-    std::vector<std::pair<int, int>> runs;
-    for (int n = static_cast<int>(random() % 4); n < 90;) {
-      const int last = n + 2 + static_cast<int>(random() % 25);
-      runs.push_back({n, last});
-      n = last + 8 + static_cast<int>(random() % 20);
-    }
-    runs.back().second = std::min(runs.back().second, 109);
+    const auto runs = test::random_runs(random, 4, 109, 2, 8);
     const auto design = test::column(110, runs);
+    // Half of the rounds have the edges of a mesh, up to half a layer to either side of their nodes.
+    std::vector<std::uint8_t> heights(111, 0);
+    for (const auto& [from, to] : runs) {
+      if (round % 2)
+        heights[static_cast<std::size_t>(from)] = edge_height_byte(0.01 * (random() % 81) - 0.4);
+    }
     const auto plan = plan_of(l, 110);
-    const auto levels = solve_column(plan, design);
+    const auto levels = solve_column(plan, design, heights);
     std::vector<double> phi;
-    for (const auto level : levels) phi.push_back(plan.model.level_phi[level]);
+    for (std::size_t n = 0; n < levels.size(); ++n) {
+      phi.push_back(plan.model.level_phi[levels[n]] * plan.model.ratio(static_cast<int>(n)));
+    }
     const Held by_hand = held(l, phi, design);
     EXPECT_EQ(by_hand.not_holding, 0U) << round;
     // What the prediction says is the same.
@@ -246,22 +254,41 @@ TEST(Lifts, RandomColumnsHoldAndNoFeatureIsThinner) {
       EXPECT_EQ(by_hand.liquid, 0);
       EXPECT_EQ(p.undercure_voxels, 0U) << round;
     }
-    // No upper edge lies inside its feature, whatever is exchanged.
+    // No upper edge lies inside its feature, whatever is exchanged: to a part of 1/200 of a layer.
     for (const auto& [from, to] : runs) {
-      if (from == 0 || l.exchange >= 0) continue;
-      for (const double x : {0.0, 0.5, 1.0}) {
-        if (to - from >= 10) {
-          EXPECT_GE(edge_um(l, phi, from, x), -l.layer_um / 200 - 1e-9) << round;
+      if (from == 0) continue;
+      const auto height = heights[static_cast<std::size_t>(from)];
+      const double place_um = height == 0 ? 0.0 : -edge_height_slices(height) * l.layer_um;
+      const double part_um = l.layer_um / 200 + 1e-9;
+      const int layers = std::min(10, to - from + 1);
+      if (l.exchange < 0) {
+        for (const double x : {0.0, 0.5, 1.0}) {
+          EXPECT_GE(edge_um(l, phi, from, x, layers), place_um - part_um) << round;
         }
+        continue;
       }
+      // Where the exchange is known edges are where they belong, but where a feature is too thin for
+      // that (its last layer alone is solid), or a later one lights it through.
+      int liquid = 0;
+      while (liquid <= to - from && phi[static_cast<std::size_t>(from + liquid)] < 1) ++liquid;
+      if (liquid == to - from || l.black > 0 || l.exchange > 0 || to - from < 9) continue;
+      // Levels leave less than one step of the layer at the node, and never too much.
+      const double step = l.full / (l.levels - 1) * a * plan.model.ratio(from);
+      const double edge = edge_um(l, phi, from, l.exchange, 10);
+      EXPECT_LE(edge, place_um + part_um) << round;
+      const double least = std::pow(a, -place_um / l.layer_um) - step;
+      EXPECT_GE(edge, l.ha_um * std::log10(std::max(least, 1e-3)) - part_um) << round;
+      ++placed;
     }
     // The band does what the definition does.
     BandCorrector band(plan, 3);
     std::vector<std::uint8_t> row(3);
+    std::size_t layer = 0;
     for (const auto c : design) {
       row.assign(3, c);
       row[1] = 0;
-      band.add_layer(row.data());
+      const std::vector<std::uint8_t> nodes(3, heights[layer++]);
+      band.add_layer(row.data(), nodes.data());
     }
     band.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
       EXPECT_EQ(level[0], levels[static_cast<std::size_t>(n)]) << round << " " << n;
@@ -269,6 +296,38 @@ TEST(Lifts, RandomColumnsHoldAndNoFeatureIsThinner) {
       EXPECT_EQ(level[2], levels[static_cast<std::size_t>(n)]);
     });
   }
+  EXPECT_GT(placed, 10);
+}
+
+TEST(Lifts, WhatSpreadsHoldsWhateverIsBesideIt) {
+  // Single pixels, lines and corners of random images, all by one column's rule: light of what must hold
+  // is what a pixel keeps by itself.
+  Printer printer = test::linear_printer(0, 40);
+  printer.pixel_x_um = printer.pixel_y_um = 50;
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = 1;
+  p.lifts = Lifts::each;
+  const Resin resin = test::resin(100, 300);
+  const CureModel sharp = make_cure_model(printer, resin, p, 50);
+  EXPECT_EQ(sharp.lifts->kept, 1);
+  printer.spread.gaussians = {{25.0, 1.0}};
+  const CureModel wide = make_cure_model(printer, resin, p, 50);
+  // The integral of the Gaussian over a pixel of two sigma.
+  EXPECT_NEAR(wide.lifts->kept, std::pow(std::erf(1 / std::sqrt(2.0)), 2), 1e-5);
+  Resin power = resin;
+  power.model = CureModelKind::kinetic;
+  power.m = 0.7;
+  power.critical_dose_prime = 5;
+  EXPECT_NEAR(make_cure_model(printer, power, p, 50).lifts->kept, std::pow(wide.lifts->kept, 0.7),
+              1e-9);
+  const auto design = test::column(40, {{10, 39}});
+  const auto levels = solve_column({wide, p, 40, 40}, design);
+  for (std::size_t n = 10; n < 40; ++n) {
+    EXPECT_GE(wide.level_phi[levels[n]] * wide.a * wide.lifts->kept, 1.2) << n;
+  }
+  const auto narrow = solve_column({sharp, p, 40, 40}, design);
+  EXPECT_LT(narrow[10], levels[10]);
 }
 
 TEST(Lifts, DosesOfExchangedResinAreThoseOfAPrintLiftByLift) {

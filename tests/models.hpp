@@ -63,6 +63,21 @@ inline std::vector<std::uint8_t> column(int layers, const std::vector<std::pair<
   return c;
 }
 
+/// Features from layer `first` below on, up to `last`: of `thick` layers and more, up to 15 more, `apart`
+/// and up to 15 more from each other.
+template <typename Random>
+std::vector<std::pair<int, int>> random_runs(Random& random, int first, int last, int thick,
+                                             int apart) {
+  std::vector<std::pair<int, int>> runs;
+  for (int n = static_cast<int>(random() % static_cast<unsigned>(first)); n < last - 19;) {
+    const int end = n + thick + static_cast<int>(random() % 15);
+    runs.push_back({n, end});
+    n = end + apart + static_cast<int>(random() % 15);
+  }
+  runs.back().second = std::min(runs.back().second, last);
+  return runs;
+}
+
 inline CorrectionPlan plan_for(const CureModel& model, const Process& process, int layers) {
   return {model, process, layers, slices_with_burst(model, layers, layers - 1)};
 }

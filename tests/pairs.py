@@ -16,6 +16,7 @@ import csv
 import io
 import itertools
 import json
+import math
 import os
 import pathlib
 import random
@@ -431,9 +432,45 @@ class Case:
             low, high = int((wrong & sure).sum()), int((wrong & sure).sum() + (~sure & ~alone).sum())
             if not low <= told[key] <= high:
                 self.fault(f"verify: {key} {told[key]}, the images print {low} to {high}")
+        if brute.layerwise and "joints" in told:
+            self.check_joints(brute, design, told["joints"])
         self.check_section(brute, 5)
         for x, y in ((3, 3),) if self.quick else ((3, 3), (WIDTH - 1, 0), (6, 8)):
             self.check_column(brute, x, y)
+
+    def check_joints(self, brute, design, told):
+        """What hangs on what when the platform lifts, by each exposure alone."""
+        window, far = brute.own_doses()
+        skin = math.exp(0.5 * brute.m * brute.layer_um / brute.he_um)
+        least, loose, films, liquid_most = math.inf, 0, 0, 0
+        for y, x in np.ndindex(design.shape[1:]):
+            column, n = design[:, y, x], 0
+            while n < len(column):
+                if not column[n]:
+                    n += 1
+                    continue
+                end = n
+                while end < len(column) and column[end]:
+                    end += 1
+                liquid = 0
+                if n > 0:
+                    while liquid < end - n and window[n + liquid, y, x] < 1:
+                        liquid += 1
+                    liquid_most = max(liquid_most, liquid)
+                    n += liquid
+                    films += n < end and window[n, y, x] >= skin * (1 - 1e-9)
+                    loose += n < end and window[n, y, x] < skin * (1 - 1e-9)
+                    n += 1
+                for k in range(n, end):
+                    least = min(least, far[k, y, x])
+                    loose += far[k, y, x] < 1.2 * (1 - 1e-9)
+                n = end
+        expected = {"not_holding_voxels": int(loose), "films": int(films), "liquid_layers_max": liquid_most}
+        for key, value in expected.items():
+            if told[key] != value:
+                self.fault(f"verify: joints.{key} {told[key]}, the images say {value}")
+        if abs(told["least"] - least) > TOLERANCE * least:
+            self.fault(f"verify: joints.least {told['least']}, the images say {least:.6g}")
 
     def room(self, brute, heights_um, doses):
         """By how much a dose that is told may be off."""

@@ -39,7 +39,7 @@ double LiftedFeature::most(double phi) const {
 
 double LiftedFeature::own(int n, double dose, double up) const {
   return dose * std::exp(up * model_.eta * units::kLn10) /
-         (model_.ratio(n) * model_.returned(n + 1 - up));
+         (model_.lifts->kept * model_.ratio(n) * model_.returned(n + 1 - up));
 }
 
 std::vector<double> LiftedFeature::floors(const Ask& ask, int liquid) const {

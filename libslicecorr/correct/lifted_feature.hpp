@@ -49,7 +49,8 @@ class LiftedFeature {
  private:
   double least(double phi) const;
   double most(double phi) const;
-  /// phi with which layer n gets `dose` from its own exposure, at `up` slices above its window.
+  /// phi with which layer n gets `dose` from its own exposure, at `up` slices above its window, even if
+  /// it spreads and nothing comes from beside.
   double own(int n, double dose, double up) const;
   /// Least light of all layers where the first `liquid` stay liquid; where the exchange is not known
   /// none does, and the first one holds.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cure/light_spread.hpp"
 #include "cure/limits.hpp"
 #include "cure/steps.hpp"
 #include "cure/walkers.hpp"
@@ -233,6 +234,29 @@ void take_bleaching(const Resin& resin, CureModel& model) {
   model.law = WithBleaching{law};
 }
 
+/// Gives the model of a process with lifts what they ask, where they are counted.
+void take_lifts(const Printer& printer, const Resin& resin, Process process, CureModel& model) {
+  leave_out_lifts(printer, resin, process);
+  if (process.mode != ExposureMode::layerwise || process.lifts == Lifts::none) return;
+  LiftModel& lifts = model.lifts.emplace();
+  lifts.green_strength = process.green_strength;
+  lifts.skin = process.skin;
+  lifts.film = std::exp(lifts.skin * model.eta * units::kLn10);
+  if (process.lift_exchange >= 0) lifts.exchange = process.lift_exchange;
+  const PixelBox pixel{0, 0, 1, 1};
+  double light = 1;
+  if (!printer.spread.none()) {
+    const double lit = light;
+    detail::LightBlur(printer.spread, printer.pixel_x_um, printer.pixel_y_um)
+        .apply(&lit, pixel, &light, pixel);
+  }
+  // At the far edge, where a layer must hold, light has scattered over the way there.
+  const detail::SliceScatter scatter(resin.scatter_um2_per_um, model.layer_um, printer.pixel_x_um,
+                                     printer.pixel_y_um);
+  if (!scatter.none()) scatter.apply(&light, pixel);
+  lifts.kept = std::pow(light, model.m);
+}
+
 }  // namespace
 
 std::vector<double> detail::exposure_ratios(const Process& process, double normal_s) {
@@ -317,14 +341,7 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
       model.exposure_ratio.push_back(process.speed_mm_h / v);
     }
   }
-  if (process.mode == ExposureMode::layerwise && process.lifts == Lifts::each &&
-      process.uv.kind == UvKind::off && model.adds_up() && !(printer.resin_depth_um > 0)) {
-    LiftModel& lifts = model.lifts.emplace();
-    lifts.green_strength = process.green_strength;
-    lifts.skin = process.skin;
-    lifts.film = std::exp(lifts.skin * model.eta * units::kLn10);
-    if (process.lift_exchange >= 0) lifts.exchange = process.lift_exchange;
-  }
+  take_lifts(printer, resin, process, model);
   if (process.uv.kind == UvKind::off) {
     end_bath(printer, model);
     mirror(printer, model);

@@ -10,6 +10,7 @@
 #include <functional>
 #include <optional>
 
+#include "cure/black_light.hpp"
 #include "cure/margin.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
@@ -23,7 +24,9 @@ namespace slicecorr {
 
 namespace {
 
+using detail::alike_black;
 using detail::LitPlace;
+using detail::most_black;
 
 // Limits are computed in another way than models are made. So far inside a limit (a share of it) both
 // agree.
@@ -45,77 +48,6 @@ int weakest_layer(const CureModel& model) {
   return weakest;
 }
 
-/// The greatest dose that black light adds up to at a window, and the layer there; the layer after
-/// all of `ratios` stands for normal ones.
-struct BlackLight {
-  double dose = 0;
-  int layer = 0;
-};
-/// So many black slices add up to what all would: beyond, light counts for nothing.
-int reach(const CureModel& model) {
-  if (model.gel_time()) return 2 * model.gel_time()->reach();
-  constexpr double nothing = 40, most = 1e6;
-  const double fall = model.bleaching() ? model.bleaching()->bleached() : model.eta * units::kLn10;
-  return static_cast<int>(std::min(most, std::ceil(nothing / fall)));
-}
-
-/// The same of doses that are no sums: by walking black slices up to the platform.
-BlackLight most_black_by_walk(const CureModel& model, const std::vector<double>& ratios) {
-  CureModel black = model;
-  black.exposure_ratio = ratios;
-  const std::uint8_t pixel = 0;
-  BandDose dose(black, 1);
-  BlackLight most;
-  const int own = static_cast<int>(ratios.size());
-  for (int n = own + reach(model); n-- > 0;) {
-    dose.add_slice(n, &pixel);
-    if (*dose.lower() > most.dose) most = {*dose.lower(), std::min(n, own)};
-  }
-  return most;
-}
-
-/// Whether lifts exchange resin that black light has reached; while nobody knows, they may.
-bool exchanges(const CureModel& model) {
-  return model.lifts && model.lifts->exchange.value_or(1) > 0;
-}
-
-BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
-  if (exchanges(model) && !model.lifts->exchange) {
-    // What a single exposure gels is sure to gel.
-    const auto longest = std::max_element(ratios.begin(), ratios.end());
-    if (longest == ratios.end()) return {model.phi_min(), 0};
-    return {model.phi_min() * *longest, static_cast<int>(longest - ratios.begin())};
-  }
-  if (!model.adds_up() || exchanges(model)) return most_black_by_walk(model, ratios);
-  const auto ratio = [&](std::size_t n) {
-    return ratios.empty() ? 1.0 : n < ratios.size() ? ratios[n] : ratios.back();
-  };
-  const double steady = model.steady(model.phi_min() * ratio(ratios.size())) / model.one_minus_a;
-  BlackLight most{steady, static_cast<int>(ratios.size())};
-  double black = steady;
-  const auto bath = static_cast<std::size_t>(model.bath_slices);
-  for (std::size_t n = std::max(ratios.size(), static_cast<std::size_t>(model.mirrored_slices));
-       n-- > 0;) {
-    const double leaves = bath > 0 ? model.beyond * ratio(n + bath) : 0.0;
-    black = model.phi_min() * (ratio(n) - leaves) + model.a * black;
-    // The dose of a layer is greatest beside its window.
-    const double dose = black * model.returned(static_cast<double>(n) + 1);
-    if (dose > most.dose) most = {dose, static_cast<int>(n)};
-  }
-  return most;
-}
-/// What black light adds up to at most over what it does in deep resin far from the platform, where
-/// exposures are alike.
-double black_gain(const CureModel& model) { return model.steady(model.returned(1)); }
-/// What black light adds up to where all exposures are normal, as a share of that with which it gels.
-double alike_black(const CureModel& model) {
-  if (exchanges(model)) return most_black(model, {}).dose;
-  if (model.gel_time()) return most_black_by_walk(model, {}).dose;
-  // A dose of 1 at the window stays if a slice adds what it loses in a layer.
-  if (model.bleaching()) return model.phi_min() / (1.0 - model.faded(1.0));
-  return model.phi_min() * black_gain(model) / model.one_minus_a;
-}
-
 /// The relative dose of lit pixels, which must be above 1 (layer by layer without UV: at least 1),
 /// and that of black, which must be below.
 struct Doses {
@@ -132,7 +64,7 @@ Doses doses_of(const CureModel& model) {
     const GelTimeKernel& kernel = *model.gel_time();
     return {kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1),
                                       model.ratio(weakest_layer(model))),
-            most_black_by_walk(model, model.exposure_ratio).dose};
+            most_black(model, model.exposure_ratio).dose};
   }
   if (model.mode == ExposureMode::layerwise) {
     const double full = model.phi_max() * model.ratio(weakest_layer(model));
@@ -166,8 +98,7 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
-  if (!model.adds_up() || exchanges(model)) return model.ratio(rule) * alike_black(model) >= 1.0;
-  return model.phi_min() * model.ratio(rule) * black_gain(model) / model.one_minus_a >= 1.0;
+  return model.ratio(rule) * alike_black(model) >= 1.0;
 }
 
 detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer,
@@ -281,10 +212,7 @@ Process cut(Process p, double most_s) {
 /// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
 /// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
-  if ((!model.adds_up() || exchanges(model)) && model.phi_min() > 0) {
-    return normal_s / alike_black(model);
-  }
-  return model.phi_min() > 0 ? normal_s * model.one_minus_a / (model.phi_min() * black_gain(model))
+  return model.phi_min() > 0 ? normal_s / alike_black(model)
                              : std::numeric_limits<double>::infinity();
 }
 

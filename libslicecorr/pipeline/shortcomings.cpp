@@ -35,6 +35,12 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "was found that avoids it; one level moves an edge by up to {:.3g} um",
         p.cure_through_voxels, p.undercure_voxels, levels, model.level_step_um()));
   }
+  if (p.joints && p.joints->not_holding_voxels > 0) {
+    context.tell(fmt::format(
+        "{} voxels do not hold when the platform lifts: their own exposure leaves less than {:g} gel doses "
+        "where they hang (least: {:.3g})",
+        p.joints->not_holding_voxels, model.lifts->green_strength, p.joints->least));
+  }
   // Printers of this kind want some 20 um of liquid under the part.
   constexpr double thin_um = 10;
   if (p.dead_zones && process.uv.dead_zone_um == 0 && !process.even_light &&

@@ -8,6 +8,7 @@
 #include <limits>
 #include <numeric>
 
+#include "cure/black_light.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/gel_time.hpp"
@@ -35,20 +36,14 @@ PaceRange gelling(const Setup& setup, double layer_um) {
     const int s = kernel.strongest_setting();
     lit = kernel.steady_dose(s, kernel.highest_usable_level(s));
     black = kernel.steady_dose(0, 0);
-  } else if (model.gel_time() && !continuous) {
-    const GelTimeKernel& kernel = *model.gel_time();
-    lit = kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1), 1);
-    const std::vector<std::uint8_t> dark(2 * static_cast<std::size_t>(kernel.reach()), 0);
-    black = column_dose(model, dark).lower.front();
   } else if (!continuous) {
-    lit =
-        model.bleaching() ? model.phi_max() / model.before_fading(1.0) : model.phi_max() * model.a;
-    if (model.lifts) lit /= model.lifts->green_strength;
-    // What a lift exchanges does not add up; while nobody knows, it may exchange all.
-    const bool adds_up = !model.lifts || model.lifts->exchange.value_or(1) == 0;
-    black = model.phi_min() / (model.bleaching() ? 1.0 - model.faded(1.0)
-                               : adds_up         ? model.one_minus_a
-                                                 : 1.0);
+    if (const GelTimeKernel* const kernel = model.gel_time()) {
+      lit = kernel->dose_through_layer(kernel->level_mw_cm2(kernel->levels() - 1), 1);
+    } else {
+      const double far = model.lifts ? model.lifts->green_strength : 1.0;
+      lit = model.phi_max() / model.before_fading(far);
+    }
+    black = detail::alike_black(model);
   }
   const double unit = continuous ? reference : 1;
   PaceRange r{unit * black * (1 + 1e-6), unit * lit * (1 - 1e-6)};

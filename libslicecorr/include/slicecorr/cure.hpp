@@ -97,12 +97,15 @@ using DoseLaw = std::variant<SumOfLight, UnderUv, WithGelTime, WithBleaching>;
 
 /// Layer by layer, where the platform lifts after each exposure (docs/lifts.md).
 struct LiftModel {
-  double green_strength =
-      kDefaultGreenStrength;  ///< G, 1 or more: dose at a layer's far edge that holds
-  double skin = 0.5;          ///< part of a layer that has gelled in a film
-  double film = 1;            ///< a^-skin: least dose of a film at its window
-  std::optional<double>
-      exchange{};  ///< x, share of the liquid that a lift exchanges; nothing: unknown
+  /// G, 1 or more: dose at the far edge of a layer that holds.
+  double green_strength = kDefaultGreenStrength;
+  double skin = 0.5;  ///< part of a layer that has gelled in a film
+  double film = 1;    ///< a^-skin: least dose of a film at its window
+  /// Where light spreads: what a pixel that is lit alone keeps of its dose, above 0 and at most 1. Light
+  /// of what is to hold is reckoned with that, so that it does whatever is shown beside it.
+  double kept = 1;
+  /// x, share of the liquid that a lift exchanges; nothing: unknown.
+  std::optional<double> exchange{};
 };
 
 /// A printer, a resin and an exposure schedule in dimensionless form.

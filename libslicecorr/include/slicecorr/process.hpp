@@ -146,6 +146,8 @@ struct Rotation {
 /// Layer by layer: what happens between exposures (docs/lifts.md). each: the platform lifts, so every
 /// layer must hold by its own exposure; none: it only steps, and doses count at the end alone.
 enum class Lifts { none, each };
+/// What `Process::lift_exchange` is where nobody knows it.
+inline constexpr double kUnknownExchange = -1;
 
 /// Most that `Printer::suction_limit_pa` may be, Pa: beyond a bar resin cavitates.
 inline constexpr double kMostSuctionPa = 101325;
@@ -184,7 +186,7 @@ struct Printer {
   double suction_limit_pa = 0;
   /// Layer by layer, where nothing else is said: as in `Process`.
   Lifts lifts = Lifts::each;
-  double lift_exchange = -1;
+  double lift_exchange = kUnknownExchange;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -338,8 +340,6 @@ enum class SliceLamps {
 
 /// The default of `Process::green_strength`.
 inline constexpr double kDefaultGreenStrength = 1.2;
-/// What `Process::lift_exchange` is where nobody knows it.
-inline constexpr double kUnknownExchange = -1;
 
 /// The dose that a resin is aimed at and the one at which it gels, in words: "230 mJ/cm³", "320
 /// (mW/cm²)^0.99·s, 5 times its gel dose".

@@ -181,14 +181,14 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
   if (const auto& l = after.layerwise) {
     text += fmt::format(
         "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "
-        "layer varies {:.3f}-fold{}\n",
+        "layer varies {:.3f}-fold{}{}\n",
         l->cut_through_um,
         l->max_cut_through_um > l->cut_through_um
             ? fmt::format(" ({:.3f} um where exposures are longest)", l->max_cut_through_um)
             : "",
         l->heterogeneity,
-        l->gels_further_teeth ? "; it is enough to gel layers further up beside their windows"
-                              : "");
+        l->gels_further_teeth ? "; it is enough to gel layers further up beside their windows" : "",
+        after.joints ? "" : "; whether layers hold when a platform lifts is not looked at");
   }
   if (const auto& zones = after.dead_zones; zones && std::isfinite(zones->least())) {
     // Flow's own figures are above.

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "printed_column.hpp"
@@ -87,6 +88,24 @@ TEST(BleachingLaw, WaysThereAndBack) {
     EXPECT_GT(law.after(dose, length, 1.1 * gain), law.after(dose, length, gain));
     EXPECT_GT(law.after(1.1 * dose, length, gain), law.after(dose, length, gain));
   }
+}
+
+// A fit may try any numbers: what is beyond them ends at once, and a long way is that to its end.
+TEST(BleachingLaw, AnyNumbersEnd) {
+  const double inf = std::numeric_limits<double>::infinity(), tiny = 1e-308, huge = 1e308;
+  const BleachingLaw law(2.0, 0.5, 3.0);
+  for (const double odd : {0.0, inf, -inf, std::nan("")}) {
+    EXPECT_FALSE(std::isfinite(law.length(1.0, odd))) << odd;
+    EXPECT_FALSE(std::isfinite(law.length(odd, 1.0))) << odd;
+  }
+  // 1/alpha1 over what has bleached, 1/alpha0 over what has not.
+  EXPECT_NEAR(law.length(huge, tiny) / (std::log(huge) / 0.5 - std::log(tiny) / 2.0), 1, 0.01);
+  EXPECT_LE(law.after(1.0, inf, 0.0), 1e-320);
+  EXPECT_LE(law.after(1.0, huge, 0.0), 1e-320);
+  EXPECT_NEAR(law.after(1.0, huge, 0.7) / law.steady(0.7), 1, 1e-11);
+  EXPECT_NEAR(law.after(50.0, inf, 0.7) / law.steady(0.7), 1, 1e-11);
+  EXPECT_FALSE(std::isfinite(law.after(1.0, -huge, 0.0)));
+  EXPECT_FALSE(std::isfinite(law.after(1.0, std::nan(""), 0.0)));
 }
 
 /// Doses of a column by following its light in time: resin in cells, each absorbs by the dose that it has

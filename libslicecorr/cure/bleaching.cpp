@@ -42,6 +42,7 @@ double BleachingLaw::after(double dose, double length, double gain) const {
   const double spent = (fresh_ - bleached_) * dose_;
   // Coefficients of E and of v = 1 - e^(-E/Eb), v' = (1 - v) E' / Eb.
   std::array<double, kOrder + 1> e, v;
+  double before = dose;
   for (double left = length; left != 0;) {
     const double rate = std::max(fresh_, kPi * gain / std::hypot(dose, kPi * dose_));
     const double h = std::copysign(std::min(std::abs(left), kStep / rate), length);
@@ -58,6 +59,9 @@ double BleachingLaw::after(double dose, double length, double gain) const {
     }
     double sum = e[kOrder];
     for (std::size_t k = kOrder; k-- > 0;) sum = sum * h + e[k];
+    // A dose that stays where it is, or takes turns with its neighbour, stays for any length left.
+    if (sum == dose || sum == before || !std::isfinite(sum)) return sum;
+    before = dose;
     dose = sum;
   }
   return dose;

@@ -7,16 +7,18 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 namespace slicecorr {
 
 /// The integral of `f` from `from` to `to`, negative where that is less, by Gauss's rule of five places
-/// on pieces of at most `piece`.
+/// on pieces of at most `piece`; NaN where an end is not finite.
 template <typename Function>
 double gauss_legendre(double from, double to, Function f, double piece = 0.5) {
   constexpr std::array<double, 3> place{0.0, 0.53846931010568309, 0.90617984593866399};
   constexpr std::array<double, 3> weight{0.56888888888888889, 0.47862867049936647,
                                          0.23692688505618909};
+  if (!std::isfinite(to - from)) return std::numeric_limits<double>::quiet_NaN();
   const double pieces = std::ceil(std::abs(to - from) / piece);
   const double half = 0.5 * (to - from) / pieces;
   double sum = 0;

@@ -135,6 +135,39 @@ TEST_F(LiftsProgram, WhatCantHoldIsRefusedWithATimeThatDoes) {
   EXPECT_NEAR(std::stod(least), 0.12 * std::pow(10.0, 1.0 / 3), 1e-4);
 }
 
+TEST_F(LiftsProgram, AColumnLiftByLift) {
+  good(Command{"correct", "target.uvj", "-o", "half.uvj", "--lift-exchange", "0.5"} + kWith);
+  const RunResult r =
+      good({"simulate", "half.uvj", "--target", "target.uvj", "--x", "80", "--y", "60", "-o",
+            "h.svg", "--csv", "fronts.csv", "--lifts-csv", "lifts.csv"});
+  EXPECT_THAT(r.err, HasSubstr(", 0 does not hold; least dose at a joint"));
+  const std::string picture = to_text(read_file(folder_ / "h.svg"));
+  EXPECT_THAT(picture, HasSubstr("at its lift: film"));
+  EXPECT_THAT(picture, HasSubstr("own dose at the joint"));
+  // Each layer's own light: what the probe tells, a layer further.
+  const std::string lifts = to_text(read_file(folder_ / "lifts.csv"));
+  EXPECT_EQ(lifts.find("slice,z_um,window_dose,joint_dose,at_lift\n"), 0U);
+  EXPECT_THAT(lifts, HasSubstr(",holds\n"));
+  EXPECT_THAT(lifts, HasSubstr(",film\n"));
+  EXPECT_THAT(lifts, HasSubstr(",nothing\n"));
+  // The end of the print is where verify says that it ends.
+  const std::string fronts = to_text(read_file(folder_ / "fronts.csv"));
+  EXPECT_GT(std::count(fronts.begin(), fronts.end(), '\n'), 20);
+  good({"simulate", "half.uvj", "--row", "60", "-o", "row.png"});
+  bad(2, {"simulate", "half.uvj", "--row", "60", "-o", "row.png", "--lifts-csv", "x.csv"},
+      {"--lifts-csv", "column"});
+  bad(2,
+      {"simulate", "target.uvj", "--x", "80", "--y", "60", "-o", "h.svg", "--lifts-csv", "x.csv",
+       "--printer", "small.toml", "--resin", "plain.toml", "--speed-mm-h", "100"},
+      {"--lifts-csv", "layer by layer"});
+  // Where light spreads, too.
+  write("wide.toml", std::string(kSmallPrinter) + "spread = [[30.0, 1.0]]\n");
+  good({"correct", "target.uvj", "-o", "wide.uvj", "--printer", "wide.toml", "--resin",
+        "plain.toml", "--mode", "layerwise", "--exposure-s", "0.9", "--lift-exchange", "0.5"});
+  good({"simulate", "wide.uvj", "--row", "60", "-o", "row.png"});
+  good({"simulate", "wide.uvj", "--x", "80", "--y", "60", "-o", "h.svg"});
+}
+
 TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
   bad(2,
       Command{"correct", "target.uvj", "-o", "x.uvj", "--printer", "small.toml", "--resin",
@@ -151,7 +184,10 @@ TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
           kWith,
       {"where lifts exchange resin"});
   good(Command{"correct", "target.uvj", "-o", "half.uvj", "--lift-exchange", "0.5"} + kWith);
-  bad(2, {"simulate", "half.uvj", "--x", "80", "--y", "60", "-o", "h.svg"}, {"lift_exchange"});
+  bad(2,
+      {"simulate", "half.uvj", "--x", "80", "--y", "60", "-o", "h.svg", "--lifts", "none",
+       "--lift-exchange", "0.5"},
+      {"lift"});
   good({"report", "half.uvj", "--target", "target.uvj", "-o", "half.html"});
   good({"section", "half.uvj", "--target", "target.uvj", "-o", "half.png"});
   // Light that spreads: column by column, and told.

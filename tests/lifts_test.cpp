@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "models.hpp"
@@ -16,6 +17,7 @@
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/predict.hpp"
+#include "slicecorr/simulate.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr {
@@ -297,6 +299,60 @@ TEST(Lifts, RandomColumnsHoldAndNoFeatureIsThinner) {
     });
   }
   EXPECT_GT(placed, 10);
+}
+
+TEST(Lifts, AColumnLiftByLiftIsCountedAsItsJoints) {
+  std::mt19937 random(17);
+  int not_holding = 0, films = 0, liquid = 0;
+  for (int round = 0; round < test::rounds(200); ++round) {
+    Lift l{50, 100.0 + random() % 200, 8, 1.0 + 0.1 * (random() % 6)};
+    const CureModel model = model_of(l);
+    std::vector<std::uint8_t> design, pixels;
+    while (design.size() < 60) {
+      const bool solid = random() % 2;
+      for (auto run = 1 + random() % 9; run-- > 0;) {
+        design.push_back(solid ? 255 : random() % 9 ? 0 : 100);
+        // Some layers of a feature get too little, now and then several in turn.
+        const bool weak = random() % (pixels.empty() || pixels.back() > 60 ? 8 : 2) == 0;
+        pixels.push_back(
+            solid ? static_cast<std::uint8_t>(weak ? random() % 60 : 60 + random() % 196) : 0);
+      }
+    }
+    const PixelCurve curve = pixel_curve(model);
+    BandPredictor predictor(model, curve, static_cast<int>(design.size()), 1);
+    std::vector<double> phi, covered;
+    for (std::size_t n = 0; n < design.size(); ++n) {
+      phi.push_back(curve[pixels[n]]);
+      covered.push_back(design[n] / 255.0);
+    }
+    for (std::size_t n = design.size(); n-- > 0;) {
+      predictor.add_slice(static_cast<int>(n), &pixels[n], &design[n]);
+    }
+    const Prediction p = predictor.finish(0, 0, 1);
+    int count[5] = {}, run = 0, longest = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (const LayerAtLift& layer : lifts_of(model, phi, covered)) {
+      ++count[static_cast<int>(layer.state)];
+      run = layer.state == AtLift::liquid ? run + 1 : 0;
+      longest = std::max(longest, run);
+      if (layer.state == AtLift::holds) least = std::min(least, layer.joint_dose);
+    }
+    EXPECT_EQ(p.joints->not_holding_voxels, static_cast<std::uint64_t>(count[4])) << round;
+    EXPECT_EQ(p.joints->films, static_cast<std::uint64_t>(count[2])) << round;
+    EXPECT_EQ(p.joints->liquid_layers_max, longest) << round;
+    // Joints between what does not hold may be weaker still.
+    EXPECT_LE(p.joints->least, least);
+    if (count[4] == 0 && std::isfinite(least)) {
+      EXPECT_NEAR(p.joints->least, least, 1e-12);
+    }
+    not_holding += count[4];
+    films += count[2];
+    liquid += count[3];
+  }
+  EXPECT_GT(not_holding, 100);
+  EXPECT_GT(films, 100);
+  EXPECT_GT(liquid, 50);
+  EXPECT_THROW(lifts_of(CureModel{}, {1.0}, {}), InputError);
 }
 
 TEST(Lifts, WhatSpreadsHoldsWhateverIsBesideIt) {

@@ -50,6 +50,12 @@ std::vector<Case> cases() {
   layers.process.bottom_layers = 3;
   layers.process.fade_layers = 2;
   all.push_back(layers);
+  for (const double x : {0.3, 1.0}) {
+    layers.name = "exchanged";
+    layers.process.lifts = Lifts::each;
+    layers.process.lift_exchange = x;
+    all.push_back(layers);
+  }
   for (const double m : {0.7, 1.0}) {
     Case uv{"uv", resin_1(m), test::process(250), 50, 2e-6};
     uv.process.uv.kind = UvKind::constant;
@@ -130,15 +136,18 @@ TEST(Simulate, EndsAtTheDoseOfTheColumn) {
   }
 }
 
-/// Relative dose at z (in slices) at a moment from the rate equation, by the midpoint rule in time.
+/// Greatest relative dose so far at z (in slices) at a moment from the rate equation, by the midpoint rule in time.
 double integrated(const Case& c, const std::vector<std::uint8_t>& pixels,
                   const PrintClock::Moment& now, double zeta, int steps) {
   const bool inhibited = c.process.uv.kind != UvKind::off;
   const Kinetics k = make_kinetics(c.resin, inhibited, true);
   const bool moving = c.process.mode == ExposureMode::continuous;
   const auto slices = static_cast<int>(pixels.size());
-  double dose = 0;
+  const double keeps = c.process.lifts == Lifts::each ? 1 - c.process.lift_exchange : 1;
+  double dose = 0, greatest = 0;
   for (int n = 0; n <= now.slice; ++n) {
+    greatest = std::max(greatest, dose);
+    dose *= keeps;
     const double share = n < now.slice ? 1.0 : now.share;
     const SliceLight light = slice_light(c.process, k.m, c.layer_um, n, slices);
     const double blue = light.share * (1 + 99 * pixels[static_cast<std::size_t>(n)] / 255.0);
@@ -151,7 +160,7 @@ double integrated(const Case& c, const std::vector<std::uint8_t>& pixels,
           k.critical_dose_prime;
     }
   }
-  return dose;
+  return std::max(greatest, dose);
 }
 
 TEST(Simulate, FollowsTheRateEquation) {

@@ -74,7 +74,8 @@ TEST_F(WholeFiles, AKilledRunLeavesNoPageOfAnotherStack) {
   std::string now = "b";
   std::mt19937 random(3);
   int killed = 0;
-  for (int round = 0; round < (by_night() ? test::rounds(16) : 10); ++round) {
+  const int rounds = by_night() ? test::rounds(16) : 10;
+  for (int round = 0; round < rounds || (killed <= 3 && round < 6 * rounds); ++round) {
     const std::string next = now == "a" ? "b" : "a";
     std::uniform_real_distribution<double> share(0.3, 1.1);
     const bool hit = killed_after(

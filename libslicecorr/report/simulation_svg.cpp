@@ -175,6 +175,33 @@ Panel dose_panel(const ColumnHistory& h, const std::vector<GelledInterval>& runs
   return panel;
 }
 
+/// What each layer's own exposure leaves where it meets the layer above it.
+Panel lift_panel(const ColumnHistory& h, double z_end) {
+  double most = h.green_strength;
+  for (const LayerAtLift& layer : h.lifts) most = std::max(most, layer.joint_dose);
+  most *= 1.08;
+  Panel panel({"z from the platform, um", false, 0, z_end, false},
+              {"own dose at the joint", false, 0, most, false}, 160);
+  for (std::size_t n = 0; n < h.lifts.size();) {
+    const AtLift state = h.lifts[n].state;
+    std::vector<Point> low, high;
+    for (; n < h.lifts.size() && h.lifts[n].state == state; ++n) {
+      const double from = static_cast<double>(n) * h.layer_um, to = from + h.layer_um;
+      const double dose = std::max(h.lifts[n].joint_dose, 0.02 * most);
+      for (const double z : {from, to}) {
+        high.push_back({z, dose});
+        low.push_back({z, 0});
+      }
+    }
+    if (state != AtLift::nothing) {
+      panel.band(low, high, Style::series, static_cast<int>(state) - 1);
+      panel.line(high, Style::series, static_cast<int>(state) - 1);
+    }
+  }
+  panel.horizontal(h.green_strength, "holds");
+  return panel;
+}
+
 }  // namespace
 
 std::string column_history_svg(const ColumnHistory& h, const std::string& title) {
@@ -203,6 +230,19 @@ std::string column_history_svg(const ColumnHistory& h, const std::string& title)
   }
   if (h.mode == ExposureMode::layerwise) {
     picture.note("Time is that of the exposures; the lifts between them are not in it.");
+    if (!h.lifts.empty()) {
+      for (const AtLift state :
+           {AtLift::holds, AtLift::film, AtLift::liquid, AtLift::does_not_hold}) {
+        const auto is = [&](const LayerAtLift& layer) { return layer.state == state; };
+        if (std::any_of(h.lifts.begin(), h.lifts.end(), is)) {
+          picture.legend_band(Style::series, "at its lift: " + name_of(state),
+                              static_cast<int>(state) - 1);
+        }
+      }
+      picture.add(lift_panel(h, z_end));
+      picture.note(
+          "At its lift a layer hangs on the one above it by what its own exposure left there.");
+    }
   }
   return picture.svg();
 }

@@ -161,12 +161,20 @@ void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
     p.lifts = Lifts::none;
     return;
   }
+  const bool how = c_.green_strength > 0 || c_.skin > 0 || c_.lift_exchange >= 0;
   if (!recorded) {
     p.lifts = setup.printer.lifts;
     p.lift_exchange = setup.printer.lift_exchange;
     if (setup.resin.green_strength > 0) p.green_strength = setup.resin.green_strength;
   }
   if (!c_.lifts.empty()) apply_choice(*find_setting("lifts"), c_, p);
+  if (how && p.lifts == Lifts::none) {
+    const char* const name = c_.green_strength > 0 ? "green_strength"
+                             : c_.skin > 0         ? "skin"
+                                                   : "lift_exchange";
+    wrong(fmt::format("{} is for layers that hold at each lift; expected {} each with it", o(name),
+                      o("lifts")));
+  }
   if (c_.green_strength > 0) p.green_strength = c_.green_strength;
   if (c_.skin > 0) p.skin = c_.skin;
   if (c_.lift_exchange >= 0) p.lift_exchange = c_.lift_exchange;

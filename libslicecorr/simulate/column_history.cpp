@@ -6,10 +6,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
 
+#include "cure/margin.hpp"
 #include "cure/spread_band.hpp"
 #include "simulate/column_in_time.hpp"
 #include "simulate/refuse.hpp"
@@ -136,6 +138,53 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
   return history_of(model, process, {pixels, std::move(phi), {}}, options, context);
 }
 
+std::string name_of(AtLift state) {
+  constexpr std::array<const char*, 5> names{"nothing", "holds", "film", "liquid", "does not hold"};
+  return names[static_cast<std::size_t>(state)];
+}
+
+std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<double>& phi,
+                                  const std::vector<double>& design) {
+  using enum AtLift;
+  if (!model.lifts) throw InputError("layers at each lift need a model with lifts");
+  const LiftModel& lifts = *model.lifts;
+  const auto layers = static_cast<int>(phi.size());
+  std::vector<LayerAtLift> all(phi.size());
+  const auto of = [&](int n) -> LayerAtLift& { return all[static_cast<std::size_t>(n)]; };
+  for (int n = 0; n < layers; ++n) {
+    const double light = phi[static_cast<std::size_t>(n)];
+    of(n).window_dose = light * model.returned(n + 1);
+    of(n).joint_dose = light * model.a * model.returned(n);
+  }
+  const auto solid = [&](int n) {
+    const auto i = static_cast<std::size_t>(n);
+    return design.empty() ? phi[i] > model.level_phi.front() * model.ratio(n) * (1 + 1e-9)
+                          : i < design.size() && design[i] >= 1;
+  };
+  for (int n = 0; n < layers;) {
+    if (!solid(n)) {
+      ++n;
+      continue;
+    }
+    int end = n;
+    while (end < layers && solid(end)) ++end;
+    // The first layer that has gelled at its lift begins the feature; those above it are liquid on
+    // purpose, where a gap is above them.
+    int begin = n;
+    while (begin + 1 < end && of(begin).window_dose < 1) ++begin;
+    for (int k = n; k < begin; ++k) of(k).state = n > 0 ? liquid : does_not_hold;
+    const bool hangs = of(begin).window_dose >= lifts.film - detail::kMargin;
+    if (n > 0) of(begin).state = hangs ? film : does_not_hold;
+    for (int k = n > 0 ? begin + 1 : begin; k < end; ++k) {
+      const bool on_liquid = k > 0 && (k > begin || begin > n) && of(k - 1).window_dose < 1;
+      const bool reaches = of(k).joint_dose >= lifts.green_strength - detail::kMargin;
+      of(k).state = reaches && !on_liquid ? holds : does_not_hold;
+    }
+    n = end;
+  }
+  return all;
+}
+
 namespace {
 
 /// The light of a single column of a stack under UV light, where it spreads.
@@ -157,7 +206,6 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
                               const ExecutionContext& context) {
   refuse_recording(stack);
   refuse_scatter(setup.resin);
-  refuse_exchange(setup.process);
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
@@ -167,6 +215,7 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
         static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
     shown.phi.push_back(row.phi);
   }
+  const std::vector<double> own = shown.phi;
   // Where light spreads, what reaches the column is no longer that of its own pixels.
   const detail::SpreadLight light(models, grid, stack.frame());
   if (light.under_uv()) shown.fronts = fronts_at(stack, setup, light, {x, y});
@@ -176,6 +225,11 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
           : history_of(light.model(), setup.process, std::move(shown), options, context);
   if (target) {
     for (const ProbeRow& row : rows) history.design.push_back(row.target);
+  }
+  const CureModel& model = light.none() ? models.model_at(x, y) : light.model();
+  if (model.lifts) {
+    history.lifts = lifts_of(model, own, history.design);
+    history.green_strength = model.lifts->green_strength;
   }
   return history;
 }

@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// The doses of a pixel column at a moment of its print, where they are found anew for each: of a resin
-/// with a time to gel, and of one that bleaches.
+/// The doses of a pixel column at a moment of its print, where they are not sums of what slices add: of
+/// a resin with a time to gel, of one that bleaches, and of one that lifts exchange.
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "cure/steps.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/simulate.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
 
@@ -132,10 +134,61 @@ class BleachingColumn final : public DosesInTime {
   std::vector<double> phi_, dose_;
 };
 
+/// Of a resin that lifts exchange: the greatest dose that a place has had, at each lift and now
+/// (docs/lifts.md). Moments come in order, or all begins anew.
+class ExchangedColumn final : public DosesInTime {
+ public:
+  ExchangedColumn(const CureModel& model, std::vector<double> phi)
+      : DosesInTime(model), keeps_(1.0 - *model.lifts->exchange), phi_(std::move(phi)) {
+    constexpr double nothing = 1e-18;
+    for (double f = 1; f > nothing && fade_.size() < phi_.size(); f *= model.a) fade_.push_back(f);
+    clear();
+  }
+
+  void set() override {
+    if (now_.slice < done_) clear();
+    for (; done_ < now_.slice; ++done_) {
+      const auto n = static_cast<std::size_t>(done_);
+      for (std::size_t j = 0; j < fade_.size() && j <= n; ++j) {
+        Layer& layer = layers_[n - j];
+        layer.dose = keeps_ * layer.dose + phi_[n] * fade_[j];
+        layer.greatest = std::max(layer.greatest, layer.dose);
+      }
+    }
+  }
+  void end() override {}
+  double at(int k, double up) override {
+    const Layer& layer = layers_[static_cast<std::size_t>(k)];
+    const auto j = static_cast<std::size_t>(now_.slice - k);
+    const double light = phi_[static_cast<std::size_t>(now_.slice)] * now_.share;
+    const double now = keeps_ * layer.dose + (j < fade_.size() ? light * fade_[j] : 0.0);
+    return std::max(layer.greatest, now) * std::exp(-model_.eta * units::kLn10 * up) *
+           model_.returned(k + 1 - up);
+  }
+
+ private:
+  /// At its window, after the lifts so far.
+  struct Layer {
+    double dose = 0, greatest = 0;
+  };
+  void clear() {
+    layers_.assign(phi_.size(), {});
+    done_ = 0;
+  }
+
+  double keeps_;
+  std::vector<double> phi_, fade_;  ///< `fade_`: a^j
+  std::vector<Layer> layers_;
+  int done_ = 0;  ///< slices that have been shown whole
+};
+
 /// Null where doses are sums of what slices add. `phi`: of each slice, with its exposure.
 inline std::unique_ptr<DosesInTime> make_doses_in_time(const CureModel& model,
                                                        std::vector<double> phi) {
   if (model.bleaching()) return std::make_unique<BleachingColumn>(model, std::move(phi));
+  if (model.lifts && model.lifts->exchange.value_or(0) > 0) {
+    return std::make_unique<ExchangedColumn>(model, std::move(phi));
+  }
   if (!model.gel_time()) return nullptr;
   std::vector<CutLight> lights;
   for (std::size_t n = 0; n < phi.size(); ++n) {

@@ -20,13 +20,4 @@ inline void refuse_scatter(const Resin& resin) {
       resin.name));
 }
 
-/// What a lift exchanges changes doses at moments that the page and the clock do not know.
-inline void refuse_exchange(const Process& process) {
-  if (process.lifts == Lifts::none || process.lift_exchange <= 0) return;
-  throw InputError(fmt::format(
-      "each lift exchanges {:g} of the liquid resin (lift_exchange), which is not followed in time; "
-      "verify, probe and section tell what it does in the end",
-      process.lift_exchange));
-}
-
 }  // namespace slicecorr

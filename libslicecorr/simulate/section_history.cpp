@@ -38,7 +38,6 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
                                 const ExecutionContext& context) {
   refuse_recording(stack);
   refuse_scatter(setup.resin);
-  refuse_exchange(setup.process);
   const Grid& grid = stack.grid();
   if (target) check_same_voxels(grid, target->grid());
   if (y < 0 || y >= grid.height_px) {
@@ -85,21 +84,22 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   // Of a resin whose doses are no sums.
   std::vector<std::unique_ptr<detail::DosesInTime>> columns;
   if (detail::make_doses_in_time(model, {})) {
-    if (!spread.none()) {
-      throw InputError(setup.resin.name, model.gel_time() ? "cure.model" : "bleaching",
-                       "sections are not simulated with model \"gel-time\", or of a resin that "
-                       "bleaches, where light spreads; expected one column, or a printer without "
-                       "blue.spread");
+    std::vector<std::vector<double>> shown(
+        width, std::vector<double>(static_cast<std::size_t>(grid.layers)));
+    std::optional<detail::SpreadBand> lights;
+    if (!spread.none()) lights.emplace(spread, stack, slices, row);
+    for (int n = grid.layers; n-- > 0;) {
+      const double* const spread_phi = lights ? lights->of(n).front().phi : nullptr;
+      const auto at = static_cast<std::size_t>(n);
+      for (std::size_t x = 0; x < width; ++x) {
+        const CureModel& here = lights ? model : models.model(light[x]);
+        const auto level = static_cast<std::size_t>(level_of_pixel(pixels[at * width + x], levels));
+        shown[x][at] = here.ratio(n) * (spread_phi ? spread_phi[x] : here.level_phi[level]);
+      }
     }
     for (std::size_t x = 0; x < width; ++x) {
-      const CureModel& here = models.model(light[x]);
-      std::vector<double> shown;
-      for (int n = 0; n < s.layers; ++n) {
-        const std::uint8_t value = pixels[static_cast<std::size_t>(n) * width + x];
-        const auto level = static_cast<std::size_t>(level_of_pixel(value, levels));
-        shown.push_back(here.ratio(n) * here.level_phi[level]);
-      }
-      columns.push_back(detail::make_doses_in_time(here, std::move(shown)));
+      const CureModel& here = spread.none() ? models.model(light[x]) : model;
+      columns.push_back(detail::make_doses_in_time(here, std::move(shown[x])));
     }
   }
   for (const double time_s : times_s) {

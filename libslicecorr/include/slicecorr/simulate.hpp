@@ -15,13 +15,15 @@
 /// Under UV light the kernel of inhibited.hpp is integrated up to the window. Relative doses are
 /// those of the dose that the correction aims at, as everywhere else. At the end of the last slice
 /// all of it equals `column_dose`. Time is the time for which slices are shown: layer by layer the
-/// lifts between them are not in it.
+/// lifts between them are not in it. Where lifts exchange resin, doses are the greatest that a place has
+/// had: it has gelled, or forgets.
 ///
 /// Plain values, immutable clocks; all functions are thread-safe. What is out of range throws
 /// `InputError`, a cancelled `context` `Cancelled`.
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
@@ -86,12 +88,30 @@ struct DoseProfile {
   std::vector<double> z_um, dose;  ///< from the platform; relative
 };
 
+/// What a layer of a column does when the platform lifts after its exposure (docs/lifts.md).
+enum class AtLift : std::uint8_t {
+  nothing,       ///< no feature there, or one that fills its pixel in part
+  holds,         ///< it hangs on the layer above it, or on the platform
+  film,          ///< over a gap: it hangs on its neighbours in the plane
+  liquid,        ///< over a gap: later exposures cure it
+  does_not_hold  ///< liquid or too weak where it should hang on what is above it
+};
+/// For people: "does not hold".
+std::string name_of(AtLift state);
+struct LayerAtLift {
+  AtLift state = AtLift::nothing;
+  /// What its own exposure leaves in it, in gel doses: at its window, and where it meets the layer above.
+  double window_dose = 0, joint_dose = 0;
+};
+
 struct ColumnHistory {
   ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0;
   double total_s = 0;  ///< for which slices are shown
   std::vector<HistoryStep> steps;
   std::vector<DoseProfile> profiles;
+  std::vector<LayerAtLift> lifts;  ///< layer by layer, of each layer; empty without lifts
+  double green_strength = 0;       ///< G, of a joint that holds; 0 without lifts
   /// Coverage 0..1 of the design per layer; empty when there is none.
   std::vector<double> design;
   /// Under UV light, per slice: steady dead zone of the pixel, and where in it resin gels first,
@@ -120,6 +140,11 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
 ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
                               const Setup& setup, int x, int y, const ColumnOptions& options = {},
                               const ExecutionContext& context = {});
+/// A column at each of its lifts, by the same rules as the joints of a prediction (predict.hpp). `model`:
+/// with lifts. `phi`: relative intensity of each slice with its exposure. `design`: coverage 0..1; empty:
+/// what is lit above black. Throws `InputError` where the model has no lifts.
+std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<double>& phi,
+                                  const std::vector<double>& design);
 /// Ends of `groups` runs of slices of about equal number, s: moments that show how a dose builds
 /// up.
 std::vector<double> group_times_s(const PrintClock& clock, int groups);

@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <iterator>
@@ -36,7 +37,7 @@ std::string form_of(const std::string& path, const std::vector<std::string>& for
 std::string name_of(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
 void check_simulated_outputs(const SimulateOptions& o) {
-  const std::vector<const std::string*> outputs{&o.output, &o.csv, &o.dose_csv};
+  const std::vector<const std::string*> outputs{&o.output, &o.csv, &o.dose_csv, &o.lifts_csv};
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     check_output(*outputs[i], {o.stack, o.target});
     for (std::size_t k = 0; k < i; ++k) {
@@ -86,6 +87,39 @@ struct Input {
   Input(const Input&) = delete;
 };
 
+void write_lifts(const SimulateOptions& o, const ColumnHistory& history) {
+  if (history.lifts.empty()) {
+    wrong(
+        "--lifts-csv: nothing is lifted in this print, or it is not looked at; expected layer by layer exposure with --lifts each");
+  }
+  std::string rows = "slice,z_um,window_dose,joint_dose,at_lift\n";
+  for (std::size_t n = 0; n < history.lifts.size(); ++n) {
+    const LayerAtLift& layer = history.lifts[n];
+    fmt::format_to(std::back_inserter(rows), "{},{},{},{},{}\n", n,
+                   static_cast<double>(n) * history.layer_um, layer.window_dose, layer.joint_dose,
+                   name_of(layer.state));
+  }
+  write_table(o.lifts_csv, rows);
+}
+
+/// What the column's layers do when the platform lifts.
+std::string lifts_in_words(const ColumnHistory& history) {
+  std::array<int, 5> count{};
+  double least = std::numeric_limits<double>::infinity();
+  for (const LayerAtLift& layer : history.lifts) {
+    ++count[static_cast<std::size_t>(layer.state)];
+    if (layer.state == AtLift::holds || layer.state == AtLift::does_not_hold) {
+      least = std::min(least, layer.joint_dose);
+    }
+  }
+  std::string words = "at the lifts:";
+  for (std::size_t i = 1; i < count.size(); ++i) {
+    words += fmt::format("{} {} {}", i > 1 ? "," : "", count[i], name_of(static_cast<AtLift>(i)));
+  }
+  if (std::isfinite(least)) words += fmt::format("; least dose at a joint {:.4g}", least);
+  return words;
+}
+
 int column(const SimulateOptions& o, const SetupOptions& options, const ExecutionContext& context,
            Console& console) {
   const std::string form = form_of(o.output, {".svg", ".csv"});
@@ -124,11 +158,13 @@ int column(const SimulateOptions& o, const SetupOptions& options, const Executio
     }
     write_table(o.dose_csv, doses);
   }
+  if (!o.lifts_csv.empty()) write_lifts(o, history);
   const auto& last = history.steps.back().gelled;
   console.say(fmt::format("{}: column {}, {} over {:.4g} s{}; {} gelled {} at the end", o.output,
                           o.x, o.y, history.total_s,
                           history.mode == ExposureMode::layerwise ? " of exposure" : "",
                           last.size(), last.size() == 1 ? "stretch" : "stretches"));
+  if (!history.lifts.empty()) console.say(lifts_in_words(history));
   return kDone;
 }
 
@@ -253,6 +289,10 @@ void SimulateOptions::add_to(CLI::App& app) {
                  "Write the gelled stretches against time as CSV to FILE, or - for stdout");
   app.add_option("--dose-csv", dose_csv,
                  "Write the dose along the column at --times-s as CSV to FILE, or - for stdout");
+  app.add_option(
+      "--lifts-csv", lifts_csv,
+      "Write what each layer of the column does at its lift as CSV to FILE, or - for stdout "
+      "(layer by layer)");
   app.add_flag("--stationary", stationary,
                "Instead of a stack: the window stands still, under constant light");
   app.add_option("--blue-mw-cm2", blue_mw_cm2,
@@ -280,9 +320,9 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Executio
       wrong("--stationary needs no stack; expected --resin, --blue-mw-cm2 and --time-s");
     }
     if (o.x >= 0 || o.y >= 0 || o.row >= 0 || !o.times_s.empty() || o.substeps > 0 ||
-        !o.dose_csv.empty()) {
+        !o.dose_csv.empty() || !o.lifts_csv.empty()) {
       wrong(
-          "--x, --y, --row, --times-s, --substeps and --dose-csv look into a stack; expected none "
+          "--x, --y, --row, --times-s, --substeps, --dose-csv and --lifts-csv look into a stack; expected none "
           "of them with --stationary");
     }
     // Nothing but the resin, its changes and a constant UV light counts.
@@ -314,8 +354,9 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Executio
     if (o.x >= 0 || o.y >= 0) {
       wrong("--row shows a section, --x and --y a column; expected one of the two");
     }
-    if (o.substeps > 0 || !o.csv.empty() || !o.dose_csv.empty()) {
-      wrong("--substeps, --csv and --dose-csv are for a column; expected --x and --y with them");
+    if (o.substeps > 0 || !o.csv.empty() || !o.dose_csv.empty() || !o.lifts_csv.empty()) {
+      wrong(
+          "--substeps, --csv, --dose-csv and --lifts-csv are for a column; expected --x and --y with them");
     }
     return section_of_row(o, setup, context, console);
   }

@@ -14,7 +14,7 @@
 namespace slicecorr::cli {
 
 struct SimulateOptions {
-  std::string stack, target, output, csv, dose_csv;
+  std::string stack, target, output, csv, dose_csv, lifts_csv;
   int x = -1, y = -1, row = -1, substeps = 0;
   std::vector<double> times_s;
   bool stationary = false;

@@ -121,6 +121,8 @@ class Print:
         self.a, self.b = resin.get("gel_a_mj_cm2", 0), resin.get("gel_b_sqrt_mw_cm2_s", 0)
         self.layerwise = block["mode"] == "layerwise"
         self.exposure_s = process.get("exposure_s", 0)
+        # What a lift leaves of the dose of what is liquid.
+        self.keeps = 1 - process.get("lift_exchange", 0) if process.get("lifts") == "each" else 1
         speeds = process.get("slice_speed_mm_h") or [process["speed_mm_h"]]
         stay = process.get("slice_lamps") == "stay"
         speed = [speeds[min(n, len(speeds) - 1)] if stay else process["speed_mm_h"] for n in range(self.layers)]
@@ -181,7 +183,7 @@ class Print:
     def dose_at(self, z_um, uv=True):
         """Relative dose of all pixels at a height; without `uv` as if no UV light came."""
         back = 1 + self.rho * math.exp(-2 * z_um / self.he_um)
-        total = np.zeros(self.blue.shape[1:])
+        total = greatest = np.zeros(self.blue.shape[1:])
         lights, times = [], []
         for n, d_um, dt in self.looks(z_um):
             light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
@@ -192,9 +194,10 @@ class Print:
                 times += [dt] * len(d_um)
             else:
                 often = self.flow_factor(n) if d_um[-1] < self.gap_um else 1
-                total += (light ** self.m * often).sum(-1) * dt
+                total = self.keeps * total + (light ** self.m * often).sum(-1) * dt
+                greatest = np.maximum(greatest, total)
         if not self.gel_time:
-            return total / self.dose
+            return greatest / self.dose
         if not lights:
             return total
         return self.gelled(np.concatenate(lights, -1), np.array(times))

@@ -190,16 +190,27 @@ TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
       {"lift"});
   good({"report", "half.uvj", "--target", "target.uvj", "-o", "half.html"});
   good({"section", "half.uvj", "--target", "target.uvj", "-o", "half.png"});
-  // Light that spreads: column by column, and told.
+  // Light that spreads: together.
   write("wide.toml", std::string(kSmallPrinter) + "spread = [[30.0, 1.0]]\n");
   const RunResult wide =
       good({"correct", "target.uvj", "-o", "wide.uvj", "--printer", "wide.toml", "--resin",
             "plain.toml", "--mode", "layerwise", "--exposure-s", "0.9"});
-  EXPECT_THAT(wide.err, HasSubstr("each layer is to hold when the platform lifts"));
+  EXPECT_THAT(wide.err, HasSubstr(", 0 do not hold at their lift"));
   // Rims of features, lit from one side alone, hold as they do as sliced.
   const json spread = figures("wide.uvj", "target.uvj");
   EXPECT_EQ(spread["joints"]["not_holding_voxels"], 0);
   EXPECT_GE(spread["joints"]["least"].get<double>(), 1.2);
+  const Command with{"--printer", "wide.toml", "--resin",      "plain.toml",
+                     "--mode",    "layerwise", "--exposure-s", "0.9"};
+  good(Command{"correct", "target.uvj", "-o", "alone.uvj", "--spread-correction", "off"} + with);
+  const json alone = figures("alone.uvj", "target.uvj");
+  EXPECT_LT(2 * spread["cure_through_voxels"].get<int>(), alone["cure_through_voxels"].get<int>());
+  for (const char* x : {"0", "0.5", "1"}) {
+    good(Command{"correct", "target.uvj", "-o", "half.uvj", "--lift-exchange", x} + with);
+    const json known = figures("half.uvj", "target.uvj");
+    EXPECT_EQ(known["joints"]["not_holding_voxels"], 0) << x;
+    EXPECT_EQ(known["undercure_voxels"], 0) << x;
+  }
 }
 
 }  // namespace

@@ -136,6 +136,11 @@ def lifts(p):
     p.options["lifts"] = "each"
 
 
+def exchange(p):
+    lifts(p)
+    p.options["lift-exchange"] = "0.4"
+
+
 def uv_lamp(p, kind):
     p.printer["uv"] = dict(p.printer.get("uv", {}), kind=kind, calibration=[[0, 0.0], [255, 275.0]])
 
@@ -243,6 +248,7 @@ FEATURES = {
     "resin that ends": vat_depth,
     "a platform that sends light back": reflectance,
     "layers that hold at each lift": lifts,
+    "resin that lifts exchange": exchange,
     "more light for slower slices": lamps_stay,
     "edges of the mesh": edge_heights,
     "what is left alone": left_alone,
@@ -256,7 +262,7 @@ UV = {"constant UV light", "UV light per slice", "patterned UV light", "an even 
 TELLS_ONLY = {"how sure figures are"}
 # Not one print: no word of the table is needed.
 ELSEWHERE = [({mode, "more light for slower slices"}, "is for continuous exposure")
-             for mode in ("layer by layer", "layers that hold at each lift")] + [
+             for mode in ("layer by layer", "layers that hold at each lift", "resin that lifts exchange")] + [
     # Resin files have one or the other.
     ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})] + [
     ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
@@ -275,6 +281,8 @@ class Table:
     def verdicts(self, features):
         """Of all pairs among `features`: verdict and words, as the programs look: refusals first."""
         features = set(features)
+        if "resin that lifts exchange" in features:
+            features.add("layers that hold at each lift")
         if "layers that hold at each lift" in features:
             features.add("layer by layer")
         found = [(r["verdict"], r["words"]) for r in self.rows

@@ -66,11 +66,12 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
       },
       target.left_alone() != nullptr, context, alone);
   const auto tell = [&](const CoupledRound& round) {
-    context.tell(fmt::format("round {} of {}: {} voxels of gaps cure, {} of features do not{}",
-                             round.round, rounds, round.through, round.under,
-                             round.parted > 0
-                                 ? fmt::format(", {} part from the layer above", round.parted)
-                                 : std::string()));
+    context.tell(
+        fmt::format("round {} of {}: {} voxels of gaps cure, {} of features do not{}", round.round,
+                    rounds, round.through, round.under,
+                    round.lifted       ? fmt::format(", {} do not hold at their lift", round.parted)
+                    : round.parted > 0 ? fmt::format(", {} part from the layer above", round.parted)
+                                       : std::string()));
   };
   if (rounds > 0) tell(coupled_.columns_alone());
   while (coupled_.improve(context)) tell(coupled_.last());

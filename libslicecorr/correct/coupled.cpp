@@ -66,7 +66,8 @@ struct CoupledCorrection::Figures {
   std::uint64_t wrong() const { return through + under + parted; }
   /// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to
   /// none.
-  bool gains_on(const Figures& before) const {
+  bool gains_on(const Figures& before, bool lifted) const {
+    if (lifted && parted != before.parted) return parted < before.parted;
     return loss < before.loss || (wrong() < before.wrong() && loss <= kMostLossRise * before.loss);
   }
 };
@@ -92,6 +93,7 @@ CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightB
           PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y),
           display)) {
   plan_.hands_on = plan_.hands_on && options.hand_on;
+  now_.lifted = plan_.joint > 0;
   if (bounds_.empty()) return;
   const int side = options_.patch_px;
   across_ = (box_.width() + side - 1) / side;
@@ -375,7 +377,7 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   std::vector<std::size_t> back;
   for (const std::size_t k : changed) {
     Tile& tile = tiles_[k];
-    if (!tile.figures.gains_on(figures[k])) {
+    if (!tile.figures.gains_on(figures[k], now_.lifted)) {
       tile.now = std::move(before[k]);
       if (!wanted_before.empty()) tile.wanted = wanted_before[k];
       differs[k] = 0;

@@ -61,11 +61,14 @@ struct CoupledRound {
   int round = 0;
   std::uint64_t through = 0;  ///< voxels of gaps that cure
   std::uint64_t under = 0;    ///< voxels of features that don't
-  std::uint64_t parted = 0;   ///< layer by layer: voxels of features that part from the layer above
-  double loss = 0;            ///< half the sum of squares of what doses miss
+  std::uint64_t parted =
+      0;            ///< layer by layer: of features that part from the layer above, or do not hold
+  double loss = 0;  ///< half the sum of squares of what doses miss
   std::uint64_t patches = 0;  ///< that were solved
+  bool lifted = false;        ///< with lifts: what does not hold counts before all else
   std::uint64_t wrong() const { return through + under + parted; }
   bool better_than(const CoupledRound& o) const {
+    if (lifted && parted != o.parted) return parted < o.parted;
     return wrong() != o.wrong() ? wrong() < o.wrong() : loss < o.loss;
   }
 };

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "correct/coupled_patch.hpp"
+#include "cure/margin.hpp"
 
 namespace slicecorr::detail {
 
@@ -26,10 +27,16 @@ class PatchJudge : public PatchField<double> {
         coverage_(place(), box, sources.coverage),
         above_(place(), box, sources.coverage),
         left_(place(), box, sources.left_alone),
+        columns_(place(), place().watched, sources.columns),
         kind_(place().size(), 0),
         next_(place().size(), 0) {
     for (int y = box.y0; y < box.y1; ++y) {
       for (int x = box.x0; x < box.x1; ++x) kind_[place().at(x, y)] = -1;
+    }
+    if (plan.joint > 0) {
+      guide_.assign(place().size(), 0);
+      own_.resize(place().size());
+      for (std::size_t at = 0; at < own_.size(); ++at) own_[at] = light_of(0, at);
     }
   }
   PatchFigures run() {
@@ -57,6 +64,12 @@ class PatchJudge : public PatchField<double> {
       kind_[at] = left_[at] != 0 ? 0 : cover == 255 ? (holds ? 2 : 1) : cover == 0 ? -1 : 0;
       wake(square_of(at));
     };
+    if (plan_.joint > 0) {
+      columns_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
+        wake(square_of(at));
+        own_[at] = light_of(is, at);
+      });
+    }
     if (plan_.layerwise && n > 0) above_.go_to(n - 1, note);
     coverage_.go_to(n, note);
     left_.go_to(n, note);
@@ -70,18 +83,62 @@ class PatchJudge : public PatchField<double> {
       const std::size_t first = first_of(k), stride = place().stride;
       const double* const seen = seen_light(k);
       step_square(next_.data() + first, seen + first, below() + first, stride, plan_.b, plan_.a);
-      if (judge_square(next_.data() + first, dose_.data() + first, kind_.data() + first, stride,
-                       middle_, near_, sums_)) {
+      if (plan_.joint > 0) {
+        step_square(guide_.data() + first, own_.data() + first, guide_.data() + first, stride,
+                    plan_.b, plan_.a);
+        judge_lifted(n, first, seen);
+      } else if (judge_square(next_.data() + first, dose_.data() + first, kind_.data() + first,
+                              stride, middle_, near_, sums_)) {
         collect(n, first);
       }
       for (std::size_t y = 0; y < kSquare; ++y) {
         std::copy_n(next_.data() + first + y * stride, kSquare, dose_.data() + first + y * stride);
       }
       const int calm = square(k).touched_at - n;
-      if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 &&
+      if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 && !lacks_ &&
           stays_right(seen + first, dose_.data() + first, kind_.data() + first, stride,
                       near_at_nodes_)) {
         sleep(k);
+      }
+    }
+  }
+  /// With lifts: each exposure by itself, too, and gaps are wrong only where a column alone is right.
+  void judge_lifted(int n, std::size_t first, const double* seen) {
+    lacks_ = false;
+    const auto miss = [&](std::size_t k, double excess, bool wrong, bool own) {
+      if (misses_.size() >= most_misses_) {
+        figures_.all_misses = false;
+        return;
+      }
+      const Pixel p = place().pixel(k);
+      misses_.push_back({n, p.x, p.y, static_cast<float>(excess), wrong, own});
+    };
+    for (std::size_t y = 0; y < kSquare; ++y) {
+      const std::size_t from = first + y * place().stride;
+      for (std::size_t k = from; k < from + kSquare; ++k) {
+        if (kind_[k] == 0) continue;
+        const double middle = middle_.of(next_[k], dose_[k]);
+        if (kind_[k] < 0) {
+          const double alone = middle_.of(guide_[k], guide_[k]) * (1 + 1e-6);
+          if (middle < near_ || middle < alone) continue;
+          if (middle >= 1) {
+            const double over = middle - std::max(1.0, alone);
+            sums_.loss += over * over / 2;
+            ++sums_.through;
+          }
+          miss(k, std::max(middle - std::max(near_, alone), 1e-9), middle >= 1, false);
+          continue;
+        }
+        const double lacks = std::max(0.0, 1 - next_[k]);
+        sums_.loss += lacks * lacks / 2;
+        sums_.under += middle < 1;
+        if (lacks > 0) miss(k, -lacks, middle < 1, false);
+        const double held = plan_.b * (seen[k] - plan_.least_own(own_[k]));
+        if (held >= -kMargin) continue;
+        sums_.loss += held * held / 2;
+        ++sums_.parted;
+        lacks_ = true;
+        miss(k, held, true, true);
       }
     }
   }
@@ -112,7 +169,8 @@ class PatchJudge : public PatchField<double> {
   MiddleRule middle_;
   double near_;           ///< of the middles of gaps
   double near_at_nodes_;  ///< where both nodes of a gap's layer are below it, its middle is near_
-  PatchBytes levels_at_, coverage_, above_, left_;
+  PatchBytes levels_at_, coverage_, above_, left_, columns_;
+  bool lacks_ = false;  ///< with lifts: something of the square that was judged last does not hold
   std::vector<double> kind_, next_;
   std::vector<Change> changes_;
   SquareSums sums_;
@@ -135,6 +193,10 @@ std::vector<Request> requests_of(const CoupledPlan& plan, const std::vector<Miss
   const double least = plan.shine_step / 3;
   std::vector<Request> requests;
   for (const Miss& miss : misses) {
+    if (miss.own) {
+      requests.push_back({miss.slice, miss.x, miss.y, static_cast<float>(miss.excess / plan.b)});
+      continue;
+    }
     double less = miss.excess * share;
     for (int k = 0; k <= plan.depth && miss.slice + k < plan.slices; ++k, less *= plan.fading) {
       if (std::abs(less) < least) break;

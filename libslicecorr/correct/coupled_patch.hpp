@@ -20,12 +20,14 @@ struct Miss {
   std::int32_t slice = 0, x = 0, y = 0;
   float excess = 0;    ///< dose over what it should be at most, below 0: under what at least
   bool wrong = false;  ///< in the middle of its layer on the wrong side of 1, or parted
+  bool own = false;    ///< with lifts: of what the slice's own exposure leaves
 };
 
 /// What of a patch is wrong.
 struct PatchFigures {
   std::uint64_t through = 0, under = 0;  ///< voxels of gaps that cure, of features that don't
-  std::uint64_t parted = 0;  ///< layer by layer: of features that part from the one above
+  /// Layer by layer: of features that part from the one above; with lifts, that do not hold.
+  std::uint64_t parted = 0;
   double loss = 0;
   /// From the last slice to the first.
   std::vector<Miss> misses;

@@ -117,6 +117,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
       middle_below(layerwise ? 0 : column_plan.model.root_a),
       middle_norm(layerwise ? column_plan.model.root_a : 1 + column_plan.model.root_a),
       unit(layerwise ? a / b : 1),
+      joint(columns.model.lifts ? columns.model.lifts->green_strength : 0),
       reach_x(light_blur.reach_x()),
       reach_y(light_blur.reach_y()) {
   if (!can_couple(columns.model)) {

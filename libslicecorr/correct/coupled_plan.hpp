@@ -4,6 +4,7 @@
 /// What all patches of a coupled correction share.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <memory>
@@ -49,6 +50,13 @@ struct CoupledPlan {
   double unit;
   /// Light of a slice over that of `light_of`.
   double ratio(int slice) const { return columns.model.ratio(slice); }
+  /// With lifts: dose that an exposure is to leave where a layer meets the one above it; else 0.
+  double joint;
+  /// The least light of a slice's own exposure in a feature whose column alone gets `own`: it holds, or is
+  /// the film that the column has there. 0: it is liquid on purpose, or nothing is lifted.
+  double least_own(double own) const {
+    return joint > 0 && own >= unit * (1 - 1e-6) ? std::min(joint / b, own) : 0;
+  }
   double margin;
   std::array<double, 256> shine_of;  ///< by grey level: what is blurred, light^(1/m)
   std::array<double, 256> light_of;  ///< by grey level

@@ -28,9 +28,13 @@ constexpr float kSharing = 0.1F;
 constexpr float kLeastChange = 0.15F;
 /// Weights of what serves later slices, or edges, beside those of voxels.
 constexpr float kGuideWeight = 0.2F, kEdgeWeight = 0.1F, kGreyWeight = 0.2F, kRequestWeight = 0.5F;
+/// Of layers that are to hold at their lift: a part that does not is lost.
+constexpr float kHoldWeight = 16;
 /// Greatest dose wanted of a feature's pixel beside a gap: the outline runs where the dose between
 /// the two is 1.
 constexpr float kRimDose = 1.2F;
+/// The same over the dose that layers which just hold add up to.
+constexpr double kRimOfHeld = 1.05;
 /// Dose wanted in pixels that are partly covered, 1 where the outline runs through their middle,
 /// per share that is covered.
 constexpr float kGreySlope = 0.5F;
@@ -154,6 +158,15 @@ class PatchSolver : public PatchField<float> {
   /// not lack.
   void hand_on();
   void give(int n);
+  /// With lifts: the least light that reaches a pixel by its slice's own exposure; 0: none is asked.
+  float least_own(std::size_t at) const {
+    if (here_[at] != 255 || left_[at] != 0) return 0;
+    return static_cast<float>(plan_.least_own(static_cast<double>(own_[at])));
+  }
+  /// Whether some of a square gets less; `seen`: as of `seen_light`.
+  bool lacks_own(std::size_t first, const float* seen) const;
+  /// What lacks some after rounding gets it, of its own pixel, then of those of features around it.
+  void hold();
 
   const PatchTask& task_;
   PatchBytes before_, columns_, above_, left_;
@@ -257,6 +270,10 @@ void PatchSolver::classify(std::size_t at) {
     bool rim = false;
     for_neighbours(at, [&](std::size_t beside) { rim = rim || here_[beside] == 0; });
     if (rim) soft_[at] = std::max(kRimDose, 1 + 4 * margin);
+    // What holds at each lift adds up to this.
+    if (rim && plan_.joint > 0) {
+      soft_[at] = std::max(soft_[at], static_cast<float>(kRimOfHeld * plan_.joint / plan_.b));
+    }
   } else if (cover == 0) {
     most_[at] = (1 - margin) * static_cast<float>(plan_.middle_norm);
     share_[at] = static_cast<float>(plan_.middle_below);
@@ -301,7 +318,8 @@ void PatchSolver::find_aims(int n) {
     if (passes_bounds(seen_light(k) + first, below() + first, dose_.data() + first,
                       guide_.data() + first, bounds_of(first), stride, gain, kept,
                       task_.first ? kSlack : 0.75F * static_cast<float>(plan_.margin),
-                      task_.first)) {
+                      task_.first) ||
+        lacks_own(first, seen_light(k) + first)) {
       flagged_.push_back(k);
     }
   }
@@ -338,6 +356,19 @@ void PatchSolver::aim(int k) {
              {lo_.data() + first, hi_.data() + first, lo_weight_.data() + first,
               hi_weight_.data() + first},
              raw_lo_.data() + first, raw_hi_.data() + first);
+  const float room = static_cast<float>(plan_.margin / plan_.b);
+  for (std::size_t y = 0; y < kSquare && plan_.joint > 0; ++y) {
+    const std::size_t from = first + y * stride;
+    for (std::size_t at = from; at < from + kSquare; ++at) {
+      const float least = std::min(least_own(at), rule.bright);
+      if (least <= 0 || least + room <= raw_lo_[at]) continue;
+      raw_lo_[at] = std::min(least + room, rule.bright);
+      lo_[at] = std::max(lo_[at], raw_lo_[at]);
+      raw_hi_[at] = std::max(raw_hi_[at], raw_lo_[at]);
+      hi_[at] = std::max(hi_[at], lo_[at]);
+      lo_weight_[at] = kHoldWeight;
+    }
+  }
   for (std::size_t y = 0; y < kSquare; ++y) {
     const std::size_t from = first + y * stride;
     std::fill_n(looked_at_.begin() + static_cast<std::ptrdiff_t>(from), kSquare, kFree);
@@ -472,6 +503,72 @@ void PatchSolver::round_to_levels() {
   }
 }
 
+bool PatchSolver::lacks_own(std::size_t first, const float* seen) const {
+  if (plan_.joint <= 0) return false;
+  for (std::size_t y = 0; y < kSquare; ++y) {
+    const std::size_t from = y * place().stride;
+    for (std::size_t k = from; k < from + kSquare; ++k) {
+      if (seen[k] < least_own(first + k)) return true;
+    }
+  }
+  return false;
+}
+
+void PatchSolver::hold() {
+  if (plan_.joint <= 0) return;
+  const LevelTable& table = plan_.columns.levels;
+  const std::size_t stride = place().stride;
+  const auto tap = [&](int x, int y) {
+    return plan_.near_taps[static_cast<std::size_t>((plan_.near_y + y) * plan_.near_width +
+                                                    plan_.near_x + x)];
+  };
+  const auto raise = [&](std::size_t at, float more) {
+    if (!(marked_[at] & kMayChange) || here_[at] != 255 || levels_[at] >= plan_.top) return false;
+    const float shine = std::min(shine_[at] + more, shine_of(255, at));
+    const int level = table.at_least(phi_at(at, static_cast<double>(shine) * (1 - 1e-6)));
+    if (level <= levels_[at]) return false;
+    wake_around(at);
+    check_on(square_of(at), slice());
+    set_level(at, level);
+    return true;
+  };
+  constexpr int passes = 12, alone = 4;
+  bool any = true;
+  for (int pass = 0; pass < passes && any; ++pass) {
+    any = false;
+    for (const int k : aimed_) {
+      for (std::size_t y = 0; y < kSquare; ++y) {
+        const std::size_t from = first_of(k) + y * stride;
+        for (std::size_t at = from; at < from + kSquare; ++at) {
+          const float least = least_own(at);
+          if (least <= 0) continue;
+          const float wanted =
+              plan_.m == 1 ? least : std::pow(least, static_cast<float>(1 / plan_.m));
+          const float lacks = wanted * (1 + 1e-5F) - light_[at];
+          if (lacks <= 0) continue;
+          if (raise(at, lacks / tap(0, 0))) {
+            any = true;
+            continue;
+          }
+          if (pass < alone) continue;
+          for (int j = -1; j <= 1; ++j) {
+            for (int i = -1; i <= 1; ++i) {
+              const std::size_t beside =
+                  at + static_cast<std::size_t>(i) + stride * static_cast<std::size_t>(j);
+              if (i != 0 || j != 0)
+                any = raise(beside, lacks / (8 * std::max(tap(i, j), 0.01F))) || any;
+            }
+          }
+        }
+      }
+    }
+    if (!any && pass < alone) {
+      pass = alone - 1;
+      any = true;
+    }
+  }
+}
+
 void PatchSolver::hand_on() {
   const LevelTable& table = plan_.columns.levels;
   const auto phi_of = [&](double shine, std::size_t at) {
@@ -558,6 +655,7 @@ void PatchSolver::solve(int n) {
   if (!flagged_.empty()) {
     choose();
     round_to_levels();
+    hold();
     for (const int k : aimed_) {
       for (std::size_t y = 0; y < kSquare; ++y) {
         const std::size_t from = first_of(k) + y * place().stride;
@@ -575,7 +673,8 @@ void PatchSolver::solve(int n) {
     const int calm = square(k).touched_at - n;
     if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 &&
         stays_inside(seen + first, dose_.data() + first, guide_.data() + first, own_.data() + first,
-                     bounds_of(first), place().stride)) {
+                     bounds_of(first), place().stride) &&
+        !lacks_own(first, seen + first)) {
       sleep(k);
     }
   }

@@ -18,6 +18,9 @@ namespace {
 constexpr double kNothing = 1e-9;
 constexpr double kMostReach = 1e6;
 
+/// Whether edges are put where they belong, at the cost of layers that stay liquid on purpose.
+bool places_edge(const LiftModel& lifts) { return lifts.exchange && !lifts.each_holds; }
+
 }  // namespace
 
 LiftedFeature::LiftedFeature(const CureModel& model, const LevelTable* levels)
@@ -39,7 +42,7 @@ double LiftedFeature::most(double phi) const {
 
 double LiftedFeature::own(int n, double dose, double up) const {
   return dose * std::exp(up * model_.eta * units::kLn10) /
-         (model_.lifts->kept * model_.ratio(n) * model_.returned(n + 1 - up));
+         (model_.ratio(n) * model_.returned(n + 1 - up));
 }
 
 std::vector<double> LiftedFeature::floors(const Ask& ask, int liquid) const {
@@ -53,7 +56,7 @@ std::vector<double> LiftedFeature::floors(const Ask& ask, int liquid) const {
       light = model_.phi_min();
     } else if (j > liquid) {
       light = least(own(n, lifts.green_strength * keeps, 1.0));
-    } else if (lifts.exchange) {
+    } else if (places_edge(lifts)) {
       light = least(own(n, keeps, lifts.skin));
     } else {
       // What lies below the edge holds.
@@ -109,7 +112,7 @@ void LiftedFeature::brighten(const Ask& ask, double most_dose, double exchange,
 LiftedFeature::Light LiftedFeature::solve(const Ask& ask) const {
   const LiftModel& lifts = *model_.lifts;
   Light light;
-  if (!lifts.exchange) {
+  if (!places_edge(lifts)) {
     light.phi = floors(ask, 0);
     const double moved = std::exp(kLiftToleranceUm / model_.layer_um * model_.eta * units::kLn10);
     brighten(ask, peak(ask, light.phi, 0) * moved, 0, light);

@@ -7,7 +7,7 @@
 /// exposure of layer j leaves at u; with the share x of the resin exchanged at each lift the resin there has
 /// had D_j = (1 - x) D_(j-1) + c_j, and has gelled up to u where the greatest D_j is 1.
 ///
-/// - x unknown: every layer holds, and layers get more than that, those nearest the window first, as far
+/// - x unknown, or `LiftModel::each_holds`: every layer holds, and layers get more than that, those nearest the window first, as far
 ///   as the edge for x = 0 moves by no more than `kLiftToleranceUm`.
 /// - x known: as few layers as possible stay liquid, the one after them is a film, all others hold, and
 ///   layers get more, those nearest the window first, as far as no D_j passes what the edge leaves.
@@ -49,8 +49,7 @@ class LiftedFeature {
  private:
   double least(double phi) const;
   double most(double phi) const;
-  /// phi with which layer n gets `dose` from its own exposure, at `up` slices above its window, even if
-  /// it spreads and nothing comes from beside.
+  /// phi with which layer n gets `dose` from its own exposure, at `up` slices above its window.
   double own(int n, double dose, double up) const;
   /// Least light of all layers where the first `liquid` stay liquid; where the exchange is not known
   /// none does, and the first one holds.

@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cure/light_spread.hpp"
 #include "cure/limits.hpp"
 #include "cure/steps.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
+#include "slicecorr/light_spreads.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
@@ -243,18 +244,7 @@ void take_lifts(const Printer& printer, const Resin& resin, Process process, Cur
   lifts.skin = process.skin;
   lifts.film = std::exp(lifts.skin * model.eta * units::kLn10);
   if (process.lift_exchange >= 0) lifts.exchange = process.lift_exchange;
-  const PixelBox pixel{0, 0, 1, 1};
-  double light = 1;
-  if (!printer.spread.none()) {
-    const double lit = light;
-    detail::LightBlur(printer.spread, printer.pixel_x_um, printer.pixel_y_um)
-        .apply(&lit, pixel, &light, pixel);
-  }
-  // At the far edge, where a layer must hold, light has scattered over the way there.
-  const detail::SliceScatter scatter(resin.scatter_um2_per_um, model.layer_um, printer.pixel_x_um,
-                                     printer.pixel_y_um);
-  if (!scatter.none()) scatter.apply(&light, pixel);
-  lifts.kept = std::pow(light, model.m);
+  lifts.each_holds = lifts.exchange.value_or(0) > 0 && light_spreads(printer, resin, process);
 }
 
 }  // namespace
@@ -288,6 +278,7 @@ std::vector<Feature> features_of(const CureModel& model) {
   if (model.gel_time()) features.push_back(Feature::gel_time);
   if (model.bleaching()) features.push_back(Feature::bleaching);
   if (model.lifts) features.push_back(Feature::lifts);
+  if (model.lifts && model.lifts->exchange.value_or(0) > 0) features.push_back(Feature::exchange);
   if (model.bath_slices > 0) features.push_back(Feature::vat_depth);
   if (model.mirrored_slices > 0) features.push_back(Feature::reflectance);
   if (model.mode == ExposureMode::continuous && !model.exposure_ratio.empty()) {

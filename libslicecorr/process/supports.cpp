@@ -30,6 +30,7 @@ constexpr std::array<const char*, kFeatures> kNames = {
     "resin that ends ([vat] depth_um)",
     "a platform that sends light back ([vat] platform_reflectance)",
     "layers that hold at each lift (lifts)",
+    "resin that lifts exchange (lift_exchange)",
     "more light for slower slices (slice_lamps)",
     "edges of the mesh (surface)",
     "what is left alone (leave_alone)",
@@ -204,7 +205,6 @@ constexpr Unsupported kTable[] = {
     {lifts, bleaching, without,
      "whether layers hold at each lift is not looked at with a resin that bleaches: doses count at the "
      "end alone"},
-    {spread, lifts, alone, "each layer is to hold when the platform lifts"},
     {spread, vat_depth, alone, "the resin ends"},
     {spread, reflectance, alone, "the platform sends light back"},
     {spread, gel_time, alone, "the resin has a time to gel"},
@@ -247,6 +247,9 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
   add(printer.resin_depth_um > 0, vat_depth);
   add(printer.platform_reflectance > 0, reflectance);
   add(process.mode == ExposureMode::layerwise && process.lifts == Lifts::each, Feature::lifts);
+  add(process.mode == ExposureMode::layerwise && process.lifts == Lifts::each &&
+          process.lift_exchange > 0,
+      exchange);
   add(slices_differ(process), lamps_stay);
   add(process.surface == Surface::mesh, edge_heights);
   add(process.omega_max < kNoCap, capped_dose);

@@ -101,9 +101,9 @@ struct LiftModel {
   double green_strength = kDefaultGreenStrength;
   double skin = 0.5;  ///< part of a layer that has gelled in a film
   double film = 1;    ///< a^-skin: least dose of a film at its window
-  /// Where light spreads: what a pixel that is lit alone keeps of its dose, above 0 and at most 1. Light
-  /// of what is to hold is reckoned with that, so that it does whatever is shown beside it.
-  double kept = 1;
+  /// Whether the correction lets no layer stay liquid on purpose although the exchange is known: where light
+  /// spreads and resin is exchanged, what is beside a column decides what of it is liquid.
+  bool each_holds = false;
   /// x, share of the liquid that a lift exchanges; nothing: unknown.
   std::optional<double> exchange{};
 };

@@ -29,6 +29,7 @@ enum class Feature {
   vat_depth,     ///< resin that ends
   reflectance,   ///< a platform that sends light back
   lifts,         ///< layer by layer: each layer holds when the platform lifts
+  exchange,      ///< with lifts that replace a part of the liquid resin
   lamps_stay,    ///< slices that go slower get more light
   edge_heights,  ///< edges aimed at where the mesh has them
   left_alone,

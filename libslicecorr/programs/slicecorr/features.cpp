@@ -44,9 +44,11 @@ nlohmann::ordered_json feature_rows() {
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   const auto add = [&](Feature a, std::optional<Feature> b, bool layerwise, bool gel_time) {
     // Layers are lifted where they are exposed one by one.
-    if (!layerwise && (a == Feature::lifts || b == Feature::lifts)) return;
+    const auto is = [&](Feature f) { return a == f || b == f; };
+    if (!layerwise && (is(Feature::lifts) || is(Feature::exchange))) return;
     std::vector<Feature> together{a};
     if (b) together.push_back(*b);
+    if (is(Feature::exchange) && !is(Feature::lifts)) together.push_back(Feature::lifts);
     if (layerwise) together.push_back(Feature::layerwise);
     if (gel_time) together.push_back(Feature::gel_time);
     // A correction is robust against what is uncertain.

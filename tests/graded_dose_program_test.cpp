@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -107,6 +108,40 @@ TEST_F(GradedDoseProgram, RegionsGetTheirDoses) {
   EXPECT_THAT(page, HasSubstr("The doses that are wanted"));
 }
 
+TEST_F(GradedDoseProgram, LayerByLayerLayersHoldAndHaveTheirDoses) {
+  const std::string resin =
+      "name = \"plain\"\n[cure]\nabsorbance_height_um = 150\nabsorbance_base = 10\n"
+      "gel_dose_mj_cm2 = 10\n";
+  write_file(folder_ / "plain.toml", {resin.begin(), resin.end()});
+  const Command how{"--region",  "left.stl=9", "--layer-um",   "50",
+                    "--printer", "small.toml", "--resin",      "plain.toml",
+                    "--mode",    "layerwise",  "--exposure-s", "1.5"};
+  call(0, joined({"run", "ladder.stl", "-o", "out.uvj"}, how));
+  const json j = figures("out.json");
+  EXPECT_EQ(j["undercure_voxels"], 0);
+  EXPECT_EQ(j["joints"]["not_holding_voxels"], 0);
+  ASSERT_EQ(j["regions"].size(), 2U);
+  const json &outside = j["regions"][0], &left = j["regions"][1];
+  EXPECT_EQ(left["wanted"]["min"], 9);
+  // Elsewhere no layer gets more than what holds: 1.2 / (sqrt(a) (1 - a)), a the third root of 0.1.
+  const double a = std::pow(0.1, 1.0 / 3), held = 1.2 / std::sqrt(a) / (1 - a);
+  EXPECT_NEAR(outside["dose"]["max"].get<double>(), held, 0.05 * held);
+  EXPECT_LT(left["dose"]["max"].get<double>(), 9.1);
+  std::istringstream rows(call(0, {"probe", "out.uvj", "--x", "50", "--y", "60"}).out);
+  std::string row;
+  std::getline(rows, row);
+  int close = 0;
+  for (int n = 0; n < 40 && std::getline(rows, row); ++n) {
+    // At nodes, from inside their layer: sqrt(a) of the middle's.
+    close += std::abs(std::stod(row.substr(row.rfind(',') + 1)) / (9 * std::sqrt(a)) - 1) < 0.01;
+  }
+  EXPECT_GT(close, 35);
+  EXPECT_THAT(call(3, joined({"run", "ladder.stl", "-o", "x.uvj"},
+                             joined(how, {"--region", "left.stl=90"})))
+                  .err,
+              HasSubstr("expose for more than"));
+}
+
 TEST_F(GradedDoseProgram, LaterRegionsWin) {
   run("out.uvj", {"--region", "left.stl=2", "--region", "foot.stl=1.5"});
   const json regions = figures("out.json")["regions"];
@@ -201,8 +236,9 @@ TEST_F(GradedDoseProgram, RefusesWhatDoesNotGo) {
                                process);
     EXPECT_THAT(call(2, all).err, HasSubstr(says));
   };
-  refused({"--printer", "small.toml", "--mode", "layerwise", "--exposure-s", "40"},
-          "layer by layer");
+  refused({"--printer", "small.toml", "--mode", "layerwise", "--exposure-s", "40",
+           "--lift-exchange", "0.5"},
+          "lifts exchange resin");
   refused({"--printer", "deep.toml", "--speed-mm-h", "1000"}, "resin that ends");
   refused({"--printer", "spread.toml", "--speed-mm-h", "1000"}, "spreads");
   // More than full light ever gives.

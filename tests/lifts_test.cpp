@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -274,6 +275,11 @@ TEST(Lifts, RandomColumnsHoldAndNoFeatureIsThinner) {
       int liquid = 0;
       while (liquid <= to - from && phi[static_cast<std::size_t>(from + liquid)] < 1) ++liquid;
       if (liquid == to - from || l.black > 0 || l.exchange > 0 || to - from < 9) continue;
+      // Nor does more light than all bring them there.
+      if (std::all_of(levels.begin() + from + liquid, levels.begin() + to + 1,
+                      [&](int level) { return level == l.levels - 1; })) {
+        continue;
+      }
       // Levels leave less than one step of the layer at the node, and never too much.
       const double step = l.full / (l.levels - 1) * a * plan.model.ratio(from);
       const double edge = edge_um(l, phi, from, l.exchange, 10);

@@ -28,8 +28,18 @@ void check_doses(const DoseTarget& doses, const SliceSource& target, const Place
     const auto value = static_cast<std::uint8_t>(v);
     if (part[v] == 0 && !models.even()) continue;
     if (models.even() && value != models.map().reference()) continue;
-    const double reached = models.model(value).phi_max();
+    const CureModel& model = models.model(value);
+    const bool layerwise = model.mode == ExposureMode::layerwise;
+    // In the middle of a layer; layer by layer all exposures together come to that.
+    const double reached =
+        layerwise ? model.phi_max() * model.root_a / model.one_minus_a : model.phi_max();
     if (most < reached) continue;
+    if (layerwise) {
+      throw InfeasibleError(fmt::format(
+          "a dose of {:g} is wanted, and full light comes to {:.4g} in the middle of a layer; expose for "
+          "more than {:.4g} s, or want a lower dose",
+          most, reached, setup.process.exposure_s * most / reached));
+    }
     throw InfeasibleError(fmt::format(
         "a dose of {:g} is wanted, and full light comes to {:.4g} at {:g} mm/h; a speed below {:.4g} "
         "mm/h would do, or a lower dose",

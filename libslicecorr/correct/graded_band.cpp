@@ -11,6 +11,7 @@
 #include "base/coded_band.hpp"
 #include "base/coded_tiles.hpp"
 #include "correct/band_solvers.hpp"
+#include "correct/graded_columns.hpp"
 #include "correct/level_search.hpp"
 #include "correct/merged_slits.hpp"
 #include "slicecorr/error.hpp"
@@ -26,7 +27,7 @@ namespace {
 /// below them, and the greatest that are nowhere above them, are found from the platform on, as far
 /// as the edges at the ends of the feature leave room. Then the slices are chosen from the last one
 /// on, each from the dose that is there.
-class GradedColumn {
+class GradedColumn final : public GradedColumns {
  public:
   GradedColumn(const CorrectionPlan& plan, const DoseScale& scale)
       : plan_(plan),
@@ -40,9 +41,8 @@ class GradedColumn {
         most_(all_ + 1),
         aim_most_(all_ + 1) {}
 
-  /// `coverage`, `doses`: of `plan.layers` layers; `heights`: of one more. `levels`: of all slices.
   void solve(const std::uint8_t* coverage, const std::uint8_t* heights, const std::uint8_t* doses,
-             std::uint8_t* levels);
+             std::uint8_t* levels) override;
 
  private:
   /// The upper end of a run.
@@ -183,6 +183,17 @@ void GradedColumn::solve(const std::uint8_t* coverage, const std::uint8_t* heigh
   }
 }
 
+std::unique_ptr<GradedColumns> make_graded_column(const CorrectionPlan& plan,
+                                                  const DoseScale& scale) {
+  const bool counted = plan.model.adds_up() && !plan.model.inhibited() &&
+                       plan.model.bath_slices == 0 && plan.model.mirrored_slices == 0;
+  if (counted && plan.model.mode == ExposureMode::layerwise) return make_graded_layers(plan, scale);
+  if (!plan.continuous || !plan.model.is_plain()) {
+    throw Error("doses are wanted of a model that is not plain");
+  }
+  return std::make_unique<GradedColumn>(plan, scale);
+}
+
 /// Rows of a band cut into tiles of 64 columns, kept coded.
 class TileRows {
  public:
@@ -258,7 +269,7 @@ class GradedSolver final : public BandSolver {
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) override;
 
  private:
-  void solve_block(GradedColumn& column, const std::vector<std::uint8_t>& coverage,
+  void solve_block(GradedColumns& column, const std::vector<std::uint8_t>& coverage,
                    const std::vector<std::uint8_t>& heights, const std::vector<std::uint8_t>& doses,
                    std::vector<std::uint8_t>& levels);
 
@@ -269,7 +280,7 @@ class GradedSolver final : public BandSolver {
   TileRows coverage_, heights_;
 };
 
-void GradedSolver::solve_block(GradedColumn& column, const std::vector<std::uint8_t>& coverage,
+void GradedSolver::solve_block(GradedColumns& column, const std::vector<std::uint8_t>& coverage,
                                const std::vector<std::uint8_t>& heights,
                                const std::vector<std::uint8_t>& doses,
                                std::vector<std::uint8_t>& levels) {
@@ -304,7 +315,7 @@ void GradedSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::T
     doses_.read(n, row.data());
     wanted.append(row.data());
   }
-  const auto column = std::make_unique<GradedColumn>(plan_, *doses_.scale);
+  const auto column = make_graded_column(plan_, *doses_.scale);
   const auto all = static_cast<std::size_t>(plan_.all_layers);
   std::vector<std::uint8_t> coverage, heights, doses, levels(all * kLanes);
   // Blocks are coded apart: a slice is put together from all of them.
@@ -337,9 +348,7 @@ void GradedSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::T
 
 std::unique_ptr<BandSolver> make_graded_solver(const CorrectionPlan& plan, std::size_t columns,
                                                BandDoses doses) {
-  if (!plan.continuous || !plan.model.is_plain()) {
-    throw Error("doses are wanted of a model that is not plain");
-  }
+  static_cast<void>(make_graded_column(plan, *doses.scale));
   return std::make_unique<GradedSolver>(plan, columns, std::move(doses));
 }
 
@@ -355,7 +364,7 @@ std::vector<std::uint8_t> solve_graded_column(const CorrectionPlan& plan, const 
   std::vector<std::uint8_t> at_nodes = heights;
   at_nodes.resize(static_cast<std::size_t>(plan.layers) + 1, 0);
   const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
-  std::make_unique<detail::GradedColumn>(plan, scale)
+  detail::make_graded_column(plan, scale)
       ->solve(solved.data(), at_nodes.data(), doses.data(), levels.data());
   return levels;
 }

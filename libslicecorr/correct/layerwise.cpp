@@ -15,6 +15,7 @@
 #include "base/kernels.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/coverage.hpp"
+#include "correct/layer_level.hpp"
 #include "correct/lifted_feature.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
@@ -24,103 +25,6 @@
 namespace slicecorr::detail {
 
 namespace {
-
-/// Light at a layer's window, and what becomes of it at the layer's far edge, its upper node.
-struct LayerLight {
-  const CorrectionPlan& plan;
-  double ratio;
-  double far_edge;          ///< W(n + 1), the dose that later slices leave at its window
-  double dark;              ///< that of a black slice, at the window of the layer above
-  std::uint8_t height = 0;  ///< edge height of the upper node where a gap lies above it, else 0
-  int slice = 0;
-
-  /// What light from the platform makes of doses at a distance below the layer's upper node.
-  double returned(double below) const { return plan.model.returned(slice + below); }
-  /// Computed just as BandDose does, to the last bit.
-  double near(int level) const { return plan.levels.phi(level) * ratio + far_edge; }
-  double phi(double at_window) const { return (at_window - far_edge) / ratio; }
-  bool ends_at_node() const { return height == 0 || height == kEdgeAtNode; }
-  /// Dose at the window that ends the print where the height says.
-  double wanted() const {
-    const double below = ends_at_node() ? 0.0 : edge_height_slices(height);
-    const double a = plan.model.a, at_node = std::pow(a, below) / returned(below);
-    return (below < 0 ? std::max(1.0 / returned(0), at_node - dark) : at_node) / a;
-  }
-};
-
-/// Dose of a black slice at its window; 0 for that of the platform's far side.
-double dark_window(const CorrectionPlan& plan, int n) {
-  return n < 0 ? 0.0 : plan.levels.phi(0) * plan.model.ratio(n);
-}
-
-/// The lowest level whose dose at the layer's upper node reaches `edge`.
-int level_to_node(const LayerLight& light, double edge) {
-  const LevelTable& levels = light.plan.levels;
-  const double a = light.plan.model.a, returned = light.returned(0);
-  const auto reached = [&](int level) { return light.near(level) * a * returned; };
-  if (reached(0) >= edge) return 0;
-  int level = levels.at_least(light.phi(edge / a / returned));
-  // Solving for phi rounds differently from stepping forward: what counts is the dose delivered.
-  while (level < levels.highest() && reached(level) < edge) {
-    level = levels.at_least(std::nextafter(levels.phi(level), 1e308));
-  }
-  return level;
-}
-
-/// The level whose print ends nearest to the edge height of the layer's upper node, while the middle
-/// of the layer prints, and that of the layer above, a gap's, does not. Black light makes the gap's
-/// dose jump up at the node: where the layer stays liquid at its node, so must the gap.
-int level_to_height(const LayerLight& light) {
-  const LevelTable& levels = light.plan.levels;
-  const CureModel& model = light.plan.model;
-  const double per_slice = -std::log(model.a);
-  const double at_node = light.returned(0), at_middle = light.returned(0.5);
-  const double above = light.returned(-0.5);
-  struct End {
-    int wrong;
-    double off;
-    // clang-tidy 14 takes its comparison with 0 for one with a null pointer.
-    auto operator<=>(const End&) const = default;  // NOLINT(modernize-use-nullptr)
-  };
-  const auto end = [&](int level) {
-    const double node = light.near(level) * model.a, in_gap = node + light.dark;
-    const bool ends = node * at_node < 1.0;
-    const bool slit = ends && in_gap * at_node >= 1.0;
-    const bool prints = light.near(level) * model.root_a * at_middle >= 1.0 + kMargin;
-    const bool open = in_gap * model.root_a * above < 1.0;
-    const double below = -std::log((ends ? node : in_gap) * at_node) / per_slice;
-    return End{(prints ? 0 : 2) + (open ? 0 : 1) + (slit ? 1 : 0),
-               std::abs(below - edge_height_slices(light.height))};
-  };
-  const double phi = light.phi(light.wanted());
-  const double most = std::nextafter(1.0 / at_node - light.dark, 0.0);
-  const int clear = levels.at_most(light.phi(most / model.a));
-  int best = level_to_node(light, 1.0 + kMargin);
-  for (const int level : {levels.at_least(phi), levels.at_most(phi), clear}) {
-    if (end(level) < end(best)) best = level;
-  }
-  return best;
-}
-
-/// The grey level of a layer. For a full layer the level that brings its far edge where it belongs;
-/// for a grey one the level whose dose in the middle is nearest to the coverage, but below 1. Where
-/// no level does so, the one that comes nearest.
-int layer_level(const LayerLight& light, std::uint8_t coverage) {
-  if (coverage == 0) return 0;
-  const LevelTable& levels = light.plan.levels;
-  const CureModel& model = light.plan.model;
-  if (coverage == kFull) {
-    return light.ends_at_node() ? level_to_node(light, 1.0 + kMargin) : level_to_height(light);
-  }
-  const double returned = light.returned(0.5);
-  const auto middle = [&](int level) { return light.near(level) * model.root_a * returned; };
-  const double aim = aim_of(coverage);
-  const double phi = light.phi(aim / model.root_a / returned);
-  int level = levels.at_most(phi);
-  const int next = levels.at_least(phi);
-  if (next > level && middle(next) < 1.0 && middle(next) - aim < aim - middle(level)) level = next;
-  return level;
-}
 
 /// Levels of the features of a band that must hold at every lift: what `LiftedFeature` says, found once
 /// for those that are alike.

@@ -109,6 +109,10 @@ void LiftedFeature::brighten(const Ask& ask, double most_dose, double exchange,
   }
 }
 
+std::vector<double> LiftedFeature::least_light(const Ask& ask) const {
+  return places_edge(*model_.lifts) ? std::vector<double>{} : floors(ask, 0);
+}
+
 LiftedFeature::Light LiftedFeature::solve(const Ask& ask) const {
   const LiftModel& lifts = *model_.lifts;
   Light light;

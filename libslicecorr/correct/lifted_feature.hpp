@@ -45,6 +45,9 @@ class LiftedFeature {
     int liquid = 0;
   };
   Light solve(const Ask& ask) const;
+  /// Where every layer holds: the least phi of each. Empty where the edge is put to its place, which takes
+  /// all the light of `solve`.
+  std::vector<double> least_light(const Ask& ask) const;
 
  private:
   double least(double phi) const;

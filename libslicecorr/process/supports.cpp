@@ -63,7 +63,7 @@ constexpr const char* kStayUv =
     "slices that get more light where they go slower are not computed under UV light; expected lamps "
     "that follow the speed";
 constexpr const char* kGradedUv =
-    "doses can't be graded under UV light; expected continuous exposure without it";
+    "doses can't be graded under UV light; expected exposure without it";
 constexpr const char* kSureUv =
     "how sure a print is can't be said where UV light has a pattern; expected one intensity, or one "
     "per slice";
@@ -118,9 +118,8 @@ constexpr Unsupported kTable[] = {
     // What is wanted of a correction.
     {wanted_doses, left_alone, refused,
      "doses can't be graded beside what is left alone; expected the part by itself"},
-    {wanted_doses, layerwise, refused,
-     "doses can't be graded layer by layer, where the dose falls through every layer; expected "
-     "continuous exposure"},
+    {wanted_doses, exchange, refused,
+     "doses can't be graded where lifts exchange resin; expected no lift_exchange, or 0"},
     UNDER_UV(wanted_doses, refused, kGradedUv),
     {wanted_doses, gel_time, refused,
      "doses can't be graded with a resin of model \"gel-time\"; expected one of another model "

@@ -414,7 +414,11 @@ TEST(CAbi, ListsNameWhatThereIs) {
   EXPECT_EQ(names("printer").count("dual-wavelength-dlp"), 1U);
   EXPECT_EQ(names("resin").count("figure-2-2"), 1U);
   EXPECT_EQ(names("format").count("uvj"), 1U);
-  EXPECT_EQ(names("figure").count("height_error_um.max_abs"), 1U);
+  for (const char* name :
+       {"height_error_um.max_abs", "height_error_um.exchanged.mean_abs", "joints.least",
+        "joints.not_holding_voxels", "joints.films", "joints.liquid_layers_max"}) {
+    EXPECT_EQ(names("figure").count(name), 1U) << name;
+  }
   EXPECT_EQ(names("property").count("layer_um"), 1U);
   slicecorr_list* list = nullptr;
   EXPECT_EQ(slicecorr_list_new("colours", &list), SLICECORR_UNKNOWN_NAME);

@@ -73,7 +73,12 @@ Names places_of(const std::string& json) {
 
 }  // namespace
 
-Names figure_names() { return places_of(Prediction{}.to_json()); }
+Names figure_names() {
+  // With those of layer by layer exposure.
+  Prediction any;
+  any.joints.emplace();
+  return places_of(any.to_json());
+}
 Names tomo_figure_names() { return places_of(tomo::PrintFigures{}.to_json()); }
 
 }  // namespace slicecorr::c_api

@@ -146,6 +146,10 @@ void WantedDoses::read_regions(const DoseOptions& options, const Printer& printe
   // Regions are scaled as the parts are.
   MeshOptions all = meshes;
   if (part) {
+    if (meshes.arranges()) {
+      throw InputError(
+          "--region lies beside the parts as their files have them; expected parts that are not arranged");
+    }
     place = place_of(part->box_mm(), printer, meshes);
   } else if (!options.designs.empty()) {
     all.parts = options.designs;

@@ -7,7 +7,10 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
+#include <filesystem>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "programs/common/program.hpp"
@@ -16,6 +19,8 @@
 namespace slicecorr::cli {
 
 namespace {
+
+constexpr int kMostCopies = 1000;
 
 Units units_named(const std::string& name) {
   if (name == "mm") return Units::mm;
@@ -56,6 +61,57 @@ void MeshOptions::add_to(CLI::App& app) {
       ->check(number_in(1, 1000));
   add_antialias_to(app);
   add_placement_to(app);
+  add_plate_to(app);
+}
+
+void MeshOptions::add_plate_to(CLI::App& app) {
+  const OptionGroup group(app, "Parts on one plate");
+  app.add_option("--overlap", plate.overlap,
+                 "Parts whose solids overlap: refuse them, or join them to their union")
+      ->check(CLI::IsMember({"refuse", "join"}))
+      ->capture_default_str();
+  app.add_flag(
+      "--arrange", plate.arrange,
+      "Place the parts side by side, the largest first, not as in their files (PART*N: N copies, "
+      "always side by side)");
+  app.add_option("--spacing-mm", plate.spacing_mm, "Least distance of parts that are arranged")
+      ->check(number_in(0, 1000))
+      ->capture_default_str();
+  app.add_flag("--turn-about-z", plate.turn_about_z,
+               "Arranged parts may be turned by quarter turns, each by itself");
+}
+
+namespace {
+
+/// "part.stl*3" as name and number; 1 where it is no such name.
+std::pair<std::string, int> copies_of(const std::string& part) {
+  const auto star = part.rfind('*');
+  if (star == part.npos || star == 0 || std::filesystem::exists(part)) return {part, 1};
+  int number = 0;
+  const char *const first = part.data() + star + 1, *const last = part.data() + part.size();
+  const auto [end, error] = std::from_chars(first, last, number);
+  if (error != std::errc{} || end != last) return {part, 1};
+  if (number < 1 || number > kMostCopies) {
+    throw InputError(part, "", fmt::format("expected 1 to {} copies", kMostCopies));
+  }
+  return {part.substr(0, star), number};
+}
+
+}  // namespace
+
+std::vector<std::string> MeshOptions::files() const {
+  std::vector<std::string> all;
+  for (const std::string& part : parts) {
+    const auto [file, number] = copies_of(part);
+    all.insert(all.end(), static_cast<std::size_t>(number), file);
+  }
+  return all;
+}
+
+bool MeshOptions::arranges() const {
+  return plate.arrange || std::any_of(parts.begin(), parts.end(), [](const std::string& part) {
+           return copies_of(part).second > 1;
+         });
 }
 
 void MeshOptions::add_antialias_to(CLI::App& app) {
@@ -100,7 +156,7 @@ Placement MeshOptions::placement() const {
   if (fit_mm <= 0 || parts.empty()) return p;
   if (fit_factor_ == 0) {
     Box box;
-    for (const std::string& path : parts) box.add(read_mesh(path, p));
+    for (const std::string& path : files()) box.add(read_mesh(path, p));
     const double longest = box.longest_side();
     if (!(longest > 0)) throw InputError(parts.front(), "", "has no size that could be scaled");
     fit_factor_ = fit_mm / longest;
@@ -118,33 +174,136 @@ SliceOptions MeshOptions::slice_options(Surface surface) const {
   return o;
 }
 
-PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context) {
-  PlateParts all;
-  for (const std::string& path : options.parts) {
+namespace {
+
+/// A file's part.
+struct ReadPart {
+  std::string path;
+  TriangleMesh mesh;
+  EdgeDefects edge_defects;
+  std::string defects;  ///< that change what prints; else empty
+};
+
+/// All parts as their files place them; each file is read and told once.
+std::vector<ReadPart> read_each(const MeshOptions& options, const ExecutionContext& context) {
+  std::vector<ReadPart> all;
+  for (const std::string& path : options.files()) {
     context.check_cancelled();
-    TriangleMesh part = read_mesh(path, options.placement(), context);
-    EdgeDefects edge_defects;
-    const MeshReport r = inspect(part, context, &edge_defects);
+    const auto same =
+        std::find_if(all.begin(), all.end(), [&](const ReadPart& p) { return p.path == path; });
+    if (same != all.end() && options.arranges()) {
+      const ReadPart copy = *same;
+      all.push_back(copy);
+      all.back().defects.clear();
+      continue;
+    }
+    ReadPart& part = all.emplace_back();
+    part.path = path;
+    part.mesh = read_mesh(path, options.placement(), context);
+    const MeshReport r = inspect(part.mesh, context, &part.edge_defects);
     context.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
                              r.triangles == 1 ? "triangle" : "triangles", r.bodies,
                              r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
                              r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
-    if (r.defects.any()) {
-      const std::string text = fmt::format("{}: {}", path, describe(r.defects));
-      context.tell(text);
-      // Triangles without area and bodies that touch are told, and print as they are meant.
-      const MeshDefects& d = r.defects;
-      if (d.open_edges + d.misoriented_edges + d.flipped_triangles > 0) all.defects.push_back(text);
-    }
+    if (!r.defects.any()) continue;
+    const std::string text = fmt::format("{}: {}", path, describe(r.defects));
+    context.tell(text);
+    // Triangles without area and bodies that touch are told, and print as they are meant.
+    const MeshDefects& d = r.defects;
+    if (d.open_edges + d.misoriented_edges + d.flipped_triangles > 0) part.defects = text;
+  }
+  return all;
+}
+
+PlateParts together(std::vector<ReadPart> parts) {
+  PlateParts all;
+  for (ReadPart& part : parts) {
+    if (!part.defects.empty()) all.defects.push_back(part.defects);
     if (all.mesh.triangles.empty()) {
-      all.mesh = std::move(part);
-      all.edge_defects = std::move(edge_defects);
+      all.mesh = std::move(part.mesh);
+      all.edge_defects = std::move(part.edge_defects);
     } else {
-      append(all.edge_defects, all.mesh, edge_defects);
-      append(all.mesh, part);
+      append(all.edge_defects, all.mesh, part.edge_defects);
+      append(all.mesh, part.mesh);
     }
   }
   return all;
+}
+
+/// Moves the parts to their places, and keeps those of the plate that is asked for. Returns how many plates
+/// there are.
+int arrange_parts(const MeshOptions& options, const Printer& printer, std::vector<ReadPart>& parts,
+                  const ExecutionContext& context) {
+  if (!options.arranges()) return 1;
+  if (!options.center_mm.empty()) {
+    throw InputError(
+        "--center-mm places parts as their files have them; expected none where they are arranged");
+  }
+  const Grid plate = plate_grid(printer);
+  ArrangeOptions how;
+  how.width_mm = plate.width_px * plate.pixel_x_um * 1e-3;
+  how.height_mm = plate.height_px * plate.pixel_y_um * 1e-3;
+  how.spacing_mm = options.plate.spacing_mm;
+  how.turn = options.plate.turn_about_z;
+  std::vector<TriangleMesh> meshes;
+  meshes.reserve(parts.size());
+  for (ReadPart& part : parts) meshes.push_back(std::move(part.mesh));
+  const std::vector<ArrangedPart> places = arrange(
+      meshes, how, [&](std::size_t i) { return parts[i].path; }, context);
+  int plates = 1;
+  for (const ArrangedPart& place : places) plates = std::max(plates, place.plate + 1);
+  std::vector<ReadPart> kept;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (places[i].plate != options.of_plate) continue;
+    kept.push_back(std::move(parts[i]));
+    kept.back().mesh = at_place(meshes[i], places[i]);
+  }
+  context.tell(
+      fmt::format("{} parts on {} {}", places.size(), plates, plates == 1 ? "plate" : "plates"));
+  parts = std::move(kept);
+  return plates;
+}
+
+void check_overlaps(const MeshOptions& options, const std::vector<ReadPart>& parts,
+                    const Printer& printer, const SliceOptions& slicing,
+                    const ExecutionContext& context) {
+  if (options.plate.overlap == "join" || parts.size() < 2) return;
+  std::vector<TriangleMesh> meshes;
+  meshes.reserve(parts.size());
+  for (const ReadPart& part : parts) meshes.push_back(part.mesh);
+  const std::optional<PartOverlap> o = find_overlap(meshes, printer, slicing, context);
+  if (!o) return;
+  throw InputError(fmt::format(
+      "{} and {} overlap: {:.4g} mm³ belong to both, the lowest at x = {:.2f}, y = {:.2f}, z = {:.3f} mm of "
+      "the plate; expected parts side by side (--arrange lays them so), or --overlap join, which prints "
+      "their union",
+      parts[o->first].path, parts[o->second].path, o->volume_mm3, o->x_mm, o->y_mm, o->z_mm));
+}
+
+/// Read, arranged where that is asked for.
+std::vector<ReadPart> parts_of_plate(const MeshOptions& options, const Printer& printer,
+                                     const ExecutionContext& context) {
+  std::vector<ReadPart> parts = read_each(options, context);
+  const int plates = arrange_parts(options, printer, parts, context);
+  if (plates > options.plates) {
+    throw InputError(fmt::format(
+        "the parts take {} plates of {}'s display; expected fewer parts, a smaller --spacing-mm, "
+        "--turn-about-z, or --plates {} for as many stacks",
+        plates, printer.name, plates));
+  }
+  return parts;
+}
+
+}  // namespace
+
+PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context) {
+  return together(read_each(options, context));
+}
+
+int plates_needed(const MeshOptions& options, const Printer& printer,
+                  const ExecutionContext& context) {
+  std::vector<ReadPart> parts = read_each(options, context);
+  return arrange_parts(options, printer, parts, context);
 }
 
 namespace {
@@ -168,8 +327,10 @@ MeshSlices slice_placed(PlateParts parts, const SliceOptions& options, const Pri
 
 MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const ExecutionContext& context) {
-  return slice_placed(read_parts(options, context), options.slice_options(surface), printer,
-                      context);
+  std::vector<ReadPart> parts = parts_of_plate(options, printer, context);
+  const SliceOptions slicing = options.slice_options(surface);
+  check_overlaps(options, parts, printer, slicing, context);
+  return slice_placed(together(std::move(parts)), slicing, printer, context);
 }
 
 MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
@@ -177,7 +338,13 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
                        const ExecutionContext& context, PartFacts* facts) {
   place.placement = options.placement();
   place.antialias = options.antialias == "on";
-  PlateParts parts = read_parts(options, context);
+  if (options.arranges() && !left_alone.empty()) {
+    throw InputError(
+        "what is left alone lies beside the parts as their files have them; expected parts that are not arranged");
+  }
+  std::vector<ReadPart> each = parts_of_plate(options, printer, context);
+  check_overlaps(options, each, printer, options.slice_options(surface), context);
+  PlateParts parts = together(std::move(each));
   if (facts) *facts = {parts.mesh.triangles.size(), parts.defects};
   if (std::none_of(left_alone.begin(), left_alone.end(), is_mesh_name)) {
     return slice_placed(std::move(parts), options.slice_options(surface), printer, context);

@@ -11,6 +11,7 @@
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/parallel.hpp"
+#include "slicecorr/plate.hpp"
 #include "slicecorr/slice.hpp"
 
 namespace slicecorr::cli {
@@ -24,10 +25,19 @@ struct MeshOptions {
   double scale = 1.0;
   double fit_mm = 0;  ///< longest side of all parts together; 0: as `scale` says
   std::vector<double> rotate_deg;
+  PlateChoices plate;
+  int plates = 1;    ///< at most so many plates
+  int of_plate = 0;  ///< the parts of which of them are sliced
   void add_to(CLI::App& app);
   void add_antialias_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
   void add_placement_to(CLI::App& app);
+  /// What parts do on one plate, of commands that slice.
+  void add_plate_to(CLI::App& app);
+  /// The files of all parts: "part.stl*3" is thrice "part.stl", where no file has that name.
+  std::vector<std::string> files() const;
+  /// Whether parts lie side by side: copies do.
+  bool arranges() const;
   /// Where `fit_mm` is set, the first call reads the parts for their size; copies made after that
   /// scale other meshes alike. Throws as `read_mesh`.
   Placement placement() const;
@@ -51,10 +61,15 @@ struct PartFacts {
   std::vector<std::string> defects;  ///< as `PlateParts` has them
 };
 
-/// Reads and places all parts; tells their figures and defects through `context`.
+/// Reads all parts as their files place them; tells their figures and defects through `context`.
 PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context);
 
-/// Reads all parts to be sliced for this printer.
+/// The plates that the parts take on this printer's display; 1 where they are not arranged.
+int plates_needed(const MeshOptions& options, const Printer& printer,
+                  const ExecutionContext& context);
+
+/// Reads all parts to be sliced for this printer, arranges them where that is asked for, and refuses parts
+/// that overlap.
 MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const ExecutionContext& context);
 

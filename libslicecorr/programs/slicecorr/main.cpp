@@ -56,6 +56,13 @@ int run_program(int argc, char** argv) {
         ->expected(1, std::numeric_limits<int>::max());
     a.mesh.add_placement_to(*sub);
   };
+  const auto plates = [&](CLI::App* sub) {
+    sub->add_option(
+           "--plates", a.mesh.plates,
+           "Arranged parts that do not fit on one plate go to up to N: OUT-1, OUT-2 and so on")
+        ->check(CLI::Range(1, 1000))
+        ->capture_default_str();
+  };
   std::string formats;
   for (const FormatInfo& f : archive_formats()) formats += (formats.empty() ? "" : ", ") + f.name;
   const auto stack_output = [&](CLI::App* sub, const char* text) {
@@ -68,6 +75,7 @@ int run_program(int argc, char** argv) {
   };
   CLI::App* sub = add("slice", "Slice meshes into a stack of coverage images", commands::slice);
   a.mesh.add_to(*sub);
+  plates(sub);
   a.setup.add_surface_to(*sub);
   sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
   stack_output(sub, "Stack to write (.uvj, or another format)");
@@ -155,6 +163,7 @@ int run_program(int argc, char** argv) {
 
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", commands::run);
   a.mesh.add_to(*sub);
+  plates(sub);
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
   a.uncertain.add_to(*sub, true);

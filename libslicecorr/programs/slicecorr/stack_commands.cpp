@@ -11,9 +11,43 @@
 
 namespace slicecorr::cli::commands {
 
+namespace {
+
+/// Makes the stacks of all plates, OUT-1, OUT-2 and so on where there are several.
+template <typename Make>
+int each_plate(const Arguments& a, const Printer& printer, const ExecutionContext& context,
+               const Make& make) {
+  const int plates = a.mesh.plates > 1 ? plates_needed(a.mesh, printer, context) : 1;
+  if (plates == 1 || plates > a.mesh.plates) return make(a);
+  const std::filesystem::path output(a.output);
+  for (int k = 0; k < plates; ++k) {
+    Arguments one = a;
+    one.mesh.of_plate = k;
+    one.output = (output.parent_path() / fmt::format("{}-{}{}", output.stem().string(), k + 1,
+                                                     output.extension().string()))
+                     .string();
+    if (const int code = make(one); code != kDone) return code;
+  }
+  return kDone;
+}
+
+int slice_plate(const Arguments& a, const ExecutionContext& context, Console& console);
+int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& context,
+              Console& console);
+
+}  // namespace
+
 int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
-  check_output(a.output, a.mesh.parts);
+  const Printer printer = load_display(a.setup.printer);
+  return each_plate(a, printer, context,
+                    [&](const Arguments& one) { return slice_plate(one, context, console); });
+}
+
+namespace {
+
+int slice_plate(const Arguments& a, const ExecutionContext& context, Console& console) {
+  check_output(a.output, a.mesh.files());
   const Printer printer = load_display(a.setup.printer);
   const MeshSlices slices = slice_parts(a.mesh, printer, a.setup.wanted_surface(), context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
@@ -22,6 +56,8 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
                           info.part_volume_mm3 * 1e-3));
   return kDone;
 }
+
+}  // namespace
 
 int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
@@ -58,15 +94,23 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
 
 int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
+  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, nullptr), a.setup);
+  tell_notices(setup, nullptr, context);
+  return each_plate(a, setup.printer, context,
+                    [&](const Arguments& one) { return run_plate(one, setup, context, console); });
+}
+
+namespace {
+
+int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& context,
+              Console& console) {
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
   for (const char* kind : {"", ".html", ".json"}) {
     const std::string path = *kind ? base + kind : a.output;
-    check_output(path, a.with_left_alone(a.mesh.parts));
+    check_output(path, a.with_left_alone(a.mesh.files()));
     check_output(path, a.doses.inputs());
   }
-  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, nullptr), a.setup);
-  tell_notices(setup, nullptr, context);
   MeshesLeftAlone place;
   const MeshSlices slices =
       slice_parts(a.mesh, setup.printer, setup.process.surface, a.leave_alone, place, context);
@@ -82,6 +126,8 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
                           summary(result.after, result.before), a.output));
   return kDone;
 }
+
+}  // namespace
 
 int convert(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();

@@ -33,7 +33,7 @@ void expect_figure(double value, double figure, double last_digit) {
 
 /// What a dose is computed from.
 struct Inputs {
-  double ln_ha = 0, ln_dc = 0, ln_light = 0, stray = 0, m = 0;
+  double ln_ha = 0, ln_dc = 0, ln_light = 0, stray = 0, m = 0, exchange = 0;
 };
 
 Process layerwise() {
@@ -42,6 +42,14 @@ Process layerwise() {
   p.exposure_s = 0.2;
   p.bottom_exposure_s = 0.6;
   p.bottom_layers = 4;
+  return p;
+}
+
+/// The same with lifts that exchange a share of the resin.
+Process lifted(double exchange) {
+  Process p = layerwise();
+  p.lifts = Lifts::each;
+  p.lift_exchange = exchange;
   return p;
 }
 
@@ -67,7 +75,9 @@ CureModel model_of(const Inputs& x, double m, double reference, const Process& p
   for (CalibrationPoint& c : p.calibration) {
     c.intensity_mw_cm2 = c.intensity_mw_cm2 * std::exp(x.ln_light) + x.stray;
   }
-  return make_cure_model(p, resin_of(x, m, reference), process, 50);
+  Process moved = process;
+  moved.lift_exchange += x.exchange;
+  return make_cure_model(p, resin_of(x, m, reference), moved, 50);
 }
 
 std::vector<std::uint8_t> random_pixels(int slices, unsigned seed) {
@@ -77,15 +87,18 @@ std::vector<std::uint8_t> random_pixels(int slices, unsigned seed) {
   return pixels;
 }
 
+/// Of the exchange: small, because its third derivative goes with the cube of the number of lifts, and
+/// because the lift that decides changes with it.
+constexpr double kExchangeStep = 1e-6;
+
 /// Derivative of the column dose by differences. Errors of the third order: step² / 6 of the third
 /// derivative, some 1e-8 of the dose; rounding 1e-16 / step.
 void expect_differences(double m, double reference, const Process& process) {
   const std::vector<std::uint8_t> pixels = random_pixels(40, 3);
   const CureModel model = model_of({}, m, reference, process);
-  BandDerivatives band(model, 1, {true, true, true, reference});
+  BandDerivatives band(model, 1, {true, true, true, reference, false, true});
   const ColumnGradient gradient(model, pixels, reference);
-  const double step = 1e-4;
-  const auto differences = [&](double Inputs::*of) {
+  const auto differences = [&](double Inputs::*of, double step = 1e-4) {
     Inputs more, less;
     more.*of = step;
     less.*of = -step;
@@ -101,7 +114,8 @@ void expect_differences(double m, double reference, const Process& process) {
   };
   const ColumnDose by_ha = differences(&Inputs::ln_ha), by_dc = differences(&Inputs::ln_dc),
                    by_light = differences(&Inputs::ln_light),
-                   by_stray = differences(&Inputs::stray), by_m = differences(&Inputs::m);
+                   by_stray = differences(&Inputs::stray), by_m = differences(&Inputs::m),
+                   by_exchange = differences(&Inputs::exchange, kExchangeStep);
   const ColumnDose dose = column_dose(model, pixels);
   for (int n = 39; n >= 0; --n) {
     const auto k = static_cast<std::size_t>(n);
@@ -114,6 +128,8 @@ void expect_differences(double m, double reference, const Process& process) {
       EXPECT_NEAR(g.ln_light(m), (by_light.*where)[k], tolerance) << n;
       EXPECT_NEAR(g.stray, (by_stray.*where)[k], tolerance) << n;
       EXPECT_NEAR(g.m, (by_m.*where)[k], 10 * tolerance) << n;  // by 1, not by 1 %
+      EXPECT_NEAR(g.exchange, (by_exchange.*where)[k], tolerance) << n;
+      EXPECT_LE(g.exchange, 0) << n;
       EXPECT_GE(g.ln_ha, 0) << n;
     };
     check(band.at(0, 0.5), &ColumnDose::middle);
@@ -127,6 +143,7 @@ void expect_differences(double m, double reference, const Process& process) {
     EXPECT_NEAR(band.upper().stray[0], upper.stray, 1e-12);
     EXPECT_NEAR(band.upper().m[0], upper.m, 1e-12 * (1 + std::abs(upper.m)));
     EXPECT_NEAR(band.upper().variance[0], upper.variance, 1e-12);
+    EXPECT_NEAR(band.upper().exchange[0], upper.exchange, 1e-12);
   }
 }
 
@@ -138,6 +155,70 @@ TEST(DoseDerivatives, DifferencesOfKineticResins) {
 TEST(DoseDerivatives, DifferencesLayerByLayer) {
   expect_differences(1, 1, layerwise());
   expect_differences(1.1, 20, layerwise());
+}
+
+TEST(DoseDerivatives, DifferencesWhereLiftsExchangeResin) {
+  for (const double exchange : {0.02, 0.3, 0.8}) {
+    expect_differences(1, 1, lifted(exchange));
+    expect_differences(1.1, 20, lifted(exchange));
+  }
+}
+
+// At every node the sum of the lift that dosed it most, term by term; all resin exchanged, too.
+TEST(DoseDerivatives, ExchangedDosesAreTheDirectSums) {
+  std::mt19937 random(7);
+  for (const double exchange : {0.01, 0.1, 0.45, 0.9, 1.0}) {
+    const CureModel model = model_of({}, 1, 1, lifted(exchange));
+    std::vector<double> phi(60);
+    for (double& p : phi) p = random() % 4 ? 0.01 * static_cast<double>(random() % 300) : 0;
+    const ColumnGradient gradient(model, phi);
+    const double fall = model.eta * units::kLn10, y = 1 - exchange;
+    const auto power = [&](int n) { return n == 0 ? 1.0 : std::pow(y, n); };
+    for (int n = 0; n < 60; ++n) {
+      DoseGradient most;
+      for (int k = n; k < 60; ++k) {
+        DoseGradient sum;
+        for (int j = n; j <= k; ++j) {
+          const double light = phi[static_cast<std::size_t>(j)] * model.ratio(j);
+          const double far = j - n + 1, left = light * std::exp(-fall * far);
+          const double counts = left * power(k - j);
+          sum.dose += counts;
+          sum.ln_ha += fall * far * counts;
+          sum.stray +=
+              light > 0 ? counts / light * model.ratio(j) / model.critical_intensity_mw_cm2 : 0;
+          sum.variance += counts * counts;
+          if (k > j) sum.exchange -= (k - j) * left * power(k - j - 1);
+        }
+        if (sum.dose > most.dose * (1 + 1e-12)) most = sum;
+      }
+      const DoseGradient& g = gradient.at_node(n);
+      const double to = 1e-9 * (1 + most.dose);
+      EXPECT_NEAR(g.dose, most.dose, to) << exchange << " " << n;
+      EXPECT_NEAR(g.ln_ha, most.ln_ha, 100 * to) << exchange << " " << n;
+      EXPECT_NEAR(g.variance, most.variance, to * (1 + most.dose)) << exchange << " " << n;
+      EXPECT_NEAR(g.exchange, most.exchange, 100 * to) << exchange << " " << n;
+    }
+  }
+}
+
+// The slope between shares that lie apart: within 0 and 1, where all resin stays at one end.
+TEST(DoseDerivatives, TheSlopeBetweenSharesIsThatOfTheDoses) {
+  const std::vector<std::uint8_t> pixels = random_pixels(40, 5);
+  for (const auto& [exchange, step] :
+       {std::pair{0.3, 0.1}, {0.2, 0.2}, {0.9, 0.3}, {1.0, 0.2}, {0.05, 0.3}}) {
+    const double from = std::max(0.0, exchange - step), to = std::min(1.0, exchange + step);
+    const ColumnDose less = column_dose(model_of({}, 1, 1, lifted(from)), pixels);
+    const ColumnDose more = column_dose(model_of({}, 1, 1, lifted(to)), pixels);
+    const CureModel model = model_of({}, 1, 1, lifted(exchange));
+    BandDerivatives band(model, 1, {false, false, false, 1, false, true, step});
+    for (int n = 39; n >= 0; --n) {
+      const auto k = static_cast<std::size_t>(n);
+      band.add_slice(n, &pixels[k]);
+      EXPECT_NEAR(band.at(0, 0).exchange, (more.lower[k] - less.lower[k]) / (to - from), 1e-8) << n;
+      EXPECT_NEAR(band.at(0, 0.5).exchange, (more.middle[k] - less.middle[k]) / (to - from), 1e-8);
+      EXPECT_NEAR(band.upper().exchange[0], (more.upper[k] - less.upper[k]) / (to - from), 1e-8);
+    }
+  }
 }
 
 TEST(DoseDerivatives, RecursionsAreTheDirectSums) {

@@ -178,11 +178,19 @@ TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
                   .exit_code,
               2);
   }
+  // An error of the exchange needs lifts, an exchange, and room for it; it is a share.
+  const auto refused = [&](const Command& more, const std::vector<std::string>& words) {
+    bad(2, Command{"correct", "target.uvj", "-o", "x.uvj"} + kWith + more, words);
+  };
+  refused({"--uncertain", "exchange=0.1"}, {"nobody says", "lift_exchange"});
+  refused({"--uncertain", "exchange=0.1", "--lifts", "none"}, {"layer by layer", "with lifts"});
+  refused({"--uncertain", "exchange=0.2", "--lift-exchange", "0.1"}, {"0.1 at most"});
+  refused({"--uncertain", "exchange=10%", "--lift-exchange", "0.5"}, {"exchange", "without %"});
+  refused({"--uncertain", "exchange=0.1", "--lift-exchange", "0.5", "--robust"}, {"robust"});
   bad(2,
-      Command{"correct", "target.uvj", "-o", "x.uvj", "--lift-exchange", "0.5", "--uncertain",
-              "ha=4%"} +
-          kWith,
-      {"where lifts exchange resin"});
+      {"correct", "target.uvj", "-o", "x.uvj", "--printer", "small.toml", "--resin", "plain.toml",
+       "--speed-mm-h", "100", "--uncertain", "exchange=0.1"},
+      {"exchange", "layer by layer"});
   good(Command{"correct", "target.uvj", "-o", "half.uvj", "--lift-exchange", "0.5"} + kWith);
   bad(2,
       {"simulate", "half.uvj", "--x", "80", "--y", "60", "-o", "h.svg", "--lifts", "none",
@@ -211,6 +219,42 @@ TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
     EXPECT_EQ(known["joints"]["not_holding_voxels"], 0) << x;
     EXPECT_EQ(known["undercure_voxels"], 0) << x;
   }
+}
+
+// The exchange is known with an error: nothing is cut into for what is believed, and figures say how sure
+// edges are for it.
+TEST_F(LiftsProgram, AnExchangeThatIsKnownWithAnError) {
+  const Command at{"--lift-exchange", "0.5"}, off{"--uncertain", "exchange=0.1,ha=2%"};
+  good(Command{"correct", "target.uvj", "-o", "range.uvj"} + kWith + at + off);
+  good(Command{"correct", "target.uvj", "-o", "sure.uvj"} + kWith + at);
+  const json told = figures("range.uvj", "target.uvj", off);
+  const json& u = told["uncertainty"];
+  EXPECT_DOUBLE_EQ(u["sd"]["exchange"].get<double>(), 0.1);
+  const json& from = u["upper_edges"]["half_width95_from_um"];
+  EXPECT_GT(from["lifts"].get<double>(), 0);
+  EXPECT_GT(from["resin"].get<double>(), 0);
+  EXPECT_EQ(from["lamp"], 0.0);
+  EXPECT_EQ(told["joints"]["not_holding_voxels"], 0);
+  // x = 0 and x = 1 beside the chosen: the less is exchanged, the further edges go.
+  const json& error = told["height_error_um"];
+  EXPECT_GT(error["staying"]["mean_abs"], error["mean_abs"]);
+  for (const char* share : {"0.3", "0.5", "0.7"}) {
+    const json f = figures("range.uvj", "target.uvj", {"--lift-exchange", share});
+    EXPECT_LE(f["height_error_um"]["max_shortfall"].get<double>(), 1e-6) << share;
+    EXPECT_EQ(f["undercure_voxels"], 0) << share;
+  }
+  // Corrected for 0.5 alone it is too short where 0.7 is exchanged.
+  const json sure = figures("sure.uvj", "target.uvj", {"--lift-exchange", "0.7"});
+  EXPECT_GT(sure["height_error_um"]["max_shortfall"].get<double>(), 1);
+  // Edges half a layer out are told, and why.
+  const RunResult wide = good(Command{"correct", "target.uvj", "-o", "wide.uvj", "--lift-exchange",
+                                      "0.3", "--uncertain", "exchange=0.3"} +
+                              kWith);
+  EXPECT_THAT(wide.err, HasSubstr("no feature is cut into for any share that is believed"));
+  good(Command{"report", "range.uvj", "--target", "target.uvj", "-o", "range.html"} + off);
+  const std::string page = to_text(read_file(folder_ / "range.html"));
+  EXPECT_THAT(page, HasSubstr("of it from lifts"));
+  EXPECT_THAT(page, HasSubstr("if all resin stays"));
 }
 
 }  // namespace

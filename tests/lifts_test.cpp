@@ -485,5 +485,109 @@ TEST(Lifts, FeasibleIsWhatHolds) {
   EXPECT_NE(fails(least_s * 0.999), "");
 }
 
+// The exchange lies in a range: corrected for its greatest, no feature is thinner than designed for any of
+// them. What holds at its lift holds, and what is liquid there gels later on.
+TEST(Lifts, NothingIsCutIntoForAnyExchangeThatIsBelieved) {
+  std::mt19937 random(23);
+  int liquid_ones = 0, placed = 0;
+  for (int round = 0; round < test::rounds(60); ++round) {
+    Lift l{25.0 + 25 * (random() % 3), 60.0 + random() % 300, 0, 1.0 + 0.1 * (random() % 6)};
+    const double a = std::pow(10.0, -l.layer_um / l.ha_um);
+    l.full = l.strength / a * (1.02 + random() % 9);
+    const int level_counts[] = {256, 16, 64};
+    l.levels = level_counts[round % 3];
+    if (round % 5 == 0) l.exposures = {4, 4, 2.5, 1};
+    l.exchange = 0.05 * (1 + random() % 19);
+    const double sd = std::min(l.exchange, 0.01 * (1 + random() % 20));
+    const double least = std::max(0.0, l.exchange - 2 * sd);
+    const double most = std::min(1.0, l.exchange + 2 * sd);
+    const auto runs = test::random_runs(random, 4, 109, 2, 8);
+    const auto design = test::column(110, runs);
+    std::vector<std::uint8_t> heights(111, 0);
+    for (const auto& [from, to] : runs) {
+      if (round % 2)
+        heights[static_cast<std::size_t>(from)] = edge_height_byte(0.01 * (random() % 81) - 0.4);
+    }
+    CorrectionPlan plan = plan_of(l, 110);
+    plan.most_exchange = most;
+    const auto levels = solve_column(plan, design, heights);
+    std::vector<double> phi;
+    for (std::size_t n = 0; n < levels.size(); ++n) {
+      phi.push_back(plan.model.level_phi[levels[n]] * plan.model.ratio(static_cast<int>(n)));
+    }
+    const Held by_hand = held(l, phi, design);
+    EXPECT_EQ(by_hand.not_holding, 0U) << round;
+    liquid_ones += by_hand.liquid > 0;
+    const double middle = 0.5 * (l.exchange + most);
+    for (const auto& [from, to] : runs) {
+      if (from == 0) continue;
+      const auto height = heights[static_cast<std::size_t>(from)];
+      const double place_um = height == 0 ? 0.0 : -edge_height_slices(height) * l.layer_um;
+      const double part_um = l.layer_um / 200 + 1e-9;
+      double before = std::numeric_limits<double>::infinity();
+      for (const double x : {least, l.exchange, middle, most}) {
+        // From the window of the feature on: all of it has gelled, not its edge alone.
+        const double edge = edge_um(l, phi, from, x, to - from + 1);
+        EXPECT_GE(edge, place_um - part_um) << round << " x " << x << " node " << from;
+        // Less exchange, further out.
+        EXPECT_LE(edge, before + 1e-9) << round << " x " << x;
+        before = edge;
+      }
+      int liquid = 0;
+      while (liquid <= to - from && phi[static_cast<std::size_t>(from + liquid)] < 1) ++liquid;
+      if (liquid == 0 || to - from < 9 || l.levels < 256) continue;
+      // A film that is not raised leaves the edge within a step of its layer for the greatest share.
+      placed += before <= place_um + 0.1 * l.layer_um;
+    }
+    // The band does the same.
+    BandCorrector band(plan, 2);
+    std::vector<std::uint8_t> row(2);
+    for (std::size_t n = 0; n < design.size(); ++n) {
+      row.assign(2, design[n]);
+      const std::vector<std::uint8_t> nodes(2, heights[n]);
+      band.add_layer(row.data(), nodes.data());
+    }
+    band.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
+      EXPECT_EQ(level[0], levels[static_cast<std::size_t>(n)]) << round << " " << n;
+    });
+  }
+  EXPECT_GT(liquid_ones, 5);
+  EXPECT_GT(placed, 5);
+}
+
+// Where all resin stays, and the prediction counts with that, its own edges are the ones that figures tell
+// beside those of an exchange.
+TEST(Lifts, EdgesWhereAllResinStaysAreToldBesideTheChosenOnes) {
+  std::mt19937 random(41);
+  for (int round = 0; round < test::rounds(40); ++round) {
+    Lift l{50, 100.0 + random() % 300, 8, 1.2};
+    l.black = round % 2 ? 0.01 : 0;
+    const auto runs = test::random_runs(random, 4, 109, 2, 12);
+    const auto design = test::column(110, runs);
+    const auto levels = solve_column(plan_of(l, 110), design);
+    const double shares[] = {0, 0.4, 1, kUnknownExchange};
+    std::vector<Prediction> told;
+    for (const double share : shares) {
+      l.exchange = share;
+      const CureModel model = model_of(l);
+      const PixelCurve curve = pixel_curve(model);
+      BandPredictor predictor(model, curve, 110, 1);
+      for (int n = 110; n-- > 0;) {
+        const auto k = static_cast<std::size_t>(n);
+        const auto pixel = static_cast<std::uint8_t>(pixel_of_level(levels[k], l.levels));
+        predictor.add_slice(n, &pixel, &design[k]);
+      }
+      told.push_back(predictor.finish(0, 0, 1));
+    }
+    for (const Prediction& p : told) {
+      EXPECT_NEAR(p.joints->staying_error_um.mean(), told[0].height_error_um.mean(), 1e-3) << round;
+      EXPECT_NEAR(p.joints->exchanged_error_um.mean(), told[2].height_error_um.mean(), 1e-3)
+          << round;
+      EXPECT_NEAR(p.joints->staying_max_um, told[0].height_error_um.greatest(), 1e-3) << round;
+    }
+    EXPECT_GE(told[0].height_error_um.mean(), told[1].height_error_um.mean());
+  }
+}
+
 }  // namespace
 }  // namespace slicecorr

@@ -217,9 +217,11 @@ TEST(UncertainPrint, CovarianceOfAFitNarrowsBands) {
 
 // Errors apart by source add up in their squares to the whole.
 TEST(UncertainPrint, SourcesAddUp) {
-  const Uncertainty u = off_by("ha=3%,dc=2%,m=0.01,light=1%,stray=0.1,speed=0.5%,flat=1%,noise=2%");
+  const Uncertainty u =
+      off_by("ha=3%,dc=2%,m=0.01,light=1%,stray=0.1,time=0.5%,exchange=0.1,flat=1%,noise=2%",
+             ExposureMode::layerwise);
   const DoseVariance variance(u, 0.9);
-  const DoseGradient g{0.9, 0.5, 0.04, 0.3, 0.01};
+  const DoseGradient g{0.9, 0.5, 0.04, 0.3, 0.01, 0, -0.2};
   double sum = 0;
   for (std::size_t s = 0; s < kErrorSources; ++s) {
     const double part = variance.of(g, static_cast<ErrorSource>(s));
@@ -340,6 +342,91 @@ TEST(UncertainPrint, NothingIsSaidWhereDosesAreNotKnown) {
   deep.resin_depth_um = 1000;
   const CureModel model = make_cure_model(deep, test::resin(576, 2000), process(1000), 50);
   EXPECT_THROW(UncertainBand(model, off_by("ha=5%"), 10, 1), InputError);
+}
+
+/// Layer by layer with lifts that exchange a share of the resin: 6 gel doses at the window, hs 50 um.
+CureModel lifted(double exchange, double ha_um) {
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = 0.6;
+  p.lifts = Lifts::each;
+  p.lift_exchange = exchange;
+  // The areal dose that gels stays: 10 mJ/cm².
+  const double hb_um = ha_um / units::kLn10;
+  return make_cure_model(test::linear_printer(0, 100),
+                         test::resin(units::volumetric_from_areal(10, hb_um), ha_um), p, 50);
+}
+
+// Draws of the exchange and of the absorbance height, each print predicted anew: edges are off by as much
+// as is told, where doses are nearly straight.
+TEST(UncertainPrint, EdgesWhereLiftsExchangeResinAreOffAsDrawn) {
+  struct Case {
+    double exchange, sd, ha;
+  };
+  for (const Case& c :
+       {Case{0.3, 0.02, 0}, Case{0.3, 0.02, 0.02}, Case{0.6, 0.04, 0.01}, Case{0.2, 0.01, 0.01}}) {
+    const CureModel model = lifted(c.exchange, 400);
+    std::vector<std::uint8_t> coverage = column(140, {{60, 79}, {100, 139}}), pixels = coverage;
+    for (std::uint8_t& v : pixels) v = v ? 120 : 0;
+    std::string text = "exchange=" + std::to_string(c.sd);
+    if (c.ha > 0) text += ",ha=" + std::to_string(100 * c.ha) + "%";
+    const Seen seen = look_at(model, coverage, pixels, off_by(text, ExposureMode::layerwise));
+    std::mt19937 random(29);
+    std::normal_distribution<double> normal;
+    std::map<EdgeKey, std::pair<double, double>> sums;
+    constexpr int draws = 2000;
+    for (int k = 0; k < draws; ++k) {
+      const double x = c.exchange + c.sd * normal(random);
+      const double ha_um = 400 * std::exp(c.ha * normal(random));
+      for (const auto& [key, error] : predicted(lifted(x, ha_um), coverage, pixels)) {
+        sums[key].first += error / draws;
+        sums[key].second += error * error / draws;
+      }
+    }
+    int upper = 0;
+    for (const auto& [key, sum] : sums) {
+      const auto& e = seen.edges.at(key);
+      const double drawn = std::sqrt(std::max(0.0, sum.second - sum.first * sum.first));
+      const double told = (e.strong - e.weak) / (2 * kSdsOf95);
+      if (!key.second) {
+        EXPECT_NEAR(told, 0, 1e-9);
+        continue;
+      }
+      ++upper;
+      // Four standard deviations of that of 2000 draws, 1.6 %, and the second order.
+      EXPECT_NEAR(drawn / told, 1, 4 * 0.016 + 0.03) << c.exchange << " node " << key.first;
+      EXPECT_GT(told, 0.02);
+    }
+    EXPECT_EQ(upper, 2);
+    EXPECT_GT(seen.print.upper.mean(
+                  seen.print.upper.by_source_um[static_cast<std::size_t>(ErrorSource::lifts)]),
+              0);
+    EXPECT_EQ(seen.print.upper.mean(
+                  seen.print.upper.by_source_um[static_cast<std::size_t>(ErrorSource::resin)]) > 0,
+              c.ha > 0);
+  }
+}
+
+// Without an error of the exchange the nominal print where lifts exchange resin is the prediction's, too.
+TEST(UncertainPrint, NominalErrorsWhereLiftsExchangeResin) {
+  std::mt19937 random(31);
+  const Uncertainty u = off_by("ha=5%,noise=1%,exchange=0.05", ExposureMode::layerwise);
+  for (const double exchange : {0.05, 0.4, 1.0}) {
+    const CureModel model = lifted(exchange, 150);
+    for (int round = 0; round < test::rounds(20); ++round) {
+      const auto coverage = random_column(random, 1, 9);
+      std::vector<std::uint8_t> pixels;
+      for (const std::uint8_t c : coverage) {
+        pixels.push_back(static_cast<std::uint8_t>(c ? 60 + random() % 196 : random() % 8));
+      }
+      const auto expected = predicted(model, coverage, pixels);
+      const Seen seen = look_at(model, coverage, pixels, u);
+      ASSERT_EQ(seen.edges.size(), expected.size());
+      for (const auto& [key, slices] : expected) {
+        EXPECT_NEAR(seen.edges.at(key).nominal, slices, 1e-7) << exchange << " " << round;
+      }
+    }
+  }
 }
 
 }  // namespace

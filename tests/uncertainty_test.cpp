@@ -108,5 +108,17 @@ TEST(Uncertainty, FitIsReadAsItsCovariance) {
               HasSubstr("30 %"));
 }
 
+TEST(Uncertainty, TheExchangeIsAShareOfItsOwn) {
+  const auto layerwise = ExposureMode::layerwise;
+  const Uncertainty u = parsed("exchange=0.1,time=1%", {}, layerwise);
+  EXPECT_DOUBLE_EQ(u.sd(UncertainInput::exchange), 0.1);
+  EXPECT_STREQ(word_of(UncertainInput::exchange), "exchange");
+  EXPECT_THAT(refusal("exchange=10%", {}, layerwise), HasSubstr("without %"));
+  EXPECT_THAT(refusal("exchange=0.31", {}, layerwise), HasSubstr("at most 0.3"));
+  EXPECT_THAT(refusal("exchange", {}, layerwise), HasSubstr("exchange=0.1"));
+  EXPECT_THAT(refusal("exchange=0.1"), HasSubstr("expected layer by layer"));
+  EXPECT_THAT(refusal("exchang=0.1", {}, layerwise), HasSubstr("did you mean exchange"));
+}
+
 }  // namespace
 }  // namespace slicecorr

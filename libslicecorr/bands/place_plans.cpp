@@ -390,6 +390,13 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
     check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
     robust_ = setup.uncertainty;
   }
+  const double exchange_sd =
+      setup.uncertainty ? setup.uncertainty->sd(UncertainInput::exchange) : 0.0;
+  // 95 % of what is believed, and more.
+  constexpr double sds = 2;
+  if (exchange_sd > 0 && setup.process.lift_exchange >= 0) {
+    most_exchange_ = std::min(1.0, setup.process.lift_exchange + sds * exchange_sd);
+  }
   all_layers_ = PlaceCheck(target, models_, setup, context).all_layers();
   if (robust_) check_cases(models_.brightest(), *robust_);
 }
@@ -398,8 +405,9 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
   const std::lock_guard lock(making_[value]);
   auto& made = plans_[value];
   if (!made) {
-    made = std::make_unique<const CorrectionPlan>(models_.model(value), process_, layers_,
-                                                  all_layers_);
+    CorrectionPlan plan(models_.model(value), process_, layers_, all_layers_);
+    if (plan.model.lifts) plan.most_exchange = most_exchange_;
+    made = std::make_unique<const CorrectionPlan>(std::move(plan));
   }
   return *made;
 }

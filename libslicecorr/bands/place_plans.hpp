@@ -35,6 +35,8 @@ class PlacePlans {
   int levels() const { return levels_; }
   /// The plan of a value of light that occurs in a lit column.
   const CorrectionPlan& plan(std::uint8_t value) const;
+  /// `CorrectionPlan::most_exchange` of all plans.
+  std::optional<double> most_exchange() const { return most_exchange_; }
   /// What the correction is to allow for; null: nothing.
   const Uncertainty* robust() const { return robust_ ? &*robust_ : nullptr; }
   /// The highest levels of columns of a value of light where light is even over the flow, empty
@@ -47,6 +49,7 @@ class PlacePlans {
  private:
   Process process_;
   std::optional<Uncertainty> robust_;
+  std::optional<double> most_exchange_;
   PlaceModels models_;
   Grid images_;
   int layers_, all_layers_ = 0, levels_;

@@ -33,7 +33,7 @@ class GradedLayers final : public GradedColumns {
         least_(all_),
         most_(all_),
         cap_(all_, kFree) {
-    if (plan.model.lifts) lifted_.emplace(plan.model, &plan.levels);
+    if (plan.model.lifts) lifted_.emplace(plan.model, &plan.levels, plan.most_exchange);
   }
 
   void solve(const std::uint8_t* coverage, const std::uint8_t* heights, const std::uint8_t* doses,

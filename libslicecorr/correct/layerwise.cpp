@@ -32,7 +32,7 @@ class LiftedFeatures {
  public:
   LiftedFeatures(const CorrectionPlan& plan, std::size_t columns)
       : plan_(plan),
-        light_(plan.model, &plan.levels),
+        light_(plan.model, &plan.levels, plan.most_exchange),
         begun_(columns, {-1, 0}),
         before_(columns, 0),
         at_(columns) {}
@@ -259,7 +259,10 @@ class LiftedColumn {
  public:
   LiftedColumn(const CorrectionPlan& plan, const LevelTable* levels,
                const std::vector<std::uint8_t>& coverage, const std::vector<std::uint8_t>& heights)
-      : plan_(plan), light_(plan.model, levels), coverage_(coverage), heights_(heights) {}
+      : plan_(plan),
+        light_(plan.model, levels, plan.most_exchange),
+        coverage_(coverage),
+        heights_(heights) {}
   /// phi of the slice of a full layer.
   double phi(int n, double after) {
     if (n < node_ || node_ < 0) {

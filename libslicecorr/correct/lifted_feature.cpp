@@ -23,8 +23,9 @@ bool places_edge(const LiftModel& lifts) { return lifts.exchange && !lifts.each_
 
 }  // namespace
 
-LiftedFeature::LiftedFeature(const CureModel& model, const LevelTable* levels)
-    : model_(model), levels_(levels) {
+LiftedFeature::LiftedFeature(const CureModel& model, const LevelTable* levels,
+                             std::optional<double> most_exchange)
+    : model_(model), levels_(levels), most_exchange_(most_exchange) {
   const double most = model.phi_max() * model.greatest_ratio() / model.one_minus_a;
   const double slices = std::log(std::max(1.0, most) / kNothing) / (model.eta * units::kLn10);
   reach_ = static_cast<int>(std::min(kMostReach, std::ceil(slices)));
@@ -113,6 +114,28 @@ std::vector<double> LiftedFeature::least_light(const Ask& ask) const {
   return places_edge(*model_.lifts) ? std::vector<double>{} : floors(ask, 0);
 }
 
+bool LiftedFeature::lift_to(const Ask& ask, double least_dose, double exchange,
+                            Light& light) const {
+  if (peak(ask, light.phi, exchange) >= least_dose * (1 - kMargin)) return true;
+  double nearest = std::numeric_limits<double>::infinity(), raised = 0;
+  std::size_t at = 0;
+  for (auto j = static_cast<std::size_t>(light.liquid); j < light.phi.size(); ++j) {
+    const double before = light.phi[j];
+    const double more = least(std::nextafter(before, std::numeric_limits<double>::infinity()));
+    light.phi[j] = more;
+    const double dose = peak(ask, light.phi, exchange);
+    if (dose >= least_dose * (1 - kMargin) && dose < nearest) {
+      nearest = dose;
+      raised = more;
+      at = j;
+    }
+    light.phi[j] = before;
+  }
+  if (std::isinf(nearest)) return false;
+  light.phi[at] = raised;
+  return true;
+}
+
 LiftedFeature::Light LiftedFeature::solve(const Ask& ask) const {
   const LiftModel& lifts = *model_.lifts;
   Light light;
@@ -122,7 +145,7 @@ LiftedFeature::Light LiftedFeature::solve(const Ask& ask) const {
     brighten(ask, peak(ask, light.phi, 0) * moved, 0, light);
     return light;
   }
-  const double x = *lifts.exchange;
+  const double x = most_exchange_.value_or(*lifts.exchange);
   const double most_dose =
       std::exp(-ask.below * model_.eta * units::kLn10) / model_.returned(ask.node);
   for (int liquid = 0; liquid < ask.layers; ++liquid) {
@@ -131,6 +154,9 @@ LiftedFeature::Light LiftedFeature::solve(const Ask& ask) const {
     if (peak(ask, light.phi, x) <= most_dose * (1 + 1e-6)) break;
   }
   brighten(ask, most_dose * (1 + kMargin), x, light);
+  if (!most_exchange_ || lift_to(ask, most_dose, x, light) || light.liquid == 0) return light;
+  // One liquid layer less leaves more than is wanted.
+  light.phi = floors(ask, --light.liquid);
   return light;
 }
 

@@ -11,8 +11,11 @@
 ///   as the edge for x = 0 moves by no more than `kLiftToleranceUm`.
 /// - x known: as few layers as possible stay liquid, the one after them is a film, all others hold, and
 ///   layers get more, those nearest the window first, as far as no D_j passes what the edge leaves.
+/// - x known to lie in a range: as for its greatest. The dose of every place falls with x, so that with
+///   less of it edges lie further out; no layer is rounded down that would leave the greatest D_j short.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
@@ -26,8 +29,9 @@ inline constexpr double kLiftToleranceUm = 2;
 class LiftedFeature {
  public:
   /// `model`: with lifts; outlives this. `levels`: those of the printer; null: any light between black
-  /// and full.
-  LiftedFeature(const CureModel& model, const LevelTable* levels);
+  /// and full. `most_exchange`: `CorrectionPlan::most_exchange`.
+  LiftedFeature(const CureModel& model, const LevelTable* levels,
+                std::optional<double> most_exchange = {});
 
   /// Layers further from the upper node than this get full light.
   int reach() const { return reach_; }
@@ -58,11 +62,15 @@ class LiftedFeature {
   /// none does, and the first one holds.
   std::vector<double> floors(const Ask& ask, int liquid) const;
   void brighten(const Ask& ask, double most_dose, double exchange, Light& light) const;
+  /// Raises one layer so that the greatest D_j is no less than `least_dose`, by as little as can be; false
+  /// where none can do it.
+  bool lift_to(const Ask& ask, double least_dose, double exchange, Light& light) const;
   /// The greatest D_j.
   double peak(const Ask& ask, const std::vector<double>& phi, double exchange) const;
 
   const CureModel& model_;
   const LevelTable* levels_;
+  std::optional<double> most_exchange_;
   int reach_;
 };
 

@@ -7,14 +7,25 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "base/kernels.hpp"
+#include "cure/exchanged_gradient.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
+
+namespace {
+
+/// Whether lifts exchange resin, by a share that is known.
+bool exchanges_resin(const CureModel& model) {
+  return model.lifts && model.lifts->exchange.value_or(0) > 0;
+}
+
+}  // namespace
 
 void check_derivatives(const CureModel& model) {
   std::vector<Feature> features = features_of(model);
@@ -59,6 +70,7 @@ DoseGradient step_gradient(const CureModel& model, const LightGradient& light,
     out.stray = e * (light.stray + below.stray);
     out.m = e * (light.m + below.m) - by_depth / model.m;
     out.variance = e * e * (light.phi * light.phi + below.variance);
+    out.exchange = e * below.exchange;
     return out;
   }
   const double by_depth = -exponent * e * (below.dose - light.phi);
@@ -87,6 +99,16 @@ ColumnGradient::ColumnGradient(const CureModel& model, const std::vector<double>
     for (double* value : {&light.phi, &light.stray, &light.m}) *value *= ratio;
     light_.push_back(light);
   }
+  if (exchanges_resin(model)) {
+    const detail::ExchangedGradient exchanged(model, *model.lifts->exchange);
+    std::vector<detail::ExchangedGradient::Lift> lifts;
+    windows_.resize(phi.size());
+    for (std::size_t k = phi.size(); k-- > 0;) {
+      windows_[k] = exchanged.add(lifts, light_[k]);
+      nodes_[k] = step_gradient(model_, {}, windows_[k]);
+    }
+    return;
+  }
   for (std::size_t k = phi.size(); k-- > 0;) {
     nodes_[k] = step_gradient(model_, light_[k], nodes_[k + 1]);
   }
@@ -113,6 +135,7 @@ DoseGradient ColumnGradient::at(double z) const {
   const double lower = std::clamp(std::ceil(z), 0.0, static_cast<double>(slices()));
   const auto node = static_cast<std::size_t>(lower);
   if (node == 0) return nodes_[0];
+  if (!windows_.empty()) return step_gradient(model_, {}, windows_[node - 1], lower - z);
   return step_gradient(model_, light_[node - 1], nodes_[node], lower - z);
 }
 
@@ -134,6 +157,22 @@ struct BandDerivatives::Differences {
   BandDose dose;
   std::vector<One> each;
   Fields middle;
+};
+
+/// Of each column, where lifts exchange resin.
+struct BandDerivatives::Exchanged {
+  struct At {
+    At(const CureModel& model, double share, std::size_t columns)
+        : exchange(share), of(model, share), lifts(columns) {}
+    DoseGradient add(std::size_t column, const LightGradient& light) {
+      return of.add(lifts[column], light);
+    }
+    double exchange;
+    detail::ExchangedGradient of;
+    std::vector<std::vector<detail::ExchangedGradient::Lift>> lifts;
+  };
+  At here;
+  std::optional<At> less, more;  ///< for the slope between them
 };
 
 BandDerivatives::~BandDerivatives() = default;
@@ -182,7 +221,14 @@ BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, co
     make(fields->stray, wanted.stray);
     make(fields->m, wanted.m);
     make(fields->variance, wanted.noise);
+    make(fields->exchange, wanted.exchange);
   }
+  if (!exchanges_resin(model)) return;
+  const double share = *model.lifts->exchange, step = wanted.exchange_step;
+  exchanged_ = std::make_unique<Exchanged>(Exchanged{{model, share, columns}, {}, {}});
+  if (!wanted.exchange || !(step > 0)) return;
+  exchanged_->less.emplace(model, std::max(0.0, share - step), columns);
+  exchanged_->more.emplace(model, std::min(1.0, share + step), columns);
 }
 
 void BandDerivatives::take_light(int slice, const std::uint8_t* pixels) {
@@ -282,7 +328,33 @@ void BandDerivatives::step_layerwise() {
   }
 }
 
+void BandDerivatives::step_exchanged() {
+  const double a = model_.a, by_depth = model_.eta * units::kLn10 * a;
+  for (std::size_t i = 0; i < light_.phi.size(); ++i) {
+    const LightGradient light{light_.phi[i], wanted_.stray ? light_.stray[i] : 0,
+                              wanted_.m ? light_.m[i] : 0};
+    DoseGradient near = exchanged_->here.add(i, light);
+    if (exchanged_->less) {
+      Exchanged::At &less = *exchanged_->less, &more = *exchanged_->more;
+      const double change = more.add(i, light).dose - less.add(i, light).dose;
+      near.exchange = change / (more.exchange - less.exchange);
+    }
+    const auto take = [&](std::vector<double> Fields::*field, double at_window, double at_node) {
+      if ((lower_.*field).empty()) return;
+      (lower_.*field)[i] = at_window;
+      (upper_.*field)[i] = at_node;
+    };
+    take(&Fields::dose, near.dose, a * near.dose);
+    take(&Fields::ln_ha, near.ln_ha, a * near.ln_ha + by_depth * near.dose);
+    take(&Fields::stray, near.stray, a * near.stray);
+    take(&Fields::m, near.m, a * near.m - by_depth * near.dose / model_.m);
+    take(&Fields::variance, near.variance, a * a * near.variance);
+    take(&Fields::exchange, near.exchange, a * near.exchange);
+  }
+}
+
 void BandDerivatives::step() {
+  if (exchanged_) return step_exchanged();
   model_.mode == ExposureMode::layerwise ? step_layerwise() : step_continuous();
 }
 
@@ -362,8 +434,9 @@ DoseGradient BandDerivatives::at(std::size_t column, double t) const {
     g.dose = std::max(g.dose, 0.0);
     return g;
   }
-  const DoseGradient below{lower_.dose[i], lower_.ln_ha[i], value(lower_.stray), value(lower_.m),
-                           value(lower_.variance)};
+  const DoseGradient below{lower_.dose[i],        lower_.ln_ha[i],        value(lower_.stray),
+                           value(lower_.m),       value(lower_.variance), 0,
+                           value(lower_.exchange)};
   // Layer by layer the light of the slice is in the doses at its window already.
   if (model_.mode == ExposureMode::layerwise) return step_gradient(model_, {}, below, t);
   return step_gradient(model_, {light_.phi[i], value(light_.stray), value(light_.m)}, below, t);

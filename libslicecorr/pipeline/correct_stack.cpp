@@ -418,7 +418,10 @@ Correction StackCorrection::result() {
 CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
                                const ExecutionContext& context) {
   const PlacePlans plans(target, setup, context);
-  return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
+  CorrectionPlan plan(plans.models().brightest(), setup.process, plans.layers(),
+                      plans.all_layers());
+  if (plan.model.lifts) plan.most_exchange = plans.most_exchange();
+  return plan;
 }
 
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,

@@ -29,6 +29,12 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "{} voxels will still cure through if lifts exchange no resin, because each layer must hold when "
         "the platform lifts; edges lie within {:.3g} um if they exchange all",
         p.cure_through_voxels, p.joints->exchanged_max_um));
+  } else if (p.cure_through_voxels > 0 && p.undercure_voxels == 0 && p.joints && p.uncertain &&
+             p.uncertain->inputs.sd(UncertainInput::exchange) > 0) {
+    context.tell(fmt::format(
+        "{} voxels will still cure through with the share of resin that lifts are said to exchange, "
+        "because no feature is cut into for any share that is believed",
+        p.cure_through_voxels));
   } else if (p.cure_through_voxels + p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "

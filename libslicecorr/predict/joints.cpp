@@ -20,7 +20,7 @@ constexpr std::uint8_t kWhole = 255;
 }  // namespace
 
 JointWalker::JointWalker(const CureModel& model, std::size_t columns)
-    : model_(model), columns_(columns), brightest_(columns, 0.0) {}
+    : model_(model), columns_(columns), brightest_(columns, 0.0), all_(columns, 0.0) {}
 
 /// A layer of a feature with solid resin above: its own exposure must reach there.
 void JointWalker::join(double own_window, int slice) {
@@ -37,17 +37,21 @@ void JointWalker::add_slice(int slice, const double* phi, const std::uint8_t* co
     const double far = brightest_[i];
     const double near = std::max(phi[i], far);
     brightest_[i] = near * model_.a;
+    const double all_far = all_[i], all = phi[i] + all_far;
+    all_[i] = all * model_.a;
     const bool full = coverage[i] == kWhole;
     if (!full) {
       if (c.full) {
         end_feature(c, slice + 1);
         // Edges are those of features that end at a gap.
         if (coverage[i] == 0) {
-          begin_gap(c, slice + 1, std::max(far, phi[i]),
-                    at_heights ? heights_[i] : std::uint8_t{0});
+          begin_gap(c, slice + 1, near, at_heights ? heights_[i] : std::uint8_t{0});
+          begin_staying(c, slice + 1, all_far, all);
         }
       } else if (coverage[i] != 0) {
         c.edge_node = -1;
+      } else if (c.goes_on) {
+        go_on(c, slice + 1, all);
       }
       continue;
     }
@@ -55,6 +59,7 @@ void JointWalker::add_slice(int slice, const double* phi, const std::uint8_t* co
       end_gap(c, slice + 1);
       // Its edge towards the window is the window's own.
       figures_.exchanged_error_um.add(0);
+      figures_.staying_error_um.add(0);
       c.candidate = phi[i];
       c.liquid = 0;
       c.full = true;
@@ -91,12 +96,30 @@ void JointWalker::end_feature(Column& c, int node) {
   c.liquid = 0;
 }
 
+/// How far a print goes beyond a node that it has this dose at.
+double JointWalker::reach_um(double dose, int node) const {
+  const double um =
+      model_.layer_um / (model_.eta * units::kLn10) * std::log(dose * model_.returned(node));
+  return std::max(um, -1e9);
+}
+
+/// Where all resin stays: doses just below the node, and above it, with what the gap's own slice leaves.
+void JointWalker::begin_staying(Column& c, int node, double below, double above) {
+  c.goes_on = above * model_.returned(node) >= 1;
+  if (c.goes_on) return go_on(c, node, above);
+  c.staying_um = reach_um(below, node);
+}
+
+/// The print goes on into the gap's layer above a node; whether it does into the next, too.
+void JointWalker::go_on(Column& c, int node, double above) {
+  c.staying_um = (c.edge_node - node) * model_.layer_um + reach_um(above, node);
+  c.goes_on = above * model_.a * model_.returned(node - 1) >= 1;
+}
+
 /// `exchanged`: the brightest exposure just above the node.
 void JointWalker::begin_gap(Column& c, int node, double exchanged, std::uint8_t height) {
-  const double um =
-      model_.layer_um / (model_.eta * units::kLn10) * std::log(exchanged * model_.returned(node));
   c.edge_node = node;
-  c.edge_um = std::max(um, -1e9);
+  c.edge_um = reach_um(exchanged, node);
   c.beyond_um = height != 0 ? edge_height_slices(height) * model_.layer_um : 0.0;
 }
 
@@ -104,9 +127,13 @@ void JointWalker::begin_gap(Column& c, int node, double exchanged, std::uint8_t 
 void JointWalker::end_gap(Column& c, int node) {
   if (c.edge_node < 0) return;
   const double most_um = (c.edge_node - node) * model_.layer_um;
-  const double um = std::min(c.edge_um, most_um) + c.beyond_um;
-  figures_.exchanged_error_um.add(std::abs(um));
-  figures_.exchanged_max_um = std::max(figures_.exchanged_max_um, std::abs(um));
+  const auto take = [&](double edge_um, Histogram& errors, double& most) {
+    const double um = std::abs(std::min(edge_um, most_um) + c.beyond_um);
+    errors.add(um);
+    most = std::max(most, um);
+  };
+  take(c.edge_um, figures_.exchanged_error_um, figures_.exchanged_max_um);
+  take(c.staying_um, figures_.staying_error_um, figures_.staying_max_um);
   c.edge_node = -1;
 }
 

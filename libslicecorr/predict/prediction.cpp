@@ -120,6 +120,8 @@ void JointFigures::merge(const JointFigures& o) {
   liquid_layers_max = std::max(liquid_layers_max, o.liquid_layers_max);
   exchanged_error_um.merge(o.exchanged_error_um);
   exchanged_max_um = std::max(exchanged_max_um, o.exchanged_max_um);
+  staying_error_um.merge(o.staying_error_um);
+  staying_max_um = std::max(staying_max_um, o.staying_max_um);
 }
 
 void Prediction::merge(const Prediction& o) {
@@ -214,6 +216,8 @@ std::string Prediction::to_json() const {
     j["height_error_um"]["exchanged"] = {
         {"mean_abs", or_null(any, joints->exchanged_error_um.mean())},
         {"max_abs", or_null(any, joints->exchanged_max_um)}};
+    j["height_error_um"]["staying"] = {{"mean_abs", or_null(any, joints->staying_error_um.mean())},
+                                       {"max_abs", or_null(any, joints->staying_max_um)}};
   }
   const bool surface = surface_error_um.count() > 0;
   j["surface_error_um"] = {{"mean_abs", or_null(surface, surface_error_um.mean())},

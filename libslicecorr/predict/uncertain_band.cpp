@@ -215,7 +215,8 @@ struct UncertainBand::State {
   }
   static DoseGradient end_of(const BandDerivatives::Fields& f, std::size_t i) {
     const auto value = [i](const std::vector<double>& of) { return of.empty() ? 0.0 : of[i]; };
-    return {f.dose[i], f.ln_ha[i], value(f.stray), value(f.m), value(f.variance), value(f.light)};
+    return {f.dose[i],         f.ln_ha[i],     value(f.stray),   value(f.m),
+            value(f.variance), value(f.light), value(f.exchange)};
   }
   double crossing(std::size_t i, std::size_t print, double at_lower, double at_upper) const;
   void find_variances(const BandDerivatives::Fields& f, std::vector<double>& q) const;
@@ -262,6 +263,11 @@ void UncertainBand::State::find_variances(const BandDerivatives::Fields& f,
   add(f.m, f.m, r[3][3]);
   // With what else comes together only a fit says, and none says it of the light.
   add(f.light, f.light, r[4][4]);
+  add(f.dose, f.exchange, 2 * r[0][5]);
+  add(f.ln_ha, f.exchange, 2 * r[1][5]);
+  add(f.stray, f.exchange, 2 * r[2][5]);
+  add(f.m, f.exchange, 2 * r[3][5]);
+  add(f.exchange, f.exchange, r[5][5]);
   if (variance_.noise() > 0) add_variance(f.variance.data(), variance_.noise(), q.data(), n);
 }
 

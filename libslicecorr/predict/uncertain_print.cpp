@@ -28,37 +28,41 @@ ErrorSource source_of(UncertainInput input) {
     case UncertainInput::speed:
     case UncertainInput::time:
       return ErrorSource::speed;
+    case UncertainInput::exchange:
+      return ErrorSource::lifts;
     default:
       return ErrorSource::resin;
   }
 }
 
-/// Derivative of the dose by an input, in dose, ln_ha, stray, m and light.
+/// Derivative of the dose by an input, in dose, ln_ha, stray, m, light and exchange.
 std::array<double, DoseVariance::kTerms> derivative_by(UncertainInput input, double exponent,
                                                        bool light_apart) {
   switch (input) {
     case UncertainInput::ha:
-      return {0, 1, 0, 0, 0};
+      return {0, 1, 0, 0, 0, 0};
     case UncertainInput::dc:
     case UncertainInput::aim:
     case UncertainInput::speed:
-      return {-1, 0, 0, 0, 0};
+      return {-1, 0, 0, 0, 0, 0};
     case UncertainInput::time:
-      return {1, 0, 0, 0, 0};
+      return {1, 0, 0, 0, 0, 0};
     case UncertainInput::light:
-      if (light_apart) return {0, 0, 0, 0, 1};
-      return {exponent, 0, 0, 0, 0};
+      if (light_apart) return {0, 0, 0, 0, 1, 0};
+      return {exponent, 0, 0, 0, 0, 0};
     case UncertainInput::stray:
-      return {0, 0, 1, 0, 0};
+      return {0, 0, 1, 0, 0, 0};
     case UncertainInput::m:
-      return {0, 0, 0, 1, 0};
+      return {0, 0, 0, 1, 0, 0};
+    case UncertainInput::exchange:
+      return {0, 0, 0, 0, 0, 1};
   }
   return {};
 }
 
 double value_of(const DoseVariance::Form& form, const DoseGradient& g) {
   constexpr std::size_t terms = DoseVariance::kTerms;
-  const std::array<double, terms> x{g.dose, g.ln_ha, g.stray, g.m, g.light};
+  const std::array<double, terms> x{g.dose, g.ln_ha, g.stray, g.m, g.light, g.exchange};
   double sum = 0;
   for (std::size_t a = 0; a < terms; ++a) {
     for (std::size_t b = 0; b < terms; ++b) sum += form[a][b] * x[a] * x[b];
@@ -75,8 +79,8 @@ bool more_doubtful(const DoubtfulPlace& a, const DoubtfulPlace& b) {
 }  // namespace
 
 const char* word_of(ErrorSource source) {
-  constexpr std::array<const char*, kErrorSources> words = {"resin", "lamp", "speed", "flat",
-                                                            "noise"};
+  constexpr std::array<const char*, kErrorSources> words = {"resin", "lamp", "speed",
+                                                            "lifts", "flat", "noise"};
   return words[static_cast<std::size_t>(source)];
 }
 
@@ -106,11 +110,13 @@ DoseVariance::DoseVariance(const Uncertainty& u, double exponent, bool light_apa
   wanted_.stray = u.sd(UncertainInput::stray) > 0;
   wanted_.m = u.sd(UncertainInput::m) > 0;
   wanted_.noise = u.noise > 0;
+  wanted_.exchange_step = u.sd(UncertainInput::exchange);
+  wanted_.exchange = wanted_.exchange_step > 0;
   wanted_.reference_mw_cm2 = u.reference_mw_cm2;
 }
 
 double DoseVariance::of(const DoseGradient& g) const {
-  if (!wanted_.stray && !wanted_.m && !wanted_.light) {
+  if (!wanted_.stray && !wanted_.m && !wanted_.light && !wanted_.exchange) {
     const double q = all_[0][0] * g.dose * g.dose + 2 * all_[0][1] * g.dose * g.ln_ha +
                      all_[1][1] * g.ln_ha * g.ln_ha;
     return std::max(0.0, q + noise_ * g.variance);

@@ -24,13 +24,19 @@ namespace slicecorr {
 
 namespace {
 
-constexpr std::array<std::string_view, 8> kWords = {"ha",    "dc",    "m",     "aim",
-                                                    "light", "stray", "speed", "time"};
-constexpr std::array<std::string_view, 11> kAllWords = {
-    "fit", "ha", "dc", "m", "aim", "light", "stray", "speed", "time", "flat", "noise"};
+constexpr std::array<std::string_view, 9> kWords = {"ha",    "dc",    "m",    "aim",     "light",
+                                                    "stray", "speed", "time", "exchange"};
+constexpr std::array<std::string_view, 12> kAllWords = {
+    "fit", "ha", "dc", "m", "aim", "light", "stray", "speed", "time", "flat", "noise", "exchange"};
 
 bool relative(UncertainInput input) {
-  return input != UncertainInput::m && input != UncertainInput::stray;
+  using enum UncertainInput;
+  return input != m && input != stray && input != exchange;
+}
+
+/// The greatest standard deviation of an input: a share, or in its own unit.
+double most_sd(UncertainInput input) {
+  return input == UncertainInput::stray ? kMostStraySd : kMostRelativeSd;
 }
 
 std::string_view trimmed(std::string_view text) {
@@ -242,15 +248,13 @@ void check_uncertainty(const Uncertainty& u) {
       not_positive(fmt::format("the variance of {} is {:g}", name(i), variance));
     }
     const double sd = std::sqrt(variance);
-    if (u.inputs[i] == UncertainInput::stray ? sd > kMostStraySd : sd > kMostRelativeSd) {
+    if (sd > most_sd(u.inputs[i])) {
       throw InputError(fmt::format(
           "{} is off by a standard deviation of {}; expected at most {}: beyond it nothing can be said "
           "to first order",
           name(i), relative(u.inputs[i]) ? percent(sd) : fmt::format("{:g}", sd),
-          relative(u.inputs[i])
-              ? percent(kMostRelativeSd)
-              : fmt::format("{:g}",
-                            u.inputs[i] == UncertainInput::m ? kMostRelativeSd : kMostStraySd)));
+          relative(u.inputs[i]) ? percent(most_sd(u.inputs[i]))
+                                : fmt::format("{:g}", most_sd(u.inputs[i]))));
     }
   }
   for (const auto& [what, sd] : {std::pair{"flat", u.flat}, std::pair{"noise", u.noise}}) {
@@ -296,15 +300,15 @@ Uncertainty parse_uncertainty(std::string_view text, ExposureMode mode, double f
       const std::string close = nearest(word, kAllWords);
       fail(fmt::format(
           "'{}' is no input whose error is known{}; expected some of fit, ha, dc, m, aim, "
-          "light, stray, speed, time, flat, noise, as in ha=8%,dc=10%",
+          "light, stray, speed, time, flat, noise, exchange, as in ha=8%,dc=10%",
           text::printable(std::string(word)),
           close.empty() ? "" : fmt::format("; did you mean {}?", close)));
     }
     if (equal == std::string_view::npos) {
       fail(fmt::format("{} has no number; expected one, as in {}={}", word, word,
-                       word == "m"       ? "0.02"
-                       : word == "stray" ? "0.1"
-                                         : "8%"));
+                       word == "m"                             ? "0.02"
+                       : word == "stray" || word == "exchange" ? "0.1"
+                                                               : "8%"));
     }
     twice(word);
     const std::string_view value = trimmed(part.substr(equal + 1));
@@ -320,9 +324,12 @@ Uncertainty parse_uncertainty(std::string_view text, ExposureMode mode, double f
                ? "speed is off, and layer by layer there is none; expected time"
                : "time is off, which is exposure layer by layer; expected speed");
     }
-    const double most = input == UncertainInput::stray ? kMostStraySd
-                        : input == UncertainInput::m   ? kMostRelativeSd
-                                                       : most_percent;
+    if (input == UncertainInput::exchange && mode != ExposureMode::layerwise) {
+      fail(
+          "exchange is off, which is of lifts, and continuously there are none; expected layer by "
+          "layer exposure");
+    }
+    const double most = relative(input) ? most_percent : most_sd(input);
     add_alone(u, input, number_of(word, value, relative(input), most));
   });
   check_uncertainty(u);

@@ -11,6 +11,35 @@
 
 namespace slicecorr {
 
+namespace {
+
+/// An error of the exchange needs lifts, an exchange that it is an error of, and room for it: at x = 0 the
+/// last exposure decides that has any light at all, and doses fall at once.
+void check_exchange(const Setup& setup) {
+  const double sd = setup.uncertainty ? setup.uncertainty->sd(UncertainInput::exchange) : 0.0;
+  if (!(sd > 0)) return;
+  Process process = setup.process;
+  leave_out_lifts(setup.printer, setup.resin, process);
+  if (process.mode != ExposureMode::layerwise || process.lifts == Lifts::none) {
+    throw InputError(
+        "the exchange is off, and nothing is looked at that lifts exchange; expected layer by layer "
+        "exposure with lifts, or no error of exchange");
+  }
+  if (process.lift_exchange < 0) {
+    throw InputError(
+        "the exchange is off, and nobody says of what share; expected lift_exchange, or no error of "
+        "exchange: while it is not known corrections and reports allow for all shares");
+  }
+  if (process.lift_exchange < sd) {
+    throw InputError(fmt::format(
+        "lifts exchange a share of {:g}, which is off by {:g}; expected an error of {:g} at most, "
+        "the share itself: near 0 doses fall at once, and nothing can be said to first order",
+        process.lift_exchange, sd, process.lift_exchange));
+  }
+}
+
+}  // namespace
+
 void check_uncertain(const Setup& setup) {
   std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
   features.push_back(Feature::derivatives);
@@ -31,9 +60,7 @@ void check_uncertain(const Setup& setup) {
   if (uv != UvKind::off && setup.uncertainty && setup.uncertainty->noise > 0) {
     refuse("of noise under UV light; expected no error of noise");
   }
-  if (setup.process.lifts == Lifts::each && setup.process.lift_exchange > 0) {
-    refuse("where lifts exchange resin; expected no lift_exchange");
-  }
+  check_exchange(setup);
   if (setup.resin.scatter_um2_per_um > 0) {
     refuse("where light scatters in the resin; expected a resin without it");
   }

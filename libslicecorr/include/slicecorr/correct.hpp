@@ -28,6 +28,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
@@ -53,6 +54,9 @@ struct CorrectionPlan {
   bool merge_one_slice_gaps;  ///< gaps of one slice count as full
   int layers;                 ///< layers of the target, N
   int all_layers;             ///< slices that will be shown, M >= N
+  /// Layer by layer with lifts that exchange a known share of the resin: the greatest share that is believed.
+  /// No feature is cut into for a share up to it. Nothing: the share is sure.
+  std::optional<double> most_exchange{};
   /// What the columns share under UV light, with a time to gel or a resin that bleaches, and in
   /// continuous exposure without any of them; null for other models.
   std::shared_ptr<const detail::InhibitedPlan> inhibited;

@@ -24,6 +24,10 @@
 ///
 ///     V = (phi (1 - e))² + e² V(n + 1),     layer by layer   e² (phi'² + V(n + 1))
 ///
+/// Where lifts exchange a share x of the liquid (docs/lifts.md) the dose is the greatest D_k of the lifts k
+/// from the layer's own on, and its derivatives are those of that one, in which the light of slice j
+/// counts (1 - x)^(k - j) times, and with x changes by -(k - j) (1 - x)^(k - j - 1).
+///
 /// A dose of 1 moves by -dOmega / (dOmega / dz), `dose_per_um`. Where the light changes at a node, so
 /// does that slope: an edge at a node moves otherwise to the one side than to the other.
 ///
@@ -50,6 +54,7 @@ struct DoseGradient {
   double m = 0;         ///< by the exponent, per 1
   double variance = 0;  ///< V: of Omega, for slices off by 1 each, relatively
   double light = 0;     ///< under UV light: by ln of the curing light alone
+  double exchange = 0;  ///< by the share of resin that a lift exchanges, per 1; <= 0
   double ln_ha_volumetric() const { return ln_ha - dose; }
   double ln_dc() const { return -dose; }
   double ln_light(double exponent) const { return exponent * dose; }
@@ -106,6 +111,7 @@ class ColumnGradient {
   CureModel model_;
   std::vector<LightGradient> light_;
   std::vector<DoseGradient> nodes_;
+  std::vector<DoseGradient> windows_;  ///< of each layer; empty unless lifts exchange resin
 };
 
 /// Models of a process with one input off by a little: under UV light, where the dose's derivatives have
@@ -130,6 +136,10 @@ class BandDerivatives {
     bool stray = false, m = false, noise = false;
     double reference_mw_cm2 = 1;  ///< Iref
     bool light = false;           ///< the curing light apart from Omega: under UV light
+    bool exchange = false;        ///< the share of resin that a lift exchanges
+    /// Above 0: not the derivative by it but the slope between shares so far to either side, within 0..1.
+    /// Where one exposure decides alone, doses do not change with the share, but may a little further on.
+    double exchange_step = 0;
   };
   /// `model` must outlive this, and `nearby`, which models with UV light need and no others look at.
   /// Throws as `check_derivatives`; noise is not known under UV light.
@@ -152,7 +162,8 @@ class BandDerivatives {
   /// Per column, of the slice added last: at the layer's upper node, and at its lower one just
   /// inside it (continuous: that of the slice before).
   struct Fields {
-    std::vector<double> dose, ln_ha, stray, m, variance, light;  ///< those not wanted are empty
+    /// Those not wanted are empty.
+    std::vector<double> dose, ln_ha, stray, m, variance, light, exchange;
   };
   const Fields& upper() const { return upper_; }
   const Fields& lower() const { return lower_; }
@@ -163,17 +174,20 @@ class BandDerivatives {
     std::vector<double> phi, stray, m;
   };
   struct Differences;
+  struct Exchanged;
   void take_light(int slice, const std::uint8_t* pixels);
   void step();
   void take_differences(int slice, const std::uint8_t* pixels);
   void step_continuous();
   void step_layerwise();
+  void step_exchanged();
   const CureModel& model_;
   Wanted wanted_;
   PixelCurve phi_of_, stray_of_, m_of_;  ///< by pixel
   Lights light_;
   Fields lower_, upper_;
   std::unique_ptr<Differences> differences_;
+  std::unique_ptr<Exchanged> exchanged_;
 };
 
 }  // namespace slicecorr

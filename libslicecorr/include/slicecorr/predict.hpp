@@ -138,6 +138,9 @@ struct JointFigures {
   /// Absolute height errors, one per designed edge, where each lift exchanges all liquid resin.
   Histogram exchanged_error_um;
   double exchanged_max_um = 0;
+  /// The same where no lift exchanges any.
+  Histogram staying_error_um;
+  double staying_max_um = 0;
   void merge(const JointFigures& other);
 };
 

@@ -43,10 +43,11 @@ enum class ErrorSource {
   resin,  ///< ha, dc, m, aim: one draw a print
   lamp,   ///< light, stray: one draw a print
   speed,  ///< or exposure times: one draw a print
+  lifts,  ///< exchange: one draw a print
   flat,   ///< one draw a column
   noise,  ///< one draw a pixel and slice
 };
-inline constexpr std::size_t kErrorSources = 5;
+inline constexpr std::size_t kErrorSources = 6;
 const char* word_of(ErrorSource source);
 
 /// The variance of doses under an uncertainty: a quadratic form in a dose and its derivatives.
@@ -62,8 +63,8 @@ class DoseVariance {
   double sd_ln(const DoseGradient& g) const;
   /// Which derivatives count.
   BandDerivatives::Wanted wanted() const { return wanted_; }
-  /// Coefficients of `of` in dose, ln_ha, stray, m and light, and of the variance by noise.
-  static constexpr std::size_t kTerms = 5;
+  /// Coefficients of `of` in dose, ln_ha, stray, m, light and exchange, and of the variance by noise.
+  static constexpr std::size_t kTerms = 6;
   using Form = std::array<std::array<double, kTerms>, kTerms>;
   const Form& form() const { return all_; }
   double noise() const { return noise_; }

@@ -20,14 +20,15 @@ namespace slicecorr {
 
 /// What may be off, once a print.
 enum class UncertainInput {
-  ha,     ///< absorbance height, the areal dose held
-  dc,     ///< areal dose that gels
-  m,      ///< exponent of intensity, by itself (not relative); the dose held where I = Iref
-  aim,    ///< dose to aim at over the dose that gels
-  light,  ///< intensity of all levels alike
-  stray,  ///< light on top of all levels, mW/cm² (not relative)
-  speed,  ///< continuous
-  time,   ///< exposure times alike, layer by layer
+  ha,        ///< absorbance height, the areal dose held
+  dc,        ///< areal dose that gels
+  m,         ///< exponent of intensity, by itself (not relative); the dose held where I = Iref
+  aim,       ///< dose to aim at over the dose that gels
+  light,     ///< intensity of all levels alike
+  stray,     ///< light on top of all levels, mW/cm² (not relative)
+  speed,     ///< continuous
+  time,      ///< exposure times alike, layer by layer
+  exchange,  ///< share of resin that a lift exchanges, 0..1 (not relative)
 };
 /// Word by which users name an input: "ha".
 const char* word_of(UncertainInput input);
@@ -51,7 +52,7 @@ struct Uncertainty {
   bool operator==(const Uncertainty&) const = default;
 };
 
-/// Most that a relative standard deviation may be, and that of m: first order says little beyond.
+/// Most that a relative standard deviation may be, that of m and that of exchange: first order says little beyond.
 inline constexpr double kMostRelativeSd = 0.3;
 /// Most that the standard deviation of stray light may be, mW/cm².
 inline constexpr double kMostStraySd = 1000;
@@ -67,7 +68,7 @@ struct ResinText {
 };
 
 /// Reads "ha=8%,dc=10%,light=3%" or "fit,light=0.6%,speed=0.2%". Relative inputs and `flat`, `noise`
-/// are standard deviations with a % sign, `m` without one, `stray` in mW/cm². `fit`: what the
+/// are standard deviations with a % sign, `m` and `exchange` without one, `stray` in mW/cm². `fit`: what the
 /// covariance in the resin's file says of ha, dc and m (provenance.covariance, as `resinctl fit`
 /// writes it). `full_light_mw_cm2`: Iref where m does not come from a fit. Throws for unknown words,
 /// for one that is given twice, for what `mode` does not have, for `fit` of a resin without

@@ -75,6 +75,11 @@ std::string figures_table(const std::vector<Figures>& columns) {
     });
     joints("height error if lifts exchange resin, largest",
            [](const JointFigures& j) { return fmt::format("{:.3f} um", j.exchanged_max_um); });
+    joints("height error if all resin stays, mean", [](const JointFigures& j) {
+      return fmt::format("{:.3f} um", j.staying_error_um.mean());
+    });
+    joints("height error if all resin stays, largest",
+           [](const JointFigures& j) { return fmt::format("{:.3f} um", j.staying_max_um); });
   }
   line("column features lost",
        [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });

@@ -17,7 +17,8 @@ void UncertainOptions::add_to(CLI::App& app, bool correcting) {
   app.add_option(
          "--uncertain", uncertain,
          "By how much inputs may be off, as standard deviations: ha=8%,dc=10%,light=3%,speed=1%; also "
-         "m=0.02, aim=5%, stray=0.1 (mW/cm²), time (layerwise), flat, noise. dc is the areal dose. fit "
+         "m=0.02, aim=5%, stray=0.1 (mW/cm²), time (layerwise), flat, noise, "
+         "exchange=0.1 (of lifts). dc is the areal dose. fit "
          "takes what the resin's measurements say. The prediction then says how sure it is")
       ->check(value_is(ValueKind::text));
   if (!correcting) return;

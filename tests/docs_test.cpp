@@ -230,7 +230,7 @@ TEST(Docs, CommandsOfTuningRun) {
     const auto result = test::run_program({"/bin/sh", "-c", command}, options);
     EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
   }
-  EXPECT_EQ(commands, 5);
+  EXPECT_EQ(commands, 8);
   // What was measured was no news.
   EXPECT_NEAR(load_resin((folder / "tuned-2.toml").string()).absorbance_height10_um,
               resin.absorbance_height10_um, 2);

@@ -373,5 +373,67 @@ TEST_F(TestPartsProgram, WhatDoesNotBelongIsRefused) {
   EXPECT_EQ(call(Command{"--quiet", "tune", "far.csv", "-o", "t.toml"} + with).err, "");
 }
 
+// Teeth of few and of many layers, printed lift by lift by sums of our own: the share of resin that each
+// lift exchanges comes back, and goes into the printer's file.
+TEST_F(TestPartsProgram, LiftCombTellsTheExchange) {
+  write("thin.toml",
+        "name = \"thin\"\n[cure]\nabsorbance_height_um = 200\nabsorbance_base = 10\n"
+        "gel_dose_mj_cm2 = 10\n");
+  good({"testpart", "lift-comb", "--printer", "p.toml", "-o", "lifts.uvj"});
+  EXPECT_THAT(text_of("lifts.html"), HasSubstr("layer by layer"));
+  const std::string form = text_of("lifts.csv");
+  const auto fact = [&](const std::string& name) {
+    const auto at = form.find("," + name + ",");
+    return std::stoi(form.substr(at + name.size() + 2));
+  };
+  const int x = fact("x_px"), y = fact("y_px");
+  good({"correct", "lifts.uvj", "-o", "print.uvj", "--printer", "p.toml", "--resin", "thin.toml",
+        "--mode", "layerwise", "--exposure-s", "0.6", "--lift-exchange", "0"});
+  constexpr double exchange = 0.3, ha_um = 200 * 1.04;
+  std::vector<double> phi;
+  for (const Bytes& image : images("print.uvj")) {
+    const int level = image[static_cast<std::size_t>(y * kSmallWidth + x)];
+    phi.push_back((1 + 99 * level / 255.0) * 0.6 / 10);
+  }
+  const auto gels = [&](double z_um) {
+    double dose = 0;
+    for (auto n = static_cast<std::size_t>(z_um / 50); n < phi.size(); ++n) {
+      const double deep_um = 50.0 * static_cast<double>(n + 1) - z_um;
+      dose = (1 - exchange) * dose + phi[n] * std::pow(10, -deep_um / ha_um);
+      if (dose >= 1) return true;
+    }
+    return false;
+  };
+  double end_um = 0;
+  fill(
+      "lifts.csv", "measured_um",
+      [&](const Row& r) {
+        const double designed_um = number(r, "designed_um");
+        if (r.at("kind") == "lower") return designed_um;
+        // From just above the next end towards the platform; teeth are 1, 2, 4 ... layers high.
+        const int tooth = std::stoi(r.at("name").substr(6));
+        end_um = designed_um + 50.0 * (1 << (tooth - 1));
+        double z = end_um - 0.01;
+        while (z > 0 && gels(z)) z -= 0.01;
+        return z;
+      },
+      "measured.csv");
+  const RunResult r = good({"tune", "measured.csv", "--printed", "print.uvj", "--printer", "p.toml",
+                            "--resin", "thin.toml", "--sigma-um", "2", "-o", "tuned.toml"});
+  EXPECT_THAT(r.out, HasSubstr("exchanged at a lift, share"));
+  EXPECT_THAT(r.out, HasSubstr(fmt::format("\n  {:10}", "lift-comb")));
+  const std::string printer = text_of("tuned-printer.toml");
+  const auto at = printer.find("lift_exchange = ");
+  ASSERT_NE(at, printer.npos) << printer;
+  EXPECT_NEAR(std::stod(printer.substr(at + 16)), exchange, 0.03) << r.out;
+  const std::string resin = text_of("tuned.toml");
+  EXPECT_NEAR(std::stod(resin.substr(resin.find("absorbance_height_um = ") + 23)), ha_um, 4)
+      << r.out;
+  // The next round corrects for what was found.
+  good({"correct", "lifts.uvj", "-o", "again.uvj", "--printer", "tuned-printer.toml", "--resin",
+        "tuned.toml", "--mode", "layerwise", "--exposure-s", "0.6"});
+  bad(2, {"tune", "measured.csv", "--printer", "p.toml", "--resin", "thin.toml"}, {"--printed"});
+}
+
 }  // namespace
 }  // namespace slicecorr::test

@@ -43,9 +43,9 @@ TuningPart part(TuningPartKind kind, const Printer& printer, const Resin& r) {
   return {kind, printer, ask};
 }
 
-constexpr TuningPartKind kAll[] = {TuningPartKind::comb, TuningPartKind::staircase,
-                                   TuningPartKind::wedge, TuningPartKind::dead_zone,
-                                   TuningPartKind::flat_field};
+constexpr TuningPartKind kAll[] = {TuningPartKind::comb,       TuningPartKind::staircase,
+                                   TuningPartKind::wedge,      TuningPartKind::dead_zone,
+                                   TuningPartKind::flat_field, TuningPartKind::lift_comb};
 
 // The dose of each plug, summed over the images that are shown, is what its row says, and what was
 // wanted: six times the same doses at three intensities.
@@ -148,7 +148,8 @@ TEST(TuningPart, PlugsStandApart) {
   const Resin r = resin();
   for (const TuningPartKind kind : kAll) {
     for (const auto& [width, height] : {std::pair{1280, 800}, {160, 120}}) {
-      if (kind == TuningPartKind::comb && width < 200) continue;
+      const bool comb = kind == TuningPartKind::comb || kind == TuningPartKind::lift_comb;
+      if (comb && width < 200) continue;
       const TuningPart p = part(kind, plate(width, height), r);
       std::map<std::pair<int, int>, int> owner;
       for (std::size_t i = 0; i < p.rows().size(); ++i) {
@@ -158,7 +159,7 @@ TEST(TuningPart, PlugsStandApart) {
         EXPECT_LE(b.x1, width);
         EXPECT_LE(b.y1, height);
         EXPECT_GT(b.width() * b.height(), 0);
-        if (kind == TuningPartKind::comb) continue;
+        if (comb) continue;
         for (std::size_t j = 0; j < i; ++j) {
           const PixelBox& o = p.rows()[j].box;
           EXPECT_TRUE(b.x0 >= o.x1 || o.x0 >= b.x1 || b.y0 >= o.y1 || o.y0 >= b.y1)

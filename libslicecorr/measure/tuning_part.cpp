@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -20,8 +21,14 @@ namespace slicecorr {
 
 namespace {
 
-constexpr int kDark = 20, kTooth = 10, kPlugs = 6, kSteps = 12, kZoneColumns = 4, kZoneRows = 3;
-constexpr int kGaps[] = {4, 6, 8, 12, 16};
+constexpr int kDark = 20, kPlugs = 6, kSteps = 12, kZoneColumns = 4, kZoneRows = 3;
+/// Teeth, and the gaps after all but the last, in slices.
+struct Teeth {
+  std::array<int, 6> teeth;
+  std::array<int, 5> gaps;
+};
+constexpr Teeth kComb = {{10, 10, 10, 10, 10, 10}, {4, 6, 8, 12, 16}};
+constexpr Teeth kLiftComb = {{1, 2, 4, 8, 16, 32}, {16, 16, 16, 16, 16}};
 /// Over the gel dose. Up to where heights go with the logarithm of the dose for sure, from where a
 /// plug is high enough to be handled.
 constexpr double kLeastDose = 1.5, kMostDose = 9, kFirstStep = 1.3;
@@ -77,6 +84,8 @@ const char* word_of(TuningPartKind kind) {
       return "wedge";
     case TuningPartKind::dead_zone:
       return "dead-zone";
+    case TuningPartKind::lift_comb:
+      return "lift-comb";
     case TuningPartKind::flat_field:
       break;
   }
@@ -100,11 +109,11 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& a
         "expected one of another model (resinctl derive makes one of it)",
         ask.resin->name, word_of(kind)));
   }
-  if (kind != comb && !(printer.calibration.back().intensity_mw_cm2 > 0)) {
+  if (!is_comb() && !(printer.calibration.back().intensity_mw_cm2 > 0)) {
     throw InputError(fmt::format("printer '{}' has no light at full level", printer.name));
   }
   if (ask.resin) height_e_um_ = units::height_e_from_10(ask.resin->absorbance_height10_um);
-  if (kind == comb) make_comb(printer);
+  if (is_comb()) make_comb(printer);
   if (kind == staircase) make_staircase(printer);
   if (kind == wedge) make_wedge(printer);
   if (kind == dead_zone) make_dead_zone(printer);
@@ -133,14 +142,15 @@ void TuningPart::make_comb(const Printer& printer) {
     rows_.push_back(r);
   };
   int at = kDark;
-  for (std::size_t tooth = 0;; ++tooth) {
+  const Teeth& sizes = kind_ == TuningPartKind::comb ? kComb : kLiftComb;
+  for (std::size_t tooth = 0; tooth < sizes.teeth.size(); ++tooth) {
+    if (tooth > 0) at += sizes.gaps[tooth - 1];
     const PixelBox box{x + spine, y, x + width, y + side_y};
-    blocks_.push_back({box, at, at + kTooth, 255});
+    const int past = at + sizes.teeth[tooth];
+    blocks_.push_back({box, at, past, 255});
     edge(tooth, "begins", "upper", at, box);
-    edge(tooth, "ends", "lower", at + kTooth, box);
-    at += kTooth;
-    if (tooth == std::size(kGaps)) break;
-    at += kGaps[tooth];
+    edge(tooth, "ends", "lower", past, box);
+    at = past;
   }
   grid_.layers = at;
   blocks_.push_back({{x, y, x + spine, y + side_y}, 0, at, 255});
@@ -373,7 +383,7 @@ MeasuringForm TuningPart::form() const {
   fact("layer_um", grid_.layer_um);
   fact("width_px", grid_.width_px);
   fact("height_px", grid_.height_px);
-  if (kind_ == comb) {
+  if (is_comb()) {
     fact("x_px", x_px_);
     fact("y_px", y_px_);
   }
@@ -388,7 +398,7 @@ MeasuringForm TuningPart::form() const {
     f.note = fmt::format(
         "Fill in {}, in um; leave empty what was not measured, change nothing else.", measured);
   };
-  if (kind_ == comb) with({"name", "kind", "designed_um"}, "measured_um");
+  if (is_comb()) with({"name", "kind", "designed_um"}, "measured_um");
   if (kind_ == staircase || kind_ == wedge) {
     with({"name", "intensity_mw_cm2", "exposure_s", "shown_s", "dark_s", "dark_mw_cm2"},
          "cured_height_um");
@@ -402,7 +412,7 @@ MeasuringForm TuningPart::form() const {
   const auto number = [](double v) { return fmt::format("{:.6g}", v); };
   for (const Row& r : rows_) {
     std::vector<std::string> cells = {r.name};
-    if (kind_ == comb) {
+    if (is_comb()) {
       cells.insert(cells.end(), {r.kind, number(r.designed_um)});
     } else if (kind_ == dead_zone) {
       cells.insert(cells.end(),

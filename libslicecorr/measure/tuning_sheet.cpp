@@ -71,7 +71,7 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
     if (kind_ == flat_field) words = fmt::format("{}", &r - rows_.data() + 1);
     plate.push_back({r.box, r.intensity_mw_cm2 / brightest, words});
   }
-  if (kind_ != comb) {
+  if (!is_comb()) {
     s.picture = plate_picture(grid_, plate);
     s.caption =
         "The plugs as the images of the stack show them, seen from above through the plate "
@@ -84,15 +84,22 @@ std::string TuningPart::sheet(const std::string& form_file, const std::string& p
       form_file);
   switch (kind_) {
     case comb:
-      s.title = "Comb";
+    case lift_comb:
+      s.title = kind_ == comb ? "Comb" : "Lift comb";
       s.about =
-          "Edges of a print that is corrected: light that passes through the teeth cures what "
-          "lies above. They tell light over dose, absorbance height and stray light.";
+          kind_ == comb
+              ? "Edges of a print that is corrected: light that passes through the teeth cures what "
+                "lies above. They tell light over dose, absorbance height and stray light."
+              : "Edges of a print that is corrected, over teeth of few and of many layers: they tell "
+                "how much of the liquid resin each lift exchanges, and the absorbance height.";
       s.tools = {"A microscope with a scale, or a measuring projector, 0.01 mm or finer"};
       s.steps = {
-          // NOLINTNEXTLINE(bugprone-suspicious-missing-comma): a sentence on several lines.
-          "Correct the stack for the resin and speed that you print with, and print it "
-          "continuously. Keep the corrected stack: it says what was shown.",
+          kind_ == comb
+              ? "Correct the stack for the resin and speed that you print with, and print it "
+                "continuously. Keep the corrected stack: it says what was shown."
+              : "Correct the stack for the resin and exposure that you print with, as if lifts "
+                "exchanged nothing (a lift_exchange of 0), and print it layer by layer. Keep the "
+                "corrected stack: it says what was shown.",
           kWash,
           "Take it off the platform with a blade and lay it on its side, so that you look at the "
           "teeth from the side as in the picture.",

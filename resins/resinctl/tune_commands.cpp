@@ -119,7 +119,7 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   for (const std::string& path : a.tables) {
     TuningTable table = read_tuning_table(path);
     layer_um = table.part.layer_um;
-    if (table.kind == "comb") {
+    if (table.printed()) {
       if (a.printed.empty()) {
         throw InputError(path, "", "is of a print; name the corrected stack by --printed");
       }

@@ -15,13 +15,14 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 #include "support/toml/toml_table.hpp"
+#include "tune/matrix.hpp"
 
 namespace slicecorr::resins {
 
-std::string tuned_with(const Printer& printer) {
-  return fmt::format("{}, {:.4g} to {:.4g} mW/cm2: ha, light, stray_mw_cm2: ", printer.name,
+std::string tuned_with(const Printer& printer, bool exchange) {
+  return fmt::format("{}, {:.4g} to {:.4g} mW/cm2: ha, light, stray_mw_cm2{}: ", printer.name,
                      printer.calibration.front().intensity_mw_cm2,
-                     printer.calibration.back().intensity_mw_cm2);
+                     printer.calibration.back().intensity_mw_cm2, exchange ? ", exchange" : "");
 }
 
 std::string name_in_file(const std::string& path, const std::string& before) {
@@ -73,14 +74,17 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
   // Stray light is counted as the new printer file says light.
   const double stray = std::exp(-result.x[1]);
   std::string matrix;
-  for (std::size_t i = 0; i < kTuned; ++i) {
-    for (std::size_t j = 0; j < kTuned; ++j) {
-      const double unit = (i == 2 ? stray : 1) * (j == 2 ? stray : 1);
+  const std::size_t told = result.lift_exchange ? kTuned : kExchange;
+  for (std::size_t i = 0; i < told; ++i) {
+    for (std::size_t j = 0; j < told; ++j) {
+      const double unit = (i == kStray ? stray : 1) * (j == kStray ? stray : 1);
       matrix += fmt::format("{}{:.8g}", j ? ", " : i ? "], [" : "[[", c[i][j] * unit);
     }
   }
   edit.set("provenance", "tuning",
-           toml_text(tuned_with(tuned_printer(printer, before.m, result.x)) + matrix + "]]"));
+           toml_text(tuned_with(tuned_printer(printer, before.m, result.x),
+                                result.lift_exchange.has_value()) +
+                     matrix + "]]"));
   parse_resin(edit.text(), source);
   return edit.text();
 }
@@ -99,6 +103,15 @@ std::string printer_with_tuning(const std::string& text, const std::string& sour
                    fmt::format("# Measured light and {:+.4g} mW/cm2 of stray light at all levels, "
                                "which slicecorr tune found.",
                                result.x[2] * std::exp(-result.x[1])));
+  if (result.lift_exchange) {
+    const auto at = [](const TuneMatrix& m) { return std::sqrt(m[kExchange][kExchange]); };
+    edit.set("process", "lift_exchange", toml_number(*result.lift_exchange));
+    edit.set_comment(
+        "process", "lift_exchange",
+        fmt::format("# Share of resin that a lift exchanges, which slicecorr tune found "
+                    "with a standard deviation of {:.2g}.",
+                    at(result.covariance)));
+  }
   return edit.text();
 }
 

@@ -11,7 +11,7 @@
 namespace slicecorr::resins {
 
 /// What stands before the covariance in `provenance.tuning`: the printer, and its light, since a
-/// tuning holds for these.
-std::string tuned_with(const Printer& printer);
+/// tuning holds for these, and what was told. `exchange`: the share of resin that lifts exchange, too.
+std::string tuned_with(const Printer& printer, bool exchange);
 
 }  // namespace slicecorr::resins

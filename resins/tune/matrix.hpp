@@ -12,21 +12,27 @@
 namespace slicecorr::resins {
 
 /// What messages call the unknowns.
-inline constexpr std::array<const char*, kTuned> kTunedNames = {"ha", "light", "stray"};
+inline constexpr std::array<const char*, kTuned> kTunedNames = {"ha", "light", "stray", "exchange"};
+/// Their places.
+inline constexpr std::size_t kStray = 2, kExchange = 3;
 
-inline Eigen::Matrix3d matrix_of(const TuneMatrix& m) {
-  Eigen::Matrix3d out;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
+inline constexpr int kUnknowns = static_cast<int>(kTuned);
+using TunedMatrix = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+using TunedVector = Eigen::Matrix<double, kUnknowns, 1>;
+
+inline TunedMatrix matrix_of(const TuneMatrix& m) {
+  TunedMatrix out;
+  for (int i = 0; i < kUnknowns; ++i) {
+    for (int j = 0; j < kUnknowns; ++j) {
       out(i, j) = m[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
     }
   }
   return out;
 }
-inline TuneMatrix matrix_of(const Eigen::Matrix3d& m) {
+inline TuneMatrix matrix_of(const TunedMatrix& m) {
   TuneMatrix out{};
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
+  for (int i = 0; i < kUnknowns; ++i) {
+    for (int j = 0; j < kUnknowns; ++j) {
       out[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] = m(i, j);
     }
   }

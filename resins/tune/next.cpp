@@ -17,6 +17,8 @@
 #include "slicecorr/tuning_part.hpp"
 #include "slicecorr/units.hpp"
 #include "spread/model.hpp"
+#include "tune/matrix.hpp"
+#include "tune/printed_resin.hpp"
 
 namespace slicecorr::resins {
 
@@ -76,7 +78,8 @@ MeasuredPart comb_of(const TuningPart& part, const Printer& printer, const Resin
   part.read_band({part.x_px(), part.y_px(), part.x_px() + 1, part.y_px() + 1},
                  [&](int, const std::uint8_t* row) { coverage.push_back(row ? *row : 0); });
   const int layers = part.grid().layers;
-  const CureModel model = make_cure_model(printer, resin, process, measured.layer_um);
+  const CureModel model =
+      make_cure_model(printer, printed_resin(resin, process), process, measured.layer_um);
   const CorrectionPlan plan(model, process, layers, slices_with_burst(model, layers, layers - 1));
   const std::vector<double> levels = level_intensities(printer);
   for (const std::uint8_t level : solve_column(plan, coverage)) {
@@ -106,7 +109,11 @@ void add_gain(NextPart& next, const MeasuredPart& part, const Known& known) {
                        unit * std::sqrt(gain.covariance[i][i]));
   };
   next.text += fmt::format("ha {} %, light {} %, stray {} mW/cm²", both(0, 196), both(1, 196),
-                           both(2, 1.96));
+                           both(kStray, 1.96));
+  // Parts that tell nothing of it leave it as it was, but for rounding.
+  if (gain.covariance[kExchange][kExchange] < 0.99 * known.covariance[kExchange][kExchange]) {
+    next.text += fmt::format(", exchange {}", both(kExchange, 1.96));
+  }
 }
 
 /// Lines and gaps: the unknowns are ln sigma and the dose, which is known as light over dose is.
@@ -222,9 +229,20 @@ std::vector<NextPart> next_parts(const Printer& printer, const Resin& resin,
         [&](NextPart& next) { add_gain(next, plugs_of(TuningPart(kind, shines, ask)), now); });
   }
   add("comb", true, [&](NextPart& next) {
-    const Process how = process ? *process : middle_process(shines, cures);
+    const bool continuous = process && process->mode == ExposureMode::continuous;
+    const Process how = continuous ? *process : middle_process(shines, cures);
     next.text = fmt::format("at {:.4g} mm/h: ", how.speed_mm_h);
     const TuningPart part(TuningPartKind::comb, shines, ask);
+    add_gain(next, comb_of(part, shines, cures, how), now);
+  });
+  add("lift-comb", true, [&](NextPart& next) {
+    if (!process || process->mode != ExposureMode::layerwise) {
+      next.text = "is printed layer by layer: name such a print by --printed";
+      return;
+    }
+    Process how = *process;
+    how.lift_exchange = 0;
+    const TuningPart part(TuningPartKind::lift_comb, shines, ask);
     add_gain(next, comb_of(part, shines, cures, how), now);
   });
   add("spread", false, [&](NextPart& next) { add_spread_gain(next, now, layer_um); });

@@ -12,12 +12,17 @@
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/units.hpp"
+#include "tune/matrix.hpp"
+#include "tune/printed_resin.hpp"
 
 namespace slicecorr::resins {
 
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// Where the printer says nothing of it, and the least that is taken: at 0 the last exposure decides that has
+/// any light at all, and no derivative holds.
+constexpr double kExchangeBefore = 0.5, kLeastExchange = 1e-3;
 /// Doses so close to 1 are 1: edges of corrections lie on nodes, but for rounding.
 constexpr double kRounding = 1e-11;
 
@@ -49,6 +54,30 @@ std::vector<Crossing> crossings(const ColumnGradient& column, const CureModel& m
   return found;
 }
 
+/// The same layer by layer: a feature begins inside a layer, and ends at a window, whatever the dose.
+std::vector<Crossing> crossings_by_layers(const ColumnGradient& column, const CureModel& model,
+                                          double stray) {
+  std::vector<Crossing> found;
+  const double fall = units::kLn10 * model.eta;
+  bool solid_above = false;
+  for (int n = 0; n < column.slices(); ++n) {
+    const DoseGradient window = column.at(n + 1), far = column.at_node(n);
+    const bool solid = window.dose >= 1 - kRounding, whole = far.dose >= 1 - kRounding;
+    if (solid_above && !whole) found.push_back({false, n * model.layer_um, {}});
+    solid_above = solid;
+    if (!solid || whole) continue;
+    const double t = std::clamp(std::log(window.dose) / fall, 0.0, 1.0);
+    const DoseGradient g = t < 1 ? column.at(n + 1 - t) : far;
+    const double slope = dose_per_um(model, column.phi(n));
+    found.push_back({true,
+                     (n + 1 - t) * model.layer_um,
+                     {-g.ln_ha / slope, -(model.m * g.dose - stray * g.stray) / slope,
+                      -g.stray / slope, -g.exchange / slope}});
+  }
+  if (solid_above) found.push_back({false, column.slices() * model.layer_um, {}});
+  return found;
+}
+
 /// Of the edges that want the same crossing the nearest gets it.
 void match(const MeasuredPart& part, const std::vector<Crossing>& found, std::vector<double>& z,
            std::vector<TuneVector>& by) {
@@ -76,6 +105,22 @@ void match(const MeasuredPart& part, const std::vector<Crossing>& found, std::ve
 
 }  // namespace
 
+Resin printed_resin(const Resin& resin, const Process& process) {
+  const bool lifts = process.mode == ExposureMode::layerwise && process.lifts == Lifts::each;
+  if (!lifts || !(resin.dose_factor > 1)) return resin;
+  ResinOverrides gel;
+  gel.dose_factor = 1;
+  return with_overrides(resin, gel);
+}
+
+double exchange_before(const Printer& printer) {
+  return printer.lift_exchange >= 0 ? printer.lift_exchange : kExchangeBefore;
+}
+
+double tuned_exchange(const Printer& printer, const TuneVector& x) {
+  return std::clamp(exchange_before(printer) + x[kExchange], kLeastExchange, 1.0);
+}
+
 Resin tuned_resin(const Resin& resin, const TuneVector& x) {
   Resin r = resin;
   const double height = std::exp(x[0]), areal = std::exp(-resin.m * x[1]);
@@ -92,8 +137,9 @@ Printer tuned_printer(const Printer& printer, double /*m*/, const TuneVector& x)
   Printer p = printer;
   // Light counts exp(kappa) times: stray light is added to what the file says.
   for (CalibrationPoint& c : p.calibration) {
-    c.intensity_mw_cm2 = std::max(0.0, c.intensity_mw_cm2 + x[2] * std::exp(-x[1]));
+    c.intensity_mw_cm2 = std::max(0.0, c.intensity_mw_cm2 + x[kStray] * std::exp(-x[1]));
   }
+  if (x[kExchange] != 0) p.lift_exchange = tuned_exchange(printer, x);
   return p;
 }
 
@@ -125,17 +171,19 @@ std::vector<double> predict_edges(const MeasuredPart& part, const Printer& print
     by[i] = {height, k.hb_um * by_kappa / dose, k.hb_um * by_stray / dose};
   }
   if (!part.intensity_mw_cm2.empty()) {
-    if (part.process.mode != ExposureMode::continuous) {
-      throw InputError(part.source, "",
-                       "has edges of a print layer by layer; expected one that was printed "
-                       "continuously, or plugs");
-    }
-    const CureModel model = make_cure_model(printer, changed, part.process, part.layer_um);
+    Process process = part.process;
+    const bool by_layers = process.mode == ExposureMode::layerwise;
+    if (by_layers) process.lift_exchange = tuned_exchange(printer, x);
+    const CureModel model =
+        make_cure_model(printer, printed_resin(changed, process), process, part.layer_um);
     std::vector<double> phi;
     for (const double light : part.intensity_mw_cm2) {
       phi.push_back(model.phi(std::max(0.0, light * brighter + x[2])));
     }
-    match(part, crossings(ColumnGradient(model, phi), model, x[2]), z, by);
+    const ColumnGradient column(model, phi);
+    match(part,
+          by_layers ? crossings_by_layers(column, model, x[2]) : crossings(column, model, x[2]), z,
+          by);
   }
   if (jacobian) *jacobian = by;
   return z;

@@ -20,37 +20,40 @@ namespace slicecorr::resins {
 
 namespace {
 
-constexpr double kSd = 0.1, kLightSd = 0.03, kStraySd = 0.3;
+constexpr double kSd = 0.1, kLightSd = 0.03, kStraySd = 0.3, kExchangeSd = 0.3;
 
-/// "[[1, 2, 3], [4, 5, 6], [7, 8, 9]]"
-TuneMatrix matrix_in(const std::string& text, const std::string& source) {
-  TuneMatrix m{};
+/// Takes "[[1, 2, 3], [4, 5, 6], [7, 8, 9]]" as the covariance of the first `size` unknowns.
+void take_matrix(const std::string& text, const std::string& source, std::size_t size,
+                 TuneMatrix& m) {
   std::size_t at = 0, count = 0;
-  while (count < kTuned * kTuned) {
+  while (count < size * size) {
     at = text.find_first_of("-0123456789.", at);
     if (at == std::string::npos) break;
     const std::size_t end = std::min(text.find_first_of(",] ", at), text.size());
     const auto value = number_in_text(text.substr(at, end - at));
     if (!value) break;
-    m[count / kTuned][count % kTuned] = *value;
+    m[count / size][count % size] = *value;
     ++count;
     at = end;
   }
-  if (count == kTuned * kTuned && at != std::string::npos &&
+  if (count == size * size && at != std::string::npos &&
       text.find_first_of("-0123456789.", at) == std::string::npos) {
-    return m;
+    return;
   }
   throw InputError(
       source, "provenance.tuning",
-      fmt::format("is '{}'; expected 3 x 3 numbers, the covariance that slicecorr tune "
+      fmt::format("is '{}'; expected {} x {} numbers, the covariance that slicecorr tune "
                   "writes",
-                  text::printable(text)));
+                  text::printable(text), size, size));
 }
 
 }  // namespace
 
 TunePrior default_prior() {
-  return {{{{kSd * kSd, 0, 0}, {0, kSd * kSd, 0}, {0, 0, kStraySd * kStraySd}}},
+  return {{{{kSd * kSd, 0, 0, 0},
+            {0, kSd * kSd, 0, 0},
+            {0, 0, kStraySd * kStraySd, 0},
+            {0, 0, 0, kExchangeSd * kExchangeSd}}},
           "ha 10 %, light over dose 10 %, stray light 0.3 mW/cm² (nothing better is known)"};
 }
 
@@ -62,9 +65,11 @@ TunePrior prior_of(const std::string& resin_text, const std::string& resin_sourc
   if (!provenance) return prior;
   if (provenance->has("tuning")) {
     const std::string text = provenance->text("tuning", "");
-    const std::string with = tuned_with(printer);
-    if (text.starts_with(with)) {
-      prior.covariance = matrix_in(text.substr(with.size()), resin_source);
+    for (const bool exchange : {false, true}) {
+      const std::string with = tuned_with(printer, exchange);
+      if (!text.starts_with(with)) continue;
+      take_matrix(text.substr(with.size()), resin_source, exchange ? kTuned : kExchange,
+                  prior.covariance);
       prior.text = "what was found by the tuning before, in the resin's file";
       try {
         check_prior(prior);
@@ -106,12 +111,12 @@ void check_prior(const TunePrior& prior) {
           kTunedNames[i], kTunedNames[j], s[i][j], s[j][i]));
     }
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(matrix_of(s));
+  const Eigen::SelfAdjointEigenSolver<TunedMatrix> solver(matrix_of(s));
   if (!(solver.eigenvalues()[0] > 0)) {
-    throw InputError(
-        fmt::format("the covariance of ha, light and stray has the eigenvalue {:g}; expected all "
-                    "above 0",
-                    solver.eigenvalues()[0]));
+    throw InputError(fmt::format(
+        "the covariance of ha, light, stray and exchange has the eigenvalue {:g}; expected all "
+        "above 0",
+        solver.eigenvalues()[0]));
   }
 }
 

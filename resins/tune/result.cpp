@@ -9,6 +9,7 @@
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/units.hpp"
+#include "tune/matrix.hpp"
 
 namespace slicecorr::resins {
 
@@ -34,6 +35,12 @@ std::string TuneResult::to_text(const Printer& printer, const Resin& resin,
   const auto dose = [](const Resin& r) {
     return make_kinetics(r, false, true).critical_dose_prime;
   };
+  if (lift_exchange) {
+    out += fmt::format("{:26} {:10.4g} -> {:10.4g}   {:+20.4g}     {:.2g} -> {:.2g}\n",
+                       "exchanged at a lift, share", exchange_before(printer), *lift_exchange,
+                       *lift_exchange - exchange_before(printer),
+                       1.96 * sd(prior.covariance, kExchange), 1.96 * sd(covariance, kExchange));
+  }
   out += fmt::format(
       "\nwhich makes: dose aimed at {:.5g} -> {:.5g} (areal), absorbance base 10; printer's black "
       "{:.4g} -> {:.4g}, full {:.4g} -> {:.4g} mW/cm²\n",
@@ -42,6 +49,11 @@ std::string TuneResult::to_text(const Printer& printer, const Resin& resin,
       shines.calibration.back().intensity_mw_cm2);
   out += fmt::format("{} edges and plugs, {:.1f} um rms from what this prints; gain {:.2f} nat\n",
                      used, rms_um, gain_nat);
+  if (!lift_exchange) {
+    out +=
+        "the share of resin that lifts exchange can't be told by these parts; a lift-comb that was "
+        "printed layer by layer tells it\n";
+  }
   for (const std::string& text : missing) out += "missing: " + text + "\n";
   for (const std::string& text : outliers) out += "left out: " + text + "\n";
   for (const std::string& text : remarks) out += "warning: " + text + "\n";

@@ -25,12 +25,12 @@ double required(const MeasuringForm& form, std::size_t row, const char* column, 
 }  // namespace
 
 TuningTable read_tuning_table(const std::string& path) {
-  expect_form_of(path, {"comb", "staircase", "wedge"});
+  expect_form_of(path, {"comb", "lift-comb", "staircase", "wedge"});
   const auto form = read_form(path);
   if (!form) {
     throw InputError(path, "line 1",
                      "is not that of a test part; expected a table of slicecorr testpart comb, "
-                     "staircase or wedge, filled in");
+                     "lift-comb, staircase or wedge, filled in");
   }
   TuningTable table;
   table.kind = form->part;
@@ -39,7 +39,7 @@ TuningTable read_tuning_table(const std::string& path) {
   table.part.layer_um = form->fact("layer_um", 1e-3, 1e4);
   table.width_px = whole("width_px");
   table.height_px = whole("height_px");
-  const bool comb = form->part == "comb";
+  const bool comb = table.printed();
   if (comb) {
     table.x_px = whole("x_px");
     table.y_px = whole("y_px");

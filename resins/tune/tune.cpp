@@ -24,17 +24,32 @@ struct Row {
   std::size_t part, edge;
 };
 
-/// Residuals in standard deviations, the prior's three first.
+/// An exchange that is known better than this is told: half of what it is known to before. It must be told by
+/// what was measured: with errors of ha and light so many times as great, too. Each edge alone tells it
+/// from what was known of them.
+constexpr double kToldSd = 0.15, kWider = 10;
+
+double told_sd(const TunedMatrix& prior, const Eigen::MatrixXd& measured) {
+  const TunedVector wider{kWider, kWider, 1, 1};
+  const TunedMatrix before = wider.asDiagonal() * prior * wider.asDiagonal();
+  const TunedMatrix after = (before.inverse() + measured.transpose() * measured).inverse();
+  return std::sqrt(
+      after(static_cast<Eigen::Index>(kExchange), static_cast<Eigen::Index>(kExchange)));
+}
+
+/// Residuals in standard deviations, the prior's first.
 class Problem : public LeastSquares {
  public:
   Problem(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
-          const Eigen::Matrix3d& root, double sigma_um, const std::vector<Row>& rows)
+          const TunedMatrix& root, double sigma_um, const std::vector<Row>& rows,
+          std::optional<double> held)
       : parts_(parts),
         printer_(printer),
         resin_(resin),
         root_(root),
         sigma_um_(sigma_um),
-        rows_(rows) {}
+        rows_(rows),
+        held_(held) {}
   std::size_t count() const override { return kTuned + rows_.size(); }
   std::size_t unknowns() const override { return kTuned; }
   double step(std::size_t, double) const override { return 1e-4; }
@@ -43,15 +58,18 @@ class Problem : public LeastSquares {
   }
   bool jacobian(const double* values, Eigen::MatrixXd& out) const override {
     std::vector<double> unused(count());
-    out.resize(static_cast<Eigen::Index>(count()), 3);
+    out.resize(static_cast<Eigen::Index>(count()), kUnknowns);
     return evaluate(values, unused.data(), &out);
   }
 
  private:
   bool evaluate(const double* values, double* out, Eigen::MatrixXd* j) const {
-    const TuneVector x{values[0], values[1], values[2]};
-    Eigen::Map<Eigen::Vector3d>(out, 3) = root_ * Eigen::Map<const Eigen::Vector3d>(values, 3);
-    if (j) j->topRows(3) = root_;
+    TuneVector x{};
+    std::copy_n(values, kTuned, x.begin());
+    if (held_) x[kExchange] = *held_;
+    Eigen::Map<TunedVector> known(out);
+    known = root_ * Eigen::Map<const TunedVector>(x.data());
+    if (j) j->topRows(kUnknowns) = root_;
     std::vector<std::vector<double>> z;
     std::vector<std::vector<TuneVector>> by(parts_.size());
     for (std::size_t p = 0; p < parts_.size(); ++p) {
@@ -62,19 +80,21 @@ class Problem : public LeastSquares {
       if (std::isnan(z[p][e])) return false;
       out[kTuned + r] = (z[p][e] - parts_[p].edges[e].measured_um) / sigma_um_;
       if (!j) continue;
-      for (int k = 0; k < 3; ++k) {
+      for (int k = 0; k < kUnknowns; ++k) {
         (*j)(static_cast<Eigen::Index>(kTuned + r), k) =
             by[p][e][static_cast<std::size_t>(k)] / sigma_um_;
       }
     }
+    if (j && held_) j->col(static_cast<Eigen::Index>(kExchange)).setZero();
     return true;
   }
   const std::vector<MeasuredPart>& parts_;
   const Printer& printer_;
   const Resin& resin_;
-  Eigen::Matrix3d root_;
+  TunedMatrix root_;
   double sigma_um_;
   const std::vector<Row>& rows_;
+  std::optional<double> held_;  ///< the change of the exchange, at the end of what can be
 };
 
 std::string name_in(const MeasuredPart& part, const MeasuredEdge& e) {
@@ -134,14 +154,14 @@ void check_part(const MeasuredPart& part, const std::vector<double>& expected, d
 
 TuneGain gain_of(const TuneMatrix& prior, const std::vector<TuneVector>& jacobian,
                  double sigma_um) {
-  const Eigen::Matrix3d s0 = matrix_of(prior);
-  Eigen::Matrix3d information = s0.inverse();
+  const TunedMatrix s0 = matrix_of(prior);
+  TunedMatrix information = s0.inverse();
   for (const TuneVector& row : jacobian) {
-    const Eigen::Vector3d j(row[0], row[1], row[2]);
+    const TunedVector j = Eigen::Map<const TunedVector>(row.data());
     information += j * j.transpose() / (sigma_um * sigma_um);
   }
   return {0.5 * std::log(s0.determinant() * information.determinant()),
-          matrix_of(Eigen::Matrix3d(information.inverse()))};
+          matrix_of(TunedMatrix(information.inverse()))};
 }
 
 TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
@@ -173,21 +193,34 @@ TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, 
     }
   }
   if (rows.empty()) throw InputError("nothing was measured; expected one edge or plug at least");
-  const Eigen::Matrix3d s0 = matrix_of(prior.covariance);
-  const Eigen::Matrix3d factor = s0.llt().matrixL();
-  const Eigen::Matrix3d root = factor.inverse();
+  const TunedMatrix s0 = matrix_of(prior.covariance);
+  const TunedMatrix factor = s0.llt().matrixL();
+  const TunedMatrix root = factor.inverse();
   const std::size_t all = rows.size();
   std::vector<double> x;
   Eigen::MatrixXd j;
   while (true) {
-    const Problem problem(parts, printer, resin, root, sigma_um, rows);
+    const auto problem_with = [&](std::optional<double> held) {
+      return Problem(parts, printer, resin, root, sigma_um, rows, held);
+    };
+    const Problem problem = problem_with({});
     x.assign(kTuned, 0.0);
-    if (!std::isfinite(minimise(problem, x, kFine, 200)) || !problem.jacobian(x.data(), j)) {
+    bool found = std::isfinite(minimise(problem, x, kFine, 200));
+    // No less than nothing is exchanged, and no more than all.
+    TuneVector at{};
+    std::copy_n(x.begin(), kTuned, at.begin());
+    const double share = tuned_exchange(printer, at), before = exchange_before(printer);
+    if (found && share != before + x[kExchange]) {
+      const double held = share - before;
+      found = std::isfinite(minimise(problem_with(held), x, kFine, 200));
+      x[kExchange] = held;
+    }
+    if (!found || !problem.jacobian(x.data(), j)) {
       throw InputError("no resin and light were found that print what was measured");
     }
     std::vector<double> residual(problem.count());
     problem.residuals(x.data(), residual.data());
-    const Eigen::Matrix3d after = (j.transpose() * j).inverse();
+    const TunedMatrix after = (j.transpose() * j).inverse();
     std::size_t worst = rows.size();
     double most = 4, squares = 0;
     for (std::size_t r = 0; r < rows.size(); ++r) {
@@ -209,6 +242,9 @@ TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, 
   }
   std::copy(x.begin(), x.end(), result.x.begin());
   result.used = rows.size();
+  if (told_sd(s0, j.bottomRows(j.rows() - kUnknowns)) < kToldSd) {
+    result.lift_exchange = tuned_exchange(printer, result.x);
+  }
   result.gain_nat = -0.5 * std::log(matrix_of(result.covariance).determinant() / s0.determinant());
   for (std::size_t i = 0; i < kTuned; ++i) {
     const double sds = std::abs(x[i]) / std::sqrt(prior.covariance[i][i]);

@@ -6,8 +6,11 @@
 /// fill in and as a sheet that says what to measure where. (Lines and gaps: test_part.hpp.)
 ///
 /// `comb`: behind 20 dark slices, six teeth of 10 slices with gaps of 4, 6, 8, 12 and 16, on a
-/// spine (dissertation figure 2.5(b)). It is corrected and printed continuously. All others cure on
-/// the window, platform away (dissertation §3.2.3, §3.2.4):
+/// spine (dissertation figure 2.5(b)). It is corrected and printed continuously.
+/// `lift_comb`: behind 20 dark slices, six teeth of 1, 2, 4, 8, 16 and 32 slices with gaps of 16, on a
+/// spine. It is corrected as if lifts exchanged nothing, and printed layer by layer: the light of a few lifts and that
+/// of many tell the share of resin that a lift exchanges from the absorbance height (docs/tuning.md).
+/// All others cure on the window, platform away (dissertation §3.2.3, §3.2.4):
 /// `staircase`: six plugs of each of up to three intensities, at 1.5 to 9 times the gel dose. They
 /// are lit from the first image on and go dark one after the other.
 /// `wedge`: steps of one piece, at 1.3 to 9 times the gel dose, by grey levels in one image.
@@ -26,7 +29,7 @@
 
 namespace slicecorr {
 
-enum class TuningPartKind { comb, staircase, wedge, dead_zone, flat_field };
+enum class TuningPartKind { comb, staircase, wedge, dead_zone, flat_field, lift_comb };
 /// "dead-zone"
 const char* word_of(TuningPartKind kind);
 
@@ -59,6 +62,10 @@ class TuningPart final : public SliceSource {
   PixelBox bounds() const override { return bounds_; }
   void read_band(const PixelBox& band, const Sink& sink) const override;
   TuningPartKind kind() const { return kind_; }
+  /// Whether it is teeth and gaps, corrected and printed.
+  bool is_comb() const {
+    return kind_ == TuningPartKind::comb || kind_ == TuningPartKind::lift_comb;
+  }
   const std::vector<Row>& rows() const { return rows_; }
   /// For how long each image is shown; none of combs.
   const std::vector<double>& image_s() const { return image_s_; }

@@ -29,9 +29,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array kKinds = {TuningPartKind::comb, TuningPartKind::staircase,
-                               TuningPartKind::wedge, TuningPartKind::dead_zone,
-                               TuningPartKind::flat_field};
+constexpr std::array kKinds = {TuningPartKind::comb,       TuningPartKind::staircase,
+                               TuningPartKind::wedge,      TuningPartKind::dead_zone,
+                               TuningPartKind::flat_field, TuningPartKind::lift_comb};
 
 /// One slice as the display shows it.
 GreyImage slice_picture(const SliceSource& slices) {
@@ -111,7 +111,8 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   const Beside beside(o);
   Printer printer = load_printer(o.printer);
   // Levels are such as the archive holds, at the light that it really shows.
-  const bool grey = kind != TuningPartKind::comb && kind != TuningPartKind::flat_field;
+  const bool grey = kind != TuningPartKind::comb && kind != TuningPartKind::lift_comb &&
+                    kind != TuningPartKind::flat_field;
   if (grey) {
     ExecutionContext untold = context;
     untold.notice = nullptr;
@@ -184,11 +185,11 @@ void add_test_part(Program& program, TestPartOptions& o) {
   sub->add_option(
          "KIND", o.kind,
          "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
-         "printed), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
+         "printed), lift-comb (the same, printed layer by layer), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
          "(lines and gaps), flat-field (plugs all over the plate), levels (even images of grey "
          "levels, for a power meter)")
-      ->check(CLI::IsMember(
-          {"spread", "comb", "staircase", "wedge", "dead-zone", "flat-field", "levels"}))
+      ->check(CLI::IsMember({"spread", "comb", "lift-comb", "staircase", "wedge", "dead-zone",
+                             "flat-field", "levels"}))
       ->capture_default_str();
   sub->add_option("--resin", o.resin,
                   "Resin of a staircase, wedge or flat-field: a .toml file or a name");

@@ -4,9 +4,10 @@
 /// @file tune.hpp
 /// What measured test parts say of resin and light, with what was known before as the prior.
 ///
-/// Unknowns are x = (ln ha, kappa, stray): the absorbance height with the areal dose held, kappa =
-/// ln(light / areal Dc), which prints can't tell apart, and light on top of all levels, mW/cm²; all
-/// as changes of what the files say. With the covariance S0 before and measurements of standard
+/// Unknowns are x = (ln ha, kappa, stray, exchange): the absorbance height with the areal dose held, kappa =
+/// ln(light / areal Dc), which prints can't tell apart, light on top of all levels, mW/cm², and the
+/// share of the liquid resin that a lift exchanges (docs/lifts.md), which prints layer by layer alone tell;
+/// all as changes of what the files say, the share where the printer's does not of `exchange_before`. With the covariance S0 before and measurements of standard
 /// deviation sigma whose derivatives by x are J, the information after is
 ///
 ///     A = inv(S0) + J'J / sigma²,     gain = 1/2 ln(det S0 det A)   in nat
@@ -23,7 +24,7 @@
 
 namespace slicecorr::resins {
 
-inline constexpr std::size_t kTuned = 3;
+inline constexpr std::size_t kTuned = 4;
 using TuneVector = std::array<double, kTuned>;
 using TuneMatrix = std::array<TuneVector, kTuned>;
 
@@ -48,14 +49,15 @@ struct MeasuredPart {
   /// Light of each slice of the column that was measured, as printed and as the printer file says
   /// it, mW/cm²; empty where there are plugs alone.
   std::vector<double> intensity_mw_cm2;
-  Process process;      ///< continuous
+  Process process;      ///< how it was printed; `Process::lift_exchange` is not heeded
   double layer_um = 0;  ///< > 0
 };
 
 /// A table as `slicecorr testpart` makes it, filled in. Its part has no light yet.
 struct TuningTable {
   MeasuredPart part;
-  std::string kind;                 ///< "comb", "staircase", "wedge"
+  std::string kind;  ///< "comb", "lift-comb", "staircase", "wedge"
+  bool printed() const { return kind == "comb" || kind == "lift-comb"; }
   int width_px = 0, height_px = 0;  ///< of the images
   int x_px = 0, y_px = 0;           ///< of the column that is measured
 };
@@ -67,7 +69,7 @@ struct TunePrior {
   TuneMatrix covariance{};
   std::string text;  ///< where it comes from, in words
 };
-/// ha 10 %, kappa 10 %, stray light 0.3 mW/cm².
+/// ha 10 %, kappa 10 %, stray light 0.3 mW/cm², exchange 0.3.
 TunePrior default_prior();
 /// What an earlier tuning wrote into the resin's file, where it was with this printer's light; else
 /// the covariance of a fit there and 3 % of the light; else the default. Throws where what is
@@ -77,13 +79,19 @@ TunePrior prior_of(const std::string& resin_text, const std::string& resin_sourc
 /// Throws unless it is symmetric and all eigenvalues are above 0, naming the pair at fault.
 void check_prior(const TunePrior& prior);
 
+/// The share of resin that a lift exchanges as the printer says it, and where it does not the middle of all
+/// that can be.
+double exchange_before(const Printer& printer);
+/// The share as x says it: above 0, at most 1.
+double tuned_exchange(const Printer& printer, const TuneVector& x);
+
 /// Resin and printer as x says them: the change of light is given to the resin's dose.
 Resin tuned_resin(const Resin& resin, const TuneVector& x);
 Printer tuned_printer(const Printer& printer, double m, const TuneVector& x);
 
 /// Where the edges of a part lie if x is so, um; NaN where there is none: the feature is lost or has
 /// grown together with its neighbour. Derivatives by x where `jacobian` is not null. Throws for
-/// models without derivatives, and layer by layer, where only plugs can be predicted.
+/// models without derivatives.
 std::vector<double> predict_edges(const MeasuredPart& part, const Printer& printer,
                                   const Resin& resin, const TuneVector& x,
                                   std::vector<TuneVector>* jacobian = nullptr);
@@ -100,6 +108,9 @@ struct TuneResult {
   TuneMatrix covariance{};
   double gain_nat = 0, rms_um = 0;
   std::size_t used = 0;
+  /// The share of resin that a lift exchanges; nothing: the parts don't tell it (to less than 0.15,
+  /// were ha and light known ten times less well).
+  std::optional<double> lift_exchange{};
   std::vector<std::string> missing;   ///< edges that were not measured, or that are not predicted
   std::vector<std::string> outliers;  ///< left out: more than 4 standard deviations away
   std::vector<std::string> remarks;   ///< results beyond 3 standard deviations of the prior
@@ -119,7 +130,8 @@ std::string name_in_file(const std::string& path, const std::string& before);
 std::string resin_with_tuning(const std::string& text, const std::string& source,
                               const std::string& name, const Printer& printer,
                               const TuneResult& result);
-/// The printer's file with the stray light that was found on top of its calibration. `printer` is
+/// The printer's file with the stray light that was found on top of its calibration, and with
+/// `TuneResult::lift_exchange`. `printer` is
 /// what that file says, its name that of the new one; a calibration in a file of its own becomes part
 /// of it.
 std::string printer_with_tuning(const std::string& text, const std::string& source,
@@ -136,7 +148,8 @@ struct NextPart {
 /// All kinds of parts, those that tell most of ha, light and stray light first, then those that tell
 /// of something else, most first. Printer and resin as they were before `known`, which says what is
 /// known by now. `process`: how combs are printed; none: continuously, at the speed at which black
-/// and full light are as far from the dose aimed at.
+/// and full light are as far from the dose aimed at. A lift-comb is looked at where it is layer by layer,
+/// a comb where it is not.
 std::vector<NextPart> next_parts(const Printer& printer, const Resin& resin,
                                  const TuneResult& known, const std::optional<Process>& process,
                                  double layer_um, double sigma_um);

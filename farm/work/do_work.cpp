@@ -18,6 +18,7 @@
 #include "programs/common/make_part.hpp"
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"
@@ -171,6 +172,12 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const Correction result =
       cli::make_part(target, setup, file, base, title, context, [&] { reporter.begin(2); });
   fill_figures(outcome.figures, result.after);
+  // It ends well, but with a warning.
+  if (result.after.bodies) {
+    for (const std::string& text : warnings_of(*result.after.bodies)) {
+      outcome.message += (outcome.message.empty() ? "" : "; ") + text;
+    }
+  }
   mesh.reset();
   archive.reset();
 

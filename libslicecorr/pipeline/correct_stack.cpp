@@ -22,6 +22,7 @@
 #include "even/even_cells.hpp"
 #include "even/kept_images.hpp"
 #include "pipeline/corrected_info.hpp"
+#include "pipeline/printed_bodies.hpp"
 #include "pipeline/shortcomings.hpp"
 #include "pipeline/target_scan.hpp"
 #include "pipeline/uv_images.hpp"
@@ -123,8 +124,9 @@ class StackCorrection {
   StackWriter writer_;
   TargetScan scan_;
   const std::vector<PixelBox> bands_;
-  std::optional<PlaceWindows> window_;      ///< where UV light keeps a dead zone
-  std::optional<VolumeReducer> volume_;     ///< where the reduced volume is asked for
+  std::optional<PlaceWindows> window_;   ///< where UV light keeps a dead zone
+  std::optional<VolumeReducer> volume_;  ///< where the reduced volume is asked for
+  std::optional<detail::PrintedBodies> bodies_;
   std::optional<detail::KeptImages> kept_;  ///< where light is even over the flow
   const int volume_cells_;
 
@@ -150,6 +152,7 @@ class StackCorrection::Band {
         upwards_(columns_),
         encoder_(whole.writer_, box_.y0, box_.y1) {
     if (whole.volume_) reduced_.emplace(*whole.volume_, box_);
+    if (whole.bodies_) hanging_.emplace(*whole.bodies_, index, box_);
   }
 
   /// What is corrected already.
@@ -201,6 +204,7 @@ class StackCorrection::Band {
   const PixelBox& box_;
   const std::size_t columns_;
   std::optional<VolumeReducer::Band> reduced_;
+  std::optional<detail::PrintedBodies::Band> hanging_;
   CodedBand design_, upwards_;  ///< for the reduced volume; `upwards_` has the last slice first
   StackWriter::BandEncoder encoder_;
   Prediction after_, before_;
@@ -231,6 +235,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
+  bodies_.emplace(bands_, plans_.all_layers(), context);
   if (model().inhibited()) window_.emplace(plans_.models(), plans_.all_layers());
   if (setup_.process.even_light) {
     kept_.emplace(target, detail::judged_slices(*setup_.process.even_light), bands_);
@@ -263,6 +268,7 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
     reduced_->listen_after(after, of.of_band);
     reduced_->listen_before(before, of.of_band);
   }
+  hanging_->listen(after, of.of_band);
   std::optional<WindowWatch> watch;
   if (whole_.window_) watch.emplace(plan.model, slices, count);
   // Slices that are shown as they are have the greys of gentle slopes, which a design with edge
@@ -338,6 +344,7 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
 }
 
 void StackCorrection::Band::finish() {
+  hanging_->finish();
   if (reduced_) {
     const int all = whole_.plans_.all_layers();
     reduced_->finish([&](int n, std::uint8_t* out) { upwards_.read(all - 1 - n, out); },
@@ -406,6 +413,7 @@ Correction StackCorrection::result() {
     }
     result.after.uncertain = uncertain_->result(robust);
   }
+  result.after.bodies = bodies_->judge(grid_, target_.frame());
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
   result.before = of_whole_image(before_, plans_.layers());
@@ -444,6 +452,7 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   correction.correct_bands();
   Correction result = correction.result();
   correction.tell_shortcomings(result.after);
+  if (result.after.bodies) detail::judge_bodies(*result.after.bodies, for_file, context);
   if (ask.before_writing) ask.before_writing(result);
   correction.write(result.info);
   return result;

@@ -17,6 +17,7 @@
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "cure/spread_band.hpp"
+#include "pipeline/printed_bodies.hpp"
 #include "pipeline/vanished.hpp"
 #include "predict/plane_edges.hpp"
 #include "slicecorr/dead_zone.hpp"
@@ -110,6 +111,7 @@ class Verification {
         all_layers_(std::max(layers_, target.grid().layers + (target.edge_heights() ? 1 : 0))),
         spread_(models_, stack.grid(), stack.frame()),
         bands_(bands_of_all()),
+        bodies_(bands_, std::max(layers_, target.grid().layers), context),
         surface_maps_(target.bounds()) {
     if (models_.brightest().inhibited()) window_.emplace(models_, layers_);
     if (!setup.uncertainty) return;
@@ -124,8 +126,7 @@ class Verification {
   }
 
   void predict_bands() {
-    parallel_for(context_, "predict", bands_.size(),
-                 [&](std::size_t i) { predict_band(bands_[i]); });
+    parallel_for(context_, "predict", bands_.size(), [&](std::size_t i) { predict_band(i); });
   }
   /// After all bands: what the whole image prints.
   Prediction result() const {
@@ -138,6 +139,7 @@ class Verification {
     if (uncertain_) p.uncertain = uncertain_->result();
     if (const auto finest = spread_.finest()) p.finest = {finest->line_um, finest->gap_um};
     p.maps = std::make_shared<const SurfaceMaps>(surface_maps_.maps());
+    p.bodies = bodies_.judge(grid, stack_.frame());
     return p;
   }
 
@@ -162,11 +164,12 @@ class Verification {
     }
     return bands;
   }
-  void predict_band(const PixelBox& band);
+  void predict_band(std::size_t index);
   /// The same where light spreads.
-  void predict_spread(const PixelBox& band);
+  void predict_spread(std::size_t index);
   /// Columns of one value of light, whose figures go on from those before them.
-  void predict(const detail::DesignGroup& group, Prediction& figures);
+  void predict(const detail::DesignGroup& group, Prediction& figures,
+               detail::PrintedBodies::Band& bodies);
   /// Slices of a recording, which show several images. `watch`: null, or takes them, too.
   void predict_showings(BandPredictor& predictor, const CodedBand& shown, const CodedDesign& design,
                         WindowWatch* watch) const;
@@ -183,6 +186,7 @@ class Verification {
   const std::vector<PixelBox> bands_;
   std::optional<detail::PlaceWindows> window_;  ///< where UV light keeps a dead zone
 
+  detail::PrintedBodies bodies_;
   detail::SurfaceCollector surface_maps_;
   std::optional<detail::UncertainTotal> uncertain_;  ///< where it is asked how sure it is
   std::mutex merging_;
@@ -190,7 +194,8 @@ class Verification {
   detail::LightCounts grouped_columns_{};  ///< where the display's light is uneven
 };
 
-void Verification::predict(const detail::DesignGroup& group, Prediction& figures) {
+void Verification::predict(const detail::DesignGroup& group, Prediction& figures,
+                           detail::PrintedBodies::Band& bodies) {
   const CodedDesign design = group.coded(surface_);
   const CodedBand& shown = *group.beside;
   const std::size_t columns = group.columns;
@@ -199,6 +204,7 @@ void Verification::predict(const detail::DesignGroup& group, Prediction& figures
                           slices_.recorded());
   if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
   predictor.keep_sides();
+  bodies.listen(predictor, group.of_band);
   predictor.go_on_from(std::move(figures));
   std::optional<WindowWatch> watch;
   if (window_) watch.emplace(model, layers_, columns);
@@ -240,7 +246,8 @@ void Verification::predict_showings(BandPredictor& predictor, const CodedBand& s
   }
 }
 
-void Verification::predict_spread(const PixelBox& band) {
+void Verification::predict_spread(std::size_t index) {
+  const PixelBox& band = bands_[index];
   // Outlines are followed into the rows beside the band.
   const PixelBox field{band.x0, std::max(0, band.y0 - beside_y()), band.x1,
                        std::min(stack_.grid().height_px, band.y1 + beside_y())};
@@ -256,6 +263,8 @@ void Verification::predict_spread(const PixelBox& band) {
   BandPredictor predictor(model, pixel_curve(model), all_layers_, columns, true);
   if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
   predictor.keep_sides();
+  detail::PrintedBodies::Band bodies(bodies_, index, band);
+  bodies.listen(predictor, nullptr);
   detail::SpreadBand light(spread_, stack_, slices_, field);
   BandDose dose(model, in_field);
   detail::PlaneEdges plane(stack_.grid(), field, band, beside_y());
@@ -297,6 +306,7 @@ void Verification::predict_spread(const PixelBox& band) {
   }
   const auto place = detail::pixels_of_columns(band);
   Prediction figures = predictor.finish(place);
+  bodies.finish();
   plane.add_to(figures);
   surface_maps_.add(predictor.sides(), place);
   if (uncertain) uncertain_->add(*uncertain, place);
@@ -305,14 +315,17 @@ void Verification::predict_spread(const PixelBox& band) {
   if (watch) window_->merge(models_.map().greatest(), *watch);
 }
 
-void Verification::predict_band(const PixelBox& band) {
-  if (!spread_.none()) return predict_spread(band);
+void Verification::predict_band(std::size_t index) {
+  if (!spread_.none()) return predict_spread(index);
+  const PixelBox& band = bands_[index];
+  detail::PrintedBodies::Band bodies(bodies_, index, band);
   Prediction figures;
   detail::LightCounts counts{};
   const detail::DesignBand design(target_, models_.map(), band,
                                   {.beside = &stack_, .doses = false});
   design.count(counts);
-  for (const detail::DesignGroup& g : design.groups()) predict(g, figures);
+  for (const detail::DesignGroup& g : design.groups()) predict(g, figures, bodies);
+  bodies.finish();
   const std::lock_guard lock(merging_);
   total_.merge(figures);
   for (std::size_t v = 0; v < counts.size(); ++v) grouped_columns_[v] += counts[v];

@@ -14,7 +14,18 @@ BandPredictor::~BandPredictor() = default;
 void BandPredictor::tell_edges(EdgeSink sink) { state_->edge_sink_ = std::move(sink); }
 void BandPredictor::tell_runs(RunSink sink) { state_->run_sink_ = std::move(sink); }
 void BandPredictor::tell_gaps(GapSink sink) { state_->gap_sink_ = std::move(sink); }
-void BandPredictor::tell_states(StateSink sink) { state_->state_sink_ = std::move(sink); }
+void BandPredictor::tell_states(StateSink sink) {
+  if (!state_->state_sink_) {
+    state_->state_sink_ = std::move(sink);
+    return;
+  }
+  state_->state_sink_ = [first = std::move(state_->state_sink_), then = std::move(sink)](
+                            std::size_t column, int slice, std::uint8_t coverage, bool prints,
+                            bool prints_above) {
+    first(column, slice, coverage, prints, prints_above);
+    then(column, slice, coverage, prints, prints_above);
+  };
+}
 void BandPredictor::aim_at_heights() { state_->prediction_.at_heights = true; }
 void BandPredictor::keep_sides() { state_->keep_sides(); }
 const EdgeSides& BandPredictor::sides() const { return state_->sides_; }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/uncertain_print.hpp"
 #include "support/json/finite.hpp"
@@ -234,6 +235,16 @@ std::string Prediction::to_json() const {
                                  {"closed", plane_closed},
                                  {"lost", plane_lost}};
   if (finest) j["finest_um"] = {{"line", finest->line_um}, {"gap", finest->gap_um}};
+  // Where nobody looked the names are known nevertheless.
+  const JudgedBodies* const hanging = bodies.get();
+  if (hanging) {
+    j.update(slicecorr::detail::own_json<ordered_json>(hanging->printed.to_json()));
+    j["designed"] = {{"loose_bodies", hanging->designed.loose_bodies},
+                     {"islands_in_all", hanging->designed.islands_in_all},
+                     {"loose_bodies_whole", hanging->loose_whole}};
+  } else {
+    j["loose_bodies"] = j["islands_in_all"] = nullptr;
+  }
   j["runs"] = runs;
   j["gaps"] = gaps;
   j["lost_features"] = lost_features;

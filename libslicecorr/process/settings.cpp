@@ -247,6 +247,13 @@ const std::vector<Setting>& table() {
                "(off)",
        .words = {"on", "off"},
        .corrects = true},
+      {.name = "loose",
+       .group = kHowItIsCorrected,
+       .chosen = &C::loose,
+       .text = "What to do where a body of the print hangs on nothing when it begins: tell it and "
+               "go on, or refuse the print [tell]",
+       .words = {"tell", "refuse"},
+       .corrects = true},
       {.name = "uv_mw_cm2",
        .group = kUvAndFlow,
        .chosen = &C::uv_mw_cm2,

@@ -230,6 +230,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
   page += summary(c);
   page += detail::uncertainty_section(c);
   page += markup("<h2>What will print</h2>{}", figures_table(c));
+  page += detail::bodies_section(c.after);
   page += detail::dose_tables(c);
   page += detail::flow_charts(c);
   if (c.comparison) page += detail::comparison_table(*c.comparison);

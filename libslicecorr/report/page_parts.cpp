@@ -8,6 +8,7 @@
 #include <algorithm>
 
 #include "picture/embed.hpp"
+#include "slicecorr/bodies.hpp"
 
 namespace slicecorr::detail {
 
@@ -242,6 +243,48 @@ Markup dose_tables(const ReportContent& c) {
                dose_colour(0.99, c.most_wanted),
                captioned_image(s.dose_wanted, "The doses that are wanted"),
                captioned_image(s.dose_after, "This stack: doses that print"));
+  }
+  return html;
+}
+
+Markup bodies_section(const Prediction& p) {
+  if (!p.bodies) return {};
+  const Bodies& b = p.bodies->printed;
+  const std::vector<std::string> words = bodies_in_words(*p.bodies);
+  if (words.empty() && b.cups_in_all == 0) return {};
+  Markup html = markup("<h2>What hangs on nothing, and what is trapped</h2>");
+  for (const std::string& sentence : words) html += markup("<p>{}.</p>", sentence);
+  Table table("bodies");
+  for (const std::string name : {"what", "from, um", "to, um", "size", "x, mm", "y, mm"})
+    table.column(name);
+  // A screen full; the figures beside the page have more of them.
+  constexpr std::size_t most = 10;
+  const auto row = [&](const char* what, int first, int past, std::string size, double column,
+                       double at_row) {
+    const PlatePlace at = b.place(column, at_row);
+    table.row_of({what, fmt::format("{:.6g}", b.slice_um(first)),
+                  past < 0 ? std::string("never joined") : fmt::format("{:.6g}", b.slice_um(past)),
+                  std::move(size), fmt::format("{:.2f}", at.x_mm), fmt::format("{:.2f}", at.y_mm)});
+  };
+  for (std::size_t i = 0; i < std::min(most, b.islands.size()); ++i) {
+    const Island& v = b.islands[i];
+    row("hangs on nothing", v.first, v.until, fmt::format("{:.4g} mm³", b.voxels_mm3(v.voxels)),
+        v.column, v.row);
+  }
+  for (std::size_t i = 0; i < std::min(most, b.sealed_cavities.size()); ++i) {
+    const SealedCavity& v = b.sealed_cavities[i];
+    row("sealed cavity", v.first, v.past, fmt::format("{:.4g} mm³", b.voxels_mm3(v.voxels)),
+        v.column, v.row);
+  }
+  for (std::size_t i = 0; i < std::min(most, b.cups.size()); ++i) {
+    const Cup& v = b.cups[i];
+    row("cup", v.first, v.past, fmt::format("{:.4g} mm² wide", b.pixels_mm2(v.opening)), v.column,
+        v.row);
+  }
+  html += table;
+  if (b.islands_in_all > most || b.sealed_in_all > most || b.cups_in_all > most) {
+    html += markup(R"(<p class="dim">The largest of {} bodies, {} cavities and {} cups.</p>)",
+                   b.islands_in_all, b.sealed_in_all, b.cups_in_all);
   }
   return html;
 }

@@ -27,6 +27,8 @@ page::Markup dose_tables(const ReportContent& content);
 page::Markup flow_charts(const ReportContent& content);
 /// How sure the prediction is; empty where nobody asked.
 page::Markup uncertainty_section(const ReportContent& content);
+/// What hangs on nothing and what is trapped; empty where all is well.
+page::Markup bodies_section(const Prediction& prediction);
 page::Markup comparison_table(const ComparisonTable& comparison);
 
 /// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made

@@ -431,6 +431,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   }
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   setup.gap_um = std::max(0.0, c_.gap_um);
+  setup.refuse_loose = c_.loose == "refuse";
   if (!recorded) {
     for (const Setting& s : settings()) {
       if (s.group == kHowItIsCorrected) apply_choice(s, c_, setup.process);

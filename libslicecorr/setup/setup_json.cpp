@@ -22,6 +22,7 @@ namespace slicecorr {
 namespace {
 constexpr const char* kPictureKey = "flat_field_png";
 constexpr const char* kGapKey = "gap_um";
+constexpr const char* kLooseKey = "loose";
 
 double gap_of(std::string_view text, const std::string& source) {
   const auto json = detail::read_json(text, {source, ""});
@@ -33,6 +34,14 @@ double gap_of(std::string_view text, const std::string& source) {
                      fmt::format("expected a number above 0 and at most {:g}", kMostGapUm));
   }
   return um;
+}
+
+bool refuses_loose(std::string_view text, const std::string& source) {
+  const auto json = detail::read_json(text, {source, ""});
+  const auto loose = json.find(kLooseKey);
+  if (loose == json.end()) return false;
+  if (*loose != "refuse") throw InputError(source, kLooseKey, "expected refuse, or no such key");
+  return true;
 }
 
 void add_picture(nlohmann::ordered_json& json, const Printer& printer) {
@@ -64,9 +73,10 @@ std::string setup_json(const Setup& setup) {
   info.grid.pixel_y_um = setup.printer.pixel_y_um;
   info.grid.layer_um = 1;
   std::string block = detail::setup_block(info);
-  if (!setup.printer.flat_field && !(setup.gap_um > 0)) return block;
+  if (!setup.printer.flat_field && !(setup.gap_um > 0) && !setup.refuse_loose) return block;
   auto json = detail::own_json<nlohmann::ordered_json>(block);
   if (setup.gap_um > 0) json[kGapKey] = setup.gap_um;
+  if (setup.refuse_loose) json[kLooseKey] = "refuse";
   add_picture(json, setup.printer);
   return json.dump();
 }
@@ -82,7 +92,9 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   if (!info.printer || !info.resin || !info.process) {
     throw InputError(source, "", "has no printer, resin and process; expected all three");
   }
-  return {*info.printer, *info.resin, *info.process, gap_of(json, source)};
+  Setup setup{*info.printer, *info.resin, *info.process, gap_of(json, source)};
+  setup.refuse_loose = refuses_loose(json, source);
+  return setup;
 }
 
 std::string definitions_json(const Printer& printer, const Resin& resin) {

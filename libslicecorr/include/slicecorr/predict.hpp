@@ -52,6 +52,7 @@
 
 namespace slicecorr {
 
+struct JudgedBodies;
 struct UncertainPrint;
 
 /// Counts of positive numbers in bins of at most 0.1 % of their value, for quantiles of any number
@@ -225,6 +226,9 @@ struct Prediction {
   std::vector<RegionDose> regions;  ///< where doses are wanted; not merged, set for whole stacks
   /// Not merged, set for whole stacks; null where nobody asked.
   std::shared_ptr<const SurfaceMaps> maps;
+  /// What hangs together and what is trapped (bodies.hpp); not merged, set for whole stacks; null where
+  /// nobody looked.
+  std::shared_ptr<const JudgedBodies> bodies;
   /// How sure all of this is (uncertain_print.hpp); not merged, set for whole stacks; null where
   /// nobody asked.
   std::shared_ptr<const UncertainPrint> uncertain;
@@ -274,7 +278,7 @@ class BandPredictor {
   /// the first, and of all grey ones: the slice, its coverage, whether it prints in its middle, and
   /// whether it prints at its upper node. A voxel that is not told has the coverage of the one told
   /// before it, and prints if that one's upper node does. Before the first told voxel: coverage 0,
-  /// unprinted.
+  /// unprinted. Several may be told.
   using StateSink = std::function<void(std::size_t column, int slice, std::uint8_t coverage,
                                        bool prints, bool prints_above)>;
   void tell_states(StateSink sink);

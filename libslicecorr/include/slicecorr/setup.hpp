@@ -35,6 +35,9 @@ struct Setup {
   /// By how much the inputs may be off: predictions then say how sure they are, and corrections allow
   /// for it where that is asked for (`Uncertainty::robust`). Stacks do not keep it.
   std::optional<Uncertainty> uncertainty{};
+  /// A print of which some body hangs on nothing when it begins (bodies.hpp) is refused, not only told.
+  /// Stacks do not keep it.
+  bool refuse_loose = false;
 };
 
 /// What of the choices changes the resin.

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/uncertain_print.hpp"
 
 namespace slicecorr::cli {
@@ -97,6 +98,19 @@ std::string figures_table(const std::vector<Figures>& columns) {
   line("column gaps merged",
        [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   line("one-slice gaps", [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
+  const auto bodies = [&](const char* name, std::uint64_t Bodies::*count) {
+    const bool any = std::any_of(columns.begin(), columns.end(), [&](const Figures& f) {
+      return f.prediction->bodies && f.prediction->bodies->printed.*count > 0;
+    });
+    if (!any) return;
+    line(name, [&](const Prediction& p) {
+      return p.bodies ? fmt::format("{}", p.bodies->printed.*count) : std::string("-");
+    });
+  };
+  bodies("bodies that begin hanging on nothing", &Bodies::islands_in_all);
+  bodies("loose bodies", &Bodies::loose_bodies);
+  bodies("sealed cavities", &Bodies::sealed_in_all);
+  bodies("cups", &Bodies::cups_in_all);
   const bool any_left = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
     return f.prediction->left_alone_voxels > 0;
   });

@@ -31,6 +31,7 @@ struct Arguments {
   double layer_um = 0;
   int x = -1, y = -1, reduce = 0;
   double max_height_error_um = -1, max_surface_error_um = -1;
+  int max_loose_bodies = -1;  ///< -1: any number
   bool archive = false;
 
   StackFile file() const {

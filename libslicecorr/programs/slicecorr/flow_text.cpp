@@ -30,9 +30,15 @@ std::string counted(int count, const char* what) {
 
 double height_mm(const FlowFindings& f, int slice) { return (slice + 0.5) * f.layer_um * 1e-3; }
 
-std::string blind_in_words(const BlindVoid& v) {
-  return fmt::format("x {:.2f}, y {:.2f} mm, slices {} to {}, {:.4g} mm³{}{}", v.x_mm, v.y_mm,
-                     v.first, v.last, v.volume_mm3, v.from_platform ? ", from the platform on" : "",
+/// Whether resin never leaves a blind void again, once a slice has closed it.
+bool is_sealed(const FlowFindings& f, const BlindVoid& v) {
+  return !v.vented && !v.from_platform && v.last + 1 < f.part_slices;
+}
+
+std::string blind_in_words(const FlowFindings& f, const BlindVoid& v) {
+  return fmt::format("{}, x {:.2f}, y {:.2f} mm, slices {} to {}, {:.4g} mm³{}{}",
+                     is_sealed(f, v) ? "sealed" : "cup", v.x_mm, v.y_mm, v.first, v.last,
+                     v.volume_mm3, v.from_platform ? ", from the platform on" : "",
                      v.vented ? ", open to the bath after that" : "");
 }
 
@@ -88,7 +94,7 @@ std::vector<std::string> flow_warnings(const FlowFindings& f) {
     }();
     all.push_back(fmt::format(
         "{} blind {} of {:.4g} mm³ in all fill through the gap; the largest: {}", f.blind.size(),
-        f.blind.size() == 1 ? "void" : "voids", volume, blind_in_words(f.blind.front())));
+        f.blind.size() == 1 ? "void" : "voids", volume, blind_in_words(f, f.blind.front())));
   }
   std::size_t thick = 0, bound = 0;
   double area = 0, near = 0;
@@ -188,7 +194,7 @@ std::string flow_table(const FlowFindings& f) {
   }
   constexpr std::size_t kMostBlind = 5;
   for (std::size_t i = 0; i < std::min(kMostBlind, f.blind.size()); ++i) {
-    text += "blind: " + blind_in_words(f.blind[i]) + "\n";
+    text += "blind: " + blind_in_words(f, f.blind[i]) + "\n";
   }
   if (f.blind.size() > kMostBlind) {
     text += fmt::format("and {} smaller ones\n", f.blind.size() - kMostBlind);
@@ -256,7 +262,8 @@ std::string flow_json(const FlowFindings& f) {
                    {"slices", early}};
   j["blind"] = ordered_json::array();
   for (const BlindVoid& v : f.blind) {
-    j["blind"].push_back({{"x_mm", v.x_mm},
+    j["blind"].push_back({{"kind", is_sealed(f, v) ? "sealed" : "cup"},
+                          {"x_mm", v.x_mm},
                           {"y_mm", v.y_mm},
                           {"first_slice", v.first},
                           {"last_slice", v.last},

@@ -88,6 +88,7 @@ int run_program(int argc, char** argv) {
   a.oxygen.add_to(*sub);
   doses_of_stack(sub);
   stack_output(sub, "Stack to write (.uvj, or another format)");
+  sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
 
   sub = add("verify", "Predict what a stack prints, and measure it against its target",
             commands::verify);
@@ -110,6 +111,9 @@ int run_program(int argc, char** argv) {
          "Exit with 5 when the largest distance of an edge from the mesh, where its height "
          "is known, is above this")
       ->check(number_in(0, std::numeric_limits<double>::max()));
+  sub->add_option("--max-loose-bodies", a.max_loose_bodies,
+                  "Exit with 5 when more bodies than this never hang on the platform")
+      ->check(CLI::Range(0, std::numeric_limits<int>::max()));
 
   sub = add("probe", "Grey level, intensity and dose along one pixel column, as CSV",
             commands::probe);

@@ -14,7 +14,9 @@
 #include <memory>
 #include <optional>
 
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/stack.hpp"
 #include "support/text/display_text.hpp"
 
@@ -65,6 +67,17 @@ void check_outputs(const PlanOptions& o) {
   }
 }
 
+/// A part whose bodies hang on nothing does not print at any speed.
+PrintPlan plan_part(const SliceSource& part, const Setup& setup, const PlanAsk& ask,
+                    const ExecutionContext& context) {
+  const Bodies bodies = find_bodies(AsSliced(part), context);
+  if (setup.refuse_loose && bodies.any_loose()) {
+    throw InfeasibleError(bodies_in_words(bodies).front());
+  }
+  for (const std::string& sentence : bodies_in_words(bodies)) context.tell(sentence);
+  return plan_print(part, setup, ask, context);
+}
+
 using Rotation = std::array<double, 3>;
 
 /// "90,0,0".
@@ -108,7 +121,7 @@ PrintPlan plan_orientations(PlanOptions o, const Setup& setup, const PlanAsk& as
     one.rotate_deg = r;
     try {
       const auto part = read_input(o, setup.printer, context);
-      PrintPlan found = plan_print(*part, setup, ask, context);
+      PrintPlan found = plan_part(*part, setup, ask, context);
       one.prints = true;
       one.speed_mm_h = found.at.speed_mm_h;
       one.exposure_s = found.at.exposure_s;
@@ -151,10 +164,9 @@ int plan(const PlanOptions& o, const ExecutionContext& context, Console& console
                      "has no [stage] variable_speed = true; expected it with --slice-speeds");
   }
   tell_notices(setup, nullptr, context);
-  const PrintPlan found =
-      o.orientations.empty()
-          ? plan_print(*read_input(o, setup.printer, context), setup, ask, context)
-          : plan_orientations(o, setup, ask, context);
+  const PrintPlan found = o.orientations.empty() ? plan_part(*read_input(o, setup.printer, context),
+                                                             setup, ask, context)
+                                                 : plan_orientations(o, setup, ask, context);
   if (!o.json.empty()) print_or_write(o.json, found.to_json());
   if (o.json != "-") print_result(plan_text(found));
   if (!o.slice_speeds.empty()) {

@@ -3,10 +3,15 @@
 
 #include <fmt/format.h>
 
+#include <nlohmann/json.hpp>
+#include <optional>
+
 #include "commands.hpp"
 #include "programs/common/make_part.hpp"
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/turned.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/display_text.hpp"
 
 namespace slicecorr::cli::commands {
@@ -63,6 +68,8 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   StackFile file = a.file();
   check_output(a.output, a.with_left_alone({a.input}));
   check_output(a.output, a.doses.inputs());
+  check_output(a.json, a.with_left_alone({a.input, a.output}));
+  check_output(a.json, a.doses.inputs());
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
   const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
@@ -76,19 +83,22 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, nullptr, a.missing(),
                            folder_of(a.output), context);
   const CorrectionAsk ask{.before = !console.quiet()};
+  const auto tell = [&](const Correction& c, const std::string& more) {
+    if (!a.json.empty()) print_or_write(a.json, c.after.to_json());
+    if (a.json == "-") return;
+    console.say(fmt::format("{}: {} slices\n{}{}", a.output, c.info.grid.layers,
+                            summary(c.after, c.before), more));
+  };
   if (a.oxygen.even) {
     const OxygenCorrection even = with_dose_words(setup, [&] {
       return correct_even_oxygen(*wanted, setup, file, ask, a.oxygen.ask, context);
     });
-    const Correction& c = even.correction;
-    console.say(fmt::format("{}: {} slices\n{}{}", a.output, c.info.grid.layers,
-                            summary(c.after, c.before), oxygen_in_words(even.oxygen)));
+    tell(even.correction, oxygen_in_words(even.oxygen));
     return kDone;
   }
   const Correction result =
       with_dose_words(setup, [&] { return correct_stack(*wanted, setup, file, ask, context); });
-  console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
-                          summary(result.after, result.before)));
+  tell(result, "");
   return kDone;
 }
 
@@ -158,21 +168,43 @@ int info(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
   const bool light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
-  if (info.part_volume_mm3 == 0 && !light) {
+  // Light is no shape: of what is corrected `verify` says what hangs together.
+  std::optional<Bodies> bodies;
+  if (!light) {
     // All images are looked at, whatever their size: a damaged archive is not described.
     const StackReader stack(a.input, folder_of(a.input), context, {1, 1, 1});
     const Grid& g = info.grid;
-    info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
-                           g.pixel_y_um * g.layer_um * 1e-9;
+    if (info.part_volume_mm3 == 0) {
+      info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
+                             g.pixel_y_um * g.layer_um * 1e-9;
+    }
+    bodies = find_bodies(stack, context);
+    bodies->grid = g;
   }
   if (a.json.empty()) {
     std::string text = describe_stack(info);
     for (const auto& [name, value] : print_file_facts(a.input)) {
       text += fmt::format("{:<12} {}\n", name, text::printable(value));
     }
+    text += fmt::format("{:<12} {}\n", "bodies",
+                        bodies ? fmt::format("{} on the platform, {} loose, by the images alone",
+                                             bodies->on_platform, bodies->loose_bodies)
+                               : "not said by light; verify says what hangs together");
+    if (bodies) {
+      for (const std::string& sentence : bodies_in_words(*bodies)) {
+        text += fmt::format("{:<12} {}\n", "", sentence);
+      }
+    }
     print_result(text);
   } else {
-    print_or_write(a.json, info_json(info, a.input));
+    auto json = slicecorr::detail::own_json<nlohmann::ordered_json>(info_json(info, a.input));
+    if (bodies) {
+      json.update(slicecorr::detail::own_json<nlohmann::ordered_json>(bodies->to_json()));
+      json["bodies_by"] = "images";
+    } else {
+      json["loose_bodies"] = nullptr;
+    }
+    print_or_write(a.json, json.dump(2));
   }
   return kDone;
 }

@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "programs/common/make_part.hpp"
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
@@ -87,6 +88,12 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
   return table;
 }
 
+/// What of a print hangs on nothing, and what it traps.
+void tell_bodies(const Prediction& p, const ExecutionContext& context) {
+  if (!p.bodies) return;
+  for (const std::string& sentence : bodies_in_words(*p.bodies)) context.tell(sentence);
+}
+
 }  // namespace
 
 int verify(const Arguments& a, const ExecutionContext& context, Console& console) {
@@ -110,6 +117,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   } else {
     print_or_write(a.json, p.to_json());
   }
+  tell_bodies(p, context);
   bool missed = false;
   const auto limit = [&](const char* name, const Histogram& errors, double most_um) {
     if (most_um < 0 || errors.count() == 0 || errors.greatest() <= most_um) return;
@@ -119,6 +127,12 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   };
   limit("height", p.height_error_um, a.max_height_error_um);
   limit("surface", p.surface_error_um, a.max_surface_error_um);
+  const std::uint64_t loose = p.bodies ? p.bodies->printed.loose_bodies : 0;
+  if (a.max_loose_bodies >= 0 && loose > static_cast<std::uint64_t>(a.max_loose_bodies)) {
+    write_stderr(fmt::format("slicecorr: {} bodies never hang on the platform, allowed are {}\n",
+                             loose, a.max_loose_bodies));
+    missed = true;
+  }
   return missed ? kMissed : kDone;
 }
 
@@ -154,6 +168,7 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
                            a.missing(), folder_of(a.output), context);
   const SliceSource& target = *wanted;
   const Prediction after = verify_stack(stack, target, given.setup, context);
+  tell_bodies(after, context);
   const AsSliced uncorrected(*given.target);
   const Prediction before = verify_stack(uncorrected, *given.target, given.setup, context);
   const StackInfo& info = stack.info();

@@ -1,0 +1,237 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "bodies/kept_voxels.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+namespace slicecorr::detail {
+
+namespace {
+
+constexpr std::size_t kMemory = std::size_t{32} << 20;
+/// Codes are kept in pieces of about this size, which end where a slice does.
+constexpr std::size_t kPiece = std::size_t{32} << 10;
+
+void put_number(std::vector<std::uint8_t>& code, std::uint64_t value) {
+  for (; value >= 128; value >>= 7) code.push_back(static_cast<std::uint8_t>(value | 128));
+  code.push_back(static_cast<std::uint8_t>(value));
+}
+
+std::uint64_t take_number(const std::uint8_t*& at) {
+  std::uint64_t value = 0;
+  int shift = 0;
+  for (; *at & 128; shift += 7) value |= static_cast<std::uint64_t>(*at++ & 127) << shift;
+  return value | static_cast<std::uint64_t>(*at++) << shift;
+}
+
+/// The highest bits of 64 bytes.
+std::uint64_t high_bits(const std::uint8_t* bytes) {
+  std::uint64_t bits = 0;
+  for (unsigned i = 0; i < 8; ++i) {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, bytes + 8 * i, 8);
+    eight = (eight >> 7) & 0x0101010101010101U;
+    bits |= (eight * 0x0102040810204080U >> 56) << (8 * i);
+  }
+  return bits;
+}
+
+std::string folder_of_kept() {
+  std::error_code none;
+  const std::filesystem::path folder = std::filesystem::temp_directory_path(none);
+  return none ? std::string() : folder.string();
+}
+
+}  // namespace
+
+void VoxelChanges::add_slice(int slice, const std::uint8_t* rows) {
+  if (!rows && before_.empty()) return;
+  before_.resize((columns_ + 63) / 64, 0);
+  for (std::size_t w = 0; w < before_.size(); ++w) {
+    std::uint64_t bits = 0;
+    if (rows && 64 * w + 64 <= columns_) {
+      bits = high_bits(rows + 64 * w);
+    } else if (rows) {
+      std::uint8_t tail[64] = {};
+      std::copy(rows + 64 * w, rows + columns_, tail);
+      bits = high_bits(tail);
+    }
+    for (std::uint64_t changed = bits ^ before_[w]; changed; changed &= changed - 1) {
+      flip(slice, 64 * w + static_cast<std::size_t>(std::countr_zero(changed)));
+    }
+    before_[w] = bits;
+  }
+}
+
+std::vector<std::uint8_t> VoxelChanges::take_code(int layers) {
+  // By slice, then by column.
+  std::vector<std::uint32_t> begins(static_cast<std::size_t>(layers) + 1, 0);
+  for (const Flip& f : flips_) {
+    if (f.slice < static_cast<std::uint32_t>(layers)) ++begins[f.slice + 1];
+  }
+  for (std::size_t n = 1; n < begins.size(); ++n) begins[n] += begins[n - 1];
+  std::vector<std::uint32_t> columns(begins.back()), next(begins);
+  for (const Flip& f : flips_) {
+    if (f.slice < static_cast<std::uint32_t>(layers)) columns[next[f.slice]++] = f.column;
+  }
+  flips_ = {};
+  before_.clear();
+  struct Group {
+    std::uint32_t first, length;
+  };
+  std::vector<Group> groups;
+  std::vector<std::uint8_t> code;
+  std::size_t last = 0;  // slice
+  for (std::size_t n = 0; n + 1 < begins.size(); ++n) {
+    const auto first = columns.begin() + begins[n], past = columns.begin() + begins[n + 1];
+    if (first == past) continue;
+    if (!std::is_sorted(first, past)) std::sort(first, past);
+    groups.clear();
+    for (auto at = first; at != past;) {
+      auto end = at;
+      while (end != past && *end == *at) ++end;
+      if ((end - at) % 2 == 1) {
+        if (!groups.empty() && groups.back().first + groups.back().length == *at) {
+          ++groups.back().length;
+        } else {
+          groups.push_back({*at, 1});
+        }
+      }
+      at = end;
+    }
+    if (groups.empty()) continue;
+    put_number(code, n - last);
+    put_number(code, groups.size());
+    std::uint32_t column = 0;
+    for (const Group& g : groups) {
+      put_number(code, std::uint64_t{2} * (g.first - column) + (g.length > 1 ? 1 : 0));
+      if (g.length > 1) put_number(code, g.length - 2);
+      column = g.first + g.length;
+    }
+    last = n;
+  }
+  return code;
+}
+
+/// Reads a band's changes slice by slice.
+class KeptVoxels::Reader {
+ public:
+  static constexpr int kNoSlice = std::numeric_limits<int>::max();
+
+  Reader(const KeptVoxels& kept, const Pieces& pieces, const PixelBox& box)
+      : kept_(kept), blobs_(pieces), box_(box) {
+    go_on();
+  }
+  /// The slice whose changes come next, or kNoSlice.
+  int slice() const { return slice_; }
+  /// Tells these.
+  void flip(BodyTracker& tracker) {
+    const std::uint8_t* at = piece_.data() + at_;
+    std::uint64_t column = 0;
+    const auto width = static_cast<std::uint64_t>(box_.width());
+    std::uint64_t row = std::numeric_limits<std::uint64_t>::max();
+    runs_.clear();
+    const auto flush = [&] {
+      if (!runs_.empty()) tracker.flip_row(box_.y0 + static_cast<int>(row), runs_);
+      runs_.clear();
+    };
+    for (std::uint64_t groups = take_number(at); groups-- > 0;) {
+      const std::uint64_t head = take_number(at);
+      column += head / 2;
+      std::uint64_t length = head % 2 == 1 ? take_number(at) + 2 : 1;
+      while (length > 0) {
+        if (column / width != row) {
+          flush();
+          row = column / width;
+        }
+        const std::uint64_t x = column % width, part = std::min(length, width - x);
+        const int begin = box_.x0 + static_cast<int>(x);
+        runs_.push_back({begin, begin + static_cast<int>(part)});
+        column += part;
+        length -= part;
+      }
+    }
+    flush();
+    at_ = static_cast<std::size_t>(at - piece_.data());
+    go_on();
+  }
+
+ private:
+  void go_on() {
+    while (at_ == piece_.size()) {
+      if (next_ == blobs_.size()) {
+        slice_ = kNoSlice;
+        piece_ = {};
+        return;
+      }
+      piece_.clear();
+      at_ = 0;
+      kept_.store_.get(blobs_[next_++], piece_);
+    }
+    const std::uint8_t* at = piece_.data() + at_;
+    slice_ += static_cast<int>(take_number(at));
+    at_ = static_cast<std::size_t>(at - piece_.data());
+  }
+  const KeptVoxels& kept_;
+  const Pieces& blobs_;
+  const PixelBox box_;
+  std::size_t next_ = 0, at_ = 0;
+  std::vector<std::uint8_t> piece_;
+  int slice_ = 0;
+  std::vector<BodyTracker::Run> runs_;
+};
+
+KeptVoxels::KeptVoxels(std::vector<PixelBox> bands, int layers, const ExecutionContext& context)
+    : bands_(std::move(bands)),
+      layers_(layers),
+      context_(context),
+      store_(folder_of_kept(), kMemory, context) {}
+
+KeptVoxels::Pieces KeptVoxels::keep(const std::vector<std::uint8_t>& code) {
+  Pieces pieces;
+  const std::uint8_t *from = code.data(), *const end = from + code.size();
+  for (const std::uint8_t* at = from; at != end;) {
+    take_number(at);
+    for (std::uint64_t groups = take_number(at); groups-- > 0;) {
+      if (take_number(at) % 2 == 1) take_number(at);
+    }
+    if (at != end && static_cast<std::size_t>(at - from) < kPiece) continue;
+    pieces.push_back(store_.put(from, static_cast<std::size_t>(at - from)));
+    from = at;
+  }
+  return pieces;
+}
+
+Bodies KeptVoxels::follow(const Stream& changes, const Grid& grid, const ImageFrame& frame,
+                          bool voids) const {
+  PixelBox box;
+  for (const PixelBox& band : bands_) box = box.united(band);
+  BodyTracker tracker(box, grid, frame, voids);
+  if (layers_ <= 0 || box.empty()) return tracker.finish();
+  std::vector<Reader> readers;
+  readers.reserve(bands_.size());
+  for (std::size_t i = 0; i < bands_.size(); ++i)
+    readers.emplace_back(*this, changes[i], bands_[i]);
+  for (int at_hand = 0;;) {
+    int next = Reader::kNoSlice;
+    for (const Reader& r : readers) next = std::min(next, r.slice());
+    if (next == Reader::kNoSlice) {
+      tracker.end_slice(layers_ - 1 - at_hand);
+      return tracker.finish();
+    }
+    if (next > at_hand) tracker.end_slice(next - at_hand - 1);
+    at_hand = next;
+    context_.check_cancelled();
+    for (Reader& r : readers) {
+      if (r.slice() == next) r.flip(tracker);
+    }
+  }
+}
+
+}  // namespace slicecorr::detail

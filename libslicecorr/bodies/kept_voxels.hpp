@@ -1,0 +1,61 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// Which voxels are solid, kept band by band, as bands are worked on, until they are followed slice by
+/// slice. What is kept are changes from slice to slice, coded.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "slicecorr/bodies.hpp"
+#include "stack/blob_store.hpp"
+
+namespace slicecorr::detail {
+
+/// The changes of a band. For one thread.
+class VoxelChanges {
+ public:
+  explicit VoxelChanges(std::size_t columns) : columns_(columns) {}
+  /// From this slice on the column is otherwise; in any order, twice is not at all.
+  void flip(int slice, std::size_t column) {
+    flips_.push_back({static_cast<std::uint32_t>(slice), static_cast<std::uint32_t>(column)});
+  }
+  /// A slice, in rising order: solid where a byte is at least 128; null: nowhere.
+  void add_slice(int slice, const std::uint8_t* rows);
+  /// The changes of slices before `layers`, coded; of equal changes the same code. Ends this.
+  std::vector<std::uint8_t> take_code(int layers);
+
+ private:
+  struct Flip {
+    std::uint32_t slice, column;
+  };
+  std::size_t columns_;
+  std::vector<Flip> flips_;
+  std::vector<std::uint64_t> before_;  ///< bits of the slice added last; empty: none
+};
+
+/// Takes codes of bands on any thread. What is more than some memory waits in a file without a name in
+/// the folder for temporary files.
+class KeptVoxels {
+ public:
+  /// Changes of one kind, band by band. A band's piece may be in several.
+  using Pieces = std::vector<BlobStore::Blob>;
+  using Stream = std::vector<Pieces>;
+
+  KeptVoxels(std::vector<PixelBox> bands, int layers, const ExecutionContext& context);
+  std::size_t bands() const { return bands_.size(); }
+  Pieces keep(const std::vector<std::uint8_t>& code);
+  /// What the slices hold whose changes these are. Throws `Cancelled`.
+  Bodies follow(const Stream& changes, const Grid& grid, const ImageFrame& frame, bool voids) const;
+
+ private:
+  class Reader;
+  const std::vector<PixelBox> bands_;
+  const int layers_;
+  const ExecutionContext context_;
+  BlobStore store_;
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,102 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "pipeline/printed_bodies.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "bands/bands.hpp"
+#include "correct/coverage.hpp"
+#include "parallel/silent.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+
+PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers,
+                             const ExecutionContext& context)
+    : layers_(layers),
+      context_(context),
+      kept_(bands, layers, context),
+      printed_(bands.size()),
+      designed_(bands.size()),
+      whole_(bands.size()) {}
+
+PrintedBodies::Band::Band(PrintedBodies& whole, std::size_t index, const PixelBox& box)
+    : whole_(whole),
+      index_(index),
+      state_(columns_of(box), 0),
+      printed_(columns_of(box)),
+      designed_(columns_of(box)),
+      whole_design_(columns_of(box)) {}
+
+void PrintedBodies::Band::enter(std::size_t column, int slice, std::uint8_t state) {
+  const auto changed = static_cast<std::uint8_t>(state ^ state_[column]);
+  if (changed == 0) return;
+  if (changed & kPrinted) printed_.flip(slice + 1, column);
+  if (changed & kDesigned) designed_.flip(slice + 1, column);
+  if (changed & kWhole) whole_design_.flip(slice + 1, column);
+  state_[column] = state;
+}
+
+void PrintedBodies::Band::listen(BandPredictor& predictor,
+                                 const std::vector<std::uint32_t>* columns) {
+  predictor.tell_states([this, columns](std::size_t k, int slice, std::uint8_t coverage,
+                                        bool prints, bool prints_above) {
+    const std::size_t column = columns ? (*columns)[k] : k;
+    // What is left alone is designed to be what it prints.
+    const bool alone = coverage == kLeftAlone && prints;
+    const int design = (alone || coverage > kLeftAlone ? kDesigned : 0) |
+                       (alone || coverage == kFull ? kWhole : 0);
+    const auto state = [&](bool printed) {
+      return static_cast<std::uint8_t>(design | (printed ? kPrinted : 0));
+    };
+    enter(column, slice, state(prints));
+    if (prints != prints_above) enter(column, slice - 1, state(prints_above));
+  });
+}
+
+void PrintedBodies::Band::finish() {
+  for (std::size_t column = 0; column < state_.size(); ++column) enter(column, -1, 0);
+  const auto printed = printed_.take_code(whole_.layers_);
+  whole_.printed_[index_] = whole_.kept_.keep(printed);
+  const auto keep = [&](VoxelChanges& changes, KeptVoxels::Stream& to, std::atomic<bool>& alike) {
+    const auto code = changes.take_code(whole_.layers_);
+    if (code == printed) {
+      to[index_] = whole_.printed_[index_];
+      return;
+    }
+    alike = false;
+    to[index_] = whole_.kept_.keep(code);
+  };
+  keep(designed_, whole_.designed_, whole_.designed_alike_);
+  keep(whole_design_, whole_.whole_, whole_.whole_alike_);
+}
+
+std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid,
+                                                         const ImageFrame& frame) const {
+  auto judged = std::make_shared<JudgedBodies>();
+  parallel_for(silent(context_), "", 3, [&](std::size_t i) {
+    if (i == 0) {
+      judged->printed = kept_.follow(printed_, grid, frame, true);
+    } else if (i == 1 && !designed_alike_) {
+      judged->designed = kept_.follow(designed_, grid, frame, false);
+    } else if (i == 2 && !whole_alike_) {
+      judged->loose_whole = kept_.follow(whole_, grid, frame, false).loose_bodies;
+    }
+  });
+  if (designed_alike_) judged->designed = judged->printed;
+  if (whole_alike_) judged->loose_whole = judged->printed.loose_bodies;
+  return judged;
+}
+
+void judge_bodies(const JudgedBodies& bodies, const Setup& setup, const ExecutionContext& context) {
+  const std::vector<std::string> words = bodies_in_words(bodies);
+  if (setup.refuse_loose && bodies.any_loose()) {
+    throw InfeasibleError(words.front());
+  }
+  for (const std::string& sentence : words) context.tell(sentence);
+}
+
+}  // namespace slicecorr::detail

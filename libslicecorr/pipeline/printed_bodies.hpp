@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// The bodies of a print beside those of its design, gathered from predictions of bands while they are
+/// made.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "bodies/kept_voxels.hpp"
+#include "slicecorr/bodies.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/predict.hpp"
+#include "slicecorr/setup.hpp"
+
+namespace slicecorr::detail {
+
+/// Bands may be gathered on any thread and in any order, and give the same bodies.
+class PrintedBodies {
+ public:
+  /// `layers`: of the part and of what is shown, whichever is more.
+  PrintedBodies(const std::vector<PixelBox>& bands, int layers, const ExecutionContext& context);
+
+  /// Gathers one band; for one thread.
+  class Band {
+   public:
+    Band(PrintedBodies& whole, std::size_t index, const PixelBox& box);
+    /// Lets a predictor tell this band what it finds. `columns`: those of the band that are the
+    /// predictor's, null for all; must outlive the predictor.
+    void listen(BandPredictor& predictor, const std::vector<std::uint32_t>* columns);
+    /// To be called once, after all predictors.
+    void finish();
+
+   private:
+    static constexpr std::uint8_t kPrinted = 1, kDesigned = 2, kWhole = 4;
+    void enter(std::size_t column, int slice, std::uint8_t state);
+    PrintedBodies& whole_;
+    const std::size_t index_;
+    std::vector<std::uint8_t> state_;  ///< per column: of the slices at hand
+    VoxelChanges printed_, designed_, whole_design_;
+  };
+
+  /// After all bands.
+  std::shared_ptr<const JudgedBodies> judge(const Grid& grid, const ImageFrame& frame) const;
+
+ private:
+  const int layers_;
+  const ExecutionContext& context_;
+  KeptVoxels kept_;
+  /// By band; bands that print as designed share theirs. `whole_`: of what is covered whole.
+  KeptVoxels::Stream printed_, designed_, whole_;
+  std::atomic<bool> designed_alike_{true}, whole_alike_{true};  ///< to the print, so far
+};
+
+/// Tells what of a print hangs on nothing and what it traps. Throws `InfeasibleError` where something
+/// hangs on nothing and `setup` refuses that.
+void judge_bodies(const JudgedBodies& bodies, const Setup& setup, const ExecutionContext& context);
+
+}  // namespace slicecorr::detail

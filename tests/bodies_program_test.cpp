@@ -86,6 +86,7 @@ TEST_F(BodiesProgram, ACubeThatFloatsIsToldEverywhere) {
   EXPECT_TRUE(f["sealed_cavities"].empty());
   EXPECT_TRUE(f["cups"].empty());
   EXPECT_EQ(f["designed"]["loose_bodies"], 1);
+  EXPECT_EQ(f["uncorrected"]["loose_bodies"], 1);
   EXPECT_THAT(to_text(read_file(folder_ / "f.html")), HasSubstr("What hangs on nothing"));
 
   // Slice by slice it is the same, for any number of threads.

@@ -127,6 +127,7 @@ class StackCorrection {
   std::optional<PlaceWindows> window_;   ///< where UV light keeps a dead zone
   std::optional<VolumeReducer> volume_;  ///< where the reduced volume is asked for
   std::optional<detail::PrintedBodies> bodies_;
+  std::optional<detail::PrintedBodies> bodies_before_;
   std::optional<detail::KeptImages> kept_;  ///< where light is even over the flow
   const int volume_cells_;
 
@@ -153,6 +154,7 @@ class StackCorrection::Band {
         encoder_(whole.writer_, box_.y0, box_.y1) {
     if (whole.volume_) reduced_.emplace(*whole.volume_, box_);
     if (whole.bodies_) hanging_.emplace(*whole.bodies_, index, box_);
+    if (whole.bodies_before_) hanging_before_.emplace(*whole.bodies_before_, index, box_);
   }
 
   /// What is corrected already.
@@ -204,7 +206,7 @@ class StackCorrection::Band {
   const PixelBox& box_;
   const std::size_t columns_;
   std::optional<VolumeReducer::Band> reduced_;
-  std::optional<detail::PrintedBodies::Band> hanging_;
+  std::optional<detail::PrintedBodies::Band> hanging_, hanging_before_;
   CodedBand design_, upwards_;  ///< for the reduced volume; `upwards_` has the last slice first
   StackWriter::BandEncoder encoder_;
   Prediction after_, before_;
@@ -236,6 +238,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
   bodies_.emplace(bands_, plans_.all_layers(), context);
+  if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), context);
   if (model().inhibited()) window_.emplace(plans_.models(), plans_.all_layers());
   if (setup_.process.even_light) {
     kept_.emplace(target, detail::judged_slices(*setup_.process.even_light), bands_);
@@ -269,6 +272,7 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
     reduced_->listen_before(before, of.of_band);
   }
   hanging_->listen(after, of.of_band);
+  if (hanging_before_) hanging_before_->listen(before, of.of_band);
   std::optional<WindowWatch> watch;
   if (whole_.window_) watch.emplace(plan.model, slices, count);
   // Slices that are shown as they are have the greys of gentle slopes, which a design with edge
@@ -345,6 +349,7 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
 
 void StackCorrection::Band::finish() {
   hanging_->finish();
+  if (hanging_before_) hanging_before_->finish();
   if (reduced_) {
     const int all = whole_.plans_.all_layers();
     reduced_->finish([&](int n, std::uint8_t* out) { upwards_.read(all - 1 - n, out); },
@@ -417,6 +422,7 @@ Correction StackCorrection::result() {
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
   result.before = of_whole_image(before_, plans_.layers());
+  result.before->bodies = bodies_before_->judge(target_.grid(), target_.frame());
   result.before->maps = std::make_shared<const SurfaceMaps>(surface_before_.maps());
   return result;
 }

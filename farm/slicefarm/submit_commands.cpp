@@ -62,6 +62,7 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   common.fit_mm = mesh.fit_mm;
   common.center_mm = mesh.center_mm;
   common.rotate_deg = mesh.rotate_deg;
+  common.plate = mesh.plate;
   common.inserts = a.tomo.inserts;
   common.voxel_mm = a.tomo.voxel_mm;
   common.method = a.tomo.method;
@@ -248,6 +249,7 @@ void add_submit_commands(cli::Program& program) {
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
   mesh.add_placement_to(*sub);
+  mesh.add_plate_to(*sub);
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);

@@ -334,6 +334,14 @@ const Fields& fields() {
     add("center_mm", numbers(SLICEFARM_FIELD(center_mm), 2),
         "Where the middle lies on the plate, x and y");
     add("rotate_deg", numbers(SLICEFARM_FIELD(rotate_deg), 3), "Turned about x, y and z");
+    add("overlap", word(SLICEFARM_FIELD(plate.overlap), {"refuse", "join"}),
+        "Parts whose solids overlap: refuse them, or join them to their union");
+    add("arrange", flag(SLICEFARM_FIELD(plate.arrange)),
+        "Parts lie side by side, not as in their files");
+    add("spacing_mm", number(SLICEFARM_FIELD(plate.spacing_mm), 0, 1000),
+        "Least distance of parts that are arranged");
+    add("turn_about_z", flag(SLICEFARM_FIELD(plate.turn_about_z)),
+        "Arranged parts may be turned by quarter turns");
     add("voxel_mm", number(SLICEFARM_FIELD(voxel_mm), 0, kMost, true),
         "Side of a voxel (tomographic)");
     add("method", word(SLICEFARM_FIELD(method), {"ladder", "osmo", "kelly", "fbp"}),

@@ -37,6 +37,7 @@ std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& set
     o.units = r.units;
     o.scale = r.scale;
     o.rotate_deg = r.rotate_deg;
+    o.plate = r.plate;
     return std::make_unique<const MeshSlices>(
         cli::slice_parts(o, setup.printer, setup.process.surface, context));
   }

@@ -163,6 +163,7 @@ void check_meshes(const JobRequest& r, const Setup& setup, const std::string& sc
   o.units = r.units;
   o.scale = r.scale;
   o.rotate_deg = r.rotate_deg;
+  o.plate = r.plate;
   MeshesLeftAlone place;
   cli::PartFacts facts;
   const MeshSlices slices =
@@ -441,6 +442,7 @@ class Preparation {
       w.spec.scale = r.scale;
       w.spec.center_mm = r.center_mm;
       w.spec.rotate_deg = r.rotate_deg;
+      w.spec.plate = r.plate;
       w.setup = resolve_setup(r.setup, nullptr, nullptr,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     } else {

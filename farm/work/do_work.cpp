@@ -275,6 +275,7 @@ cli::MeshOptions detail::mesh_options(const WorkSpec& spec, const std::vector<st
   o.units = spec.units;
   o.scale = spec.scale;
   o.rotate_deg = spec.rotate_deg;
+  o.plate = spec.plate;
   return o;
 }
 

@@ -45,6 +45,13 @@ Json json_of(const WorkSpec& s, bool with_names) {
   json["scale"] = s.scale;
   json["center_mm"] = s.center_mm;
   json["rotate_deg"] = s.rotate_deg;
+  // Keys of parts that lie as in their files stay.
+  if (s.plate != PlateChoices{}) {
+    json["plate"] = {{"overlap", s.plate.overlap},
+                     {"arrange", s.plate.arrange},
+                     {"spacing_mm", s.plate.spacing_mm},
+                     {"turn_about_z", s.plate.turn_about_z}};
+  }
   json["format"] = s.format;
   json["ending"] = s.ending;
   json["name"] = s.name;
@@ -82,6 +89,13 @@ WorkSpec spec_of(const Json& json) {
   s.scale = json.at("scale");
   s.center_mm = json.at("center_mm").get<std::vector<double>>();
   s.rotate_deg = json.at("rotate_deg").get<std::vector<double>>();
+  if (json.contains("plate")) {
+    const Json& plate = json["plate"];
+    s.plate.overlap = plate.at("overlap");
+    s.plate.arrange = plate.at("arrange");
+    s.plate.spacing_mm = plate.at("spacing_mm");
+    s.plate.turn_about_z = plate.at("turn_about_z");
+  }
   s.format = json.at("format");
   s.ending = json.at("ending");
   s.name = json.at("name");

@@ -268,11 +268,20 @@ class ExchangedDose {
       k.kept *= keeps_;
       dose = std::max(dose, k.kept * k.h);
     }
-    // The furthest are the first to count for nothing.
-    constexpr double nothing = 1e-10;
-    const auto counts = [&](const After& k) { return k.kept * (k.h + most_) > nothing; };
-    after.erase(after.begin(), std::find_if(after.begin(), after.end(), counts));
     if (light > 0) after.push_back({light, 1});
+    // One slice further up doses become keeps (kept phi + kept a/keeps h): where a nearer lift, which has kept
+    // more, has the greater dose now, it has so further up, too. The furthest are the first to count for
+    // nothing.
+    constexpr double nothing = 1e-10;
+    double nearer = 0;
+    std::size_t to = after.size();
+    for (std::size_t k = after.size(); k-- > 0;) {
+      const After here = after[k];
+      if (here.kept * here.h <= nearer || here.kept * (here.h + most_) <= nothing) continue;
+      nearer = here.kept * here.h;
+      after[--to] = here;
+    }
+    after.erase(after.begin(), after.begin() + static_cast<std::ptrdiff_t>(to));
     return dose;
   }
 

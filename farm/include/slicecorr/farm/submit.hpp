@@ -19,6 +19,7 @@
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/parallel.hpp"
+#include "slicecorr/plate.hpp"
 #include "slicecorr/setup.hpp"
 
 namespace slicecorr::farm {
@@ -42,6 +43,7 @@ struct JobRequest {
   double fit_mm = 0;  ///< longest side of all parts together, in place of `scale`; 0: not given
   /// x and y on the plate; about x, y and z; empty: not given.
   std::vector<double> center_mm, rotate_deg;
+  PlateChoices plate;
   /// Meshes and stacks of what is shown as it is sliced beside the part (left_alone.hpp).
   std::vector<std::string> leave_alone;
   SetupChoices setup;  ///< mode also "tomography"

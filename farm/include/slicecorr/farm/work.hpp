@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "slicecorr/farm/job.hpp"
+#include "slicecorr/plate.hpp"
 
 namespace slicecorr::farm {
 
@@ -59,6 +60,7 @@ struct WorkSpec {
   std::string antialias = "on", units = "auto";
   double scale = 1;                           ///< of the mesh, a factor > 0
   std::vector<double> center_mm, rotate_deg;  ///< x and y; about x, y and z; empty: not given
+  PlateChoices plate;
   std::string format = "uvj";                 ///< of the archive or "frames", and its ending
   std::string ending = "uvj";
   std::string name;  ///< part of the key only where the format writes it into the archive

@@ -1,0 +1,91 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// Several parts through the programs: what overlaps is refused or joined, copies are arranged.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "ladder.hpp"
+#include "program_fixture.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+class PlateProgram : public ProgramFixture {
+ protected:
+  PlateProgram() {
+    write("small.toml",
+          "name = \"small\"\n[display]\nwidth_px = 160\nheight_px = 120\npixel_um = 100.0\n[blue]\n"
+          "calibration = [[0, 0.0], [255, 100.0]]\n");
+    const auto box = [&](const char* name, Point3 low, Point3 high) {
+      TriangleMesh mesh;
+      add_box(mesh, low, high);
+      write_stl(folder_ / name, mesh);
+    };
+    box("a.stl", {0, 0, 0}, {4, 3, 2});
+    box("same.stl", {0, 0, 0}, {4, 3, 2});
+    box("beside.stl", {4, 0, 0}, {6, 3, 2});
+    box("into.stl", {3, 0, 1}, {6, 3, 2});
+  }
+  const Command kHow{"--printer", "small.toml", "--layer-um", "100"};
+  double volume_ml(const std::string& stack) const {
+    return json::parse(good({"info", stack, "--json", "-"}).out)["part_volume_mm3"].get<double>() *
+           1e-3;
+  }
+  Command slice(Command parts, const Command& more = {}) const {
+    parts.insert(parts.begin(), "slice");
+    return parts + Command{"-o", "out.uvj"} + kHow + more;
+  }
+};
+
+TEST_F(PlateProgram, WhatOverlapsIsRefusedOrJoined) {
+  const RunResult same =
+      bad(2, slice({"a.stl", "same.stl"}), {"a.stl and same.stl overlap", "24 mm³"});
+  EXPECT_THAT(same.err, HasSubstr("--overlap join"));
+  bad(2, slice({"a.stl", "into.stl"}), {"a.stl and into.stl overlap", "3 mm³", "z = 1.000 mm"});
+  good(slice({"a.stl", "beside.stl"}));
+  EXPECT_NEAR(volume_ml("out.uvj"), 0.036, 1e-6);
+  good(slice({"a.stl", "into.stl"}, {"--overlap", "join"}));
+  EXPECT_NEAR(volume_ml("out.uvj"), 0.024 + 0.006, 1e-6);
+  bad(2, slice({"a.stl", "same.stl"}, {"--overlap", "perhaps"}), {"--overlap"});
+  // The same file twice is two parts, too.
+  bad(2, slice({"a.stl", "a.stl"}), {"overlap"});
+  bad(2,
+      Command{"run", "a.stl", "same.stl", "-o", "run.uvj", "--resin", "figure-2-2", "--speed-mm-h",
+              "400"} +
+          kHow,
+      {"overlap"});
+}
+
+TEST_F(PlateProgram, CopiesLieSideBySide) {
+  good(slice({"a.stl*6"}));
+  EXPECT_NEAR(volume_ml("out.uvj"), 6 * 0.024, 1e-6);
+  good(slice({"a.stl", "into.stl", "same.stl"}, {"--arrange", "--spacing-mm", "0.5"}));
+  EXPECT_NEAR(volume_ml("out.uvj"), 2 * 0.024 + 0.009, 1e-6);
+  const RunResult many =
+      bad(2, slice({"a.stl*30"}), {"the parts take 3 plates", "--plates 3", "--spacing-mm"});
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out-1.uvj"));
+  good(slice({"a.stl*30"}, {"--plates", "3"}));
+  double all = 0;
+  for (const char* plate : {"out-1.uvj", "out-2.uvj", "out-3.uvj"}) all += volume_ml(plate);
+  EXPECT_NEAR(all, 30 * 0.024, 1e-6);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out-4.uvj"));
+  bad(2, slice({"a.stl*0"}), {"a.stl*0", "1 to 1000 copies"});
+  bad(2, slice({"a.stl*2"}, {"--center-mm", "4,3"}), {"--center-mm"});
+  bad(2, slice({"a.stl*no"}), {"a.stl*no"});
+  bad(2,
+      Command{"run", "a.stl*2", "-o", "run.uvj", "--resin", "figure-2-2", "--speed-mm-h", "400",
+              "--region", "beside.stl=2"} +
+          kHow,
+      {"--region", "not arranged"});
+  good(Command{"run", "a.stl*2", "-o", "run.uvj", "--resin", "figure-2-2", "--speed-mm-h", "400"} +
+       kHow);
+}
+
+}  // namespace
+}  // namespace slicecorr::test

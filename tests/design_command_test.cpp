@@ -204,6 +204,26 @@ TEST_F(DesignCommand, PredictsFromTheReadersOptions) {
   EXPECT_THAT(never.out, HasSubstr("Dead zone"));
 }
 
+TEST_F(DesignCommand, PredictCountsJointsLayerByLayer) {
+  write("plain.toml",
+        "name = \"plain\"\n[cure]\nabsorbance_height_um = 150\nabsorbance_base = 10\n"
+        "gel_dose_mj_cm2 = 10\ndose_factor = 5\n");
+  // 1.2 gel doses at 50 um, whatever dose correction aims at without lifts.
+  const double holds_s = 0.1 * 1.2 * std::pow(10.0, 1.0 / 3);
+  using test::Command, test::operator+;
+  const Command ask{"predict", "--resin", "plain.toml", "--blue-mw-cm2", "100", "--layer-um", "50"};
+  const auto j = nlohmann::json::parse(good(ask + Command{"--json", "-"}).out);
+  EXPECT_NEAR(j["layer_by_layer"]["least_exposure_s"].get<double>(), holds_s, 1e-9);
+  EXPECT_EQ(j["layer_by_layer"]["green_strength"], 1.2);
+  const auto short_one = good(ask + Command{"--exposure-s", "0.2"});
+  EXPECT_NE(short_one.out.find("at least 0.2586 s"), std::string::npos) << short_one.out;
+  EXPECT_NE(short_one.out.find("after 0.2 s it does not"), std::string::npos) << short_one.out;
+  EXPECT_NE(good(ask + Command{"--exposure-s", "0.3"}).out.find("after 0.3 s it does."),
+            std::string::npos);
+  EXPECT_FALSE(nlohmann::json::parse(good(ask + Command{"--uv-mw-cm2", "1", "--json", "-"}).out)
+                   .contains("layer_by_layer"));
+}
+
 TEST_F(DesignCommand, PredictTakesFullLightAndBlackFromAPrinter) {
   const std::string printer = SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml";
   const auto r = good({"predict", "--resin", SLICECORR_DB_DIR "/figure-2-2.toml", "--printer",

@@ -126,9 +126,10 @@ TEST_F(Layerwise, LadderFromSlicesToFigures) {
   const auto info = json::parse(good({"info", "out.uvj", "--json", "-"}).out);
   EXPECT_EQ(info["mode"], "layerwise");
   EXPECT_EQ(info["exposure_s"], 0.07837);
-  EXPECT_NEAR(info["print_time_s"].get<double>(), 50 * 0.07837, 1e-9);
+  EXPECT_NEAR(info["light_s"].get<double>(), 50 * 0.07837, 1e-9);
+  EXPECT_TRUE(info["print_time_s"].is_null());
   EXPECT_FALSE(info.contains("speed_mm_h"));
-  EXPECT_NE(good({"info", "out.uvj"}).out.find("lifts come on top"), std::string::npos);
+  EXPECT_NE(good({"info", "out.uvj"}).out.find("lifts not known"), std::string::npos);
 }
 
 TEST_F(Layerwise, RunWritesTheSameAndPictures) {
@@ -204,9 +205,8 @@ TEST_F(Layerwise, TimesComeFromTheArchive) {
               config["Layers"][n]["Exposure"]["LightOnTime"]);
   }
   // The same as if said in options; those count over the archive.
-  EXPECT_NEAR(
-      json::parse(good({"info", "out.uvj", "--json", "-"}).out)["print_time_s"].get<double>(),
-      2 * 0.8 + 0.5 + 47 * 0.2, 1e-9);
+  EXPECT_NEAR(json::parse(good({"info", "out.uvj", "--json", "-"}).out)["light_s"].get<double>(),
+              2 * 0.8 + 0.5 + 47 * 0.2, 1e-9);
   good(correct("timed.uvj", "plain.uvj") + kLayerwise + Command{"--exposure-s", "0.3"});
   EXPECT_EQ(config_of("plain.uvj")["slicecorr"]["process"]["layer_exposure_s"], json::array());
   EXPECT_EQ(config_of("plain.uvj")["Layers"][0]["Exposure"]["LightOnTime"], 0.3);

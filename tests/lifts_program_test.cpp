@@ -40,6 +40,7 @@ class LiftsProgram : public ProgramFixture {
   /// 0.6 s of 100 mW/cm²: 6 gel doses at the window.
   const Command kWith{"--printer", "small.toml", "--resin",      "plain.toml",
                       "--mode",    "layerwise",  "--exposure-s", "0.6"};
+  std::string text_in(const std::string& name) const { return to_text(read_file(folder_ / name)); }
   json process_of(const std::string& stack) const {
     Entries entries = unzip(folder_ / stack);
     return json::parse(to_text(entry(entries, "config.json")))["slicecorr"]["process"];
@@ -255,6 +256,109 @@ TEST_F(LiftsProgram, AnExchangeThatIsKnownWithAnError) {
   const std::string page = to_text(read_file(folder_ / "range.html"));
   EXPECT_THAT(page, HasSubstr("of it from lifts"));
   EXPECT_THAT(page, HasSubstr("if all resin stays"));
+}
+
+/// A stage that takes 6 s up, 2.975 s back and 1.5 s of rest at 50 um.
+constexpr const char* kStage =
+    "[stage]\nlift_mm = 6\nlift_speed_mm_h = 3600\nreturn_speed_mm_h = 7200\nwait_s = 1.5\n";
+
+TEST_F(LiftsProgram, TimesAreThoseOfAStopwatch) {
+  const std::string small = text_in("small.toml");
+  write("lifting.toml", small + kStage + "[vat]\nadhesion_kpa = 20\n");
+  Command with = kWith;
+  with[1] = "lifting.toml";
+  const int layers = 50;
+  const double dark_s = layers * (6 + 2.975 + 1.5), light_s = layers * 0.6;
+  const RunResult run =
+      good(Command{"run", "ladder.stl", "-o", "part.uvj", "--layer-um", "50"} + with);
+  EXPECT_THAT(run.err, HasSubstr("largest change of lit area: layer "));
+  EXPECT_THAT(run.err, HasSubstr("largest peel force: "));
+  EXPECT_THAT(run.err, HasSubstr("print time 9 min 14 s, of it 0 min 30 s of light"));
+  const json info = json::parse(good({"info", "part.uvj", "--json", "-"}).out);
+  ASSERT_EQ(info["layers"], layers);
+  EXPECT_NEAR(info["light_s"].get<double>(), light_s, 1e-9);
+  EXPECT_NEAR(info["print_time_s"].get<double>(), light_s + dark_s, 1e-9);
+  EXPECT_NEAR(info["layer_s"]["all"].get<double>(), 0.6 + 6 + 2.975 + 1.5, 1e-12);
+  // Once in the print's own proof, once in what is read back.
+  const json proof = json::parse(text_in("part.json"));
+  EXPECT_EQ(proof["largest_area_change"], info["largest_area_change"]);
+  EXPECT_EQ(proof["light_s"], info["light_s"]);
+  EXPECT_EQ(proof["print_time_s"], info["print_time_s"]);
+  EXPECT_EQ(proof["largest_peel_force"], info["largest_peel_force"]);
+  EXPECT_EQ(figures("part.uvj", "target.uvj")["largest_area_change"], info["largest_area_change"]);
+  EXPECT_GT(info["largest_peel_force"]["n"].get<double>(), 0);
+  EXPECT_THAT(text_in("part.html"), HasSubstr("9 min 14 s, of it 0 min 30 s of light"));
+  EXPECT_THAT(good({"info", "part.uvj"}).out, HasSubstr("9 min 14 s, of it 0 min 30 s of light"));
+  // Nothing says how the small printer lifts.
+  good(Command{"run", "ladder.stl", "-o", "other.uvj", "--layer-um", "50"} + kWith);
+  const json other = json::parse(good({"info", "other.uvj", "--json", "-"}).out);
+  EXPECT_TRUE(other["print_time_s"].is_null());
+  EXPECT_NEAR(other["light_s"].get<double>(), light_s, 1e-9);
+  EXPECT_FALSE(other.contains("largest_peel_force"));
+  EXPECT_THAT(text_in("other.html"), HasSubstr("lifts not known"));
+}
+
+TEST_F(LiftsProgram, PlansTellLiftsAndWhatHolds) {
+  write("lifting.toml", text_in("small.toml") + kStage);
+  // Far above what lies on the platform alone: only joints bound the exposure.
+  const Command ask{"plan",      "block.stl",  "--resin", "plain.toml", "--mode",
+                    "layerwise", "--layer-um", "50",      "--json",     "-"};
+  const json plan = json::parse(good(ask + Command{"--printer", "lifting.toml"}).out);
+  // 1.2 gel doses at 50 um.
+  const double holds_s = 0.1 * 1.2 * std::pow(10.0, 1.0 / 3);
+  EXPECT_GE(plan["exposure_s"].get<double>(), holds_s);
+  EXPECT_LE(plan["exposure_s"].get<double>(), holds_s * 1.001);
+  EXPECT_NEAR(plan["light_s"].get<double>(), 20 * plan["exposure_s"].get<double>(), 1e-9);
+  EXPECT_NEAR(plan["print_time_s"].get<double>(), plan["light_s"].get<double>() + 20 * 10.475,
+              1e-9);
+  EXPECT_NEAR(plan["layer_s"]["lift"].get<double>(), 6, 1e-12);
+  const json unknown = json::parse(good(ask + Command{"--printer", "small.toml"}).out);
+  EXPECT_TRUE(unknown["print_time_s"].is_null());
+  Command text = ask + Command{"--printer", "small.toml"};
+  text.erase(text.begin() + 8, text.begin() + 10);
+  EXPECT_THAT(good(text).out, HasSubstr("lifts not known"));
+}
+
+TEST_F(LiftsProgram, PrintFilesSayTheirOwnLifts) {
+  // New GOO and CTB files say 5 mm at 60 mm/min, back at 150.
+  const double dark_s = 50 * (5 + 4.95 / 2.5), light_s = 50 * 0.6;
+  for (const std::string file : {"part.goo", "part.ctb", "part.zip"}) {
+    Command how = kWith + Command{"--format", file == "part.zip" ? "chitubox" : file.substr(5)};
+    good(Command{"correct", "target.uvj", "-o", file} + how);
+    const json info = json::parse(good({"info", file, "--json", "-"}).out);
+    EXPECT_NEAR(info["light_s"].get<double>(), light_s, 1e-4) << file;
+    EXPECT_NEAR(info["print_time_s"].get<double>(), light_s + dark_s, 1e-3) << file;
+    // Theirs comes back the whole way, in whole seconds.
+    EXPECT_NEAR(info["own_print_time_s"].get<double>(), light_s + 50 * 7, 1) << file;
+    EXPECT_THAT(good({"info", file}).out, HasSubstr("the archive itself says 6 min "));
+  }
+  // What an archive says counts before the printer's own.
+  write("lifting.toml", text_in("small.toml") + kStage);
+  Command with = kWith;
+  with[1] = "lifting.toml";
+  good(Command{"convert", "target.uvj", "-o", "design.goo"});
+  const json plan = json::parse(
+      good(Command{"plan", "design.goo", "--resin", "plain.toml", "--printer", "lifting.toml",
+                   "--mode", "layerwise", "--tolerance-um", "200", "--json", "-"})
+          .out);
+  EXPECT_NEAR(plan["layer_s"]["lift"].get<double>(), 5, 1e-9);
+}
+
+TEST_F(LiftsProgram, BaselinesAreJudgedWithLifts) {
+  const json all = json::parse(
+      good(Command{"compare", "ladder.stl", "--layer-um", "50", "--json", "-"} + kWith).out);
+  for (const char* method : {"uncorrected", "erase", "z_compensation", "table", "ours"}) {
+    ASSERT_TRUE(all.contains(method)) << method;
+    EXPECT_TRUE(all[method].contains("joints")) << method;
+    EXPECT_TRUE(all[method]["height_error_um"].contains("exchanged")) << method;
+  }
+  // Without greys the Z compensation is the erase.
+  EXPECT_EQ(all["z_compensation"], all["erase"]);
+  EXPECT_GT(all["erase"]["best_n"].get<int>(), 0);
+  EXPECT_GT(all["erase"]["joints"]["liquid_layers_max"].get<int>(), 0);
+  EXPECT_EQ(all["ours"]["joints"]["not_holding_voxels"], 0);
+  const RunResult table = good(Command{"compare", "ladder.stl", "--layer-um", "50"} + kWith);
+  EXPECT_THAT(table.out, HasSubstr("Z comp., N = "));
 }
 
 }  // namespace

@@ -522,7 +522,7 @@ class Case:
         z = np.array([float(row["z_um"]) for row in rows])
         told = np.array([float(row["dose"]) for row in rows])
         self.compare(brute, f"probe at {x}, {y}", z + 1e-9, told, (y, x))
-        end_s = json.loads(self.run("slicecorr", "info", "stack.uvj", "--json", "-").stdout)["print_time_s"]
+        end_s = json.loads(self.run("slicecorr", "info", "stack.uvj", "--json", "-").stdout)["light_s"]
         end = self.run("slicecorr", "simulate", "stack.uvj", "--x", x, "--y", y, "--times-s", repr(end_s),
                        "--dose-csv", "dose.csv", "-o", "column.svg")
         if end.returncode != 0:

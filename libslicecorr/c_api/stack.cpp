@@ -25,6 +25,12 @@ struct NumberProperty {
   double (*value)(const slicecorr_stack&);
 };
 
+PrintTime time_of(const slicecorr_stack& s) {
+  StackInfo info = s.info;
+  if (s.missing.layer_um > 0) info.grid.layer_um = s.missing.layer_um;
+  return print_time(info);
+}
+
 const NumberProperty kNumbers[] = {
     {"width_px", "columns of a slice",
      [](const slicecorr_stack& s) { return double(s.info.grid.width_px); }},
@@ -70,12 +76,12 @@ const NumberProperty kNumbers[] = {
      [](const slicecorr_stack& s) { return s.info.process ? s.info.process->uv.uv_mw_cm2 : 0; }},
     {"dead_zone_um", "dead zone that the UV light is to hold",
      [](const slicecorr_stack& s) { return s.info.process ? s.info.process->uv.dead_zone_um : 0; }},
-    {"print_time_s", "time in which slices are shown, without lifts",
-     [](const slicecorr_stack& s) {
-       StackInfo info = s.info;
-       if (s.missing.layer_um > 0) info.grid.layer_um = s.missing.layer_um;
-       return light_on_s(info);
-     }},
+    {"light_s", "time in which slices are shown",
+     [](const slicecorr_stack& s) { return time_of(s).light_s; }},
+    {"print_time_s", "the whole print, with lifts; 0 where these are not known",
+     [](const slicecorr_stack& s) { return time_of(s).all_s().value_or(0); }},
+    {"own_print_time_s", "time of the print that the archive says itself",
+     [](const slicecorr_stack& s) { return s.info.own_print_time_s; }},
     {"for_display", "1 when the display shows the slices as they are, else 0: they show the plate",
      [](const slicecorr_stack& s) { return flag(s.info.for_display); }},
     {"portrait", "1 when x of the plate runs up in the slices, y to the left",

@@ -253,7 +253,9 @@ SLICECORR_API slicecorr_status slicecorr_stack_set_doses(slicecorr_stack* target
  *  exposure_s, bottom_exposure_s, bottom_layers, fade_layers   light-on times
  *  speed_mm_h            of a corrected continuous stack
  *  uv_mw_cm2, dead_zone_um
- *  print_time_s          in which slices are shown, without lifts
+ *  light_s               in which slices are shown
+ *  print_time_s          of the whole print, with lifts; 0 where these are not known
+ *  own_print_time_s      that the archive says itself
  *  for_display, portrait, mirror_x, mirror_y   how its slices lie, see above
  *  corrected             1 for a corrected stack, else 0
  *  parameters_checked    1 when the archive has a checksum of its parameters; where it is wrong,

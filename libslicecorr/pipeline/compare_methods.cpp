@@ -12,6 +12,7 @@
 #include "bands/bands.hpp"
 #include "bands/place_plans.hpp"
 #include "base/coded_band.hpp"
+#include "baseline/z_compensation.hpp"
 #include "cure/shown_slices.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/baseline.hpp"
@@ -29,16 +30,40 @@ using detail::PlacePlans;
 
 namespace {
 
-/// Mean height error with each N up to the last that can be best.
-std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& plans,
-                                 const std::vector<PixelBox>& bands,
-                                 const ExecutionContext& context) {
+bool has_greys(const CodedBand& band) {
+  std::vector<detail::NonZero> lit;
+  for (int n = 0; n < band.slices(); ++n) {
+    if (n > 0 && band.same(n, n - 1)) continue;
+    band.read_nonzero(n, lit);
+    if (std::any_of(lit.begin(), lit.end(),
+                    [](const detail::NonZero& p) { return p.value != 255; })) {
+      return true;
+    }
+  }
+  return false;
+}
+
+/// Mean height errors of the erase and of the Z compensation with each N up to the last that can be best.
+struct BaselineErrors {
+  std::vector<double> erase_um, z_compensation_um;
+};
+BaselineErrors baseline_errors(const SliceSource& target, const PlacePlans& plans,
+                               const std::vector<PixelBox>& bands,
+                               const ExecutionContext& context) {
   struct Sum {
     unsigned __int128 scaled = 0;
     std::uint64_t edges = 0;
+    void add(const Sum& o) {
+      scaled += o.scaled;
+      edges += o.edges;
+    }
+    double mean() const {
+      const double count = static_cast<double>(std::max<std::uint64_t>(edges, 1));
+      return std::ldexp(static_cast<double>(scaled), -20) / count;
+    }
   };
   const int most = std::min(cure_through_slices(plans.models().brightest()), plans.layers());
-  std::vector<Sum> sums(static_cast<std::size_t>(most) + 1);
+  std::vector<Sum> erased(static_cast<std::size_t>(most) + 1), compensated(erased.size());
   std::mutex adding;
   parallel_for(context, "erase", bands.size(), [&](std::size_t i) {
     // Only columns that are lit somewhere have edges.
@@ -53,29 +78,48 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
         coded.read(n, rows.data());
         erase.add_layer(rows.data());
       }
-      // One N after the other, so that the state of its prediction stays in the cache.
-      for (std::size_t k = 0; k < sums.size(); ++k) {
+      const auto predicted = [&](const auto& shown) {
         context.check_cancelled();
-        BandErase::Walk walk(erase, static_cast<int>(k));
         BandPredictor predictor(plans.models().model(group.value),
                                 plans.models().curve(group.value), plans.layers(), columns);
         for (int n = plans.layers(); n-- > 0;) {
           coded.read(n, rows.data());
-          predictor.add_slice(n, walk.next(rows.data()), rows.data());
+          predictor.add_slice(n, shown(n), rows.data());
         }
         const Prediction p = predictor.finish(0, 0, static_cast<int>(columns));
+        return Sum{p.height_error_um.scaled_sum(), p.height_error_um.count()};
+      };
+      // One N after the other, so that the state of its prediction stays in the cache.
+      const bool greys = has_greys(coded);
+      CodedBand common = coded;
+      std::vector<std::uint8_t> kept(columns);
+      for (std::size_t k = 0; k < erased.size(); ++k) {
+        BandErase::Walk walk(erase, static_cast<int>(k));
+        const Sum of_erase = predicted([&](int) { return walk.next(rows.data()); });
+        // Without greys both are the same.
+        Sum of_z = of_erase;
+        if (greys && k > 0) {
+          common = detail::compensated_by_one(common);
+          of_z = predicted([&](int n) {
+            common.read(n, kept.data());
+            return kept.data();
+          });
+        }
         const std::lock_guard lock(adding);
-        sums[k].scaled += p.height_error_um.scaled_sum();
-        sums[k].edges += p.height_error_um.count();
+        erased[k].add(of_erase);
+        compensated[k].add(of_z);
       }
     }
   });
-  std::vector<double> means;
-  for (const Sum& sum : sums) {
-    const double edges = static_cast<double>(std::max<std::uint64_t>(sum.edges, 1));
-    means.push_back(std::ldexp(static_cast<double>(sum.scaled), -20) / edges);
-  }
-  return means;
+  BaselineErrors errors;
+  for (const Sum& sum : erased) errors.erase_um.push_back(sum.mean());
+  for (const Sum& sum : compensated) errors.z_compensation_um.push_back(sum.mean());
+  return errors;
+}
+
+/// The first of the least.
+int best_of(const std::vector<double>& errors) {
+  return static_cast<int>(std::min_element(errors.begin(), errors.end()) - errors.begin());
 }
 
 /// The slices of a target after a filter that follows them from the last to the first.
@@ -134,9 +178,11 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
   const auto bands = bands_of(judged.grid(), judged.bounds());
 
   Comparison result;
-  result.erase_mean_um = erase_errors(judged, plans, bands, context);
-  const auto least = std::min_element(result.erase_mean_um.begin(), result.erase_mean_um.end());
-  result.best_n = static_cast<int>(least - result.erase_mean_um.begin());
+  BaselineErrors errors = baseline_errors(judged, plans, bands, context);
+  result.erase_mean_um = std::move(errors.erase_um);
+  result.z_compensation_mean_um = std::move(errors.z_compensation_um);
+  result.best_n = best_of(result.erase_mean_um);
+  result.best_z = best_of(result.z_compensation_mean_um);
 
   const AsSliced shown(judged);
   const auto verified = [&](const SliceSource& slices) {
@@ -148,6 +194,15 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
     auto erasing = std::make_shared<Erasing>(band);
     erasing->walk = std::make_unique<BandErase::Walk>(erasing->erase, result.best_n);
     return [erasing](const std::uint8_t* rows) { return erasing->walk->next(rows); };
+  }));
+  result.z_compensation = verified(Filtered(shown, [&](const CodedBand& band) -> Filtered::Filter {
+    auto common = std::make_shared<const CodedBand>(detail::compensated(band, result.best_z));
+    auto kept = std::make_shared<std::vector<std::uint8_t>>(band.columns());
+    int n = common->slices();
+    return [common, kept, n](const std::uint8_t*) mutable {
+      common->read(--n, kept->data());
+      return kept->data();
+    };
   }));
   result.table = verified(Filtered(shown, [](const CodedBand& band) -> Filtered::Filter {
     auto table = std::make_shared<BandGreyTable>(band.columns());

@@ -138,7 +138,8 @@ class StackCorrection {
   Prediction after_, before_, plain_;
   LightCounts grouped_columns_{};    ///< where the display's light is uneven
   std::vector<RegionDose> regions_;  ///< where doses are wanted
-  RobustFigures robust_;             ///< where the correction is robust
+  LayerAreas areas_;
+  RobustFigures robust_;  ///< where the correction is robust
 };
 
 /// A band on its way through the correction.
@@ -151,7 +152,8 @@ class StackCorrection::Band {
         columns_(columns_of(box_)),
         design_(columns_),
         upwards_(columns_),
-        encoder_(whole.writer_, box_.y0, box_.y1) {
+        encoder_(whole.writer_, box_.y0, box_.y1),
+        lit_(whole.areas_.lit_pixels.size()) {
     if (whole.volume_) reduced_.emplace(*whole.volume_, box_);
     if (whole.bodies_) hanging_.emplace(*whole.bodies_, index, box_);
     if (whole.bodies_before_) hanging_before_.emplace(*whole.bodies_before_, index, box_);
@@ -167,6 +169,8 @@ class StackCorrection::Band {
       if ((n & 63) == 0) whole_.context_.check_cancelled();
       put(n, pixels);
     });
+    const std::lock_guard lock(whole_.merging_);
+    add_areas();
   }
   /// Columns of equal light together.
   void correct() {
@@ -193,7 +197,11 @@ class StackCorrection::Band {
       sink(n, rows);
     });
   }
+  void add_areas() {
+    for (std::size_t n = 0; n < lit_.size(); ++n) whole_.areas_.lit_pixels[n] += lit_[n];
+  }
   void put(int n, const std::uint8_t* pixels) {
+    lit_[static_cast<std::size_t>(n)] = count_lit(pixels, columns_);
     encoder_.put(n, box_.x0, box_.x1, pixels);
     if (whole_.kept_) whole_.kept_->put(index_, n, pixels);
     if (reduced_) upwards_.append(pixels);
@@ -209,6 +217,7 @@ class StackCorrection::Band {
   std::optional<detail::PrintedBodies::Band> hanging_, hanging_before_;
   CodedBand design_, upwards_;  ///< for the reduced volume; `upwards_` has the last slice first
   StackWriter::BandEncoder encoder_;
+  std::vector<std::uint64_t> lit_;  ///< pixels of each slice
   Prediction after_, before_;
   Prediction plain_;  ///< of what is corrected robustly: the plain correction
   LightCounts counts_{};
@@ -232,7 +241,8 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       bands_(bands_of(grid_, target.bounds())),
       volume_cells_(ask.volume_cells),
       surface_after_(target.bounds()),
-      surface_before_(target.bounds()) {
+      surface_before_(target.bounds()),
+      areas_(areas_of(grid_, &setup_.printer)) {
   if (together_) return;
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
@@ -356,6 +366,7 @@ void StackCorrection::Band::finish() {
                      [&](int n, std::uint8_t* out) { design_.read(n, out); });
   }
   const std::lock_guard lock(whole_.merging_);
+  add_areas();
   whole_.after_.merge(after_);
   if (whole_.with_before_) whole_.before_.merge(before_);
   if (whole_.plans_.robust()) whole_.plain_.merge(plain_);
@@ -394,6 +405,7 @@ Correction StackCorrection::result() {
   Correction result;
   if (together_) {
     judge_together(result);
+    result.after.areas = std::make_shared<const LayerAreas>(areas_);
     return result;
   }
   if (volume_) result.volume = std::make_shared<ReducedVolume>(volume_->take());
@@ -409,6 +421,7 @@ Correction StackCorrection::result() {
     result.after.flow = flow_doses(target_, &*kept_, setup_, context_);
   }
   result.after.regions = regions_;
+  result.after.areas = std::make_shared<const LayerAreas>(areas_);
   if (uncertain_) {
     std::optional<RobustFigures> robust;
     if (plans_.robust()) {

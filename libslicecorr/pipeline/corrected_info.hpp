@@ -20,6 +20,7 @@ inline void fill_corrected(StackInfo& info, const Grid& grid, const SliceSource&
   info.resin = setup.resin;
   info.process = setup.process;
   if (!target.edge_heights()) info.process->surface = Surface::slices;
+  info.lift_times = setup.lift_times;
   info.original_sha256 = file.original_sha256;
 }
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/plan.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr {
 
@@ -25,6 +26,11 @@ ordered_json of(const std::vector<SpeedRange>& ranges) {
 ordered_json of(const std::optional<BestGap>& best) {
   if (!best) return nullptr;
   return {{"speed_mm_h", best->speed_mm_h}, {"contrast", best->contrast}};
+}
+
+/// Null where lifts are not known.
+ordered_json all_s(const PrintTime& time) {
+  return time.all_s() ? ordered_json(*time.all_s()) : ordered_json();
 }
 
 ordered_json of(const PlanPoint& p) {
@@ -48,6 +54,7 @@ ordered_json of(const PlanPoint& p) {
     j["edges_beyond_tolerance"] = p.off;
     j["extra_slices"] = p.extra_slices;
     j["time_s"] = p.time_s;
+    j["print_time_s"] = all_s(p.print_time());
     j["all_columns"] = p.all_columns;
   }
   if (!p.keeps) {
@@ -80,7 +87,13 @@ std::string PrintPlan::to_json() const {
   j["layer_um"] = layer_um;
   j["layers"] = layers;
   j["extra_slices"] = at.extra_slices;
-  j["print_time_s"] = along_z ? along_z->time_s : at.time_s;
+  const PlanPoint& best = along_z ? *along_z : at;
+  j["light_s"] = best.time_s;
+  j["print_time_s"] = all_s(best.print_time());
+  if (!continuous) {
+    j["layer_s"] = detail::own_json<ordered_json>(
+        layer_time(setup.process, setup.lift_times, layer_um).to_json());
+  }
   j["lamp_share"] = lamp_share;
   j["omega_max"] = setup.process.omega_max >= kNoCap ? ordered_json("inf")
                                                      : ordered_json(setup.process.omega_max);
@@ -174,7 +187,8 @@ std::string PrintPlan::to_json() const {
       } else {
         one["exposure_s"] = o.exposure_s;
       }
-      one["print_time_s"] = o.time_s;
+      one["light_s"] = o.time.light_s;
+      one["print_time_s"] = all_s(o.time);
       one["layers"] = o.layers;
     }
     one["limited_by"] = o.limited_by;

@@ -45,7 +45,7 @@ void add_tolerances(chart::Picture& picture, const PrintPlan& plan, bool continu
     tolerances.push_back(t.tolerance_um);
     if (!t.at) continue;
     paces.push_back(continuous ? t.at->speed_mm_h : t.at->exposure_s);
-    times.push_back(t.at->time_s);
+    times.push_back(t.at->print_time().all_s().value_or(t.at->time_s));
     speed.push_back({t.tolerance_um, paces.back()});
     time.push_back({t.tolerance_um, times.back()});
   }

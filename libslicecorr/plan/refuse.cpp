@@ -19,7 +19,9 @@ void refuse_plan(const PlanAsk& ask, const std::optional<PlanLight>& light,
                  const std::vector<PlanGap>& gaps, const Trials& trials,
                  const std::vector<PlanPoint>& tried, const Bound& bound) {
   const PlanGap* const gap = limiting_gap(gaps);
-  std::string text = "no speed prints this part as asked";
+  const bool layer_by_layer = !tried.empty() && tried.front().exposure_s > 0;
+  std::string text =
+      fmt::format("no {} prints this part as asked", layer_by_layer ? "exposure" : "speed");
   const auto in_gap = [&](const PlanGap& g) {
     return fmt::format("the gap of {} at pixel {}, {}, slices {} to {} ({} pixels have such)",
                        trials.height_in_words(g.slices), g.place.x, g.place.y, g.place.first,

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <mutex>
 #include <optional>
@@ -234,6 +235,7 @@ PlanPoint Trials::correct(const Setup& setup, std::span<const std::uint32_t> whi
   bright.mean_abs_um = std::max(dim.mean_abs_um, bright.mean_abs_um);
   bright.extra_slices = std::max(dim.extra_slices, bright.extra_slices);
   bright.time_s = std::max(dim.time_s, bright.time_s);
+  if (dim.dark_s && bright.dark_s) bright.dark_s = std::max(*dim.dark_s, *bright.dark_s);
   return bright;
 }
 
@@ -269,6 +271,7 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
   std::optional<WindowTotal> window;
   if (plan.model.inhibited()) window.emplace(plan.model, slices);
   std::mutex merging;
+  std::atomic<std::uint64_t> not_holding{0};
   parallel_for(quiet, "", blocks, [&](std::size_t b) {
     const auto some = which.subspan(b * kBlock, std::min(kBlock, which.size() - b * kBlock));
     BandPredictor predictor(plan.model, curve, predicted, some.size());
@@ -285,7 +288,8 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
                    .after = &predictor,
                    .watch = watch ? &*watch : nullptr},
                   quiet);
-    predictor.finish(0, 0, static_cast<int>(some.size()));
+    const Prediction p = predictor.finish(0, 0, static_cast<int>(some.size()));
+    if (p.joints) not_holding += p.joints->not_holding_voxels;
     findings[b] =
         block.finish(ask.failing ? &failing_of[b] : nullptr, ask.places ? &places_of[b] : nullptr);
     if (!watch) return;
@@ -301,7 +305,10 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
   }
   point.prints = true;
   point.extra_slices = slices - plan.layers;
-  point.time_s = light_on_s(setup.process, plan.model.m, target_.grid().layer_um, slices);
+  const PrintTime time =
+      print_time(setup.process, setup.lift_times, plan.model.m, target_.grid().layer_um, slices);
+  point.time_s = time.light_s;
+  point.dark_s = time.dark_s;
   point.max_abs_um = std::max(0.0, all.worst_um);
   point.max_abs_at = all.worst_at;
   point.mean_abs_um = all.edges > 0 ? all.sum_um / static_cast<double>(all.edges) : 0;
@@ -338,6 +345,11 @@ PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32
                       height_in_words(all.lost_at.last - all.lost_at.first + 1)));
   } else if (all.split > 0) {
     fails("split", all.split_at, "a feature prints in two pieces");
+  } else if (not_holding > 0) {
+    point.limited_by = "joints";
+    point.why = fmt::format(
+        "in {} voxels of the columns that are looked at layers do not hold when the platform lifts",
+        not_holding.load());
   } else if (all.off > 0) {
     fails(
         "edges", all.worst_at,

@@ -257,6 +257,31 @@ bool is_to_be_measured(const TomlTable& blue) {
   return node && node->is_string() && **node->as_string() == kToBeMeasured;
 }
 
+/// What a printer file says of lifts: nothing where it does not say how far the platform lifts.
+std::optional<LiftMotion> lift_motion(const TomlTable& stage, double max_speed_mm_h) {
+  constexpr double mm_s_of_mm_h = 1.0 / 3600;
+  const auto up_mm = stage.number("lift_mm", 0, kMostLiftMm, true);
+  const double speed_mm_h = stage.number("lift_speed_mm_h", 0, 1e6).value_or(max_speed_mm_h);
+  const double return_mm_h = stage.number("return_speed_mm_h", 0, 1e6).value_or(speed_mm_h);
+  if (stage.has("wait_s") && stage.has("settle_s")) {
+    stage.fail("wait_s", "is given beside settle_s, which is the same; expected one of them");
+  }
+  const auto wait_s = stage.number("wait_s", 0, kMostLiftWaitS, true);
+  const auto settle_s = stage.number("settle_s", 0, kMostLiftWaitS, true);
+  const double acceleration_mm_s2 = stage.number("acceleration_mm_s2", 0, 1e5).value_or(0);
+  if (!up_mm) return std::nullopt;
+  if (*up_mm > 0 && !(speed_mm_h > 0)) {
+    stage.fail("lift_mm", "is given without a speed; expected lift_speed_mm_h beside it");
+  }
+  LiftMotion motion;
+  motion.up_mm = *up_mm;
+  motion.up_mm_s = speed_mm_h * mm_s_of_mm_h;
+  motion.back_mm_s = return_mm_h * mm_s_of_mm_h;
+  motion.before_light_s = wait_s ? *wait_s : settle_s.value_or(kDefaultLiftWaitS);
+  motion.acceleration_mm_s2 = acceleration_mm_s2;
+  return motion;
+}
+
 Printer printer_of(std::string_view text, const std::string& source, bool needs_light) {
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
@@ -314,6 +339,7 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
   if (const auto stage = root.table("stage")) {
     printer.max_speed_mm_h = stage->number("max_speed_mm_h", 0, 1e9).value_or(0);
     printer.travel_mm = stage->number("travel_mm", 0, 1e6).value_or(0);
+    printer.lift_motion = lift_motion(*stage, printer.max_speed_mm_h);
   }
   if (const auto process = root.table("process")) {
     const std::string lifts = process->text("lifts", "each");
@@ -322,6 +348,8 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
     }
     printer.lifts = lifts == "each" ? Lifts::each : Lifts::none;
     printer.lift_exchange = process->number("lift_exchange", 0, 1, true).value_or(kUnknownExchange);
+    // Who only steps lifts nothing, whatever the stage could do.
+    if (printer.lifts == Lifts::none && printer.lift_motion) printer.lift_motion->up_mm = 0;
   }
   if (const auto vat = root.table("vat")) {
     printer.resin_depth_um = vat->number("depth_um", 0, kMostDepthUm).value_or(0);
@@ -331,6 +359,7 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
                 "is given here and at the top of the file; expected one of them");
     }
     printer.suction_limit_pa = vat->number("suction_limit_pa", 0, kMostSuctionPa).value_or(0);
+    printer.adhesion_kpa = vat->number("adhesion_kpa", 0, kMostAdhesionKpa).value_or(0);
   }
   if (const auto limit = root.number("suction_limit_pa", 0, kMostSuctionPa)) {
     printer.suction_limit_pa = *limit;

@@ -158,20 +158,30 @@ Markup summary(const ReportContent& c) {
   const Process& process = c.setup.process;
   const bool layerwise = process.mode == ExposureMode::layerwise;
   const int slices = c.info.recording ? c.info.recording->slices() : g.layers;
-  const double time_s = c.info.recording
-                            ? light_on_s(c.info)
-                            : light_on_s(process, c.setup.resin.m, g.layer_um, g.layers);
+  const PrintTime time = c.info.recording ? print_time(c.info)
+                                          : print_time(process, c.setup.lift_times, c.setup.resin.m,
+                                                       g.layer_um, g.layers);
   Markup html = markup(
-      "<p>{}{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. {}: {:.0f} min {:02.0f} s{}.",
+      "<p>{}{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. {}: {}.",
       c.info.recording ? fmt::format("What a machine showed, recorded: {} images in ", g.layers)
                        : std::string(),
       slices, g.layer_um, g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
       layerwise ? fmt::format("Exposed layer by layer, {:g} s as a rule", process.exposure_s)
                 : fmt::format("Printed at {:g} mm/h", process.speed_mm_h),
-      std::floor(time_s / 60), std::fmod(time_s, 60.0),
-      layerwise ? " of light, without the lifts between layers" : "");
+      print_time_in_words(time));
   if (c.info.part_volume_mm3 > 0) {
     html += fmt::format(" Resin in the part: {:.3f} ml.", c.info.part_volume_mm3 * 1e-3);
+  }
+  if (c.after.areas) {
+    if (const auto change = c.after.areas->largest_change()) {
+      html += fmt::format(
+          " The lit area changes most in layer {}, at {:g} um: from {:.4g} to {:.4g} mm².",
+          change->layer, change->um, change->from_mm2, change->to_mm2);
+    }
+    if (const auto force = c.after.areas->largest_force()) {
+      html += fmt::format(" Layer {}, at {:g} um, pulls hardest at the window: {:.4g} N.",
+                          force->layer, force->um, force->n);
+    }
   }
   html += markup(
       R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} mW/cm²), resin {} (absorbance height {:g} um base 10, dose aimed at {}).)x",

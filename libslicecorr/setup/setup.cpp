@@ -360,7 +360,11 @@ void Resolver::resolve_uv(Setup& setup) const {
 void check_recorded(const Setup& setup, const StackInfo& info) {
   Process process = *info.process;
   process.allow_window_cure = setup.process.allow_window_cure;
-  if (setup.printer == *info.printer && setup.process == process &&
+  // Lifts and adhesion change no dose, and older recordings do not know them.
+  Printer printer = *info.printer;
+  printer.lift_motion = setup.printer.lift_motion;
+  printer.adhesion_kpa = setup.printer.adhesion_kpa;
+  if (setup.printer == printer && setup.process == process &&
       light_exponent(setup.resin, setup.process) == light_exponent(*info.resin, process)) {
     return;
   }
@@ -432,6 +436,9 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   setup.gap_um = std::max(0.0, c_.gap_um);
   setup.refuse_loose = c_.loose == "refuse";
+  const StackInfo* const lifted = times && times->lift_times ? times : info;
+  setup.lift_times =
+      lifted && lifted->lift_times ? lifted->lift_times : lift_times_of(setup.printer);
   if (!recorded) {
     for (const Setting& s : settings()) {
       if (s.group == kHowItIsCorrected) apply_choice(s, c_, setup.process);

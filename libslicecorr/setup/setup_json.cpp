@@ -94,6 +94,7 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   }
   Setup setup{*info.printer, *info.resin, *info.process, gap_of(json, source)};
   setup.refuse_loose = refuses_loose(json, source);
+  setup.lift_times = lift_times_of(setup.printer);
   return setup;
 }
 

@@ -143,6 +143,21 @@ void describe_exposure(const Forecast& f, std::vector<std::string>& s) {
   }
 }
 
+void describe_lift(const Forecast& f, std::vector<std::string>& s) {
+  const Question& q = f.question;
+  if (!f.layer_holds_s || (q.exposure_s == 0 && q.height_um == 0)) return;
+  std::string text = fmt::format(
+      "Layer by layer: a layer of {} um holds when the platform lifts if it is exposed for at least "
+      "{} s ({} gel doses at its far edge)",
+      figure(q.layer_um), at_least(*f.layer_holds_s), figure(f.green_strength));
+  if (q.exposure_s > 0) {
+    text += q.exposure_s >= *f.layer_holds_s
+                ? fmt::format("; after {} s it does", figure(q.exposure_s))
+                : fmt::format("; after {} s it does not", figure(q.exposure_s));
+  }
+  s.push_back(text + ".");
+}
+
 void describe_passing(const Forecast& f, std::vector<std::string>& s) {
   const Question& q = f.question;
   if (!f.passing) return;
@@ -260,9 +275,17 @@ Forecast predict(const Resin& resin, const Question& q) {
                   (1 - kInside)));
     }
   }
+  if (!(q.uv_mw_cm2 > 0) && !resin.has_gel_time() && !resin.bleaches()) {
+    // With lifts the strength at joints stands in place of a factor on all doses.
+    const Kinetics gel = make_kinetics(resin, false, false);
+    f.green_strength = resin.green_strength > 0 ? resin.green_strength : kDefaultGreenStrength;
+    f.layer_holds_s = f.green_strength * gel.critical_dose_prime /
+                      dose_prime_at(gel, q.blue_mw_cm2, 0, q.layer_um, 1);
+  }
   if (q.speed_mm_h > 0) f.passing = passing_of(k, q);
   describe_start(f, f.sentences);
   describe_exposure(f, f.sentences);
+  describe_lift(f, f.sentences);
   describe_passing(f, f.sentences);
   if (q.least_light != 1 || q.greatest_light != 1) {
     const auto at = [&](double share) {
@@ -306,6 +329,11 @@ std::string Forecast::to_json() const {
   if (question.height_um > 0) {
     j["height_um"] = question.height_um;
     j["exposure_for_height_s"] = number(exposure_for_height_s);
+  }
+  if (layer_holds_s) {
+    j["layer_by_layer"] = {{"layer_um", question.layer_um},
+                           {"green_strength", green_strength},
+                           {"least_exposure_s", number(*layer_holds_s)}};
   }
   if (passing) {
     j["continuous"] = {{"speed_mm_h", question.speed_mm_h},

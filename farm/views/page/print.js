@@ -141,7 +141,7 @@ $('plan').addEventListener('click', () => during('plan', async () => {
   if (!s) return;
   plan = await read(s.path + '/files/plan.json');
   const what = plan.speed_mm_h !== undefined && plan.speed_mm_h !== null ? figure(plan.speed_mm_h) + ' mm/h' : figure(plan.exposure_s) + ' s for each layer';
-  $('plan-words').textContent = what + ' is the fastest with edges within ' + figure(plan.tolerance_um) + ' um and a contrast of ' + plan.gap_contrast + ' in gaps; the print takes ' + duration(plan.print_time_s)
+  $('plan-words').textContent = what + ' is the fastest with edges within ' + figure(plan.tolerance_um) + ' um and a contrast of ' + plan.gap_contrast + ' in gaps; the print takes ' + (plan.print_time_s === null ? duration(plan.light_s) + ' of light (lifts not known)' : duration(plan.print_time_s) + (plan.light_s < plan.print_time_s ? ', of it ' + duration(plan.light_s) + ' of light' : ''))
     + '. What limits it: ' + (plan.limit || plan.limited_by) + '.' + (plan.with ? ' It holds with ' + plan.with + '.' : '');
   $('use').textContent = 'Use ' + what;
   $('plan-picture').src = await blobUrl(s.path + '/files/plan.svg');

@@ -3,16 +3,20 @@
 
 /// @file baseline.hpp
 /// The compensations for cure-through that people use today, to compare with: our own
-/// implementations from their descriptions. Neither knows the resin, the light or the speed.
+/// implementations from their descriptions. None knows the resin, the light or the speed.
 ///
 ///  - *Whole-layer erase*: light of later slices cures through the gap on their platform side, so
 ///    each run of lit slices behind a gap loses its first N slices, those next to the gap. N is one
 ///    number for the whole part; runs of N slices or fewer vanish. The run on the platform is
 ///    whole.
+///  - *Z compensation* of PrusaSlicer (`zcorrection_layers`): each slice keeps what the N slices on its
+///    platform side have, too, down to the first one. On pixels that are lit or black this is the erase.
+///    A grey pixel keeps the least of its values in these slices: all that outlines have in common where
+///    one lies within the other.
 ///  - *Fixed grey table*: a pixel is darkened by 25, 15, 10 and 5 grey values of 255 when the next,
 ///    the second, third and fourth slice after it is lit there.
 ///
-/// A pixel is lit when it is not 0. Both go through the slices of a band from the last to the
+/// A pixel is lit when it is not 0. Erase and table go through the slices of a band from the last to the
 /// first, as predictions do, and need no slices of their own.
 ///
 /// Objects are for one thread at a time, but walks over one `BandErase` may run side by side;

@@ -106,14 +106,17 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
 /// What a part prints with each way of showing its slices.
 struct Comparison {
   Prediction uncorrected;
-  Prediction erase;  ///< whole-layer erase (baseline.hpp) of `best_n` layers
-  Prediction table;  ///< fixed grey table
-  Prediction ours;   ///< as `correct_stack`
+  Prediction erase;           ///< whole-layer erase (baseline.hpp) of `best_n` layers
+  Prediction table;           ///< fixed grey table
+  Prediction ours;            ///< as `correct_stack`
+  Prediction z_compensation;  ///< PrusaSlicer's Z compensation (baseline.hpp) by `best_z` layers
   /// The same for a target with edge heights whose slices alone are corrected, judged by the heights.
   std::optional<Prediction> to_slices;
   int best_n = 0;  ///< layers; the N with the least mean height error, the least one of equals
   /// Mean height error with each N from 0 on, in um: what `best_n` was chosen from.
   std::vector<double> erase_mean_um;
+  int best_z = 0;                              ///< as `best_n`, of the Z compensation
+  std::vector<double> z_compensation_mean_um;  ///< as `erase_mean_um`
 };
 
 /// Compares the correction with the baselines. The part is cut to find N, and for each method.

@@ -144,7 +144,7 @@ struct PlanPoint {
   bool keeps = false;     ///< tolerance and contrast
   bool prints = false;    ///< there is a correction; else only `why` counts
   std::string
-      limited_by;  ///< a word: light, black, contrast, edges, lost, split, stage, ...; empty: nothing
+      limited_by;  ///< a word: light, black, contrast, edges, lost, split, joints, stage, ...; empty: nothing
   std::string why;                         ///< the same as a sentence
   PlanPlace place;                         ///< of that
   double max_abs_um = 0, mean_abs_um = 0;  ///< of edges that are planned for; the mean over pixels
@@ -152,9 +152,12 @@ struct PlanPoint {
   double contrast = 1;  ///< least of the gaps that are planned for
   PlanPlace contrast_at;
   std::uint64_t lost = 0, split = 0, narrow = 0,
-                off = 0;     ///< columns' runs, gaps and edges that fail
-  int extra_slices = 0;      ///< after the part's end
-  double time_s = 0;         ///< in which slices are shown
+                off = 0;  ///< columns' runs, gaps and edges that fail
+  int extra_slices = 0;   ///< after the part's end
+  double time_s = 0;      ///< in which slices are shown
+  /// What lies between them layer by layer; nothing: not known.
+  std::optional<double> dark_s = 0.0;
+  PrintTime print_time() const { return {time_s, dark_s}; }
   bool all_columns = false;  ///< of the part; else of those that are critical
 };
 
@@ -198,7 +201,7 @@ struct PlanOrientation {
   std::array<double, 3> rotate_deg{};  ///< as `Placement::rotate_deg`
   bool prints = false, chosen = false;
   double speed_mm_h = 0, exposure_s = 0;  ///< one of them
-  double time_s = 0;
+  PrintTime time;
   int layers = 0;
   std::string limited_by;  ///< a word; where it does not print a sentence
 };

@@ -47,6 +47,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/flow_doses.hpp"
+#include "slicecorr/layer_areas.hpp"
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/surface_maps.hpp"
 
@@ -229,6 +230,9 @@ struct Prediction {
   /// What hangs together and what is trapped (bodies.hpp); not merged, set for whole stacks; null where
   /// nobody looked.
   std::shared_ptr<const JudgedBodies> bodies;
+  /// What each slice lights (layer_areas.hpp); not merged, set for whole stacks; null where nobody
+  /// asked.
+  std::shared_ptr<const LayerAreas> areas;
   /// How sure all of this is (uncertain_print.hpp); not merged, set for whole stacks; null where
   /// nobody asked.
   std::shared_ptr<const UncertainPrint> uncertain;

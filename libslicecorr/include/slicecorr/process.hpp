@@ -19,6 +19,7 @@
 
 #include "slicecorr/even_light.hpp"
 #include "slicecorr/grid.hpp"
+#include "slicecorr/lift_times.hpp"
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/resin_chemistry.hpp"
 
@@ -152,6 +153,13 @@ inline constexpr double kUnknownExchange = -1;
 /// Most that `Printer::suction_limit_pa` may be, Pa: beyond a bar resin cavitates.
 inline constexpr double kMostSuctionPa = 101325;
 
+/// Most that `[stage]` of a printer file may say of a lift and of the wait after it, and that wait
+/// where it does not say one.
+inline constexpr double kMostLiftMm = 1e3, kMostLiftWaitS = 600, kDefaultLiftWaitS = 0.5;
+
+/// Most that `Printer::adhesion_kpa` may be, kPa.
+inline constexpr double kMostAdhesionKpa = 1e5;
+
 /// Most that `Printer::resin_depth_um` may be, um.
 inline constexpr double kMostDepthUm = 1e7;
 
@@ -187,9 +195,20 @@ struct Printer {
   /// Layer by layer, where nothing else is said: as in `Process`.
   Lifts lifts = Lifts::each;
   double lift_exchange = kUnknownExchange;
+  /// What the platform does between two exposures (`[stage]`); nothing where the file does not say
+  /// how far it lifts.
+  std::optional<LiftMotion> lift_motion{};
+  /// Measured pull per lit area with which a layer comes off the window, kPa; 0 when not given.
+  double adhesion_kpa = 0;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
+
+/// How its platform lifts, by what its file says.
+inline std::optional<LiftTimes> lift_times_of(const Printer& printer) {
+  if (!printer.lift_motion) return std::nullopt;
+  return LiftTimes{*printer.lift_motion, *printer.lift_motion};
+}
 
 /// Images of the plate of a printer, as `slice` makes them: those of its display turned back, so
 /// that a portrait display has width and height exchanged. `layers` and `layer_um` are 0.

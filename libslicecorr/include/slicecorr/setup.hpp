@@ -38,6 +38,9 @@ struct Setup {
   /// A print of which some body hangs on nothing when it begins (bodies.hpp) is refused, not only told.
   /// Stacks do not keep it.
   bool refuse_loose = false;
+  /// How the platform lifts: as the archive says whose times count, else as the printer file does;
+  /// nothing: not known. Only times of prints need it. Stacks keep the printer's.
+  std::optional<LiftTimes> lift_times{};
 };
 
 /// What of the choices changes the resin.

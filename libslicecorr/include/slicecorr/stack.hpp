@@ -83,6 +83,10 @@ struct StackInfo {
   int fade_layers = 0;    ///< layers after them that lead to the normal time, see Process
   /// Light-on time of each layer, s, when the archive lists them and they are not all `exposure_s`.
   std::vector<double> layer_exposure_s;
+  /// How the platform lifts between layers, where the archive says it.
+  std::optional<LiftTimes> lift_times{};
+  /// Time of the print that the archive says itself, s; 0 when it says none.
+  double own_print_time_s = 0;
 };
 
 /// How the images of a stack lie, by what it says.
@@ -93,6 +97,10 @@ Process process_of_times(const StackInfo& info);
 /// archive's times, 0 when it has none. Without what lies between slices layer by layer. Of a
 /// recorded stack the time of full light that gives as much.
 double light_on_s(const StackInfo& info);
+/// How the platform lifts between layers: as the archive says, else its printer; nothing: not known.
+std::optional<LiftTimes> lift_times_of(const StackInfo& info);
+/// The same time with what lies between layers.
+PrintTime print_time(const StackInfo& info);
 
 /// Grey picture, 8 bit, row by row.
 struct GreyImage {

@@ -7,9 +7,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/uncertain_print.hpp"
+#include "support/json/read_json.hpp"
 
 namespace slicecorr::cli {
 
@@ -190,6 +192,14 @@ std::string flow_table(const Prediction& p) {
 
 }  // namespace
 
+std::string figures_json(const Prediction& p) {
+  auto json = slicecorr::detail::own_json<nlohmann::ordered_json>(p.to_json());
+  if (p.areas) {
+    json.update(slicecorr::detail::own_json<nlohmann::ordered_json>(p.areas->to_json()));
+  }
+  return json.dump(2);
+}
+
 std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
   std::vector<Figures> columns;
   if (before) columns.push_back({"uncorrected", &*before});
@@ -197,6 +207,7 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
   // What can be relied on comes before what is computed from inputs as if they were right.
   std::string text = after.uncertain ? uncertainty_in_words(*after.uncertain) : std::string();
   text += figures_table(columns) + doses_table(after) + flow_table(after);
+  if (after.areas) text += after.areas->in_words();
   if (const auto& l = after.layerwise) {
     text += fmt::format(
         "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "

@@ -14,6 +14,8 @@ namespace slicecorr::cli {
 
 /// The human summary of a prediction.
 std::string summary(const Prediction& after, const std::optional<Prediction>& before);
+/// All figures as JSON: those of `Prediction::to_json`, and what slices light where that is known.
+std::string figures_json(const Prediction& p);
 /// The same figures of several predictions side by side, each under its heading.
 struct Figures {
   std::string heading;

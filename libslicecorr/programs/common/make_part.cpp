@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "programs/common/figures.hpp"
 #include "programs/common/program.hpp"
 #include "slicecorr/report.hpp"
 #include "support/json/read_json.hpp"
@@ -44,7 +45,11 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
     setup.process = *result->info.process;
     setup.printer = *result->info.printer;  // with as many levels as the file has
     // The proof: the prediction of the stack, with that of the uncorrected part beside it.
-    auto figures = slicecorr::detail::own_json<nlohmann::ordered_json>(result->after.to_json());
+    auto figures = slicecorr::detail::own_json<nlohmann::ordered_json>(figures_json(result->after));
+    const PrintTime time = print_time(result->info);
+    figures["light_s"] = time.light_s;
+    figures["print_time_s"] =
+        time.all_s() ? nlohmann::ordered_json(*time.all_s()) : nlohmann::ordered_json();
     figures["uncorrected"] =
         slicecorr::detail::own_json<nlohmann::ordered_json>(result->before->to_json());
     proof.emplace(proof_path, figures.dump(2) + "\n");

@@ -18,7 +18,7 @@ FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
                             const Printer& printer, const ExecutionContext& context);
 
 /// Corrects `target` into `file`, and writes the figures (BASE.json: the prediction, with that of
-/// the uncorrected part under "uncorrected") and the report (BASE.html), which gets this title.
+/// the uncorrected part under "uncorrected", and the time of the print) and the report (BASE.html), which gets this title.
 /// `corrected` is called, when given, when all is computed but the report. Of the three files each
 /// appears whole, the stack first; an old page and old figures go before the old stack does.
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,

@@ -15,6 +15,7 @@
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/settings.hpp"
 #include "slicecorr/units.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/display_text.hpp"
 
 namespace slicecorr::cli {
@@ -92,7 +93,7 @@ std::string describe_recording(const StackInfo& info) {
 }
 }  // namespace
 
-std::string describe_stack(const StackInfo& info) {
+std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   const Grid& g = info.grid;
   const auto or_not_said = [](double um, const std::string& text) {
     return um > 0 ? text : std::string("not said");
@@ -168,11 +169,18 @@ std::string describe_stack(const StackInfo& info) {
   if (!info.process && info.exposure_s > 0) {
     text += "exposure     " + exposures_in_words(process_of_times(info)) + "\n";
   }
-  if (const double time = light_on_s(info); time > 0) {
-    text += fmt::format(
-        "print time   {:.0f} min {:02.0f} s{}\n", std::floor(time / 60), std::fmod(time, 60.0),
-        layerwise ? " of light; lifts come on top, the stack does not know them" : "");
+  if (const PrintTime time = print_time(info); time.light_s > 0) {
+    text += "print time   " + print_time_in_words(time) + "\n";
+    if (process_of_times(info).mode == ExposureMode::layerwise) {
+      text += "a layer      " +
+              layer_time(process_of_times(info), lift_times_of(info), g.layer_um).in_words() + "\n";
+    }
   }
+  if (info.own_print_time_s > 0) {
+    text += "              the archive itself says " +
+            print_time_in_words({info.own_print_time_s, 0.0}) + "\n";
+  }
+  if (areas) text += areas->in_words();
   if (info.part_volume_mm3 > 0) {
     text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
   }
@@ -192,7 +200,7 @@ std::string describe_stack(const StackInfo& info) {
   return text;
 }
 
-std::string info_json(const StackInfo& info, const std::string& path) {
+std::string info_json(const StackInfo& info, const std::string& path, const LayerAreas* areas) {
   using nlohmann::ordered_json;
   const Grid& g = info.grid;
   ordered_json j;
@@ -293,8 +301,22 @@ std::string info_json(const StackInfo& info, const std::string& path) {
           setting_value(s, *info.process));
     }
   }
-  const double time = light_on_s(info);
-  j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();
+  const PrintTime time = print_time(info);
+  const bool lit = time.light_s > 0;
+  const bool layerwise = process_of_times(info).mode == ExposureMode::layerwise;
+  const auto seconds = [&](const std::optional<double>& s) {
+    return lit && s ? ordered_json(*s) : ordered_json();
+  };
+  j["light_s"] = seconds(time.light_s);
+  j["dark_s"] = seconds(time.dark_s);
+  j["print_time_s"] = seconds(time.all_s());
+  j["own_print_time_s"] =
+      info.own_print_time_s > 0 ? ordered_json(info.own_print_time_s) : ordered_json();
+  if (layerwise && lit) {
+    j["layer_s"] = slicecorr::detail::own_json<ordered_json>(
+        layer_time(process_of_times(info), lift_times_of(info), g.layer_um).to_json());
+  }
+  if (areas) j.update(slicecorr::detail::own_json<ordered_json>(areas->to_json()));
   j["resin_volume_ml"] =
       info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();
   if (info.kind == StackKind::target) j["edge_heights"] = info.has_edge_heights;

@@ -37,7 +37,13 @@ Setup resolve(const PlanOptions& o) {
         "--slice-speed-mm-h and --layer-exposure-s choose speeds and exposures; expected neither");
   }
   (layerwise ? setup.exposure_s : setup.speed_mm_h) = 1;
-  return setup.resolve(nullptr, nullptr);
+  Setup all = setup.resolve(nullptr, nullptr);
+  // What an archive says of lifts counts before what its printer's file says.
+  if (o.mesh.parts.size() == 1 && !is_mesh_name(o.mesh.parts[0])) {
+    const StackInfo info = StackReader::read_info(o.mesh.parts[0]);
+    if (info.lift_times) all.lift_times = info.lift_times;
+  }
+  return all;
 }
 
 std::unique_ptr<const SliceSource> read_input(const PlanOptions& o, const Printer& printer,
@@ -125,11 +131,12 @@ PrintPlan plan_orientations(PlanOptions o, const Setup& setup, const PlanAsk& as
       one.prints = true;
       one.speed_mm_h = found.at.speed_mm_h;
       one.exposure_s = found.at.exposure_s;
-      one.time_s = found.along_z ? found.along_z->time_s : found.at.time_s;
+      one.time = (found.along_z ? *found.along_z : found.at).print_time();
       one.layers = found.layers;
       one.limited_by = found.limited_by;
-      if (best && one.time_s >= least_s) continue;
-      least_s = one.time_s;
+      const double time_s = one.time.all_s().value_or(one.time.light_s);
+      if (best && time_s >= least_s) continue;
+      least_s = time_s;
       best = std::move(found);
       for (PlanOrientation& other : all) other.chosen = false;
       one.chosen = true;

@@ -20,6 +20,14 @@ std::string time_in_words(double s) {
                        : fmt::format("{:.1f} s", s);
 }
 
+std::string time_in_words(const PrintTime& t) {
+  if (!t.dark_s) return time_in_words(t.light_s) + " of light (lifts not known)";
+  if (*t.dark_s == 0) return time_in_words(t.light_s);
+  return time_in_words(*t.all_s()) + ", of it " + time_in_words(t.light_s) + " of light";
+}
+/// Short, for tables: with lifts where these are known.
+double told_s(const PrintTime& t) { return t.all_s().value_or(t.light_s); }
+
 std::string pace(const PlanPoint& p) {
   return p.exposure_s > 0 ? fmt::format("{:g} s", p.exposure_s)
                           : fmt::format("{:g} mm/h", p.speed_mm_h);
@@ -30,7 +38,7 @@ std::string row(const PlanPoint& p) {
   return fmt::format("  {:>12}  {:>8.3f}  {:>8.3f}  {:>8}  {:>12}  {}", pace(p), p.mean_abs_um,
                      p.max_abs_um,
                      p.contrast_at.x >= 0 ? fmt::format("{:.4f}", p.contrast) : std::string("-"),
-                     time_in_words(p.time_s), p.keeps ? "keeps all" : p.limited_by);
+                     time_in_words(told_s(p.print_time())), p.keeps ? "keeps all" : p.limited_by);
 }
 
 std::string ranges_in_words(const std::vector<SpeedRange>& ranges) {
@@ -66,8 +74,13 @@ std::string plan_text(const PrintPlan& plan) {
       "limited by {}: {}\n"
       "print {}, {} slices after the part's end\n",
       pace(plan.at), continuous ? "fastest" : "least exposure", plan.ask.tolerance_um,
-      plan.ask.gap_contrast, plan.limited_by, plan.limit, time_in_words(plan.at.time_s),
+      plan.ask.gap_contrast, plan.limited_by, plan.limit, time_in_words(plan.at.print_time()),
       plan.at.extra_slices);
+  if (!continuous) {
+    text += "a layer takes " +
+            layer_time(plan.setup.process, plan.setup.lift_times, plan.layer_um).in_words();
+    text += "\n";
+  }
   if (!plan.slice_speed_mm_h.empty()) {
     const Process& p = plan.setup.process;
     const double time_s = plan.along_z ? plan.along_z->time_s : plan.at.time_s;
@@ -137,7 +150,8 @@ std::string plan_text(const PrintPlan& plan) {
     for (const PlanTolerance& t : plan.tolerances) {
       text += fmt::format("  {:>13g}  {:>12}  {:>12}  {}\n", t.tolerance_um,
                           t.at ? pace(*t.at) : std::string("none"),
-                          t.at ? time_in_words(t.at->time_s) : std::string("-"), t.limited_by);
+                          t.at ? time_in_words(told_s(t.at->print_time())) : std::string("-"),
+                          t.limited_by);
     }
   }
   if (!plan.steps.empty()) {
@@ -155,10 +169,10 @@ std::string plan_text(const PrintPlan& plan) {
     for (const PlanOrientation& o : plan.orientations) {
       const std::string turned =
           fmt::format("{:g},{:g},{:g}", o.rotate_deg[0], o.rotate_deg[1], o.rotate_deg[2]);
-      text += o.prints
-                  ? fmt::format("  {:<14} {:>12} slices in {}, limited by {}{}\n", turned, o.layers,
-                                time_in_words(o.time_s), o.limited_by, o.chosen ? "; chosen" : "")
-                  : fmt::format("  {:<14} {}\n", turned, o.limited_by);
+      text += o.prints ? fmt::format("  {:<14} {:>12} slices in {}, limited by {}{}\n", turned,
+                                     o.layers, time_in_words(told_s(o.time)), o.limited_by,
+                                     o.chosen ? "; chosen" : "")
+                       : fmt::format("  {:<14} {}\n", turned, o.limited_by);
     }
   }
   for (const std::string& note : plan.notes) text += "note: " + note + "\n";

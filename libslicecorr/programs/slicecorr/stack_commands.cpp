@@ -86,8 +86,9 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   const auto tell = [&](const Correction& c, const std::string& more) {
     if (!a.json.empty()) print_or_write(a.json, c.after.to_json());
     if (a.json == "-") return;
-    console.say(fmt::format("{}: {} slices\n{}{}", a.output, c.info.grid.layers,
-                            summary(c.after, c.before), more));
+    console.say(fmt::format("{}: {} slices, print time {}\n{}{}", a.output, c.info.grid.layers,
+                            print_time_in_words(print_time(c.info)), summary(c.after, c.before),
+                            more));
   };
   if (a.oxygen.even) {
     const OxygenCorrection even = with_dose_words(setup, [&] {
@@ -132,8 +133,9 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
   const Correction result = with_dose_words(setup, [&] {
     return make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
   });
-  console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
-                          summary(result.after, result.before), a.output));
+  console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices, print time {4}\n{2}", base,
+                          result.info.grid.layers, summary(result.after, result.before), a.output,
+                          print_time_in_words(print_time(result.info))));
   return kDone;
 }
 
@@ -167,22 +169,28 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
 int info(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
-  const bool light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
   // Light is no shape: of what is corrected `verify` says what hangs together.
   std::optional<Bodies> bodies;
-  if (!light) {
+  std::optional<LayerAreas> areas;
+  // Images of a recording are no slices.
+  if (info.kind != StackKind::recorded) {
     // All images are looked at, whatever their size: a damaged archive is not described.
     const StackReader stack(a.input, folder_of(a.input), context, {1, 1, 1});
     const Grid& g = info.grid;
-    if (info.part_volume_mm3 == 0) {
-      info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
-                             g.pixel_y_um * g.layer_um * 1e-9;
+    if (info.kind != StackKind::corrected) {
+      if (info.part_volume_mm3 == 0) {
+        info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
+                               g.pixel_y_um * g.layer_um * 1e-9;
+      }
+      bodies = find_bodies(stack, context);
+      bodies->grid = g;
     }
-    bodies = find_bodies(stack, context);
-    bodies->grid = g;
+    if (g.pixel_x_um > 0 && g.pixel_y_um > 0 && g.layer_um > 0) {
+      areas = lit_areas(stack, info.printer ? &*info.printer : nullptr, context);
+    }
   }
   if (a.json.empty()) {
-    std::string text = describe_stack(info);
+    std::string text = describe_stack(info, areas ? &*areas : nullptr);
     for (const auto& [name, value] : print_file_facts(a.input)) {
       text += fmt::format("{:<12} {}\n", name, text::printable(value));
     }
@@ -197,7 +205,8 @@ int info(const Arguments& a, const ExecutionContext& context, Console&) {
     }
     print_result(text);
   } else {
-    auto json = slicecorr::detail::own_json<nlohmann::ordered_json>(info_json(info, a.input));
+    auto json = slicecorr::detail::own_json<nlohmann::ordered_json>(
+        info_json(info, a.input, areas ? &*areas : nullptr));
     if (bodies) {
       json.update(slicecorr::detail::own_json<nlohmann::ordered_json>(bodies->to_json()));
       json["bodies_by"] = "images";

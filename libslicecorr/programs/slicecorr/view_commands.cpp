@@ -43,6 +43,18 @@ struct StackAndDesign {
   const LeftAloneFiles target;
 };
 
+/// What a stack prints, and what its slices light.
+Prediction verified(const StackAndDesign& given, const SliceSource& target,
+                    const ExecutionContext& context) {
+  Prediction p = verify_stack(given.stack, target, given.setup, context);
+  // Images of a recording are no slices.
+  if (!given.stack.recording()) {
+    p.areas =
+        std::make_shared<const LayerAreas>(lit_areas(given.stack, &given.setup.printer, context));
+  }
+  return p;
+}
+
 /// The reduction that makes a mesh which other programs open with ease. Says how large it will be.
 int handy_reduction(const Arguments& a, const SliceSource& stack, const PlaceModels& models,
                     const ExecutionContext& context) {
@@ -83,7 +95,8 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
   table.note =
       "Height errors at designed edges, from the mesh where its heights are known; voxels cured through and undercured; features lost and "
       "gaps merged, by column. Erase: the first N slices next to a gap are left out, with the N "
-      "that is best for this part. Grey table: 25, 15, 10, 5 are taken off where the next four "
+      "that is best for this part. Z comp.: PrusaSlicer's Z compensation, where each slice keeps what "
+      "the N before it have, too. Grey table: 25, 15, 10, 5 are taken off where the next four "
       "slices are lit.";
   return table;
 }
@@ -104,7 +117,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   tell_even_oxygen(given.stack.info(), context);
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.target), context);
-  const Prediction p = verify_stack(given.stack, *wanted, given.setup, context);
+  const Prediction p = verified(given, *wanted, context);
   if (!a.output.empty()) {
     const double scale_um = 0.5 * given.stack.grid().layer_um;
     const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
@@ -115,7 +128,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
   } else {
-    print_or_write(a.json, p.to_json());
+    print_or_write(a.json, figures_json(p));
   }
   tell_bodies(p, context);
   bool missed = false;
@@ -167,7 +180,7 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.output), context);
   const SliceSource& target = *wanted;
-  const Prediction after = verify_stack(stack, target, given.setup, context);
+  const Prediction after = verified(given, target, context);
   tell_bodies(after, context);
   const AsSliced uncorrected(*given.target);
   const Prediction before = verify_stack(uncorrected, *given.target, given.setup, context);
@@ -270,7 +283,7 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
   setup.process = schedule_uv(target, setup, context);
   const Comparison c = compare_methods(target, setup, context);
   if (!a.json.empty()) {
-    // Only the erase has an N; the key is there for every method.
+    // Only erase and Z compensation have an N; the key is there for every method.
     nlohmann::ordered_json json;
     const auto add = [&](const char* method, const Prediction& p) {
       json[method] = slicecorr::detail::own_json<nlohmann::ordered_json>(p.to_json());
@@ -278,14 +291,17 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
     };
     add("uncorrected", c.uncorrected);
     add("erase", c.erase);
+    add("z_compensation", c.z_compensation);
     add("table", c.table);
     if (c.to_slices) add("ours_to_slices", *c.to_slices);
     add("ours", c.ours);
     json["erase"]["best_n"] = c.best_n;
+    json["z_compensation"]["best_n"] = c.best_z;
     print_or_write(a.json, json.dump(2));
   }
   std::vector<Figures> columns = {{"uncorrected", &c.uncorrected},
                                   {fmt::format("erase, N = {}", c.best_n), &c.erase},
+                                  {fmt::format("Z comp., N = {}", c.best_z), &c.z_compensation},
                                   {"grey table", &c.table}};
   if (c.to_slices) columns.push_back({"corrected to slices", &*c.to_slices});
   columns.push_back({"corrected", &c.ours});

@@ -233,10 +233,8 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   const Grid& grid = info.grid;
   const ExposureSummary s = exposure_summary(info);
   const auto layers = static_cast<std::size_t>(grid.layers);
-  warn(r,
-       fmt::format("a new CTB file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min: set "
-                   "what the printer needs, or give a file of the printer's slicer as a template",
-                   lifts(info) ? kLiftMm : 0, kLiftMmMin, kDropMmMin));
+  const NewLift lift = new_lift(info);
+  tell_new_lift(r, "CTB", lift);
   const std::string machine = info.printer ? info.printer->name : info.profiles.printer;
   const auto large = encode_ctb_preview(r.preview, 400, 300);
   const auto small = encode_ctb_preview(r.preview, 200, 125);
@@ -249,12 +247,9 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   const std::size_t slicer_at = print_at + print.size(), name_at = slicer_at + slicer.size();
   const std::size_t v4_at = name_at + machine.size(), table_at = v4_at + v4.size();
   const double total_mm = layers * grid.layer_um * 1e-3;
-  const double lift_mm = lifts(info) ? kLiftMm : 0;
   std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
-  for (const double t : times_s) {
-    print_time_s += t + 60 * lift_mm * (1 / kLiftMmMin + 1 / kDropMmMin);
-  }
+  for (const double t : times_s) print_time_s += t + lift.dark_s();
 
   head.set_u32(0, kCtb4Magic);
   head.set_u32(4, 4);
@@ -294,10 +289,10 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   preview_head(small_head, 200, 125, small_at, small.size());
 
   for (const std::size_t at : {0x00, 0x08}) {
-    print.set_f32(at, lift_mm);
-    print.set_f32(at + 4, kLiftMmMin);
+    print.set_f32(at, lift.mm);
+    print.set_f32(at + 4, lift.up_mm_min);
   }
-  print.set_f32(0x10, kDropMmMin);
+  print.set_f32(0x10, lift.back_mm_min);
   print.set_f32(0x14, info.part_volume_mm3 * 1e-3);
   print.set_u32(0x28, static_cast<std::uint32_t>(s.bottom_layers));
 
@@ -306,9 +301,11 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   slicer.set_u8(0x24, 0x0f);
   slicer.set_u8(0x27, s.uneven ? 0x40 : 0);
   slicer.set_u32(0x2c, 8);
+  slicer.set_f32(0x34, lift.wait_s);
   slicer.set_u32(0x3c, static_cast<std::uint32_t>(s.uneven ? 0 : s.fade_layers));
   slicer.set_u32(0x40, static_cast<std::uint32_t>(v4_at));
-  v4.set_f32(0, kDropMmMin);
+  v4.set_f32(0, lift.back_mm_min);
+  v4.set_f32(0x18, lift.wait_s);
   v4.set_f32(0x0c, 4);
   v4.set_f32(0x14, 4);
   v4.set_u32(0x34, static_cast<std::uint32_t>(layers - 1));
@@ -327,9 +324,10 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
     block.set_u32(0x18, kCtbLayerHeadBytes);
     table.insert(table.end(), block.bytes().begin(), block.bytes().begin() + kCtbRecordBytes);
     block.set_u32(0x24, static_cast<std::uint32_t>(kCtbLayerHeadBytes + bytes));
-    block.set_f32(0x28, lift_mm);
-    block.set_f32(0x2c, kLiftMmMin);
-    block.set_f32(0x38, kDropMmMin);
+    block.set_f32(0x28, lift.mm);
+    block.set_f32(0x2c, lift.up_mm_min);
+    block.set_f32(0x38, lift.back_mm_min);
+    block.set_f32(0x4c, lift.wait_s);
     block.set_f32(0x50, 255);
     at = offset + bytes;
     heads.push_back(std::move(block));

@@ -148,6 +148,15 @@ void read_tomography(const Node& node, Printer& p) {
   }
 }
 
+/// What a printer file can say of lifts.
+constexpr std::pair<const char*, double LiftMotion::*> kMotionFigures[] = {
+    {"up_mm", &LiftMotion::up_mm},
+    {"up_mm_s", &LiftMotion::up_mm_s},
+    {"back_mm_s", &LiftMotion::back_mm_s},
+    {"before_light_s", &LiftMotion::before_light_s},
+    {"acceleration_mm_s2", &LiftMotion::acceleration_mm_s2},
+};
+
 }  // namespace
 
 Json orientation_json(const Orientation& o) {
@@ -188,6 +197,11 @@ Json printer_json(const Printer& p) {
   if (p.lifts == Lifts::none) json["lifts"] = "none";
   if (p.lift_exchange >= 0) json["lift_exchange"] = p.lift_exchange;
   if (p.suction_limit_pa > 0) json["suction_limit_pa"] = p.suction_limit_pa;
+  if (p.adhesion_kpa > 0) json["adhesion_kpa"] = p.adhesion_kpa;
+  if (p.lift_motion) {
+    for (const auto& [key, member] : kMotionFigures)
+      json["lift_motion"][key] = *p.lift_motion.*member;
+  }
   if (p.vial) {
     json["vial"] = {{"outer_mm", p.vial->outer_mm},
                     {"inner_mm", p.vial->inner_mm},
@@ -357,6 +371,18 @@ Printer read_printer(const Node& node) {
   if (node.has("lift_exchange")) p.lift_exchange = node["lift_exchange"].number(0, 1);
   if (node.has("suction_limit_pa")) {
     p.suction_limit_pa = node["suction_limit_pa"].number(0, kMostSuctionPa);
+  }
+  if (node.has("adhesion_kpa")) p.adhesion_kpa = node["adhesion_kpa"].number(0, kMostAdhesionKpa);
+  if (node.has("lift_motion")) {
+    LiftMotion motion;
+    const Node m = node["lift_motion"];
+    for (const auto& [key, member] : kMotionFigures) {
+      if (m.has(key)) motion.*member = m[key].number(0, kLargest);
+    }
+    if (motion.up_mm > 0 && !(motion.up_mm_s > 0 && motion.back_mm_s > 0)) {
+      m["up_mm"].fail("speeds up and back above 0 with it");
+    }
+    p.lift_motion = motion;
   }
   return p;
 }

@@ -117,4 +117,18 @@ double light_on_s(const StackInfo& info) {
                     info.grid.layers);
 }
 
+PrintTime print_time(const StackInfo& info) {
+  const double light_s = light_on_s(info);
+  const bool continuous = process_of_times(info).mode == ExposureMode::continuous;
+  // Nobody has timed what lay between the images of a recording.
+  if (info.recording && !continuous) return {light_s};
+  if (continuous) return {light_s, 0.0};
+  return print_time_of_layers(lift_times_of(info), light_s, info.grid.layer_um, info.grid.layers);
+}
+
+std::optional<LiftTimes> lift_times_of(const StackInfo& info) {
+  if (info.lift_times) return info.lift_times;
+  return info.printer ? lift_times_of(*info.printer) : std::nullopt;
+}
+
 }  // namespace slicecorr

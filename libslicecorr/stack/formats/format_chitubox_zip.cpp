@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "slicecorr/error.hpp"
@@ -33,6 +34,25 @@ std::optional<double> number_of(const KeyValueText& head, const char* key, const
                                 double most) {
   const auto value = head.number(key, 0, most);
   return value ? value : head.number(old_key, 0, most);
+}
+
+/// What the head says of lifts; nothing without ways and speeds.
+void take_lifts_of(const KeyValueText& head, StackInfo& info) {
+  const auto number = [&](const char* key) { return lift_number(head, key); };
+  const auto motion = [&](const char* way, const char* speed, const char* off) {
+    LiftMotion m;
+    m.up_mm = number(way).value_or(0);
+    m.up_mm_s = number(speed).value_or(0) / 60;
+    m.back_mm_s = number("normalDropSpeed").value_or(0) / 60;
+    m.light_off_s = number(off).value_or(0);
+    return m;
+  };
+  if (!number("normalLayerLiftHeight") || !number("bottomLayerLiftHeight")) return;
+  LiftTimes lifts;
+  lifts.normal = motion("normalLayerLiftHeight", "normalLayerLiftSpeed", "lightOffTime");
+  lifts.bottom = motion("bottomLayerLiftHeight", "bottomLayerLiftSpeed", "bottomLightOffTime");
+  lifts.bottom_layers = info.bottom_layers;
+  take_lifts(std::move(lifts), info);
 }
 
 void set_where_there(KeyValueText& head, const char* key, const std::string& value) {
@@ -77,7 +97,8 @@ std::string new_gcode(const ArchiveRequest& r) {
   const StackInfo& info = r.info;
   const Grid& g = info.grid;
   const ExposureSummary s = exposure_summary(info);
-  const double up_mm = lifts(info) ? kLiftMm : 0;
+  const NewLift lift = new_lift(info);
+  const double up_mm = lift.mm;
   const auto or_else = [](const std::string& text, const std::string& other) {
     return text.empty() ? other : text;
   };
@@ -85,7 +106,7 @@ std::string new_gcode(const ArchiveRequest& r) {
   const double layer_mm = g.layer_um * 1e-3;
   const double build_mm = info.printer && info.printer->travel_mm > 0
                               ? info.printer->travel_mm
-                              : std::ceil(g.layers * layer_mm + kLiftMm);
+                              : std::ceil(g.layers * layer_mm + std::max(kLiftMm, up_mm));
   std::string body = ";START_GCODE_BEGIN\nG21;\nG90;\nM106 S0;\nG28 Z0;\n\n;START_GCODE_END\n\n";
   double total_s = 0;
   bool rounded = false;
@@ -95,12 +116,12 @@ std::string new_gcode(const ArchiveRequest& r) {
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
     body += fmt::format(";LAYER_START:{}\n;currPos:{}\nM6054 \"{}.png\";show Image\n", n, mm(z_mm),
                         n + 1);
-    if (up_mm > 0) body += fmt::format("G0 Z{} F{:g};\n", mm(z_mm + up_mm), kLiftMmMin);
+    if (up_mm > 0) body += fmt::format("G0 Z{} F{:g};\n", mm(z_mm + up_mm), lift.up_mm_min);
     body += fmt::format(
-        "G0 Z{} F{:g};\nG4 P0;\nM106 S255;light on\nG4 P{:.0f};\nM106 S0; light "
+        "G0 Z{} F{:g};\nG4 P{:.0f};\nM106 S255;light on\nG4 P{:.0f};\nM106 S0; light "
         "off\n\n;LAYER_END\n\n",
-        mm(z_mm), kDropMmMin, light_ms);
-    total_s += light_ms / 1e3 + 60 * up_mm * (1 / kLiftMmMin + 1 / kDropMmMin);
+        mm(z_mm), lift.back_mm_min, lift.wait_s * 1e3, light_ms);
+    total_s += light_ms / 1e3 + lift.dark_s();
   }
   body += fmt::format(";END_GCODE_BEGIN\nM106 S0;\nG1 Z{} F25;\nM18;\n\n;END_GCODE_END\n",
                       mm(build_mm));
@@ -126,18 +147,20 @@ std::string new_gcode(const ArchiveRequest& r) {
   add("normalExposureTime", number_text(s.normal_s));
   add("bottomLayExposureTime", number_text(s.bottom_s));
   add("bottomLayerExposureTime", number_text(s.bottom_s));
-  add("normalDropSpeed", number_text(kDropMmMin));
+  add("normalDropSpeed", number_text(lift.back_mm_min));
   add("normalLayerLiftHeight", number_text(up_mm));
   add("zSlowUpDistance", "0");
-  add("normalLayerLiftSpeed", number_text(kLiftMmMin));
+  add("normalLayerLiftSpeed", number_text(lift.up_mm_min));
   add("bottomLayCount", std::to_string(s.bottom_layers));
   add("bottomLayerCount", std::to_string(s.bottom_layers));
   add("mirror", info.orientation.mirror_x ? "1" : "0");
   add("totalLayer", std::to_string(g.layers));
   add("bottomLayerLiftHeight", number_text(up_mm));
-  add("bottomLayerLiftSpeed", number_text(kLiftMmMin));
-  add("bottomLightOffTime", "0");
-  add("lightOffTime", "0");
+  add("bottomLayerLiftSpeed", number_text(lift.up_mm_min));
+  // The head has no rest: light stays off for all of it.
+  const std::string off_s = number_text(lift.wait_s > 0 ? lift.dark_s() : 0);
+  add("bottomLightOffTime", off_s);
+  add("lightOffTime", off_s);
   add("bottomPWMLight", "255");
   add("PWMLight", "255");
   add("antiAliasLevel", "8");
@@ -202,6 +225,8 @@ class ChituboxZip final : public ArchiveFormat {
             "layers are lit with different power (M106): all are treated as if it were the same");
       }
     }
+    take_lifts_of(head, info);
+    info.own_print_time_s = lift_number(head, "estimatedPrintTime").value_or(0);
     info.profiles.printer = head.find("machineType").value_or("");
     info.profiles.material = head.find("resin").value_or("");
     return contents;

@@ -74,6 +74,96 @@ void add_facts(const CtbFile& ctb, ArchiveContents& contents) {
   }
 }
 
+/// Of version 4 on lifts are told as a whole, and the second stage beside them.
+double first_stage(const CtbFile& ctb, double lift_mm, double second_mm) {
+  return ctb.version >= 4 ? std::max(0.0, lift_mm - second_mm) : lift_mm;
+}
+
+/// What the head, or in CTB files the blocks of settings, say of lifts.
+void take_head_lifts(const CtbFile& ctb, LiftTimes& lifts, bool& known) {
+  LiftMotion &normal = lifts.normal, &bottom = lifts.bottom;
+  const bool in_head = ctb.family == CtbFamily::phz || ctb.family == CtbFamily::fdg;
+  if (!in_head && !ctb.print) {
+    known = false;
+    return;
+  }
+  LiftNumbers n(in_head ? ctb.head : *ctb.print);
+  const std::size_t at = ctb.family == CtbFamily::phz   ? 0x6c
+                         : ctb.family == CtbFamily::fdg ? 0x88
+                                                        : 0;
+  bottom.up_mm = n.at(at);
+  bottom.up_mm_s = n.mm_s(at + 4);
+  normal.up_mm = n.at(at + 8);
+  normal.up_mm_s = n.mm_s(at + 0x0c);
+  normal.back_mm_s = bottom.back_mm_s = n.mm_s(at + 0x10);
+  const std::size_t off = ctb.family == CtbFamily::phz   ? 0x5c
+                          : ctb.family == CtbFamily::fdg ? 0x7c
+                                                         : 0x20;
+  bottom.light_off_s = n.at(off);
+  normal.light_off_s = n.at(off + 4);
+  known = known && n.known();
+}
+
+/// What else CTB files say in their blocks of settings.
+void take_slicer_lifts(const CtbFile& ctb, LiftTimes& lifts, bool& known) {
+  if (!ctb.slicer) return;
+  LiftMotion &normal = lifts.normal, &bottom = lifts.bottom;
+  LiftNumbers s(*ctb.slicer);
+  bottom.up_2_mm = s.at(0);
+  bottom.up_2_mm_s = s.mm_s(4);
+  normal.up_2_mm = s.at(8);
+  normal.up_2_mm_s = s.mm_s(0x0c);
+  bottom.up_mm = first_stage(ctb, bottom.up_mm, bottom.up_2_mm);
+  normal.up_mm = first_stage(ctb, normal.up_mm, normal.up_2_mm);
+  normal.back_2_mm = bottom.back_2_mm = s.at(0x10);
+  normal.back_2_mm_s = bottom.back_2_mm_s = s.mm_s(0x14);
+  normal.after_lift_s = bottom.after_lift_s = s.at(0x18);
+  normal.before_light_s = bottom.before_light_s = s.at(0x34);
+  known = known && s.known();
+  if (!ctb.v4) return;
+  LiftNumbers v4(*ctb.v4);
+  if (const double back = v4.mm_s(0); back > 0) bottom.back_mm_s = back;
+  bottom.back_2_mm = v4.at(0x24);
+  bottom.back_2_mm_s = v4.mm_s(4);
+  normal.before_light_s = bottom.before_light_s = v4.at(0x18);
+  normal.after_lift_s = bottom.after_lift_s = v4.at(0x1c);
+  normal.before_lift_s = bottom.before_lift_s = v4.at(0x20);
+  known = known && v4.known();
+}
+
+LiftMotion lift_of_head(const CtbFile& ctb, std::size_t layer, bool& known) {
+  LiftNumbers n(ctb.heads[layer]);
+  LiftMotion m;
+  m.up_2_mm = n.at(0x30);
+  m.up_2_mm_s = n.mm_s(0x34);
+  m.up_mm = first_stage(ctb, n.at(0x28), m.up_2_mm);
+  m.up_mm_s = n.mm_s(0x2c);
+  m.back_mm_s = n.mm_s(0x38);
+  m.back_2_mm = n.at(0x3c);
+  m.back_2_mm_s = n.mm_s(0x40);
+  m.before_lift_s = n.at(0x44);
+  m.after_lift_s = n.at(0x48);
+  m.before_light_s = n.at(0x4c);
+  LiftNumbers table(ctb.table);
+  m.light_off_s = table.at(layer * kCtbRecordBytes + 8);
+  known = known && n.known() && table.known();
+  return m;
+}
+
+void take_lifts_of(const CtbFile& ctb, StackInfo& info) {
+  LiftTimes lifts;
+  bool known = true;
+  take_head_lifts(ctb, lifts, known);
+  take_slicer_lifts(ctb, lifts, known);
+  lifts.bottom_layers = info.bottom_layers;
+  if (known && ctb.has_layer_flag() && ctb.heads.size() == ctb.layers) {
+    for (std::size_t n = 0; n < ctb.layers; ++n) {
+      lifts.layers.push_back(lift_of_head(ctb, n, known));
+    }
+  }
+  if (known) take_lifts(std::move(lifts), info);
+}
+
 LayerCodecPtr codec_of(const CtbFile& ctb) {
   const auto width = static_cast<int>(ctb.width_px), height = static_cast<int>(ctb.height_px);
   switch (ctb.family) {
@@ -113,6 +203,8 @@ ArchiveContents read_family(const BinaryFile& file, CtbFamily family) {
   if (std::any_of(times_s.begin(), times_s.end(), [](double t) { return t > 0; })) {
     take_layer_times(times_s, info);
   }
+  take_lifts_of(ctb, info);
+  info.own_print_time_s = head.u32(f.print_time_s);
   info.orientation.mirror_x = head.u32(f.projector) == 1;
   info.orientation_known = true;
   info.profiles.printer = ctb.machine;

@@ -180,6 +180,19 @@ ArchiveContents read_cws(const Container& archive) {
                       shown_name(names.gcode), grid.layers - 1));
     } else {
       take_layer_times(body.exposures_s(grid.layers), info);
+      // Such programs wait while the platform moves.
+      LiftTimes lifts;
+      bool waits = false;
+      for (const LayerGcode::Layer& layer : body.layers()) {
+        LiftMotion m;
+        m.before_light_s = layer.dark_ms / 1000;
+        waits = waits || layer.dark_ms > 0;
+        lifts.layers.push_back(m);
+      }
+      if (waits) {
+        lifts.normal = lifts.layers.back();
+        take_lifts(std::move(lifts), info);
+      }
       if (!body.same_light()) {
         contents.warnings.emplace_back(
             "layers are lit with different power (M106): all are treated as if it were the same");

@@ -293,6 +293,19 @@ class Cxdlp final : public ArchiveFormat {
     info.exposure_s = number(exposure_tenths) / 10.0;
     info.bottom_exposure_s = number(bottom_exposure_s);
     info.bottom_layers = std::min<int>(number(bottom_layers), grid.layers);
+    LiftTimes lifts;
+    lifts.bottom_layers = info.bottom_layers;
+    const auto motion = [&](Setting way, Setting speed) {
+      LiftMotion m;
+      m.up_mm = number(way);
+      m.up_mm_s = number(speed);
+      m.back_mm_s = number(back_speed);
+      m.before_light_s = number(wait_s);
+      return m;
+    };
+    lifts.normal = motion(lift, lift_speed);
+    lifts.bottom = motion(bottom_lift, bottom_speed);
+    take_lifts(std::move(lifts), info);
     info.profiles.printer = c.model;
     info.profiles.material = c.resin;
     contents.codec = cxdlp_code(grid.width_px, grid.height_px);

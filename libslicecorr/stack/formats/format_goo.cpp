@@ -33,8 +33,8 @@ constexpr std::size_t kProgram = 0x0c, kProgramVersion = 0x2c, kPrinter = 0x5c, 
                       kPrintTime = 0x2fb76, kVolume = 0x2fb7a, kWeight = 0x2fb7e, kPrice = 0x2fb82,
                       kLayersAt = 0x2fb8e, kGreyRange = 0x2fb92, kTransition = 0x2fb93;
 // Places in the head of a layer.
-constexpr std::size_t kZ = 0x06, kLayerExposure = 0x0a, kLayerLift = 0x1e, kLayerLight = 0x3e,
-                      kLayerBreak = 0x40, kLayerBytes = 0x42;
+constexpr std::size_t kZ = 0x06, kLayerExposure = 0x0a, kLayerLightOff = 0x0e, kLayerWaits = 0x12,
+                      kLayerLift = 0x1e, kLayerLight = 0x3e, kLayerBreak = 0x40, kLayerBytes = 0x42;
 // Pairs of a way, mm, and a speed, mm/min, behind kLifts and, without bottom layers, behind kLayerLift.
 constexpr std::size_t kPairBytes = 8;
 
@@ -102,6 +102,62 @@ std::vector<double> times_of(const GooFile& goo) {
     times_s.push_back(layer.real(kLayerExposure, "the exposure", 1e6));
   }
   return times_s;
+}
+
+/// Ways and speeds: a stage up, the second one, and the same back, each at its place.
+LiftMotion motion_at(LiftNumbers& n, std::size_t up, std::size_t up_2, std::size_t back,
+                     std::size_t back_2) {
+  LiftMotion m;
+  m.up_mm = n.at(up);
+  m.up_mm_s = n.mm_s(up + 4);
+  m.up_2_mm = n.at(up_2);
+  m.up_2_mm_s = n.mm_s(up_2 + 4);
+  m.back_mm_s = n.mm_s(back + 4);
+  m.back_2_mm = n.at(back_2);
+  m.back_2_mm_s = n.mm_s(back_2 + 4);
+  return m;
+}
+
+void take_waits(LiftNumbers& n, std::size_t at, LiftMotion& m) {
+  m.before_lift_s = n.at(at);
+  m.after_lift_s = n.at(at + 4);
+  m.before_light_s = n.at(at + 8);
+}
+
+void take_lifts_of(const GooFile& goo, StackInfo& info) {
+  const BinaryBlock& head = goo.head;
+  LiftNumbers n(head);
+  LiftTimes lifts;
+  const auto pairs = [&](std::size_t first) {
+    const auto at = [&](std::size_t i) { return kLifts + (2 * i + first) * kPairBytes; };
+    return motion_at(n, at(0), at(2), at(1), at(3));
+  };
+  lifts.bottom = pairs(0);
+  lifts.normal = pairs(1);
+  lifts.bottom_layers = info.bottom_layers;
+  const bool waits = head.u8(kMode) != 0;
+  if (waits) {
+    take_waits(n, kWaits, lifts.bottom);
+    take_waits(n, kWaits + 12, lifts.normal);
+  } else {
+    lifts.bottom.light_off_s = lifts.normal.light_off_s = n.at(kLightOff);
+  }
+  bool known = n.known();
+  if (head.u8(kLayerFlag) != 0) {
+    for (const BinaryBlock& layer : goo.layers) {
+      LiftNumbers own(layer);
+      constexpr std::size_t at = kLayerLift;
+      LiftMotion m = motion_at(own, at, at + kPairBytes, at + 2 * kPairBytes, at + 3 * kPairBytes);
+      if (waits) {
+        take_waits(own, kLayerWaits, m);
+      } else {
+        m.light_off_s = own.at(kLayerLightOff);
+      }
+      known = known && own.known();
+      lifts.layers.push_back(m);
+    }
+  }
+  if (known) take_lifts(std::move(lifts), info);
 }
 
 void add_facts(const GooFile& goo, const BinaryFile& file, ArchiveContents& contents) {
@@ -202,13 +258,13 @@ void change_goo(const ArchiveRequest& r, BinaryOutput& output) {
   changed.add_to(output);
 }
 
-void set_lifts(BinaryBlock& block, std::size_t at, double lift_mm, std::size_t lift_pairs) {
+void set_lifts(BinaryBlock& block, std::size_t at, const NewLift& lift, std::size_t lift_pairs) {
   // Ways up come first, ways back after them; second stages have none.
   for (std::size_t i = 0; i < lift_pairs; ++i) {
-    block.set_f32(at + i * kPairBytes, lift_mm);
-    block.set_f32(at + i * kPairBytes + 4, kLiftMmMin);
-    block.set_f32(at + (lift_pairs + i) * kPairBytes, lift_mm);
-    block.set_f32(at + (lift_pairs + i) * kPairBytes + 4, kDropMmMin);
+    block.set_f32(at + i * kPairBytes, lift.mm);
+    block.set_f32(at + i * kPairBytes + 4, lift.up_mm_min);
+    block.set_f32(at + (lift_pairs + i) * kPairBytes, lift.mm);
+    block.set_f32(at + (lift_pairs + i) * kPairBytes + 4, lift.back_mm_min);
   }
 }
 
@@ -216,11 +272,8 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   const StackInfo& info = r.info;
   const Grid& grid = info.grid;
   const ExposureSummary s = exposure_summary(info);
-  const double lift_mm = lifts(info) ? kLiftMm : 0;
-  warn(r,
-       fmt::format("a new GOO file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min: set "
-                   "what the printer needs, or give a file of the printer's slicer as a template",
-                   lift_mm, kLiftMmMin, kDropMmMin));
+  const NewLift lift = new_lift(info);
+  tell_new_lift(r, "GOO", lift);
   BinaryBlock head(kHeadBytes, ByteOrder::big);
   head.set_bytes(0, kStart);
   head.set_text(kProgram, 32, "slicecorr");
@@ -252,15 +305,15 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u8(kMode, 1);
   head.set_f32(kBottomExposure, s.bottom_s);
   head.set_u32(kBottomLayers, static_cast<std::uint32_t>(s.bottom_layers));
-  set_lifts(head, kLifts, lift_mm, 2);
+  set_lifts(head, kLifts, lift, 2);
+  // The rest before light, of bottom layers and of the others.
+  for (const std::size_t at : {kWaits + 8, kWaits + 20}) head.set_f32(at, lift.wait_s);
   head.set_u16(kBottomLight, 255);
   head.set_u16(kLight, 255);
   head.set_u8(kLayerFlag, s.uneven);
   const std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
-  for (const double t : times_s) {
-    print_time_s += t + 60 * lift_mm * (1 / kLiftMmMin + 1 / kDropMmMin);
-  }
+  for (const double t : times_s) print_time_s += t + lift.dark_s();
   head.set_u32(kPrintTime, u32_of(print_time_s));
   head.set_f32(kVolume, info.part_volume_mm3);
   head.set_bytes(kPrice + 4, "$");
@@ -274,10 +327,11 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
     layer.set_f32(kZ, static_cast<double>(n + 1) * grid.layer_um * 1e-3);
     layer.set_f32(kLayerExposure, times_s[n]);
     // One stage up, then nothing of the second; the same back.
-    layer.set_f32(kLayerLift, lift_mm);
-    layer.set_f32(kLayerLift + 4, kLiftMmMin);
-    layer.set_f32(kLayerLift + 2 * kPairBytes, lift_mm);
-    layer.set_f32(kLayerLift + 2 * kPairBytes + 4, kDropMmMin);
+    layer.set_f32(kLayerWaits + 8, lift.wait_s);
+    layer.set_f32(kLayerLift, lift.mm);
+    layer.set_f32(kLayerLift + 4, lift.up_mm_min);
+    layer.set_f32(kLayerLift + 2 * kPairBytes, lift.mm);
+    layer.set_f32(kLayerLift + 2 * kPairBytes + 4, lift.back_mm_min);
     layer.set_u16(kLayerLight, 255);
     layer.set_bytes(kLayerBreak, kBreak);
     layer.set_u32(kLayerBytes, static_cast<std::uint32_t>(coded->sizes[n]));
@@ -330,6 +384,8 @@ class Goo final : public ArchiveFormat {
     info.bottom_layers =
         static_cast<int>(std::min<std::size_t>(head.u32(kBottomLayers), goo.layers.size()));
     take_layer_times(times_of(goo), info);
+    take_lifts_of(goo, info);
+    info.own_print_time_s = head.u32(kPrintTime);
     info.orientation.mirror_x = head.u8(kMirrorX) != 0;
     info.orientation.mirror_y = head.u8(kMirrorY) != 0;
     info.orientation_known = true;

@@ -20,8 +20,10 @@ constexpr std::uint64_t kLgsHeadBytes = 0xb4;
 namespace lgs_at {
 constexpr std::size_t kModel = 0x10, kPerMmY = 0x1c, kPerMmX = 0x20, kPixelsY = 0x24,
                       kPixelsX = 0x28, kLayerMm = 0x2c, kExposureMs = 0x30,
-                      kBottomExposureMs = 0x34, kWaitMs = 0x3c, kBottomMm = 0x44, kLift = 0x50,
-                      kLiftSpeed = 0x54, kLayers = 0xa4, kPreviewX = 0xac, kPreviewY = 0xb0;
+                      kBottomExposureMs = 0x34, kBottomWaitMs = 0x3c, kWaitMs = 0x40,
+                      kBottomMm = 0x44, kBottomLift = 0x4c, kLift = 0x50, kLiftSpeed = 0x54,
+                      kBackSpeed = 0x58, kBottomLiftSpeed = 0x5c, kBottomBackSpeed = 0x60,
+                      kLayers = 0xa4, kPreviewX = 0xac, kPreviewY = 0xb0;
 }  // namespace lgs_at
 constexpr std::uint32_t kPngModel = 120;
 
@@ -160,6 +162,21 @@ class Lgs final : public ArchiveFormat {
     }
     info.orientation.mirror_x = true;  // the printers' firmware always does
     info.orientation_known = true;
+    LiftNumbers n(head);
+    LiftTimes lifts;
+    lifts.bottom_layers = info.bottom_layers;
+    const auto motion = [&](std::size_t lift, std::size_t up, std::size_t back, std::size_t wait) {
+      LiftMotion m;
+      m.up_mm = n.at(lift);
+      m.up_mm_s = n.mm_s(up);
+      m.back_mm_s = n.mm_s(back);
+      m.before_light_s = n.at(wait) / 1000;
+      return m;
+    };
+    lifts.normal = motion(lgs_at::kLift, lgs_at::kLiftSpeed, lgs_at::kBackSpeed, lgs_at::kWaitMs);
+    lifts.bottom = motion(lgs_at::kBottomLift, lgs_at::kBottomLiftSpeed, lgs_at::kBottomBackSpeed,
+                          lgs_at::kBottomWaitMs);
+    if (n.known()) take_lifts(std::move(lifts), info);
     info.profiles.printer = fmt::format("Longer Orange {}", head.u32(lgs_at::kModel));
     contents.codec = lgs_code(grid.width_px, grid.height_px);
     contents.places = std::move(lgs.layers);

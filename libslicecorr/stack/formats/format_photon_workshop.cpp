@@ -28,10 +28,11 @@ constexpr std::size_t kPixelUm = 0x10, kLayerMm = 0x14, kExposure = 0x18, kWait 
                       kBottomExposure = 0x20, kBottomLayers = 0x24, kLift = 0x28, kSpeed = 0x2c,
                       kBackSpeed = 0x30, kVolume = 0x34, kAntiAliasing = 0x38, kWidth = 0x3c,
                       kHeight = 0x40, kWeight = 0x44, kPrice = 0x48, kLayerFlag = 0x50,
-                      kPrintTime = 0x54, kTransition = 0x58, kHeaderBytes = 0x60;
+                      kPrintTime = 0x54, kTransition = 0x58, kHeaderBytes = 0x60,
+                      kExtraBytes = 0x48;
 // Places in a record of LAYERDEF.
-constexpr std::size_t kOffset = 0, kBytes = 4, kRecordExposure = 0x10, kThickness = 0x14,
-                      kLit = 0x18;
+constexpr std::size_t kOffset = 0, kBytes = 4, kRecordLift = 8, kRecordSpeed = 0x0c,
+                      kRecordExposure = 0x10, kThickness = 0x14, kLit = 0x18;
 constexpr std::uint32_t kMostPasses = 64;
 
 struct WorkshopFile {
@@ -150,6 +151,65 @@ LayerCodecPtr codec_of(const BinaryFile& file, const WorkshopFile& w) {
   if (is_pw0(file, w)) return pw0_code(width, height, w.is_black_and_white());
   const int passes = static_cast<int>(std::max<std::uint32_t>(1, w.header.u32(kAntiAliasing)));
   return bit_sets_code(width, height, passes, true);
+}
+
+/// Of version 516 on lifts may have two stages, in a table of their own, which counts where HEADER says so.
+std::optional<BinaryBlock> extra_of(const BinaryFile& file, const WorkshopFile& w) {
+  constexpr std::size_t advanced = 0x60, advanced_ends = 0x54;
+  if (w.version < 516 || w.mark.u32(kExtraAt) == 0 || w.header.u32(12) < advanced_ends) {
+    return std::nullopt;
+  }
+  if (BinaryBlock(file, w.header.offset() + advanced, 4, "HEADER").u32(0) == 0) return std::nullopt;
+  BinaryBlock extra(file, w.mark.u32(kExtraAt), kExtraBytes, "EXTRA");
+  if (extra.text(0, 12) != "EXTRA" || extra.u32(0x10) != 2 || extra.u32(0x2c) != 2) {
+    return std::nullopt;
+  }
+  return extra;
+}
+
+/// Two stages of three numbers each. The way back goes the stages in the other order, and each one's
+/// speed back stands at the other's place.
+LiftMotion stages_at(LiftNumbers& n, std::size_t at) {
+  LiftMotion m;
+  m.up_mm = n.at(at);
+  m.up_mm_s = n.at(at + 4);
+  m.up_2_mm = n.at(at + 0x0c);
+  m.up_2_mm_s = n.at(at + 0x10);
+  m.back_2_mm = m.up_mm;
+  m.back_2_mm_s = n.at(at + 8);
+  m.back_mm_s = n.at(at + 0x14);
+  return m;
+}
+
+void take_lifts_of(const BinaryFile& file, const WorkshopFile& w, StackInfo& info) {
+  LiftNumbers h(w.header);
+  LiftTimes lifts;
+  bool known = true;
+  if (const auto extra = extra_of(file, w)) {
+    LiftNumbers n(*extra);
+    lifts.bottom = stages_at(n, 0x14);
+    lifts.normal = stages_at(n, 0x30);
+    known = n.known();
+  } else {
+    lifts.normal.up_mm = h.at(kLift);
+    lifts.normal.up_mm_s = h.at(kSpeed);
+    lifts.normal.back_mm_s = h.at(kBackSpeed);
+    lifts.bottom = lifts.normal;
+  }
+  lifts.normal.before_light_s = lifts.bottom.before_light_s = h.at(kWait);
+  lifts.bottom_layers = info.bottom_layers;
+  if (w.header.u32(kLayerFlag) != 0) {
+    LiftNumbers n(w.layers);
+    for (std::size_t i = 0; i < w.count; ++i) {
+      LiftMotion m = lifts.of(static_cast<int>(i));
+      m.up_mm = n.at(w.record(i) + kRecordLift);
+      m.up_mm_s = n.at(w.record(i) + kRecordSpeed);
+      m.back_2_mm = std::min(m.back_2_mm, m.up_mm);
+      lifts.layers.push_back(m);
+    }
+    known = known && n.known();
+  }
+  if (known && h.known()) take_lifts(std::move(lifts), info);
 }
 
 void add_facts(const WorkshopFile& w, bool pw0, ArchiveContents& contents) {
@@ -335,6 +395,8 @@ class PhotonWorkshop final : public ArchiveFormat {
       }
     }
     take_layer_times(std::move(times_s), info);
+    take_lifts_of(file, w, info);
+    if (w.version >= 516) info.own_print_time_s = h.u32(kPrintTime);
     if (w.machine) info.profiles.printer = w.machine->text(0x10, 96);
     contents.codec = codec_of(file, w);
     const std::uint32_t aa = h.u32(kAntiAliasing);

@@ -11,6 +11,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "stack/formats/archive_format.hpp"
+#include "stack/formats/format_times.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/png/preview.hpp"
 
@@ -113,6 +114,22 @@ void read_exposure(const KeyValueText& config, StackInfo& info) {
     info.bottom_layers = 1;
     info.fade_layers = std::max(0, fade - 2);
   }
+}
+
+/// A vat that tilts takes a time for layers with little area, and another for those with much; which
+/// these are is not said, but how many: each layer gets the mean.
+void read_tilts(const KeyValueText& config, const std::optional<KeyValueText>& settings,
+                StackInfo& info) {
+  info.own_print_time_s = lift_number(config, "printTime").value_or(0);
+  if (!settings) return;
+  const auto fast_s = lift_number(*settings, "fast_tilt_time"),
+             slow_s = lift_number(*settings, "slow_tilt_time");
+  const double fast = config.number("numFast", 0, 1e6).value_or(0),
+               slow = config.number("numSlow", 0, 1e6).value_or(0);
+  if (!fast_s || !slow_s || !(fast + slow > 0)) return;
+  LiftTimes lifts;
+  lifts.normal.tilt_s = (fast * *fast_s + slow * *slow_s) / (fast + slow);
+  take_lifts(std::move(lifts), info);
 }
 
 /// Numbers as PrusaSlicer writes them.
@@ -286,6 +303,7 @@ class Sl1 final : public ArchiveFormat {
     }
     read_display(config, settings, contents);
     read_exposure(config, info);
+    read_tilts(config, settings, info);
     info.target_layers = info.grid.layers;
     info.profiles.printer = config.find("printerProfile").value_or("");
     if (info.profiles.printer.empty()) {

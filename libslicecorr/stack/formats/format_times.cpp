@@ -107,6 +107,44 @@ void take_layer_times(std::vector<double> times_s, StackInfo& info) {
   info.layer_exposure_s = std::move(times_s);
 }
 
+double LiftNumbers::at(std::size_t at) {
+  const double value = block_.f32(at);
+  if (value >= 0 && value <= kMostLiftNumber) return value;
+  known_ = false;
+  return 0;
+}
+
+std::optional<double> lift_number(const KeyValueText& text, std::string_view key) {
+  const auto value = text.find(key);
+  const auto number = value ? leading_number(*value) : std::nullopt;
+  if (!number || !(number->value >= 0 && number->value <= kMostLiftNumber)) return std::nullopt;
+  return number->value;
+}
+
+void take_lifts(LiftTimes lifts, StackInfo& info) {
+  const auto makes_sense = [](const LiftMotion& m) {
+    const bool lifted = m.up_mm + m.up_2_mm > 0;
+    return (m.up_mm == 0 || m.up_mm_s > 0) && (m.up_2_mm == 0 || m.up_2_mm_s > 0) &&
+           (!lifted || m.back_mm_s > 0 || m.back_2_mm >= m.up_mm + m.up_2_mm) &&
+           (m.back_2_mm == 0 || m.back_2_mm_s > 0);
+  };
+  if (!makes_sense(lifts.normal) || (lifts.bottom_layers > 0 && !makes_sense(lifts.bottom)) ||
+      !std::all_of(lifts.layers.begin(), lifts.layers.end(), makes_sense)) {
+    return;
+  }
+  lifts.by_archive = true;
+  if (!lifts.layers.empty()) {
+    LiftTimes without = lifts;
+    without.layers.clear();
+    bool same = true;
+    for (std::size_t n = 0; n < lifts.layers.size() && same; ++n) {
+      same = lifts.layers[n] == without.of(static_cast<int>(n));
+    }
+    if (same) lifts.layers.clear();
+  }
+  info.lift_times = std::move(lifts);
+}
+
 std::vector<std::string> continued_names(const ArchiveRequest& request, std::string_view suffix) {
   std::vector<std::string> names = request.kept_contents->images;
   const auto layers = static_cast<std::size_t>(request.info.grid.layers);
@@ -133,6 +171,28 @@ std::vector<std::string> continued_names(const ArchiveRequest& request, std::str
 
 void warn(const ArchiveRequest& request, std::string text) {
   if (request.warnings != nullptr) request.warnings->push_back(std::move(text));
+}
+
+NewLift new_lift(const StackInfo& info) {
+  NewLift lift;
+  if (!lifts(info)) return lift;
+  lift.mm = kLiftMm;
+  if (!info.printer || !info.printer->lift_motion || info.printer->lift_motion->up_mm == 0)
+    return lift;
+  const LiftMotion& m = *info.printer->lift_motion;
+  constexpr double s_per_min = 60;
+  return {m.up_mm, m.up_mm_s * s_per_min, m.back_mm_s * s_per_min, m.before_light_s, true};
+}
+
+void tell_new_lift(const ArchiveRequest& request, std::string_view format, const NewLift& lift) {
+  warn(
+      request,
+      fmt::format("a new {} file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min{}",
+                  format, lift.mm, lift.up_mm_min, lift.back_mm_min,
+                  lift.of_printer
+                      ? fmt::format(", and {:g} s of rest, as the printer file does", lift.wait_s)
+                      : ": set what the printer needs, or give a file of the printer's slicer as a "
+                        "template"));
 }
 
 bool lifts(const StackInfo& info) {

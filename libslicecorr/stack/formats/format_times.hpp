@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "stack/formats/archive_format.hpp"
+#include "stack/formats/binary_block.hpp"
 
 namespace slicecorr::detail {
 
@@ -40,6 +41,28 @@ double layer_um(double layer_mm, const Container& archive, const std::string& sa
 /// after the bottom ones are recognised.
 void take_layer_times(std::vector<double> times_s, StackInfo& info);
 
+/// Ways, speeds and times of lifts that are more are none.
+inline constexpr double kMostLiftNumber = 1e5;
+/// A place of a binary file that says lifts.
+class LiftNumbers {
+ public:
+  explicit LiftNumbers(const BinaryBlock& block) : block_(block) {}
+  /// The number at `at`; one that is no time, way or speed makes all of them unknown.
+  double at(std::size_t at);
+  /// The same, from a speed in mm/min.
+  double mm_s(std::size_t at) { return this->at(at) / 60; }
+  bool known() const { return known_; }
+
+ private:
+  const BinaryBlock& block_;
+  bool known_ = true;
+};
+/// The same in lines of keys and values: nothing where the key is not there, or has no such number.
+std::optional<double> lift_number(const KeyValueText& text, std::string_view key);
+/// Takes what an archive says of lifts, unless ways have no speed: such lifts are not known. Layers'
+/// own, where all are as the bottom's and the normal one, are left out.
+void take_lifts(LiftTimes lifts, StackInfo& info);
+
 /// Names of `layers` images: the kept ones and, after them, their numbers continued with at least
 /// as many digits as the last one has. Throws `InputError` when there are more kept ones.
 std::vector<std::string> continued_names(const ArchiveRequest& request, std::string_view suffix);
@@ -54,5 +77,15 @@ bool lifts(const StackInfo& info);
 /// Lifts that new files say, until somebody sets what the printer needs, mm and mm/min: slow enough for any, as
 /// Chitubox proposes them.
 inline constexpr double kLiftMm = 5, kLiftMmMin = 60, kDropMmMin = 150;
+/// What a new file says of lifts: as the printer file does, else the above; nothing where none are.
+struct NewLift {
+  double mm = 0, up_mm_min = kLiftMmMin, back_mm_min = kDropMmMin, wait_s = 0;
+  bool of_printer = false;
+  /// Of a layer besides its light, as these files' programs reckon it.
+  double dark_s() const { return 60 * mm * (1 / up_mm_min + 1 / back_mm_min) + wait_s; }
+};
+NewLift new_lift(const StackInfo& info);
+/// Tells it. `format`: "GOO".
+void tell_new_lift(const ArchiveRequest& request, std::string_view format, const NewLift& lift);
 
 }  // namespace slicecorr::detail

@@ -161,7 +161,7 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
       if (!showing) continue;
       const auto number = static_cast<long>(std::min(numbers.front().value, 1e9));
       if (!layers_.empty() && layers_.back().number == number) continue;
-      layers_.push_back({begin, number, 0, 0, 0, 0, 0, -1});
+      layers_.push_back({begin, number, 0, 0, 0, 0, 0, -1, 0});
       lit = done = switched = false;
       continue;
     }
@@ -188,6 +188,10 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
       } else {
         layer.other_waits_ms += wait->ms;
       }
+    } else if (line.starts_with(dialect_.wait) && dialect_.wait_word == 0) {
+      const std::size_t from = all.find_first_not_of(" \t", at + dialect_.wait.size());
+      const auto number = plain_number(all.substr(0, line_end(all, at)), from);
+      if (number && number->value > 0) layer.dark_ms += number->value;
     }
   }
 }

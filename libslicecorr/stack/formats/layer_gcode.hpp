@@ -42,7 +42,8 @@ class LayerGcode {
     std::size_t wait_begin = 0, wait_end = 0;
     double wait_ms = 0, other_waits_ms = 0;
     int waits = 0;
-    double light = -1;  ///< value of M106, -1 without
+    double light = -1;   ///< value of M106, -1 without
+    double dark_ms = 0;  ///< of its waits without light, as far as they are plain numbers
     double exposure_s() const { return (wait_ms + other_waits_ms) / 1000; }
   };
 

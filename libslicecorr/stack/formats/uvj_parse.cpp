@@ -12,6 +12,7 @@
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "stack/formats/even_light_json.hpp"
+#include "stack/formats/format_times.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/recording_entry.hpp"
 #include "support/json/json_node.hpp"
@@ -76,6 +77,23 @@ double scale_um(double um, double least, double most, const SortedNode& node) {
   return um;
 }
 
+/// Lifts of a slicer; our own stacks say 0, which is nothing.
+LiftMotion read_lift(const SortedNode& node) {
+  bool known = true;
+  const auto number = [&](const char* key) {
+    if (!node.has(key)) return 0.0;
+    const double value = node[key].json().is_number() ? node[key].json().get<double>() : -1;
+    known = known && value >= 0 && value <= kMostLiftNumber;
+    return value;
+  };
+  LiftMotion m;
+  m.up_mm = number("LiftHeight");
+  m.up_mm_s = number("LiftSpeed") / 60;
+  m.back_mm_s = number("RetractSpeed") / 60;
+  m.light_off_s = number("LightOffTime");
+  return known ? m : LiftMotion{};
+}
+
 void read_properties(const SortedNode& properties, StackInfo& info) {
   const SortedNode size = properties["Size"];
   Grid& grid = info.grid;
@@ -103,6 +121,13 @@ void read_properties(const SortedNode& properties, StackInfo& info) {
       info.bottom_layers = count;
       info.bottom_exposure_s = time_s;
     }
+  }
+  if (properties.has("Exposure") && properties["Exposure"].json().is_object()) {
+    LiftTimes lifts;
+    lifts.normal = read_lift(properties["Exposure"]);
+    lifts.bottom_layers = info.bottom_layers;
+    if (info.bottom_layers > 0) lifts.bottom = read_lift(properties["Bottom"]);
+    if (lifts.normal.up_mm > 0) take_lifts(std::move(lifts), info);
   }
   if (properties.has("AntiAliasLevel")) properties["AntiAliasLevel"].whole(0, 255);
 }

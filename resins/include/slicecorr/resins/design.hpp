@@ -63,6 +63,11 @@ struct Forecast {
   FirstGel first;
   double window_time_s = 0;          ///< infinite while a dead zone lasts
   double exposure_for_height_s = 0;  ///< infinite: never
+  /// Layer by layer: from so long on a layer of `layer_um` holds when the platform lifts, its far edge
+  /// having `green_strength` gel doses; nothing where lifts are not counted (UV light, a time to gel, a
+  /// resin that bleaches).
+  std::optional<double> layer_holds_s{};
+  double green_strength = 0;
   std::optional<Passing> passing;
   /// The same at the dimmest and the brightest place; null where all get the same light.
   std::shared_ptr<const Forecast> dimmest, brightest;

@@ -55,7 +55,7 @@ void Controller::Impl::go_layers() {
       return begin_layer(n);
     case Act::move:
       if (!arrived()) return;
-      command_move(plan.frame_um(n), machine.stage.lift_speed_um_s,
+      command_move(plan.frame_um(n), machine.stage.return_speed_um_s,
                    machine.stage.acceleration_um_s2);
       return turn_to(Act::arrive);
     case Act::arrive:

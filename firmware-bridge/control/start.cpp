@@ -46,7 +46,7 @@ std::string impossible(const Machine& machine, const Status& s) {
         "the machine says that its stage is at {:.3f} mm; its travel is 0 to {:g} mm",
         s.stage_um * 1e-3, stage.travel_um * 1e-3);
   }
-  const double fastest = kTimesFaster * std::max(stage.max_speed_um_s, stage.lift_speed_um_s);
+  const double fastest = kTimesFaster * stage.fastest_um_s();
   if (s.stage_speed_um_s && fastest > 0 && !(std::abs(*s.stage_speed_um_s) <= fastest)) {
     if (stage.turns()) {
       return fmt::format(

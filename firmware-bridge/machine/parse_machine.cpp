@@ -23,9 +23,10 @@ constexpr double kUmPerMm = 1000, kUmSPerMmH = 1000.0 / 3600;
 
 Stage parse_stage(const TomlTable& t) {
   // Whether the speed may change is for who plans prints.
-  constexpr std::array<std::string_view, 9> known{
-      "max_speed_mm_h", "travel_mm",       "acceleration_mm_s2", "tolerance_um",  "home_mm",
-      "lift_mm",        "lift_speed_mm_h", "settle_s",           "variable_speed"};
+  constexpr std::array<std::string_view, 11> known{
+      "max_speed_mm_h", "travel_mm", "acceleration_mm_s2", "tolerance_um",
+      "home_mm",        "lift_mm",   "lift_speed_mm_h",    "return_speed_mm_h",
+      "settle_s",       "wait_s",    "variable_speed"};
   detail::only_keys(t, known);
   Stage s;
   s.max_speed_um_s = t.required_number("max_speed_mm_h", 0, 1e6) * kUmSPerMmH;
@@ -51,7 +52,11 @@ Stage parse_stage(const TomlTable& t) {
   } else {
     s.lift_speed_um_s = s.max_speed_um_s;
   }
-  s.settle_s = t.number("settle_s", 0, 600, true).value_or(s.settle_s);
+  s.return_speed_um_s =
+      t.number("return_speed_mm_h", 0, 1e6).value_or(s.lift_speed_um_s / kUmSPerMmH) * kUmSPerMmH;
+  // The printer file was read before: it has one of the two.
+  const char* const wait = t.has("wait_s") ? "wait_s" : "settle_s";
+  s.settle_s = t.number(wait, 0, kMostLiftWaitS, true).value_or(s.settle_s);
   return s;
 }
 
@@ -69,7 +74,7 @@ Stage parse_turning_stage(const TomlTable& t, const Printer& printer) {
                                     "(rotation.deg_s)",
                                     fastest_deg_s, print_deg_s));
   }
-  s.max_speed_um_s = s.lift_speed_um_s = fastest_deg_s * s.um_per_deg;
+  s.max_speed_um_s = s.lift_speed_um_s = s.return_speed_um_s = fastest_deg_s * s.um_per_deg;
   s.acceleration_um_s2 = t.required_number("acceleration_deg_s2", 0, 1e6) * s.um_per_deg;
   s.tolerance_um = t.number("tolerance_deg", 0, 90).value_or(1) * s.um_per_deg;
   s.travel_um = t.integer("travel_turns", 2, 1000000, 1000) * s.turn_um();

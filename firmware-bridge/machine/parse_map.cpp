@@ -27,7 +27,7 @@ struct Need {
 };
 
 Need need_of(Signal signal, const Machine& m) {
-  const double fastest = std::max(m.stage.max_speed_um_s, m.stage.lift_speed_um_s);
+  const double fastest = m.stage.fastest_um_s();
   const double uv = m.printer.uv ? m.printer.uv->max_mw_cm2() : 0;
   switch (signal) {
     case Signal::sequence:

@@ -43,8 +43,9 @@ void plan_layers(PrintPlan& plan, const Process& process, const Machine& machine
   plan.speed_um_s = stage.lift_speed_um_s;
   plan.end_um = plan.start_um + height_um(plan);
   check_travel(plan, machine, plan.end_um);
-  const double lift_s = stage.lift_um > 0 ? 2 * stage.lift_um / stage.lift_speed_um_s +
-                                                2 * stage.lift_speed_um_s / stage.acceleration_um_s2
+  const double up = stage.lift_speed_um_s, back = stage.return_speed_um_s;
+  const double lift_s = stage.lift_um > 0 ? stage.lift_um / up + stage.lift_um / back +
+                                                (up + back) / stage.acceleration_um_s2
                                           : 0;
   for (std::size_t n = 0; n < plan.frames.size(); ++n) {
     const double exposure_s = layer_exposure_s(process, static_cast<int>(n));

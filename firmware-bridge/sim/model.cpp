@@ -406,8 +406,7 @@ struct PrinterModel::Impl {
     if (!stage_failed) {
       course.moving = true;
       course.target_um = std::clamp(s.target_um, 0.0, limits.travel_um);
-      course.speed_um_s =
-          std::clamp(s.speed_um_s, 0.0, std::max(limits.max_speed_um_s, limits.lift_speed_um_s));
+      course.speed_um_s = std::clamp(s.speed_um_s, 0.0, limits.fastest_um_s());
       course.acceleration_um_s2 = s.acceleration_um_s2 > 0
                                       ? std::min(s.acceleration_um_s2, limits.acceleration_um_s2)
                                       : limits.acceleration_um_s2;

@@ -84,8 +84,7 @@ bool Registers::acceptable(const SetPoints& s) const {
   const Stage& stage = machine_.stage;
   const double uv = machine_.printer.uv ? machine_.printer.uv->max_mw_cm2() : 0;
   return within(Signal::target_um, s.target_um, 0, stage.travel_um) &&
-         within(Signal::speed_um_s, s.speed_um_s, 0,
-                std::max(stage.max_speed_um_s, stage.lift_speed_um_s)) &&
+         within(Signal::speed_um_s, s.speed_um_s, 0, stage.fastest_um_s()) &&
          within(Signal::acceleration_um_s2, s.acceleration_um_s2, 0, stage.acceleration_um_s2) &&
          within(Signal::blue_share, s.blue_share, 0, machine_.blue.max_share) &&
          within(Signal::uv_mw_cm2, s.uv_mw_cm2, 0, uv) &&

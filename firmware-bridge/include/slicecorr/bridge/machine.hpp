@@ -8,6 +8,7 @@
 /// (docs/printer-files.md has the ranges). Plain values; all functions are thread-safe.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -36,7 +37,11 @@ struct Stage {
   /// Layer by layer. Speed of lifting and of every move outside of the print; that of printing when
   /// the file has none.
   double lift_um = 3000, lift_speed_um_s = 1000;
-  double settle_s = 0.5;  ///< 0..600: from the end of a move until light may come
+  double return_speed_um_s = 1000;      ///< of coming back after a lift; as the lift without it
+  double settle_s = kDefaultLiftWaitS;  ///< 0..600: from the end of a move until light may come
+  double fastest_um_s() const {
+    return std::max({max_speed_um_s, lift_speed_um_s, return_speed_um_s});
+  }
   bool turns() const { return um_per_deg > 0; }
   double turn_um() const { return 360 * um_per_deg; }  ///< arc of a whole turn
 };

@@ -584,13 +584,13 @@ TEST_F(FarmQueue, ARecordOfVersion1IsBroughtUp) {
     Queue q = open();
     submit(q, job_with_key("k"));
   }
-  for (const char* sql :
-       {"DROP TABLE tomo_works", "DROP TABLE tomo_results", "PRAGMA user_version = 1"}) {
+  for (const char* sql : {"DROP TABLE tomo_works", "DROP TABLE tomo_results",
+                          "DROP TABLE stack_times", "PRAGMA user_version = 1"}) {
     ASSERT_EQ(raw(sql), "");
   }
   // By whoever comes first, if only to read.
   EXPECT_EQ(ReadModel(path(), clock).jobs({}).at(0).name, "part");
-  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("2"));
+  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("3"));
   Queue q = open();
   NewJob tomo = job_with_key("t");
   tomo.work.voxel_angle_steps = 4'000'000;
@@ -616,6 +616,33 @@ TEST_F(FarmQueue, ARecordOfVersion1IsBroughtUp) {
     EXPECT_EQ(f.tomo->print_time_s, 100.8);
     EXPECT_FALSE(f.tomo->feasible);
   }
+}
+
+TEST_F(FarmQueue, TimesOfPrintsAreKept) {
+  // Lifts known, not known, and a result of which no time was told.
+  const std::vector<std::optional<StackTime>> times{StackTime{120, 900.5}, StackTime{120, {}}, {}};
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    Queue q = open();
+    const std::string key = "k" + std::to_string(i);
+    submit(q, job_with_key(key));
+    const auto c = q.claim(any_job(q.start_service("local", 1, 1000)));
+    ASSERT_TRUE(q.begin_commit(c->token));
+    ResultRecord result = some_result();
+    result.figures.time = times[i];
+    ASSERT_TRUE(q.finish(c->token, result, ended(Reason::none), false));
+    for (const ResultFigures& f :
+         {*ReadModel(path(), clock).job(c->job.id)->figures, q.cached(key)->figures}) {
+      ASSERT_EQ(f.time.has_value(), times[i].has_value());
+      if (!f.time) continue;
+      EXPECT_EQ(f.time->light_s, 120);
+      EXPECT_EQ(f.time->print_s, times[i]->print_s);
+    }
+  }
+  ResultFigures f;
+  f.time = StackTime{120, 900.5};
+  EXPECT_THAT(in_words(f), HasSubstr("prints in 15 min"));
+  f.time = StackTime{120, {}};
+  EXPECT_THAT(in_words(f), HasSubstr("of light, lifts not known"));
 }
 
 TEST_F(FarmQueue, ManyMakeTheSameDatabaseAtOnce) {

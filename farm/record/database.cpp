@@ -151,6 +151,7 @@ void Database::migrate() {
   if (version == kSchemaVersion) return;  // another process was faster
   if (version < 1) execute(kSchema);
   if (version < 2) execute(kSchemaOfTomography);
+  if (version < 3) execute(kSchemaOfTimes);
   execute(fmt::format("PRAGMA application_id = {}", kApplicationId).c_str());
   execute(fmt::format("PRAGMA user_version = {}", kSchemaVersion).c_str());
   transaction.commit();
@@ -179,6 +180,10 @@ void Database::bind(sqlite3_stmt* s, int index, std::int64_t value) {
 }
 void Database::bind(sqlite3_stmt* s, int index, double value) {
   if (sqlite3_bind_double(s, index, value) != SQLITE_OK) fail(db_, path_);
+}
+void Database::bind(sqlite3_stmt* s, int index, const std::optional<double>& value) {
+  if (value) return bind(s, index, *value);
+  if (sqlite3_bind_null(s, index) != SQLITE_OK) fail(db_, path_);
 }
 void Database::bind(sqlite3_stmt* s, int index, std::string_view value) {
   if (sqlite3_bind_text(s, index, value.data(), static_cast<int>(value.size()), SQLITE_TRANSIENT) !=

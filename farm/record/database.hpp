@@ -87,6 +87,7 @@ class Database {
   void bind(sqlite3_stmt* s, int index, int value) { bind(s, index, std::int64_t{value}); }
   void bind(sqlite3_stmt* s, int index, bool value) { bind(s, index, std::int64_t{value}); }
   void bind(sqlite3_stmt* s, int index, double value);
+  void bind(sqlite3_stmt* s, int index, const std::optional<double>& value);  ///< nothing: NULL
   void bind(sqlite3_stmt* s, int index, std::string_view value);
   void bind(sqlite3_stmt* s, int index, const std::string& value) {
     bind(s, index, std::string_view(value));

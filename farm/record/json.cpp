@@ -85,6 +85,10 @@ std::string job_json(const Job& j) {
                          {"cure_through_voxels", f.cure_through_voxels},
                          {"undercure_voxels", f.undercure_voxels},
                          {"target_voxels", f.target_voxels}};
+      if (f.time) {
+        json["figures"]["light_s"] = f.time->light_s;
+        json["figures"]["print_time_s"] = f.time->print_s ? Json(*f.time->print_s) : Json();
+      }
     }
   }
   json["files"] = files(j.files);

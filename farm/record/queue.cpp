@@ -172,7 +172,8 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
       "SELECT r.files, r.program, r.wall_s, r.layers, r.height_mean_um, r.height_p95_um, "
       "r.height_max_um, r.lost_features, r.merged_features, r.cure_through_voxels, "
       "r.undercure_voxels, r.target_voxels, t.contrast, t.contrast_bound, t.ver, t.turns, "
-      "t.print_time_s, t.feasible FROM results r LEFT JOIN tomo_results t ON t.key = r.key "
+      "t.print_time_s, t.feasible, s.light_s, s.print_s FROM results r "
+      "LEFT JOIN tomo_results t ON t.key = r.key LEFT JOIN stack_times s ON s.key = r.key "
       "WHERE r.key = ?1 AND r.stored",
       key);
   if (!r.next()) return std::nullopt;
@@ -191,6 +192,7 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
   f.undercure_voxels = r.integer(10);
   f.target_voxels = r.integer(11);
   f.tomo = detail::read_tomo_figures(r, 12);
+  f.time = detail::read_stack_time(r, 12 + detail::kTomoColumns);
   return result;
 }
 

@@ -314,6 +314,10 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
                f.tomo->contrast, f.tomo->contrast_bound, f.tomo->ver, f.tomo->turns,
                f.tomo->print_time_s, f.tomo->feasible);
     }
+    if (f.time) {
+      db_->run("INSERT OR REPLACE INTO stack_times VALUES(?1, ?2, ?3)", key, f.time->light_s,
+               f.time->print_s);
+    }
     const double all_s = end.cpu_s > 0 ? end.cpu_s : end.wall_s * std::max(1, threads);
     const double core_s = std::max(all_s - kFixedJobS, 0.05 * all_s);
     db_->run(

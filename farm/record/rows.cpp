@@ -21,16 +21,23 @@ const std::string kSelectJobs =
     "j.not_before_ms, j.token, j.cancel_wanted, j.from_cache, j.submitted_ms, j.started_ms, "
     "j.ended_ms, j.files, r.layers, r.height_mean_um, r.height_p95_um, r.height_max_um, "
     "r.lost_features, r.merged_features, r.cure_through_voxels, r.undercure_voxels, "
-    "r.target_voxels, t.contrast, t.contrast_bound, t.ver, t.turns, t.print_time_s, t.feasible "
-    "FROM jobs j JOIN works w ON w.key = j.key "
+    "r.target_voxels, t.contrast, t.contrast_bound, t.ver, t.turns, t.print_time_s, t.feasible, "
+    "s.light_s, s.print_s FROM jobs j JOIN works w ON w.key = j.key "
     "LEFT JOIN results r ON r.key = j.key AND j.state = 'done' "
-    "LEFT JOIN tomo_results t ON t.key = r.key ";
+    "LEFT JOIN tomo_results t ON t.key = r.key LEFT JOIN stack_times s ON s.key = r.key ";
 
 std::optional<TomoFigures> read_tomo_figures(const Rows& r, int first) {
   if (r.null(first)) return std::nullopt;
   return TomoFigures{r.number(first),     r.number(first + 1),
                      r.number(first + 2), static_cast<int>(r.integer(first + 3)),
                      r.number(first + 4), r.integer(first + 5) != 0};
+}
+
+std::optional<StackTime> read_stack_time(const Rows& r, int first) {
+  if (r.null(first)) return std::nullopt;
+  StackTime time{r.number(first)};
+  if (!r.null(first + 1)) time.print_s = r.number(first + 1);
+  return time;
 }
 
 Job read_job(const Rows& r) {
@@ -79,6 +86,7 @@ Job read_job(const Rows& r) {
     f.undercure_voxels = r.integer(++c);
     f.target_voxels = r.integer(++c);
     f.tomo = read_tomo_figures(r, ++c);
+    f.time = read_stack_time(r, c + kTomoColumns);
     j.figures = f;
   }
   return j;

@@ -19,6 +19,10 @@ extern const std::string kSelectJobs;
 Job read_job(const Rows& row);
 /// Of the six columns of `tomo_results` from `first` on; none where there is no row.
 std::optional<TomoFigures> read_tomo_figures(const Rows& row, int first);
+/// Columns that it reads.
+inline constexpr int kTomoColumns = 6;
+/// The same of light_s and print_s.
+std::optional<StackTime> read_stack_time(const Rows& r, int first);
 
 extern const std::string kSelectAttempts;
 Attempt read_attempt(const Rows& row);

@@ -8,7 +8,7 @@
 namespace slicecorr::farm::detail {
 
 /// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
-inline constexpr int kSchemaVersion = 2;
+inline constexpr int kSchemaVersion = 3;
 
 /// PRAGMA kApplicationId, "SCFM": not every SQLite file is a farm.
 inline constexpr int kApplicationId = 0x5343464d;
@@ -176,6 +176,13 @@ CREATE TABLE tomo_results(
   contrast REAL NOT NULL, contrast_bound REAL NOT NULL, ver REAL NOT NULL, turns INTEGER NOT NULL,
   print_time_s REAL NOT NULL, feasible INTEGER NOT NULL) WITHOUT ROWID;
 CREATE INDEX tomo_results_by_contrast ON tomo_results(contrast);
+)sql";
+
+/// What version 3 has besides, in the same way.
+inline constexpr const char* kSchemaOfTimes = R"sql(
+-- How long stacks print, beside their row in results; print_s is null where lifts are not known.
+CREATE TABLE stack_times(
+  key TEXT PRIMARY KEY REFERENCES works(key), light_s REAL NOT NULL, print_s REAL) WITHOUT ROWID;
 )sql";
 
 }  // namespace slicecorr::farm::detail

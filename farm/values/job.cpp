@@ -76,6 +76,11 @@ std::string in_words(const ResultFigures& f) {
   if (!f.tomo) {
     std::string text = fmt::format("largest height error {} um", text::figure(f.height_max_um));
     if (f.lost_features > 0) text += fmt::format(", {} lost", text::count(f.lost_features));
+    if (f.time) {
+      text += f.time->print_s
+                  ? fmt::format(", prints in {}", text::duration(*f.time->print_s))
+                  : fmt::format(", {} of light, lifts not known", text::duration(f.time->light_s));
+    }
     return text;
   }
   const TomoFigures& t = *f.tomo;

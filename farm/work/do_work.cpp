@@ -152,6 +152,8 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
     check_design(info, spec.inputs.at(0).name);
     // What a slicer wrote besides the slices stays, as with `slicecorr correct`.
     if (info.kind == StackKind::foreign && info.format == spec.format) file.keep_from = paths[0];
+    // What the archive says of lifts counts before the printer's; a job's setup has only that.
+    if (info.lift_times) setup.lift_times = info.lift_times;
     MissingFacts facts;
     facts.layer_um = spec.layer_um;
     facts.pixel_x_um = setup.printer.pixel_x_um;
@@ -178,6 +180,8 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
       outcome.message += (outcome.message.empty() ? "" : "; ") + text;
     }
   }
+  const PrintTime time = print_time(result.info);
+  outcome.figures.time = StackTime{time.light_s, time.all_s()};
   mesh.reset();
   archive.reset();
 

@@ -251,6 +251,10 @@ void detail::write_outcome(const std::string& folder, const WorkOutcome& o) {
                      {"undercure_voxels", f.undercure_voxels},
                      {"target_voxels", f.target_voxels}};
   if (f.tomo) json["figures"]["tomo"] = tomo_json(*f.tomo);
+  if (f.time) {
+    json["figures"]["time"] = {{"light_s", f.time->light_s},
+                               {"print_s", f.time->print_s ? Json(*f.time->print_s) : Json()}};
+  }
   json["files"] = Json::array();
   for (const ResultFile& r : o.files) {
     json["files"].push_back({{"ending", r.ending}, {"bytes", r.bytes}, {"sha256", r.sha256}});
@@ -286,6 +290,11 @@ std::optional<WorkOutcome> read_outcome(const std::string& folder) {
                  f.at("undercure_voxels"),
                  f.at("target_voxels")};
     if (f.contains("tomo")) o.figures.tomo = tomo_of(f.at("tomo"));
+    if (f.contains("time")) {
+      const Json& time = f.at("time");
+      o.figures.time.emplace().light_s = time.at("light_s");
+      if (!time.at("print_s").is_null()) o.figures.time->print_s = time.at("print_s").get<double>();
+    }
     for (const Json& r : json.at("files")) {
       o.files.push_back({r.at("ending"), r.at("bytes"), r.at("sha256")});
     }

@@ -114,6 +114,11 @@ function jobRows(state, list) {
   }));
 }
 
+function timeWords(f) {
+  if (f.light_s === undefined) return '';
+  if (f.print_time_s === null) return duration(f.light_s) + ' of light, lifts not known';
+  return duration(f.print_time_s) + (f.light_s < f.print_time_s ? ', of it ' + duration(f.light_s) + ' of light' : '');
+}
 function tomoWords(f) {
   return 'contrast ' + (f.contrast === null ? 'without bound' : figure(f.contrast)) + ', VER ' + figure(f.ver)
     + ', prints in ' + duration(f.print_time_s) + (f.feasible ? '' : '; misses');
@@ -151,7 +156,7 @@ async function showJob(id, go) {
   }
   facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', plain(j.message)],
     ['Parts', plain(j.parts.join(', '))], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
-    ['Print', j.figures && !j.figures.height_error_um ? tomoWords(j.figures) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
+    ['Print', j.figures ? (j.figures.height_error_um ? timeWords(j.figures) : tomoWords(j.figures)) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
     ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', /\/results\/\d+$/.test(j.output_folder) ? '' : j.output_folder], ['Report', report]]);
   jobActions(j);
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '

@@ -84,7 +84,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
                            folder_of(a.output), context);
   const CorrectionAsk ask{.before = !console.quiet()};
   const auto tell = [&](const Correction& c, const std::string& more) {
-    if (!a.json.empty()) print_or_write(a.json, c.after.to_json());
+    if (!a.json.empty()) print_or_write(a.json, figures_json(c.after));
     if (a.json == "-") return;
     console.say(fmt::format("{}: {} slices, print time {}\n{}{}", a.output, c.info.grid.layers,
                             print_time_in_words(print_time(c.info)), summary(c.after, c.before),

@@ -66,6 +66,12 @@ struct TomoFigures {
   bool feasible = true;  ///< all of the part gels before any void does
 };
 
+/// How long a corrected stack prints (`PrintTime` in lift_times.hpp).
+struct StackTime {
+  double light_s = 0;               ///< in which slices are shown
+  std::optional<double> print_s{};  ///< with lifts; nothing: these are not known
+};
+
 /// Figures of a result, from the contract's `verify --json`.
 struct ResultFigures {
   int layers = 0;                                                   ///< slices of the stack
@@ -73,6 +79,8 @@ struct ResultFigures {
   std::int64_t lost_features = 0, merged_features = 0;
   std::int64_t cure_through_voxels = 0, undercure_voxels = 0, target_voxels = 0;
   std::optional<TomoFigures> tomo = {};  ///< of a tomographic print, which has none of the others
+  std::optional<StackTime> time =
+      {};  ///< of a stack; nothing of those that were made before it was told
 };
 
 /// What people ask of a result first: its largest height error and lost features, or the contrast of a

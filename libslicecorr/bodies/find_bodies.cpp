@@ -28,7 +28,7 @@ Bodies find_bodies(const SliceSource& images, const ExecutionContext& context) {
       if ((n & 63) == 0) context.check_cancelled();
       changes.add_slice(n, pixels);
     });
-    found[i] = kept.keep(changes.take_code(grid.layers));
+    found[i] = kept.keep(changes.code(grid.layers));
   });
   return kept.follow(found, grid, images.frame(), true);
 }

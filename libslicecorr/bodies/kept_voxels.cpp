@@ -69,19 +69,20 @@ void VoxelChanges::add_slice(int slice, const std::uint8_t* rows) {
   }
 }
 
-std::vector<std::uint8_t> VoxelChanges::take_code(int layers) {
+std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) const {
+  const auto counts = [&](const Flip& f) {
+    return (f.slice_and_kinds & kind) != 0 && f.slice() < static_cast<std::uint32_t>(layers);
+  };
   // By slice, then by column.
   std::vector<std::uint32_t> begins(static_cast<std::size_t>(layers) + 1, 0);
   for (const Flip& f : flips_) {
-    if (f.slice < static_cast<std::uint32_t>(layers)) ++begins[f.slice + 1];
+    if (counts(f)) ++begins[f.slice() + 1];
   }
   for (std::size_t n = 1; n < begins.size(); ++n) begins[n] += begins[n - 1];
   std::vector<std::uint32_t> columns(begins.back()), next(begins);
   for (const Flip& f : flips_) {
-    if (f.slice < static_cast<std::uint32_t>(layers)) columns[next[f.slice]++] = f.column;
+    if (counts(f)) columns[next[f.slice()]++] = f.column;
   }
-  flips_ = {};
-  before_.clear();
   struct Group {
     std::uint32_t first, length;
   };

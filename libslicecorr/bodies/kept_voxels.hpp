@@ -14,22 +14,24 @@
 
 namespace slicecorr::detail {
 
-/// The changes of a band. For one thread.
+/// The changes of a band, of up to three kinds of solid voxels at once: bits 1, 2 and 4. For one thread.
 class VoxelChanges {
  public:
   explicit VoxelChanges(std::size_t columns) : columns_(columns) {}
   /// From this slice on the column is otherwise; in any order, twice is not at all.
-  void flip(int slice, std::size_t column) {
-    flips_.push_back({static_cast<std::uint32_t>(slice), static_cast<std::uint32_t>(column)});
+  void flip(int slice, std::size_t column, unsigned kinds = 1) {
+    flips_.push_back(
+        {static_cast<std::uint32_t>(slice) << 3 | kinds, static_cast<std::uint32_t>(column)});
   }
   /// A slice, in rising order: solid where a byte is at least 128; null: nowhere.
   void add_slice(int slice, const std::uint8_t* rows);
-  /// The changes of slices before `layers`, coded; of equal changes the same code. Ends this.
-  std::vector<std::uint8_t> take_code(int layers);
+  /// The changes of a kind in slices before `layers`, coded; of equal changes the same code.
+  std::vector<std::uint8_t> code(int layers, unsigned kind = 1) const;
 
  private:
   struct Flip {
-    std::uint32_t slice, column;
+    std::uint32_t slice_and_kinds, column;
+    std::uint32_t slice() const { return slice_and_kinds >> 3; }
   };
   std::size_t columns_;
   std::vector<Flip> flips_;

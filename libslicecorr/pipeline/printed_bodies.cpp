@@ -24,19 +24,12 @@ PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers,
       whole_(bands.size()) {}
 
 PrintedBodies::Band::Band(PrintedBodies& whole, std::size_t index, const PixelBox& box)
-    : whole_(whole),
-      index_(index),
-      state_(columns_of(box), 0),
-      printed_(columns_of(box)),
-      designed_(columns_of(box)),
-      whole_design_(columns_of(box)) {}
+    : whole_(whole), index_(index), state_(columns_of(box), 0), changes_(columns_of(box)) {}
 
 void PrintedBodies::Band::enter(std::size_t column, int slice, std::uint8_t state) {
   const auto changed = static_cast<std::uint8_t>(state ^ state_[column]);
   if (changed == 0) return;
-  if (changed & kPrinted) printed_.flip(slice + 1, column);
-  if (changed & kDesigned) designed_.flip(slice + 1, column);
-  if (changed & kWhole) whole_design_.flip(slice + 1, column);
+  changes_.flip(slice + 1, column, changed);
   state_[column] = state;
 }
 
@@ -59,10 +52,10 @@ void PrintedBodies::Band::listen(BandPredictor& predictor,
 
 void PrintedBodies::Band::finish() {
   for (std::size_t column = 0; column < state_.size(); ++column) enter(column, -1, 0);
-  const auto printed = printed_.take_code(whole_.layers_);
+  const auto printed = changes_.code(whole_.layers_, kPrinted);
   whole_.printed_[index_] = whole_.kept_.keep(printed);
-  const auto keep = [&](VoxelChanges& changes, KeptVoxels::Stream& to, std::atomic<bool>& alike) {
-    const auto code = changes.take_code(whole_.layers_);
+  const auto keep = [&](unsigned kind, KeptVoxels::Stream& to, std::atomic<bool>& alike) {
+    const auto code = changes_.code(whole_.layers_, kind);
     if (code == printed) {
       to[index_] = whole_.printed_[index_];
       return;
@@ -70,8 +63,8 @@ void PrintedBodies::Band::finish() {
     alike = false;
     to[index_] = whole_.kept_.keep(code);
   };
-  keep(designed_, whole_.designed_, whole_.designed_alike_);
-  keep(whole_design_, whole_.whole_, whole_.whole_alike_);
+  keep(kDesigned, whole_.designed_, whole_.designed_alike_);
+  keep(kWhole, whole_.whole_, whole_.whole_alike_);
 }
 
 std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid,

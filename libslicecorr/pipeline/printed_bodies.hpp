@@ -40,7 +40,7 @@ class PrintedBodies {
     PrintedBodies& whole_;
     const std::size_t index_;
     std::vector<std::uint8_t> state_;  ///< per column: of the slices at hand
-    VoxelChanges printed_, designed_, whole_design_;
+    VoxelChanges changes_;
   };
 
   /// After all bands.

@@ -134,7 +134,7 @@ TEST(Arrange, PartsKeepTheirDistanceAndStandOnThePlatform) {
         EXPECT_LE(v[1], 68 + 1e-9);
       }
       EXPECT_NEAR(low, 0, 1e-9);
-      if (!options.turn) EXPECT_EQ(places[i].quarters, 0);
+      EXPECT_TRUE(options.turn || places[i].quarters == 0);
       placed.push_back(outline_of(mesh, corners[i]));
     }
     for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -142,7 +142,7 @@ TEST(Arrange, PartsKeepTheirDistanceAndStandOnThePlatform) {
         if (places[i].plate != places[k].plate) continue;
         EXPECT_GE(distance(placed[i], placed[k]), options.spacing_mm - 1e-9)
             << round << " " << i << " " << k;
-        if (options.spacing_mm == 0) EXPECT_GT(distance(placed[i], placed[k]), 0);
+        EXPECT_GT(distance(placed[i], placed[k]), 0);
       }
     }
     // Boxes of 18 mm by 18 mm: at least 6 x 3 of them fit beside each other, whatever is in them.

@@ -284,7 +284,20 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
     EXPECT_TRUE(fresh) << what << " and " << other->second << " have the same key";
   };
   differs("part", [&](JobRequest& r) { r.parts = {make_part(2)}; });
-  differs("two parts", [&](JobRequest& r) { r.parts.push_back(r.parts[0]); });
+  differs("two parts", [&](JobRequest& r) {
+    r.parts.push_back(r.parts[0]);
+    r.plate.overlap = "join";
+  });
+  differs("two parts side by side", [&](JobRequest& r) {
+    r.parts.push_back(r.parts[0]);
+    r.plate.arrange = true;
+    r.plate.spacing_mm = 0.2;
+  });
+  differs("two parts further apart", [&](JobRequest& r) {
+    r.parts.push_back(r.parts[0]);
+    r.plate.arrange = true;
+    r.plate.spacing_mm = 0.3;
+  });
   differs("layer", [](JobRequest& r) { r.layer_um = 25; });
   differs("surface", [](JobRequest& r) { r.setup.surface = "slices"; });
   differs("antialias", [](JobRequest& r) { r.antialias = "off"; });

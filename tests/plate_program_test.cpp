@@ -34,8 +34,7 @@ class PlateProgram : public ProgramFixture {
   }
   const Command kHow{"--printer", "small.toml", "--layer-um", "100"};
   double volume_ml(const std::string& stack) const {
-    return json::parse(good({"info", stack, "--json", "-"}).out)["part_volume_mm3"].get<double>() *
-           1e-3;
+    return json::parse(good({"info", stack, "--json", "-"}).out)["resin_volume_ml"].get<double>();
   }
   Command slice(Command parts, const Command& more = {}) const {
     parts.insert(parts.begin(), "slice");

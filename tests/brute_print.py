@@ -204,6 +204,8 @@ class Print:
 
     def own_doses(self):
         """Layer by layer: what each exposure by itself leaves at its window, and at its layer's far edge."""
+        if self.uv is not None:
+            return self.net_own_doses()
         window = self.blue ** self.m * self.exposure_s / self.dose
         z_um = np.arange(self.layers)[:, None, None] * self.layer_um
         far = window * math.exp(-self.m * self.layer_um / self.he_um)
@@ -211,6 +213,18 @@ class Print:
         def back(z):
             return (1 + self.rho * np.exp(-2 * z / self.he_um)) ** self.m
         return window * back(z_um + self.layer_um), far * back(z_um)
+
+    def net_own_doses(self):
+        """The same under UV light: the greatest dose in the layer, and at its far edge; and how much of it gels."""
+        d_um = (np.arange(16) + 1) / 16 * self.layer_um
+        doses = []
+        for n in range(self.layers):
+            light = self.blue[n][..., None] * np.exp(-d_um / self.he_um)
+            light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
+            doses.append(light ** self.m * self.exposure_s / self.dose)
+        doses = np.array(doses)
+        self.films = (doses >= 1 - 1e-9).mean(-1) >= 0.5
+        return doses.max(-1), doses[..., -1]
 
     def gelled(self, light, dt):
         """max over c of min(X, Y): X the dose before the cut c over A, Y what comes after it over B."""

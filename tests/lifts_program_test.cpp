@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "ladder.hpp"
 #include "program_fixture.hpp"
@@ -167,6 +168,67 @@ TEST_F(LiftsProgram, AColumnLiftByLift) {
         "plain.toml", "--mode", "layerwise", "--exposure-s", "0.9", "--lift-exchange", "0.5"});
   good({"simulate", "wide.uvj", "--row", "60", "-o", "row.png"});
   good({"simulate", "wide.uvj", "--x", "80", "--y", "60", "-o", "h.svg"});
+}
+
+TEST_F(LiftsProgram, UnderUvLightTheJointCountsTheNetDose) {
+  write("uv.toml", std::string(kSmallPrinter) +
+                       "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, 50.0]]\n");
+  write(
+      "net.toml",
+      "name = \"net\"\n[cure]\nmodel = \"kinetic\"\nm = 1.0\nabsorbance_height_um = 150\n"
+      "absorbance_base = 10\ncritical_dose_prime = 10\ndose_factor = 1.0\n[inhibition]\nbeta = 1.0\n"
+      "absorbance_height_um = 30\nabsorbance_base = 10\n");
+  const Command with{"--printer", "uv.toml",      "--resin", "net.toml",    "--mode",
+                     "layerwise", "--exposure-s", "0.6",     "--uv-mw-cm2", "20"};
+  const RunResult none = good(Command{"correct", "target.uvj", "-o", "none.uvj"} + with);
+  EXPECT_THAT(none.err, HasSubstr("under UV light nothing is lifted"));
+  EXPECT_FALSE(figures("none.uvj", "target.uvj").contains("joints"));
+  good(Command{"correct", "target.uvj", "-o", "each.uvj", "--lifts", "each"} + with);
+  const json f = figures("each.uvj", "target.uvj");
+  EXPECT_EQ(f["joints"]["not_holding_voxels"], 0);
+  EXPECT_GE(f["joints"]["least"].get<double>(), 1.2);
+  EXPECT_EQ(f["undercure_voxels"], 0);
+  EXPECT_TRUE(f["height_error_um"]["exchanged"]["mean_abs"].is_null());
+  // Levels that are chosen for the dose at the end alone do not hold.
+  const json as_none = json::parse(good(Command{"verify", "none.uvj", "--target", "target.uvj",
+                                                "--json", "-", "--lifts", "each"})
+                                       .out);
+  EXPECT_GT(as_none["joints"]["not_holding_voxels"], 0);
+  // The net dose at the far edge, of the levels that are shown.
+  good({"simulate", "each.uvj", "--target", "target.uvj", "--x", "80", "--y", "60", "-o", "u.svg",
+        "--lifts-csv", "lifts.csv"});
+  std::istringstream lifts(to_text(read_file(folder_ / "lifts.csv")));
+  std::istringstream probe(good({"probe", "each.uvj", "--x", "80", "--y", "60"}).out);
+  std::string row, shown;
+  std::getline(lifts, row);
+  std::getline(probe, shown);
+  const auto column = [](const std::string& of, int k) {
+    std::istringstream in(of);
+    std::string cell;
+    for (int i = 0; i <= k; ++i) std::getline(in, cell, ',');
+    return cell;
+  };
+  int grey = 0;
+  while (column(shown, grey) != "grey") ++grey;
+  int holding = 0;
+  while (std::getline(lifts, row) && std::getline(probe, shown)) {
+    if (column(row, 4) != "holds") continue;
+    ++holding;
+    const double blue = 100 * std::stod(column(shown, grey)) / 255;
+    const double net = blue * std::pow(10, -1.0 / 3) - 20 * std::pow(10, -5.0 / 3);
+    EXPECT_NEAR(std::stod(column(row, 3)), net * 0.6 / 10, 1e-6 * net) << row;
+  }
+  EXPECT_GT(holding, 10);
+  bad(2,
+      Command{"correct", "target.uvj", "-o", "x.uvj", "--lifts", "each", "--lift-exchange", "0.5"} +
+          with,
+      {"lifts exchange", "UV light"});
+  const RunResult brief = bad(
+      3,
+      Command{"correct", "target.uvj", "-o", "x.uvj", "--lifts", "each", "--green-strength", "20"} +
+          with,
+      {"does not hold when the platform lifts"});
+  EXPECT_THAT(brief.err, HasSubstr("expose for at least"));
 }
 
 TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {

@@ -466,8 +466,10 @@ class Case:
                         liquid += 1
                     liquid_most = max(liquid_most, liquid)
                     n += liquid
-                    films += n < end and window[n, y, x] >= skin * (1 - 1e-9)
-                    loose += n < end and window[n, y, x] < skin * (1 - 1e-9)
+                    film = n < end and (brute.films[n, y, x] if UV & self.features
+                                        else window[n, y, x] >= skin * (1 - 1e-9))
+                    films += film
+                    loose += n < end and not film
                     n += 1
                 for k in range(n, end):
                     least = min(least, far[k, y, x])

@@ -252,6 +252,26 @@ void InhibitedColumn::Impl::search(const std::vector<CoverageRun>& runs) {
   if (!perfect || !best_dips.empty()) polish_best();
 }
 
+namespace {
+
+/// The floors of a column whose features are to hold at every lift.
+std::vector<Level> held_floors(const InhibitedPlan& plan, const std::vector<CoverageRun>& runs,
+                               const ColumnBounds& bounds) {
+  std::vector<Level> floors = bounds.floors;
+  floors.resize(static_cast<std::size_t>(plan.all_layers), 0);
+  for (const CoverageRun& run : runs) {
+    if (run.coverage != 255) continue;
+    for (int n = run.first; n < std::min(run.end, plan.all_layers); ++n) {
+      const auto at = static_cast<std::size_t>(n);
+      const int holds = std::min<int>(plan.holding_own[at], plan.cap_of(n, bounds.caps));
+      floors[at] = std::max(floors[at], static_cast<Level>(holds));
+    }
+  }
+  return floors;
+}
+
+}  // namespace
+
 InhibitedColumn::InhibitedColumn(const InhibitedPlan& plan) : impl_(std::make_unique<Impl>(plan)) {}
 InhibitedColumn::~InhibitedColumn() = default;
 
@@ -259,7 +279,8 @@ const std::vector<Level>& InhibitedColumn::solve(const std::vector<CoverageRun>&
                                                  const ColumnBounds& bounds) {
   Impl& s = *impl_;
   s.caps = bounds.caps;
-  s.doses.set_floors(bounds.floors);
+  s.doses.set_floors(s.plan.holding_own.empty() ? bounds.floors
+                                                : held_floors(s.plan, runs, bounds));
   double least_um = std::numeric_limits<double>::infinity();
   for (const double farthest : s.plan.tuning.farthest_edge_layers) {
     s.design.read(runs, farthest);

@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "correct/band_solvers.hpp"
+#include "cure/margin.hpp"
+#include "cure/own_doses.hpp"
 
 namespace slicecorr::detail {
 
@@ -81,6 +84,31 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   find_levels();
   find_lags();
   sum_dark(model);
+  if (model.lifts) find_holding(model);
+}
+
+void InhibitedPlan::find_holding(const CureModel& model) {
+  OwnDoses own(*kernel, model.lifts->skin);
+  std::map<std::pair<int, double>, Level> known;
+  for (int n = 0; n < all_layers; ++n) {
+    const int setting = setting_of(n), cap = cap_of(n);
+    const auto [entry, is_new] = known.try_emplace({setting, model.ratio(n)}, Level{0});
+    if (is_new) {
+      const double least = model.lifts->green_strength * (1 + kMargin) / model.ratio(n);
+      // Doses rise with the level.
+      int low = 0, high = cap;
+      while (low < high) {
+        const int middle = (low + high) / 2;
+        if (own.joint(setting, middle) >= least) {
+          high = middle;
+        } else {
+          low = middle + 1;
+        }
+      }
+      entry->second = static_cast<Level>(low);
+    }
+    holding_own.push_back(entry->second);
+  }
 }
 
 /// Finds the levels that may be used, those that hold a dose, and how far full light reaches.

@@ -82,6 +82,9 @@ struct InhibitedPlan {
   std::shared_ptr<const InhibitedKernel> kernel;
   ExtraLight node_light, middle_light;
   std::vector<double> ratio;  ///< per slice; empty: all 1
+  /// With lifts: least level whose own exposure leaves what holds at the layer's far edge, per slice, no
+  /// higher than caps; empty: nothing is lifted.
+  std::vector<Level> holding_own;
   int near, levels, layers, all_layers;
   std::vector<int> caps;  ///< highest level in use, per setting
   int steady = 0;         ///< lowest level whose steady dose is at least 1, strongest UV setting
@@ -103,6 +106,7 @@ struct InhibitedPlan {
   void find_levels();
   double ripple() const;
   void find_lags();
+  void find_holding(const CureModel& model);
   void sum_dark(const CureModel& model);
   std::vector<double> dark_at(const CureModel& model, InhibitedKernel::LayerPosition place);
   void sample_dark(const CureModel& model);

@@ -122,6 +122,19 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
         pace, kernel.critical_intensity_mw_cm2(s), kernel.setting_uv_mw_cm2(s, cap),
         process.uv.dead_zone_um > 0 ? "the dead zone asked for" : "a dead zone",
         blue[static_cast<std::size_t>(cap)]);
+  } else if (model.lifts) {
+    const int cap = kernel.highest_usable_level(s), weakest = weakest_layer(model);
+    const double joint = kernel.exact(s, cap, 1.0) * model.ratio(weakest);
+    if (joint < model.lifts->green_strength) {
+      v.weak = fmt::format(
+          "a layer does not hold when the platform lifts: {} the brightest light that leaves a dead zone "
+          "({:.4g} mW/cm²) leaves {:.4g} of the gel dose at the layer's far edge, where {:g} must be; "
+          "expose for at least {:.4g} s, or take thinner layers",
+          failing_layer(model, process, weakest), blue[static_cast<std::size_t>(cap)], joint,
+          model.lifts->green_strength,
+          layer_exposure_s(process, weakest) * model.lifts->green_strength /
+              std::max(joint, 1e-300));
+    }
   }
   if (doses.black >= 1.0) {
     v.black = fmt::format(

@@ -24,7 +24,7 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "thin features and gaps give way so that these hold when inputs are off",
         p.cure_through_voxels, p.undercure_voxels));
   } else if (p.cure_through_voxels > 0 && p.undercure_voxels == 0 && p.joints &&
-             !model.lifts->exchange) {
+             !model.lifts->exchange && p.joints->exchanged_error_um.count() > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through if lifts exchange no resin, because each layer must hold when "
         "the platform lifts; edges lie within {:.3g} um if they exchange all",

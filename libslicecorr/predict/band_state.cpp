@@ -57,7 +57,6 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
   if (dose_) inside_.resize(kBlock);
   if (model.lifts) {
     joints_ = std::make_unique<detail::JointWalker>(model, columns);
-    own_phi_.resize(columns);
   }
 }
 
@@ -269,15 +268,7 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
     }
     cover = with_left_alone_.data();
   }
-  if (joints_) {
-    const double ratio = model_.ratio(slice);
-    for (std::size_t b = 0; b < own_phi_.size(); b += kBlock) {
-      const std::size_t n = std::min(kBlock, own_phi_.size() - b);
-      detail::block_phi(curve_, showings, b, n, &own_phi_[b]);
-      for (std::size_t i = b; i < b + n; ++i) own_phi_[i] *= ratio;
-    }
-    joints_->add_slice(slice, own_phi_.data(), cover, heights, prediction_.at_heights);
-  }
+  if (joints_) joints_->add_slice(slice, showings, cover, heights, prediction_.at_heights);
   if (dose_) {
     add_general_slice(slice, showings, cover, heights);
   } else {

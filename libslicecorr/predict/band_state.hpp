@@ -94,7 +94,6 @@ struct BandPredictor::State {
   const PixelCurve& curve_;
   int all_layers_;
   std::unique_ptr<detail::JointWalker> joints_;  ///< with lifts
-  std::vector<double> own_phi_;                  ///< for them: of the present slice
   std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for showings
   /// Dose at the upper end of the layer that was added last.
   std::vector<double> omega_;

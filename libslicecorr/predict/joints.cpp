@@ -8,6 +8,7 @@
 
 #include "base/kernels.hpp"
 #include "cure/margin.hpp"
+#include "cure/walkers.hpp"
 #include "slicecorr/target.hpp"
 #include "slicecorr/units.hpp"
 
@@ -20,31 +21,62 @@ constexpr std::uint8_t kWhole = 255;
 }  // namespace
 
 JointWalker::JointWalker(const CureModel& model, std::size_t columns)
-    : model_(model), columns_(columns), brightest_(columns, 0.0), all_(columns, 0.0) {}
-
-/// A layer of a feature with solid resin above: its own exposure must reach there.
-void JointWalker::join(double own_window, int slice) {
-  const double dose = own_window * model_.a * model_.returned(slice);
-  figures_.least = std::min(figures_.least, dose);
-  if (dose < model_.lifts->green_strength - kMargin) ++figures_.not_holding_voxels;
+    : model_(model),
+      curve_(pixel_curve(model)),
+      columns_(columns),
+      brightest_(columns, 0.0),
+      all_(columns, 0.0) {
+  if (inhibited()) {
+    under_uv_.emplace(*model.inhibited(), model.lifts->skin);
+  } else {
+    phi_.resize(columns);
+  }
 }
 
-void JointWalker::add_slice(int slice, const double* phi, const std::uint8_t* coverage,
-                            const std::uint8_t* heights, bool at_heights) {
+/// A layer of a feature with solid resin above: its own exposure must reach there.
+void JointWalker::join(const Own& own) {
+  figures_.least = std::min(figures_.least, own.joint);
+  if (own.joint < model_.lifts->green_strength - kMargin) ++figures_.not_holding_voxels;
+}
+
+JointWalker::Own JointWalker::own_of(int slice, std::size_t column,
+                                     std::span<const ImageShowing> showings) {
+  if (!inhibited()) {
+    const double at_window = phi_[column] * model_.returned(slice + 1);
+    return {at_window, phi_[column] * model_.a * model_.returned(slice),
+            at_window >= model_.lifts->film - kMargin};
+  }
+  const OwnDoses::Own own = under_uv_->of(showings, column, model_.ratio(slice));
+  return {own.greatest, own.joint, own.film};
+}
+
+void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
+                            const std::uint8_t* coverage, const std::uint8_t* heights,
+                            bool at_heights) {
+  if (!inhibited()) {
+    const double ratio = model_.ratio(slice);
+    for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
+      const std::size_t n = std::min(kBlock, phi_.size() - b);
+      block_phi(curve_, showings, b, n, &phi_[b]);
+      for (std::size_t i = b; i < b + n; ++i) phi_[i] *= ratio;
+    }
+  }
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
-    // What the layer's window sees at its brightest exposure; `far`: at the node below it.
+    // What the layer's window sees at its brightest exposure; `far`: at the node below it. Under UV light
+    // edges of single exposures are not told.
+    const double phi = inhibited() ? 0.0 : phi_[i];
     const double far = brightest_[i];
-    const double near = std::max(phi[i], far);
+    const double near = std::max(phi, far);
     brightest_[i] = near * model_.a;
-    const double all_far = all_[i], all = phi[i] + all_far;
+    const double all_far = all_[i], all = phi + all_far;
     all_[i] = all * model_.a;
     const bool full = coverage[i] == kWhole;
     if (!full) {
       if (c.full) {
-        end_feature(c, slice + 1);
+        end_feature(c);
         // Edges are those of features that end at a gap.
-        if (coverage[i] == 0) {
+        if (coverage[i] == 0 && !inhibited()) {
           begin_gap(c, slice + 1, near, at_heights ? heights_[i] : std::uint8_t{0});
           begin_staying(c, slice + 1, all_far, all);
         }
@@ -58,15 +90,18 @@ void JointWalker::add_slice(int slice, const double* phi, const std::uint8_t* co
     if (!c.full) {
       end_gap(c, slice + 1);
       // Its edge towards the window is the window's own.
-      figures_.exchanged_error_um.add(0);
-      figures_.staying_error_um.add(0);
-      c.candidate = phi[i];
+      if (!inhibited()) {
+        figures_.exchanged_error_um.add(0);
+        figures_.staying_error_um.add(0);
+      }
+      c.candidate = own_of(slice, i, showings);
       c.liquid = 0;
       c.full = true;
       continue;
     }
     // The layer below has this one above it.
-    if (phi[i] * model_.returned(slice + 1) < 1.0) {
+    const Own own = own_of(slice, i, showings);
+    if (own.greatest < 1.0) {
       ++c.liquid;
       continue;
     }
@@ -76,19 +111,19 @@ void JointWalker::add_slice(int slice, const double* phi, const std::uint8_t* co
       figures_.least = 0;
       c.liquid = 0;
     } else {
-      join(c.candidate, slice + 1);
+      join(c.candidate);
     }
-    c.candidate = phi[i];
+    c.candidate = own;
   }
   heights_.assign(columns_.size(), 0);
   if (heights) std::copy_n(heights, columns_.size(), heights_.begin());
 }
 
 /// The first layer of the feature, below this node, has nothing solid above it.
-void JointWalker::end_feature(Column& c, int node) {
+void JointWalker::end_feature(Column& c) {
   c.full = false;
   figures_.liquid_layers_max = std::max(figures_.liquid_layers_max, c.liquid);
-  if (c.candidate * model_.returned(node + c.liquid + 1) >= model_.lifts->film - kMargin) {
+  if (c.candidate.film) {
     ++figures_.films;
   } else {
     ++figures_.not_holding_voxels;
@@ -149,7 +184,7 @@ void JointWalker::finish(JointFigures& figures) {
       figures_.not_holding_voxels += static_cast<std::uint64_t>(c.liquid) + 1;
       figures_.least = 0;
     } else {
-      join(c.candidate, 0);
+      join(c.candidate);
     }
   }
   figures.merge(figures_);

@@ -8,10 +8,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "cure/own_doses.hpp"
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/predict.hpp"
 
 namespace slicecorr::detail {
@@ -22,17 +25,23 @@ class JointWalker {
   /// `model`: with lifts; outlives it.
   JointWalker(const CureModel& model, std::size_t columns);
 
-  /// phi of each column for what the slice counts (`CureModel::ratio`), and the coverage and edge
-  /// heights of its layer; `heights` null: none.
-  void add_slice(int slice, const double* phi, const std::uint8_t* coverage,
+  /// The coverage and edge heights of a slice's layer, and what it shows (`pixel_curve` of the model);
+  /// `heights` null: none.
+  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
                  const std::uint8_t* heights, bool at_heights);
   /// After the first slice. Adds what was found.
   void finish(JointFigures& figures);
 
  private:
+  /// What a layer's own exposure leaves in it.
+  struct Own {
+    double greatest = 0;  ///< the greatest dose: from 1 on some of it gels
+    double joint = 0;     ///< at its far edge
+    bool film = false;    ///< as much of it gels as of a film
+  };
   struct Column {
-    /// Own exposures, at the window: of the lowest layer that nothing solid is known to lie above.
-    double candidate = 0;
+    /// Of the lowest layer that nothing solid is known to lie above.
+    Own candidate;
     std::int32_t liquid = 0;      ///< liquid layers right above it, up to the layer added last
     std::int32_t edge_node = -1;  ///< upper node of the feature below the present gap; -1: none
     double edge_um = 0;           ///< how far its edge reaches beyond, exchanged
@@ -41,8 +50,10 @@ class JointWalker {
     bool goes_on = false;         ///< it goes into the next layer of the gap, too, where none is
     bool full = false;            ///< the layer added last is of a feature
   };
-  void join(double own_window, int slice);
-  void end_feature(Column& c, int node);
+  void join(const Own& own);
+  Own own_of(int slice, std::size_t column, std::span<const ImageShowing> showings);
+  bool inhibited() const { return model_.inhibited() != nullptr; }
+  void end_feature(Column& c);
   void begin_gap(Column& c, int node, double exchanged, std::uint8_t height);
   void begin_staying(Column& c, int node, double below, double above);
   void go_on(Column& c, int node, double above);
@@ -50,6 +61,9 @@ class JointWalker {
   void end_gap(Column& c, int node);
 
   const CureModel& model_;
+  PixelCurve curve_;
+  std::optional<OwnDoses> under_uv_;
+  std::vector<double> phi_;  ///< of each column, with its exposure; without UV light
   std::vector<Column> columns_;
   /// The brightest exposure so far, at the window of the layer that comes next.
   std::vector<double> brightest_;

@@ -72,8 +72,8 @@ constexpr const char* kAloneUv =
     "before and after it; expected no UV light";
 constexpr const char* kCapUv =
     "the dose inside features is not capped: under UV light they get the least that gels them";
-constexpr const char* kLiftsUv =
-    "whether layers hold at each lift is not looked at under UV light: doses count at the end alone";
+constexpr const char* kExchangeUv =
+    "resin that lifts exchange is not counted under UV light; expected no lift_exchange";
 constexpr const char* kRobustUv =
     "a correction can't be robust under UV light; expected no UV light";
 
@@ -195,7 +195,7 @@ constexpr Unsupported kTable[] = {
     {capped_dose, bleaching, without,
      "the dose inside features is not capped: of a resin that bleaches they get the least that gels "
      "them"},
-    UNDER_UV(lifts, without, kLiftsUv),
+    UNDER_UV(exchange, refused, kExchangeUv),
     {lifts, gel_time, without,
      "whether layers hold at each lift is not looked at with a resin of model \"gel-time\": doses count "
      "at the end alone"},

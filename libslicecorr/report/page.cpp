@@ -85,15 +85,17 @@ Markup figures_table(const ReportContent& c) {
       return counted(static_cast<std::uint64_t>(j.liquid_layers_max));
     });
     joints("Mean height error if lifts exchange resin", [](const JointFigures& j) {
-      return number_or_dash(true, j.exchanged_error_um.mean(), " um");
+      return number_or_dash(j.exchanged_error_um.count() > 0, j.exchanged_error_um.mean(), " um");
     });
-    joints("Largest height error if lifts exchange resin",
-           [](const JointFigures& j) { return number_or_dash(true, j.exchanged_max_um, " um"); });
+    joints("Largest height error if lifts exchange resin", [](const JointFigures& j) {
+      return number_or_dash(j.exchanged_error_um.count() > 0, j.exchanged_max_um, " um");
+    });
     joints("Mean height error if all resin stays", [](const JointFigures& j) {
-      return number_or_dash(true, j.staying_error_um.mean(), " um");
+      return number_or_dash(j.staying_error_um.count() > 0, j.staying_error_um.mean(), " um");
     });
-    joints("Largest height error if all resin stays",
-           [](const JointFigures& j) { return number_or_dash(true, j.staying_max_um, " um"); });
+    joints("Largest height error if all resin stays", [](const JointFigures& j) {
+      return number_or_dash(j.staying_error_um.count() > 0, j.staying_max_um, " um");
+    });
   }
   row("Column features lost",
       [](const Prediction& p) { return counted(p.lost_features) + " of " + counted(p.runs); });

@@ -93,6 +93,13 @@ Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionCo
   if (heights && target.edge_heights()) context.tell(heights);
   const char* const lifts = leave_out_lifts(setup.printer, setup.resin, setup.process);
   if (lifts) context.tell(lifts);
+  const Process& process = setup.process;
+  if (process.mode == ExposureMode::layerwise && process.uv.kind != UvKind::off &&
+      process.lifts == Lifts::none) {
+    context.tell(
+        "under UV light nothing is lifted where nobody says that it is (lifts each): doses count at the end "
+        "alone");
+  }
   const char* const cap = leave_out_cap(setup.printer, setup.resin, setup.process);
   if (cap) context.tell(cap);
   return setup;

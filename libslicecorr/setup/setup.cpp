@@ -163,8 +163,10 @@ void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
   }
   const bool how = c_.green_strength > 0 || c_.skin > 0 || c_.lift_exchange >= 0;
   if (!recorded) {
-    p.lifts = setup.printer.lifts;
-    p.lift_exchange = setup.printer.lift_exchange;
+    // A dead zone keeps the part off the window: printers that lift in spite of one are told so.
+    const bool dead_zone = p.uv.kind != UvKind::off && c_.lifts.empty();
+    p.lifts = dead_zone ? Lifts::none : setup.printer.lifts;
+    p.lift_exchange = dead_zone ? kUnknownExchange : setup.printer.lift_exchange;
     if (setup.resin.green_strength > 0) p.green_strength = setup.resin.green_strength;
   }
   if (!c_.lifts.empty()) apply_choice(*find_setting("lifts"), c_, p);

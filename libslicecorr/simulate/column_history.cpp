@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "cure/margin.hpp"
+#include "cure/own_doses.hpp"
 #include "cure/spread_band.hpp"
 #include "simulate/column_in_time.hpp"
 #include "simulate/refuse.hpp"
@@ -143,23 +144,25 @@ std::string name_of(AtLift state) {
   return names[static_cast<std::size_t>(state)];
 }
 
-std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<double>& phi,
+namespace {
+
+/// A layer with what its own exposure leaves, and whether as much of it gels as of a film.
+struct OwnLayer {
+  LayerAtLift layer;
+  bool film = false, lit = false;
+};
+
+std::vector<LayerAtLift> at_lifts(const LiftModel& lifts, const std::vector<OwnLayer>& own,
                                   const std::vector<double>& design) {
   using enum AtLift;
-  if (!model.lifts) throw InputError("layers at each lift need a model with lifts");
-  const LiftModel& lifts = *model.lifts;
-  const auto layers = static_cast<int>(phi.size());
-  std::vector<LayerAtLift> all(phi.size());
+  const auto layers = static_cast<int>(own.size());
+  std::vector<LayerAtLift> all;
+  all.reserve(own.size());
+  for (const OwnLayer& o : own) all.push_back(o.layer);
   const auto of = [&](int n) -> LayerAtLift& { return all[static_cast<std::size_t>(n)]; };
-  for (int n = 0; n < layers; ++n) {
-    const double light = phi[static_cast<std::size_t>(n)];
-    of(n).window_dose = light * model.returned(n + 1);
-    of(n).joint_dose = light * model.a * model.returned(n);
-  }
   const auto solid = [&](int n) {
     const auto i = static_cast<std::size_t>(n);
-    return design.empty() ? phi[i] > model.level_phi.front() * model.ratio(n) * (1 + 1e-9)
-                          : i < design.size() && design[i] >= 1;
+    return design.empty() ? own[i].lit : i < design.size() && design[i] >= 1;
   };
   for (int n = 0; n < layers;) {
     if (!solid(n)) {
@@ -173,7 +176,7 @@ std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<doub
     int begin = n;
     while (begin + 1 < end && of(begin).window_dose < 1) ++begin;
     for (int k = n; k < begin; ++k) of(k).state = n > 0 ? liquid : does_not_hold;
-    const bool hangs = of(begin).window_dose >= lifts.film - detail::kMargin;
+    const bool hangs = own[static_cast<std::size_t>(begin)].film;
     if (n > 0) of(begin).state = hangs ? film : does_not_hold;
     for (int k = n > 0 ? begin + 1 : begin; k < end; ++k) {
       const bool on_liquid = k > 0 && (k > begin || begin > n) && of(k - 1).window_dose < 1;
@@ -183,6 +186,38 @@ std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<doub
     n = end;
   }
   return all;
+}
+
+/// Under UV light: net doses.
+std::vector<OwnLayer> own_under_uv(const CureModel& model, const std::vector<std::uint8_t>& pixels,
+                                   const std::vector<FrontLight>& fronts) {
+  detail::OwnDoses doses(*model.inhibited(), model.lifts->skin);
+  std::vector<OwnLayer> own;
+  for (std::size_t n = 0; n < pixels.size(); ++n) {
+    ImageShowing showing{&pixels[n], 1.0, model.inhibited()->setting_of_slice(static_cast<int>(n))};
+    if (!fronts.empty()) showing.fronts = &fronts[n];
+    const detail::OwnDoses::Own o = doses.of({&showing, 1}, 0, model.ratio(static_cast<int>(n)));
+    own.push_back({{AtLift::nothing, o.greatest, o.joint}, o.film, pixels[n] > 0});
+  }
+  return own;
+}
+
+}  // namespace
+
+std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<double>& phi,
+                                  const std::vector<double>& design) {
+  if (!model.lifts || model.inhibited()) {
+    throw InputError("layers at each lift need a model with lifts, without UV light");
+  }
+  std::vector<OwnLayer> own;
+  for (std::size_t k = 0; k < phi.size(); ++k) {
+    const auto n = static_cast<int>(k);
+    const double at_window = phi[k] * model.returned(n + 1);
+    own.push_back({{AtLift::nothing, at_window, phi[k] * model.a * model.returned(n)},
+                   at_window >= model.lifts->film - detail::kMargin,
+                   phi[k] > model.level_phi.front() * model.ratio(n) * (1 + 1e-9)});
+  }
+  return at_lifts(*model.lifts, own, design);
 }
 
 namespace {
@@ -216,9 +251,11 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
     shown.phi.push_back(row.phi);
   }
   const std::vector<double> own = shown.phi;
+  const std::vector<std::uint8_t> pixels = shown.pixels;
   // Where light spreads, what reaches the column is no longer that of its own pixels.
   const detail::SpreadLight light(models, grid, stack.frame());
   if (light.under_uv()) shown.fronts = fronts_at(stack, setup, light, {x, y});
+  const std::vector<FrontLight> fronts = shown.fronts;
   ColumnHistory history =
       light.none()
           ? simulate_column(models.model_at(x, y), setup.process, shown.pixels, options, context)
@@ -228,7 +265,9 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
   }
   const CureModel& model = light.none() ? models.model_at(x, y) : light.model();
   if (model.lifts) {
-    history.lifts = lifts_of(model, own, history.design);
+    history.lifts = model.inhibited() ? at_lifts(*model.lifts, own_under_uv(model, pixels, fronts),
+                                                 history.design)
+                                      : lifts_of(model, own, history.design);
     history.green_strength = model.lifts->green_strength;
   }
   return history;

@@ -142,7 +142,7 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
                               const ExecutionContext& context = {});
 /// A column at each of its lifts, by the same rules as the joints of a prediction (predict.hpp). `model`:
 /// with lifts. `phi`: relative intensity of each slice with its exposure. `design`: coverage 0..1; empty:
-/// what is lit above black. Throws `InputError` where the model has no lifts.
+/// what is lit above black. Throws `InputError` where the model has no lifts, or UV light.
 std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<double>& phi,
                                   const std::vector<double>& design);
 /// Ends of `groups` runs of slices of about equal number, s: moments that show how a dose builds

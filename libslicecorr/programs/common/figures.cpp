@@ -74,15 +74,16 @@ std::string figures_table(const std::vector<Figures>& columns) {
     joints("liquid layers over gaps, at most",
            [](const JointFigures& j) { return fmt::format("{}", j.liquid_layers_max); });
     joints("height error if lifts exchange resin, mean", [](const JointFigures& j) {
-      return fmt::format("{:.3f} um", j.exchanged_error_um.mean());
+      return um_or_dash(j.exchanged_error_um, j.exchanged_error_um.mean());
     });
-    joints("height error if lifts exchange resin, largest",
-           [](const JointFigures& j) { return fmt::format("{:.3f} um", j.exchanged_max_um); });
+    joints("height error if lifts exchange resin, largest", [](const JointFigures& j) {
+      return um_or_dash(j.exchanged_error_um, j.exchanged_max_um);
+    });
     joints("height error if all resin stays, mean", [](const JointFigures& j) {
-      return fmt::format("{:.3f} um", j.staying_error_um.mean());
+      return um_or_dash(j.staying_error_um, j.staying_error_um.mean());
     });
     joints("height error if all resin stays, largest",
-           [](const JointFigures& j) { return fmt::format("{:.3f} um", j.staying_max_um); });
+           [](const JointFigures& j) { return um_or_dash(j.staying_error_um, j.staying_max_um); });
   }
   line("column features lost",
        [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
@@ -126,6 +127,11 @@ std::string figures_table(const std::vector<Figures>& columns) {
 }
 
 namespace {
+
+/// Of edges; under UV light single exposures have none.
+std::string um_or_dash(const Histogram& errors, double um) {
+  return errors.count() > 0 ? fmt::format("{:.3f} um", um) : "-";
+}
 
 /// Wanted doses beside those that print; empty where none are wanted.
 std::string doses_table(const Prediction& p) {

@@ -172,14 +172,14 @@ TEST_F(LiftsProgram, AColumnLiftByLift) {
 
 TEST_F(LiftsProgram, UnderUvLightTheJointCountsTheNetDose) {
   write("uv.toml", std::string(kSmallPrinter) +
-                       "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, 50.0]]\n");
+                       "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, 275.0]]\n");
   write(
       "net.toml",
       "name = \"net\"\n[cure]\nmodel = \"kinetic\"\nm = 1.0\nabsorbance_height_um = 150\n"
       "absorbance_base = 10\ncritical_dose_prime = 10\ndose_factor = 1.0\n[inhibition]\nbeta = 1.0\n"
       "absorbance_height_um = 30\nabsorbance_base = 10\n");
   const Command with{"--printer", "uv.toml",      "--resin", "net.toml",    "--mode",
-                     "layerwise", "--exposure-s", "0.6",     "--uv-mw-cm2", "20"};
+                     "layerwise", "--exposure-s", "0.6",     "--uv-mw-cm2", "150"};
   const RunResult none = good(Command{"correct", "target.uvj", "-o", "none.uvj"} + with);
   EXPECT_THAT(none.err, HasSubstr("under UV light nothing is lifted"));
   EXPECT_FALSE(figures("none.uvj", "target.uvj").contains("joints"));
@@ -214,8 +214,8 @@ TEST_F(LiftsProgram, UnderUvLightTheJointCountsTheNetDose) {
   while (std::getline(lifts, row) && std::getline(probe, shown)) {
     if (column(row, 4) != "holds") continue;
     ++holding;
-    const double blue = 100 * std::stod(column(shown, grey)) / 255;
-    const double net = blue * std::pow(10, -1.0 / 3) - 20 * std::pow(10, -5.0 / 3);
+    const double blue = 1 + 99 * std::stod(column(shown, grey)) / 255;
+    const double net = blue * std::pow(10, -1.0 / 3) - 150 * std::pow(10, -5.0 / 3);
     EXPECT_NEAR(std::stod(column(row, 3)), net * 0.6 / 10, 1e-6 * net) << row;
   }
   EXPECT_GT(holding, 10);
@@ -225,7 +225,7 @@ TEST_F(LiftsProgram, UnderUvLightTheJointCountsTheNetDose) {
       {"lifts exchange", "UV light"});
   const RunResult brief = bad(
       3,
-      Command{"correct", "target.uvj", "-o", "x.uvj", "--lifts", "each", "--green-strength", "20"} +
+      Command{"correct", "target.uvj", "-o", "x.uvj", "--lifts", "each", "--green-strength", "10"} +
           with,
       {"does not hold when the platform lifts"});
   EXPECT_THAT(brief.err, HasSubstr("expose for at least"));

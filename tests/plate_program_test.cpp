@@ -67,13 +67,14 @@ TEST_F(PlateProgram, CopiesLieSideBySide) {
   good(slice({"a.stl", "into.stl", "same.stl"}, {"--arrange", "--spacing-mm", "0.5"}));
   EXPECT_NEAR(volume_ml("out.uvj"), 2 * 0.024 + 0.009, 1e-6);
   const RunResult many =
-      bad(2, slice({"a.stl*30"}), {"the parts take 3 plates", "--plates 3", "--spacing-mm"});
+      bad(2, slice({"a.stl*30"}), {"the parts take 4 plates", "--plates 4", "--spacing-mm"});
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out-1.uvj"));
-  good(slice({"a.stl*30"}, {"--plates", "3"}));
+  good(slice({"a.stl*30"}, {"--plates", "4"}));
   double all = 0;
-  for (const char* plate : {"out-1.uvj", "out-2.uvj", "out-3.uvj"}) all += volume_ml(plate);
+  for (const char* plate : {"out-1.uvj", "out-2.uvj", "out-3.uvj", "out-4.uvj"})
+    all += volume_ml(plate);
   EXPECT_NEAR(all, 30 * 0.024, 1e-6);
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "out-4.uvj"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out-5.uvj"));
   bad(2, slice({"a.stl*0"}), {"a.stl*0", "1 to 1000 copies"});
   bad(2, slice({"a.stl*2"}, {"--center-mm", "4,3"}), {"--center-mm"});
   bad(2, slice({"a.stl*no"}), {"a.stl*no"});

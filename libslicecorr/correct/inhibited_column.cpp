@@ -263,7 +263,10 @@ std::vector<Level> held_floors(const InhibitedPlan& plan, const std::vector<Cove
     if (run.coverage != 255) continue;
     for (int n = run.first; n < std::min(run.end, plan.all_layers); ++n) {
       const auto at = static_cast<std::size_t>(n);
-      const int holds = std::min<int>(plan.holding_own[at], plan.cap_of(n, bounds.caps));
+      // The first layer over a gap hangs on its neighbours.
+      const bool film = n == run.first && n > 0;
+      const int holds = std::min<int>(film ? plan.film_own[at] : plan.holding_own[at],
+                                      plan.cap_of(n, bounds.caps));
       floors[at] = std::max(floors[at], static_cast<Level>(holds));
     }
   }

@@ -89,25 +89,31 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
 
 void InhibitedPlan::find_holding(const CureModel& model) {
   OwnDoses own(*kernel, model.lifts->skin);
-  std::map<std::pair<int, double>, Level> known;
+  const double least = model.lifts->green_strength * (1 + kMargin);
+  std::map<std::pair<int, double>, std::pair<Level, Level>> known;
   for (int n = 0; n < all_layers; ++n) {
     const int setting = setting_of(n), cap = cap_of(n);
-    const auto [entry, is_new] = known.try_emplace({setting, model.ratio(n)}, Level{0});
+    const double more = model.ratio(n);
+    const auto [entry, is_new] = known.try_emplace({setting, more});
     if (is_new) {
-      const double least = model.lifts->green_strength * (1 + kMargin) / model.ratio(n);
       // Doses rise with the level.
-      int low = 0, high = cap;
-      while (low < high) {
-        const int middle = (low + high) / 2;
-        if (own.joint(setting, middle) >= least) {
-          high = middle;
-        } else {
-          low = middle + 1;
+      const auto lowest = [&](const auto& does) {
+        int low = 0, high = cap;
+        while (low < high) {
+          const int middle = (low + high) / 2;
+          if (does(own.of_level(setting, middle, more))) {
+            high = middle;
+          } else {
+            low = middle + 1;
+          }
         }
-      }
-      entry->second = static_cast<Level>(low);
+        return static_cast<Level>(low);
+      };
+      entry->second = {lowest([&](const OwnDoses::Own& o) { return o.joint >= least; }),
+                       lowest([&](const OwnDoses::Own& o) { return o.joint >= least && o.film; })};
     }
-    holding_own.push_back(entry->second);
+    holding_own.push_back(entry->second.first);
+    film_own.push_back(entry->second.second);
   }
 }
 

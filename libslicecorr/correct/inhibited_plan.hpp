@@ -85,6 +85,7 @@ struct InhibitedPlan {
   /// With lifts: least level whose own exposure leaves what holds at the layer's far edge, per slice, no
   /// higher than caps; empty: nothing is lifted.
   std::vector<Level> holding_own;
+  std::vector<Level> film_own;  ///< the same of one that is a film, too
   int near, levels, layers, all_layers;
   std::vector<int> caps;  ///< highest level in use, per setting
   int steady = 0;         ///< lowest level whose steady dose is at least 1, strongest UV setting

@@ -47,9 +47,20 @@ OwnDoses::Own OwnDoses::of(std::span<const ImageShowing> showings, std::size_t c
     const Samples& of_level = samples(setting, level);
     for (std::size_t k = 0; k < kSamples; ++k) sum[k] += light * of_level[k];
   }
+  return own_of(sum);
+}
+
+OwnDoses::Own OwnDoses::of_level(int setting, int level, double ratio) {
+  Samples doses = samples(setting, level);
+  for (double& dose : doses) dose *= ratio;
+  return own_of(doses);
+}
+
+OwnDoses::Own OwnDoses::own_of(const Samples& doses) const {
   const auto gelled = static_cast<std::size_t>(
-      std::count_if(sum.begin(), sum.end(), [](double dose) { return dose >= 1.0 - kMargin; }));
-  return {*std::max_element(sum.begin(), sum.end()), sum.back(), gelled >= film_ && gelled > 0};
+      std::count_if(doses.begin(), doses.end(), [](double dose) { return dose >= 1.0 - kMargin; }));
+  return {*std::max_element(doses.begin(), doses.end()), doses.back(),
+          gelled >= film_ && gelled > 0};
 }
 
 }  // namespace slicecorr::detail

@@ -29,14 +29,15 @@ class OwnDoses {
   /// Of a column of a slice whose exposure is `ratio` times the normal one.
   Own of(std::span<const ImageShowing> showings, std::size_t column, double ratio);
 
-  /// At the far edge, of a level.
-  double joint(int setting, int level) { return samples(setting, level).back(); }
+  /// Of a level that is shown whole.
+  Own of_level(int setting, int level, double ratio);
 
  private:
   static constexpr std::size_t kSamples = 16;
   /// At 1/16 to 16/16 of the layer from the window.
   using Samples = std::array<double, kSamples>;
   const Samples& samples(int setting, int level);
+  Own own_of(const Samples& doses) const;
 
   const InhibitedKernel& kernel_;
   std::size_t film_;  ///< samples of a film that gel

@@ -15,6 +15,15 @@
 
 namespace slicecorr::cli {
 
+namespace {
+
+/// Of edges; under UV light single exposures have none.
+std::string um_or_dash(const Histogram& errors, double um) {
+  return errors.count() > 0 ? fmt::format("{:.3f} um", um) : "-";
+}
+
+}  // namespace
+
 std::string figures_table(const std::vector<Figures>& columns) {
   std::string text;
   std::size_t width = 18;
@@ -127,11 +136,6 @@ std::string figures_table(const std::vector<Figures>& columns) {
 }
 
 namespace {
-
-/// Of edges; under UV light single exposures have none.
-std::string um_or_dash(const Histogram& errors, double um) {
-  return errors.count() > 0 ? fmt::format("{:.3f} um", um) : "-";
-}
 
 /// Wanted doses beside those that print; empty where none are wanted.
 std::string doses_table(const Prediction& p) {

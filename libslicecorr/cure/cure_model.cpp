@@ -13,7 +13,6 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/light_spreads.hpp"
-#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 

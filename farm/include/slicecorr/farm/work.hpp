@@ -61,7 +61,7 @@ struct WorkSpec {
   double scale = 1;                           ///< of the mesh, a factor > 0
   std::vector<double> center_mm, rotate_deg;  ///< x and y; about x, y and z; empty: not given
   PlateChoices plate;
-  std::string format = "uvj";                 ///< of the archive or "frames", and its ending
+  std::string format = "uvj";  ///< of the archive or "frames", and its ending
   std::string ending = "uvj";
   std::string name;  ///< part of the key only where the format writes it into the archive
   /// By how much inputs may be off, as asked for, and the text of the resin's file where that says it

@@ -132,8 +132,12 @@ def layerwise(p):
 
 
 def lifts(p):
+    under_uv = "uv-mw-cm2" in p.options
     layerwise(p)
     p.options["lifts"] = "each"
+    if under_uv:
+        # The net dose of each exposure is to hold.
+        p.options["exposure-s"] = "5"
 
 
 def exchange(p):

@@ -52,6 +52,11 @@ TEST_F(PlateProgram, WhatOverlapsIsRefusedOrJoined) {
   good(slice({"a.stl", "into.stl"}, {"--overlap", "join"}));
   EXPECT_NEAR(volume_ml("out.uvj"), 0.024 + 0.006, 1e-6);
   bad(2, slice({"a.stl", "same.stl"}, {"--overlap", "perhaps"}), {"--overlap"});
+  // A plan looks at parts as they would be printed.
+  const Command plan =
+      Command{"plan"} + Command{"a.stl", "into.stl"} + kHow + Command{"--resin", "figure-2-2"};
+  bad(2, plan, {"--overlap join"});
+  EXPECT_NE(call(plan + Command{"--overlap", "join"}).exit_code, 2);
   // The same file twice is two parts, too.
   bad(2, slice({"a.stl", "a.stl"}), {"overlap"});
   bad(2,
@@ -78,6 +83,15 @@ TEST_F(PlateProgram, CopiesLieSideBySide) {
   bad(2, slice({"a.stl*0"}), {"a.stl*0", "1 to 1000 copies"});
   bad(2, slice({"a.stl*2"}, {"--center-mm", "4,3"}), {"--center-mm"});
   bad(2, slice({"a.stl*no"}), {"a.stl*no"});
+  // What counts only for parts that are arranged is not dropped in silence.
+  for (const Command& alone :
+       {Command{"--spacing-mm", "2"}, Command{"--turn-about-z"}, Command{"--plates", "2"}}) {
+    bad(2, slice({"a.stl", "beside.stl"}, alone), {alone.front(), "--arrange"});
+  }
+  bad(2,
+      {"solid", "out-1.uvj", "--design", "a.stl*2", "-o", "x.stl", "--printer", "small.toml",
+       "--resin", "figure-2-2", "--speed-mm-h", "400"},
+      {"no copies"});
   bad(2,
       Command{"run", "a.stl*2", "-o", "run.uvj", "--resin", "figure-2-2", "--speed-mm-h", "400",
               "--region", "beside.stl=2"} +

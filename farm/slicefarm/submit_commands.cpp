@@ -249,7 +249,7 @@ void add_submit_commands(cli::Program& program) {
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
   mesh.add_placement_to(*sub);
-  mesh.add_plate_to(*sub);
+  mesh.add_plate_to(*sub, false);
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);

@@ -21,7 +21,7 @@ namespace slicecorr::detail {
 
 namespace {
 
-constexpr double kFree = std::numeric_limits<double>::infinity();
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 
 class GradedLayers final : public GradedColumns {
  public:
@@ -32,7 +32,7 @@ class GradedLayers final : public GradedColumns {
         cover_(all_),
         least_(all_),
         most_(all_),
-        cap_(all_, kFree) {
+        cap_(all_, kUnbounded) {
     if (plan.model.lifts) lifted_.emplace(plan.model, &plan.levels, plan.most_exchange);
   }
 
@@ -86,7 +86,7 @@ void GradedLayers::bound(const Run& run, const std::uint8_t* doses) {
   const double a = plan_.model.a;
   const double sum = 1 / plan_.model.one_minus_a;
   // Without lifts the dose ends at the edge: what it may be at windows further away.
-  double cap = kFree;
+  double cap = kUnbounded;
   for (int n = run.first; n < run.end; ++n) {
     const auto at = static_cast<std::size_t>(n);
     const double wanted = scale_.dose[doses[n]] / plan_.model.root_a;
@@ -190,7 +190,7 @@ void GradedLayers::solve(const std::uint8_t* coverage, const std::uint8_t* heigh
       if (!lifted_) {
         const LayerLight light = light_of(*run, n);
         const int gels = level_to_node(light, 1.0 + kMargin);
-        const bool free = !(cap_[at] < kFree);
+        const bool free = !(cap_[at] < kUnbounded);
         const int most = free ? top : plan_.levels.at_most((cap_[at] - after_) / ratio(n));
         level = n == run->first && n > 0 ? layer_level(light, kFull)
                                          : level_inside(*run, n, gels, std::max(gels, most));

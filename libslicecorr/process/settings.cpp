@@ -113,7 +113,7 @@ const std::vector<Setting>& table() {
        .chosen = &C::lifts,
        .text =
            "Whether the platform lifts after each exposure, so that every layer must hold by its "
-           "own (layerwise) [the printer file's, else each]",
+           "own (layerwise) [under UV light none; else the printer file's, else each]",
        .words = {"none", "each"},
        .process = kWord<&Process::lifts>,
        .block = BlockPart::exposure,

@@ -64,16 +64,15 @@ void MeshOptions::add_to(CLI::App& app) {
   add_plate_to(app);
 }
 
-void MeshOptions::add_plate_to(CLI::App& app) {
+void MeshOptions::add_plate_to(CLI::App& app, bool copies) {
   const OptionGroup group(app, "Parts on one plate");
   app.add_option("--overlap", plate.overlap,
                  "Parts whose solids overlap: refuse them, or join them to their union")
       ->check(CLI::IsMember({"refuse", "join"}))
       ->capture_default_str();
-  app.add_flag(
-      "--arrange", plate.arrange,
-      "Place the parts side by side, the largest first, not as in their files (PART*N: N copies, "
-      "always side by side)");
+  const std::string how = copies ? " (PART*N: N copies, always side by side)" : "";
+  app.add_flag("--arrange", plate.arrange,
+               "Place the parts side by side, the largest first, not as in their files" + how);
   app.add_option("--spacing-mm", plate.spacing_mm, "Least distance of parts that are arranged")
       ->check(number_in(0, 1000))
       ->capture_default_str();
@@ -234,7 +233,15 @@ PlateParts together(std::vector<ReadPart> parts) {
 /// there are.
 int arrange_parts(const MeshOptions& options, const Printer& printer, std::vector<ReadPart>& parts,
                   const ExecutionContext& context) {
-  if (!options.arranges()) return 1;
+  if (!options.arranges()) {
+    const PlateChoices& p = options.plate;
+    if (p.spacing_mm != PlateChoices{}.spacing_mm || p.turn_about_z || options.plates > 1) {
+      throw InputError(
+          "--spacing-mm, --turn-about-z and --plates are for parts that are arranged; expected --arrange, "
+          "or copies (PART*N), with them");
+    }
+    return 1;
+  }
   if (!options.center_mm.empty()) {
     throw InputError(
         "--center-mm places parts as their files have them; expected none where they are arranged");
@@ -257,6 +264,7 @@ int arrange_parts(const MeshOptions& options, const Printer& printer, std::vecto
     if (places[i].plate != options.of_plate) continue;
     kept.push_back(std::move(parts[i]));
     kept.back().mesh = at_place(meshes[i], places[i]);
+    meshes[i] = {};
   }
   context.tell(
       fmt::format("{} parts on {} {}", places.size(), plates, plates == 1 ? "plate" : "plates"));
@@ -267,7 +275,8 @@ int arrange_parts(const MeshOptions& options, const Printer& printer, std::vecto
 void check_overlaps(const MeshOptions& options, const std::vector<ReadPart>& parts,
                     const Printer& printer, const SliceOptions& slicing,
                     const ExecutionContext& context) {
-  if (options.plate.overlap == "join" || parts.size() < 2) return;
+  // Outlines that are arranged have nothing in common.
+  if (options.plate.overlap == "join" || options.arranges() || parts.size() < 2) return;
   std::vector<TriangleMesh> meshes;
   meshes.reserve(parts.size());
   for (const ReadPart& part : parts) meshes.push_back(part.mesh);
@@ -297,6 +306,10 @@ std::vector<ReadPart> parts_of_plate(const MeshOptions& options, const Printer& 
 }  // namespace
 
 PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context) {
+  if (options.arranges()) {
+    throw InputError(
+        "parts lie as their files have them here; expected no copies and none that are arranged");
+  }
   return together(read_each(options, context));
 }
 

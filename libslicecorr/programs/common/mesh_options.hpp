@@ -32,8 +32,8 @@ struct MeshOptions {
   void add_antialias_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
   void add_placement_to(CLI::App& app);
-  /// What parts do on one plate, of commands that slice.
-  void add_plate_to(CLI::App& app);
+  /// What parts do on one plate, of commands that slice. `copies`: a part may be given as PART*N.
+  void add_plate_to(CLI::App& app, bool copies = true);
   /// The files of all parts: "part.stl*3" is thrice "part.stl", where no file has that name.
   std::vector<std::string> files() const;
   /// Whether parts lie side by side: copies do.

@@ -294,6 +294,7 @@ void add_flow(Program& program, FlowOptions& o) {
       ->check(number_in(1, 1000));
   o.mesh.add_antialias_to(*sub);
   o.mesh.add_placement_to(*sub);
+  o.mesh.add_plate_to(*sub);
   sub->add_option(
       "--printer", o.printer,
       "Printer: a .toml file or a name; its suction_limit_pa is the limit [1 bar, where "

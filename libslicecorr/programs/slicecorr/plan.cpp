@@ -213,6 +213,7 @@ void add_plan(Program& program, PlanOptions& o) {
       ->check(number_in(1, 1000));
   o.mesh.add_antialias_to(*sub);
   o.mesh.add_placement_to(*sub);
+  o.mesh.add_plate_to(*sub);
   o.setup.add_to(*sub, true, true);
   sub->add_option("--tolerance-um", o.ask.tolerance_um, "How far edges may lie from the design")
       ->check(number_above_zero())

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -49,8 +50,12 @@ class Flood {
       }
     }
   }
+  /// With slices after its own until each voxel gels.
+  Flood(const MemorySlices& slices, const MemorySlices& delays) : Flood(slices) {
+    delays_ = &delays;
+  }
 
-  /// A body of voxels of one kind, when slices up to some one are there.
+  /// A body of voxels of one kind, of those that are there when some slice is done.
   struct Part {
     std::vector<std::array<int, 3>> voxels;  ///< slice, row, column, sorted
     bool beside = false;                     ///< has voxels of the ring
@@ -76,7 +81,7 @@ class Flood {
     for (int n = 0; n <= last; ++n) {
       for (int y = 0; y < height_; ++y) {
         for (int x = 0; x < width_; ++x) {
-          if (seen[index(n, x, y)] || solid_[index(n, x, y)] != solid) continue;
+          if (seen[index(n, x, y)] || !is(solid, last, n, x, y)) continue;
           found.push_back(fill(solid, last, n, x, y, seen));
         }
       }
@@ -86,6 +91,11 @@ class Flood {
   int layers() const { return layers_; }
 
  private:
+  /// Voids are those of the end.
+  bool is(bool solid, int last, int n, int x, int y) const {
+    if (solid_[index(n, x, y)] != solid) return false;
+    return !solid || !delays_ || n + delays_->at(n, x - 1, y - 1) <= last;
+  }
   std::size_t index(int n, int x, int y) const {
     return static_cast<std::size_t>((n * height_ + y) * width_ + x);
   }
@@ -102,7 +112,7 @@ class Flood {
       for (const auto& step : steps) {
         const int m = n + step[0], v = y + step[1], u = x + step[2];
         if (m < 0 || m > last || v < 0 || v >= height_ || u < 0 || u >= width_) continue;
-        if (seen[index(m, u, v)] || solid_[index(m, u, v)] != solid) continue;
+        if (seen[index(m, u, v)] || !is(solid, last, m, u, v)) continue;
         seen[index(m, u, v)] = true;
         todo.push_back({m, v, u});
       }
@@ -112,63 +122,72 @@ class Flood {
   }
   int width_, height_, layers_;
   std::vector<bool> solid_;
+  const MemorySlices* delays_ = nullptr;  ///< null: all gel in their own slices
 };
 
 using Tuple = std::tuple<int, int, int, int, std::uint64_t, int, int>;  // of whole numbers, sorted
 
 struct Expected {
   std::vector<Tuple> islands, sealed, cups;
-  std::map<std::pair<int, int>, std::pair<double, double>>
-      middles;  ///< of islands by row and column
+  std::map<Tuple, std::pair<double, double>> middles;  ///< of islands: column and row
   std::uint64_t on_platform = 0, loose = 0, sealed_voxels = 0;
 };
 
 void look_at_solids(const Flood& flood, Expected& e) {
+  /// An island as it was before it joined another; or as it is, when it has not.
+  struct Told {
+    std::array<int, 3> low;
+    std::size_t voxels;
+    double column, row;
+  };
   struct Open {
-    std::array<int, 3> name;
-    std::size_t voxels = 0;  ///< 0: grows
-    double column = 0, row = 0;
+    int first;  ///< slice at hand when it began
+    Flood::Part part;
+    std::vector<Told> joined;
+  };
+  const auto told = [](const Flood::Part& part) {
+    return Told{part.name(), part.voxels.size(), part.mean(2), part.mean(1)};
+  };
+  const auto tell = [&](const Told& t, int until) {
+    e.islands.emplace_back(t.low[0], until, t.low[1], t.low[2], t.voxels, 0, 0);
+    e.middles[e.islands.back()] = {t.column, t.row};
   };
   std::vector<Open> open;
-  const auto close = [](Open& o, const Flood::Part& part) {
-    o.voxels = part.voxels.size();
-    o.row = part.mean(1);
-    o.column = part.mean(2);
-  };
-  const auto tell = [&](const Open& o, int until) {
-    e.islands.emplace_back(o.name[0], until, o.name[1], o.name[2], o.voxels, 0, 0);
-    e.middles[{o.name[0] * 1000 + o.name[1], o.name[2]}] = {o.column, o.row};
-  };
-  std::vector<Flood::Part> before;
   for (int n = 0; n < flood.layers(); ++n) {
-    const std::vector<Flood::Part> now = flood.parts(true, n);
-    const auto part_of = [](const std::vector<Flood::Part>& parts, const std::array<int, 3>& v) {
-      return *std::find_if(parts.begin(), parts.end(), [&](auto& p) { return p.has(v); });
-    };
-    for (Open& o : open) {
-      const Flood::Part part = part_of(now, o.name);
-      // It is the first of its body no more, or hangs on the platform.
-      if (o.voxels == 0 && (part.name() != o.name)) close(o, part_of(before, o.name));
-    }
-    std::erase_if(open, [&](const Open& o) {
-      if (part_of(now, o.name).first() > 0) return false;
-      tell(o, n);
-      return true;
-    });
-    for (const Flood::Part& part : now) {
-      if (n > 0 && part.first() == n) open.push_back({part.name()});
-    }
-    before = now;
-  }
-  for (Open& o : open) {
-    if (o.voxels == 0) {
-      for (const auto& part : before) {
-        if (part.has(o.name)) close(o, part);
+    std::vector<Open> next;
+    for (const Flood::Part& part : flood.parts(true, n)) {
+      std::vector<const Open*> in;
+      for (const Open& o : open) {
+        if (part.has(o.part.name())) in.push_back(&o);
       }
+      if (part.first() == 0) {
+        for (const Open* o : in) {
+          tell(told(o->part), n);
+          for (const Told& t : o->joined) tell(t, n);
+        }
+        continue;
+      }
+      Open now{n, part, {}};
+      if (!in.empty()) {
+        std::sort(in.begin(), in.end(), [](const Open* a, const Open* b) {
+          return std::pair(a->first, a->part.name()) < std::pair(b->first, b->part.name());
+        });
+        now.first = in.front()->first;
+        for (const Open* o : in) {
+          now.joined.insert(now.joined.end(), o->joined.begin(), o->joined.end());
+          if (o != in.front()) now.joined.push_back(told(o->part));
+        }
+      }
+      next.push_back(now);
     }
-    tell(o, -1);
+    open = std::move(next);
   }
-  for (const Flood::Part& part : before) ++(part.first() == 0 ? e.on_platform : e.loose);
+  for (const Open& o : open) {
+    tell(told(o.part), -1);
+    for (const Told& t : o.joined) tell(t, -1);
+  }
+  e.loose = open.size();
+  e.on_platform = flood.parts(true, flood.layers() - 1).size() - open.size();
 }
 
 void look_at_voids(const Flood& flood, Expected& e) {
@@ -228,8 +247,7 @@ void look_at_voids(const Flood& flood, Expected& e) {
   }
 }
 
-Expected expected_of(const MemorySlices& slices) {
-  const Flood flood(slices);
+Expected expected_of(const Flood& flood) {
   Expected e;
   look_at_solids(flood, e);
   look_at_voids(flood, e);
@@ -241,7 +259,7 @@ void expect_same(const Bodies& b, const Expected& e) {
   std::vector<Tuple> islands, sealed, cups;
   for (const Island& i : b.islands) {
     islands.emplace_back(i.first, i.until, i.y, i.x, i.voxels, 0, 0);
-    const auto middle = e.middles.find({i.first * 1000 + i.y, i.x});
+    const auto middle = e.middles.find(islands.back());
     ASSERT_NE(middle, e.middles.end());
     EXPECT_NEAR(i.column, middle->second.first, 1e-9);
     EXPECT_NEAR(i.row, middle->second.second, 1e-9);
@@ -263,6 +281,8 @@ void expect_same(const Bodies& b, const Expected& e) {
   EXPECT_EQ(b.loose_bodies, e.loose);
   EXPECT_EQ(b.sealed_voxels, e.sealed_voxels);
 }
+
+Expected expected_of(const MemorySlices& slices) { return expected_of(Flood(slices)); }
 
 /// Voxels lit with a probability; patches that stay from slice to slice with another.
 MemorySlices random_slices(std::mt19937& random) {
@@ -344,6 +364,81 @@ TEST(Bodies, AreThoseOfAFloodFillAtEveryMoment) {
   EXPECT_GT(joined, 200U);
   EXPECT_GT(sealed, 100U);
   EXPECT_GT(cups, 500U);
+}
+
+/// Delays that are alike in patches; all has gelled when the last slice is done.
+MemorySlices random_delays(const MemorySlices& slices, std::mt19937& random) {
+  const auto number = [&](int least, int most) {
+    return std::uniform_int_distribution<int>(least, most)(random);
+  };
+  MemorySlices delays(slices.grid());
+  const Grid& g = slices.grid();
+  const int stays = number(0, 95), most = number(0, 5);
+  for (int n = 0; n < g.layers; ++n) {
+    for (int y = 0; y < g.height_px; ++y) {
+      for (int x = 0; x < g.width_px; ++x) {
+        const bool again = n > 0 && number(0, 99) < stays;
+        const int delay = again ? delays.at(n - 1, x, y) : number(0, most);
+        delays.at(n, x, y) = static_cast<std::uint8_t>(std::min(delay, g.layers - 1 - n));
+      }
+    }
+  }
+  return delays;
+}
+
+TEST(Bodies, InTimeAreThoseOfAFloodFillAtEveryMoment) {
+  std::mt19937 random(62);
+  std::uint64_t islands = 0, joined = 0, late = 0;
+  for (int round = 0; round < rounds(1500); ++round) {
+    SCOPED_TRACE(round);
+    const MemorySlices slices = random_slices(random);
+    const MemorySlices delays = random_delays(slices, random);
+    const Expected expected = expected_of(Flood(slices, delays));
+    const Grid& g = slices.grid();
+    BodyTracker whole({0, 0, g.width_px, g.height_px}, g, slices.frame()),
+        by_planes({0, 0, g.width_px, g.height_px}, g, slices.frame());
+    const auto runs_of = [&](auto delay_at) {
+      std::vector<BodyTracker::Run> runs;
+      for (int x = 0; x < g.width_px; ++x) {
+        const int delay = delay_at(x);
+        if (delay < 0) continue;
+        if (!runs.empty() && runs.back().end == x && runs.back().delay == delay) {
+          ++runs.back().end;
+        } else {
+          runs.push_back({x, x + 1, delay});
+        }
+      }
+      return runs;
+    };
+    for (int n = 0; n < g.layers; ++n) {
+      for (int y = 0; y < g.height_px; ++y) {
+        const auto at = [&](int slice, int x) {
+          return slice < 0 || slices.at(slice, x, y) < 128 ? -1 : delays.at(slice, x, y);
+        };
+        whole.set_row(y, runs_of([&](int x) { return at(n, x); }));
+        for (int plane = 0; plane < 4; ++plane) {
+          const auto bit = [&](int slice, int x) {
+            const int delay = at(slice, x);
+            return plane == 0 ? delay >= 0 : delay >= 0 && (delay >> (plane - 1) & 1) != 0;
+          };
+          const auto flips = runs_of([&](int x) { return bit(n, x) != bit(n - 1, x) ? 0 : -1; });
+          if (!flips.empty()) by_planes.flip_row(y, flips, plane);
+        }
+      }
+      whole.end_slice();
+      by_planes.end_slice();
+    }
+    const Bodies found = whole.finish();
+    expect_same(found, expected);
+    expect_same(by_planes.finish(), expected);
+    if (HasFailure()) return;
+    islands += expected.islands.size();
+    for (const Tuple& i : expected.islands) joined += std::get<1>(i) >= 0;
+    late += expected.islands != expected_of(slices).islands;
+  }
+  EXPECT_GT(islands, 1000U);
+  EXPECT_GT(joined, 200U);
+  EXPECT_GT(late, 200U);  // rounds in which delays matter
 }
 
 TEST(Bodies, TheSameForAnyNumberOfThreads) {
@@ -487,6 +582,112 @@ TEST(Bodies, CupsOpenTowardsTheWindowOrThePlatform) {
   EXPECT_EQ(find_bodies(vented).cups_in_all, 0U);
 }
 
+TEST(Bodies, HangByWhatTheyShareWithTheSliceBefore) {
+  // A lamp on a stem of 4 x 2 pixels of 50 um: 0.02 mm².
+  MemorySlices lamp(grid_of(40, 40, 30));
+  fill(lamp, {5, 5, 0}, {35, 35, 3});
+  fill(lamp, {20, 18, 3}, {24, 20, 12});
+  fill(lamp, {10, 10, 12}, {30, 30, 20});
+  fill(lamp, {12, 12, 20}, {13, 13, 30});  // a pin on top is no body that hangs
+  Bodies b = find_bodies(lamp, {}, {true, 0.1});
+  ASSERT_EQ(b.necks.size(), 1U);
+  EXPECT_EQ(b.necks_in_all, 1U);
+  EXPECT_EQ(b.necks[0], (Neck{3, 8, 9 * 8 + 8 * 400 + 10, 22, 19}));
+  const auto j = nlohmann::json::parse(b.to_json());
+  EXPECT_NEAR(j["necks"][0]["area_mm2"].get<double>(), 0.02, 1e-12);
+  EXPECT_EQ(j["necks"][0]["at_um"], 300);
+  EXPECT_NEAR(j["necks"][0]["volume_mm3"].get<double>(), (72 + 3200 + 10) * 0.05 * 0.05 * 0.1,
+              1e-12);
+  EXPECT_THAT(bodies_in_words(b).front(),
+              HasSubstr("1 body hangs by less than 0.1 mm²: 0.8205 mm³, by 0.02 mm² at 300 um"));
+  EXPECT_TRUE(b.any_loose());
+  // As much as is asked for is enough, and nobody looks unless asked.
+  EXPECT_EQ(find_bodies(lamp, {}, {true, 0.02}).necks_in_all, 0U);
+  EXPECT_EQ(find_bodies(lamp).necks_in_all, 0U);
+
+  // On two stems it hangs by both.
+  MemorySlices two = lamp;
+  fill(two, {26, 18, 3}, {28, 20, 12});
+  b = find_bodies(two, {}, {true, 0.1});
+  ASSERT_EQ(b.necks_in_all, 1U);
+  EXPECT_EQ(b.necks[0].voxels, 12U);
+  EXPECT_EQ(b.necks[0].slice, 12);
+  EXPECT_EQ(find_bodies(two, {}, {true, 0.03}).necks_in_all, 0U);
+
+  // A ball on the platform hangs by what lies on it.
+  MemorySlices foot(grid_of(40, 40, 20));
+  fill(foot, {20, 20, 0}, {21, 22, 1});
+  fill(foot, {15, 15, 1}, {25, 25, 20});
+  b = find_bodies(foot, {}, {true, 0.1});
+  ASSERT_EQ(b.necks_in_all, 1U);
+  EXPECT_EQ(b.necks[0], (Neck{0, 2, 2 + 1900, 20.5, 21}));
+
+  // An hourglass has one neck, where it is narrowest.
+  MemorySlices hourglass(grid_of(40, 40, 20));
+  for (int n = 0; n < 20; ++n) {
+    const int r = 2 + std::abs(n - 10);
+    fill(hourglass, {20 - r, 20 - r, n}, {20 + r, 20 + r, n + 1});
+  }
+  b = find_bodies(hourglass, {}, {true, 0.2});
+  ASSERT_EQ(b.necks_in_all, 1U);
+  EXPECT_EQ(b.necks[0].slice, 10);
+  EXPECT_EQ(b.necks[0].voxels, 16U);
+}
+
+TEST(Bodies, TowersHangByTheirNarrowestStoreySoFar) {
+  std::mt19937 random(65);
+  std::uint64_t necks = 0;
+  for (int round = 0; round < rounds(300); ++round) {
+    SCOPED_TRACE(round);
+    MemorySlices slices(grid_of(12, 1, 24));
+    const std::uint64_t least = 1 + random() % 8;
+    int begin = 0, end = 12;
+    // What each slice hangs by, and what is expected of it: a neck begins where it gets less.
+    std::uint64_t bears = 0;
+    struct Open {
+      int slice;
+      std::uint64_t voxels;
+      bool wide;
+    };
+    std::vector<Open> chain;
+    for (int n = 0; n < 24; ++n) {
+      const int before_begin = begin, before_end = end;
+      if (random() % 2 == 0) {
+        begin = static_cast<int>(random() % 12);
+        end = begin + 1 + static_cast<int>(random() % (12 - static_cast<unsigned>(begin)));
+        if (n > 0 && std::min(end, before_end) <= std::max(begin, before_begin)) {
+          begin = before_begin;
+          end = before_end;
+        }
+      }
+      fill(slices, {begin, 0, n}, {end, 1, n + 1});
+      const int shared =
+          n == 0 ? end - begin : std::min(end, before_end) - std::max(begin, before_begin);
+      const std::uint64_t held = n == 0 ? 12 : bears;
+      bears = std::min<std::uint64_t>(held, static_cast<std::uint64_t>(shared));
+      if (bears < least && (chain.empty() || bears < chain.back().voxels)) {
+        chain.push_back({n, bears, false});
+      }
+      if (!chain.empty() && static_cast<std::uint64_t>(end - begin) >= least) {
+        chain.back().wide = true;
+      }
+    }
+    std::vector<std::pair<int, std::uint64_t>> expected, found;
+    for (const Open& o : chain) {
+      if (o.wide) expected.emplace_back(o.slice, o.voxels);
+    }
+    const double mm2 = static_cast<double>(least) * kPixelUm * kPixelUm * 1e-6;
+    for (const Neck& neck : find_bodies(slices, {}, {true, mm2}).necks) {
+      found.emplace_back(neck.slice, neck.voxels);
+    }
+    std::sort(found.begin(), found.end());
+    EXPECT_EQ(found, expected);
+    if (HasFailure()) return;
+    necks += found.size();
+  }
+  EXPECT_GT(necks, 100U);
+}
+
 TEST(Bodies, OfNothing) {
   const Bodies b = find_bodies(MemorySlices(grid_of(20, 20, 20)));
   EXPECT_EQ(b.on_platform + b.loose_bodies + b.islands_in_all + b.cups_in_all, 0U);
@@ -558,6 +759,87 @@ TEST(Bodies, ACorrectionCutsNothingLoose) {
   }
   EXPECT_GT(islands, 100U);
   EXPECT_GT(judged, 20U);
+}
+
+/// Slices after its own until the sum of light in the middle of a voxel reaches the dose that gels, slice
+/// by slice; prints nothing where it never does.
+struct Gelling {
+  MemorySlices printed, delays;
+  bool close = false;  ///< some sum is nearly that dose: rounding decides
+  bool late = false;   ///< something gels after its own slice
+};
+Gelling gelling_of(const MemorySlices& images, const slicecorr::Setup& setup) {
+  const Grid& g = images.grid();
+  const CureModel model =
+      make_cure_model(setup.printer, setup.resin, setup.process, g.layer_um, {});
+  const PixelCurve curve = pixel_curve(model);
+  Gelling found{MemorySlices(g), MemorySlices(g)};
+  for (int y = 0; y < g.height_px; ++y) {
+    for (int x = 0; x < g.width_px; ++x) {
+      for (int m = 0; m < g.layers; ++m) {
+        double dose = 0;
+        for (int n = m; n < g.layers && dose < 1; ++n) {
+          // The window passes from n - 1/2 to n + 1/2 slices, or stands half a slice away.
+          const double near = std::pow(10.0, -model.eta * std::max(0.0, n - m - 0.5)),
+                       far = std::pow(10.0, -model.eta * (n - m + 0.5));
+          const double light = model.ratio(n) * curve[images.at(n, x, y)];
+          dose += light * (setup.process.mode == ExposureMode::continuous ? near - far : far);
+          found.close |= std::abs(dose - 1) < 2e-6;
+          if (dose < 1) continue;
+          found.printed.at(m, x, y) = 255;
+          found.delays.at(m, x, y) = static_cast<std::uint8_t>(n - m);
+          found.late |= n > m;
+        }
+      }
+    }
+  }
+  return found;
+}
+
+TEST(Bodies, HangOnWhatHasGelledSoFar) {
+  std::mt19937 random(63);
+  slicecorr::Setup continuous{linear_printer(1, 100), resin(576, 2000), process(1000)};
+  continuous.printer.pixel_x_um = continuous.printer.pixel_y_um = kPixelUm;
+  slicecorr::Setup clear = continuous;  // light reaches over many slices
+  clear.resin = resin(100, 6000);
+  slicecorr::Setup standing = continuous;
+  standing.printer = linear_printer(0, 100);
+  standing.resin = resin(20, 400);
+  standing.process.mode = ExposureMode::layerwise;
+  standing.process.exposure_s = 0.3;
+  slicecorr::Setup longer = standing;  // first layers
+  longer.process.bottom_layers = 3;
+  longer.process.bottom_exposure_s = 0.9;
+  std::uint64_t islands = 0, late = 0, in_time = 0;
+  for (int round = 0; round < rounds(80); ++round) {
+    MemorySlices images = random_boxes(random);
+    for (int n = 0; n < images.grid().layers; ++n) {
+      const int grey = random() % 3 == 0 ? static_cast<int>(random() % 256) : 255;
+      for (int y = 0; y < 16; ++y) {
+        for (int x = 0; x < 16; ++x) {
+          images.at(n, x, y) = static_cast<std::uint8_t>(images.at(n, x, y) * grey / 255);
+        }
+      }
+    }
+    if (images.bounds().empty()) continue;
+    for (const slicecorr::Setup& setup : {continuous, clear, standing, longer}) {
+      SCOPED_TRACE(testing::Message() << round << " " << setup.process.exposure_s);
+      const Gelling gelling = gelling_of(images, setup);
+      if (gelling.close) continue;
+      const Prediction p = verify_stack(images, images, setup);
+      ASSERT_TRUE(p.bodies);
+      EXPECT_TRUE(p.bodies->printed.in_time);
+      const Expected expected = expected_of(Flood(gelling.printed, gelling.delays));
+      expect_same(p.bodies->printed, expected);
+      islands += expected.islands.size();
+      late += gelling.late;
+      in_time += expected.islands != expected_of(gelling.printed).islands;
+    }
+    if (HasFailure()) return;
+  }
+  EXPECT_GT(islands, 100U);
+  EXPECT_GT(late, 40U);
+  EXPECT_GT(in_time, 10U);
 }
 
 }  // namespace

@@ -109,6 +109,19 @@ std::string Bodies::to_json() const {
     open.push_back(one);
   }
   j["cups_in_all"] = cups_in_all;
+  j["in_time"] = in_time;
+  if (least_neck_mm2 > 0) {
+    auto& thin = j["necks"] = ordered_json::array();
+    for (const Neck& n : necks) {
+      ordered_json one;
+      one["area_mm2"] = number(pixels_mm2(n.voxels));
+      one["at_um"] = um(n.slice);
+      one["volume_mm3"] = number(voxels_mm3(n.borne));
+      put_place(one, n.column, n.row);
+      thin.push_back(one);
+    }
+    j["necks_in_all"] = necks_in_all;
+  }
   return j.dump();
 }
 
@@ -138,6 +151,15 @@ void put_designed(const JudgedBodies& b, std::vector<std::string>& words) {
   const std::size_t at = words.size();
   put_islands(b.designed, words);
   words[at] = fmt::format("by design, before light cures through to what is above: {}", words[at]);
+}
+
+void put_necks(const Bodies& b, std::vector<std::string>& words) {
+  if (b.necks_in_all == 0) return;
+  const Neck& n = b.necks.front();
+  words.push_back(fmt::format("{} by less than {:.4g} mm²: {}{}, by {:.3g} mm² at {} {}",
+                              plural(b.necks_in_all, "body hangs", "bodies hang"), b.least_neck_mm2,
+                              largest(b.necks_in_all), volume(b, n.borne), b.pixels_mm2(n.voxels),
+                              height(b, n.slice), where(b, n.column, n.row)));
 }
 
 void put_sealed(const Bodies& b, std::vector<std::string>& words) {
@@ -185,6 +207,7 @@ void put_cut_loose(const JudgedBodies& b, std::vector<std::string>& words) {
 std::vector<std::string> bodies_in_words(const Bodies& b) {
   std::vector<std::string> words;
   put_islands(b, words);
+  put_necks(b, words);
   put_sealed(b, words);
   put_cups(b, words);
   return words;
@@ -201,6 +224,7 @@ std::vector<std::string> warnings_of(const JudgedBodies& b) {
   put_cut_loose(b, words);
   put_islands(b.printed, words);
   put_designed(b, words);
+  put_necks(b.printed, words);
   put_sealed(b.printed, words);
   return words;
 }

@@ -2,11 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <optional>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "bodies/joined_rows.hpp"
+#include "bodies/necks.hpp"
+#include "bodies/solid_rows.hpp"
 #include "slicecorr/bodies.hpp"
 
 namespace slicecorr {
@@ -14,12 +19,19 @@ namespace slicecorr {
 using detail::BodyListener;
 using detail::GrowingBody;
 using detail::JoinedRows;
+using detail::SolidRows;
 
 namespace {
 
 std::uint64_t size_of(const Island& i) { return i.voxels; }
 std::uint64_t size_of(const SealedCavity& c) { return c.voxels; }
 std::uint64_t size_of(const Cup& c) { return c.opening; }
+std::uint64_t size_of(const Neck& n) { return n.borne; }
+std::tuple<int, double, double> begins(const Neck& n) { return {n.slice, n.row, n.column}; }
+template <class Found>
+std::tuple<int, double, double> begins(const Found& f) {
+  return {f.first, f.y, f.x};
+}
 
 /// The largest of what is found, in any order.
 template <class Found>
@@ -42,8 +54,7 @@ class Largest {
  private:
   static bool before(const Found& a, const Found& b) {
     if (size_of(a) != size_of(b)) return size_of(a) > size_of(b);
-    if (a.first != b.first) return a.first < b.first;
-    return a.y != b.y ? a.y < b.y : a.x < b.x;
+    return begins(a) < begins(b);
   }
   std::vector<Found> heap_;
 };
@@ -149,9 +160,13 @@ class SolidListener final : public BodyListener {
 
  private:
   Island island(const GrowingBody& b) const {
-    return {
-        b.first, -1, b.voxels, middle(b.column2, b.voxels, at_.x), middle(b.row2, b.voxels, at_.y),
-        b.x,     b.y};
+    return {b.low.slice,
+            -1,
+            b.voxels,
+            middle(b.column2, b.voxels, at_.x),
+            middle(b.row2, b.voxels, at_.y),
+            b.low.x,
+            b.low.y};
   }
   void tell(Island island, int until) {
     ++in_all_;
@@ -226,19 +241,26 @@ class VoidListener final : public BodyListener {
 }  // namespace
 
 struct BodyTracker::Impl {
-  Impl(const PixelBox& its_box, const Grid& its_grid, const ImageFrame& its_frame, bool voids)
+  Impl(const PixelBox& its_box, const Grid& its_grid, const ImageFrame& its_frame,
+       const BodyAsk& its_ask)
       : box(its_box),
         grid(its_grid),
         frame(its_frame),
+        ask(its_ask),
         solid_bodies(Origin{box.x0, box.y0}),
         void_bodies(Origin{box.x0, box.y0}),
-        solids(box.height(), 0, box.width(), false, solid_bodies) {
-    if (voids && !box.empty()) {
-      open.emplace(box.height(), -1, box.width() + 1, true, void_bodies);
+        solids(box.height(), solid_bodies) {
+    const double pixel_mm2 = grid.pixel_x_um * grid.pixel_y_um * 1e-6;
+    if (ask.least_neck_mm2 > 0 && pixel_mm2 > 0) {
+      // So many voxels have at least this area, whatever rounding did to it.
+      necks.emplace(box.height(), static_cast<std::uint64_t>(
+                                      std::ceil(ask.least_neck_mm2 / pixel_mm2 * (1 - 1e-9))));
     }
+    if (ask.voids && !box.empty()) open.emplace(box.height(), -1, box.width() + 1, void_bodies);
   }
   void set(int row, std::span<const Run> runs) {
     solids.set_row(row, runs);
+    if (necks) necks->set_row(row, runs);
     if (!open) return;
     between.clear();
     int at = -1;
@@ -249,37 +271,101 @@ struct BodyTracker::Impl {
     between.push_back({at, box.width() + 1});
     open->set_row(row, between);
   }
+  /// Columns where something changes in a row, in rising order: 2k and 2k + 1 are the ends of run k.
+  using Ends = std::vector<int>;
+  Ends& ends_of(int plane, int row) {
+    const auto p = static_cast<std::size_t>(plane);
+    while (planes.size() <= p) planes.emplace_back(static_cast<std::size_t>(box.height()));
+    return planes[p][static_cast<std::size_t>(row)];
+  }
+  /// Rows with changes of planes in the slice at hand are put together.
+  void set_flipped();
 
   const PixelBox box;
   const Grid grid;
   const ImageFrame frame;
+  const BodyAsk ask;
   SolidListener solid_bodies;
   VoidListener void_bodies;
-  JoinedRows solids;
+  SolidRows solids;
   std::optional<JoinedRows> open;
+  std::optional<detail::NeckFinder> necks;
   int slices = 0, lit = 0;  ///< slices so far, and up to the last that has something solid
   std::vector<Run> moved, between;
-  std::vector<int> ends;
+  /// By plane and row. Plane 0 is what is solid, plane 1 + k bit k of the slices until that gels.
+  std::vector<std::vector<Ends>> planes;
+  std::vector<int> flipped;  ///< rows; may stand twice
+  Ends ends;
 };
 
-BodyTracker::BodyTracker(const PixelBox& box, const Grid& grid, const ImageFrame& frame, bool voids)
-    : impl_(std::make_unique<Impl>(box, grid, frame, voids)) {}
+void BodyTracker::Impl::set_flipped() {
+  if (flipped.empty()) return;
+  std::sort(flipped.begin(), flipped.end());
+  flipped.erase(std::unique(flipped.begin(), flipped.end()), flipped.end());
+  std::vector<std::size_t> at(planes.size());
+  for (const int row : flipped) {
+    std::fill(at.begin(), at.end(), 0);
+    moved.clear();
+    const Ends& solid = ends_of(0, row);
+    for (std::size_t k = 0; k < solid.size(); k += 2) {
+      // The run in parts of equal delay.
+      for (int begin = solid[k]; begin < solid[k + 1];) {
+        Run run{begin, solid[k + 1]};
+        for (std::size_t p = 1; p < planes.size(); ++p) {
+          const Ends& bits = planes[p][static_cast<std::size_t>(row)];
+          while (at[p] < bits.size() && bits[at[p]] <= begin) ++at[p];
+          if (at[p] % 2 == 1) run.delay |= 1 << (p - 1);
+          if (at[p] < bits.size()) run.end = std::min(run.end, bits[at[p]]);
+        }
+        begin = run.end;
+        moved.push_back(run);
+        if (moved.size() < 2) continue;
+        Run& before = moved[moved.size() - 2];
+        if (before.end != run.begin || before.delay != run.delay) continue;
+        before.end = run.end;
+        moved.pop_back();
+      }
+    }
+    set(row, moved);
+  }
+  flipped.clear();
+}
+
+BodyTracker::BodyTracker(const PixelBox& box, const Grid& grid, const ImageFrame& frame,
+                         const BodyAsk& ask)
+    : impl_(std::make_unique<Impl>(box, grid, frame, ask)) {}
 BodyTracker::~BodyTracker() = default;
 BodyTracker::BodyTracker(BodyTracker&&) noexcept = default;
 
 void BodyTracker::set_row(int y, std::span<const Run> runs) {
   Impl& t = *impl_;
-  t.moved.assign(runs.begin(), runs.end());
-  for (Run& run : t.moved) {
-    run.begin -= t.box.x0;
-    run.end -= t.box.x0;
+  const int row = y - t.box.y0;
+  Impl::Ends& solid = t.ends_of(0, row);
+  solid.clear();
+  const int delays = runs.empty() ? 0 : std::ranges::max(runs, {}, &Run::delay).delay;
+  const int planes = std::max(static_cast<int>(t.planes.size()),
+                              1 + static_cast<int>(std::bit_width(static_cast<unsigned>(delays))));
+  for (int p = 1; p < planes; ++p) t.ends_of(p, row).clear();
+  for (const Run& run : runs) {
+    const auto put = [&](Impl::Ends& to) {
+      if (!to.empty() && to.back() == run.begin - t.box.x0) {
+        to.back() = run.end - t.box.x0;
+      } else {
+        to.insert(to.end(), {run.begin - t.box.x0, run.end - t.box.x0});
+      }
+    };
+    put(t.ends_of(0, row));
+    for (int p = 1; p < planes; ++p) {
+      if (run.delay >> (p - 1) & 1) put(t.ends_of(p, row));
+    }
   }
-  t.set(y - t.box.y0, t.moved);
+  t.flipped.push_back(row);
 }
 
-void BodyTracker::flip_row(int y, std::span<const Run> runs) {
+void BodyTracker::flip_row(int y, std::span<const Run> runs, int plane) {
   Impl& t = *impl_;
   const int row = y - t.box.y0;
+  Impl::Ends& known = t.ends_of(plane, row);
   // What changes is where runs begin and end: ends that both have are none any more.
   t.ends.clear();
   std::size_t at = 0;
@@ -295,21 +381,19 @@ void BodyTracker::flip_row(int y, std::span<const Run> runs) {
       t.ends.push_back(end);
     }
   };
-  t.solids.each_run(row, [&](const Run& run) {
-    put(run.begin);
-    put(run.end);
-  });
+  for (const int end : known) put(end);
   while (at < 2 * runs.size()) t.ends.push_back(flipped(at++));
-  t.moved.clear();
-  for (std::size_t k = 0; k < t.ends.size(); k += 2) t.moved.push_back({t.ends[k], t.ends[k + 1]});
-  t.set(row, t.moved);
+  known.assign(t.ends.begin(), t.ends.end());
+  t.flipped.push_back(row);
 }
 
 void BodyTracker::end_slice(int more) {
+  impl_->set_flipped();
   impl_->slices += 1 + more;
   if (impl_->solids.any()) impl_->lit = impl_->slices;
   impl_->solids.end_slice(more);
   if (impl_->open) impl_->open->end_slice(more);
+  if (impl_->necks) impl_->necks->end_slice(more);
 }
 
 Bodies BodyTracker::finish() {
@@ -321,6 +405,17 @@ Bodies BodyTracker::finish() {
   found.frame = t.frame;
   t.solid_bodies.put(found);
   t.void_bodies.put(found);
+  if (t.necks) {
+    found.least_neck_mm2 = t.ask.least_neck_mm2;
+    Largest<Neck> largest;
+    for (Neck neck : t.necks->finish()) {
+      neck.column += t.box.x0;
+      neck.row += t.box.y0;
+      ++found.necks_in_all;
+      largest.add(neck);
+    }
+    found.necks = largest.take();
+  }
   // Black slices after the last body are no more of the print.
   for (Cup& c : found.cups) {
     if (c.end == CupEnd::opened && c.past == t.lit) c.end = CupEnd::print_ends;

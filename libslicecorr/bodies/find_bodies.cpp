@@ -10,7 +10,7 @@
 
 namespace slicecorr {
 
-Bodies find_bodies(const SliceSource& images, const ExecutionContext& context) {
+Bodies find_bodies(const SliceSource& images, const ExecutionContext& context, const BodyAsk& ask) {
   const Grid& grid = images.grid();
   const PixelBox box = images.bounds();
   const int rows = band_rows(grid);
@@ -30,7 +30,7 @@ Bodies find_bodies(const SliceSource& images, const ExecutionContext& context) {
     });
     found[i] = kept.keep(changes.code(grid.layers));
   });
-  return kept.follow(found, grid, images.frame(), true);
+  return kept.follow(found, grid, images.frame(), ask);
 }
 
 }  // namespace slicecorr

@@ -19,14 +19,12 @@ void widen(std::uint64_t& widest, int& slice, std::uint64_t area, int its_slice)
 
 }  // namespace
 
-JoinedRows::JoinedRows(int rows, int first, int past, bool anchor_outside, BodyListener& listener)
+JoinedRows::JoinedRows(int rows, int first, int past, BodyListener& listener)
     : first_(first),
       past_(past),
-      anchor_outside_(anchor_outside),
       listener_(listener),
       rows_(static_cast<std::size_t>(rows)),
       changed_(static_cast<std::size_t>(rows), 0) {
-  if (!anchor_outside) return;
   // Outside is there before the first slice.
   const Label anchor = add_body(0, first);
   body(anchor).anchored = true;
@@ -60,7 +58,6 @@ JoinedRows::Label JoinedRows::add_body(int row, int column) {
   made.first = made.counted = slice_;
   made.x = column;
   made.y = row;
-  made.anchored = !anchor_outside_ && slice_ == 0;
   parent_.push_back(label);
   body_of_.push_back(at);
   return label;
@@ -132,8 +129,7 @@ void JoinedRows::enter(const Labelled& run, int row) {
 void JoinedRows::set_row(int y, std::span<const Run> runs) {
   Row& row = rows_[static_cast<std::size_t>(y)];
   next_.clear();
-  const bool beside_outside =
-      anchor_outside_ && (y == 0 || y + 1 == static_cast<int>(rows_.size()));
+  const bool beside_outside = y == 0 || y + 1 == static_cast<int>(rows_.size());
   const bool hangs = slice_ > 0;  // on the slice before
   std::size_t at = 0;
   for (const Run& run : runs) {
@@ -145,7 +141,7 @@ void JoinedRows::set_row(int y, std::span<const Run> runs) {
         made.label = made.label == kNone ? row[k].label : unite(made.label, row[k].label);
       }
     }
-    if (anchor_outside_ && (beside_outside || run.begin == first_ || run.end == past_)) {
+    if (beside_outside || run.begin == first_ || run.end == past_) {
       made.label = made.label == kNone ? kAnchor : unite(made.label, kAnchor);
     }
     if (same && hangs) {
@@ -216,10 +212,8 @@ void JoinedRows::end_slice(int more) {
 void JoinedRows::renumber() {
   std::vector<Label> to(parent_.size(), kNone);
   std::vector<std::uint32_t> body_of;
-  if (anchor_outside_) {
-    to[kAnchor] = 0;
-    body_of.push_back(body_of_[kAnchor]);
-  }
+  to[kAnchor] = 0;
+  body_of.push_back(body_of_[kAnchor]);
   for (Row& row : rows_) {
     for (Labelled& run : row) {
       const Label r = root(run.label);

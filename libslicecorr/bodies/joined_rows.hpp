@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// Bodies of voxels of one kind, joined by faces, slice by slice: runs of two neighbouring slices, and
-/// a union-find over their labels.
+/// Bodies of voxels, as they grow; and those of what is not solid, joined by faces, slice by slice: runs
+/// of two neighbouring slices, and a union-find over their labels.
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -14,18 +16,26 @@
 
 namespace slicecorr::detail {
 
+/// In the order of slices, rows and columns.
+struct FirstVoxel {
+  int slice = std::numeric_limits<int>::max(), y = 0, x = 0;
+  auto operator<=>(const FirstVoxel&) const = default;
+};
+
 /// A body as it is known so far.
 struct GrowingBody {
-  int first = 0;          ///< slice in which it begins
+  int first = 0;          ///< slice at hand when it begins
   int x = 0, y = 0;       ///< its first pixel there
   bool anchored = false;  ///< hangs on what all hangs on
   bool told = false;      ///< was not anchored at the end of a slice
   int counted = 0;        ///< slices before this one are in the sums
   std::uint64_t voxels = 0;
   __int128 column2 = 0, row2 = 0;  ///< sums of twice the middles of voxels
+  FirstVoxel low;                  ///< of what is solid
   /// The same of those that joined it in the slice at hand.
   std::uint64_t joined_voxels = 0;
   __int128 joined_column2 = 0, joined_row2 = 0;
+  FirstVoxel joined_low;
   std::uint64_t joined_widest = 0;
   int joined_widest_slice = 0;
   std::uint64_t area = 0;  ///< voxels in the slice at hand
@@ -53,18 +63,11 @@ class JoinedRows {
  public:
   using Label = std::uint32_t;
   using Run = BodyTracker::Run;
-  /// `anchor_outside`: bodies hang on what lies beside the rows and their columns [first, past); else on
-  /// what comes before slice 0. `listener` must outlive this.
-  JoinedRows(int rows, int first, int past, bool anchor_outside, BodyListener& listener);
+  /// Bodies hang on what lies beside the rows and their columns [first, past). `listener` must outlive
+  /// this.
+  JoinedRows(int rows, int first, int past, BodyListener& listener);
 
   void set_row(int row, std::span<const Run> runs);
-  /// The runs of a row.
-  template <class Take>
-  void each_run(int row, const Take& take) const {
-    for (const Labelled& r : rows_[static_cast<std::size_t>(row)]) take(Run{r.begin, r.end});
-  }
-  /// Whether the slice at hand has anything of them.
-  bool any() const { return runs_ > 0; }
   void end_slice(int more);
   void finish();
 
@@ -90,7 +93,6 @@ class JoinedRows {
   bool older(const GrowingBody& a, const GrowingBody& b) const;
 
   const int first_, past_;
-  const bool anchor_outside_;
   BodyListener& listener_;
   int slice_ = 0;
   std::vector<Row> rows_;

@@ -125,8 +125,9 @@ class KeptVoxels::Reader {
  public:
   static constexpr int kNoSlice = std::numeric_limits<int>::max();
 
-  Reader(const KeptVoxels& kept, const Pieces& pieces, const PixelBox& box)
-      : kept_(kept), blobs_(pieces), box_(box) {
+  /// `plane`: see BodyTracker::flip_row.
+  Reader(const KeptVoxels& kept, const Pieces& pieces, const PixelBox& box, int plane)
+      : kept_(kept), blobs_(pieces), box_(box), plane_(plane) {
     go_on();
   }
   /// The slice whose changes come next, or kNoSlice.
@@ -139,7 +140,7 @@ class KeptVoxels::Reader {
     std::uint64_t row = std::numeric_limits<std::uint64_t>::max();
     runs_.clear();
     const auto flush = [&] {
-      if (!runs_.empty()) tracker.flip_row(box_.y0 + static_cast<int>(row), runs_);
+      if (!runs_.empty()) tracker.flip_row(box_.y0 + static_cast<int>(row), runs_, plane_);
       runs_.clear();
     };
     for (std::uint64_t groups = take_number(at); groups-- > 0;) {
@@ -182,6 +183,7 @@ class KeptVoxels::Reader {
   const KeptVoxels& kept_;
   const Pieces& blobs_;
   const PixelBox box_;
+  const int plane_;
   std::size_t next_ = 0, at_ = 0;
   std::vector<std::uint8_t> piece_;
   int slice_ = 0;
@@ -210,15 +212,20 @@ KeptVoxels::Pieces KeptVoxels::keep(const std::vector<std::uint8_t>& code) {
 }
 
 Bodies KeptVoxels::follow(const Stream& changes, const Grid& grid, const ImageFrame& frame,
-                          bool voids) const {
+                          const BodyAsk& ask, std::span<const Stream> delays) const {
   PixelBox box;
   for (const PixelBox& band : bands_) box = box.united(band);
-  BodyTracker tracker(box, grid, frame, voids);
+  BodyTracker tracker(box, grid, frame, ask);
   if (layers_ <= 0 || box.empty()) return tracker.finish();
   std::vector<Reader> readers;
   readers.reserve(bands_.size());
-  for (std::size_t i = 0; i < bands_.size(); ++i)
-    readers.emplace_back(*this, changes[i], bands_[i]);
+  for (std::size_t i = 0; i < bands_.size(); ++i) {
+    readers.emplace_back(*this, changes[i], bands_[i], 0);
+    for (std::size_t bit = 0; bit < delays.size(); ++bit) {
+      if (delays[bit][i].empty()) continue;
+      readers.emplace_back(*this, delays[bit][i], bands_[i], 1 + static_cast<int>(bit));
+    }
+  }
   for (int at_hand = 0;;) {
     int next = Reader::kNoSlice;
     for (const Reader& r : readers) next = std::min(next, r.slice());

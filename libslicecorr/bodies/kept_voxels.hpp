@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "slicecorr/bodies.hpp"
@@ -17,6 +18,7 @@ namespace slicecorr::detail {
 /// The changes of a band, of up to three kinds of solid voxels at once: bits 1, 2 and 4. For one thread.
 class VoxelChanges {
  public:
+  static constexpr unsigned kKinds = 3;
   explicit VoxelChanges(std::size_t columns) : columns_(columns) {}
   /// From this slice on the column is otherwise; in any order, twice is not at all.
   void flip(int slice, std::size_t column, unsigned kinds = 1) {
@@ -49,8 +51,10 @@ class KeptVoxels {
   KeptVoxels(std::vector<PixelBox> bands, int layers, const ExecutionContext& context);
   std::size_t bands() const { return bands_.size(); }
   Pieces keep(const std::vector<std::uint8_t>& code);
-  /// What the slices hold whose changes these are. Throws `Cancelled`.
-  Bodies follow(const Stream& changes, const Grid& grid, const ImageFrame& frame, bool voids) const;
+  /// What the slices hold whose changes these are. `delays`: changes of each bit of the voxels' delays;
+  /// empty: they gel in their own slices. Throws `Cancelled`.
+  Bodies follow(const Stream& changes, const Grid& grid, const ImageFrame& frame,
+                const BodyAsk& ask, std::span<const Stream> delays = {}) const;
 
  private:
   class Reader;

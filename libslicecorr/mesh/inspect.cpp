@@ -9,6 +9,7 @@
 #include <span>
 
 #include "mesh/half_edges.hpp"
+#include "mesh/inside_out.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 
@@ -127,6 +128,8 @@ class Inspection {
   void check_edges(EdgeDefects* edge_defects);
   /// After `check_edges`.
   void count_bodies();
+  /// After `count_bodies`.
+  void find_inside_out(EdgeDefects* edge_defects);
   const MeshReport& report() const { return report_; }
 
  private:
@@ -263,6 +266,16 @@ void Inspection::count_bodies() {
   for (const Tally& tally : tallies_) report_.bodies += tally.bodies;
 }
 
+void Inspection::find_inside_out(EdgeDefects* edge_defects) {
+  MeshDefects& defects = report_.defects;
+  // Through holes nobody knows what lies in what.
+  if (report_.bodies < 2 || defects.open_edges + defects.misoriented_edges > 0) return;
+  const detail::InsideOut found = detail::inside_out(
+      mesh_, [&](std::size_t t) { return bodies_.root(static_cast<std::uint32_t>(t)); });
+  defects.inside_out_bodies = found.bodies;
+  if (edge_defects) edge_defects->flipped = found.triangles;
+}
+
 }  // namespace
 
 std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const ExecutionContext& context) {
@@ -283,6 +296,7 @@ MeshReport inspect(const TriangleMesh& mesh, const ExecutionContext& context,
   inspection.measure_triangles();
   inspection.check_edges(edge_defects);
   inspection.count_bodies();
+  inspection.find_inside_out(edge_defects);
   return inspection.report();
 }
 
@@ -297,6 +311,8 @@ std::string describe(const MeshDefects& defects) {
   add(defects.crowded_edges, "edge of more than two triangles", "edges of more than two triangles");
   add(defects.misoriented_edges, "misoriented edge", "misoriented edges");
   add(defects.flipped_triangles, "flipped triangle", "flipped triangles");
+  add(defects.inside_out_bodies, "body inside out beside others, which is turned",
+      "bodies inside out beside others, which are turned");
   add(defects.degenerate_triangles, "degenerate triangle", "degenerate triangles");
   add(defects.zero_area_triangles, "triangle of zero area", "triangles of zero area");
   add(defects.duplicate_triangles, "duplicate triangle", "duplicate triangles");

@@ -431,11 +431,12 @@ Correction StackCorrection::result() {
     }
     result.after.uncertain = uncertain_->result(robust);
   }
-  result.after.bodies = bodies_->judge(grid_, target_.frame());
+  result.after.bodies = bodies_->judge(grid_, target_.frame(), setup_.least_neck_mm2);
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
   result.before = of_whole_image(before_, plans_.layers());
-  result.before->bodies = bodies_before_->judge(target_.grid(), target_.frame());
+  result.before->bodies =
+      bodies_before_->judge(target_.grid(), target_.frame(), setup_.least_neck_mm2);
   result.before->maps = std::make_shared<const SurfaceMaps>(surface_before_.maps());
   return result;
 }

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <bit>
 #include <utility>
 
 #include "bands/bands.hpp"
@@ -21,7 +23,9 @@ PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers,
       kept_(bands, layers, context),
       printed_(bands.size()),
       designed_(bands.size()),
-      whole_(bands.size()) {}
+      whole_(bands.size()),
+      delays_(std::bit_width(static_cast<unsigned>(BodyTracker::kLongestDelay)),
+              KeptVoxels::Stream(bands.size())) {}
 
 PrintedBodies::Band::Band(PrintedBodies& whole, std::size_t index, const PixelBox& box)
     : whole_(whole), index_(index), state_(columns_of(box), 0), changes_(columns_of(box)) {}
@@ -33,8 +37,25 @@ void PrintedBodies::Band::enter(std::size_t column, int slice, std::uint8_t stat
   state_[column] = state;
 }
 
+void PrintedBodies::Band::gel(std::size_t column, int slice, int delay) {
+  if (delay_.empty()) delay_.resize(state_.size(), 0);
+  const unsigned changed = delay_[column] ^ static_cast<unsigned>(delay);
+  for (unsigned bits = changed, k = 0; bits != 0; bits >>= VoxelChanges::kKinds, ++k) {
+    const unsigned kinds = bits & ((1U << VoxelChanges::kKinds) - 1);
+    while (delays_.size() <= k) delays_.emplace_back(state_.size());
+    if (kinds != 0) delays_[k].flip(slice + 1, column, kinds);
+  }
+  delay_[column] = static_cast<std::uint16_t>(delay);
+}
+
 void PrintedBodies::Band::listen(BandPredictor& predictor,
                                  const std::vector<std::uint32_t>* columns) {
+  const bool in_time = predictor.tell_delays(
+      [this, columns](std::size_t k, int slice, int delay) {
+        gel(columns ? (*columns)[k] : k, slice, delay);
+      },
+      BodyTracker::kLongestDelay);
+  if (!in_time) whole_.in_time_ = false;
   predictor.tell_states([this, columns](std::size_t k, int slice, std::uint8_t coverage,
                                         bool prints, bool prints_above) {
     const std::size_t column = columns ? (*columns)[k] : k;
@@ -52,6 +73,14 @@ void PrintedBodies::Band::listen(BandPredictor& predictor,
 
 void PrintedBodies::Band::finish() {
   for (std::size_t column = 0; column < state_.size(); ++column) enter(column, -1, 0);
+  for (std::size_t column = 0; column < delay_.size(); ++column) gel(column, -1, 0);
+  for (std::size_t bit = 0; bit < whole_.delays_.size(); ++bit) {
+    const std::size_t k = bit / VoxelChanges::kKinds;
+    if (k >= delays_.size()) break;
+    whole_.delays_[bit][index_] =
+        whole_.kept_.keep(delays_[k].code(whole_.layers_, 1U << (bit % VoxelChanges::kKinds)));
+  }
+  delays_.clear();
   const auto printed = changes_.code(whole_.layers_, kPrinted);
   whole_.printed_[index_] = whole_.kept_.keep(printed);
   const auto keep = [&](unsigned kind, KeptVoxels::Stream& to, std::atomic<bool>& alike) {
@@ -67,19 +96,24 @@ void PrintedBodies::Band::finish() {
   keep(kWhole, whole_.whole_, whole_.whole_alike_);
 }
 
-std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid,
-                                                         const ImageFrame& frame) const {
+std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid, const ImageFrame& frame,
+                                                         double least_neck_mm2) const {
   auto judged = std::make_shared<JudgedBodies>();
+  const bool delayed = std::ranges::any_of(delays_, [](const KeptVoxels::Stream& bit) {
+    return std::ranges::any_of(bit, [](const auto& pieces) { return !pieces.empty(); });
+  });
   parallel_for(silent(context_), "", 3, [&](std::size_t i) {
     if (i == 0) {
-      judged->printed = kept_.follow(printed_, grid, frame, true);
-    } else if (i == 1 && !designed_alike_) {
-      judged->designed = kept_.follow(designed_, grid, frame, false);
+      judged->printed = kept_.follow(printed_, grid, frame, {true, least_neck_mm2}, delays_);
+      judged->printed.in_time = in_time_;
+    } else if (i == 1 && (!designed_alike_ || delayed)) {
+      judged->designed = kept_.follow(designed_, grid, frame, {false, 0});
     } else if (i == 2 && !whole_alike_) {
-      judged->loose_whole = kept_.follow(whole_, grid, frame, false).loose_bodies;
+      judged->loose_whole = kept_.follow(whole_, grid, frame, {false, 0}).loose_bodies;
     }
   });
-  if (designed_alike_) judged->designed = judged->printed;
+  // What prints as designed hangs together in the end, but not from slice to slice.
+  if (designed_alike_ && !delayed) judged->designed = judged->printed;
   if (whole_alike_) judged->loose_whole = judged->printed.loose_bodies;
   return judged;
 }

@@ -39,12 +39,18 @@ class PrintedBodies {
     void enter(std::size_t column, int slice, std::uint8_t state);
     PrintedBodies& whole_;
     const std::size_t index_;
+    void gel(std::size_t column, int slice, int delay);
     std::vector<std::uint8_t> state_;  ///< per column: of the slices at hand
     VoxelChanges changes_;
+    /// Per column the delay of the slices at hand, and changes of its bits, `VoxelChanges::kKinds` of them
+    /// in each; empty before the first delay.
+    std::vector<std::uint16_t> delay_;
+    std::vector<VoxelChanges> delays_;
   };
 
-  /// After all bands.
-  std::shared_ptr<const JudgedBodies> judge(const Grid& grid, const ImageFrame& frame) const;
+  /// After all bands. `least_neck_mm2`: see BodyAsk.
+  std::shared_ptr<const JudgedBodies> judge(const Grid& grid, const ImageFrame& frame,
+                                            double least_neck_mm2) const;
 
  private:
   const int layers_;
@@ -52,6 +58,8 @@ class PrintedBodies {
   KeptVoxels kept_;
   /// By band; bands that print as designed share theirs. `whole_`: of what is covered whole.
   KeptVoxels::Stream printed_, designed_, whole_;
+  std::vector<KeptVoxels::Stream> delays_;  ///< of each bit of the printed voxels' delays
+  std::atomic<bool> in_time_{true};         ///< all delays are known, so far
   std::atomic<bool> designed_alike_{true}, whole_alike_{true};  ///< to the print, so far
 };
 

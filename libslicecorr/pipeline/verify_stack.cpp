@@ -111,6 +111,7 @@ class Verification {
         all_layers_(std::max(layers_, target.grid().layers + (target.edge_heights() ? 1 : 0))),
         spread_(models_, stack.grid(), stack.frame()),
         bands_(bands_of_all()),
+        least_neck_mm2_(setup.least_neck_mm2),
         bodies_(bands_, std::max(layers_, target.grid().layers), context),
         surface_maps_(target.bounds()) {
     if (models_.brightest().inhibited()) window_.emplace(models_, layers_);
@@ -139,7 +140,7 @@ class Verification {
     if (uncertain_) p.uncertain = uncertain_->result();
     if (const auto finest = spread_.finest()) p.finest = {finest->line_um, finest->gap_um};
     p.maps = std::make_shared<const SurfaceMaps>(surface_maps_.maps());
-    p.bodies = bodies_.judge(grid, stack_.frame());
+    p.bodies = bodies_.judge(grid, stack_.frame(), least_neck_mm2_);
     return p;
   }
 
@@ -186,6 +187,7 @@ class Verification {
   const std::vector<PixelBox> bands_;
   std::optional<detail::PlaceWindows> window_;  ///< where UV light keeps a dead zone
 
+  const double least_neck_mm2_;
   detail::PrintedBodies bodies_;
   detail::SurfaceCollector surface_maps_;
   std::optional<detail::UncertainTotal> uncertain_;  ///< where it is asked how sure it is

@@ -26,6 +26,9 @@ void BandPredictor::tell_states(StateSink sink) {
     then(column, slice, coverage, prints, prints_above);
   };
 }
+bool BandPredictor::tell_delays(DelaySink sink, int longest) {
+  return state_->tell_delays(std::move(sink), longest);
+}
 void BandPredictor::aim_at_heights() { state_->prediction_.at_heights = true; }
 void BandPredictor::keep_sides() { state_->keep_sides(); }
 const EdgeSides& BandPredictor::sides() const { return state_->sides_; }

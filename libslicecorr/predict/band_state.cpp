@@ -41,6 +41,7 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
     : model_(model),
       curve_(curve),
       all_layers_(all_layers),
+      in_showings_(in_showings),
       omega_(padded(columns), 0.0),
       least_(padded(columns), kNever),
       class_(padded(columns), gap),
@@ -58,6 +59,13 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
   if (model.lifts) {
     joints_ = std::make_unique<detail::JointWalker>(model, columns);
   }
+}
+
+bool BandPredictor::State::tell_delays(DelaySink sink, int longest) {
+  if (in_showings_ || !detail::GelMoments::known(model_)) return false;
+  moments_ = std::make_unique<detail::GelMoments>(model_, curve_, columns_.size(), longest,
+                                                  std::move(sink));
+  return true;
 }
 
 void BandPredictor::State::error(std::size_t i, int node, std::uint8_t height, bool upper,
@@ -269,6 +277,10 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
     cover = with_left_alone_.data();
   }
   if (joints_) joints_->add_slice(slice, showings, cover, heights, prediction_.at_heights);
+  if (moments_) {
+    moments_->add_slice(slice, 0, columns_.size(),
+                        showings.empty() ? nullptr : showings.front().pixels);
+  }
   if (dose_) {
     add_general_slice(slice, showings, cover, heights);
   } else {

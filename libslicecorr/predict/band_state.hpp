@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "predict/gel_moments.hpp"
 #include "predict/joints.hpp"
 #include "predict/tile_sums.hpp"
 #include "slicecorr/dose.hpp"
@@ -38,6 +39,7 @@ struct BandPredictor::State {
   void add_lanes(const TileSlice& s);
   void go_on_from(Prediction so_far);
   void keep_sides();
+  bool tell_delays(DelaySink sink, int longest);
   Prediction finish(const PixelOfColumn& place);
 
   enum Class : std::uint8_t { gap, run, grey };
@@ -93,7 +95,9 @@ struct BandPredictor::State {
   const CureModel& model_;
   const PixelCurve& curve_;
   int all_layers_;
+  bool in_showings_;
   std::unique_ptr<detail::JointWalker> joints_;  ///< with lifts
+  std::unique_ptr<detail::GelMoments> moments_;  ///< where somebody asked for delays
   std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for showings
   /// Dose at the upper end of the layer that was added last.
   std::vector<double> omega_;

@@ -141,6 +141,10 @@ void BandPredictor::State::add_tile(std::size_t first_column, std::size_t column
     slices -= kTileSlices;
   }
   if (slices <= 0) return;
+  for (int k = slices; moments_ && pixels && k-- > 0;) {
+    moments_->add_slice(first_slice + k, first_column, columns,
+                        pixels + static_cast<std::size_t>(k) * kLanes);
+  }
   if (!tile_sums_) tile_sums_ = std::make_unique<detail::TileSums>();
   detail::TileSums& sums = *tile_sums_;
 

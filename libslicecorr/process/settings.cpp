@@ -254,6 +254,11 @@ const std::vector<Setting>& table() {
                "go on, or refuse the print [tell]",
        .words = {"tell", "refuse"},
        .corrects = true},
+      {.name = "least_neck_mm2",
+       .group = kHowItIsCorrected,
+       .chosen = &C::least_neck_mm2,
+       .text = "Area by which each body must hang on what printed before it, platform included: "
+               "what hangs by less counts as {loose} says [any area]"},
       {.name = "uv_mw_cm2",
        .group = kUvAndFlow,
        .chosen = &C::uv_mw_cm2,

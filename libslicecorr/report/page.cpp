@@ -360,6 +360,8 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     c.column_before = probe_stack(uncorrected, &target, setup, c.column_x, c.column_y);
     c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
   }
+  const int hanging = detail::row_of_bodies(after);
+  if (hanging >= 0 && hanging != middle && hanging != worst.worst_y) add_section(hanging);
   // What can be moved through computes with one image per slice.
   if (!volume && !stack.recording()) {
     volume =

@@ -110,6 +110,13 @@ std::string range(int from, int to) {
   return from == to ? fmt::format("{}", from) : fmt::format("{}–{}", from, to);
 }
 
+/// Lets the explorer, where there is one, show a voxel.
+Markup go_button(int x, int y, int slice) {
+  return markup(
+      R"(<button type="button" class="go" data-x="{}" data-y="{}" data-n="{}" hidden>show</button>)",
+      x, y, slice);
+}
+
 Markup feature_table(const std::string& words, const FeatureExamples& examples, std::uint64_t count,
                      const Grid& grid, bool open) {
   if (count == 0) return markup("<p>{}: none.</p>", words);
@@ -123,14 +130,11 @@ Markup feature_table(const std::string& words, const FeatureExamples& examples, 
     const double x0 = e.x * grid.pixel_x_um * 1e-3, x1 = (p.last_x + 1) * grid.pixel_x_um * 1e-3;
     const double y = (grid.height_px - e.y - 0.5) * grid.pixel_y_um * 1e-3;
     table.begin();
-    table.cells(
-        range(e.x, p.last_x), e.y, range(e.first, e.last), fmt::format("{:.2f}–{:.2f}", x0, x1),
-        fmt::format("{:.2f}", y),
-        fmt::format("{:.3f}–{:.3f}", e.first * grid.layer_um * 1e-3,
-                    (e.last + 1) * grid.layer_um * 1e-3),
-        markup(
-            R"(<button type="button" class="go" data-x="{}" data-y="{}" data-n="{}" hidden>show</button>)",
-            (e.x + p.last_x) / 2, e.y, (e.first + e.last) / 2));
+    table.cells(range(e.x, p.last_x), e.y, range(e.first, e.last),
+                fmt::format("{:.2f}–{:.2f}", x0, x1), fmt::format("{:.2f}", y),
+                fmt::format("{:.3f}–{:.3f}", e.first * grid.layer_um * 1e-3,
+                            (e.last + 1) * grid.layer_um * 1e-3),
+                go_button((e.x + p.last_x) / 2, e.y, (e.first + e.last) / 2));
   }
   return markup("<details{}><summary>{}: {}{}</summary>{}</details>", open ? " open" : "", words,
                 count, listed < count ? fmt::format(" (the first {} are listed)", listed) : "",
@@ -255,38 +259,69 @@ Markup bodies_section(const Prediction& p) {
   Markup html = markup("<h2>What hangs on nothing, and what is trapped</h2>");
   for (const std::string& sentence : words) html += markup("<p>{}.</p>", sentence);
   Table table("bodies");
-  for (const std::string name : {"what", "from, um", "to, um", "size", "x, mm", "y, mm"})
+  for (const std::string name : {"what", "from, um", "to, um", "size", "x, mm", "y, mm", ""}) {
     table.column(name);
+  }
   // A screen full; the figures beside the page have more of them.
   constexpr std::size_t most = 10;
-  const auto row = [&](const char* what, int first, int past, std::string size, double column,
-                       double at_row) {
-    const PlatePlace at = b.place(column, at_row);
-    table.row_of({what, fmt::format("{:.6g}", b.slice_um(first)),
-                  past < 0 ? std::string("never joined") : fmt::format("{:.6g}", b.slice_um(past)),
-                  std::move(size), fmt::format("{:.2f}", at.x_mm), fmt::format("{:.2f}", at.y_mm)});
+  struct Voxel {
+    int x, y, slice;
   };
+  /// `middle`: where it is on the plate; `voxel`: one of it, for the explorer.
+  const auto row = [&](const char* what, int first, const std::string& past, std::string size,
+                       const PlatePlace& middle, const Voxel& voxel, std::string_view kind) {
+    table.begin(kind);
+    table.head(markup("{}", what));
+    table.cells(fmt::format("{:.6g}", b.slice_um(first)), past, std::move(size),
+                fmt::format("{:.2f}", middle.x_mm), fmt::format("{:.2f}", middle.y_mm));
+    table.cell(go_button(voxel.x, voxel.y, voxel.slice));
+  };
+  const auto um = [&](int slice) { return fmt::format("{:.6g}", b.slice_um(slice)); };
   for (std::size_t i = 0; i < std::min(most, b.islands.size()); ++i) {
     const Island& v = b.islands[i];
-    row("hangs on nothing", v.first, v.until, fmt::format("{:.4g} mm³", b.voxels_mm3(v.voxels)),
-        v.column, v.row);
+    row("hangs on nothing", v.first, v.until < 0 ? "never joined" : um(v.until),
+        fmt::format("{:.4g} mm³", b.voxels_mm3(v.voxels)), b.place(v.column, v.row),
+        {v.x, v.y, v.first}, "loose");
+  }
+  for (std::size_t i = 0; i < std::min(most, b.necks.size()); ++i) {
+    const Neck& v = b.necks[i];
+    row("hangs by too little", v.slice, "",
+        fmt::format("{:.4g} mm³ by {:.3g} mm²", b.voxels_mm3(v.borne), b.pixels_mm2(v.voxels)),
+        b.place(v.column, v.row), {static_cast<int>(v.column), static_cast<int>(v.row), v.slice},
+        "loose");
   }
   for (std::size_t i = 0; i < std::min(most, b.sealed_cavities.size()); ++i) {
     const SealedCavity& v = b.sealed_cavities[i];
-    row("sealed cavity", v.first, v.past, fmt::format("{:.4g} mm³", b.voxels_mm3(v.voxels)),
-        v.column, v.row);
+    row("sealed cavity", v.first, um(v.past), fmt::format("{:.4g} mm³", b.voxels_mm3(v.voxels)),
+        b.place(v.column, v.row), {v.x, v.y, v.first}, {});
   }
   for (std::size_t i = 0; i < std::min(most, b.cups.size()); ++i) {
     const Cup& v = b.cups[i];
-    row("cup", v.first, v.past, fmt::format("{:.4g} mm² wide", b.pixels_mm2(v.opening)), v.column,
-        v.row);
+    row("cup", v.first, um(v.past), fmt::format("{:.4g} mm² wide", b.pixels_mm2(v.opening)),
+        b.place(v.column, v.row), {v.x, v.y, v.first}, {});
   }
   html += table;
-  if (b.islands_in_all > most || b.sealed_in_all > most || b.cups_in_all > most) {
-    html += markup(R"(<p class="dim">The largest of {} bodies, {} cavities and {} cups.</p>)",
-                   b.islands_in_all, b.sealed_in_all, b.cups_in_all);
+  if (std::max({b.islands_in_all, b.necks_in_all, b.sealed_in_all, b.cups_in_all}) > most) {
+    html += markup(
+        R"(<p class="dim">The largest of {} bodies on nothing, {} that hang by too little, {} cavities and {} cups.</p>)",
+        b.islands_in_all, b.necks_in_all, b.sealed_in_all, b.cups_in_all);
+  }
+  if (!b.in_time) {
+    html += Markup::raw(
+        R"(<p class="dim">All is taken to gel while its own slice is shown: when it does is not known of this print.</p>)");
   }
   return html;
+}
+
+int row_of_bodies(const Prediction& p) {
+  if (!p.bodies) return -1;
+  const Bodies& b = p.bodies->printed;
+  // What makes a print go wrong comes first.
+  if (!b.islands.empty()) return static_cast<int>(b.islands.front().row);
+  if (!b.necks.empty()) return static_cast<int>(b.necks.front().row);
+  if (!b.sealed_cavities.empty()) return static_cast<int>(b.sealed_cavities.front().row);
+  const bool told = !b.cups.empty() && b.pixels_mm2(b.cups.front().opening) >= kCupToldMm2;
+  return told ? static_cast<int>(b.cups.front().row) : -1;
 }
 
 Markup comparison_table(const ComparisonTable& comparison) {

@@ -29,6 +29,8 @@ page::Markup flow_charts(const ReportContent& content);
 page::Markup uncertainty_section(const ReportContent& content);
 /// What hangs on nothing and what is trapped; empty where all is well.
 page::Markup bodies_section(const Prediction& prediction);
+/// The image row of the worst of it, for a section; -1: all is well.
+int row_of_bodies(const Prediction& prediction);
 page::Markup comparison_table(const ComparisonTable& comparison);
 
 /// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made

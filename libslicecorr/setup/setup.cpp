@@ -438,6 +438,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   setup.gap_um = std::max(0.0, c_.gap_um);
   setup.refuse_loose = c_.loose == "refuse";
+  setup.least_neck_mm2 = std::max(0.0, c_.least_neck_mm2);
   const StackInfo* const lifted = times && times->lift_times ? times : info;
   setup.lift_times =
       lifted && lifted->lift_times ? lifted->lift_times : lift_times_of(setup.printer);

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
@@ -23,17 +24,18 @@ namespace {
 constexpr const char* kPictureKey = "flat_field_png";
 constexpr const char* kGapKey = "gap_um";
 constexpr const char* kLooseKey = "loose";
+constexpr const char* kNeckKey = "least_neck_mm2";
 
-double gap_of(std::string_view text, const std::string& source) {
+/// Above 0 and at most `most`; 0 without the key.
+double number_of(std::string_view text, const std::string& source, const char* key, double most) {
   const auto json = detail::read_json(text, {source, ""});
-  const auto gap = json.find(kGapKey);
-  if (gap == json.end()) return 0;
-  const double um = gap->is_number() ? gap->get<double>() : -1;
-  if (!(um > 0 && um <= kMostGapUm)) {
-    throw InputError(source, kGapKey,
-                     fmt::format("expected a number above 0 and at most {:g}", kMostGapUm));
+  const auto found = json.find(key);
+  if (found == json.end()) return 0;
+  const double value = found->is_number() ? found->get<double>() : -1;
+  if (!(value > 0 && value <= most)) {
+    throw InputError(source, key, fmt::format("expected a number above 0 and at most {:g}", most));
   }
-  return um;
+  return value;
 }
 
 bool refuses_loose(std::string_view text, const std::string& source) {
@@ -73,10 +75,13 @@ std::string setup_json(const Setup& setup) {
   info.grid.pixel_y_um = setup.printer.pixel_y_um;
   info.grid.layer_um = 1;
   std::string block = detail::setup_block(info);
-  if (!setup.printer.flat_field && !(setup.gap_um > 0) && !setup.refuse_loose) return block;
+  const bool more = setup.printer.flat_field || setup.gap_um > 0 || setup.refuse_loose ||
+                    setup.least_neck_mm2 > 0;
+  if (!more) return block;
   auto json = detail::own_json<nlohmann::ordered_json>(block);
   if (setup.gap_um > 0) json[kGapKey] = setup.gap_um;
   if (setup.refuse_loose) json[kLooseKey] = "refuse";
+  if (setup.least_neck_mm2 > 0) json[kNeckKey] = setup.least_neck_mm2;
   add_picture(json, setup.printer);
   return json.dump();
 }
@@ -92,8 +97,10 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   if (!info.printer || !info.resin || !info.process) {
     throw InputError(source, "", "has no printer, resin and process; expected all three");
   }
-  Setup setup{*info.printer, *info.resin, *info.process, gap_of(json, source)};
+  Setup setup{*info.printer, *info.resin, *info.process,
+              number_of(json, source, kGapKey, kMostGapUm)};
   setup.refuse_loose = refuses_loose(json, source);
+  setup.least_neck_mm2 = number_of(json, source, kNeckKey, std::numeric_limits<double>::max());
   setup.lift_times = lift_times_of(setup.printer);
   return setup;
 }

@@ -2,13 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// @file bodies.hpp
-/// What of a print hangs together, and what it traps: bodies of solid voxels that hang on nothing,
-/// cavities that nothing leaves, cups that pull (docs/bodies.md).
+/// What of a print hangs together while it prints, and what it traps: bodies of solid voxels that hang on
+/// nothing, cavities that nothing leaves, cups that pull (docs/bodies.md).
 ///
-/// Slices come from the platform on, as they print. Two voxels hang together where they share a face.
-/// What is solid in slice 0 hangs on the platform. An *island* is a body that hangs on nothing when the
-/// slice in which it begins is done, whether or not something joins it later; a *loose body* is one that
-/// never hangs on the platform.
+/// Slices come from the platform on, as they print. A voxel gels while its own slice is shown or, by the
+/// light of later ones, some slices after it: so many are its delay. When a slice is done, two voxels that
+/// have gelled hang together where they share a face. What is solid in slice 0 hangs on the platform. An
+/// *island* is a body that hangs on nothing when the slice is done in which it begins to gel, whether or
+/// not something joins it later; a *loose body* is one that never hangs on the platform.
 ///
 /// A *void* is a body of voxels that are not solid, by faces, too. Outside is all beside the box of what
 /// is lit. A void that the slices so far leave no way to the outside is a *cup* while it is open
@@ -37,10 +38,9 @@ namespace slicecorr {
 
 /// Slices count from 0, past ones are one further; pixels are those of the images.
 struct Island {
-  int first = 0;               ///< slice in which it begins
-  int until = -1;              ///< slice in which it comes to hang on the platform; -1: in none
-  std::uint64_t voxels = 0;    ///< of the slices before `until`, or of the slice where it joined an
-                               ///< older island
+  int first = 0;   ///< the lowest slice that has voxels of it
+  int until = -1;  ///< slice that is shown when it comes to hang on the platform; -1: none
+  std::uint64_t voxels = 0;    ///< gelled before slice `until`, or before it joined an older island
   double column = 0, row = 0;  ///< middle of these voxels; pixel 0 has its middle at 0.5
   int x = 0, y = 0;            ///< its first pixel in slice `first`, in reading order
   bool operator==(const Island&) const = default;
@@ -71,6 +71,16 @@ struct Cup {
   bool operator==(const Cup&) const = default;
 };
 
+/// Where a body hangs by less than it should: by what patches of neighbouring slices share, each patch
+/// being voxels of a slice that hang together in it; in slice 0 by its own area on the platform.
+struct Neck {
+  int slice = 0;               ///< that of the upper patch
+  std::uint64_t voxels = 0;    ///< by which it hangs
+  std::uint64_t borne = 0;     ///< voxels of all that hangs by them
+  double column = 0, row = 0;  ///< middle
+  bool operator==(const Neck&) const = default;
+};
+
 /// What a stack of slices holds.
 struct Bodies {
   /// So many of each kind are listed at most, the largest first; of equals the one that begins first.
@@ -81,6 +91,8 @@ struct Bodies {
 
   Grid grid;
   ImageFrame frame;
+  /// Whether delays were known: else all counts as if it gelled in its own slice.
+  bool in_time = true;
   std::uint64_t on_platform = 0;   ///< bodies that hang on it
   std::uint64_t loose_bodies = 0;  ///< bodies that never do
   std::uint64_t islands_in_all = 0, sealed_in_all = 0, cups_in_all = 0;
@@ -88,14 +100,17 @@ struct Bodies {
   std::vector<Island> islands;
   std::vector<SealedCavity> sealed_cavities;
   std::vector<Cup> cups;
+  double least_neck_mm2 = 0;  ///< what was asked for; 0: nobody looked for necks
+  std::uint64_t necks_in_all = 0;
+  std::vector<Neck> necks;  ///< the largest are those that bear most
 
   double slice_um(int slice) const { return slice * grid.layer_um; }
   double voxels_mm3(std::uint64_t voxels) const;
   double pixels_mm2(std::uint64_t pixels) const;
   /// On the plate; where nothing says how it lies in the images, from their upper left corner.
   PlatePlace place(double column, double row) const;
-  /// Whether some body hangs on nothing when it begins.
-  bool any_loose() const { return islands_in_all > 0; }
+  /// Whether some body hangs on nothing when it begins, or by less than was asked for.
+  bool any_loose() const { return islands_in_all + necks_in_all > 0; }
   /// `loose_bodies`, `islands`, `sealed_cavities` and `cups` of the contract.
   std::string to_json() const;
 };
@@ -133,24 +148,35 @@ std::vector<std::string> bodies_in_words(const JudgedBodies& bodies);
 /// Of these what makes a print go wrong or stay wet: bodies that hang on nothing, sealed cavities.
 std::vector<std::string> warnings_of(const JudgedBodies& bodies);
 
-/// Follows bodies and voids slice by slice.
+/// What is looked for besides bodies that hang on nothing.
+struct BodyAsk {
+  bool voids = true;          ///< what is trapped
+  double least_neck_mm2 = 0;  ///< area by which a body must hang; 0: any. Needs a scale.
+};
+
+/// Follows bodies and voids slice by slice. Voids are those between what is solid in the end, whenever it
+/// gels.
 class BodyTracker {
  public:
+  static constexpr int kLongestDelay = 1023;
   /// Columns [begin, end) of a row.
   struct Run {
     int begin = 0, end = 0;
+    int delay = 0;  ///< slices after their own until they gel, 0..kLongestDelay
     bool operator==(const Run&) const = default;
   };
-  /// `box`: of all that is solid in any slice. `voids`: looks for what is trapped, too.
-  BodyTracker(const PixelBox& box, const Grid& grid, const ImageFrame& frame, bool voids = true);
+  /// `box`: of all that is solid in any slice.
+  BodyTracker(const PixelBox& box, const Grid& grid, const ImageFrame& frame,
+              const BodyAsk& ask = {});
   ~BodyTracker();
   BodyTracker(BodyTracker&&) noexcept;
   /// What is solid in row `y` of the slice at hand, inside the box: runs from left to right with a gap
   /// between them. Rows that are not set are as in the slice before, empty before the first one. At
   /// most once a row and slice.
   void set_row(int y, std::span<const Run> runs);
-  /// The same by the runs whose voxels are otherwise than in the slice before.
-  void flip_row(int y, std::span<const Run> runs);
+  /// The same by the runs whose voxels are otherwise than in the slice before. `plane` 0: solid or not;
+  /// `plane` k: bit k - 1 of the delay, which counts where a voxel is solid. Once a row, slice and plane.
+  void flip_row(int y, std::span<const Run> runs, int plane = 0);
   /// Ends the slice at hand, and `more` after it that are like it.
   void end_slice(int more = 0);
   /// After the last slice.
@@ -164,6 +190,7 @@ class BodyTracker {
 /// The bodies of images alone, whatever prints: a voxel is solid where its pixel has at least half of
 /// the full value. Not of corrected stacks, whose images are light. Throws as reading does, and
 /// `Cancelled`.
-Bodies find_bodies(const SliceSource& images, const ExecutionContext& context = {});
+Bodies find_bodies(const SliceSource& images, const ExecutionContext& context = {},
+                   const BodyAsk& ask = {});
 
 }  // namespace slicecorr

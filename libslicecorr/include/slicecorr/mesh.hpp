@@ -43,9 +43,12 @@ struct MeshDefects {
   std::size_t degenerate_triangles = 0;  ///< two corners at the same place
   std::size_t zero_area_triangles = 0;   ///< three different corners on a line
   std::size_t duplicate_triangles = 0;   ///< the same three corners as an earlier triangle
+  /// Bodies that lie in no other and whose triangles all face inwards, beside bodies that are as they
+  /// should be; only of meshes without open and misoriented edges.
+  std::size_t inside_out_bodies = 0;
   bool any() const {
-    return open_edges || crowded_edges || misoriented_edges || flipped_triangles ||
-           degenerate_triangles || zero_area_triangles || duplicate_triangles;
+    return inside_out_bodies || open_edges || crowded_edges || misoriented_edges ||
+           flipped_triangles || degenerate_triangles || zero_area_triangles || duplicate_triangles;
   }
 };
 
@@ -58,8 +61,9 @@ struct EdgeDefects {
     std::uint32_t low, high;  ///< vertices, low < high
     std::int32_t surplus;     ///< triangles that run from low to high, less those that run back
   };
-  std::vector<std::uint32_t> flipped;  ///< those that `flipped_triangles` marks, rising
-  std::vector<OpenEdge> open;          ///< by their vertices, rising
+  /// Those that `flipped_triangles` marks, and those of bodies that are inside out, rising.
+  std::vector<std::uint32_t> flipped;
+  std::vector<OpenEdge> open;  ///< by their vertices, rising
 };
 
 /// Figures of a mesh, in the units of its coordinates.

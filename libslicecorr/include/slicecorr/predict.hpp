@@ -286,6 +286,12 @@ class BandPredictor {
   using StateSink = std::function<void(std::size_t column, int slice, std::uint8_t coverage,
                                        bool prints, bool prints_above)>;
   void tell_states(StateSink sink);
+  /// Told of the layers of a column, from the last to the first, whose middle gels by other slices than
+  /// that of the layer told before: how many after its own, at most `longest`. Before the first told: 0.
+  /// Nothing is said of layers that do not gel. False, and nothing is told, where moments are not known:
+  /// they are where doses are sums of light and light does not spread; not of recordings.
+  using DelaySink = std::function<void(std::size_t column, int slice, int delay)>;
+  bool tell_delays(DelaySink sink, int longest);
   /// Height errors are measured from edge heights, where there are some, and not from nodes: those
   /// of a stack that was corrected to them. Before the first slice.
   void aim_at_heights();

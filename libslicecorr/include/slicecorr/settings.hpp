@@ -53,11 +53,12 @@ struct SetupChoices {
   std::string surface = "mesh";
   std::string spread_correction = "on";  ///< off: no rounds, each column alone
   std::string loose;                     ///< `Setup::refuse_loose`: tell or refuse
-  int rounds = -1;                       ///< `Process::spread_rounds`
-  double dc_mj_cm3 = 0, ha_um = 0;       ///< in place of the resin's; height in base 10
-  double resin_depth_um = 0;             ///< in place of the printer's (`[vat] depth_um`)
-  double platform_reflectance = -1;      ///< in place of the printer's
-  double dose_factor = 0;                ///< in place of the resin's (`Resin::dose_factor`)
+  double least_neck_mm2 = 0;
+  int rounds = -1;                   ///< `Process::spread_rounds`
+  double dc_mj_cm3 = 0, ha_um = 0;   ///< in place of the resin's; height in base 10
+  double resin_depth_um = 0;         ///< in place of the printer's (`[vat] depth_um`)
+  double platform_reflectance = -1;  ///< in place of the printer's
+  double dose_factor = 0;            ///< in place of the resin's (`Resin::dose_factor`)
 };
 
 /// The numbers that a setting takes.

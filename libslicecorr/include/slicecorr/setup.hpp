@@ -38,6 +38,9 @@ struct Setup {
   /// A print of which some body hangs on nothing when it begins (bodies.hpp) is refused, not only told.
   /// Stacks do not keep it.
   bool refuse_loose = false;
+  /// Area by which a body must hang on what printed before it, mm²: what hangs by less is told, or refused
+  /// with `refuse_loose`; 0: any. Stacks do not keep it.
+  double least_neck_mm2 = 0;
   /// How the platform lifts: as the archive says whose times count, else as the printer file does;
   /// nothing: not known. Only times of prints need it. Stacks keep the printer's.
   std::optional<LiftTimes> lift_times{};

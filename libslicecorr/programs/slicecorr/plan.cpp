@@ -76,7 +76,7 @@ void check_outputs(const PlanOptions& o) {
 /// A part whose bodies hang on nothing does not print at any speed.
 PrintPlan plan_part(const SliceSource& part, const Setup& setup, const PlanAsk& ask,
                     const ExecutionContext& context) {
-  const Bodies bodies = find_bodies(AsSliced(part), context);
+  const Bodies bodies = find_bodies(AsSliced(part), context, {true, setup.least_neck_mm2});
   if (setup.refuse_loose && bodies.any_loose()) {
     throw InfeasibleError(bodies_in_words(bodies).front());
   }

@@ -107,6 +107,19 @@ void tell_bodies(const Prediction& p, const ExecutionContext& context) {
   for (const std::string& sentence : bodies_in_words(*p.bodies)) context.tell(sentence);
 }
 
+/// The bodies of what a stack prints, whatever its design; nothing of a recording.
+std::optional<Bodies> printed_bodies(const StackReader& stack, const Setup& setup,
+                                     const ExecutionContext& context) {
+  if (stack.recording()) return {};
+  ExecutionContext quiet = context;
+  quiet.notice = {};
+  Setup judged = setup;
+  judged.uncertainty.reset();
+  const Prediction p = verify_stack(stack, AsSliced(stack), judged, quiet);
+  if (!p.bodies) return {};
+  return p.bodies->printed;
+}
+
 }  // namespace
 
 int verify(const Arguments& a, const ExecutionContext& context, Console& console) {
@@ -249,6 +262,10 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
     console.say(
         fmt::format("design as sliced: {:.4f} mm³", figures["design_volume_mm3"].get<double>()));
   }
+  const std::optional<Bodies> bodies = printed_bodies(stack, setup, context);
+  if (bodies) {
+    for (const std::string& sentence : bodies_in_words(*bodies)) context.tell(sentence);
+  }
   const Histogram& d = r.distance_um;
   if (d.count()) {
     console.say(
@@ -268,6 +285,9 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
                                 {"p95_abs", d.quantile(0.95)},
                                 {"max_abs", d.greatest()},
                                 {"vertices", d.count()}};
+    }
+    if (bodies) {
+      figures.update(slicecorr::detail::own_json<nlohmann::ordered_json>(bodies->to_json()));
     }
     print_or_write(a.json, figures.dump(2));
   }

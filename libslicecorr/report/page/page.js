@@ -39,9 +39,14 @@ function moveTo(cells) {
 }
 const cellOfPixel = (axis, value) => Math.floor((value - (axis < 2 ? data.box[axis] : 0)) / data.step[axis]);
 
-// The cell that is furthest wrong, and why: wrong voxels come before height errors, and where all are alike the
+// The cell that is furthest wrong, and why: a body that hangs on nothing comes first, wrong voxels come before height errors, and where all are alike the
 // one with most wrong neighbours, which is what a person would look at.
 async function worstPlace(side) {
+  const loose = side ? document.querySelector("tr.loose button.go") : null;
+  if (loose) {
+    const [i, j, k] = [loose.dataset.x, loose.dataset.y, loose.dataset.n].map((value, axis) => cellOfPixel(axis, +value));
+    return { i, j, k, loose: loose.closest("tr").querySelector("th").textContent };
+  }
   const state = (await load.state())[side], error = (await load.error())[side];
   let best = null;
   for (let k = 0, at = 0; k < data.cells[2]; ++k) {
@@ -69,7 +74,7 @@ async function worstPlace(side) {
 function wordsOfPlace(side, place) {
   const whose = side ? "This stack" : "Uncorrected";
   if (!place) return `${whose}: no voxel is wrong and no edge is off.`;
-  const what = place.wrong & CURE_THROUGH ? "light cures a gap through here" : place.wrong ? "a feature stays liquid here"
+  const what = place.loose ? `a body ${place.loose} here` : place.wrong & CURE_THROUGH ? "light cures a gap through here" : place.wrong ? "a feature stays liquid here"
     : `the largest height error, ${place.um > 0 ? "+" : "−"}${Math.abs(place.um).toPrecision(2)} um (${place.um > 0 ? "reaches too far" : "stays behind"})`;
   const at = [["column", 0, place.i], ["row", 1, place.j], ["slice", 2, place.k]].map(([name, axis, cell]) => `${name} ${voxelOf(axis, cell).words}`);
   return `${whose}: ${what}. Image ${at.join(", ")}.`;
@@ -187,7 +192,7 @@ async function selftest(firstPicture) {
     check("the solid turns and comes nearer", new Set(round).size === 3);
     const go = document.querySelector("button.go");
     if (go) {
-      go.closest("details").open = true;
+      go.closest("details")?.setAttribute("open", "");
       go.click();
       await redraw();
       check("show goes to the feature", view.row === cellOfPixel(1, +go.dataset.y) && document.activeElement === $("slice"));
@@ -227,7 +232,7 @@ async function start() {
   // What is wrong tells more than the middle does: of this stack, else of what it corrects.
   for (const side of [1, 0]) {
     const place = await worstPlace(side);
-    if (!place?.wrong) continue;
+    if (!place?.wrong && !place?.loose) continue;
     [view.column, view.row, view.slice] = [place.i, place.j, place.k];
     $("worst-words").textContent = `Opened at the worst place. ${wordsOfPlace(side, place)}`;
     break;

@@ -1,0 +1,66 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// When the middles of layers gel: how many slices after their own. What slice m + j adds in the middle of
+/// layer m is, by (A.32), phi_m (1 - sqrt a) for j = 0 and phi_(m+j) sqrt(a) (1 - a) a^(j-1) else; layer
+/// by layer phi'_(m+j) sqrt(a) a^j. A layer has gelled when the sum so far reaches 1.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+
+namespace slicecorr::detail {
+
+/// Follows the columns of a band from the last slice to the first. Not thread-safe.
+class GelMoments {
+ public:
+  /// Told of layers that gel later or earlier after their slice than the layer told before, which the
+  /// column's layers between did as well; before the first: 0. Of layers that do not gel it says nothing.
+  using Sink = std::function<void(std::size_t column, int slice, int delay)>;
+  /// Whether moments follow from sums: of the law `SumOfLight`.
+  static bool known(const CureModel& model);
+  /// `model` and `curve` outlive it; `longest`: delays are at most this.
+  GelMoments(const CureModel& model, const PixelCurve& curve, std::size_t columns, int longest,
+             Sink sink);
+
+  /// `pixels` of the columns from `first` on; null: nothing is shown. Each column gets all of its slices,
+  /// from the last to the first; slices after one with an image have none.
+  void add_slice(int slice, std::size_t first, std::size_t columns, const std::uint8_t* pixels);
+
+ private:
+  struct Column {
+    std::uint16_t alike = 0;  ///< slices with the same light from the one at hand on, at least
+    std::uint16_t delay = 0;  ///< as told last
+  };
+  static constexpr std::size_t kLanes = 64;
+  std::uint8_t* row(std::size_t block, int slice) {
+    const auto kept = static_cast<std::size_t>(slice) & (ring_ - 1);
+    return &pixels_[(block * ring_ + kept) * kLanes];
+  }
+  /// Whether the column's delay may be another in the slice before this one, with the same light.
+  bool look(std::size_t column, int slice);
+  /// From a slice on so many are shown equally long.
+  int equally_long(int slice) const;
+
+  const CureModel& model_;
+  const PixelCurve& curve_;
+  const Sink sink_;
+  int longest_ = 0;              ///< delay
+  std::vector<double> weights_;  ///< what is left of slice m + j in the middle of layer m
+  std::vector<double> rest_;     ///< sum of these from j on, at least
+  double brightest_ = 0;         ///< light of any slice
+  double keeps_ = 1;             ///< share of liquid resin that a lift leaves in its place
+  std::size_t ring_ = 1;         ///< slices kept, a power of two
+  std::vector<std::uint8_t> pixels_;
+  std::vector<int> equally_long_;  ///< of slices whose exposures are listed
+  std::vector<Column> columns_;
+  /// Per block of lanes.
+  std::vector<std::uint64_t> active_;  ///< columns whose delay may change
+  std::vector<int> last_;              ///< slice with light; -1: not known yet
+};
+
+}  // namespace slicecorr::detail

@@ -749,7 +749,9 @@ TEST(Bodies, ACorrectionCutsNothingLoose) {
       EXPECT_EQ(p.bodies->loose_whole, sliced.loose_bodies);
       EXPECT_EQ(p.bodies->designed.islands, sliced.islands);
       if (p.cure_through_voxels + p.undercure_voxels == 0) {
-        EXPECT_EQ(p.bodies->printed.islands, sliced.islands);
+        // What a body hangs on may gel later.
+        EXPECT_EQ(p.bodies->printed.loose_bodies, sliced.loose_bodies);
+        EXPECT_GE(p.bodies->printed.islands_in_all, sliced.islands_in_all);
         EXPECT_EQ(p.bodies->printed.cups, sliced.cups);
         ++judged;
       }
@@ -811,7 +813,7 @@ TEST(Bodies, HangOnWhatHasGelledSoFar) {
   longer.process.bottom_layers = 3;
   longer.process.bottom_exposure_s = 0.9;
   std::uint64_t islands = 0, late = 0, in_time = 0;
-  for (int round = 0; round < rounds(80); ++round) {
+  for (int round = 0; round < rounds(24); ++round) {
     MemorySlices images = random_boxes(random);
     for (int n = 0; n < images.grid().layers; ++n) {
       const int grey = random() % 3 == 0 ? static_cast<int>(random() % 256) : 255;
@@ -837,9 +839,9 @@ TEST(Bodies, HangOnWhatHasGelledSoFar) {
     }
     if (HasFailure()) return;
   }
-  EXPECT_GT(islands, 100U);
-  EXPECT_GT(late, 40U);
-  EXPECT_GT(in_time, 10U);
+  EXPECT_GT(islands, 30U);
+  EXPECT_GT(late, 12U);
+  EXPECT_GT(in_time, 3U);
 }
 
 }  // namespace

@@ -22,7 +22,9 @@ std::size_t printed_mm3(const TriangleMesh& mesh, MeshReport* report = nullptr) 
   EdgeDefects edges;
   const MeshReport r = inspect(mesh, {}, &edges);
   if (report) *report = r;
-  const MeshSlices slices(mesh, printer(64, 64, 1000, 1000), layer_of(1000), {}, &edges);
+  SliceOptions options = layer_of(1000);  // whole millimetres stay whole ones
+  options.center_mm = {{(r.lower[0] + r.upper[0]) / 2 + 20, (r.lower[1] + r.upper[1]) / 2 + 20}};
+  const MeshSlices slices(mesh, printer(64, 64, 1000, 1000), options, {}, &edges);
   std::size_t lit = 0;
   const Grid& g = slices.grid();
   slices.read_band({0, 0, g.width_px, g.height_px}, [&](int, const std::uint8_t* rows) {
@@ -86,12 +88,13 @@ TEST(InsideOut, RandomSolidsPrintTheirUnion) {
         }
       }
     };
-    // The first is as it should be, and sticks out of the others below; each other does at its far end.
+    // Each sticks out of all before it at its far end, and of all after it below; the first is as it
+    // should be.
     const int count = number(2, 4);
     double far = 0;
     for (int k = 0; k < count; ++k) {
       const Point3 low{double(number(0, k == 0 ? 2 : int(far) - 1)), double(number(0, 6)),
-                       double(k == 0 ? 0 : number(1, 6))};
+                       double(k)};
       const double past = std::max(far, low[0] + 3) + number(1, 3);
       const Point3 high{past, low[1] + number(3, 12), low[2] + number(3, 12)};
       far = past;

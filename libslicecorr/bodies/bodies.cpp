@@ -80,6 +80,7 @@ std::string Bodies::to_json() const {
     ordered_json one;
     one["first_um"] = um(i.first);
     one["until_um"] = i.until < 0 ? ordered_json() : ordered_json(um(i.until));
+    one["begins_um"] = um(i.begins);
     one["volume_mm3"] = number(voxels_mm3(i.voxels));
     put_place(one, i.column, i.row);
     one["first_slice"] = i.first;
@@ -136,6 +137,8 @@ void put_islands(const Bodies& b, std::vector<std::string>& words) {
                   plural(b.islands_in_all, "body hangs", "bodies hang"),
                   one ? "it begins" : "they begin", largest(b.islands_in_all), height(b, i.first),
                   where(b, i.column, i.row), volume(b, i.voxels));
+  // A front that is far from where a body gels leaves what joins it liquid for a while.
+  if (i.begins > i.first) text += fmt::format(", gelled when {} is shown", height(b, i.begins));
   text += i.until < 0 ? std::string(", never joined to what hangs on the platform")
                       : ", until " + height(b, i.until);
   if (!one) {
@@ -223,6 +226,11 @@ std::vector<std::string> warnings_of(const JudgedBodies& b) {
   std::vector<std::string> words;
   put_cut_loose(b, words);
   put_islands(b.printed, words);
+  if (b.printed.islands_in_all > b.designed.islands_in_all) {
+    words.push_back(fmt::format(
+        "{} of them hang on what gels only by the light of later slices: the design holds them",
+        b.printed.islands_in_all - b.designed.islands_in_all));
+  }
   put_designed(b, words);
   put_necks(b.printed, words);
   put_sealed(b.printed, words);

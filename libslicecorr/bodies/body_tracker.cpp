@@ -161,6 +161,7 @@ class SolidListener final : public BodyListener {
  private:
   Island island(const GrowingBody& b) const {
     return {b.low.slice,
+            b.first,
             -1,
             b.voxels,
             middle(b.column2, b.voxels, at_.x),

@@ -208,20 +208,19 @@ InsideOut inside_out(const TriangleMesh& mesh,
       shells[own].around[k] = rays.around(shells[own].outermost[k], own);
     }
   }
-  std::vector<std::uint32_t> turned;
-  bool others = false;
+  std::vector<std::uint32_t> turned, stay;
   for (std::uint32_t own = 0; own < shells.size(); ++own) {
     if (!shells[own].is_outer()) continue;
     if (is_inverted(shells[own])) turned.push_back(own);
-    others = others || stands(shells[own]);
+    if (stands(shells[own])) stay.push_back(own);
   }
-  if (turned.empty() || !others) return found;
+  if (turned.empty() || stay.empty()) return found;
   found.bodies = turned.size();
   std::vector<bool> turns(shells.size(), false);
-  for (const std::uint32_t outer : turned) {
-    for (std::uint32_t own = 0; own < shells.size(); ++own) {
-      if (own == outer || shells[own].lies_in(outer)) turns[own] = true;
-    }
+  for (std::uint32_t own = 0; own < shells.size(); ++own) {
+    const auto holds = [&](std::uint32_t outer) { return shells[own].lies_in(outer); };
+    turns[own] = std::ranges::binary_search(turned, own) ||
+                 (std::ranges::any_of(turned, holds) && std::ranges::none_of(stay, holds));
   }
   for (std::size_t t = 0; t < shell_of.size(); ++t) {
     if (turns[shell_of[t]]) found.triangles.push_back(static_cast<std::uint32_t>(t));

@@ -16,7 +16,7 @@ namespace slicecorr::detail {
 
 struct InsideOut {
   std::size_t bodies = 0;                ///< that lie in no other and are inside out
-  std::vector<std::uint32_t> triangles;  ///< of these and of all in them, rising
+  std::vector<std::uint32_t> triangles;  ///< of these and of all that lies in no others, rising
 };
 
 /// Of a mesh without open edges. `body_of`: a number of each triangle's body, any below the number of

@@ -39,6 +39,7 @@ namespace slicecorr {
 /// Slices count from 0, past ones are one further; pixels are those of the images.
 struct Island {
   int first = 0;   ///< the lowest slice that has voxels of it
+  int begins = 0;  ///< slice that is shown when the first of them gels
   int until = -1;  ///< slice that is shown when it comes to hang on the platform; -1: none
   std::uint64_t voxels = 0;    ///< gelled before slice `until`, or before it joined an older island
   double column = 0, row = 0;  ///< middle of these voxels; pixel 0 has its middle at 0.5

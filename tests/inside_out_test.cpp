@@ -51,6 +51,9 @@ TEST(InsideOut, HollowsAreNone) {
   MeshReport report;
   EXPECT_EQ(printed_mm3(outer + hollow, &report), 512U - 27);
   EXPECT_EQ(report.defects.inside_out_bodies, 0U);
+  // One that is open at the top.
+  EXPECT_EQ(printed_mm3(outer + inverted(box({2, 2, 2}, {5, 5, 8})), &report), 512U - 54);
+  EXPECT_EQ(report.defects.inside_out_bodies, 0U);
   // The whole part inside out prints the same, as it is.
   EXPECT_EQ(printed_mm3(inverted(outer + hollow), &report), 512U - 27);
   EXPECT_EQ(report.defects.inside_out_bodies, 0U);

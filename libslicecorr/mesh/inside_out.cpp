@@ -205,7 +205,13 @@ InsideOut inside_out(const TriangleMesh& mesh,
   const Rays rays(mesh, shell_of);
   for (std::uint32_t own = 0; own < shells.size(); ++own) {
     for (std::size_t k = 0; k < kDirections; ++k) {
-      shells[own].around[k] = rays.around(shells[own].outermost[k], own);
+      // A little inwards: a hollow whose end lies in a face of its part is one that opens there.
+      Point3 point = shells[own].outermost[k];
+      const std::size_t axis = k / 2;
+      const double size =
+          shells[own].outermost[2 * axis + 1][axis] - shells[own].outermost[2 * axis][axis];
+      point[axis] += (k % 2 == 0 ? 1e-6 : -1e-6) * size;
+      shells[own].around[k] = rays.around(point, own);
     }
   }
   std::vector<std::uint32_t> turned, stay;

@@ -94,7 +94,7 @@ int run_program(int argc, char** argv) {
       "slicecorr-post",
       "Corrects the archive of slices that a slicer just exported, in place, for light that cures "
       "through; or watches folders and corrects what is exported into them.",
-      "slicecorr-post --printer prusa-sl1s --resin benchy-resin --backup part.sl1");
+      "slicecorr-post --printer prusa-sl1s --resin liqcreate-strong-x-405nm --backup part.sl1");
   CLI::App* app = nullptr;
   app = program.only([&](const ExecutionContext& context, cli::Console& console) {
     return run(a, *app, context, console);

@@ -331,7 +331,7 @@ TEST_F(TurnedSlicesTest, ArchivesForADisplayThroughThePrograms) {
     return r.out + r.err;
   };
   const std::string how =
-      " --printer prusa-sl1s --resin benchy-resin --ha-um 150 --mode layerwise --exposure-s 20";
+      " --printer prusa-sl1s --resin benchy-resin --other-wavelength --ha-um 150 --mode layerwise --exposure-s 20";
   // Other archives know no edge heights.
   ok("slice l.stl -o t.uvj --surface slices --printer prusa-sl1s --layer-um 100 --center-mm 30,20");
   ok("slice l.stl -o t.sl1 --printer prusa-sl1s --layer-um 100 --center-mm 30,20");

@@ -20,6 +20,7 @@
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "slicecorr/same_light.hpp"
 #include "submit/fields.hpp"
 #include "submit/memory.hpp"
 #include "submit/planned.hpp"
@@ -350,7 +351,10 @@ class Preparation {
         if (w.setup_json.empty()) continue;  // refused already
       }
       try {
-        if (fresh) resolve(r, w);
+        if (fresh) {
+          resolve(r, w);
+          tell_light(w.setup);
+        }
         w.ready_by_ms = parse_ready_by(r.ready_by, now);
         choose_format(r, input_format_[r.parts[0]], w.spec);
       } catch (const Error& e) {
@@ -363,6 +367,13 @@ class Preparation {
         distinct_.push_back(i);
       }
     }
+  }
+
+  /// That a resin is of another wavelength, once for each pair of resin and printer.
+  void tell_light(const Setup& setup) {
+    const std::string words =
+        other_wavelength_in_words(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
+    if (!words.empty() && told_.insert(words).second) context_.tell(words);
   }
 
   /// Refuses what was said for another kind of job, where it stands; a default for other jobs is
@@ -636,6 +647,7 @@ class Preparation {
   std::vector<Resolved> resolved_;
   std::vector<std::size_t> distinct_;  ///< requests whose inputs are looked at
   std::vector<Checked> checked_;       ///< of these
+  std::set<std::string> told_;
   std::map<std::string, std::string> input_format_;
   std::map<std::string, StoredInput> stored_;
 };

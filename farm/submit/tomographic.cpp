@@ -10,6 +10,7 @@
 #include "programs/common/tomo_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/setup.hpp"
 #include "slicecorr/vial.hpp"
 #include "submit/fields.hpp"
 #include "submit/memory.hpp"
@@ -85,6 +86,8 @@ std::pair<Printer, Resin> resolve_tomographic(const JobRequest& r, WorkSpec& spe
   }
   std::pair<Printer, Resin> definitions{load_printer(r.setup.printer), load_resin(r.setup.resin)};
   require_tomographic(definitions.first);
+  check_chosen_light(definitions.first, definitions.second, false, r.setup,
+                     r.as_options ? ChoiceNames::options : ChoiceNames::fields);
   spec.kind = "tomo";
   TomoWork& t = spec.tomo.emplace();
   t.volume = kind_of(r) == JobKind::tomographic_volume;

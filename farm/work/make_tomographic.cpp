@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/tomo/report.hpp"
 #include "store/title.hpp"
@@ -88,6 +89,7 @@ std::vector<std::string> make_tomographic(const WorkOrder& order,
   reporter.set_layers(wanted.part.nz);
   outcome.voxels = static_cast<std::int64_t>(wanted.part.values.size());
 
+  for (const std::string& text : light_notices(printer, resin, false)) context.tell(text);
   reporter.begin(kSolve);
   ExecutionContext told = context;
   bool judging = false;

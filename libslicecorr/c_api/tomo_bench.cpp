@@ -93,8 +93,7 @@ std::unique_ptr<slicecorr_tomo_bench> bench_of_numbers(const slicecorr_tomo_grid
 }
 
 std::unique_ptr<slicecorr_tomo_bench> bench_of_setup(const slicecorr_setup& setup, int slices) {
-  const Printer printer = chosen_printer(setup.choices, ChoiceNames::fields);
-  const Resin resin = chosen_resin(setup.choices, ChoiceNames::fields);
+  const auto [printer, resin] = chosen_definitions(setup.choices, ChoiceNames::fields);
   require_tomographic(printer);
   tomo::Sampling sampling;
   sampling.voxel_mm = voxel_mm_of(setup);

@@ -7,9 +7,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <tuple>
 
 #include "c_api/tomo_bench.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown_light.hpp"
 
@@ -99,11 +101,13 @@ slicecorr_status slicecorr_tomo_solve(const slicecorr_array* part, const sliceco
     Output output(tomo_job, "tomo_job");
     need(part, "part");
     const Choices& choices = need(setup, "setup").choices;
-    const slicecorr::Printer printer =
-        slicecorr::chosen_printer(choices, slicecorr::ChoiceNames::fields);
-    const slicecorr::Resin resin = slicecorr::chosen_resin(choices, slicecorr::ChoiceNames::fields);
+    const auto [printer, resin] =
+        slicecorr::chosen_definitions(choices, slicecorr::ChoiceNames::fields);
     const double voxel_mm = voxel_mm_of(*setup);
     const slicecorr::ExecutionContext context = job_of(handle);
+    for (const std::string& text : slicecorr::light_notices(printer, resin, false)) {
+      context.tell(text);
+    }
     const tomo::Box<std::uint8_t> box = placed_array(part, "part", printer, voxel_mm);
     tomo::PrintOptions options = options_of(choices);
     options.insert = insert_of(insert, *part, printer, voxel_mm);
@@ -130,8 +134,8 @@ slicecorr_status slicecorr_tomo_job_of_light(const slicecorr_array* part,
       throw slicecorr::InputError("turns is " + std::to_string(turns) + "; expected 1 or more");
     }
     tomo::TomoJob job;
-    job.printer = slicecorr::chosen_printer(choices, slicecorr::ChoiceNames::fields);
-    job.resin = slicecorr::chosen_resin(choices, slicecorr::ChoiceNames::fields);
+    std::tie(job.printer, job.resin) =
+        slicecorr::chosen_definitions(choices, slicecorr::ChoiceNames::fields);
     job.turns = turns;
     job.sampling.voxel_mm = voxel_mm_of(*setup);
     job.part = placed_array(part, "part", job.printer, job.sampling.voxel_mm);

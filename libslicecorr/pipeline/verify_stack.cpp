@@ -390,6 +390,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   Verification verification(stack, target, slices, setup, context);
   verification.predict_bands();
   Prediction p = verification.result();
+  p.other_wavelength = other_wavelength(setup.printer, setup.resin);
   if (target.doses()) {
     const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),
                              stack.frame());

@@ -309,6 +309,10 @@ std::string Prediction::to_json() const {
   }
   if (uncertain)
     j["uncertainty"] = slicecorr::detail::own_json<nlohmann::ordered_json>(uncertain->to_json());
+  if (other_wavelength) {
+    j["other_wavelength"] = {{"printer_nm", other_wavelength->printer_nm},
+                             {"resin_nm", other_wavelength->resin_nm}};
+  }
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);
 }

@@ -13,6 +13,7 @@
 #include "process/tomography_keys.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
 #include "support/files/text_file.hpp"
 #include "support/toml/toml_table.hpp"
@@ -28,6 +29,7 @@ Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
   i.beta = table.required_number("beta", 0, 1e6);
   i.absorbance_height10_um = detail::absorbance_height10(table);
   i.m = table.number("m", 0, 2).value_or(resin.m);
+  i.wavelength_nm = table.number("wavelength_nm", 0, 1e5).value_or(0);
   const auto prime = table.number("critical_dose_prime", 0, 1e9);
   i.critical_dose_prime = prime.value_or(0);
   if (i.absorbance_height10_um >= resin.absorbance_height10_um) {
@@ -73,6 +75,15 @@ std::string only_for_m_1(const Resin& resin) {
       "is {:g}; a dose in mJ/cm³ can only replace that of a resin with m = 1; expected a dose "
       "factor, which scales that of any resin",
       resin.m);
+}
+
+/// With what a resin was tuned: "PRINTER, LIGHT to LIGHT mW/cm2: ha, light, ...: matrix".
+std::string tuned_with(const TomlTable& root) {
+  const auto provenance = root.table("provenance");
+  if (!provenance || !provenance->has("tuning")) return {};
+  const std::string note = provenance->text("tuning", "");
+  const std::size_t end = note.rfind(kTunedFigures);
+  return end == std::string::npos ? std::string() : note.substr(0, end);
 }
 
 /// Takes A and B of a resin of model gel-time.
@@ -244,6 +255,8 @@ Resin parse_resin(std::string_view text, const std::string& source,
     resin.green_strength = *strength;
   }
   if (light.inhibitor_life_s) resin.inhibitor_life_s = *light.inhibitor_life_s;
+  resin.wavelength_nm = cure.number("wavelength_nm", 0, 1e5).value_or(0);
+  resin.tuned_with = tuned_with(root);
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   if (resin.model == CureModelKind::gel_time) {

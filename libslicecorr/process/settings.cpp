@@ -147,6 +147,14 @@ const std::vector<Setting>& table() {
        .process = &Process::lift_exchange,
        .block = BlockPart::exposure,
        .changed_only = true},
+      {.name = "other_wavelength",
+       .group = kHowItPrints,
+       .chosen = &C::other_wavelength,
+       .text =
+           "What to do where the resin was measured more than 10 nm from the printer's light, at "
+           "another wavelength: refuse the two, or take the resin as it is [refuse]",
+       .words = {"refuse", "take"},
+       .bare = "take"},
       {.name = "dc_mj_cm3",
        .group = kHowItPrints,
        .chosen = &C::dc_mj_cm3,

@@ -15,6 +15,7 @@
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/report.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
 #include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
@@ -200,6 +201,10 @@ Markup summary(const ReportContent& c) {
     html += fmt::format(" Light scatters in the resin, {:g} um²/um.", scatter);
   }
   say("UV light", uv_in_words(c.setup.process.uv));
+  for (const std::string& sentence :
+       light_notices(c.setup.printer, c.setup.resin, c.setup.process.uv.kind != UvKind::off)) {
+    say("Wavelength", sentence);
+  }
   const double cap = c.setup.process.omega_max;
   if (!layerwise) {
     html += c.most_wanted > 1 ? " Doses inside features wanted place by place."

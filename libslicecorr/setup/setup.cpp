@@ -12,6 +12,7 @@
 #include "slicecorr/flow.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
 #include "slicecorr/supports.hpp"
 #include "support/toml/toml_table.hpp"
@@ -61,6 +62,9 @@ class Resolver {
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
   Printer chosen_printer() const;
   Resin chosen_resin() const;
+  void check_light(const Printer& printer, const Resin& resin, bool uv) const {
+    check_same_light(printer, resin, uv, c_.other_wavelength == "take", o("other_wavelength"));
+  }
 
  private:
   Printer printer() const;
@@ -436,6 +440,10 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     resolve_even_dead_zone(setup);
   }
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
+  // What a stack has of both was taken when it was made.
+  if (printer_given || resin_given) {
+    check_light(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
+  }
   setup.gap_um = std::max(0.0, c_.gap_um);
   setup.refuse_loose = c_.loose == "refuse";
   setup.least_neck_mm2 = std::max(0.0, c_.least_neck_mm2);
@@ -468,12 +476,16 @@ ResinOverrides resin_overrides(const SetupChoices& choices) {
   return overrides;
 }
 
-Printer chosen_printer(const SetupChoices& choices, ChoiceNames names) {
-  return Resolver(choices, names).chosen_printer();
+std::pair<Printer, Resin> chosen_definitions(const SetupChoices& choices, ChoiceNames names) {
+  const Resolver resolver(choices, names);
+  std::pair<Printer, Resin> chosen{resolver.chosen_printer(), resolver.chosen_resin()};
+  resolver.check_light(chosen.first, chosen.second, false);
+  return chosen;
 }
 
-Resin chosen_resin(const SetupChoices& choices, ChoiceNames names) {
-  return Resolver(choices, names).chosen_resin();
+void check_chosen_light(const Printer& printer, const Resin& resin, bool uv,
+                        const SetupChoices& choices, ChoiceNames names) {
+  Resolver(choices, names).check_light(printer, resin, uv);
 }
 
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
@@ -483,7 +495,8 @@ Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const St
 
 std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
                                        ChoiceNames names) {
-  std::vector<std::string> notices;
+  std::vector<std::string> notices =
+      light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
   if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
     notices.push_back(fmt::format(
         "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "

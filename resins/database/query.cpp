@@ -13,6 +13,7 @@
 #include "database/schema.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
+#include "slicecorr/same_light.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/nearest.hpp"
 
@@ -34,9 +35,7 @@ bool fits(const ResinRecord& r, const Query& q) {
   }
   if (!holds(r.maker, q.maker) || !holds(r.chemistry, q.chemistry)) return false;
   // Lamps of one kind differ by some nanometres: 460 finds a fit made at 458.
-  constexpr double same_light_nm = 10;
-  if (q.wavelength_nm &&
-      (r.wavelength_nm == 0 || std::abs(r.wavelength_nm - *q.wavelength_nm) > same_light_nm)) {
+  if (q.wavelength_nm && (r.wavelength_nm == 0 || !same_light(r.wavelength_nm, *q.wavelength_nm))) {
     return false;
   }
   const double height = figures_of(r.resin).height_e_um;

@@ -22,6 +22,7 @@
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/plots.hpp"
+#include "slicecorr/same_light.hpp"
 #include "support/json/read_json.hpp"
 
 namespace slicecorr::resinctl {
@@ -110,7 +111,8 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
     try {
       const Printer p = load_display(d.path);
       std::istringstream in(words);
-      bool fits = a.wavelength_nm == 0 || std::abs(p.wavelength_nm - a.wavelength_nm) <= 10;
+      bool fits = a.wavelength_nm == 0 ||
+                  (p.wavelength_nm > 0 && same_light(p.wavelength_nm, a.wavelength_nm));
       for (std::string word; in >> word;) fits = fits && d.name.find(word) != std::string::npos;
       if (!fits) continue;
       rows.push_back(
@@ -178,6 +180,7 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
             "is missing, and [beams], too; --resin is for a vial, or a vat with beams");
       }
       resin = load_resin(a.resin);
+      for (const std::string& text : light_notices(printer, *resin, false)) console.say(text);
     }
     if (a.json.empty()) {
       cli::print_result(describe_printer(printer, at.path, resin ? &*resin : nullptr));

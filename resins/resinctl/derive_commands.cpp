@@ -12,6 +12,7 @@
 
 #include "commands.hpp"
 #include "new_resin.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
@@ -32,6 +33,7 @@ namespace fs = std::filesystem;
 constexpr double kGoodEnough = 0.1;
 
 struct DeriveArguments {
+  cli::LightOptions light;
   std::string resin, printer, as = "advice", mode = "continuous", output, json;
   double from = 0, to = 0, depth_um = 0;
   int points = kPointsOfRange;
@@ -44,10 +46,13 @@ struct Range {
 };
 
 /// Light at the window, and how deep below it still counts.
-Range range_of(const DeriveArguments& a, const Resin& resin) {
+Range range_of(const DeriveArguments& a, const Resin& resin, cli::Console& console) {
   Range r{a.from, a.to, {}};
   std::optional<Printer> printer;
-  if (!a.printer.empty()) printer = load_printer(a.printer);
+  if (!a.printer.empty()) {
+    printer = load_printer(a.printer);
+    for (const std::string& text : a.light.checked(*printer, resin)) console.say(text);
+  }
   const double full = printer ? printer->calibration.back().intensity_mw_cm2 : 0.0;
   if (r.to <= 0) r.to = full;
   if (r.to <= 0) {
@@ -91,7 +96,7 @@ int derive_command(const DeriveArguments& a, cli::Console& console) {
   cli::check_output(a.json, {a.resin});
   const ResinRecord record = load_record(a.resin);
   const GelTime g = gel_time_of_resin(record.resin);
-  const Range range = range_of(a, record.resin);
+  const Range range = range_of(a, record.resin, console);
   const NearestLaw kinetic = nearest_kinetic(g, range.from, range.to, a.points),
                    jacobs = nearest_jacobs(g, range.from, range.to, a.points);
   const bool layerwise = a.mode == "layerwise";
@@ -209,6 +214,7 @@ void add_derive(cli::Program& program) {
       ->check(cli::number_above_zero());
   app->add_option("--printer", a->printer,
                   "Printer whose full light is taken where --to is not given");
+  a->light.add_to(*app);
   app->add_option("--depth-um", a->depth_um,
                   "How deep below the window the least intensity is: it fades on its way")
       ->check(cli::number_above_zero());
@@ -226,7 +232,7 @@ void add_derive(cli::Program& program) {
   app->footer(
       "Examples:\n"
       "  resinctl derive model-hydrogel --from 1 --to 100\n"
-      "  resinctl derive model-hydrogel --printer dual-wavelength-dlp --depth-um 1000 -o my-resin.toml");
+      "  resinctl derive bis-ema-tpo-gel-time --printer prusa-sl1s --depth-um 1000 -o my-resin.toml");
 }
 
 }  // namespace slicecorr::resinctl

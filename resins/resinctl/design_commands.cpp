@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/design.hpp"
@@ -19,11 +20,13 @@ namespace {
 using namespace resins;
 
 struct PredictArguments {
+  cli::LightOptions light;
   std::string resin, printer, dose = "gel", json;
   Question question;
 };
 
 struct RecommendArguments {
+  cli::LightOptions light;
   std::string resin, printer, json;
   Wish wish;
 };
@@ -46,6 +49,9 @@ int predict_command(const PredictArguments& a, cli::Console& console) {
   q.aim = a.dose == "aim";
   if (!a.printer.empty()) {
     const Printer printer = load_printer(a.printer);
+    for (const std::string& text : a.light.checked(printer, resin, q.uv_mw_cm2 > 0)) {
+      console.say(text);
+    }
     // Light that is given is that of the place it is asked for.
     if (q.blue_mw_cm2 <= 0) {
       q.blue_mw_cm2 = printer.calibration.back().intensity_mw_cm2;
@@ -73,7 +79,11 @@ int predict_command(const PredictArguments& a, cli::Console& console) {
 
 int recommend_command(const RecommendArguments& a, cli::Console& console) {
   const Resin resin = load_resin(a.resin);
-  const Recommendation r = recommend(resin, load_printer(a.printer), a.wish);
+  const Printer printer = load_printer(a.printer);
+  for (const std::string& text : a.light.checked(printer, resin, a.wish.dead_zone_um > 0)) {
+    console.say(text);
+  }
+  const Recommendation r = recommend(resin, printer, a.wish);
   if (!a.json.empty()) cli::print_or_write(a.json, r.to_json());
   if (!r.feasible) {
     std::string text = "no absorber meets the wish";
@@ -120,6 +130,7 @@ void add_design(cli::Program& program) {
         ->check(number_above_zero());
     app->add_option("--printer", a->printer,
                     "Printer whose full light and black are taken where none is given");
+    a->light.add_to(*app);
     app->add_option("--dose", a->dose,
                     "gel: where the resin turns solid; aim: where it has the dose that correction "
                     "aims at")
@@ -136,6 +147,7 @@ void add_design(cli::Program& program) {
   Wish& w = a->wish;
   app->add_option("--resin", a->resin, "Resin: a .toml file or a name")->required();
   app->add_option("--printer", a->printer, "Printer: a .toml file or a name")->required();
+  a->light.add_to(*app);
   app->add_option("--speed-mm-h", w.speed_mm_h, "Print speed")
       ->required()
       ->check(number_above_zero());

@@ -11,6 +11,7 @@
 
 #include "commands.hpp"
 #include "fitted.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -26,6 +27,7 @@ using namespace resins;
 namespace fs = std::filesystem;
 
 struct SpreadArguments {
+  cli::LightOptions lights;
   std::vector<std::string> data, fixed, free;
   std::vector<double> depths_um;
   std::string printer, resin, json, plot, write, write_resin, dose = "gel", light = "blue";
@@ -134,6 +136,9 @@ int fit_spread_command(const SpreadArguments& a, cli::Console& console) {
   std::optional<Resin> resin;
   if (!a.printer.empty()) printer = load_printer(a.printer);
   if (!a.resin.empty()) resin = load_resin(a.resin);
+  if (printer && resin) {
+    for (const std::string& text : a.lights.checked(*printer, *resin)) console.say(text);
+  }
   SpreadFitOptions o = options_of(a);
   if (printer) o.printer = &*printer;
   if (resin) o.resin = &*resin;
@@ -207,6 +212,7 @@ void add_spread(cli::Program& program) {
       "Printer whose calibration says what black pixels and levels give: a .toml file or "
       "a name");
   sub->add_option("--resin", a->resin, "Resin: its absorbance height, exponent and dose");
+  a->lights.add_to(*sub);
   sub->add_option("--gaussians", a->gaussians, "How many Gaussians make up the spread: 1 or 2")
       ->check(CLI::IsMember({1, 2}))
       ->capture_default_str();

@@ -112,6 +112,10 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   const Printer printer = load_printer(printer_path);
   const std::string text = read_text_file(resin_path);
   const Resin resin = parse_resin(text, resin_path);
+  // What it was tuned with before is no matter: it is tuned anew.
+  Resin measured = resin;
+  measured.tuned_with.clear();
+  for (const std::string& told : a.light.checked(printer, measured)) console.say(told);
   const TunePrior prior = prior_of(text, resin_path, printer);
   std::vector<MeasuredPart> parts;
   std::optional<Process> process;

@@ -13,6 +13,7 @@
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
 #include "support/toml/toml_table.hpp"
 #include "tune/matrix.hpp"
@@ -20,9 +21,8 @@
 namespace slicecorr::resins {
 
 std::string tuned_with(const Printer& printer, bool exchange) {
-  return fmt::format("{}, {:.4g} to {:.4g} mW/cm2: ha, light, stray_mw_cm2{}: ", printer.name,
-                     printer.calibration.front().intensity_mw_cm2,
-                     printer.calibration.back().intensity_mw_cm2, exchange ? ", exchange" : "");
+  return fmt::format("{}{}stray_mw_cm2{}: ", printer_and_light(printer), kTunedFigures,
+                     exchange ? ", exchange" : "");
 }
 
 std::string name_in_file(const std::string& path, const std::string& before) {
@@ -61,6 +61,11 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
   }
   if (before.inhibition) {
     scale("inhibition", "critical_dose_prime", std::exp(-before.inhibition->m * result.x[1]));
+  }
+  // From now on it is a resin of this light.
+  if (other_wavelength(printer, before)) {
+    edit.set("cure", "wavelength_nm", toml_number(printer.wavelength_nm));
+    edit.set_comment("cure", "wavelength_nm", "");
   }
   const TuneMatrix& c = result.covariance;
   if (after.gel_dose_mj_cm3 > 0 && before.m == 1) {

@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 #include "support/text/ascii.hpp"
 #include "support/toml/toml_table.hpp"
@@ -80,7 +81,7 @@ std::string definition_of_profile(const std::string& profile, const std::string&
         return root[key].value<std::string>().value_or(std::string());
       };
       const double made_for = root["cure"]["wavelength_nm"].value<double>().value_or(0);
-      if (wavelength_nm > 0 && made_for > 0 && made_for != wavelength_nm) continue;
+      if (!same_light(wavelength_nm, made_for)) continue;
       to_be_measured = root["blue"]["calibration"].value<std::string>() == kToBeMeasured;
       Words name = words_of(definition.name);
       std::erase_if(name, is_wavelength);

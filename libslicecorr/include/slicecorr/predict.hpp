@@ -49,6 +49,7 @@
 #include "slicecorr/flow_doses.hpp"
 #include "slicecorr/layer_areas.hpp"
 #include "slicecorr/orientation.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/surface_maps.hpp"
 
 namespace slicecorr {
@@ -236,6 +237,9 @@ struct Prediction {
   /// How sure all of this is (uncertain_print.hpp); not merged, set for whole stacks; null where
   /// nobody asked.
   std::shared_ptr<const UncertainPrint> uncertain;
+  /// Where the resin was measured at another wavelength than the printer's light has; not merged, set
+  /// for whole stacks.
+  std::optional<OtherWavelength> other_wavelength;
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.
   int worst_x = -1, worst_y = -1;
 

@@ -235,6 +235,7 @@ struct Inhibition {
   double absorbance_height10_um = 0;  ///< base 10, of the UV light; less than that of the blue
   double m = 1;                       ///< exponent under inhibition; that of the cure by default
   double critical_dose_prime = 0;     ///< gel dose that belongs to `m`; 0: the cure's number
+  double wavelength_nm = 0;           ///< of the UV light it was measured with; 0 when not given
   bool operator==(const Inhibition&) const = default;
 };
 
@@ -289,6 +290,10 @@ struct Resin {
   /// Nothing: light changes nothing in what it passes. Else m is 1.
   std::optional<Bleaching> bleaching{};
   double green_strength = 0;  ///< measured (`Process::green_strength`); 0: not given
+  double wavelength_nm = 0;   ///< of the curing light it was measured with; 0 when not given
+  /// The printer with which it was tuned, as `printer_and_light` (same_light.hpp) names it, and the
+  /// only one that it goes with; empty: it was not tuned.
+  std::string tuned_with{};
   bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;
 };

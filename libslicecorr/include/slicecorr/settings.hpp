@@ -59,6 +59,7 @@ struct SetupChoices {
   double resin_depth_um = 0;         ///< in place of the printer's (`[vat] depth_um`)
   double platform_reflectance = -1;  ///< in place of the printer's
   double dose_factor = 0;            ///< in place of the resin's (`Resin::dose_factor`)
+  std::string other_wavelength;      ///< refuse or take (same_light.hpp)
 };
 
 /// The numbers that a setting takes.

@@ -50,9 +50,14 @@ struct Setup {
 ResinOverrides resin_overrides(const SetupChoices& choices);
 
 /// The printer that is chosen, and the resin with its changes: all that tomographic printing needs of
-/// the choices. Throws `InputError` when none is chosen, and as `load_printer` and `load_resin`.
-Printer chosen_printer(const SetupChoices& choices, ChoiceNames names);
-Resin chosen_resin(const SetupChoices& choices, ChoiceNames names);
+/// the choices. Throws `InputError` when none is chosen, as `load_printer` and `load_resin`, and as
+/// `check_same_light` where they do not go together.
+std::pair<Printer, Resin> chosen_definitions(const SetupChoices& choices, ChoiceNames names);
+
+/// `check_same_light` (same_light.hpp), with what `choices` say of it, and under the UV light of
+/// `uv`. Throws `InputError`.
+void check_chosen_light(const Printer& printer, const Resin& resin, bool uv,
+                        const SetupChoices& choices, ChoiceNames names);
 
 /// What is chosen, over what `info` brings; `times`: an archive whose exposure times count where
 /// none are given, and whose first exposure stays where it is longer than the one chosen. Both may

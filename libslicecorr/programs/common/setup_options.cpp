@@ -13,6 +13,7 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/same_light.hpp"
 #include "support/text/csv.hpp"
 #include "support/text/display_text.hpp"
 
@@ -47,6 +48,13 @@ CLI::Option* SetupOptions::add(CLI::App& app, const Setting& s) {
               ". A table with the columns slice,{}: each row holds from its slice on", s.column);
           return app.add_option(name, tables_[s.name], text)->check(CLI::ExistingFile);
         } else {
+          if constexpr (std::is_same_v<Value, std::string>) {
+            // Of two words the one that is not meant anyway: nothing behind the option is its value.
+            if (s.words.size() == 2 && !s.bare.empty()) {
+              return app.add_flag(fmt::format("{}{{{}}}", name, s.bare), value, text)
+                  ->check(check_of(s));
+            }
+          }
           CLI::Option* const option = app.add_option(name, value, text);
           if constexpr (std::is_same_v<Value, std::string>) {
             if (s.or_inf) option->check(value_is(ValueKind::text));
@@ -151,6 +159,16 @@ std::vector<double> read_by_slice(const std::string& path, const std::string& co
 const std::string& design(const std::string& path) {
   check_design(StackReader::read_info(path), path);
   return path;
+}
+
+CLI::Option* LightOptions::add_to(CLI::App& app) {
+  return add(app, *find_setting("other_wavelength"));
+}
+
+std::vector<std::string> LightOptions::checked(const Printer& printer, const Resin& resin,
+                                               bool uv) const {
+  check_chosen_light(printer, resin, uv, *this, ChoiceNames::options);
+  return light_notices(printer, resin, uv);
 }
 
 std::string dose_words(const Setup& setup) {

@@ -30,10 +30,21 @@ struct SetupOptions : SetupChoices {
   /// See `resolve_setup`. Throws `InputError` when a table can't be read, too.
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
 
- private:
+ protected:
   CLI::Option* add(CLI::App& app, const Setting& setting);
 
+ private:
   std::map<std::string_view, std::string> tables_;  ///< of settings that are lists, their paths
+};
+
+/// `--other-wavelength` alone, of programs that take printer and resin in ways of their own.
+class LightOptions : SetupOptions {
+ public:
+  CLI::Option* add_to(CLI::App& app);
+  /// Throws `InputError` where printer and resin do not go together (`check_same_light`), gives back
+  /// what is to be told of their lights else. `uv`: the print has UV light.
+  std::vector<std::string> checked(const Printer& printer, const Resin& resin,
+                                   bool uv = false) const;
 };
 
 /// Values of slices from a table with the columns `slice,COLUMN`: from that slice on that value. The

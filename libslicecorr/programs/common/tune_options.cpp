@@ -14,6 +14,7 @@ void TuneOptions::add_to(CLI::App& app, bool required) {
   app.add_option("--printer", printer, "Printer: a .toml file or a name")->required(required);
   app.add_option("--resin", resin, "Resin as it was known: a .toml file or a name")
       ->required(required);
+  light.add_to(app);
   app.add_option("--printed", printed, "Combs: the corrected stack that was printed");
   app.add_option("--sigma-um", sigma_um, "Standard deviation of what was measured")
       ->check(number_in(0.01, 1000))

@@ -9,9 +9,12 @@
 #include <string>
 #include <vector>
 
+#include "programs/common/setup_options.hpp"
+
 namespace slicecorr::cli {
 
 struct TuneOptions {
+  LightOptions light;
   std::vector<std::string> tables;
   std::string printer, resin, printed, output, printer_output;
   double sigma_um = 10;

@@ -255,6 +255,7 @@ Result made(const BeamsArguments& o, const ExecutionContext& context, Console& c
   tomo::BeamSetup& setup = job.setup;
   job.printer = load_printer(o.printer);
   job.resin = load_resin(o.resin);
+  for (const std::string& text : o.light.checked(job.printer, job.resin)) context.tell(text);
   const std::optional<BeamVat> of_printer = load_beam_vat(o.printer, job.printer);
   setup.cell_mm = side_of_cell_mm(o, job.printer);
   setup.images = tomo::beam_images_named(o.images);
@@ -389,6 +390,7 @@ void add_beams(Program& program, BeamsArguments& o) {
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name, best with [beams]")
       ->required();
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
+  o.light.add_to(*sub);
   sub->add_option("-o,--output", o.output, "File of the job to write")->required();
   sub->add_option("--beams", o.beams,
                   "2: along x and y; 3: all axes; 4, 6: the same from both sides [those of the "

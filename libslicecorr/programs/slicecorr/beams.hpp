@@ -9,11 +9,13 @@
 
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
 
 namespace slicecorr::cli {
 
 struct BeamsArguments {
-  MeshOptions mesh;    ///< parts, or none with a volume
+  MeshOptions mesh;  ///< parts, or none with a volume
+  LightOptions light;
   std::string volume;  ///< .npy in place of meshes
   double voxel_mm = 0;
   std::string printer, resin, output, json, report, dose, cells;

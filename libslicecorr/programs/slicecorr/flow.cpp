@@ -17,6 +17,7 @@
 #include "slicecorr/flow_report.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::cli {
@@ -38,7 +39,8 @@ struct FlowInput {
   throw InputError(fmt::format("the input does not say how it is printed; expected {}", option));
 }
 
-void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in) {
+void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in,
+                  const ExecutionContext& context) {
   if (!o.printer.empty()) {
     in.printer = load_printer(o.printer);
   } else if (info && info->printer) {
@@ -67,6 +69,12 @@ void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in) {
   if (!in.uv_mw_cm2 && info && info->process && info->process->uv.kind == UvKind::constant) {
     in.uv_mw_cm2 = info->process->uv.uv_mw_cm2;
   }
+  const bool uv = in.uv_mw_cm2 || (in.process && in.process->uv.kind != UvKind::off);
+  // What a stack has of both was taken when it was made.
+  const std::vector<std::string> told = o.printer.empty() && o.resin.empty()
+                                            ? light_notices(in.printer, in.resin, uv)
+                                            : o.light.checked(in.printer, in.resin, uv);
+  for (const std::string& text : told) context.tell(text);
 }
 
 FlowInput read_input(const FlowOptions& o, const ExecutionContext& context) {
@@ -75,7 +83,7 @@ FlowInput read_input(const FlowOptions& o, const ExecutionContext& context) {
   const bool meshes = std::all_of(parts.begin(), parts.end(), is_mesh_name);
   if (meshes) {
     if (!(o.mesh.layer_um > 0)) throw InputError("--layer-um is required with meshes");
-    take_process(o, nullptr, in);
+    take_process(o, nullptr, in, context);
     in.slices = std::make_unique<const MeshSlices>(
         slice_parts(o.mesh, in.printer, Surface::slices, context));
     return in;
@@ -86,7 +94,7 @@ FlowInput read_input(const FlowOptions& o, const ExecutionContext& context) {
     throw InputError(parts[0], "",
                      "is a recording of a print; expected the stack that was printed");
   }
-  take_process(o, &info, in);
+  take_process(o, &info, in, context);
   MissingFacts facts;
   facts.layer_um = o.mesh.layer_um;
   facts.pixel_x_um = in.printer.pixel_x_um;
@@ -300,6 +308,7 @@ void add_flow(Program& program, FlowOptions& o) {
       "Printer: a .toml file or a name; its suction_limit_pa is the limit [1 bar, where "
       "resin cavitates]");
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name; it must say viscosity_pa_s");
+  o.light.add_to(*sub);
   sub->add_option("--speed-mm-h", o.speed_mm_h, "Print speed")->check(number_above_zero());
   sub->add_option(
          "--gap-um", o.gap_um,

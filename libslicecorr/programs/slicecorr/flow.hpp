@@ -10,11 +10,13 @@
 
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
 
 namespace slicecorr::cli {
 
 struct FlowOptions {
   MeshOptions mesh;  ///< meshes, or one stack
+  LightOptions light;
   std::string printer, resin, json, output, profile;
   double speed_mm_h = 0, gap_um = 0, pitch_um = 0;
   std::optional<double> uv_mw_cm2, blue_mw_cm2;

@@ -13,6 +13,7 @@
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
 #include "slicecorr/units.hpp"
 #include "support/json/read_json.hpp"
@@ -143,6 +144,12 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
                         text::printable(info.resin->name), info.resin->absorbance_height10_um,
                         dose_in_words(*info.resin));
   }
+  if (info.printer && info.resin) {
+    const bool uv = info.process && info.process->uv.kind != UvKind::off;
+    for (const std::string& sentence : light_notices(*info.printer, *info.resin, uv)) {
+      text += "wavelength   " + text::printable(sentence) + "\n";
+    }
+  }
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   if (layerwise) {
     text += fmt::format("process      layer by layer, {}\n", exposures_in_words(*info.process));
@@ -263,6 +270,17 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
       j["critical_dose_prime"] = info.resin->critical_dose_prime;
     }
     if (info.resin->gel_dose_mj_cm3 > 0) j["gel_dose_mj_cm3"] = info.resin->gel_dose_mj_cm3;
+  }
+  if (info.printer && info.printer->wavelength_nm > 0) {
+    j["wavelength_nm"] = info.printer->wavelength_nm;
+  }
+  if (info.resin && info.resin->wavelength_nm > 0) {
+    j["resin_wavelength_nm"] = info.resin->wavelength_nm;
+  }
+  if (info.printer && info.resin) {
+    if (const auto other = other_wavelength(*info.printer, *info.resin)) {
+      j["other_wavelength"] = {{"printer_nm", other->printer_nm}, {"resin_nm", other->resin_nm}};
+    }
   }
   if (info.process) {
     if (info.process->mode == ExposureMode::layerwise) {

@@ -126,7 +126,12 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
     }
   }
   std::optional<Resin> resin;
-  if (!o.resin.empty()) resin = load_resin(o.resin);
+  if (!o.resin.empty()) {
+    resin = load_resin(o.resin);
+    for (const std::string& text : o.light.checked(printer, *resin, o.uv_mw_cm2 > 0)) {
+      context.tell(text);
+    }
+  }
   TuningPart::Ask ask;
   ask.layer_um = o.layer_um;
   ask.resin = resin ? &*resin : nullptr;
@@ -193,6 +198,7 @@ void add_test_part(Program& program, TestPartOptions& o) {
       ->capture_default_str();
   sub->add_option("--resin", o.resin,
                   "Resin of a staircase, wedge or flat-field: a .toml file or a name");
+  o.light.add_to(*sub);
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("-o,--output", o.output, "Stack to write (.uvj, or another format)")->required();
   sub->add_option("--form", o.form, "The table to fill in (.csv) [beside the stack]");

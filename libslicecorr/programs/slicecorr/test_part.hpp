@@ -7,10 +7,12 @@
 #include <string>
 
 #include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
 
 namespace slicecorr::cli {
 
 struct TestPartOptions {
+  LightOptions light;
   std::string printer, output, format, form, picture, kind = "spread", resin, sheet, kept;
   double layer_um = 50, height_um = 500, uv_mw_cm2 = 0, exposure_s = 30;
 };

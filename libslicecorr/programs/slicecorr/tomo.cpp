@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
 
@@ -72,6 +73,7 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   check_output(picture, inputs);
   const Printer printer = load_printer(o.printer);
   const Resin resin = load_resin(o.resin);
+  for (const std::string& text : o.light.checked(printer, resin)) context.tell(text);
   TomoPrint wanted = read_tomo_print(o, printer, context);
   tomo::PrintOptions& options = wanted.options;
   options.checkpoint = o.output + ".resume";
@@ -113,6 +115,7 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
   for (const std::string& output : {o.dose, o.json})
     check_output(output, {o.job, o.volume, o.shown});
   const tomo::TomoJob job = tomo::read_job(o.job, context);
+  for (const std::string& text : light_notices(job.printer, job.resin, false)) context.tell(text);
   const Box<std::uint8_t> part =
       o.volume.empty()
           ? job.part
@@ -162,6 +165,7 @@ void add_tomo(Program& program, TomoOptions& o) {
   o.mesh.add_placement_to(*sub);
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
+  o.light.add_to(*sub);
   sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
   o.add_to(*sub);
   sub->add_flag("--resume", o.resume,

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
 #include "programs/common/tomo_options.hpp"
 #include "tomo_targets.hpp"
 #include "tomo_views.hpp"
@@ -14,6 +15,7 @@
 namespace slicecorr::cli {
 
 struct TomoOptions : TomoPrintOptions {
+  LightOptions light;
   std::string printer, resin, output, job, shown, dose, json, picture;
   double checkpoint_s = 5;
   bool resume = false;

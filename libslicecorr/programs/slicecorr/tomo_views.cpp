@@ -102,8 +102,10 @@ int convert(const TomoViewOptions& o, const ExecutionContext& context, Console& 
   }
   const tomo::Box<std::uint8_t> part =
       o.part.empty() ? tomo::Box<std::uint8_t>{} : tomo::read_part_npy(o.part);
-  const tomo::TomoJob job = tomo::job_of_images(images, load_printer(o.printer),
-                                                load_resin(o.resin), part, o.voxel_mm, context);
+  const Printer printer = load_printer(o.printer);
+  const Resin resin = load_resin(o.resin);
+  for (const std::string& text : o.light.checked(printer, resin)) context.tell(text);
+  const tomo::TomoJob job = tomo::job_of_images(images, printer, resin, part, o.voxel_mm, context);
   tomo::write_job(o.output, job, context);
   console.say(fmt::format(
       "{}: {} frames, {} slices of {:g} mm{}", o.output, job.sampling.angles, job.sampling.slices,
@@ -184,6 +186,7 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
       ->required();
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
+  o.light.add_to(*sub);
   sub->add_option("--angle-step-deg", o.images.angle_step_deg, "Angle from image to image")
       ->required()
       ->check(number_above_zero());

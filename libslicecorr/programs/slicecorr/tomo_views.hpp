@@ -8,6 +8,7 @@
 #include <string>
 
 #include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/tomo/convert.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/video.hpp"
@@ -15,6 +16,7 @@
 namespace slicecorr::cli {
 
 struct TomoViewOptions {
+  LightOptions light;
   std::string job, output, show = "dose";
   std::optional<double> x_mm, y_mm, z_mm;
   tomo::VideoOptions video;

@@ -10,6 +10,7 @@
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
@@ -29,6 +30,10 @@ struct StackAndDesign {
         read(a.open(design(a.target), target_folder, context)),
         fitted(FittedSlices::like(stack, read, target_folder, context)),
         target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context) {
+    for (const std::string& text :
+         light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off)) {
+      context.tell(text);
+    }
     const bool all = a.leave_alone.empty();
     check_target(stack, stack.info(), *target, a.target,
                  all ? std::optional(read.pixel_sum()) : std::nullopt, context);

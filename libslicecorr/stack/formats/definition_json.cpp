@@ -310,12 +310,17 @@ Json resin_json(const Resin& r) {
   given("scatter_um2_per_um", r.scatter_um2_per_um);
   given("viscosity_pa_s", r.viscosity_pa_s);
   given("green_strength", r.green_strength);
+  given("wavelength_nm", r.wavelength_nm);
+  if (!r.tuned_with.empty()) json["tuned_with"] = r.tuned_with;
   if (std::isfinite(r.inhibitor_life_s)) json["inhibitor_life_s"] = r.inhibitor_life_s;
   if (r.inhibition) {
     json["inhibition"] = {{"beta", r.inhibition->beta},
                           {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
                           {"m", r.inhibition->m},
                           {"critical_dose_prime", r.inhibition->critical_dose_prime}};
+    if (r.inhibition->wavelength_nm > 0) {
+      json["inhibition"]["wavelength_nm"] = r.inhibition->wavelength_nm;
+    }
   }
   if (r.bleaching) {
     json["bleaching"] = {{"absorbance_height10_um", r.bleaching->absorbance_height10_um},
@@ -417,13 +422,16 @@ Resin read_resin(const Node& node) {
   r.scatter_um2_per_um = given("scatter_um2_per_um", 0, kMostScatter);
   r.viscosity_pa_s = given("viscosity_pa_s", 0, kMostViscosity);
   r.green_strength = given("green_strength", 1, 10);
+  r.wavelength_nm = given("wavelength_nm", 0, kLargest);
+  if (node.has("tuned_with")) r.tuned_with = node["tuned_with"].string();
   if (node.has("inhibitor_life_s")) {
     r.inhibitor_life_s = node["inhibitor_life_s"].number(0, kMostLifeS);
   }
   if (node.has("inhibition")) {
     const Node i = node["inhibition"];
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),
-                              i["m"].positive(2), i["critical_dose_prime"].number(0, kLargest)};
+                              i["m"].positive(2), i["critical_dose_prime"].number(0, kLargest),
+                              i.has("wavelength_nm") ? i["wavelength_nm"].number(0, kLargest) : 0};
   }
   if (node.has("bleaching")) {
     const Node b = node["bleaching"];

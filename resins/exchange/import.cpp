@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <set>
 
 #include "database/schema.hpp"
@@ -27,9 +28,27 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kMostBytes = 64U << 20;
-constexpr std::array kFormats = {"auto",       "prusaslicer",    "uvtools",        "anycubic",
-                                 "table",      "calibration",    "uv-calibration", "lut",
-                                 "flat-field", "correction-mask"};
+constexpr std::array kFormats = {"auto",       "prusaslicer",     "uvtools",        "anycubic",
+                                 "table",      "calibration",     "uv-calibration", "lut",
+                                 "flat-field", "correction-mask", "print-file"};
+
+std::string first_bytes(const std::string& path) {
+  std::string bytes(8, '\0');
+  std::ifstream in(path, std::ios::binary);
+  in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(in.gcount()));
+  return bytes;
+}
+
+std::string text_of_profile(const std::string& path) {
+  std::error_code ec;
+  if (const auto size = fs::file_size(path, ec); !ec && size > kMostBytes) {
+    throw InputError(path, "",
+                     fmt::format("has {} MiB; expected a profile of at most {} MiB", size >> 20,
+                                 kMostBytes >> 20));
+  }
+  return read_text_file(path);
+}
 
 /// Which reader a file is for, by what it holds.
 std::string format_of(const ImportSource& source) {
@@ -60,6 +79,12 @@ std::string format_of(const ImportSource& source) {
     const CsvTable table(text, source.path, CsvTable::Header::optional);
     if (table.header().size() == 1) return "lut";
     return table.has("dp_um") || table.has("ec_mj_cm2") ? "table" : "calibration";
+  }
+  if (const std::string display = printer_profile_in_words(text); !display.empty()) {
+    throw InputError(source.path, "",
+                     fmt::format("is the profile of a printer ({}), not of a resin; expected the "
+                                 "profile of a resin. 'resinctl new-printer' makes a printer file",
+                                 display));
   }
   return "uvtools";
 }
@@ -150,7 +175,8 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
 }
 
 std::string resin_of_exposures(const std::vector<LayerExposure>& exposures,
-                               const ImportOptions& options, ResinDraft& draft) {
+                               const ImportOptions& options, ResinDraft& draft,
+                               double light_share) {
   std::set<double> heights;
   for (const LayerExposure& e : exposures) heights.insert(e.layer_um);
   const double n = static_cast<double>(exposures.size());
@@ -197,10 +223,11 @@ std::string resin_of_exposures(const std::vector<LayerExposure>& exposures,
   for (const LayerExposure& e : exposures) {
     log_time += (std::log(e.exposure_s) - e.layer_um / draft.height_e_um) / n;
   }
-  draft.aim_mj_cm2 = options.intensity_mw_cm2 * std::exp(log_time);
-  say.push_back(
-      fmt::format("The intensity at the window, {:g} mW/cm², is the one given on the command line.",
-                  options.intensity_mw_cm2));
+  draft.aim_mj_cm2 = light_share * options.intensity_mw_cm2 * std::exp(log_time);
+  say.push_back(fmt::format(
+      "The intensity at the window, {:g} mW/cm², is the one given on the command line{}.",
+      options.intensity_mw_cm2,
+      light_share == 1 ? "" : fmt::format("; {:.4g} of it counts", light_share)));
   say.push_back(fmt::format(
       "The dose, {:.4g} mJ/cm² areal, is what the profile gives the far side of a layer. It holds "
       "a margin that nobody wrote down, so it is an upper bound of the gel dose; correction aims "
@@ -229,16 +256,12 @@ std::vector<Imported> import_definitions(const std::string& path, const ImportOp
     throw InputError(
         fmt::format("'{}' is no format to import; expected one of {}", options.format, known));
   }
-  std::error_code ec;
-  if (const auto size = fs::file_size(path, ec); !ec && size > kMostBytes) {
-    throw InputError(path, "",
-                     fmt::format("has {} MiB; expected a profile of at most {} MiB", size >> 20,
-                                 kMostBytes >> 20));
-  }
   std::vector<std::string> reasons;
-  const ImportSource source{path, fs::path(path).filename().string(), read_text_file(path),
-                            &reasons};
-  const std::string format = options.format == "auto" ? format_of(source) : options.format;
+  ImportSource source{path, fs::path(path).filename().string(), "", &reasons};
+  std::string format = options.format;
+  if (format == "auto" && is_print_file(path, first_bytes(path))) format = "print-file";
+  if (format != "print-file") source.text = text_of_profile(path);
+  if (format == "auto") format = format_of(source);
   std::vector<Imported> made;
   if (format == "prusaslicer") made = import_prusaslicer(source, options);
   if (format == "uvtools") made = import_key_values(source, options);
@@ -248,6 +271,7 @@ std::vector<Imported> import_definitions(const std::string& path, const ImportOp
   if (format == "uv-calibration") made = import_calibration(source, options, "uv");
   if (format == "lut") made = import_lookup_table(source, options);
   if (format == "flat-field") made = import_flat_field(source, options, false);
+  if (format == "print-file") made = import_print_file(source, options);
   if (format == "correction-mask") made = import_flat_field(source, options, true);
   if (made.empty()) {
     throw InputError(

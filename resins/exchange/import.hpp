@@ -36,6 +36,17 @@ std::vector<Imported> import_lookup_table(const ImportSource& source, const Impo
 std::vector<Imported> import_flat_field(const ImportSource& source, const ImportOptions& options,
                                         bool correction_mask);
 
+/// Whether a file is a print file of one binary block, by its name and by what it holds. `begin`: its
+/// first bytes. Throws `InputError` where it has the name of one and is damaged.
+bool is_print_file(const std::string& path, const std::string& begin);
+std::vector<Imported> import_print_file(const ImportSource& source, const ImportOptions& options);
+
+/// Whether a key of a profile, in small letters and digits alone, says an exposure time.
+bool is_exposure_key(const std::string& key);
+/// What a profile of a printer says of its display: "1440 x 2560 pixels of 47.25 x 47.25 um, portrait";
+/// empty where the text is none, or says exposure times, too.
+std::string printer_profile_in_words(const std::string& text);
+
 /// A resin file in the making. Texts that are empty and numbers that are 0 are not written.
 struct ResinDraft {
   std::string name, maker, product, chemistry, colour, notes;
@@ -70,7 +81,9 @@ struct LayerExposure {
 /// Makes a resin of them. Layers are taken to be cured through: exposure = tc e^(layer / h), so h
 /// is the slope of layer height over ln(exposure). Fills height, dose and assumptions of `draft`;
 /// otherwise the reason why nothing can be made.
+/// `light_share`: share of the intensity that the exposures were made with, above 0.
 std::string resin_of_exposures(const std::vector<LayerExposure>& exposures,
-                               const ImportOptions& options, ResinDraft& draft);
+                               const ImportOptions& options, ResinDraft& draft,
+                               double light_share = 1);
 
 }  // namespace slicecorr::resins

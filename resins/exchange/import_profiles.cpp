@@ -64,6 +64,22 @@ std::map<std::string, Preset> materials_of(const std::string& text) {
   return presets;
 }
 
+/// Printers of a bundle that cure resin; those that melt plastic nobody takes for one of ours.
+void leave_out_printers(const ImportSource& source) {
+  std::string printer;
+  each_line(source.text, "#;", [&](int number, const std::string& line) {
+    constexpr std::string_view head = "[printer:";
+    if (line.front() == '[') {
+      printer = line.starts_with(head) ? line.substr(head.size(), line.size() - head.size() - 1)
+                                       : std::string();
+    } else if (!printer.empty() && line.starts_with("display_pixels_x")) {
+      source.leave_out(fmt::format(
+          "line {}: '{}' is a printer, not a resin; 'resinctl new-printer' makes a printer file",
+          number, printer));
+    }
+  });
+}
+
 /// Follows the inheritance of presets.
 class Resolver {
  public:
@@ -136,6 +152,14 @@ std::pair<double, std::string> layer_of(const std::map<std::string, std::string>
 
 }  // namespace
 
+bool is_exposure_key(const std::string& key) {
+  // Names of the same setting in profiles of several programs.
+  static const std::set<std::string> known = {
+      "exposuretime",   "normalexposuretime", "lightontime",      "normallayerexposuretime",
+      "normalexposure", "exposuretimes",      "layerexposuretime"};
+  return known.contains(key);
+}
+
 std::vector<Imported> import_prusaslicer(const ImportSource& source, const ImportOptions& options) {
   if (options.intensity_mw_cm2 <= 0) {
     throw InputError(
@@ -190,6 +214,7 @@ std::vector<Imported> import_prusaslicer(const ImportSource& source, const Impor
     group.exposures.push_back({layer_um, *exposure});
     group.presets += (group.presets.empty() ? "" : ", ") + full;
   }
+  leave_out_printers(source);
   std::vector<Imported> made;
   for (auto& [name, group] : groups) {
     ResinDraft& d = group.draft;
@@ -208,10 +233,6 @@ std::vector<Imported> import_prusaslicer(const ImportSource& source, const Impor
 }
 
 std::vector<Imported> import_key_values(const ImportSource& source, const ImportOptions& options) {
-  // Names of the same setting in profiles of several programs, letters and digits only.
-  static const std::set<std::string> exposure_keys = {
-      "exposuretime",   "normalexposuretime", "lightontime",      "normallayerexposuretime",
-      "normalexposure", "exposuretimes",      "layerexposuretime"};
   static const std::set<std::string> layer_keys = {"layerheight", "layerthickness", "zthick",
                                                    "layerheightmm", "layerthicknessmm"};
   static const std::set<std::string> name_keys = {"resinname", "resin",       "materialname",
@@ -233,7 +254,7 @@ std::vector<Imported> import_key_values(const ImportSource& source, const Import
       }
       draft.product = value;
     }
-    const bool exposure = exposure_keys.contains(key), layer = layer_keys.contains(key);
+    const bool exposure = is_exposure_key(key), layer = layer_keys.contains(key);
     if (!exposure && !layer) return;
     std::smatch parts;
     const auto v =

@@ -95,14 +95,15 @@ void add_exchange(cli::Program& program) {
   CLI::App* sub = program.add(
       "import",
       "Makes definitions of foreign files and saves them in your own database: profiles of "
-      "PrusaSlicer, UVtools and others, Anycubic's resin profiles, tables of Dp and Ec, measured "
+      "PrusaSlicer, UVtools and others, Anycubic's resin profiles, print files (GOO, CTB and others), tables of Dp and Ec, measured "
       "calibrations, lookup tables and flat-fields of printers. Says what it assumed, also in the "
       "files.",
       [i](const ExecutionContext&, Console& console) { return import_file(*i, console); });
   sub->add_option("FILE", i->file, "What to import")->required();
   sub->add_option("--format", i->options.format, "What FILE is")
-      ->check(CLI::IsMember({"auto", "prusaslicer", "uvtools", "anycubic", "table", "calibration",
-                             "uv-calibration", "lut", "flat-field", "correction-mask"}))
+      ->check(
+          CLI::IsMember({"auto", "prusaslicer", "uvtools", "anycubic", "table", "calibration",
+                         "uv-calibration", "lut", "flat-field", "correction-mask", "print-file"}))
       ->capture_default_str();
   sub->add_option("--only", i->options.only, "Only presets whose name holds this")
       ->check(cli::value_is(cli::ValueKind::text));

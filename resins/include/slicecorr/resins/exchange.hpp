@@ -37,7 +37,7 @@ struct Imported {
 /// What import takes from the command line, where a file does not say it.
 struct ImportOptions {
   /// auto, prusaslicer, uvtools, anycubic, table, calibration, uv-calibration, lut (a calibration
-  /// with every grey level of the printer), flat-field, correction-mask (of a projector that
+  /// with every grey level of the printer), flat-field, print-file, correction-mask (of a projector that
   /// multiplies grey levels by it)
   std::string format = "auto";
   std::string only = "";  ///< substring of the preset names to import; empty: all
@@ -56,7 +56,7 @@ struct ImportOptions {
 };
 
 /// Reads what users have: PrusaSlicer .ini with [sla_material:...] sections (or one exported
-/// material), UVtools and other `key = value` profiles, Anycubic JSON with depth_penetration_curve,
+/// material), UVtools and other `key = value` profiles, print files of one binary block, Anycubic JSON with depth_penetration_curve,
 /// tables of Dp and Ec (CSV), measured calibrations and flat-fields of printers. `left_out` takes
 /// what the file has that nothing could be made of, and why. Throws `InputError` naming what the
 /// file lacks when nothing at all could be made.

@@ -155,7 +155,7 @@ void Api::add_resin(const std::string& text, const std::string& by, httplib::Res
 void Api::add_printer(const std::string& text, httplib::Response& response) {
   const Json json = parsed(text);
   check_keys(json, {"name", "width_px", "height_px", "pixel_um", "bit_depth", "wavelength_nm",
-                    "readings", "max_speed_mm_h", "travel_mm", "replace"});
+                    "readings", "max_speed_mm_h", "travel_mm", "f_picture", "replace"});
   const auto name = json.find("name");
   if (name == json.end()) throw ApiError(400, "json", "name: expected the printer's name");
   const std::string printer = checked_name(*name, "name");
@@ -174,7 +174,8 @@ void Api::add_printer(const std::string& text, httplib::Response& response) {
     }
     answers += fmt::format("{} {}\n", r[0].get<double>(), r[1].get<double>());
   }
-  answers += "\n" + answer_of(json, "max_speed_mm_h", false) + answer_of(json, "travel_mm", false);
+  answers += "\n" + answer_of(json, "max_speed_mm_h", false) + answer_of(json, "travel_mm", false) +
+             answer_of(json, "f_picture", false);
   std::vector<std::string> arguments{"resinctl", "new-printer"};
   if (flag_of(json, "replace")) arguments.emplace_back("--replace");
   ask_program(std::move(arguments), answers);

@@ -16,6 +16,8 @@
 
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
+#include "slicecorr/letter_part.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/resins/database.hpp"
@@ -29,7 +31,7 @@ using namespace resins;
 using cli::Console;
 
 struct Arguments {
-  std::string folder;
+  std::string folder, picture;
   bool replace = false;
 };
 
@@ -61,6 +63,11 @@ class Questions {
       if (value && *value >= least && *value <= most) return *value;
       refuse(fmt::format("'{}' is no number from {:g} to {:g}", answer, least, most));
     }
+  }
+  /// As `text`; a script may end before it.
+  std::string last_text(const std::string& question) {
+    if (!person_ && std::cin.peek() == std::char_traits<char>::eof()) return {};
+    return text(question);
   }
   void refuse(const std::string& why) {
     if (!person_) throw InputError("stdin", "", why);
@@ -132,6 +139,52 @@ std::string calibration_asked(Questions& ask, Console& console, int top) {
   }
 }
 
+/// Four pictures side by side, from `first` on.
+std::string letters_in_a_row(int first) {
+  constexpr std::size_t kStep = 14, kHigh = 7;
+  std::string text;
+  std::string numbers;
+  for (int number = first; number < first + 4; ++number) {
+    numbers += fmt::format("{:<{}}", fmt::format("  {}", number), kStep);
+  }
+  text += numbers + "\n";
+  for (std::size_t row = 0; row < kHigh; ++row) {
+    std::string line;
+    for (int number = first; number < first + 4; ++number) {
+      const auto seen = letter_seen(kLetterTurns[static_cast<std::size_t>(number - 1)]);
+      line += fmt::format("  {:<{}}", row < seen.size() ? seen[row] : "", kStep - 2);
+    }
+    while (line.ends_with(' ')) line.pop_back();
+    if (!line.empty()) text += line + "\n";
+  }
+  return text;
+}
+
+/// The lines of [display] that say how the screen turns and mirrors; none where nobody knows yet.
+std::string orientation_asked(Questions& ask, Console& console, const std::string& picture) {
+  console.say(fmt::format(
+      "How does an F stand on your screen? Show {} on it, upright in its file, lay thin white paper "
+      "on the screen, stand in front of the printer and look down. Do not look into the light.\n\n{}\n"
+      "{}\nThe lower edge of each picture is the front of the printer.",
+      picture.empty() ? "a picture of an F" : picture, letters_in_a_row(1), letters_in_a_row(5)));
+  for (;;) {
+    const std::string answer =
+        ask.last_text("Number of the picture that it looks like; empty when you do not know");
+    if (answer.empty()) return {};
+    const auto number = cli::number_of(answer);
+    const int most = static_cast<int>(kLetterTurns.size());
+    if (number && *number == std::floor(*number) && *number >= 1 && *number <= most) {
+      std::string text;
+      for (const std::string& line :
+           orientation_lines(orientation_of_letter(static_cast<int>(*number)))) {
+        text += line + "\n";
+      }
+      return text;
+    }
+    ask.refuse(fmt::format("'{}' is no picture; expected a number from 1 to {}", answer, most));
+  }
+}
+
 int new_printer(const Arguments& a, Console& console) {
   Questions ask(console);
   console.say("A printer file by questions. An empty answer takes what stands in brackets.");
@@ -151,21 +204,33 @@ int new_printer(const Arguments& a, Console& console) {
   const double pixel_um = ask.number("Size of a pixel at the window, um", 0.1, 10000);
   const int bits = whole("Bits of a grey level", 1, 16, 8);
   const double nm = ask.number("Wavelength, nm; 0 when you do not know", 0, 2000, 405);
-  made.text = fmt::format(
-      "name = \"{}\"\n\n[display]\nwidth_px = {}\nheight_px = {}\npixel_um = {:g}\nbit_depth = {}\n",
-      made.name, width, height, pixel_um, bits);
   const std::string calibration = calibration_asked(ask, console, (1 << bits) - 1);
-  made.text += "\n[blue]\n";
-  if (nm > 0) made.text += fmt::format("wavelength_nm = {:g}\n", nm);
-  made.text += fmt::format("calibration = {}  # grey level, mW/cm² at the window\n", calibration);
+  std::string light = "\n[blue]\n";
+  if (nm > 0) light += fmt::format("wavelength_nm = {:g}\n", nm);
+  light += fmt::format("calibration = {}  # grey level, mW/cm² at the window\n", calibration);
   const double speed =
       ask.number("Fastest speed of the stage, mm/h; 0 when you do not know", 0, 1e6, 0);
   const double travel = ask.number("Travel of the stage, mm; 0 when you do not know", 0, 1e5, 0);
+  std::string stage;
   if (speed > 0 || travel > 0) {
-    made.text += "\n[stage]\n";
-    if (speed > 0) made.text += fmt::format("max_speed_mm_h = {:g}\n", speed);
-    if (travel > 0) made.text += fmt::format("travel_mm = {:g}\n", travel);
+    stage = "\n[stage]\n";
+    if (speed > 0) stage += fmt::format("max_speed_mm_h = {:g}\n", speed);
+    if (travel > 0) stage += fmt::format("travel_mm = {:g}\n", travel);
   }
+  if (!a.picture.empty()) {
+    if (!is_image_size(width, height)) {
+      throw InputError(fmt::format("{} x {} pixels are more than a picture can have, {}", width,
+                                   height, kMostPixels));
+    }
+    const auto png = encode_png(letter_image(width, height));
+    cli::write_text_file(a.picture, {png.begin(), png.end()});
+    console.say(fmt::format("{}: an F of {} x {} pixels", a.picture, width, height));
+  }
+  const std::string orientation = orientation_asked(ask, console, a.picture);
+  made.text = fmt::format(
+      "name = \"{}\"\n\n[display]\nwidth_px = {}\nheight_px = {}\npixel_um = {:g}\nbit_depth = "
+      "{}\n{}{}{}",
+      made.name, width, height, pixel_um, bits, orientation, light, stage);
   parse_printer(made.text, made.name + ".toml");
   const Replace replace = a.replace ? Replace::keep_history : Replace::refuse;
   const std::string folder = a.folder.empty() ? writable_folder() : a.folder;
@@ -177,6 +242,12 @@ int new_printer(const Arguments& a, Console& console) {
       "places and type: resinctl import readings.csv --printer {0} --replace (columns x_mm, y_mm, "
       "light)",
       made.name));
+  if (orientation.empty()) {
+    console.say(fmt::format(
+        "Nothing says yet how its screen turns and mirrors: slicecorr testpart f --printer {} shows "
+        "it, before a part comes out as its own mirror image.",
+        made.name));
+  }
   return cli::kDone;
 }
 
@@ -189,6 +260,9 @@ void add_new_printer(cli::Program& program) {
       "Asks for what a printer file needs, a line each, and saves it in your own database.",
       [a](const ExecutionContext&, Console& console) { return new_printer(*a, console); });
   sub->add_option("-o,--folder", a->folder, "Save into this folder instead");
+  sub->add_option(
+      "--picture", a->picture,
+      "Write a picture of an F here, as large as the display (.png), to be shown on it");
   sub->add_flag("--replace", a->replace,
                 "Put it in the place of one of the same name, which goes to the history");
 }

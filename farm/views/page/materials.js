@@ -37,12 +37,72 @@ $('add-resin').addEventListener('click', async () => {
   } catch (e) { tell(e); }
 });
 
+// Ways in which an upright F can be seen: rows and columns changed, then left and right, then top and bottom; in the
+// order of their numbers (letter_part.hpp, a test compares the two).
+const letterTurns = [[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 1, 0], [1, 0, 0], [1, 0, 1], [1, 1, 1]];
+const letterF = ['#####', '#    ', '#    ', '#### ', '#    ', '#    ', '#    '];
+const letterDots = () => letterF.flatMap((row, y) => [...row].flatMap((c, x) => (c === '#' ? [[x, y]] : [])));
+function letterSeen([swap, flipX, flipY]) {
+  const wide = swap ? 7 : 5, high = swap ? 5 : 7;
+  return letterDots().map(([x, y]) => (swap ? [y, x] : [x, y])).map(([x, y]) => [flipX ? wide - 1 - x : x, flipY ? high - 1 - y : y]);
+}
+const letterWords = ['upright', 'mirrored left to right', 'upside down', 'mirrored top to bottom', 'on its side, a quarter turn clockwise', 'on its side, mirrored along the diagonal from top left', 'on its side, a quarter turn counter-clockwise', 'on its side, mirrored along the other diagonal'];
+function letterChoice(number) {
+  const label = el('label'), radio = el('input');
+  radio.type = 'radio';
+  radio.name = 'f_picture';
+  radio.value = number || '';
+  radio.checked = !number;
+  label.append(radio, ' ');
+  if (!number) { label.append('I do not know'); return label; }
+  const svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg'), turn = letterTurns[number - 1];
+  svg.setAttribute('viewBox', turn[0] ? '-1 -2 9 9' : '-2 -1 9 9');
+  svg.setAttribute('role', 'img');
+  svg.setAttribute('aria-label', 'an F ' + letterWords[number - 1]);
+  for (const [x, y] of letterSeen(turn)) {
+    const dot = document.createElementNS('http://www.w3.org/2000/svg', 'rect');
+    for (const [name, value] of [['x', x], ['y', y], ['width', 1.02], ['height', 1.02]]) dot.setAttribute(name, value);
+    svg.append(dot);
+  }
+  label.append(String(number), ' ', svg);
+  return label;
+}
+$('letters').replaceChildren(...[1, 2, 3, 4, 5, 6, 7, 8, 0].map(letterChoice));
+// An F as large as the display.
+$('letter-file').addEventListener('click', (event) => {
+  const form = $('new-printer').elements, wide = Number(form.width_px.value), high = Number(form.height_px.value);
+  const canvas = el('canvas');
+  if (!(wide >= 7 && high >= 9 && wide * high <= 2e8)) {
+    event.preventDefault();
+    tell(new Error('Say how many pixels the display has, across and down; the picture is as large.'));
+    return;
+  }
+  if (event.currentTarget.href.startsWith('blob:')) return;
+  event.preventDefault();
+  const at = event.currentTarget;
+  canvas.width = wide;
+  canvas.height = high;
+  const dot = Math.floor(Math.min(wide / 7, high / 9)), pen = canvas.getContext('2d');
+  pen.fillStyle = '#000';
+  pen.fillRect(0, 0, wide, high);
+  pen.fillStyle = '#fff';
+  for (const [x, y] of letterDots()) pen.fillRect(Math.floor((wide - 5 * dot) / 2) + x * dot, Math.floor((high - 7 * dot) / 2) + y * dot, dot, dot);
+  canvas.toBlob((blob) => {
+    if (!blob) { tell(new Error('This browser makes no picture as large as that.')); return; }
+    at.href = URL.createObjectURL(blob);
+    at.click();
+    const made = at.href;
+    at.href = '#letters';
+    setTimeout(() => URL.revokeObjectURL(made), 10000);
+  });
+});
+
 $('new-printer').addEventListener('submit', async (event) => {
   event.preventDefault();
   calm();
   $('printer-said').textContent = '';
   const form = new FormData(event.target), printer = {name: form.get('name').trim(), replace: form.get('replace') !== null};
-  for (const key of ['width_px', 'height_px', 'pixel_um', 'bit_depth', 'wavelength_nm', 'max_speed_mm_h', 'travel_mm']) if (form.get(key) !== '') printer[key] = Number(form.get(key));
+  for (const key of ['width_px', 'height_px', 'pixel_um', 'bit_depth', 'wavelength_nm', 'max_speed_mm_h', 'travel_mm', 'f_picture']) if (form.get(key)) printer[key] = Number(form.get(key));
   printer.readings = form.get('readings').split('\n').filter((l) => l.trim()).map((l) => l.trim().split(/[\s,;]+/).map(Number));
   try {
     if (printer.readings.some((r) => r.length !== 2 || r.some((v) => !Number.isFinite(v)))) throw new Error('Light at the window: expected a grey level and mW/cm² on each line.');

@@ -13,6 +13,7 @@
 #include "programs/common/make_part.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/file_greys.hpp"
+#include "slicecorr/letter_part.hpp"
 #include "slicecorr/level_images.hpp"
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -104,6 +105,31 @@ int level_images(const TestPartOptions& o, const ExecutionContext& context, Cons
   return kDone;
 }
 
+/// Nothing is measured: there is a sheet, and no table.
+int letter_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
+  if (!o.form.empty()) throw InputError("--form: the part 'f' has no table; expected --sheet");
+  const StackFile file = file_of(o, context);
+  const std::string sheet = o.sheet.empty() ? Beside::beside(o, ".html") : o.sheet;
+  check_output(o.output, {o.printer, o.kept});
+  check_output(sheet, {o.printer, o.kept, o.output});
+  check_output(o.picture, {o.printer, o.kept, o.output, sheet});
+  const Printer printer = load_display(o.printer);
+  const LetterPart part(printer, o.layer_um, o.exposure_s);
+  const FittedSlices shown = FittedSlices::for_display(part, printer, folder_of(o.output), context);
+  const FittedSlices fitted = fit_for_output(part, file, printer, context);
+  const StackInfo info = write_images(*fitted, part.image_s(), file, context);
+  write_text_file(sheet, part.sheet(o.printer));
+  if (!o.picture.empty()) {
+    const auto png = encode_png(slice_picture(*shown));
+    write_text_file(o.picture, {png.begin(), png.end()});
+  }
+  console.say(
+      fmt::format("{}: an F, shown {} times, {:g} s each; how it stands on the screen says "
+                  "what {} must say: {}",
+                  o.output, info.grid.layers, o.exposure_s, o.printer, sheet));
+  return kDone;
+}
+
 int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionContext& context,
                 Console& console) {
   if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
@@ -156,6 +182,7 @@ int test_part(const TestPartOptions& o, const ExecutionContext& context, Console
     if (o.kind == word_of(kind)) return tuning_part(kind, o, context, console);
   }
   if (o.kind == "levels") return level_images(o, context, console);
+  if (o.kind == "f") return letter_part(o, context, console);
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   check_output(o.picture, {o.printer, o.output});
@@ -192,9 +219,9 @@ void add_test_part(Program& program, TestPartOptions& o) {
          "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
          "printed), lift-comb (the same, printed layer by layer), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
          "(lines and gaps), flat-field (plugs all over the plate), levels (even images of grey "
-         "levels, for a power meter)")
+         "levels, for a power meter), f (an F, which shows how the screen turns and mirrors)")
       ->check(CLI::IsMember({"spread", "comb", "lift-comb", "staircase", "wedge", "dead-zone",
-                             "flat-field", "levels"}))
+                             "flat-field", "levels", "f"}))
       ->capture_default_str();
   sub->add_option("--resin", o.resin,
                   "Resin of a staircase, wedge or flat-field: a .toml file or a name");
@@ -212,7 +239,7 @@ void add_test_part(Program& program, TestPartOptions& o) {
   sub->add_option("--uv-mw-cm2", o.uv_mw_cm2, "dead-zone: UV light at the window")
       ->check(number_in(0, 1e6, true));
   sub->add_option("--exposure-s", o.exposure_s,
-                  "dead-zone, levels: how long plugs are lit, or an image is shown")
+                  "dead-zone, levels, f: how long plugs are lit, or an image is shown")
       ->check(number_in(0, 1e6, true))
       ->capture_default_str();
   sub->add_option(
@@ -222,9 +249,8 @@ void add_test_part(Program& program, TestPartOptions& o) {
       ->check(CLI::ExistingFile);
   sub->add_option("--format", o.format, "Format of the archive, where its name does not tell")
       ->check(value_is(ValueKind::format));
-  sub->add_option(
-      "--picture", o.picture,
-      "spread: write a slice as the display shows it, for a camera at the window (.png)");
+  sub->add_option("--picture", o.picture,
+                  "spread, f: write a slice as the display shows it (.png)");
   sub->footer(
       "Example:\n  slicecorr testpart staircase --printer my-printer.toml --resin my-resin.toml -o "
       "stairs.uvj\n");

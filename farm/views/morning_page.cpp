@@ -44,7 +44,7 @@ Markup report_link(const Job& job, const LinkTo& links) {
   if (!there) return name;
   std::string to;
   if (links.kind == LinkTo::Kind::server) {
-    to = fmt::format("/api/v1/jobs/{}/files/html", job.id);
+    to = fmt::format("api/v1/jobs/{}/files/html", job.id);
   } else {
     const std::string path = job.output("html");
     to = links.base.empty()

@@ -11,7 +11,7 @@ async function act(path, body) {
 }
 
 function jobActions(j) {
-  const at = '/api/v1/jobs/' + j.id, box = $('job-actions');
+  const at = 'api/v1/jobs/' + j.id, box = $('job-actions');
   // What somebody types stays while the farm is looked at again.
   if (box.contains(document.activeElement) && box.dataset.job === String(j.id) + j.state) return;
   box.dataset.job = String(j.id) + j.state;
@@ -30,7 +30,7 @@ function jobActions(j) {
     box.append(named('Priority', priority), named('Ready by', time),
       button('Set', () => act(at + '/priority', {priority: Number(priority.value), ready_by: time.value || 'none'})),
       button('Before all others', async () => {
-        const first = (await read('/api/v1/jobs?state=queued&order=urgency&limit=1')).jobs[0];
+        const first = (await read('api/v1/jobs?state=queued&order=urgency&limit=1')).jobs[0];
         if (first && first.id !== j.id) await act(at + '/priority', {priority: first.priority + 1});
       }));
   }
@@ -60,12 +60,12 @@ function jobActions(j) {
 function farmActions(o) {
   if (!may('operate')) return;
   const paused = o.settings.paused === true || o.settings.paused === 'yes';
-  $('farm-actions').replaceChildren(paused ? button('Start jobs again', () => act('/api/v1/resume'))
-    : button('Start no more jobs', () => act('/api/v1/pause')));
+  $('farm-actions').replaceChildren(paused ? button('Start jobs again', () => act('api/v1/resume'))
+    : button('Start no more jobs', () => act('api/v1/pause')));
 }
 
 async function bridges() {
-  bridgeList = (await read('/api/v1/bridges')).bridges;
+  bridgeList = (await read('api/v1/bridges')).bridges;
   $('machines').hidden = !bridgeList.length;
   $('bridges').replaceChildren(...bridgeList.map((b) => {
     const box = el('p');
@@ -85,4 +85,4 @@ async function bridges() {
     return box;
   }));
 }
-$('to-report').append(link('/report', 'The report of the last day'));
+$('to-report').append(link('report', 'The report of the last day'));

@@ -74,6 +74,9 @@ async function ask(path, body, method) {
 const read = async (path) => (await ask(path)).json();
 const change = async (path, body = {}) => (await ask(path, body)).json();
 
+// A path of the server as an address: all pages lie at its root, which a proxy may show under a path of its own.
+const here = (path) => new URL('.' + path, document.baseURI).href;
+
 // A picture or a file as an address that this page may show.
 async function blobUrl(path) { return URL.createObjectURL(await (await ask(path)).blob()); }
 
@@ -89,7 +92,7 @@ function link(path, words, label, download) {
     event.preventDefault();
     const tab = download ? window : window.open('about:blank');
     if (tab && !download) tab.opener = null;
-    change('/api/v1/tickets', {path}).then((t) => { tab.location.href = t.path; }, tell);
+    change('api/v1/tickets', {path: '/' + path}).then((t) => { tab.location.href = here(t.path); }, tell);
   });
   return a;
 }
@@ -111,7 +114,7 @@ async function begin(start) {
   const go = async () => {
     delete document.body.dataset.ready;
     try {
-      me = await read('/api/v1/me');
+      me = await read('api/v1/me');
       calm();
       $('ask').hidden = true;
       $('all').hidden = false;
@@ -138,14 +141,14 @@ async function begin(start) {
 
 // Starts a study and follows it to its end; `box` says how far it is, with a button to cancel it.
 async function study(request, box) {
-  let s = await change('/api/v1/studies', request);
-  const words = el('span', '', 'dim'), stop = button('Cancel', () => change('/api/v1/studies/' + s.study + '/cancel'));
+  let s = await change('api/v1/studies', request);
+  const words = el('span', '', 'dim'), stop = button('Cancel', () => change('api/v1/studies/' + s.study + '/cancel'));
   box.replaceChildren(words, ' ', stop);
   while (s.state === 'waiting' || s.state === 'running') {
     words.textContent = s.state === 'waiting' ? (s.before ? count(s.before) + ' before this one' : 'about to begin')
       : s.stage + ', ' + duration(s.seconds);
     await new Promise((done) => setTimeout(done, 250));
-    s = await read('/api/v1/studies/' + s.study);
+    s = await read('api/v1/studies/' + s.study);
   }
   box.replaceChildren();
   if (s.state === 'cancelled') { box.append(el('span', 'Cancelled.', 'dim')); return null; }
@@ -153,7 +156,7 @@ async function study(request, box) {
     box.append(el('p', (s.exit_code === 3 ? 'This can’t be printed: ' : '') + s.message, 'holds'));
     return null;
   }
-  return {...s, path: '/api/v1/studies/' + s.study};
+  return {...s, path: 'api/v1/studies/' + s.study};
 }
 
 // --- parts of pages -----------------------------------------------------------------------------------------------------

@@ -124,14 +124,14 @@ function tomoWords(f) {
     + ', prints in ' + duration(f.print_time_s) + (f.feasible ? '' : '; misses');
 }
 
-const reportLink = (j) => link('/api/v1/jobs/' + j.id + '/files/html', 'open', 'report of ' + j.name);
+const reportLink = (j) => link('api/v1/jobs/' + j.id + '/files/html', 'open', 'report of ' + j.name);
 
 async function table() {
   const mine = ++asked, state = document.querySelector('input[name=state]:checked').value;
   const order = {queued: 'urgency', worst: 'worst'}[state] || 'ended';
   const q = new URLSearchParams({state: state === 'worst' ? 'done' : state, order, limit: pageSize, offset});
   for (const [key, id] of [['text', 'find'], ['user', 'user'], ['label', 'label']]) if ($(id).value) q.set(key, $(id).value);
-  const page = await read('/api/v1/jobs?' + q);
+  const page = await read('api/v1/jobs?' + q);
   if (mine !== asked) return;  // a later question has been asked
   if (page.jobs.length === 0 && offset > 0) { offset = 0; return table(); }
   jobRows(state, page.jobs);
@@ -145,7 +145,7 @@ async function table() {
 }
 
 async function showJob(id, go) {
-  const j = await read('/api/v1/jobs/' + id);
+  const j = await read('api/v1/jobs/' + id);
   shown = id;
   $('detail').hidden = false;
   $('detail-title').textContent = 'Job ' + j.id + ': ' + j.name;
@@ -161,12 +161,12 @@ async function showJob(id, go) {
   jobActions(j);
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
     + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + plain(a.message) : '') : a.phase))));
-  $('log').textContent = j.tries.length ? plain(await (await ask('/api/v1/jobs/' + id + '/log?bytes=20000')).text()) : 'not tried yet';
+  $('log').textContent = j.tries.length ? plain(await (await ask('api/v1/jobs/' + id + '/log?bytes=20000')).text()) : 'not tried yet';
   if (go) $('detail-title').focus();
 }
 
 async function events() {
-  const list = (await read('/api/v1/events?limit=15')).events;
+  const list = (await read('api/v1/events?limit=15')).events;
   $('events').replaceChildren(...list.reverse().map((e) => {
     const line = el('li', undefined, e.kind);
     line.append(el('span', moment(e.at_ms), 'dim'), ' ');
@@ -178,7 +178,7 @@ async function events() {
 }
 
 async function timeline() {
-  const url = await blobUrl('/api/v1/timeline.svg');
+  const url = await blobUrl('api/v1/timeline.svg');
   // What is newest can be seen, also where the picture is wider than the window.
   if (!timelineUrl) $('timeline').addEventListener('load', () => { const box = $('timeline').closest('.scroll'); box.scrollLeft = box.scrollWidth; }, {once: true});
   $('timeline').src = url;
@@ -188,7 +188,7 @@ async function timeline() {
 
 let drawn = 0;
 async function look() {
-  const o = await read('/api/v1/overview');
+  const o = await read('api/v1/overview');
   overview(o);
   farmActions(o);
   if (o.last_event !== lastEvent) {

@@ -31,7 +31,7 @@ $('fit').addEventListener('click', async () => {
 $('add-resin').addEventListener('click', async () => {
   calm();
   try {
-    await change('/api/v1/resins', {study: fit.study, replace: $('replace').checked});
+    await change('api/v1/resins', {study: fit.study, replace: $('replace').checked});
     $('add-said').textContent = 'The resin ' + fit.name + ' is there.';
     await list();
   } catch (e) { tell(e); }
@@ -106,7 +106,7 @@ $('new-printer').addEventListener('submit', async (event) => {
   printer.readings = form.get('readings').split('\n').filter((l) => l.trim()).map((l) => l.trim().split(/[\s,;]+/).map(Number));
   try {
     if (printer.readings.some((r) => r.length !== 2 || r.some((v) => !Number.isFinite(v)))) throw new Error('Light at the window: expected a grey level and mW/cm² on each line.');
-    await change('/api/v1/printers', printer);
+    await change('api/v1/printers', printer);
     $('printer-said').textContent = 'The printer ' + printer.name + ' is there.';
     await list();
   } catch (e) { tell(e); }
@@ -121,7 +121,7 @@ function showResins() {
 }
 async function curve(name) {
   calm();
-  $('curve-picture').src = await blobUrl('/api/v1/resins/' + name + '/curve.svg');
+  $('curve-picture').src = await blobUrl('api/v1/resins/' + name + '/curve.svg');
   $('curve-title').textContent = name;
   $('curve').hidden = false;
   $('curve-title').focus();
@@ -129,7 +129,7 @@ async function curve(name) {
 $('find').addEventListener('input', showResins);
 
 async function list() {
-  const [p, r] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins')]);
+  const [p, r] = await Promise.all([read('api/v1/printers'), read('api/v1/resins')]);
   resins = r;
   showResins();
   $('printers').replaceChildren(tableOf([['Name', 'pixels', 'pixel, um', 'light, nm', 'brightest, mW/cm²', 'fastest, mm/h'],

@@ -8,7 +8,7 @@ function upload(file, progress, hold) {
     hold.abort = () => request.abort();
     // Names of files that the server would refuse are made such as it takes.
     const name = file.name.replace(/^[.-]+/, '').replace(/[\u0000-\u001f\u007f/\\]/g, '_').slice(-150) || 'part';
-    request.open('PUT', '/api/v1/parts/' + encodeURIComponent(name));
+    request.open('PUT', 'api/v1/parts/' + encodeURIComponent(name));
     if (token()) request.setRequestHeader('Authorization', 'Bearer ' + token());
     request.upload.addEventListener('progress', (e) => progress(e.loaded / Math.max(1, e.total)));
     request.addEventListener('load', () => {

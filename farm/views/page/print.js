@@ -177,12 +177,12 @@ $('queue').addEventListener('click', () => during('queue', async () => {
   const jobs = prints.map((list) => ({parts: list.map((p) => p.part), ...setup(list), ...more}));
   $('queue-said').textContent = 'reading and checking ' + (jobs.length === 1 ? 'the part' : count(jobs.length) + ' parts');
   let r;
-  try { r = await change('/api/v1/jobs', {jobs}); } catch (e) { $('queue-said').textContent = ''; throw e; }
+  try { r = await change('api/v1/jobs', {jobs}); } catch (e) { $('queue-said').textContent = ''; throw e; }
   const rows = [['Job', 'name', 'layers', 'takes about']];
   r.ids.forEach((id, n) => { const e = r.estimates[Math.min(n, r.estimates.length - 1)]; rows.push([id, e.name, count(e.layers), e.duplicate || e.cached ? 'done before' : duration(e.seconds)]); });
   $('queue-said').textContent = r.ids.length === 1 ? 'One job is queued.' : count(r.ids.length) + ' jobs are queued.';
   const farm = el('p'), a = el('a', 'Watch them on the farm');
-  a.href = '/';
+  a.href = './';
   farm.append(a);
   $('queued').replaceChildren(tableOf(rows, 'What was queued'), farm);
 }));
@@ -201,7 +201,7 @@ for (const id of ['printer', 'resin', 'layer_um']) $(id).addEventListener('chang
 begin(async () => {
   $('files').disabled = !may('submit');
   partsChanged();
-  const [p, r, description] = await Promise.all([read('/api/v1/printers'), read('/api/v1/resins'), read('/api/v1/openapi.json')]);
+  const [p, r, description] = await Promise.all([read('api/v1/printers'), read('api/v1/resins'), read('api/v1/openapi.json')]);
   const said = [...document.querySelectorAll('#setup select, #setup input, #settings select, #settings input')].filter((e) => e.id && e.value).map((e) => [e.id, e.value]);
   const again = printers.length > 0;
   schemas = description.components.schemas;

@@ -83,14 +83,14 @@
 
   async function look() {
     try {
-      const s = await (await get('/status.json')).json();
+      const s = await (await get('status.json')).json();
       show(s);
       const of = [s.running, s.phase, s.stack, s.latched].join(' ');
       const now = Date.now();
       if (of !== recordOf || (s.running && now - recordAt > recordMs)) {
         recordOf = of;
         recordAt = now;
-        by('record').innerHTML = await (await get('/record')).text();
+        by('record').innerHTML = await (await get('record')).text();
         by('record-when').textContent = 'as of ' + new Date(now).toLocaleTimeString();
       }
     } catch (e) {

@@ -20,9 +20,10 @@
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "slicecorr/memory_need.hpp"
+#include "slicecorr/pipeline.hpp"
 #include "slicecorr/same_light.hpp"
 #include "submit/fields.hpp"
-#include "submit/memory.hpp"
 #include "submit/planned.hpp"
 #include "submit/tomographic.hpp"
 #include "support/toml/toml_table.hpp"
@@ -48,7 +49,7 @@ struct Checked {
   std::string error;
   Reason reason = Reason::none;  ///< of the error
   int layers = 0;
-  detail::MemoryFacts memory;
+  MemoryFacts memory;
   detail::TomoNeeds tomo;  ///< of tomographic prints, in place of `memory`
 };
 
@@ -150,8 +151,8 @@ void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
   c.layers = grid.layers;
   c.memory.width_px = grid.width_px;
   c.memory.left_alone = left_alone;
-  c.memory.together = detail::corrects_together(setup) && !left_alone && !uneven;
-  detail::look_at_light(slices, setup.printer, setup.process, plan, c.memory);
+  c.memory.together = corrects_together(setup) && !left_alone && !uneven;
+  look_at_light(slices, setup.printer, setup.process, plan, c.memory);
 }
 
 void check_meshes(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
@@ -236,7 +237,7 @@ std::string rate_class_of(const Resolved& w, int slices) {
   const Process& p = w.setup.process;
   return fmt::format(
       "{} {}{}{}", w.spec.kind, p.mode == ExposureMode::layerwise ? "layerwise" : "continuous",
-      p.uv.kind == UvKind::off ? "" : " uv", detail::corrects_together(w.setup) ? " together" : "");
+      p.uv.kind == UvKind::off ? "" : " uv", corrects_together(w.setup) ? " together" : "");
 }
 
 std::string problem_of_name(const std::string& name) {
@@ -580,7 +581,7 @@ class Preparation {
         spec.tomo->angles = c.tomo.angles;
         j.work.voxel_angle_steps = c.tomo.voxel_angle_steps;
       }
-      const detail::MemoryNeeds memory = spec.tomo ? c.tomo.memory : detail::memory_needs(c.memory);
+      const MemoryNeeds memory = spec.tomo ? c.tomo.memory : memory_needs(c.memory);
       j.work.base_memory_mb = memory.base_mb;
       j.work.thread_memory_mb = memory.thread_mb;
       const auto [rate, fresh] = rates.emplace(j.work.rate_class, Rates{});

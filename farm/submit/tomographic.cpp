@@ -13,13 +13,14 @@
 #include "slicecorr/setup.hpp"
 #include "slicecorr/vial.hpp"
 #include "submit/fields.hpp"
-#include "submit/memory.hpp"
 #include "work/make_result.hpp"
 
 namespace slicecorr::farm::detail {
 
 namespace {
 
+/// Bytes.
+constexpr double kMb = 1 << 20;
 /// Of any worker that prints tomographically.
 constexpr double kTomoProgramMb = 20;
 

@@ -12,11 +12,11 @@
 
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "slicecorr/memory_need.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/print.hpp"
-#include "submit/memory.hpp"
 
 namespace slicecorr::farm::detail {
 

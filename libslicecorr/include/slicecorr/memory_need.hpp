@@ -1,8 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// @file memory.hpp
-/// How much memory a worker is given for a job.
+/// @file memory_need.hpp
+/// How much memory a correction needs that also verifies and reports, before it is begun: what each step
+/// holds, by figures of the part and of the light. For whoever gives programs a limit.
+///
+/// Plain values and pure functions, thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -11,17 +14,12 @@
 #include "slicecorr/process.hpp"
 
 namespace slicecorr {
+
 class SliceSource;
 struct CorrectionPlan;
 struct Setup;
-}  // namespace slicecorr
 
-namespace slicecorr::farm::detail {
-
-/// Bytes.
-inline constexpr double kMb = 1 << 20;
-
-/// What a worker's memory depends on.
+/// What the memory of a correction depends on.
 struct MemoryFacts {
   std::size_t triangles = 0;
   int width_px = 0;
@@ -45,11 +43,11 @@ struct MemoryNeeds {
   std::int64_t thread_mb = 0;  ///< more for each further one
 };
 
-/// Half as much again as was seen, because a worker over its limit has worked for nothing.
+/// Half as much again as was seen, because a program over its limit has worked for nothing.
 MemoryNeeds memory_needs(const MemoryFacts& facts);
 
 /// Fills in what depends on the light: that of `plan`, and of the printer's places.
 void look_at_light(const SliceSource& slices, const Printer& printer, const Process& process,
                    const CorrectionPlan& plan, MemoryFacts& facts);
 
-}  // namespace slicecorr::farm::detail
+}  // namespace slicecorr

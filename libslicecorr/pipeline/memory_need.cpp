@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "submit/memory.hpp"
+#include "slicecorr/memory_need.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,9 +14,12 @@
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/target.hpp"
 
-namespace slicecorr::farm::detail {
+namespace slicecorr {
 
 namespace {
+
+/// Bytes.
+constexpr double kMb = 1 << 20;
 
 /// Of any job: 31 are the cells of the report.
 constexpr double kProgramMb = 70;
@@ -107,4 +110,4 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
   }
 }
 
-}  // namespace slicecorr::farm::detail
+}  // namespace slicecorr

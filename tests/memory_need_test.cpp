@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// What a correction is said to need of memory: closed forms of its figures, and which figures it takes of a print.
+#include "slicecorr/memory_need.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "memory_slices.hpp"
+#include "models.hpp"
+#include "slicecorr/pipeline.hpp"
+
+namespace slicecorr {
+namespace {
+
+constexpr double kMiB = 1 << 20;
+
+/// Half as much again as the sum, in whole MiB.
+std::int64_t with_half(double mb) { return static_cast<std::int64_t>(1.5 * mb); }
+
+TEST(MemoryNeed, OfAPlainPartIsProgramMeshPiecesAndABand) {
+  MemoryFacts f;
+  f.triangles = 1'000'000;
+  f.width_px = 2560;
+  f.slices = 1000;
+  f.voxels = 100'000'000;
+  const double mesh = 100e6 / kMiB, pieces = 0.2 * 1e8 / kMiB;
+  const double thread = 16 + 32.0 * 2560 * 100 / kMiB + 8192.0 * 1000 / kMiB;
+  EXPECT_EQ(memory_needs(f).thread_mb, with_half(thread));
+  EXPECT_EQ(memory_needs(f).base_mb, with_half(70 + mesh + pieces + thread));
+  // Pieces beyond 64 MiB wait on the disk: any larger part needs no more.
+  f.voxels = std::int64_t{1} << 40;
+  const std::int64_t large = memory_needs(f).base_mb;
+  EXPECT_EQ(large, with_half(70 + mesh + 64 + thread));
+  f.voxels *= 16;
+  EXPECT_EQ(memory_needs(f).base_mb, large);
+  // Rounds of columns that are corrected together keep 80 MiB, whatever the part.
+  f.together = true;
+  EXPECT_NEAR(static_cast<double>(memory_needs(f).base_mb - large), 1.5 * 80, 1);
+  EXPECT_EQ(memory_needs(f).thread_mb, with_half(thread));
+}
+
+TEST(MemoryNeed, GrowsWithEachFigureAndNeverFalls) {
+  MemoryFacts plain;
+  plain.width_px = 1280;
+  plain.slices = 500;
+  plain.voxels = 1'000'000;
+  const MemoryNeeds least = memory_needs(plain);
+  const auto more = [&](auto change) {
+    MemoryFacts f = plain;
+    change(f);
+    const MemoryNeeds needs = memory_needs(f);
+    EXPECT_GE(needs.thread_mb, least.thread_mb);
+    return needs.base_mb > least.base_mb;
+  };
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.triangles = 10'000'000; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.width_px = 11520; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.slices = 50'000; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.voxels = 300'000'000; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.lights = 150; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.tables_bytes = 8 << 20; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.stepwise = true; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.bath_slices = 400; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.cut_slices = 60; }));
+  EXPECT_TRUE(more([](MemoryFacts& f) {
+    f.stepwise = true;
+    f.mirrored_slices = 100;
+  }));
+  EXPECT_TRUE(more([](MemoryFacts& f) { f.together = true; }));
+  // Tables of many values share what takes more than 256 MiB: 200 of 8 MiB are not 1,600 MiB a set.
+  MemoryFacts many = plain;
+  many.tables_bytes = 8 << 20;
+  many.lights = 200;
+  const double tables = 256 + 8;
+  const double thread =
+      16 + 32.0 * 1280 * 100 / kMiB + 8192.0 * 500 / kMiB + 4 * tables + 200 * 256.0 * 500 / kMiB;
+  EXPECT_EQ(memory_needs(many).thread_mb, with_half(thread));
+}
+
+TEST(MemoryNeed, TakesItsFiguresOfThePrint) {
+  test::MemorySlices slices(Grid{20, 10, 30, 50, 50, 50});
+  for (int n = 0; n < 30; ++n) slices.at(n, 5, 5) = 255;
+  slicecorr::Setup setup;
+  setup.printer = test::linear_printer(1, 100);
+  setup.printer.width_px = 20;
+  setup.printer.height_px = 10;
+  setup.resin = test::resin(576, 110);
+  setup.process = test::process(1000);
+  EXPECT_FALSE(corrects_together(setup));
+  const CorrectionPlan plan = plan_correction(slices, setup);
+  MemoryFacts facts;
+  look_at_light(slices, setup.printer, setup.process, plan, facts);
+  EXPECT_EQ(facts.slices, plan.all_layers);
+  EXPECT_EQ(facts.lights, 1);
+  EXPECT_EQ(facts.tables_bytes, 0);
+  EXPECT_FALSE(facts.stepwise);
+  EXPECT_EQ(facts.mirrored_slices, 0);
+  // What is left alone is solved slice by slice.
+  facts.left_alone = true;
+  look_at_light(slices, setup.printer, setup.process, plan, facts);
+  EXPECT_TRUE(facts.stepwise);
+  setup.printer.spread.gaussians = {{80, 1}};
+  EXPECT_TRUE(corrects_together(setup));
+  setup.process.spread_rounds = 0;
+  EXPECT_FALSE(corrects_together(setup));
+}
+
+}  // namespace
+}  // namespace slicecorr

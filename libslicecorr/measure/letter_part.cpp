@@ -8,6 +8,7 @@
 #include <algorithm>
 
 #include "measure/part_sheet.hpp"
+#include "measure/sheet_commands.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 
@@ -165,7 +166,7 @@ std::string LetterPart::sheet(const std::string& printer_file) const {
       "landscape), and look again: the F must stand as in picture {}. Show the file of the same format "
       "that you print with.",
       printer_file, kRightLetter);
-  s.commands = {fmt::format("slicecorr testpart f --printer {} -o f-again.uvj", printer_file)};
+  s.commands = detail::commands_on("f", "", printer_file, printer_name_);
   return sheet_page(s);
 }
 

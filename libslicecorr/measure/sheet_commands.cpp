@@ -27,6 +27,7 @@ std::vector<std::string> commands_on(const std::string& part, const std::string&
        {"resinctl fit {0} --model deadzone-steady --resin my-resin.toml -o my-resin.toml"}},
       {"flat-field",
        {"resinctl import {0} --format flat-field --printer {1} --name my-printer --replace"}},
+      {"f", {"slicecorr testpart f --printer {1} -o f-again.uvj"}},
       {"levels", {"resinctl import {0} --format calibration --printer {1} --name my-{2}"}},
       {"spread", {"resinctl fit-spread {0} --printer {1} --plot widths.svg"}}};
   std::vector<std::string> lines;

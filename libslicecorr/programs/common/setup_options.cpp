@@ -51,7 +51,10 @@ CLI::Option* SetupOptions::add(CLI::App& app, const Setting& s) {
           if constexpr (std::is_same_v<Value, std::string>) {
             // Of two words the one that is not meant anyway: nothing behind the option is its value.
             if (s.words.size() == 2 && !s.bare.empty()) {
-              return app.add_flag(fmt::format("{}{{{}}}", name, s.bare), value, text)
+              return app.add_flag(name, value, text)
+                  ->transform([word = std::string(s.bare)](const std::string& said) {
+                    return said == "true" ? word : said;
+                  })
                   ->check(check_of(s));
             }
           }

@@ -239,6 +239,16 @@ TEST_F(FarmProxy, PagesLinksUploadsAndDownloadsWorkUnderAPath) {
                             nlohmann::json(value).dump()));
   }
   EXPECT_EQ(page_->eval("document.querySelectorAll('#letters svg').length"), 8);
+  // The picture of an F to show is as large as the display, black but for the F.
+  page_->eval(
+      "(() => { window.f = null; const make = URL.createObjectURL; URL.createObjectURL = (b) => { "
+      "createImageBitmap(b).then((i) => { const c = new OffscreenCanvas(i.width, i.height), p = "
+      "c.getContext('2d'); p.drawImage(i, 0, 0); const d = p.getImageData(0, 0, i.width, "
+      "i.height).data; let lit = 0; for (let k = 0; k < d.length; k += 4) lit += d[k] === 255; "
+      "window.f = [i.width, i.height, lit]; }); return make(b); }; "
+      "document.getElementById('letter-file').click(); })()");
+  page_->wait_for("window.f !== null");
+  EXPECT_EQ(page_->eval("window.f"), nlohmann::json({1920, 1080, 14 * 120 * 120}));
   page_->eval("document.querySelector('#letters input[value=\"1\"]').click()");
   page_->click("#new-printer button");
   page_->wait_for("document.getElementById('printers').textContent.includes('lab-printer')");

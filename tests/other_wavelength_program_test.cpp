@@ -116,7 +116,9 @@ TEST_F(OtherWavelengthProgram, IsTakenAndToldEverywhere) {
   EXPECT_EQ(json::parse(to_text(read_file(folder_ / "run.json")))["other_wavelength"], expected);
   EXPECT_THAT(good(Command{"compare"} + kPart + kPair + kSpeed + Command{kFlag}).err,
               HasSubstr(kTold));
-  EXPECT_THAT(good(Command{"plan"} + kPart + kPair + Command{kFlag}).err, HasSubstr(kTold));
+  const RunResult plan = good(Command{"plan", "--json", "-"} + kPart + kPair + Command{kFlag});
+  EXPECT_THAT(plan.err, HasSubstr(kTold));
+  EXPECT_EQ(json::parse(plan.out)["other_wavelength"], expected);
   EXPECT_THAT(good(Command{"flow"} + kPart + kPair + kSpeed + Command{kFlag}).err,
               HasSubstr(kTold));
   const RunResult forecast =

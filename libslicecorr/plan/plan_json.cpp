@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/plan.hpp"
+#include "slicecorr/same_light.hpp"
 #include "support/json/read_json.hpp"
 
 namespace slicecorr {
@@ -84,6 +85,9 @@ std::string PrintPlan::to_json() const {
   j["light_error"] = ask.light_error;
   j["printer"] = setup.printer.name;
   j["resin"] = setup.resin.name;
+  if (const auto other = other_wavelength(setup.printer, setup.resin)) {
+    j["other_wavelength"] = {{"printer_nm", other->printer_nm}, {"resin_nm", other->resin_nm}};
+  }
   j["layer_um"] = layer_um;
   j["layers"] = layers;
   j["extra_slices"] = at.extra_slices;

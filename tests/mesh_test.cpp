@@ -250,6 +250,161 @@ TEST_F(MeshTest, ReadsEveryFormat) {
   expect_box(read_mesh(write_3mf("a.3mf", "", mesh_object(mesh, 1), R"(<item objectid="1"/>)")));
 }
 
+/// A PLY of any types and either order of bytes, with the coordinates as z, something else, y, x.
+std::string ply_of(const TriangleMesh& mesh, bool big, const std::string& type,
+                   const std::string& count_type, const std::string& index_type) {
+  const std::map<std::string, int> sizes{{"char", 1}, {"uchar", 1}, {"short", 2}, {"ushort", 2},
+                                         {"int", 4},  {"uint", 4},  {"float", 4}, {"double", 8}};
+  std::string out = std::string("ply\nformat binary_") + (big ? "big" : "little") +
+                    "_endian 1.0\nelement vertex " + std::to_string(mesh.vertices.size()) +
+                    "\nproperty " + type + " z\nproperty list uchar short w\nproperty " + type +
+                    " y\nproperty " + type + " x\nelement face " +
+                    std::to_string(mesh.triangles.size()) + "\nproperty list " + count_type + " " +
+                    index_type + " vertex_indices\nproperty double quality\nend_header\n";
+  const auto put = [&](const std::string& kind, double value) {
+    std::uint64_t bits = kind == "double"  ? std::bit_cast<std::uint64_t>(value)
+                         : kind == "float" ? std::bit_cast<std::uint32_t>(static_cast<float>(value))
+                                           : static_cast<std::uint64_t>(std::llround(value));
+    const int bytes = sizes.at(kind);
+    for (int i = 0; i < bytes; ++i) {
+      out.push_back(static_cast<char>(bits >> 8 * (big ? bytes - 1 - i : i) & 255));
+    }
+  };
+  for (const Point3& p : mesh.vertices) {
+    put(type, p[2]);
+    put("uchar", 2);
+    put("short", -3);
+    put("short", 10);
+    put(type, p[1]);
+    put(type, p[0]);
+  }
+  for (const auto& t : mesh.triangles) {
+    put(count_type, 3);
+    for (const std::uint32_t index : t) put(index_type, index);
+    put("double", 0.5);
+  }
+  return out;
+}
+
+TEST_F(MeshTest, ReadsPlyOfAllTypes) {
+  const TriangleMesh mesh = box(2, 3, 4);
+  for (const bool big : {false, true}) {
+    for (const std::string type :
+         {"char", "uchar", "short", "ushort", "int", "uint", "float", "double"}) {
+      expect_box(read_mesh(write("a.ply", ply_of(mesh, big, type, "uchar", "int"))));
+    }
+    for (const std::string type : {"char", "uchar", "short", "ushort", "int", "uint"}) {
+      expect_box(read_mesh(write("a.ply", ply_of(mesh, big, "double", type, "uint"))));
+      expect_box(read_mesh(write("a.ply", ply_of(mesh, big, "int", "uint", type))));
+    }
+    // Values below 0, which only types with a sign hold.
+    TriangleMesh low = mesh;
+    for (Point3& p : low.vertices) p[0] -= 100;
+    for (const std::string type : {"char", "short", "int", "float", "double"}) {
+      const MeshReport r =
+          inspect(read_mesh(write("a.ply", ply_of(low, big, type, "uint", "int"))));
+      EXPECT_EQ(r.lower[0], -100) << type;
+      EXPECT_NEAR(r.volume, 24, 1e-12) << type;
+    }
+  }
+  // A double keeps its digits, in the text as in bytes; a float is one, however it is written.
+  TriangleMesh fine = mesh;
+  for (Point3& p : fine.vertices) p[2] += 0.1;
+  EXPECT_EQ(inspect(read_mesh(write("a.ply", ply_of(fine, true, "double", "int", "int")))).lower[2],
+            0.1);
+  std::string text = ply(mesh);
+  ASSERT_NE(text.find("2 3 4"), text.npos);
+  text.replace(text.find("2 3 4"), 5, "2 3 4.1");
+  EXPECT_EQ(inspect(read_mesh(write("a.ply", text))).upper[2], static_cast<double>(4.1F));
+  text.replace(text.find("float z"), 7, "double z");
+  EXPECT_EQ(inspect(read_mesh(write("a.ply", text))).upper[2], 4.1);
+}
+
+TEST_F(MeshTest, ReadsPlyWhoseLinesEndInAnyWay) {
+  const TriangleMesh mesh = box(2, 3, 4);
+  const std::string bytes = rich_binary_ply(mesh, false), text = ply(mesh);
+  // The body of `bytes` begins with a 7 or, below, with what looks like the end of a line.
+  const std::size_t body = bytes.find("end_header\n") + 11;
+  for (const char first : {'\x07', '\n', '\r'}) {
+    for (const std::string end : {"\n", "\r\n", "\r"}) {
+      for (const std::string& last : {end, std::string(end == "\n"     ? "\r\n"
+                                                       : end == "\r\n" ? "\n"
+                                                                       : "\r")}) {
+        std::string out;
+        for (std::size_t i = 0; i < body - 1; ++i)
+          out += bytes[i] == '\n' ? end : bytes.substr(i, 1);
+        out += last + bytes.substr(body);
+        out[out.size() - (bytes.size() - body)] = first;  // of the camera
+        expect_box(read_mesh(write("a.ply", out)));
+      }
+    }
+  }
+  std::string out;
+  for (const char c : text) out += c == '\n' ? "\r" : std::string(1, c);
+  expect_box(read_mesh(write("a.ply", out)));
+  expect_box(read_mesh(write("a.ply", "\xef\xbb\xbf" + text)));
+}
+
+TEST_F(MeshTest, ReadsStripsOfPly) {
+  // A box as one strip around it and two for its ends.
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+      "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+      "0 0 0\n2 0 0\n2 3 0\n0 3 0\n0 0 4\n2 0 4\n2 3 4\n0 3 4\n";
+  const std::string strip = "0 4 3 7 2 6 1 5 0 4 -1 1 0 2 3 -1 4 5 7 6";
+  const MeshReport r = inspect(read_mesh(write("a.ply", head + "20 " + strip + "\n")));
+  EXPECT_EQ(r.triangles, 12u);
+  EXPECT_NEAR(std::abs(r.volume), 24, 1e-12);
+  EXPECT_FALSE(r.defects.any()) << describe(r.defects);
+  expect_error(write("a.ply", head + "4 0 1 2 8\n"), "vertex index 8");
+  expect_error(write("a.ply", head + "4 0 1 -2 3\n"), "vertex index -2");
+  expect_error(write("a.ply", head + "3 0 1 -1\n"), "no triangles");
+}
+
+TEST_F(MeshTest, SkipsByteOrderMarks) {
+  const TriangleMesh mesh = box(2, 3, 4);
+  const std::string mark = "\xef\xbb\xbf";
+  expect_box(read_mesh(write("a.stl", mark + ascii_stl(mesh))));
+  expect_box(read_mesh(write("a.obj", mark + obj(mesh))));
+  expect_box(read_mesh(write("a.off", mark + off(mesh))));
+  for (const std::string& other :
+       {std::string("\xff\xfe"), std::string("\xfe\xff"), std::string("\0\0\xfe\xff", 4)}) {
+    for (const std::string name : {"a.stl", "a.obj", "a.off", "a.ply"}) {
+      expect_error(write(name, other + ascii_stl(mesh)), "UTF-16");
+    }
+  }
+}
+
+TEST_F(MeshTest, ReadsStlOnOneLine) {
+  const TriangleMesh mesh = box(2, 3, 4);
+  expect_box(read_mesh(write("a.stl", ascii_stl(mesh, " "))));
+  // Two solids on a line, the first without facets, and names of any words.
+  std::string text = ascii_stl(mesh, " ");
+  expect_box(read_mesh(write("a.stl", "solid no facet endsolid no facet " + text)));
+  expect_box(read_mesh(write("a.stl", "solid a facet of life\n" +
+                                          ascii_stl(mesh).substr(ascii_stl(mesh).find('\n') + 1))));
+  expect_error(write("a.stl", text.substr(0, text.rfind("endsolid"))), "expected 'endsolid'");
+}
+
+TEST_F(MeshTest, ReadsColoursAndWeightsOfObj) {
+  const TriangleMesh mesh = box(2, 3, 4);
+  const auto with = [&](const std::string& rest) {
+    std::string out;
+    std::istringstream lines(obj(mesh));
+    for (std::string line; std::getline(lines, line);) {
+      out += line + (line.starts_with("v ") ? rest : "") + "\n";
+    }
+    return out;
+  };
+  for (const std::string rest : {" 1", " 0.5 0.5 0.25", " 1 0.5 0.5 0.25", " 1.0 # c"}) {
+    expect_box(read_mesh(write("a.obj", with(rest))));
+  }
+  expect_error(write("a.obj", with(" 2")), "has the weight 2");
+  expect_error(write("a.obj", with(" 1 2")), "has 5 numbers");
+  expect_error(write("a.obj", with(" red")), "a weight or colour expected, found 'red'");
+  expect_error(write("a.obj", obj(mesh) + "cstype bspline\n"), "'cstype': curves and surfaces");
+}
+
 TEST_F(MeshTest, ReadsPackedFiles) {
   const TriangleMesh mesh = box(2, 3, 4);
   expect_box(read_mesh(write_gz("a.stl.gz", binary_stl(mesh))));
@@ -365,11 +520,13 @@ TEST_F(MeshTest, RefusesDamaged3mf) {
   const std::string object = mesh_object(mesh, 1), item = R"(<item objectid="1"/>)";
   expect_error(write("a.3mf", "no archive at all"), "zip");
   expect_error(write_3mf("b.3mf", "", object, ""), "holds no triangles");
-  expect_error(write_3mf("c.3mf", "", object, R"(<item objectid="5"/>)"), "lib3mf");
+  expect_error(write_3mf("c.3mf", "", object, R"(<item objectid="5"/>)"),
+               "3D/3dmodel.model, line 1: there is no object 5");
   expect_error(write_3mf("d.3mf", "unit=\"parsec\"", object, item), "unit");
-  expect_error(write_3mf("e.3mf", "", object.substr(0, object.size() / 2), item), "lib3mf");
+  expect_error(write_3mf("e.3mf", "", object.substr(0, object.size() / 2), item),
+               "is no XML that 3MF allows");
   mesh.triangles[3][1] = 8;
-  expect_error(write_3mf("f.3mf", "", mesh_object(mesh, 1), item), "lib3mf");
+  expect_error(write_3mf("f.3mf", "", mesh_object(mesh, 1), item), "triangle 4: vertex 8");
   const auto replaced = [&](const std::string& text) {
     std::string changed = object;
     return changed.replace(changed.find("x=\"2\""), 5, "x=\"" + text + "\"");
@@ -485,7 +642,7 @@ TEST_F(MeshTest, RefusesDamagedOffAndPly) {
   expect_error(write("b.ply", ply_header("ascii", 4000000000u, 1) + "0 0 0\n"), "too short");
   expect_error(write("c.ply", ply_header("binary_little_endian", 3, 4000000000u)), "too short");
   expect_error(write("d.ply", ply_header("ascii", 3, 1) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"),
-               "face 1: vertex index 3");
+               "face 1 (line 14): vertex index 3");
   expect_error(write("e.ply", ply_header("ascii", 3, 1) + "0 0 0\n1 0 0\n0 1 nan\n3 0 1 2\n"),
                "not finite");
   expect_error(write("f.ply", ply_header("ascii", 3, 1) + "0 0 0\n1 0 0\n0 1 a\n3 0 1 2\n"),
@@ -496,6 +653,25 @@ TEST_F(MeshTest, RefusesDamagedOffAndPly) {
   for (const char* start : {"p", "pl", "ply", "ply\n", "ply\r\n", "x", "\n"}) {
     expect_error(write("start.ply", start), "not a PLY");
   }
+  // What is wrong, where and in which property.
+  expect_error(write("m.ply", ply_header("ascii", 3, 1) + "0 0 0\n1 0 0\n0 1 a\n3 0 1 2\n"),
+               "'z' of vertex 3: a coordinate expected, found 'a'");
+  expect_error(write("m.ply", ply_header("ascii", 3, 1) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2.5\n"),
+               "line 14: 'vertex_indices' of face 1: a vertex index expected, found '2.5'");
+  expect_error(write("m.ply", ply_header("ascii", 3, 1) + "0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n"),
+               "'vertex_indices' of face 1: a list of -3 values");
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    return changed.replace(changed.find(from), from.size(), to);
+  };
+  expect_error(write("n.ply", with("list uchar int", "list float int")),
+               "'vertex_indices' of element 'face'");
+  expect_error(write("n.ply", with("list uchar int", "list uchar float")), "one integer list");
+  expect_error(write("n.ply", with("property float y", "property real y")), "unknown type 'real'");
+  expect_error(write("n.ply", with("property float y", "property float x")), "one property 'x'");
+  expect_error(write("n.ply", with("element face", "element faces")),
+               "neither an element 'face' nor 'tristrips'");
+  expect_error(write("n.ply", "\xff\xfe" + text), "UTF-16");
   std::string glued = text;
   glued.erase(glued.find("end_header") + 10, 1);
   expect_error(write("l.ply", glued), "not a PLY");

@@ -80,6 +80,16 @@ TriangleMesh clustered(const TriangleMesh& mesh, const Box& box, int cells) {
   return out;
 }
 
+/// What is taken away has no surface of its own to be seen.
+TriangleMesh shown_of(const TriangleMesh& mesh) {
+  TriangleMesh out;
+  out.vertices = mesh.vertices;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (mesh.adds(i)) out.triangles.push_back(mesh.triangles[i]);
+  }
+  return out;
+}
+
 /// A slice's pixels in a box, joined `step` by `step`: the brightest counts.
 GreyImage shrunk(const std::vector<std::uint8_t>& pixels, int width_px, const PixelBox& box,
                  int step) {
@@ -257,14 +267,18 @@ void write_plate(const PlateJob& job, const ExecutionContext& context) {
   nlohmann::ordered_json defects = nlohmann::ordered_json::array();
   std::size_t triangles = 0;
   for (const std::string& path : job.parts) {
-    const TriangleMesh part = read_mesh(path, job.placement, context);
+    std::vector<std::string> notes;
+    const TriangleMesh part = read_mesh(path, job.placement, context, &notes);
     const MeshReport report = inspect(part, context);
     triangles += report.triangles;
+    for (const std::string& note : notes) {
+      defects.push_back(std::filesystem::path(path).filename().string() + ": " + note);
+    }
     if (report.defects.any()) {
       defects.push_back(std::filesystem::path(path).filename().string() + ": " +
                         describe(report.defects));
     }
-    append(mesh, part);
+    append(mesh, shown_of(part));
   }
   const bool cells = mesh.triangles.empty();
   if (cells) {

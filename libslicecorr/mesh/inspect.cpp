@@ -163,8 +163,10 @@ class Inspection {
 
 void Inspection::find_box() {
   in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
-    tally.lower = tally.upper = mesh_.vertices[mesh_.triangles[begin][0]];
+    tally.lower.fill(std::numeric_limits<double>::infinity());
+    tally.upper.fill(-std::numeric_limits<double>::infinity());
     for (std::size_t t = begin; t < end; ++t) {
+      if (!mesh_.adds(t)) continue;
       for (const std::uint32_t index : mesh_.triangles[t]) {
         for (std::size_t k = 0; k < 3; ++k) {
           tally.lower[k] = std::min(tally.lower[k], mesh_.vertices[index][k]);
@@ -198,7 +200,12 @@ void Inspection::measure_triangles() {
       if (has_zero_area(a, b, c)) ++tally.defects.zero_area_triangles;
       const Point3 normal = cross(minus(b, apex), minus(c, apex));
       const Point3 arm = minus(a, apex);
-      tally.six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
+      const double six_volumes = arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
+      if (mesh_.adds(t)) {
+        tally.six_volumes += six_volumes;
+      } else if (mesh_.role_of(t) == SolidRole::taken_away) {
+        tally.six_volumes -= six_volumes;
+      }
     }
   });
   double six_volumes = 0;
@@ -319,12 +326,39 @@ std::string describe(const MeshDefects& defects) {
   return text;
 }
 
+namespace {
+
+/// Before the triangles are appended.
+void append_shares(TriangleMesh& mesh, const TriangleMesh& part) {
+  std::vector<TriangleMesh::Share> more = part.shares;
+  if (more.empty() && !part.triangles.empty()) more.emplace_back();
+  if (mesh.shares.empty() && !mesh.triangles.empty()) mesh.shares.emplace_back();
+  std::uint32_t solids = 0;
+  for (const TriangleMesh::Share& share : mesh.shares) solids = std::max(solids, share.solid + 1);
+  for (TriangleMesh::Share share : more) {
+    share.first += static_cast<std::uint32_t>(mesh.triangles.size());
+    share.solid += solids;
+    mesh.shares.push_back(share);
+  }
+}
+
+}  // namespace
+
+SolidRole TriangleMesh::role_of(std::size_t triangle) const {
+  if (shares.empty()) return SolidRole::added;
+  const auto next =
+      std::upper_bound(shares.begin(), shares.end(), triangle,
+                       [](std::size_t t, const Share& share) { return t < share.first; });
+  return std::prev(next)->role;
+}
+
 void append(TriangleMesh& mesh, const TriangleMesh& part) {
   if (mesh.vertices.size() + part.vertices.size() >= kNone) {
     throw InputError("the meshes have too many vertices together");
   }
   const auto offset = static_cast<std::uint32_t>(mesh.vertices.size());
   const std::size_t count = part.triangles.size();  // `part` may be `mesh` itself
+  if (!mesh.shares.empty() || !part.shares.empty()) append_shares(mesh, part);
   mesh.vertices.reserve(mesh.vertices.size() + part.vertices.size());
   mesh.vertices.insert(mesh.vertices.end(), part.vertices.begin(), part.vertices.end());
   mesh.triangles.reserve(mesh.triangles.size() + count);

@@ -1,15 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// What OpenMesh and lib3mf do for us, behind a module that is loaded when a mesh needs them: thousands
-/// of names are looked up for them, a tenth of the time in which programs start.
+/// What OpenMesh and Expat do for us, behind a module that is loaded when a mesh needs them: thousands
+/// of names are looked up for OpenMesh, a tenth of the time in which programs start.
 #pragma once
 
-#include <Model/COM/NMR_DLLInterfaces.h>
-
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "slicecorr/mesh.hpp"
 
@@ -26,40 +26,40 @@ class MeshSink {
   virtual std::size_t face_count() const = 0;
 };
 
-/// lib3mf's functions, which have these names after `lib3mf_`.
-struct Lib3mf {
-  decltype(&NMR::lib3mf_builditem_getobjectresource) builditem_getobjectresource;
-  decltype(&NMR::lib3mf_builditem_getobjecttransform) builditem_getobjecttransform;
-  decltype(&NMR::lib3mf_builditem_hasobjecttransform) builditem_hasobjecttransform;
-  decltype(&NMR::lib3mf_builditemiterator_getcurrent) builditemiterator_getcurrent;
-  decltype(&NMR::lib3mf_builditemiterator_movenext) builditemiterator_movenext;
-  decltype(&NMR::lib3mf_component_getobjectresource) component_getobjectresource;
-  decltype(&NMR::lib3mf_component_gettransform) component_gettransform;
-  decltype(&NMR::lib3mf_component_hastransform) component_hastransform;
-  decltype(&NMR::lib3mf_componentsobject_getcomponent) componentsobject_getcomponent;
-  decltype(&NMR::lib3mf_componentsobject_getcomponentcount) componentsobject_getcomponentcount;
-  decltype(&NMR::lib3mf_createmodel) createmodel;
-  decltype(&NMR::lib3mf_getlasterror) getlasterror;
-  decltype(&NMR::lib3mf_meshobject_gettrianglecount) meshobject_gettrianglecount;
-  decltype(&NMR::lib3mf_meshobject_gettriangleindices) meshobject_gettriangleindices;
-  decltype(&NMR::lib3mf_meshobject_getvertexcount) meshobject_getvertexcount;
-  decltype(&NMR::lib3mf_meshobject_getvertices) meshobject_getvertices;
-  decltype(&NMR::lib3mf_model_getbuilditems) model_getbuilditems;
-  decltype(&NMR::lib3mf_model_getunit) model_getunit;
-  decltype(&NMR::lib3mf_model_queryreader) model_queryreader;
-  decltype(&NMR::lib3mf_object_iscomponentsobject) object_iscomponentsobject;
-  decltype(&NMR::lib3mf_object_ismeshobject) object_ismeshobject;
-  decltype(&NMR::lib3mf_reader_getwarningcount) reader_getwarningcount;
-  decltype(&NMR::lib3mf_reader_getwarningutf8) reader_getwarningutf8;
-  decltype(&NMR::lib3mf_reader_readfrombuffer) reader_readfrombuffer;
-  decltype(&NMR::lib3mf_release) release;
+/// `space` is the URI of a name's namespace, empty where it has none. Texts live until the call ends.
+struct XmlAttribute {
+  std::string_view space, name, value;
+};
+struct XmlElement {
+  std::string_view space, name;
+  std::span<const XmlAttribute> attributes;
+};
+
+/// Gets the elements of an XML text while it is read.
+class XmlSink {
+ public:
+  virtual ~XmlSink() = default;
+  /// A prefix of the element that begins next stands for this namespace.
+  virtual void prefix(std::string_view prefix, std::string_view space) = 0;
+  virtual void begin(const XmlElement& element) = 0;
+  virtual void end() = 0;
+  /// The line of the text that is being read. Costs time; for errors.
+  std::function<std::size_t()> line;
+};
+
+struct XmlFault {
+  std::string words;
+  std::size_t line = 0;
 };
 
 struct MeshFunctions {
   /// Lets OpenMesh parse the text; false where something is not a number, or too large for one.
   /// Thread-safe. What the sink throws passes through.
   bool (*parse)(std::string text, const std::string& extension, bool binary, MeshSink& sink);
-  Lib3mf lib3mf;
+  /// Lets Expat parse an XML text that comes piece by piece, the last one empty. In UTF-8 only, and
+  /// without a document type, so that it has no entities of its own. False, with what is wrong in
+  /// `fault`, where it is no such text. Thread-safe. What `piece` and the sink throw passes through.
+  bool (*parse_xml)(const std::function<std::string_view()>& piece, XmlSink& sink, XmlFault& fault);
 };
 
 /// Loads the module at the first call. Thread-safe. Throws `DeviceError` when it is not there.

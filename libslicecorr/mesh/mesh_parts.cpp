@@ -116,6 +116,15 @@ bool ends_line(char c) { return c == '\n' || c == '\r'; }
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\v' || c == '\f' || c == '\0'; }
 }  // namespace
 
+std::string_view without_mark(std::string_view text, const std::string& path) {
+  if (text.starts_with("\xef\xbb\xbf")) return text.substr(3);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") ||
+      text.starts_with(std::string_view("\0\0\xfe\xff", 4))) {
+    throw InputError(path, "", "is a text in UTF-16 or UTF-32, expected UTF-8");
+  }
+  return text;
+}
+
 void WordReader::pass_line_end() {
   if (text_[at_] == '\r' && at_ + 1 < text_.size() && text_[at_ + 1] == '\n') ++at_;
   ++at_;

@@ -96,6 +96,10 @@ void require_finite(const Point3& point, const std::string& path, const std::str
 /// Throws the `InputError` for a file without triangles.
 [[noreturn]] void throw_no_triangles(const std::string& path);
 
+/// A text without the byte-order mark of UTF-8 that it may begin with. Throws `InputError` where it has
+/// that of UTF-16 or UTF-32.
+std::string_view without_mark(std::string_view text, const std::string& path);
+
 /// Reads words from a text whose lines end in LF, CR or CRLF, and counts the lines.
 class WordReader {
  public:
@@ -130,17 +134,22 @@ class WordReader {
 
 TriangleMesh read_stl(std::string_view bytes, const std::string& path,
                       const ExecutionContext& context);
-TriangleMesh read_obj(std::string_view bytes, const std::string& path);
+/// `notes`: as for `read_3mf`.
+TriangleMesh read_obj(std::string_view bytes, const std::string& path,
+                      std::vector<std::string>& notes);
 TriangleMesh read_off(std::string_view bytes, const std::string& path);
 TriangleMesh read_ply(std::string_view bytes, const std::string& path);
 
-/// Throws `InputError` for archives that lib3mf had better not open.
-void check_3mf(std::string_view bytes, const std::string& path);
+/// Also gives the length of the file's unit in mm. `placement`: how the mesh is scaled later, which
+/// says how finely round beams are cut into triangles. `notes`: gets a line for each kind of thing in
+/// the file that is no part of the mesh.
+TriangleMesh read_3mf(std::string_view bytes, const std::string& path, const Placement& placement,
+                      double& unit_mm, std::vector<std::string>& notes);
 
-/// Also gives the length of the file's unit in mm.
-TriangleMesh read_3mf(FileBytes& bytes, const std::string& path, double& unit_mm);
+/// The factor from lengths of a file to mm, where its own unit is so long.
+double scale_to_mm(const Placement& placement, double file_unit_mm);
 
-/// Lets OpenMesh parse `text` (extension `off` or `ply`), which must be in its plainest form.
+/// Lets OpenMesh parse `text` (extension `off`), which must be in its plainest form.
 TriangleMesh parse_with_openmesh(std::string text, const std::string& extension, bool binary,
                                  std::size_t vertices, std::size_t faces, const std::string& path);
 

@@ -148,21 +148,21 @@ FileBytes read_bytes(const std::string& path, const ExecutionContext& context) {
 
 }  // namespace detail
 
-namespace {
-
-double unit_in_mm(Units units, double file_unit_mm) {
-  switch (units) {
+double detail::scale_to_mm(const Placement& placement, double file_unit_mm) {
+  switch (placement.units) {
     case Units::automatic:
-      return file_unit_mm;
+      return file_unit_mm * placement.scale;
     case Units::mm:
-      return 1.0;
+      return placement.scale;
     case Units::inch:
-      return 25.4;
+      return 25.4 * placement.scale;
     case Units::m:
-      return 1000.0;
+      return 1000.0 * placement.scale;
   }
   throw InputError("unknown unit of length");
 }
+
+namespace {
 
 void check(const Placement& placement) {
   if (!std::isfinite(placement.scale) || placement.scale <= 0) {
@@ -194,7 +194,7 @@ SineCosine sine_cosine(double degrees) {
 
 void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
            const std::string& path, const ExecutionContext& context) {
-  const double factor = unit_in_mm(placement.units, file_unit_mm) * placement.scale;
+  const double factor = detail::scale_to_mm(placement, file_unit_mm);
   const auto turn_x = sine_cosine(placement.rotate_deg[0]);
   const auto turn_y = sine_cosine(placement.rotate_deg[1]);
   const auto turn_z = sine_cosine(placement.rotate_deg[2]);
@@ -228,29 +228,32 @@ bool is_mesh_name(const std::string& path) {
 }
 
 TriangleMesh read_mesh(const std::string& path, const Placement& placement,
-                       const ExecutionContext& context) {
+                       const ExecutionContext& context, std::vector<std::string>* notes) {
   check(placement);
   const std::string extension = detail::format_of(path).extension;
   detail::FileBytes bytes = detail::read_bytes(path, context);
   if (bytes.size() == 0) throw InputError(path, "", "is empty");
   double file_unit_mm = 1.0;
   TriangleMesh mesh;
+  std::vector<std::string> own_notes;
   if (extension == ".stl") {
     mesh = detail::read_stl(bytes.view(), path, context);
   } else if (extension == ".obj") {
-    mesh = detail::read_obj(bytes.view(), path);
+    mesh = detail::read_obj(bytes.view(), path, own_notes);
   } else if (extension == ".ply") {
     mesh = detail::read_ply(bytes.view(), path);
   } else if (extension == ".off") {
     mesh = detail::read_off(bytes.view(), path);
   } else if (extension == ".3mf") {
-    mesh = detail::read_3mf(bytes, path, file_unit_mm);
+    mesh = detail::read_3mf(bytes.view(), path, placement, file_unit_mm, own_notes);
   } else {
     throw InputError(path, "",
                      "unknown kind of file '" + extension +
                          "', expected .stl, .obj, .ply, .off or .3mf (also with .gz)");
   }
   bytes = {};
+  for (const std::string& note : own_notes) context.tell(path + ": " + note);
+  if (notes) notes->insert(notes->end(), own_notes.begin(), own_notes.end());
   place(mesh, placement, file_unit_mm, path, context);
   return mesh;
 }

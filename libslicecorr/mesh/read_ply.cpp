@@ -1,19 +1,32 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-// PLY. OpenMesh parses it, but misreads lists other than the corners, properties before the corners
-// and faces before vertices, and goes on when the file ends early. So it gets a file with nothing
-// but points and corners, whose completeness is checked here.
+// PLY is read here and not through OpenMesh, which misreads lists that are counted by more than a
+// byte, coordinates that are whole numbers or in another order, lists other than the corners and
+// faces before vertices, goes on when the file ends early, and writes its doubts to stderr.
 #include <algorithm>
+#include <array>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <span>
 
 #include "mesh/mesh_parts.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
+/// What a value is in the file.
+struct ValueKind {
+  std::size_t bytes = 0;  ///< 0: no kind that PLY knows
+  bool real = false, has_sign = false;
+};
+
 struct Property {
-  std::string name, type, count_type;  // count_type is empty unless it is a list
-  bool kept = false;
+  std::string name, type, count_type;
+  ValueKind kind, count_kind;
+  bool list = false;
 };
 
 struct Element {
@@ -25,38 +38,46 @@ struct Element {
 struct Header {
   std::string format;
   std::vector<Element> elements;
-  std::size_t body = 0;   // where the records begin
-  std::size_t lines = 0;  // of the header
+  std::size_t body = 0;  // where the records begin
   bool binary() const { return format != "ascii"; }
 };
 
-std::size_t size_of(std::string_view type) {
-  if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
-  if (type == "short" || type == "ushort" || type == "int16" || type == "uint16") return 2;
-  if (type == "int" || type == "uint" || type == "int32" || type == "uint32") return 4;
-  if (type == "float" || type == "float32") return 4;
-  if (type == "double" || type == "float64") return 8;
-  return 0;
-}
-
-bool is_integer(std::string_view type) {
-  return size_of(type) > 0 && type.substr(0, 5) != "float" && type != "double";
+ValueKind kind_of(std::string_view type) {
+  struct Named {
+    std::string_view name, other_name;
+    ValueKind kind;
+  };
+  static constexpr Named kinds[] = {
+      {"char", "int8", {1, false, true}},    {"uchar", "uint8", {1, false, false}},
+      {"short", "int16", {2, false, true}},  {"ushort", "uint16", {2, false, false}},
+      {"int", "int32", {4, false, true}},    {"uint", "uint32", {4, false, false}},
+      {"float", "float32", {4, true, true}}, {"double", "float64", {8, true, true}}};
+  for (const Named& k : kinds) {
+    if (type == k.name || type == k.other_name) return k.kind;
+  }
+  return {};
 }
 
 void parse_property(WordReader& words, std::vector<Element>& elements) {
   if (elements.empty()) words.fail("'property' before any 'element'");
+  const Element& element = elements.back();
   Property property;
   property.type = words.word_in_line();
-  if (property.type == "list") {
+  property.list = property.type == "list";
+  if (property.list) {
     property.count_type = words.word_in_line();
+    property.count_kind = kind_of(property.count_type);
     property.type = words.word_in_line();
-    if (!is_integer(property.count_type)) {
-      words.fail("a list whose count is '" + property.count_type + "', expected an integer type");
-    }
   }
+  property.kind = kind_of(property.type);
   property.name = words.word_in_line();
-  if (size_of(property.type) == 0 || property.name.empty()) {
-    words.fail("property '" + property.name + "' of unknown type '" + property.type + "'");
+  const std::string shown = "property '" + property.name + "' of element '" + element.name + "'";
+  if (property.list && (property.count_kind.bytes == 0 || property.count_kind.real)) {
+    words.fail(shown + ": a list whose count is '" + property.count_type +
+               "', expected an integer type");
+  }
+  if (property.kind.bytes == 0 || property.name.empty()) {
+    words.fail(shown + " is of unknown type '" + property.type + "'");
   }
   elements.back().properties.push_back(property);
 }
@@ -66,14 +87,17 @@ Header parse_header(std::string_view text, const std::string& path) {
   if (!text.starts_with("ply")) {
     throw InputError(path, "", "is not a PLY file: expected 'ply' at the start and 'end_header'");
   }
-  const bool crlf = text.substr(3, 2) == "\r\n";
+  // Lines end as the first one does. A CR before an LF belongs to the line's end, also where only
+  // the last line of the header has one; where lines end in a CR alone, an LF is the first byte of
+  // the records.
+  const bool cr_alone = text.substr(3, 1) == "\r" && text.substr(3, 2) != "\r\n";
   Header header;
   std::size_t last = text.npos;
-  for (std::size_t at = 0; at < text.size() && last == text.npos; ++header.lines) {
-    const std::size_t end = std::min(text.find_first_of("\r\n", at), text.size());
+  for (std::size_t at = 0; at < text.size() && last == text.npos;) {
+    const std::size_t end = std::min(text.find(cr_alone ? '\r' : '\n', at), text.size());
     const std::string_view line = text.substr(at, end - at);
-    if (line.substr(0, line.find_first_of(" \t")) == "end_header") last = at;
-    at = std::min(end + (crlf && text.substr(end, 2) == "\r\n" ? 2 : 1), text.size());
+    if (line.substr(0, line.find_first_of(" \t\r")) == "end_header") last = at;
+    at = std::min(end + 1, text.size());
     header.body = at;
   }
   if (last == text.npos) {
@@ -108,40 +132,71 @@ Header parse_header(std::string_view text, const std::string& path) {
   return header;
 }
 
-Element& find_element(Header& header, const std::string& name, const std::string& path) {
-  Element* found = nullptr;
-  for (Element& element : header.elements) {
+/// Where the mesh is in a record.
+struct Places {
+  const Element* vertices = nullptr;
+  std::array<std::size_t, 3> coordinates{};  ///< the properties x, y and z
+  const Element* faces = nullptr;
+  std::size_t corners = 0;  ///< the property with their list
+  const Element* strips = nullptr;
+  std::size_t strip_corners = 0;
+};
+
+const Element* find_element(const Header& header, std::string_view name, const std::string& path) {
+  const Element* found = nullptr;
+  for (const Element& element : header.elements) {
     if (element.name != name) continue;
-    if (found) throw InputError(path, "header", "element '" + name + "' appears twice");
+    if (found) {
+      throw InputError(path, "header", "element '" + std::string(name) + "' appears twice");
+    }
     found = &element;
   }
-  if (!found) throw InputError(path, "header", "has no element '" + name + "'");
-  return *found;
+  return found;
 }
 
-// Marks what the mesh needs, and refuses headers that lack it.
-void choose_properties(Header& header, const std::string& path) {
-  int coordinates = 0;
-  for (Property& property : find_element(header, "vertex", path).properties) {
-    // In this order, as copied records keep theirs.
-    if (coordinates < 3 && property.name == std::string(1, "xyz"[coordinates])) {
-      if (!property.count_type.empty()) continue;
-      property.kept = true;
-      ++coordinates;
-    }
-  }
-  if (coordinates < 3) throw InputError(path, "header", "vertices lack the properties x, y, z");
+std::size_t find_corners(const Element& element, const std::string& path) {
+  std::size_t found = 0;
   int lists = 0;
-  for (Property& property : find_element(header, "face", path).properties) {
+  for (std::size_t i = 0; i < element.properties.size(); ++i) {
+    const Property& property = element.properties[i];
     if (property.name != "vertex_indices" && property.name != "vertex_index") continue;
-    if (property.count_type.empty() || !is_integer(property.type)) continue;
-    property.kept = true;
+    if (!property.list || property.kind.real) continue;
+    found = i;
     ++lists;
   }
-  if (lists != 1) {
-    throw InputError(path, "header",
-                     "faces need one integer list vertex_indices, found " + std::to_string(lists));
+  if (lists == 1) return found;
+  throw InputError(path, "header",
+                   "element '" + element.name + "' needs one integer list vertex_indices, found " +
+                       std::to_string(lists));
+}
+
+Places find_places(const Header& header, const std::string& path) {
+  Places places;
+  places.vertices = find_element(header, "vertex", path);
+  if (!places.vertices) throw InputError(path, "header", "has no element 'vertex'");
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::string name(1, "xyz"[k]);
+    int found = 0;
+    for (std::size_t i = 0; i < places.vertices->properties.size(); ++i) {
+      const Property& property = places.vertices->properties[i];
+      if (property.name != name || property.list) continue;
+      places.coordinates[k] = i;
+      ++found;
+    }
+    if (found != 1) {
+      throw InputError(path, "header",
+                       "element 'vertex' needs one property '" + name +
+                           "' that is no list, found " + std::to_string(found));
+    }
   }
+  places.faces = find_element(header, "face", path);
+  places.strips = find_element(header, "tristrips", path);
+  if (!places.faces && !places.strips) {
+    throw InputError(path, "header", "has neither an element 'face' nor 'tristrips'");
+  }
+  if (places.faces) places.corners = find_corners(*places.faces, path);
+  if (places.strips) places.strip_corners = find_corners(*places.strips, path);
+  return places;
 }
 
 // No count is believed before the file is seen to be long enough for it.
@@ -149,9 +204,8 @@ void check_counts(const Header& header, std::size_t body_bytes, const std::strin
   for (const Element& element : header.elements) {
     std::size_t least = 0;  // bytes of the shortest record
     for (const Property& property : element.properties) {
-      const bool list = !property.count_type.empty();
       if (header.binary()) {
-        least += list ? size_of(property.count_type) : size_of(property.type);
+        least += property.list ? property.count_kind.bytes : property.kind.bytes;
       } else {
         least += 2;
       }
@@ -165,127 +219,207 @@ void check_counts(const Header& header, std::size_t body_bytes, const std::strin
   }
 }
 
-[[noreturn]] void throw_short(const std::string& path, const Element& element,
-                              std::uint64_t record) {
+/// What a value or list belongs to, for errors.
+struct Place {
+  const Element& element;
+  std::uint64_t record;
+  const Property& property;
+
+  std::string words() const {
+    return "'" + property.name + "' of " + element.name + " " + std::to_string(record + 1);
+  }
+};
+
+[[noreturn]] void throw_short(const std::string& path, const Place& at) {
   throw InputError(path, "",
-                   "the file ends after " + std::to_string(record) + " of " +
-                       std::to_string(element.count) + " '" + element.name + "' records");
+                   "the file ends after " + std::to_string(at.record) + " of " +
+                       std::to_string(at.element.count) + " '" + at.element.name +
+                       "' records, in the property '" + at.property.name + "'");
 }
 
-// Copies the chosen properties of one element's records from a binary body.
+/// Values of a binary body, one after another.
 class BinaryBody {
  public:
   BinaryBody(std::string_view bytes, std::size_t at, bool big, const std::string& path)
       : bytes_(bytes), at_(at), big_(big), path_(path) {}
 
-  void copy(const Element& element, std::string& out) {
-    for (std::uint64_t record = 0; record < element.count; ++record) {
-      for (const Property& property : element.properties) {
-        std::size_t length = size_of(property.type);
-        const std::size_t begin = at_;
-        if (!property.count_type.empty()) {
-          const std::size_t count_size = size_of(property.count_type);
-          if (bytes_.size() - at_ < count_size) throw_short(path_, element, record);
-          std::uint64_t count = 0;
-          for (std::size_t i = 0; i < count_size; ++i) {
-            const std::size_t byte = big_ ? i : count_size - 1 - i;
-            count = count << 8 | static_cast<unsigned char>(bytes_[at_ + byte]);
-          }
-          at_ += count_size;
-          length *= count;  // at most 8 * 2^32
-        }
-        if (bytes_.size() - at_ < length) throw_short(path_, element, record);
-        at_ += length;
-        if (property.kept) out.append(bytes_, begin, at_ - begin);
-      }
+  /// Records have no lines.
+  std::size_t line() const { return 0; }
+  double number(const Place& at) { return value(at.property.kind, at); }
+  std::int64_t index(const Place& at) { return whole(at.property.kind, at); }
+  /// The length of a list, whose values are in the file.
+  std::uint64_t length(const Place& at) {
+    const std::int64_t count = whole(at.property.count_kind, at);
+    if (count < 0) {
+      throw InputError(path_, at.words(), "a list of " + std::to_string(count) + " values");
     }
+    const auto length = static_cast<std::uint64_t>(count);
+    if (length > (bytes_.size() - at_) / at.property.kind.bytes) throw_short(path_, at);
+    return length;
+  }
+  void skip(std::uint64_t values, const Place& at) {
+    const std::uint64_t bytes = values * at.property.kind.bytes;
+    if (bytes_.size() - at_ < bytes) throw_short(path_, at);
+    at_ += bytes;
   }
 
  private:
+  std::uint64_t bits(const ValueKind& kind, const Place& at) {
+    if (bytes_.size() - at_ < kind.bytes) throw_short(path_, at);
+    std::uint64_t bits = 0;
+    for (std::size_t i = 0; i < kind.bytes; ++i) {
+      const std::size_t byte = big_ ? i : kind.bytes - 1 - i;
+      bits = bits << 8 | static_cast<unsigned char>(bytes_[at_ + byte]);
+    }
+    at_ += kind.bytes;
+    return bits;
+  }
+  std::int64_t whole(const ValueKind& kind, const Place& at) {
+    const std::uint64_t value = bits(kind, at);
+    if (!kind.has_sign) return static_cast<std::int64_t>(value);
+    const std::uint64_t sign = std::uint64_t{1} << (8 * kind.bytes - 1);
+    return static_cast<std::int64_t>((value ^ sign) - sign);
+  }
+  double value(const ValueKind& kind, const Place& at) {
+    if (!kind.real) return static_cast<double>(whole(kind, at));
+    const std::uint64_t value = bits(kind, at);
+    if (kind.bytes == 8) return std::bit_cast<double>(value);
+    return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(value)));
+  }
+
   std::string_view bytes_;
   std::size_t at_;
   bool big_;
   const std::string& path_;
 };
 
-// The same from a text, where every word is checked, as OpenMesh would take "abc" as the end.
-void copy_text(WordReader& words, const Element& element, const std::string& path,
-               std::string& out) {
-  for (std::uint64_t record = 0; record < element.count; ++record) {
-    for (const Property& property : element.properties) {
-      std::int64_t values = 1;
-      const auto next = [&] {
-        const std::string_view word = words.word();
-        if (word.empty()) throw_short(path, element, record);
-        return word;
-      };
-      if (!property.count_type.empty()) {
-        values = words.integer(next(), "a list length");
-        if (values < 0) words.fail("a negative list length");
-        if (property.kept) out += std::to_string(values) + ' ';
-      }
-      for (; values > 0; --values) {
-        const std::string_view word = next();
-        if (!property.kept) continue;
-        if (is_integer(property.type) && !property.count_type.empty()) {
-          out += std::to_string(words.integer(word, "a vertex index"));
-        } else {
-          words.number(word, "a coordinate");
-          out += word;
-        }
-        out += ' ';
-      }
-    }
-    out += '\n';
+/// The same of a text, where every word is checked.
+class TextBody {
+ public:
+  TextBody(std::string_view bytes, const Header& header, const std::string& path)
+      : words_(bytes, path), path_(path), most_(bytes.size()) {
+    // Counting the header's lines again is cheap, and errors then name lines of the file.
+    WordReader head(bytes.substr(0, header.body), path);
+    while (!head.at_end()) head.skip_line();
+    while (words_.line() < head.line()) words_.skip_line();
   }
+
+  std::size_t line() const { return words_.line(); }
+  double number(const Place& at) {
+    if (!at.property.kind.real) return static_cast<double>(whole(at, ": a coordinate"));
+    const std::string_view word = next(at);
+    double value = 0;
+    if (!plain(word, value) || !std::isfinite(value)) {
+      value = words_.number(word, (at.words() + ": a coordinate").c_str());
+    }
+    if (at.property.kind.bytes == 8) return value;
+    if (std::abs(value) > static_cast<double>(std::numeric_limits<float>::max())) {
+      words_.fail(at.words() + ": a coordinate '" + std::string(word.substr(0, 40)) +
+                  "' is not finite (too large)");
+    }
+    return static_cast<double>(static_cast<float>(value));
+  }
+  std::int64_t index(const Place& at) { return whole(at, ": a vertex index"); }
+  std::uint64_t length(const Place& at) {
+    const std::int64_t count = whole(at, ": a list length");
+    if (count < 0) words_.fail(at.words() + ": a list of " + std::to_string(count) + " values");
+    if (static_cast<std::uint64_t>(count) > most_) throw_short(path_, at);
+    return static_cast<std::uint64_t>(count);
+  }
+  void skip(std::uint64_t values, const Place& at) {
+    for (; values > 0; --values) next(at);
+  }
+
+ private:
+  /// Whether the word is just this: names for errors are only made where they are needed.
+  template <class Number>
+  static bool plain(std::string_view word, Number& value) {
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    return error == std::errc() && end == word.data() + word.size();
+  }
+  std::int64_t whole(const Place& at, const char* what) {
+    const std::string_view word = next(at);
+    std::int64_t value = 0;
+    return plain(word, value) ? value : words_.integer(word, (at.words() + what).c_str());
+  }
+  std::string_view next(const Place& at) {
+    const std::string_view word = words_.word();
+    if (word.empty()) throw_short(path_, at);
+    return word;
+  }
+  WordReader words_;
+  const std::string& path_;
+  std::size_t most_;
+};
+
+/// Adds the triangles of strips that -1 parts from each other: every second one is turned.
+void add_strips(std::span<const std::int64_t> corners, std::size_t line, PolygonMesh& mesh) {
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (corners[i] == -1) {
+      begin = i + 1;
+    } else if (i >= begin + 2) {
+      const bool turned = (i - begin) % 2 != 0;
+      mesh.begin_face(line);
+      mesh.add_corner(corners[turned ? i - 1 : i - 2]);
+      mesh.add_corner(corners[turned ? i - 2 : i - 1]);
+      mesh.add_corner(corners[i]);
+    }
+  }
+}
+
+template <class Body>
+TriangleMesh read_body(Body& body, const Header& header, const Places& places,
+                       const std::string& path) {
+  PolygonMesh mesh(path);
+  std::vector<std::int64_t> corners;
+  for (const Element& element : header.elements) {
+    const bool vertices = &element == places.vertices;
+    const bool faces = &element == places.faces, strips = &element == places.strips;
+    for (std::uint64_t record = 0; record < element.count; ++record) {
+      Point3 point{};
+      for (std::size_t i = 0; i < element.properties.size(); ++i) {
+        const Property& property = element.properties[i];
+        const Place at{element, record, property};
+        const auto axis = static_cast<std::size_t>(
+            std::find(places.coordinates.begin(), places.coordinates.end(), i) -
+            places.coordinates.begin());
+        if (vertices && axis < 3) {
+          point[axis] = body.number(at);
+        } else if ((faces && i == places.corners) || (strips && i == places.strip_corners)) {
+          corners.clear();
+          for (std::uint64_t left = body.length(at); left > 0; --left) {
+            corners.push_back(body.index(at));
+          }
+          if (strips) {
+            add_strips(corners, body.line(), mesh);
+          } else {
+            mesh.begin_face(body.line());
+            for (const std::int64_t corner : corners) mesh.add_corner(corner);
+          }
+        } else {
+          body.skip(property.list ? body.length(at) : 1, at);
+        }
+      }
+      if (vertices) mesh.add_vertex(point);
+    }
+  }
+  return mesh.finish();
 }
 
 }  // namespace
 
-TriangleMesh read_ply(std::string_view bytes, const std::string& path) {
-  Header header = parse_header(bytes, path);
-  choose_properties(header, path);
+TriangleMesh read_ply(std::string_view marked_bytes, const std::string& path) {
+  const std::string_view bytes = without_mark(marked_bytes, path);
+  const Header header = parse_header(bytes, path);
+  const Places places = find_places(header, path);
   check_counts(header, bytes.size() - header.body, path);
-
-  std::string vertices, faces;
-  BinaryBody binary(bytes, header.body, header.format == "binary_big_endian", path);
-  WordReader words(bytes, path);
-  if (!header.binary()) {
-    // Counting the header's lines again is cheap, and errors then name lines of the file.
-    for (std::size_t i = 0; i < header.lines; ++i) words.skip_line();
+  if (header.binary()) {
+    BinaryBody body(bytes, header.body, header.format == "binary_big_endian", path);
+    return read_body(body, header, places, path);
   }
-  std::string plain = "ply\nformat " + header.format + " 1.0\n";
-  std::size_t vertex_count = 0, face_count = 0;
-  for (const Element& element : header.elements) {
-    const bool is_vertex = element.name == "vertex";
-    std::string& out = is_vertex ? vertices : faces;  // other elements copy nothing
-    if (header.binary()) {
-      binary.copy(element, out);
-    } else if (is_vertex || element.name == "face") {
-      copy_text(words, element, path, out);
-    } else {
-      std::string nothing;
-      copy_text(words, element, path, nothing);
-    }
-    if (is_vertex) vertex_count = element.count;
-    if (element.name == "face") face_count = element.count;
-  }
-  if (face_count == 0) throw_no_triangles(path);
-  for (const std::string name : {"vertex", "face"}) {
-    const Element& element = find_element(header, name, path);
-    plain += "element " + name + " " + std::to_string(element.count) + "\n";
-    for (const Property& property : element.properties) {
-      if (!property.kept) continue;
-      if (name == "vertex") {
-        plain += "property " + property.type + " " + property.name + "\n";
-      } else {
-        plain += "property list " + property.count_type + " " + property.type + " vertex_indices\n";
-      }
-    }
-  }
-  plain += "end_header\n" + vertices + faces;
-  return parse_with_openmesh(std::move(plain), "ply", header.binary(), vertex_count, face_count,
-                             path);
+  TextBody body(bytes, header, path);
+  return read_body(body, header, places, path);
 }
 
 }  // namespace slicecorr::detail

@@ -222,7 +222,7 @@ TriangleMesh read_ascii(std::string_view bytes, const std::string& path) {
   TriangleMesh mesh;
   VertexPool pool(bytes.size() / 500);
   WordReader words(bytes, path);
-  bool in_solid = false;
+  bool in_solid = false, facet_begins = false;
   std::size_t solid_line = 0;
   std::vector<std::uint32_t> corners;
   const auto expect = [&](std::string_view keyword, const char* where) {
@@ -233,14 +233,28 @@ TriangleMesh read_ascii(std::string_view bytes, const std::string& path) {
                    : "expected '" + std::string(keyword) + "' " + where + ", found '" +
                          std::string(word.substr(0, 40)) + "'");
   };
-  for (std::string_view word = words.word(); !word.empty(); word = words.word()) {
+  // A name may be any words of the line; what follows it there, where a file has no lines, begins
+  // with "facet normal". True where that was read.
+  const auto skip_name = [&] {
+    bool facet = false;
+    for (auto word = words.word_in_line(); !word.empty(); word = words.word_in_line()) {
+      if (facet && same_word(word, "normal")) return true;
+      facet = same_word(word, "facet");
+    }
+    words.skip_line();
+    return false;
+  };
+  for (;;) {
+    std::string_view word = facet_begins ? "facet" : words.word();
+    facet_begins = false;
+    if (word.empty()) break;
     if (same_word(word, "solid")) {
       in_solid = true;
       solid_line = words.line();
-      words.skip_line();
+      facet_begins = skip_name();
     } else if (same_word(word, "endsolid")) {
-      in_solid = false;
-      words.skip_line();
+      facet_begins = skip_name();
+      in_solid = facet_begins;
     } else if (same_word(word, "facet")) {
       const std::size_t facet_line = words.line();
       for (word = words.word(); !same_word(word, "outer"); word = words.word()) {
@@ -289,8 +303,8 @@ TriangleMesh read_stl(std::string_view bytes, const std::string& path,
   const std::size_t count = bytes.size() < kHeader ? 0 : little_u32(bytes.data() + 80);
   if (bytes.size() >= kHeader && bytes.size() == kHeader + kRecord * count) {
     if (count > 0) mesh = read_binary(bytes, path, count, context);
-  } else if (looks_ascii(bytes)) {
-    mesh = read_ascii(bytes, path);
+  } else if (const std::string_view text = without_mark(bytes, path); looks_ascii(text)) {
+    mesh = read_ascii(text, path);
   } else if (bytes.size() < kHeader) {
     throw InputError(
         path, "",

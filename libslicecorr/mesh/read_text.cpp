@@ -9,12 +9,45 @@
 
 namespace slicecorr::detail {
 
+namespace {
+
+/// What follows a point: nothing, its weight, or its colour with or without a weight.
+void check_rest_of_vertex(WordReader& words) {
+  double first = 1;
+  int rest = 0;
+  for (auto word = words.word_in_line(); !word.empty(); word = words.word_in_line()) {
+    const double value = words.number(word, "a weight or colour");
+    if (rest++ == 0) first = value;
+  }
+  if (rest == 1 && first != 1) {
+    words.fail("a vertex has the weight " + std::to_string(first) +
+               ", expected 1: weights belong to curves, which can't be read");
+  }
+  if (rest != 0 && rest != 1 && rest != 3 && rest != 4) {
+    words.fail("a vertex has " + std::to_string(3 + rest) +
+               " numbers, expected 3, with a weight 4, with a colour 6 or 7");
+  }
+}
+
+/// Statements that make a surface without corners, or read another file that may.
+bool is_free_form(std::string_view keyword) {
+  for (const std::string_view word :
+       {"cstype", "curv", "curv2", "surf", "bzp", "bsp", "call", "csh"}) {
+    if (keyword == word) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 // OBJ is read here and not through OpenMesh, which drops repeated corners of a face (and with them
 // degenerate triangles), rounds to float, takes indices out of range as they are and opens the
 // material files that a mesh names.
-TriangleMesh read_obj(std::string_view bytes, const std::string& path) {
+TriangleMesh read_obj(std::string_view bytes, const std::string& path,
+                      std::vector<std::string>& notes) {
+  std::size_t without_area = 0;
   PolygonMesh mesh(path);
-  WordReader words(bytes, path);
+  WordReader words(without_mark(bytes, path), path);
   words.join_continued_lines();
   words.skip_comments();
   while (!words.at_end()) {
@@ -22,6 +55,7 @@ TriangleMesh read_obj(std::string_view bytes, const std::string& path) {
     if (keyword == "v") {
       Point3 point;
       for (double& x : point) x = words.number(words.word_in_line(), "a coordinate");
+      check_rest_of_vertex(words);
       mesh.add_vertex(point);
     } else if (keyword == "f" || keyword == "fo") {
       mesh.begin_face(words.line());
@@ -40,8 +74,19 @@ TriangleMesh read_obj(std::string_view bytes, const std::string& path) {
         }
         mesh.add_corner(index > 0 ? index - 1 : count + index);
       }
+    } else if (keyword == "l" || keyword == "p") {
+      ++without_area;
+    } else if (is_free_form(keyword)) {
+      words.fail(
+          "'" + std::string(keyword) +
+          "': curves and surfaces of free form can't be read, expected faces of corners (f)");
     }
     words.skip_line();
+  }
+  if (without_area > 0) {
+    notes.push_back(std::to_string(without_area) +
+                    (without_area == 1 ? " line or point" : " lines and points") +
+                    " left out: no solid");
   }
   return mesh.finish();
 }
@@ -61,7 +106,8 @@ void copy_coordinates(WordReader& words, std::string& out) {
 
 // OpenMesh misreads comments, blank lines, counts on the first line and missing counts, and goes on
 // when the text ends early. So it gets the text with nothing but counts, points and corners.
-TriangleMesh read_off(std::string_view bytes, const std::string& path) {
+TriangleMesh read_off(std::string_view marked_bytes, const std::string& path) {
+  const std::string_view bytes = without_mark(marked_bytes, path);
   WordReader words(bytes, path);
   words.skip_comments();
   std::string_view word = words.word();

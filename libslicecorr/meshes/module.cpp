@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // The module slicecorr-meshes: OpenMesh's readers with an importer that just collects, as a half-edge
-// mesh would drop or duplicate non-manifold faces; and lib3mf.
+// mesh would drop or duplicate non-manifold faces; and Expat, which reads the XML of 3MF.
+#include <expat.h>
+
 #include <OpenMesh/Core/IO/IOManager.hh>
 #include <OpenMesh/Core/IO/importer/BaseImporter.hh>
 #include <OpenMesh/Core/System/omstream.hh>
+#include <exception>
 #include <locale>
 #include <mutex>
 #include <sstream>
@@ -105,37 +108,113 @@ bool parse(std::string text, const std::string& extension, bool binary, MeshSink
   }
 }
 
-constexpr MeshFunctions kFunctions{
-    .parse = parse,
-    .lib3mf =
-        {
-            .builditem_getobjectresource = NMR::lib3mf_builditem_getobjectresource,
-            .builditem_getobjecttransform = NMR::lib3mf_builditem_getobjecttransform,
-            .builditem_hasobjecttransform = NMR::lib3mf_builditem_hasobjecttransform,
-            .builditemiterator_getcurrent = NMR::lib3mf_builditemiterator_getcurrent,
-            .builditemiterator_movenext = NMR::lib3mf_builditemiterator_movenext,
-            .component_getobjectresource = NMR::lib3mf_component_getobjectresource,
-            .component_gettransform = NMR::lib3mf_component_gettransform,
-            .component_hastransform = NMR::lib3mf_component_hastransform,
-            .componentsobject_getcomponent = NMR::lib3mf_componentsobject_getcomponent,
-            .componentsobject_getcomponentcount = NMR::lib3mf_componentsobject_getcomponentcount,
-            .createmodel = NMR::lib3mf_createmodel,
-            .getlasterror = NMR::lib3mf_getlasterror,
-            .meshobject_gettrianglecount = NMR::lib3mf_meshobject_gettrianglecount,
-            .meshobject_gettriangleindices = NMR::lib3mf_meshobject_gettriangleindices,
-            .meshobject_getvertexcount = NMR::lib3mf_meshobject_getvertexcount,
-            .meshobject_getvertices = NMR::lib3mf_meshobject_getvertices,
-            .model_getbuilditems = NMR::lib3mf_model_getbuilditems,
-            .model_getunit = NMR::lib3mf_model_getunit,
-            .model_queryreader = NMR::lib3mf_model_queryreader,
-            .object_iscomponentsobject = NMR::lib3mf_object_iscomponentsobject,
-            .object_ismeshobject = NMR::lib3mf_object_ismeshobject,
-            .reader_getwarningcount = NMR::lib3mf_reader_getwarningcount,
-            .reader_getwarningutf8 = NMR::lib3mf_reader_getwarningutf8,
-            .reader_readfrombuffer = NMR::lib3mf_reader_readfrombuffer,
-            .release = NMR::lib3mf_release,
-        },
+/// Between the namespace and the name that Expat gives as one; no character of either.
+constexpr char kSeparator = '\n';
+
+/// A text while Expat reads it. No exception may pass through its frames.
+class XmlRun {
+ public:
+  explicit XmlRun(XmlSink& sink) : sink_(sink), parser_(XML_ParserCreateNS("UTF-8", kSeparator)) {
+    if (parser_ == nullptr) throw std::bad_alloc();
+    XML_SetUserData(parser_, this);
+    XML_SetElementHandler(parser_, on_begin, on_end);
+    XML_SetStartNamespaceDeclHandler(parser_, on_prefix);
+    XML_SetXmlDeclHandler(parser_, on_declaration);
+    XML_SetStartDoctypeDeclHandler(parser_, on_document_type);
+    sink_.line = [this] { return line(); };
+  }
+  XmlRun(const XmlRun&) = delete;
+  XmlRun& operator=(const XmlRun&) = delete;
+  ~XmlRun() {
+    sink_.line = nullptr;
+    XML_ParserFree(parser_);
+  }
+
+  bool parse(const std::function<std::string_view()>& piece, XmlFault& fault) {
+    for (bool first = true;; first = false) {
+      const std::string_view bytes = piece();
+      if (first &&
+          bytes.substr(0, 4).find_first_of(std::string_view("\0\xfe\xff", 3)) != bytes.npos) {
+        fault = {"is not in UTF-8", 1};
+        return false;
+      }
+      const auto size = static_cast<int>(bytes.size());
+      const XML_Status status = XML_Parse(parser_, bytes.data(), size, bytes.empty());
+      if (thrown_) std::rethrow_exception(thrown_);
+      if (status != XML_STATUS_OK) {
+        fault = {refused_.empty() ? XML_ErrorString(XML_GetErrorCode(parser_)) : refused_, line()};
+        return false;
+      }
+      if (bytes.empty()) return true;
+    }
+  }
+
+ private:
+  template <class Do>
+  void safely(const Do& what) {
+    if (thrown_ || !refused_.empty()) return;
+    try {
+      what();
+    } catch (...) {
+      thrown_ = std::current_exception();
+      XML_StopParser(parser_, XML_FALSE);
+    }
+  }
+  void refuse(const char* words) {
+    refused_ = words;
+    XML_StopParser(parser_, XML_FALSE);
+  }
+  std::size_t line() const { return static_cast<std::size_t>(XML_GetCurrentLineNumber(parser_)); }
+  static std::pair<std::string_view, std::string_view> parts_of(const XML_Char* full) {
+    const std::string_view name(full);
+    const std::size_t at = name.find(kSeparator);
+    if (at == name.npos) return {{}, name};
+    return {name.substr(0, at), name.substr(at + 1)};
+  }
+  static XmlRun& run_of(void* data) { return *static_cast<XmlRun*>(data); }
+  static void XMLCALL on_begin(void* data, const XML_Char* name, const XML_Char** attributes) {
+    XmlRun& run = run_of(data);
+    run.safely([&] {
+      run.attributes_.clear();
+      for (; *attributes != nullptr; attributes += 2) {
+        const auto [space, own] = parts_of(attributes[0]);
+        run.attributes_.push_back({space, own, attributes[1]});
+      }
+      const auto [space, own] = parts_of(name);
+      run.sink_.begin({space, own, run.attributes_});
+    });
+  }
+  static void XMLCALL on_end(void* data, const XML_Char*) {
+    XmlRun& run = run_of(data);
+    run.safely([&] { run.sink_.end(); });
+  }
+  static void XMLCALL on_prefix(void* data, const XML_Char* prefix, const XML_Char* space) {
+    XmlRun& run = run_of(data);
+    run.safely([&] { run.sink_.prefix(prefix ? prefix : "", space ? space : ""); });
+  }
+  static void XMLCALL on_declaration(void* data, const XML_Char*, const XML_Char* encoding, int) {
+    if (encoding == nullptr) return;
+    std::string name(encoding);
+    for (char& c : name) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    if (name != "utf-8") run_of(data).refuse("says that it is not in UTF-8");
+  }
+  static void XMLCALL on_document_type(void* data, const XML_Char*, const XML_Char*,
+                                       const XML_Char*, int) {
+    run_of(data).refuse("declares a document type, which 3MF does not allow");
+  }
+
+  XmlSink& sink_;
+  XML_Parser parser_;
+  std::vector<XmlAttribute> attributes_;
+  std::exception_ptr thrown_;
+  std::string refused_;
 };
+
+bool parse_xml(const std::function<std::string_view()>& piece, XmlSink& sink, XmlFault& fault) {
+  return XmlRun(sink).parse(piece, fault);
+}
+
+constexpr MeshFunctions kFunctions{.parse = parse, .parse_xml = parse_xml};
 
 }  // namespace
 }  // namespace slicecorr::detail

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <deque>
+#include <limits>
 #include <optional>
 
 #include "slicecorr/error.hpp"
@@ -25,9 +26,12 @@ MeshSlices slices_of(const std::string& path, const SliceSource& target,
   options.antialias = meshes.antialias;
   options.platform_z_mm = -meshes.origin_mm[2];
   // The box is placed by its middle.
-  Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
-  for (const auto& triangle : mesh.triangles) {
-    for (const std::uint32_t v : triangle) {
+  Point3 low, high;
+  low.fill(std::numeric_limits<double>::infinity());
+  high.fill(-std::numeric_limits<double>::infinity());
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (!mesh.adds(i)) continue;
+    for (const std::uint32_t v : mesh.triangles[i]) {
       for (std::size_t k = 0; k < 3; ++k) {
         low[k] = std::min(low[k], mesh.vertices[v][k]);
         high[k] = std::max(high[k], mesh.vertices[v][k]);

@@ -60,7 +60,9 @@ CellRows outline_of(const TriangleMesh& mesh, const detail::PartBox& box, double
     return static_cast<int>(std::floor(box.size(k) / cell_mm)) + 1;
   };
   CellRows rows(cells(0), cells(1));
-  for (const auto& triangle : mesh.triangles) {
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    if (!mesh.adds(t)) continue;
+    const auto& triangle = mesh.triangles[t];
     std::array<std::array<double, 2>, 3> p;
     for (std::size_t i = 0; i < 3; ++i) {
       for (std::size_t k = 0; k < 2; ++k) {

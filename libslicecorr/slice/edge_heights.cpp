@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 #include <utility>
 
 #include "slicecorr/target.hpp"
@@ -20,12 +21,39 @@ constexpr std::size_t kX = 0, kY = 1, kZ = 2;
 /// bits rise as they do.
 using Crossing = std::uint64_t;
 constexpr Crossing kDirection = 1;
+/// Where volumes are taken away, the tag takes eleven bits more: what is left resolves 1e-6 slices.
+constexpr Crossing kLowBits = 0xfff;
 
 Crossing crossing_of(double height, bool forwards) {
   return (std::bit_cast<std::uint64_t>(height) & ~kDirection) | (forwards ? 1 : 0);
 }
-double height_of(Crossing c) { return std::bit_cast<double>(c & ~kDirection); }
+Crossing crossing_of(double height, bool forwards, SolidRule::Tag tag) {
+  return (std::bit_cast<std::uint64_t>(height) & ~kLowBits) | Crossing{tag} << 1 |
+         (forwards ? 1 : 0);
+}
 int winding_of(Crossing c) { return c & kDirection ? 1 : -1; }
+
+/// One winding for all triangles.
+struct PlainCrossings {
+  int winding = 0;
+  static double height_of(Crossing c) { return std::bit_cast<double>(c & ~kDirection); }
+  void clear() { winding = 0; }
+  void cross(Crossing c) { winding += winding_of(c); }
+  bool inside() const { return winding != 0; }
+  bool balanced() const { return winding == 0; }
+};
+
+/// One for each tag.
+struct RuledCrossings {
+  SolidWindings windings;
+  static double height_of(Crossing c) { return std::bit_cast<double>(c & ~kLowBits); }
+  void clear() { windings.clear(); }
+  void cross(Crossing c) {
+    windings.add(static_cast<SolidRule::Tag>((c & kLowBits) >> 1), winding_of(c));
+  }
+  bool inside() const { return windings.inside(); }
+  bool balanced() const { return windings.balanced(); }
+};
 
 /// A triangle where a row's centres cut it.
 struct RowCut {
@@ -34,6 +62,7 @@ struct RowCut {
   double low, high;          ///< heights of its ends
   std::int32_t first, past;  ///< columns
   bool forwards;             ///< from left to right
+  SolidRule::Tag tag;
 };
 
 /// An edge of a triangle that crosses rows. Points are computed from the corner with the lower index
@@ -49,7 +78,9 @@ struct RowEdge {
 class EdgeFinder {
  public:
   EdgeFinder(const PlacedMesh& mesh, const PixelBox& box)
-      : mesh_(mesh), box_(box), width_(static_cast<std::size_t>(box.width())), ends_(width_ + 1) {}
+      : mesh_(mesh), box_(box), width_(static_cast<std::size_t>(box.width())), ends_(width_ + 1) {
+    if (mesh.rule) ruled_.emplace(RuledCrossings{SolidWindings(*mesh.rule)});
+  }
 
   void find(std::span<const std::uint32_t> candidates);
   BandEdges take();
@@ -62,7 +93,8 @@ class EdgeFinder {
   };
   void cut(std::uint32_t triangle);
   void find_row(std::span<const RowCut> cuts, std::uint32_t first_column);
-  void find_column(std::uint32_t column, std::span<Crossing> crossings);
+  template <class Crossings>
+  void find_column(std::uint32_t column, std::span<Crossing> crossings, Crossings& windings);
   /// An edge so many slices from the middle above its node, on the platform's side.
   void add_edge(std::uint32_t column, int node, double from_middle) {
     const std::uint8_t byte = edge_height_byte(from_middle - 0.5);
@@ -88,6 +120,8 @@ class EdgeFinder {
   std::vector<std::uint32_t> ends_;   ///< per column: where its crossings end; one column more
   std::vector<Crossing> crossings_;   ///< of the present row, column by column
   std::vector<Found> found_;
+  PlainCrossings plain_;
+  std::optional<RuledCrossings> ruled_;
   BandEdges result_;
 };
 
@@ -136,14 +170,16 @@ void EdgeFinder::cut(std::uint32_t triangle) {
     const int past = std::min(first_centre(std::max(0.0, to_right ? x1 : x0)), box_.x1);
     if (first >= past) continue;
     const double z0 = whole.z + s * whole.dz + 1, z1 = half.z + r * half.dz + 1;
-    cuts_[row_end_[static_cast<std::size_t>(row - box_.y0)]++] = {to_right ? x0 : x1,
-                                                                  to_right ? z0 : z1,
-                                                                  (z1 - z0) / (x1 - x0),
-                                                                  std::min(z0, z1),
-                                                                  std::max(z0, z1),
-                                                                  first,
-                                                                  past,
-                                                                  to_right != turned};
+    cuts_[row_end_[static_cast<std::size_t>(row - box_.y0)]++] = {
+        to_right ? x0 : x1,
+        to_right ? z0 : z1,
+        (z1 - z0) / (x1 - x0),
+        std::min(z0, z1),
+        std::max(z0, z1),
+        first,
+        past,
+        to_right != turned,
+        mesh_.rule ? mesh_.tags[triangle] : SolidRule::Tag{0}};
   }
 }
 
@@ -158,12 +194,15 @@ void sort_few(std::span<Crossing> crossings) {
   }
 }
 
-void EdgeFinder::find_column(std::uint32_t column, std::span<Crossing> crossings) {
+template <class Crossings>
+void EdgeFinder::find_column(std::uint32_t column, std::span<Crossing> crossings,
+                             Crossings& windings) {
   constexpr std::size_t few = 8;
+  const auto height_of = [](Crossing c) { return Crossings::height_of(c); };
   if (crossings.size() % 2 != 0) return;
-  int winding = 0;
-  for (const Crossing c : crossings) winding += winding_of(c);
-  if (winding != 0) return;
+  windings.clear();
+  for (const Crossing c : crossings) windings.cross(c);
+  if (!windings.balanced()) return;
   if (crossings.size() <= few) {
     sort_few(crossings);
   } else {
@@ -174,11 +213,11 @@ void EdgeFinder::find_column(std::uint32_t column, std::span<Crossing> crossings
     // Rounding may put the end of a part a trifle above the middle of the layer that it ends in.
     const int node = std::min(static_cast<int>(first), mesh_.layers);
     const double past = node + 1;
-    const bool before = winding != 0;
+    const bool before = windings.inside();
     const bool alone = i + 1 == crossings.size() || height_of(crossings[i + 1]) >= past;
     if (alone && node < mesh_.layers) {
-      winding += winding_of(crossings[i++]);
-      if (before != (winding != 0)) add_edge(column, node, first - node);
+      windings.cross(crossings[i++]);
+      if (before != windings.inside()) add_edge(column, node, first - node);
       continue;
     }
     double from = node, solid = 0;
@@ -188,11 +227,11 @@ void EdgeFinder::find_column(std::uint32_t column, std::span<Crossing> crossings
         if (node < mesh_.layers) break;
         height = past;
       }
-      if (winding != 0) solid += height - from;
+      if (windings.inside()) solid += height - from;
       from = height;
-      winding += winding_of(crossings[i]);
+      windings.cross(crossings[i]);
     }
-    const bool after = winding != 0;
+    const bool after = windings.inside();
     if (after) solid += past - from;
     if (before != after) {
       add_edge(column, node, before ? solid : 1 - solid);
@@ -227,7 +266,9 @@ void EdgeFinder::find_row(std::span<const RowCut> cuts, std::uint32_t first_colu
     const double offset = c.first + 0.5 - c.x;
     for (int i = 0; i < count; ++i) {
       const double height = c.height + (offset + i) * c.slope;
-      crossings_[ends[i]++] = crossing_of(std::clamp(height, c.low, c.high), c.forwards);
+      const double within = std::clamp(height, c.low, c.high);
+      crossings_[ends[i]++] =
+          ruled_ ? crossing_of(within, c.forwards, c.tag) : crossing_of(within, c.forwards);
     }
   }
   std::uint32_t begin = 0;
@@ -235,8 +276,13 @@ void EdgeFinder::find_row(std::span<const RowCut> cuts, std::uint32_t first_colu
     const std::uint32_t end = std::exchange(ends_[x], 0);
     if (end > begin) {
       ++result_.columns;
-      find_column(first_column + static_cast<std::uint32_t>(x),
-                  std::span(crossings_).subspan(begin, end - begin));
+      const std::uint32_t column = first_column + static_cast<std::uint32_t>(x);
+      const std::span<Crossing> crossings = std::span(crossings_).subspan(begin, end - begin);
+      if (ruled_) {
+        find_column(column, crossings, *ruled_);
+      } else {
+        find_column(column, crossings, plain_);
+      }
     }
     begin = end;
   }

@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "slice/solid_rule.hpp"
 #include "slicecorr/grid.hpp"
 #include "slicecorr/mesh.hpp"
 
@@ -29,6 +30,9 @@ struct PlacedMesh {
   std::span<const Point3> corners;
   std::span<const std::array<std::uint32_t, 3>> triangles;
   int layers;
+  /// Where volumes are taken away: the tag of each triangle, and what tags do.
+  std::span<const SolidRule::Tag> tags = {};
+  const SolidRule* rule = nullptr;
 };
 
 /// The edge heights of a box of pixels.
@@ -55,7 +59,7 @@ struct BandEdges {
 };
 
 /// Sends a vertical line through the centre of each pixel of `box`. It is solid where its winding
-/// is not 0. Where the middles of two layers differ, the edge between them has the height of the
+/// is not 0, or where the rule says so. Where the middles of two layers differ, the edge between them has the height of the
 /// crossing there; of several, the height that keeps the solid length between the two middles.
 /// Columns that are left with another winding than they begin with pass through a hole of the mesh
 /// and have no heights, nor has what stands on the platform a height there.

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <mutex>
 #include <numbers>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -17,6 +19,7 @@
 #include "slice/edge_heights.hpp"
 #include "slice/placing.hpp"
 #include "slice/raster.hpp"
+#include "slice/solid_rule.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/slice.hpp"
 
@@ -102,12 +105,17 @@ struct MeshSlices::Impl {
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< turned where needed
   std::vector<EdgeDefects::OpenEdge> open;
   std::vector<std::vector<Segment>> bridges;  ///< per slice
+  // Where volumes are taken away; else empty, and the rule is plain.
+  detail::SolidRule rule;
+  std::vector<detail::SolidRule::Tag> tags;                      ///< per triangle
+  std::vector<std::vector<detail::SolidRule::Tag>> bridge_tags;  ///< beside `bridges`
   int rows_per_bin = 1;
   std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
   std::unique_ptr<Entry[]> binned;
 
   void place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
              const ExecutionContext& context);
+  void divide_solids(const std::vector<TriangleMesh::Share>& shares);
   void close_contours(const ExecutionContext& context);
   void measure_bridges();
   void bin_triangles(const ExecutionContext& context);
@@ -231,9 +239,20 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
   bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, plate.width_px));
   bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, plate.height_px));
   corners = std::move(mesh.vertices);
+  // What is not added may reach beyond the part; it is cut there later.
+  std::vector<std::uint8_t> reaches(mesh.shares.empty() ? 0 : corners.size(), 0);
+  for (std::size_t t = 0; t < mesh.triangles.size() && !reaches.empty(); ++t) {
+    if (mesh.adds(t)) continue;
+    for (const std::uint32_t v : mesh.triangles[t]) reaches[v] = 1;
+  }
   in_chunks(corners.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Point3 v = corners[i];
+      if (!reaches.empty() && reaches[i]) {
+        corners[i] = {(v[0] - mid_x + cx) / px, (mid_y - v[1] + display_y - cy) / py,
+                      (v[2] - platform_z) / layer_mm - 0.5};
+        continue;
+      }
       const double x = std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px);
       const double y = std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px);
       corners[i] = {std::clamp(x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1)),
@@ -244,9 +263,60 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
   triangles = std::move(mesh.triangles);
 }
 
+/// Gives triangles their tags, and cuts volumes that are taken away, or kept within, at the part's
+/// box.
+void MeshSlices::Impl::divide_solids(const std::vector<TriangleMesh::Share>& shares) {
+  rule = detail::SolidRule(shares);
+  if (rule.plain()) return;
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  Point3 low{infinity, infinity, infinity}, high{-infinity, -infinity, -infinity};
+  std::vector<std::array<std::uint32_t, 3>> all;
+  std::vector<std::uint8_t> cut_corners(corners.size(), 0);
+  const auto part_of = [&](std::size_t share) {
+    const auto end = share + 1 < shares.size() ? shares[share + 1].first : triangles.size();
+    return std::span(triangles).subspan(shares[share].first, end - shares[share].first);
+  };
+  for (std::size_t share = 0; share < shares.size(); ++share) {
+    for (const auto& t : part_of(share)) {
+      for (const std::uint32_t v : t) {
+        if (shares[share].role != SolidRole::added) {
+          cut_corners[v] = 1;
+          continue;
+        }
+        for (std::size_t k = 0; k < 3; ++k) {
+          low[k] = std::min(low[k], corners[v][k]);
+          high[k] = std::max(high[k], corners[v][k]);
+        }
+      }
+    }
+  }
+  for (const EdgeDefects::OpenEdge& edge : open) {
+    if (!cut_corners[edge.low]) continue;
+    throw InputError(
+        "a volume that is taken away from the part, or that the part is kept within, has open edges; "
+        "expected a closed one: close its mesh first");
+  }
+  for (std::size_t share = 0; share < shares.size(); ++share) {
+    const auto part = part_of(share);
+    std::vector<std::array<std::uint32_t, 3>> its(part.begin(), part.end());
+    if (shares[share].role != SolidRole::added) detail::clip_to_box(corners, its, low, high);
+    all.insert(all.end(), its.begin(), its.end());
+    tags.resize(all.size(), rule.tag_of_share(share));
+  }
+  triangles = std::move(all);
+}
+
 void MeshSlices::Impl::close_contours(const ExecutionContext& context) {
   bridges.resize(static_cast<std::size_t>(grid.layers));
+  bridge_tags.resize(bridges.size());
   if (open.empty()) return;
+  std::vector<detail::SolidRule::Tag> tag_of_corner;
+  if (!rule.plain()) {
+    tag_of_corner.resize(corners.size(), 0);
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+      for (const std::uint32_t v : triangles[t]) tag_of_corner[v] = tags[t];
+    }
+  }
 
   std::vector<std::vector<std::uint32_t>> open_of(bridges.size());
   for (std::uint32_t e = 0; e < open.size(); ++e) {
@@ -257,17 +327,26 @@ void MeshSlices::Impl::close_contours(const ExecutionContext& context) {
   std::mutex mutex;
   parallel_for(context, "close contours", bridges.size(), [&](std::size_t n) {
     if (open_of[n].empty()) return;
-    detail::LooseEnds loose;
+    // Each tag's contours close by themselves.
+    std::map<detail::SolidRule::Tag, detail::LooseEnds> loose_of_tag;
     for (const std::uint32_t e : open_of[n]) {
       const auto place = meet(open[e].low, open[e].high, static_cast<double>(n));
       // Cuts begin where a triangle's edge rises through the slice: a surplus of rising edges
       // leaves beginnings that no cut leads to.
       const bool rises = corners[open[e].low][kZ] < corners[open[e].high][kZ];
+      detail::LooseEnds& loose = loose_of_tag[rule.plain() ? 0 : tag_of_corner[open[e].low]];
       auto& places = rises == (open[e].surplus > 0) ? loose.beginnings : loose.ends;
       places.insert(places.end(), static_cast<std::size_t>(std::abs(open[e].surplus)), place);
     }
     double longest = 0;
-    bridges[n] = detail::bridge(loose, grid.pixel_x_um * 1e-3, grid.pixel_y_um * 1e-3, longest);
+    for (auto& [tag, loose] : loose_of_tag) {
+      double its_longest = 0;
+      const std::vector<Segment> its =
+          detail::bridge(loose, grid.pixel_x_um * 1e-3, grid.pixel_y_um * 1e-3, its_longest);
+      bridges[n].insert(bridges[n].end(), its.begin(), its.end());
+      bridge_tags[n].resize(bridges[n].size(), tag);
+      longest = std::max(longest, its_longest);
+    }
     const std::lock_guard lock(mutex);
     report.bridged_slices += !bridges[n].empty();
     report.bridges += bridges[n].size();
@@ -280,7 +359,9 @@ void MeshSlices::Impl::close_contours(const ExecutionContext& context) {
 /// a triangle contributes its mean x times its area as seen along x.
 void MeshSlices::Impl::measure_bridges() {
   double volume = 0, half_circles = 0;
-  for (const auto& t : triangles) {
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    if (!tags.empty() && rule.role(tags[i]) != SolidRole::added) continue;
+    const auto& t = triangles[i];
     const Corner &a = corners[t[0]], &b = corners[t[1]], &c = corners[t[2]];
     const double area =
         0.5 * ((b[kY] - a[kY]) * (c[kZ] - a[kZ]) - (c[kY] - a[kY]) * (b[kZ] - a[kZ]));
@@ -378,7 +459,8 @@ detail::BandEdges MeshSlices::Impl::edges_of(const PixelBox& band) const {
       }
     }
   }
-  return detail::edges_of_columns({corners, triangles, grid.layers}, candidates, band);
+  return detail::edges_of_columns(
+      {corners, triangles, grid.layers, tags, rule.plain() ? nullptr : &rule}, candidates, band);
 }
 
 MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
@@ -390,12 +472,14 @@ MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOpt
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
   impl_->antialias = options.antialias;
   const EdgeDefects defects = edge_defects ? *edge_defects : detail::edge_defects_of(mesh, context);
+  const std::vector<TriangleMesh::Share> shares = mesh.shares;
   impl_->place(std::move(mesh), printer, options, context);
   for (const std::uint32_t t : defects.flipped) {
     std::swap(impl_->triangles[t][1], impl_->triangles[t][2]);
   }
   impl_->report.turned_triangles = defects.flipped.size();
   impl_->open = defects.open;
+  impl_->divide_solids(shares);
   context.check_cancelled();
   impl_->close_contours(context);
   if (options.edge_heights) impl_->heights = std::make_unique<const Heights>(*impl_);
@@ -486,10 +570,12 @@ void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Si
   }
   std::vector<Cut> active;
   std::vector<Segment> segments;
+  std::vector<detail::SolidRule::Tag> tags;
   std::size_t next = 0;
   for (int n = first; n < past; ++n) {
     const auto& bridges = s.bridges[static_cast<std::size_t>(n)];
     segments.clear();
+    tags.clear();
     for (std::size_t i = 0; i < active.size();) {
       Cut& cut = active[i];
       if (n > cut.until) {
@@ -501,6 +587,7 @@ void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Si
         s.set_edges(cut, n);
       }
       segments.push_back(cut.at(n));
+      if (!s.tags.empty()) tags.push_back(s.tags[cut.triangle]);
       ++i;
     }
     for (; next < entries.size() && entries[next].span.first <= n; ++next) {
@@ -509,9 +596,16 @@ void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Si
       cut.last = entries[next].span.last;
       s.set_edges(cut, n);
       segments.push_back(cut.at(n));
+      if (!s.tags.empty()) tags.push_back(s.tags[cut.triangle]);
     }
     segments.insert(segments.end(), bridges.begin(), bridges.end());
-    const std::uint8_t* rows = segments.empty() ? nullptr : raster.draw(segments);
+    const std::uint8_t* rows = nullptr;
+    if (!segments.empty() && s.tags.empty()) rows = raster.draw(segments);
+    if (!segments.empty() && !s.tags.empty()) {
+      const auto& its = s.bridge_tags[static_cast<std::size_t>(n)];
+      tags.insert(tags.end(), its.begin(), its.end());
+      rows = raster.draw(segments, tags, s.rule);
+    }
     if (rows == nullptr || !crop) {
       sink(n, rows);
       continue;

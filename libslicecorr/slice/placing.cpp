@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <mutex>
 #include <string>
 
@@ -25,18 +26,21 @@ constexpr double kPixelTolerance = 1e-3;
 }  // namespace
 
 PartBox box_of(const TriangleMesh& mesh, const ExecutionContext& context) {
-  Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  Point3 low{infinity, infinity, infinity}, high{-infinity, -infinity, -infinity};
   bool finite = true;
   std::mutex joining;
   in_chunks(mesh.triangles.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
-    Point3 its_low = mesh.vertices[mesh.triangles[begin][0]], its_high = its_low;
+    Point3 its_low{infinity, infinity, infinity}, its_high{-infinity, -infinity, -infinity};
     bool its_finite = true;
     for (std::size_t i = begin; i < end; ++i) {
+      const bool adds = mesh.adds(i);
       for (const std::uint32_t v : mesh.triangles[i]) {
         for (std::size_t k = 0; k < 3; ++k) {
+          its_finite &= std::isfinite(mesh.vertices[v][k]);
+          if (!adds) continue;
           its_low[k] = std::min(its_low[k], mesh.vertices[v][k]);
           its_high[k] = std::max(its_high[k], mesh.vertices[v][k]);
-          its_finite &= std::isfinite(mesh.vertices[v][k]);
         }
       }
     }
@@ -48,6 +52,7 @@ PartBox box_of(const TriangleMesh& mesh, const ExecutionContext& context) {
     }
   });
   if (!finite) throw InputError("a corner of the part is not at a finite place");
+  if (low[0] > high[0]) throw InputError("the part is nothing but volumes that are taken away");
   return {low, high};
 }
 

@@ -134,6 +134,21 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
   }
 }
 
+const std::uint8_t* Raster::draw(std::span<const Segment> segments,
+                                 std::span<const SolidRule::Tag> tags, const SolidRule& rule) {
+  segments_ = segments;
+  tags_ = tags;
+  rule_ = &rule;
+  if (!find_ruled_rows()) {
+    tags_ = {};
+    ruled_.clear();
+  }
+  const std::uint8_t* const pixels = draw(segments);
+  tags_ = {};
+  ruled_.clear();
+  return pixels;
+}
+
 const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   const BandLayout f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
   segments_ = segments;
@@ -143,11 +158,17 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
     add_areas(f);
   } else {
     add_centres(f);
+    if (!ruled_.empty()) add_ruled_centres(f);
   }
   bool lit = false;
   for (int r = 0; r < y1_ - y0_; ++r) {
     const auto row = static_cast<std::size_t>(r);
-    if (touched_[row]) {
+    if (!ruled_.empty() && ruled_[row]) {
+      std::memset(pixels_.data() + row * width_, 0, width_);
+      if (antialias_) find_ruled_spans(r, f);
+      touched_[row] = 0;
+      drawn_[row] = 1;
+    } else if (touched_[row]) {
       lit |= antialias_ ? draw_area_row(r, f) : draw_centre_row(r, f);
       touched_[row] = 0;
       drawn_[row] = 1;
@@ -157,6 +178,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
     }
   }
   if (!overlap_spans_.empty()) lit |= draw_overlap_spans(f) != 0;
+  if (!centre_steps_.empty()) lit |= draw_ruled_centres();
   return lit ? pixels_.data() : nullptr;
 }
 
@@ -382,6 +404,7 @@ void Raster::add_centres(const BandLayout& f) {
       std::memcpy(columns, &column, sizeof column);
       auto at = static_cast<std::size_t>(base - f.y0);
       for (int i = 0; i < count; ++i, ++at) {
+        if (!ruled_.empty() && ruled_[at]) continue;
         const auto c = static_cast<std::size_t>(columns[i]);
         steps_[at * f.stride + c] += step;
         marks_[at * f.words + c / 64] |= std::uint64_t{1} << (c % 64);

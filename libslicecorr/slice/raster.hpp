@@ -10,6 +10,8 @@
 #include <span>
 #include <vector>
 
+#include "slice/solid_rule.hpp"
+
 namespace slicecorr::detail {
 
 /// A directed piece of a contour, in pixels; y grows with the image row.
@@ -43,13 +45,18 @@ class Raster {
   /// The region's levels: (y1 - y0) * (x1 - x0) bytes, row by row, that stay until the next call.
   /// Null when all are 0. The contours of the segments must be closed.
   const std::uint8_t* draw(std::span<const Segment> segments);
+  /// The same where volumes are taken away: a tag for each segment, and what tags do. Rows that no
+  /// segment crosses whose tag needs the rule are those of the first `draw`, bit for bit.
+  const std::uint8_t* draw(std::span<const Segment> segments, std::span<const SolidRule::Tag> tags,
+                           const SolidRule& rule);
 
  private:
   /// A fragment within one row; y from 0 to 1 in the row and y0 < y1; x from the band's left side.
   struct EdgeFragment {
     double x0, y0, x1, y1;
     double slope;
-    int winding;  ///< +1: the contour goes down here, -1: up
+    int winding;             ///< +1: the contour goes down here, -1: up
+    SolidRule::Tag tag = 0;  ///< where a rule is drawn by
     double at(double y) const {
       // Exact at the ends, so that fragments that meet there meet exactly.
       if (y <= y0) return x0;
@@ -71,6 +78,8 @@ class Raster {
   };
   struct BandLayout;
   struct Line;
+  struct OneWinding;
+  struct ManyWindings;
 
   void add_areas(const BandLayout& f);
   void add_centres(const BandLayout& f);
@@ -81,9 +90,19 @@ class Raster {
   unsigned draw_overlap_spans(const BandLayout& f);
   void find_segments();
   unsigned draw_overlap_span(const OverlapSpan& span, const BandLayout& f);
-  void draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
-                     const BandLayout& f);
+  template <class Winding>
+  void draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, double to,
+                     Winding& winding, const BandLayout& f);
+  void collect_fragments(const OverlapSpan& span, const BandLayout& f);
+  template <class Winding>
+  void draw_fragments(const OverlapSpan& span, Winding& winding, const BandLayout& f);
+  unsigned write_levels(const OverlapSpan& span, bool inside);
   bool pairs();
+  bool find_ruled_rows();
+  void find_ruled_spans(int row, const BandLayout& f);
+  unsigned draw_ruled_span(const OverlapSpan& span, const BandLayout& f);
+  void add_ruled_centres(const BandLayout& f);
+  bool draw_ruled_centres();
 
   int x0_, y0_, x1_, y1_;
   bool antialias_;
@@ -99,6 +118,20 @@ class Raster {
       steps_;  ///< per pixel, how the winding changes before its centre; all 0 between slices
 
   std::span<const Segment> segments_;  ///< of this slice
+  // Where volumes are taken away; else empty.
+  std::span<const SolidRule::Tag> tags_;
+  const SolidRule* rule_ = nullptr;
+  std::vector<std::uint8_t> ruled_;       ///< rows that the rule draws; empty: none
+  std::vector<SolidWindings> windings_;   ///< one, where the row's drawing has come to
+  std::vector<std::int64_t> heights_;     ///< per tag: of an overlap span's fragments
+  int ruled_row_ = 0, ruled_column_ = 0;  ///< where that is
+  /// A change of a winding before a pixel's centre.
+  struct CentreStep {
+    int row, column;
+    SolidRule::Tag tag;
+    std::int8_t step;
+  };
+  std::vector<CentreStep> centre_steps_;
   /// A segment in some rows.
   struct Crossings {
     std::uint32_t row;  ///< the first

@@ -35,7 +35,10 @@ void Raster::find_overlap_spans(int row, std::size_t count) {
 unsigned Raster::draw_overlap_spans(const BandLayout& f) {
   find_segments();
   unsigned lit = 0;
-  for (const OverlapSpan& span : overlap_spans_) lit |= draw_overlap_span(span, f);
+  for (const OverlapSpan& span : overlap_spans_) {
+    const bool ruled = !ruled_.empty() && ruled_[static_cast<std::size_t>(span.row)];
+    lit |= ruled ? draw_ruled_span(span, f) : draw_overlap_span(span, f);
+  }
   return lit;
 }
 
@@ -121,9 +124,8 @@ bool Raster::pairs() {
   return true;
 }
 
-/// Draws an overlap span scanbeam by scanbeam. Left and right of it each row has one winding.
-unsigned Raster::draw_overlap_span(const OverlapSpan& span, const BandLayout& f) {
-  const auto at = static_cast<std::size_t>(span.row);
+/// The fragments of an overlap span, in an order that follows from them alone.
+void Raster::collect_fragments(const OverlapSpan& span, const BandLayout& f) {
   const int row = f.y0 + span.row;
   fragments_.clear();
   for (std::uint32_t i = span.begin; i < span.end; ++i) {
@@ -136,16 +138,38 @@ unsigned Raster::draw_overlap_span(const OverlapSpan& span, const BandLayout& f)
     if (!(p.y0 < p.y1)) continue;
     p.slope = (p.x1 - p.x0) / (p.y1 - p.y0);
     p.winding = line.down ? 1 : -1;
+    p.tag = tags_.empty() ? SolidRule::Tag{0} : tags_[overlap_segments_[i]];
     fragments_.push_back(p);
   }
-  // Sort so that the order follows from the fragments alone.
   std::sort(fragments_.begin(), fragments_.end(), [](const EdgeFragment& a, const EdgeFragment& b) {
     if (a.y0 != b.y0) return a.y0 < b.y0;
     if (a.x0 != b.x0) return a.x0 < b.x0;
     if (a.x1 != b.x1) return a.x1 < b.x1;
-    return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
+    if (a.y1 != b.y1) return a.y1 < b.y1;
+    return a.winding != b.winding ? a.winding < b.winding : a.tag < b.tag;
   });
+}
+
+/// One winding for all: solid where it is not 0.
+struct Raster::OneWinding {
+  int winding;
+  bool inside() const { return winding != 0; }
+  void cross(const EdgeFragment& fragment, int way = 1) { winding += way * fragment.winding; }
+};
+
+/// Draws an overlap span scanbeam by scanbeam. Left and right of it each row has one winding.
+unsigned Raster::draw_overlap_span(const OverlapSpan& span, const BandLayout& f) {
+  collect_fragments(span, f);
   if (pairs()) return 0;  // already drawn
+  OneWinding winding{span.winding};
+  draw_fragments(span, winding, f);
+  return write_levels(span, winding.inside());
+}
+
+/// Adds what the fragments of a span bound to its sums. `winding` is that left of the span.
+template <class Winding>
+void Raster::draw_fragments(const OverlapSpan& span, Winding& winding, const BandLayout& f) {
+  const auto at = static_cast<std::size_t>(span.row);
   // Scanbeams begin and end where fragments do. Lower ends are nearly in the order of upper ones.
   lower_ends_.clear();
   for (const EdgeFragment& p : fragments_) {
@@ -173,10 +197,15 @@ unsigned Raster::draw_overlap_span(const OverlapSpan& span, const BandLayout& f)
     for (; next < fragments_.size() && fragments_[next].y0 <= from; ++next) {
       active_.push_back({&fragments_[next], fragments_[next].x0, 0});
     }
-    if (!active_.empty()) draw_scanbeam(sums, marks, from, to, span.winding, f);
+    if (!active_.empty()) draw_scanbeam(sums, marks, from, to, winding, f);
   }
+}
+
+unsigned Raster::write_levels(const OverlapSpan& span, bool inside) {
+  const auto at = static_cast<std::size_t>(span.row);
+  PixelSums* const sums = sums_.data() + at * (width_ + 1);
   unsigned lit = 0;
-  std::int64_t running = span.winding ? kOne : 0;
+  std::int64_t running = inside ? kOne : 0;
   std::uint8_t* const pixels = pixels_.data() + at * width_;
   for (int p = span.first; p <= span.last; ++p) {
     const unsigned level = level_of(std::max<std::int64_t>(running + sums[p].area, 0));
@@ -188,8 +217,9 @@ unsigned Raster::draw_overlap_span(const OverlapSpan& span, const BandLayout& f)
   return lit;
 }
 
+template <class Winding>
 void Raster::draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, double to,
-                           int winding, const BandLayout& f) {
+                           Winding& winding, const BandLayout& f) {
   const auto before = [](const Active& a, const Active& b) {
     return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
   };
@@ -228,22 +258,159 @@ void Raster::draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, d
       }
     }
     const double height = rounded(until * kOneReal) - rounded(from * kOneReal);
-    int w = winding;
     for (const Active& a : active_) {
-      const int after = w + a.fragment->winding;
-      if ((w == 0) != (after == 0)) {
+      const bool was_inside = winding.inside();
+      winding.cross(*a.fragment);
+      if (was_inside != winding.inside()) {
         const double x_end = until == to ? a.x_end : a.fragment->at(until);
-        const double change = w == 0 ? height : -height;
+        const double change = was_inside ? -height : height;
         add_piece(sums, marks, a.x, x_end, change, change / std::abs(x_end - a.x), f.width);
       }
-      w = after;
     }
+    for (const Active& a : active_) winding.cross(*a.fragment, -1);
     if (until != to) {
       for (Active& a : active_) a.x = a.fragment->at(until);
     }
     from = until;
   }
   for (Active& a : active_) a.x = a.x_end;
+}
+
+// Where volumes are taken away.
+
+/// Each tag by itself.
+struct Raster::ManyWindings {
+  SolidWindings& windings;
+  bool inside() const { return windings.inside(); }
+  void cross(const EdgeFragment& fragment, int way = 1) {
+    windings.add(fragment.tag, way * fragment.winding);
+  }
+};
+
+/// Notes the rows that segments cross whose tags need the rule; false where there are none.
+bool Raster::find_ruled_rows() {
+  const BandLayout f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
+  ruled_.assign(static_cast<std::size_t>(y1_ - y0_), 0);
+  bool any = false;
+  for (std::size_t i = 0; i < segments_.size(); ++i) {
+    if (!rule_->needs_rule(tags_[i])) continue;
+    const Segment& s = segments_[i];
+    int first = 0, last = 0;
+    if (s.ay == s.by) {
+      if (!(s.ay > y0_) || !(s.ay < y1_)) continue;
+      first = last = static_cast<int>(s.ay);
+      if (first == s.ay) continue;
+    } else {
+      const Line line(s, f);
+      first = line.first_row(f);
+      last = line.last_row(f);
+    }
+    for (int row = first; row <= last; ++row) {
+      ruled_[static_cast<std::size_t>(row - y0_)] = 1;
+      any = true;
+    }
+  }
+  windings_.clear();
+  windings_.emplace_back(*rule_);
+  heights_.assign(rule_->tags(), 0);
+  ruled_row_ = -1;
+  return any;
+}
+
+/// Makes overlap spans of all runs of marked pixels of a row.
+void Raster::find_ruled_spans(int row, const BandLayout& f) {
+  const auto at = static_cast<std::size_t>(row);
+  std::uint64_t* const down = marks_.data() + 2 * at * f.words;
+  PixelSums* const sums = sums_.data() + at * f.stride;
+  for (int p = 0; p < f.width; ++p) {
+    const auto word = static_cast<std::size_t>(p) / 64;
+    if (!((down[word] | down[word + f.words]) >> (p % 64) & 1)) continue;
+    sums[p] = {0, 0};
+    if (!overlap_spans_.empty() && overlap_spans_.back().row == row &&
+        overlap_spans_.back().last + 1 == p) {
+      overlap_spans_.back().last = p;
+    } else {
+      overlap_spans_.push_back({row, p, p, 0, 0, 0});
+    }
+  }
+  sums[f.width] = {0, 0};
+  std::fill_n(down, 2 * f.words, std::uint64_t{0});
+}
+
+/// Spans come from left to right: the windings are those that the ones before left.
+unsigned Raster::draw_ruled_span(const OverlapSpan& span, const BandLayout& f) {
+  SolidWindings& windings = windings_[0];
+  if (span.row != ruled_row_) {
+    windings.clear();
+    ruled_row_ = span.row;
+    ruled_column_ = 0;
+  }
+  unsigned lit = 0;
+  std::uint8_t* const pixels = pixels_.data() + static_cast<std::size_t>(span.row) * width_;
+  if (windings.inside()) {
+    std::fill(pixels + ruled_column_, pixels + span.first, std::uint8_t{255});
+    lit |= static_cast<unsigned>(span.first > ruled_column_);
+  }
+  ruled_column_ = span.last + 1;
+  collect_fragments(span, f);
+  ManyWindings winding{windings};
+  draw_fragments(span, winding, f);
+  lit |= write_levels(span, windings.inside());
+  // Contours are closed: right of the span each winding is one number again.
+  for (const EdgeFragment& p : fragments_) {
+    heights_[p.tag] +=
+        p.winding * static_cast<std::int64_t>(rounded(p.y1 * kOneReal) - rounded(p.y0 * kOneReal));
+  }
+  for (const EdgeFragment& p : fragments_) {
+    const std::int64_t by = (heights_[p.tag] + kOne / 2) >> kOneBits;
+    heights_[p.tag] = 0;
+    if (by != 0) windings.add(p.tag, by);
+  }
+  return lit;
+}
+
+/// What `add_centres` does, by the same arithmetic, for the rows that the rule draws.
+void Raster::add_ruled_centres(const BandLayout& f) {
+  for (std::size_t i = 0; i < segments_.size(); ++i) {
+    const Segment& s = segments_[i];
+    if (s.ay == s.by) continue;
+    const Line line(s, f);
+    const int first = line.uy > f.y0 ? static_cast<int>(std::ceil(line.uy - 0.5)) : f.y0;
+    const int last = line.ly < f.y1 ? static_cast<int>(std::ceil(line.ly - 0.5)) - 1 : f.y1 - 1;
+    for (int row = first; row <= last; ++row) {
+      if (!ruled_[static_cast<std::size_t>(row - f.y0)]) continue;
+      const double x = line.x_at(row + 0.5) - 0.5;
+      int column = static_cast<int>(x);
+      column += x > column;
+      centre_steps_.push_back(
+          {row - f.y0, column, tags_[i], static_cast<std::int8_t>(line.down ? 1 : -1)});
+    }
+  }
+}
+
+bool Raster::draw_ruled_centres() {
+  std::sort(centre_steps_.begin(), centre_steps_.end(),
+            [](const CentreStep& a, const CentreStep& b) {
+              return a.row != b.row ? a.row < b.row : a.column < b.column;
+            });
+  SolidWindings& windings = windings_[0];
+  bool lit = false;
+  for (std::size_t i = 0; i < centre_steps_.size();) {
+    const int row = centre_steps_[i].row;
+    std::uint8_t* const pixels = pixels_.data() + static_cast<std::size_t>(row) * width_;
+    windings.clear();
+    for (; i < centre_steps_.size() && centre_steps_[i].row == row; ++i) {
+      windings.add(centre_steps_[i].tag, centre_steps_[i].step);
+      const bool more = i + 1 < centre_steps_.size() && centre_steps_[i + 1].row == row;
+      const int from = centre_steps_[i].column;
+      const int to = more ? centre_steps_[i + 1].column : static_cast<int>(width_);
+      if (!windings.inside() || from >= to) continue;
+      std::fill(pixels + from, pixels + to, std::uint8_t{255});
+      lit = true;
+    }
+  }
+  centre_steps_.clear();
+  return lit;
 }
 
 }  // namespace slicecorr::detail

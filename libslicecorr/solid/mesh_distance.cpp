@@ -90,6 +90,12 @@ struct MeshDistance::Impl {
 MeshDistance::MeshDistance(const TriangleMesh& mesh) : impl_(std::make_unique<Impl>()) {
   Impl& s = *impl_;
   if (mesh.triangles.empty()) throw InputError("the design has no triangle to measure from");
+  for (const TriangleMesh::Share& share : mesh.shares) {
+    if (share.role == SolidRole::added) continue;
+    throw InputError(
+        "volumes are taken away from the design, or it is kept within some, and distances are measured "
+        "to surfaces of meshes only; expected a design whose mesh is its surface");
+  }
   s.lower.fill(std::numeric_limits<double>::infinity());
   s.upper.fill(-std::numeric_limits<double>::infinity());
   for (const auto& t : mesh.triangles) {
@@ -167,8 +173,9 @@ TriangleMesh on_plate(const TriangleMesh& mesh, const Printer& printer,
   Point3 low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
-  for (const auto& t : mesh.triangles) {
-    for (const std::uint32_t v : t) {
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (!mesh.adds(i)) continue;
+    for (const std::uint32_t v : mesh.triangles[i]) {
       for (std::size_t k = 0; k < 3; ++k) {
         low[k] = std::min(low[k], mesh.vertices.at(v)[k]);
         high[k] = std::max(high[k], mesh.vertices[v][k]);

@@ -88,6 +88,14 @@ void write_meshes(const fs::path& folder) {
   write(folder / "3mf/plain",
         to_bytes(start + object + R"(</resources><build><item objectid="1"/></build></model>)"));
   write(
+      folder / "3mf/beams",
+      to_bytes(
+          R"(<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" xmlns:b="http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02" xmlns:c="http://schemas.microsoft.com/3dmanufacturing/beamlattice/balls/2020/07" requiredextensions="b c"><resources><object id="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices><triangles/><b:beamlattice radius=".1" minlength="0.01" cap="hemisphere" c:ballmode="mixed" c:ballradius=".3"><b:beams><b:beam v1="0" v2="1"/><b:beam v1="0" v2="2" r1=".2" r2=".1" cap1="butt" cap2="sphere"/></b:beams><c:balls><c:ball vindex="2"/></c:balls></b:beamlattice></mesh></object></resources><build><item objectid="1"/></build></model>)"));
+  write(
+      folder / "3mf/slices",
+      to_bytes(
+          R"(<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" xmlns:s="http://schemas.microsoft.com/3dmanufacturing/slice/2015/07" requiredextensions="s"><resources><s:slicestack id="2" zbottom="1"><s:slice ztop="2"><s:vertices><s:vertex x="0" y="0"/><s:vertex x="1" y="0"/><s:vertex x="0" y="1"/></s:vertices><s:polygon startv="0"><s:segment v2="1"/><s:segment v2="2"/><s:segment v2="0"/></s:polygon></s:slice><s:slice ztop="3"/></s:slicestack><object id="1" s:slicestackid="2" s:meshresolution="lowres"><mesh><vertices/></mesh></object></resources><build><item objectid="1"/></build></model>)"));
+  write(
       folder / "3mf/components",
       to_bytes(
           start + object +

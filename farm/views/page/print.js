@@ -127,7 +127,7 @@ $('look').addEventListener('click', () => during('look', async () => {
   const facts_ = el('dl');
   facts(facts_, [['Size', size.join(' x ') + ' mm on a plate of ' + f.plate_mm.map((v) => figure(v)).join(' x ') + ' mm'], ['Layers', count(f.layers) + ' of ' + figure(f.layer_um) + ' um'],
     ['Volume', f.volume_ml > 0 ? figure(f.volume_ml) + ' ml' : ''], ['Triangles', f.triangles ? count(f.triangles) + (f.shown_triangles < f.triangles ? ', ' + count(f.shown_triangles) + ' shown' : '') : ''],
-    ['Faults of the mesh', f.defects.join('; ')]]);
+    ['Remarks on the mesh', f.defects.join('; ')]]);
   $('plate-facts').replaceChildren(facts_);
   round.show(readTriangles(await (await ask(s.path + '/files/plate.bin')).arrayBuffer()), f.plate_mm);
   await layers.show(s.path, f);

@@ -5,10 +5,11 @@
 /// Reading meshes, reporting their defects, placing them. Lengths are mm unless a name says
 /// otherwise.
 ///
-/// Supported: STL (ascii and binary, any line ending, several solids in a file) and OBJ by readers
-/// of our own; PLY and OFF through OpenMesh; 3MF through lib3mf with its units, components and
-/// transforms; each also gzip-compressed (name ends in `.gz`). Polygons are split into triangles as
-/// fans.
+/// Supported: STL (ascii and binary, any line ending, several solids in a file), OBJ, PLY and 3MF by
+/// readers of our own; OFF through OpenMesh; each also gzip-compressed (name ends in `.gz`).
+/// Polygons are split into triangles as fans. 3MF with its units, components and transforms, beam
+/// lattices, slices in place of a coarse mesh, and the volumes that slicers' projects take away from
+/// parts, or that are none.
 ///
 /// Plain values; all functions are thread-safe on different objects. What can't be read or used
 /// throws `InputError`, a cancelled `context` `Cancelled`.
@@ -26,11 +27,34 @@ namespace slicecorr {
 
 using Point3 = std::array<double, 3>;
 
+/// What triangles do to a solid.
+enum class SolidRole : std::uint8_t {
+  added,       ///< the solid is what they enclose ...
+  taken_away,  ///< ... but nothing that these enclose, ...
+  kept_within  ///< ... and, where there are such, only what lies inside them
+};
+
 /// An indexed triangle soup. Vertices are merged only where their coordinates are exactly equal.
 struct TriangleMesh {
   std::vector<Point3> vertices;
   /// Indices into `vertices`, counter-clockwise seen from outside.
   std::vector<std::array<std::uint32_t, 3>> triangles;
+  /// The triangles from `first` on, up to the next share's.
+  struct Share {
+    std::uint32_t first = 0;
+    std::uint32_t solid = 0;
+    SolidRole role = SolidRole::added;
+  };
+  /// Empty: all triangles are added to one solid. Else the first share begins with the first
+  /// triangle, they follow each other, and no vertex is in two of them. The mesh is the union of its
+  /// solids.
+  std::vector<Share> shares = {};
+
+  /// Whether a triangle bounds what is added to a solid: only these give the mesh its size.
+  bool adds(std::size_t triangle) const {
+    return shares.empty() || role_of(triangle) == SolidRole::added;
+  }
+  SolidRole role_of(std::size_t triangle) const;
 };
 
 /// What is wrong with a mesh. Nothing of it is changed in the mesh.
@@ -69,9 +93,11 @@ struct EdgeDefects {
 /// Figures of a mesh, in the units of its coordinates.
 struct MeshReport {
   std::size_t vertices = 0, triangles = 0;
-  std::size_t bodies = 0;   ///< parts connected through shared edges
-  double volume = 0;        ///< signed volume, cubic units; meaningful for closed meshes
-  Point3 lower{}, upper{};  ///< bounding box
+  std::size_t bodies = 0;  ///< parts connected through shared edges
+  /// Signed volume, cubic units; meaningful for closed meshes whose bodies do not overlap. What is
+  /// taken away counts as if it lay inside, what is kept within not at all.
+  double volume = 0;
+  Point3 lower{}, upper{};  ///< bounding box of what is added
   MeshDefects defects;
 };
 
@@ -88,11 +114,14 @@ struct Placement {
 /// Whether a file of this name is read as a mesh.
 bool is_mesh_name(const std::string& path);
 
-/// Reads one file and applies `placement`. The result is in mm, at the place the file says.
-/// Throws `InputError` when the file can't be read, holds no triangle, or a coordinate is not
-/// finite.
+/// Reads one file and applies `placement`. The result is in mm, at the place the file says. What of
+/// the file is no part of the mesh is told through `context`, a line for each kind, and added to
+/// `notes` where that is not null (without the file's name).
+/// Throws `InputError` when the file can't be read, holds no triangle, requires what is not read, or a
+/// coordinate is not finite.
 TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
-                       const ExecutionContext& context = {});
+                       const ExecutionContext& context = {},
+                       std::vector<std::string>* notes = nullptr);
 
 /// Counts triangles, bodies and defects; O(triangles). Writes to `edge_defects`, when it is not
 /// null, which edges are open and which triangles are turned.

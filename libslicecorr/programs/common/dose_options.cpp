@@ -57,8 +57,9 @@ std::array<Point3, 2> box_of(const TriangleMesh& mesh) {
   Point3 low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
-  for (const auto& t : mesh.triangles) {
-    for (const std::uint32_t v : t) {
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (!mesh.adds(i)) continue;
+    for (const std::uint32_t v : mesh.triangles[i]) {
       for (std::size_t k = 0; k < 3; ++k) {
         low[k] = std::min(low[k], mesh.vertices[v][k]);
         high[k] = std::max(high[k], mesh.vertices[v][k]);

@@ -36,8 +36,9 @@ struct Box {
     high.fill(-std::numeric_limits<double>::infinity());
   }
   void add(const TriangleMesh& mesh) {
-    for (const auto& triangle : mesh.triangles) {
-      for (const std::uint32_t v : triangle) {
+    for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+      if (!mesh.adds(i)) continue;
+      for (const std::uint32_t v : mesh.triangles[i]) {
         for (std::size_t k = 0; k < 3; ++k) {
           low[k] = std::min(low[k], mesh.vertices[v][k]);
           high[k] = std::max(high[k], mesh.vertices[v][k]);
@@ -365,8 +366,10 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
   Box part;
   part.add(parts.mesh);
   Box all = part;
+  ExecutionContext untold = context;
+  untold.notice = nullptr;  // whoever slices them tells
   for (const std::string& path : left_alone) {
-    if (is_mesh_name(path)) all.add(read_mesh(path, place.placement, context));
+    if (is_mesh_name(path)) all.add(read_mesh(path, place.placement, untold));
   }
   SliceOptions placed = options.slice_options(surface);
   const Grid plate = plate_grid(printer);

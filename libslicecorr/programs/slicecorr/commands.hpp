@@ -75,6 +75,8 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
 int run(const Arguments& a, const ExecutionContext& context, Console& console);
 int convert(const Arguments& a, const ExecutionContext& context, Console& console);
 int info(const Arguments& a, const ExecutionContext& context, Console& console);
+/// What `info` says of a mesh.
+int mesh_info(const Arguments& a, const ExecutionContext& context);
 
 // view_commands.cpp: what stacks print, as figures, pages, pictures and meshes.
 int verify(const Arguments& a, const ExecutionContext& context, Console& console);

@@ -195,8 +195,8 @@ int run_program(int argc, char** argv) {
       "Printer to convert for: images are turned as its display needs them, and its pixel size "
       "counts where IN has none");
 
-  sub = add("info", "What a stack says about itself", commands::info);
-  stack_input(sub, "STACK", "Stack to look into");
+  sub = add("info", "What a stack says about itself, or a mesh: what of it prints", commands::info);
+  stack_input(sub, "STACK", "Stack or mesh to look into");
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
   FlowOptions flow;

@@ -168,6 +168,7 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
 
 int info(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input});
+  if (is_mesh_name(a.input)) return mesh_info(a, context);
   StackInfo info = StackReader::read_info(a.input);
   // Light is no shape: of what is corrected `verify` says what hangs together.
   std::optional<Bodies> bodies;

@@ -25,8 +25,9 @@ void check_radius(const TriangleMesh& mesh, const Printer& printer,
                   const ExecutionContext& context) {
   const PartFrame frame = frame_of(mesh, context);
   double radius_mm = 0;
-  for (const auto& triangle : mesh.triangles) {
-    for (const std::uint32_t v : triangle) {
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (!mesh.adds(i)) continue;
+    for (const std::uint32_t v : mesh.triangles[i]) {
       const Point3& corner = mesh.vertices[v];
       radius_mm =
           std::max(radius_mm, std::hypot(corner[0] - frame.axis_x_mm, corner[1] - frame.axis_y_mm));

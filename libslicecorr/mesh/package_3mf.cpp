@@ -5,6 +5,7 @@
 
 #include <zip.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -201,11 +202,11 @@ Package3mf::Package3mf(std::string_view bytes, const std::string& path) : path_(
                          "would unpack to more than " + std::to_string(most) + " bytes, " +
                              std::to_string(kLargestRatio) + " times its size; expected a mesh");
       }
-      std::string_view name = stat.name;
-      if (name.starts_with('/')) name.remove_prefix(1);
+      std::string name = stat.name;
+      std::replace(name.begin(), name.end(), '\\', '/');  // as some programs write them
+      if (name.starts_with('/')) name.erase(0, 1);
       if (name.empty() || name.ends_with('/')) continue;
-      const bool first =
-          parts_.emplace(lower_case(name), Part{std::string(name), stat.index, stat.size}).second;
+      const bool first = parts_.emplace(lower_case(name), Part{name, stat.index, stat.size}).second;
       if (!first) throw InputError(path, shown(name), "this part is there twice");
     }
   } catch (...) {

@@ -211,10 +211,6 @@ class Reader3mf {
           check_part(object, id, volume);
         }
       }
-      const auto ranges = project_.ranges.find(object.id);
-      if (ranges != project_.ranges.end()) {
-        for (const auto& range : ranges->second) cut |= range.volume == Volume3mf::negative;
-      }
     }
     if (cut) placed.solid = ++solids_;
     add_object(object, part, placed);
@@ -286,6 +282,9 @@ class Reader3mf {
     }
     const auto ranges = project_.ranges.find(object.id);
     if (part == root_ && ranges != project_.ranges.end()) {
+      for (const Project3mf::Range& range : ranges->second) {
+        if (range.volume == Volume3mf::negative && placed.solid == 0) placed.solid = ++solids_;
+      }
       add_ranges(object, ranges->second, placed);
     } else {
       add_triangles(object, 0, object.triangles.size(), placed);
@@ -306,6 +305,9 @@ class Reader3mf {
                      const Placed& placed) {
     if (first == past) return;
     count(past - first);
+    // Of a few triangles that name a few of many corners, a million times over.
+    corners_ += object.vertices.size();
+    if (corners_ > 4 * kMost3mfTriangles) refuse_repeats(root_, 0);
     share(placed.solid, placed.role).add(object, first, past, placed.transform, path_);
   }
 
@@ -446,7 +448,7 @@ class Reader3mf {
       const auto& [solid, role] = key;
       const auto first = static_cast<std::uint32_t>(mesh.triangles.size());
       TriangleMesh part = own.take();
-      shares |= solid != 0;
+      shares |= solid != 0 || role != SolidRole::added;
       if (mesh.triangles.empty()) {
         mesh = std::move(part);
       } else {
@@ -466,7 +468,7 @@ class Reader3mf {
   std::map<std::string, Model3mf> models_;
   std::map<std::string, Weight> weights_;  ///< by part and object
   std::uint64_t objects_ = 0;
-  std::size_t triangles_ = 0;
+  std::size_t triangles_ = 0, corners_ = 0;
   std::uint32_t solids_ = 0;
   std::map<std::pair<std::uint32_t, SolidRole>, Share3mf> shares_;
   std::vector<TriangleMesh::Share> shares_of_mesh_;

@@ -3,6 +3,7 @@
 
 // Pixels in which fragments may overlap or cross, scanbeam by scanbeam.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <span>
 
@@ -322,15 +323,16 @@ void Raster::find_ruled_spans(int row, const BandLayout& f) {
   const auto at = static_cast<std::size_t>(row);
   std::uint64_t* const down = marks_.data() + 2 * at * f.words;
   PixelSums* const sums = sums_.data() + at * f.stride;
-  for (int p = 0; p < f.width; ++p) {
-    const auto word = static_cast<std::size_t>(p) / 64;
-    if (!((down[word] | down[word + f.words]) >> (p % 64) & 1)) continue;
-    sums[p] = {0, 0};
-    if (!overlap_spans_.empty() && overlap_spans_.back().row == row &&
-        overlap_spans_.back().last + 1 == p) {
-      overlap_spans_.back().last = p;
-    } else {
-      overlap_spans_.push_back({row, p, p, 0, 0, 0});
+  for (std::size_t w = 0; w < f.words; ++w) {
+    for (std::uint64_t left = down[w] | down[w + f.words]; left; left &= left - 1) {
+      const int p = static_cast<int>(64 * w) + std::countr_zero(left);
+      sums[p] = {0, 0};
+      if (!overlap_spans_.empty() && overlap_spans_.back().row == row &&
+          overlap_spans_.back().last + 1 == p) {
+        overlap_spans_.back().last = p;
+      } else {
+        overlap_spans_.push_back({row, p, p, 0, 0, 0});
+      }
     }
   }
   sums[f.width] = {0, 0};

@@ -702,6 +702,10 @@ TEST_F(Model3mf, BeamsAreUnitedClippedAndChecked) {
   EXPECT_NEAR(
       sliced_mm3(read(text(plain + R"(clippingmode="inside" clippingmesh="5")", one), {}), 0.1),
       pi * 5, 0.01);
+  // The part is no larger than what it is kept within: so it stands on the platform.
+  EXPECT_EQ(
+      inspect(read(text(plain + R"(clippingmode="inside" clippingmesh="5")", one), {})).upper[2],
+      5);
   EXPECT_NEAR(
       sliced_mm3(read(text(plain + R"(clippingmode="outside" clippingmesh="5")", one), {}), 0.1),
       pi * 5, 0.01);

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <random>
 
+#include "mesh/clip_to_box.hpp"
 #include "meshes.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
@@ -379,6 +380,50 @@ TEST(SolidRule, WithoutAnythingTakenAwayNothingChanges) {
               sliced(*without.edge_heights(), layers + 1, 16));
   }
   EXPECT_GT(compared, 5);
+}
+
+TEST(SolidRule, BodiesCutAtABoxAreClosedAndWithinIt) {
+  std::mt19937 random(13);
+  int cut = 0;
+  for (int round = 0; round < 200; ++round) {
+    Body whole{tetrahedron(random, 4)};
+    std::uniform_real_distribution<double> at(-0.5, 4.5);
+    Point3 low, high;
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = at(random);
+      high[k] = at(random);
+      if (low[k] > high[k]) std::swap(low[k], high[k]);
+    }
+    TriangleMesh mesh = whole.mesh;
+    detail::keep_in_box(mesh.vertices, mesh.triangles, low, high);
+    if (mesh.triangles.empty()) continue;
+    const MeshReport r = inspect(mesh);
+    EXPECT_EQ(r.defects.open_edges + r.defects.misoriented_edges + r.defects.degenerate_triangles,
+              0u)
+        << round << " " << describe(r.defects);
+    const Body kept{mesh};
+    int inside = 0;
+    for (int i = 0; i < 500; ++i) {
+      Point3 p;
+      bool near = false, in_box = true;
+      for (std::size_t k = 0; k < 3; ++k) {
+        p[k] = at(random);
+        near |= std::abs(p[k] - low[k]) < 1e-6 || std::abs(p[k] - high[k]) < 1e-6;
+        in_box &= p[k] > low[k] && p[k] < high[k];
+      }
+      if (near) continue;
+      const bool expected = in_box && whole.holds(p);
+      inside += expected;
+      // What is cut from a convex body is convex.
+      ASSERT_EQ(kept.holds(p), expected) << round;
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+      EXPECT_GE(r.lower[k], low[k]);
+      EXPECT_LE(r.upper[k], high[k]);
+    }
+    cut += inside > 0;
+  }
+  EXPECT_GT(cut, 40);
 }
 
 TEST(SolidRule, RefusesWhatHasNoInside) {

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <tuple>
@@ -292,6 +294,20 @@ class Reader3mf {
     if (object.lattice) add_lattice(object, part, placed);
   }
 
+  static std::array<Point3, 2> box_of(const Object3mf& object) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    std::array<Point3, 2> box{{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}}};
+    for (const auto& t : object.triangles) {
+      for (const std::uint32_t v : t) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          box[0][k] = std::min(box[0][k], object.vertices[v][k]);
+          box[1][k] = std::max(box[1][k], object.vertices[v][k]);
+        }
+      }
+    }
+    return box;
+  }
+
   Share3mf& share(std::uint32_t solid, SolidRole role) { return shares_[{solid, role}]; }
 
   void count(std::size_t more) {
@@ -342,9 +358,21 @@ class Reader3mf {
     }
     const double unit_mm = load(part).unit_mm;
     const double tolerance = kBeamTolerance_mm / (stretch * scale_to_mm(placement_, unit_mm));
+    const Object3mf* clip_mesh = nullptr;
+    std::optional<std::array<Point3, 2>> box;
+    if (lattice.clipping != Lattice3mf::Clipping::none) {
+      clip_mesh = &load(part).objects.at(lattice.clipping_mesh);
+      if (placed.solid != 0) {
+        fail(
+            part, object.line,
+            "beams that are clipped, in an object from which volumes are taken away, are not read");
+      }
+      // What is clipped for certain gives the part no size.
+      if (lattice.clipping == Lattice3mf::Clipping::inside) box = box_of(*clip_mesh);
+    }
     Bodies3mf bodies;
     try {
-      short_.count += add_beams(object, tolerance, kMost3mfTriangles - triangles_, bodies);
+      short_.count += add_beams(object, tolerance, kMost3mfTriangles - triangles_, box, bodies);
     } catch (const std::length_error&) {
       fail(part, object.line,
            "the beams of object " + std::to_string(object.id) + " take more than " +
@@ -352,18 +380,12 @@ class Reader3mf {
     }
     count(bodies.triangles.size());
     Placed own = placed;
-    if (lattice.clipping != Lattice3mf::Clipping::none) {
-      if (placed.solid != 0) {
-        fail(
-            part, object.line,
-            "beams that are clipped, in an object from which volumes are taken away, are not read");
-      }
+    if (clip_mesh) {
       own.solid = ++solids_;
       Placed clip = own;
       clip.role = lattice.clipping == Lattice3mf::Clipping::inside ? SolidRole::kept_within
                                                                    : SolidRole::taken_away;
-      const Object3mf& mesh = load(part).objects.at(lattice.clipping_mesh);
-      add_triangles(mesh, 0, mesh.triangles.size(), clip);
+      add_triangles(*clip_mesh, 0, clip_mesh->triangles.size(), clip);
     }
     if (!bodies.triangles.empty()) {
       share(own.solid, own.role).add(bodies, placed.transform, path_);

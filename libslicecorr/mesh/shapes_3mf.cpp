@@ -11,6 +11,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "mesh/clip_to_box.hpp"
+
 namespace slicecorr::detail {
 namespace {
 
@@ -161,10 +163,43 @@ void add_ball(Bodies3mf& bodies, const Point3& centre, double radius, int meridi
   rings.close();
 }
 
+void drop_unused(Bodies3mf& bodies) {
+  constexpr auto unused = static_cast<std::uint32_t>(-1);
+  std::vector<std::uint32_t> places(bodies.vertices.size(), unused);
+  std::vector<Point3> kept;
+  for (auto& t : bodies.triangles) {
+    for (std::uint32_t& v : t) {
+      if (places[v] == unused) {
+        places[v] = static_cast<std::uint32_t>(kept.size());
+        kept.push_back(bodies.vertices[v]);
+      }
+      v = places[v];
+    }
+  }
+  bodies.vertices = std::move(kept);
+}
+
 }  // namespace
 
 std::size_t add_beams(const Object3mf& object, double tolerance, std::size_t most,
-                      Bodies3mf& bodies) {
+                      const std::optional<std::array<Point3, 2>>& box, Bodies3mf& bodies) {
+  // The body that begins with this triangle, where the box ends.
+  const auto cut = [&](std::size_t begin) {
+    if (!box) return;
+    const auto at = bodies.triangles.begin() + static_cast<std::ptrdiff_t>(begin);
+    std::vector<std::array<std::uint32_t, 3>> body(at, bodies.triangles.end());
+    keep_in_box(bodies.vertices, body, (*box)[0], (*box)[1]);
+    bodies.triangles.resize(begin);
+    bodies.triangles.insert(bodies.triangles.end(), body.begin(), body.end());
+  };
+  // Whether something around two points reaches into the box.
+  const auto reaches = [&](const Point3& a, const Point3& b, double radius) {
+    for (std::size_t k = 0; k < 3 && box; ++k) {
+      if (std::max(a[k], b[k]) + radius + tolerance < (*box)[0][k]) return false;
+      if (std::min(a[k], b[k]) - radius - tolerance > (*box)[1][k]) return false;
+    }
+    return true;
+  };
   const Lattice3mf& lattice = *object.lattice;
   std::set<std::pair<std::uint32_t, double>> balls;
   std::map<std::uint32_t, double> ball_of_vertex;
@@ -192,11 +227,13 @@ std::size_t add_beams(const Object3mf& object, double tolerance, std::size_t mos
         if (!ball_of_vertex.contains(v)) balls.insert({v, *lattice.ball_radius});
       }
     }
-    const bool domes = beam.cap1 == Cap3mf::hemisphere || beam.cap2 == Cap3mf::hemisphere;
     const double radius = std::max(beam.r1, beam.r2);
+    if (!reaches(a, b, radius)) continue;
+    const bool domes = beam.cap1 == Cap3mf::hemisphere || beam.cap2 == Cap3mf::hemisphere;
     const int corners =
         domes ? meridians_of_ball(radius, tolerance) : corners_of_circle(radius, tolerance);
     const double factor = same_area(corners);
+    const std::size_t begin = bodies.triangles.size();
     check(static_cast<std::size_t>(corners) * (domes ? static_cast<std::size_t>(corners) + 4 : 4));
     Rings rings(bodies, axis, corners);
     if (beam.cap1 == Cap3mf::hemisphere) add_dome(rings, a, axis, factor * beam.r1, corners, true);
@@ -204,12 +241,17 @@ std::size_t add_beams(const Object3mf& object, double tolerance, std::size_t mos
     rings.add(b, factor * beam.r2);
     if (beam.cap2 == Cap3mf::hemisphere) add_dome(rings, b, axis, factor * beam.r2, corners, false);
     rings.close();
+    cut(begin);
   }
   for (const auto& [vertex, radius] : balls) {
+    if (!reaches(object.vertices[vertex], object.vertices[vertex], radius)) continue;
     const int meridians = meridians_of_ball(radius, tolerance);
     check(static_cast<std::size_t>(meridians) * static_cast<std::size_t>(meridians));
+    const std::size_t begin = bodies.triangles.size();
     add_ball(bodies, object.vertices[vertex], radius, meridians);
+    cut(begin);
   }
+  if (box) drop_unused(bodies);
   return too_short;
 }
 

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "mesh/model_3mf.hpp"
@@ -23,10 +24,11 @@ inline constexpr double kBeamTolerance_mm = 0.004;
 
 /// Adds the beams between vertices of `object`, whose own lattice they are. No face lies further from
 /// the round surface than `tolerance`, in the file's units, on either side; a beam and a ball have
-/// the volume of the round ones. Returns how many beams are too short to count. Throws
-/// `std::length_error` where they take more triangles than `most`.
+/// the volume of the round ones. What lies outside of `box`, where there is one, is left out.
+/// Returns how many beams are too short to count. Throws `std::length_error` where they take more
+/// triangles than `most`.
 std::size_t add_beams(const Object3mf& object, double tolerance, std::size_t most,
-                      Bodies3mf& bodies);
+                      const std::optional<std::array<Point3, 2>>& box, Bodies3mf& bodies);
 
 /// Adds slices as prisms from `bottom` up. Their contours are filled by the non-zero rule, as all that
 /// is sliced.

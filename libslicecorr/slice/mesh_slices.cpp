@@ -13,6 +13,7 @@
 #include <string>
 #include <utility>
 
+#include "mesh/clip_to_box.hpp"
 #include "mesh/half_edges.hpp"
 #include "parallel/silent.hpp"
 #include "slice/bridges.hpp"

@@ -92,10 +92,4 @@ class SolidWindings {
   int filled_ = 0;
 };
 
-/// Cuts triangles at the sides of a box and moves what lies beyond onto them, so that inside nothing
-/// changes and nothing is left outside. Closed bodies stay closed. New corners are added to
-/// `corners`; those of the triangles may be used by no others.
-void clip_to_box(std::vector<Point3>& corners, std::vector<std::array<std::uint32_t, 3>>& triangles,
-                 const Point3& low, const Point3& high);
-
 }  // namespace slicecorr::detail

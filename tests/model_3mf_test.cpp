@@ -526,6 +526,12 @@ TEST_F(Model3mf, VolumesOfPrusaProjects) {
   }
   EXPECT_NEAR(sliced_mm3(kind("ModelPart"), 0.5), 4000 + 100 * 20, 1e-6);
   EXPECT_THAT(notes_, IsEmpty());
+  std::string all = prusa_config("");
+  all =
+      all.substr(0, all.find("<volume")) +
+      R"(<volume firstid="0" lastid="23"><metadata type="volume" key="volume_type" value="NegativeVolume"/></volume></object></config>)";
+  EXPECT_THAT(refused(text, {{"Metadata/Slic3r_PE_model.config", all}}),
+              HasSubstr("holds no triangles that print: 1 negative volume"));
   // What older versions wrote for modifiers.
   EXPECT_NEAR(
       inspect(with(prusa_config("<metadata type=\"volume\" key=\"modifier\" value=\"1\"/>")))

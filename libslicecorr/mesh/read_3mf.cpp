@@ -4,12 +4,10 @@
 // From the models of a 3MF to the mesh that is printed: items, components, and what of them is a part.
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <set>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
 
 #include "mesh/mesh_parts.hpp"
@@ -102,7 +100,10 @@ class Reader3mf {
     for (const Item3mf& item : model.items) add_item(item);
     tell(notes);
     TriangleMesh mesh = take();
-    if (!mesh.triangles.empty()) return mesh;
+    const bool adds = mesh.shares.empty() ||
+                      std::any_of(mesh.shares.begin(), mesh.shares.end(),
+                                  [](const auto& share) { return share.role == SolidRole::added; });
+    if (adds && !mesh.triangles.empty()) return mesh;
     std::string why;
     for (const std::string& note : notes) why += (why.empty() ? ": " : "; ") + note;
     throw InputError(path_, "",
@@ -110,10 +111,6 @@ class Reader3mf {
   }
 
  private:
-  struct Known {
-    std::string part;
-    Model3mf model;
-  };
   /// An object's place in the expansion of an item.
   struct Placed {
     Transform3mf transform;

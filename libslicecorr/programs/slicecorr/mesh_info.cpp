@@ -65,8 +65,9 @@ int mesh_info(const Arguments& a, const ExecutionContext& context) {
   const double volume_ml = sliced_volume_mm3(mesh, r, context) * 1e-3;
   const auto size = [&](std::size_t k) { return r.upper[k] - r.lower[k]; };
   if (a.json.empty()) {
-    std::string text = fmt::format("{:<12} {} triangles, {} corners, {} {}\n", "mesh", r.triangles,
-                                   r.vertices, r.bodies, r.bodies == 1 ? "body" : "bodies");
+    std::string text = fmt::format("{:<12} {} {}, {} corners, {} {}\n", "mesh", r.triangles,
+                                   r.triangles == 1 ? "triangle" : "triangles", r.vertices,
+                                   r.bodies, r.bodies == 1 ? "body" : "bodies");
     text += fmt::format("{:<12} {:.3f} x {:.3f} x {:.3f} mm, from {:.3f}, {:.3f}, {:.3f} mm\n",
                         "size", size(0), size(1), size(2), r.lower[0], r.lower[1], r.lower[2]);
     text += fmt::format("{:<12} {:.4g} ml\n", "volume", volume_ml);

@@ -38,7 +38,8 @@ TEST(Exposures, AreTheWaitsInLight) {
   EXPECT_TRUE(g.shows(2));
   EXPECT_FALSE(g.shows(3));
   EXPECT_EQ(g.exposures_s(2), (std::vector<double>{2, 0.0025}));
-  EXPECT_FALSE(g.same_light());
+  EXPECT_EQ(g.light(2), (std::vector<double>{255, 128}));
+  EXPECT_EQ(g.places_mm(2), (std::vector<double>{0.05, 0.05}));
 }
 
 /// Creation Workshop leaves the light to the blank image.
@@ -222,7 +223,7 @@ TEST(Recognition, GoesByEntries) {
               HasSubstr("y.gcode: is a second G-code"));
 }
 
-TEST(Recognition, GcodeWithOtherPowerOrOrderIsToldOf) {
+TEST(Recognition, GcodeWithOtherPowerCountsAndOtherOrderIsToldOf) {
   TemporaryFolder folder;
   const Bytes png = png_of(Bytes(12), 4, 3, PNG_FORMAT_GRAY);
   const auto told_of = [&](const std::string& gcode) {
@@ -233,8 +234,15 @@ TEST(Recognition, GcodeWithOtherPowerOrOrderIsToldOf) {
   };
   const std::string one = "G90\nM6054 \"1.png\"\nM106 S255\nG4 P9\nM106 S0\n";
   EXPECT_EQ(told_of(one + "M6054 \"2.png\"\nM106 S255\nG4 P9\nM106 S0\n"), "");
-  EXPECT_THAT(told_of(one + "M6054 \"2.png\"\nM106 S99\nG4 P9\nM106 S0\n"),
-              HasSubstr("lit with different power"));
+  EXPECT_EQ(told_of(one + "M6054 \"2.png\"\nM106 S99\nG4 P9\nM106 S0\n"), "");
+  EXPECT_EQ(StackReader::read_info(folder / "part.zip").light_share,
+            (std::vector<double>{1, 99.0 / 255}));
+  try {
+    told_of(one + "M6054 \"2.png\"\nM106 S256\nG4 P9\nM106 S0\n");
+    ADD_FAILURE() << "more than full light";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("layer 1 is lit with 256 of 255"));
+  }
   EXPECT_THAT(told_of(one), HasSubstr("does not show images 1 to 2 in this order"));
 }
 

@@ -117,15 +117,13 @@ TEST_F(Vdt, TimesOfSingleLayers) {
   EXPECT_TRUE(info.layer_exposure_s.empty());
 }
 
-TEST_F(Vdt, TellsWhatItCantTakeIn) {
-  Notices notices;
+TEST_F(Vdt, HeightsAndLightOfSingleLayers) {
   make(foreign(with("\"height\": 0.15", "\"height\": 0.18")));
-  (void)StackReader(folder_ / "a.vdt", folder_.path(), notices.context);
-  EXPECT_THAT(notices.all(), HasSubstr("layer 2 is 80 um high, others 50 um"));
-  notices.texts.clear();
+  EXPECT_THAT(StackReader::read_info(folder_ / "a.vdt").layer_heights_um,
+              ElementsAre(50, 50, 80, 20));
   make(foreign(with("\"exposure_time\": 2.5, \"light_pwm\": 200", "\"light_pwm\": 100")));
-  (void)StackReader(folder_ / "a.vdt", folder_.path(), notices.context);
-  EXPECT_THAT(notices.all(), HasSubstr("light_pwm is 200 in layer 0 and 100 in layer 2"));
+  EXPECT_THAT(StackReader::read_info(folder_ / "a.vdt").light_share,
+              ElementsAre(200.0 / 255, 200.0 / 255, 100.0 / 255, 200.0 / 255));
 }
 
 TEST_F(Vdt, ImagesReplacedLeaveAllElseAsItWas) {

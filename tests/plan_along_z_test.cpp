@@ -43,7 +43,7 @@ TEST(SlicesThatDiffer, TimeAndLightAreThoseOfTheirSpeeds) {
     const SliceLight light = slice_light(p, 0.7, 50, n, 10);
     EXPECT_NEAR(light.time_s, 50 * 3.6 / slice_speed_mm_h(p, n), 1e-12) << n;
     EXPECT_EQ(light.share, 1) << n;
-    EXPECT_NEAR(planned_light_s(p, 50, n), light.time_s, 1e-12) << n;
+    EXPECT_NEAR(planned_light_s(p, 50, n, 1), light.time_s, 1e-12) << n;
   }
   // On a ramp the lamps follow it, and what they give is still that of the slice's own speed.
   p.ramp = Ramp::lamp_follows;

@@ -64,7 +64,7 @@ TEST_F(PrintFileRefusals, OfCtb) {
   EXPECT_THAT(with(table + 0x10, 0), HasSubstr("no data"));
   EXPECT_THAT(with(table + 0x10, u32(table + 0x10) + 1), HasSubstr("not the copy of record 0"));
   EXPECT_THAT(with(table + 0x18, 0x55), HasSubstr("expected 54h"));
-  EXPECT_THAT(with(table + 0x24, u32(table)), HasSubstr("not above the one before it"));
+  EXPECT_THAT(with(table + 0x24, 0), HasSubstr("below the one before it"));
   EXPECT_THAT(with(layer - 0x54, 0), HasSubstr("not the copy"));
   EXPECT_THAT(refusal(ctb, [&](FileMaker& m) { m.bytes[layer + 1] = 0xf1; }), HasSubstr("byte F0"));
   EXPECT_THAT(refusal(ctb, [&](FileMaker& m) { m.bytes[layer + 2] = 0xff; }),

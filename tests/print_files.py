@@ -72,6 +72,22 @@ def ctb_runs(data):
         yield (0 if value == 0 else 2 * value + 1), length
 
 
+def by_head(times, heeded, exposure, bottom, bottom_layers, fade):
+    """The times that count: where printers do not heed those of single layers, what the head says."""
+    if heeded:
+        return times
+    counts = []
+    for n in range(len(times)):
+        k = n - bottom_layers + 1
+        if k <= 0:
+            counts.append(bottom)
+        elif bottom_layers > 0 and k <= fade:
+            counts.append(bottom + (exposure - bottom) * k / (fade + 1))
+        else:
+            counts.append(exposure)
+    return [round(t, 4) for t in counts]
+
+
 def read_ctb(data, wanted):
     magic, version = unpack("<", "II", data, 0)
     need(magic in (0x12FD0086, 0x12FD0106), "magic")
@@ -104,7 +120,9 @@ def read_ctb(data, wanted):
     need(abs(total - layer_mm * count) < layer_mm, "total height")
     return {"format": "ctb", "version": version, "size": [width, height], "count": count,
             "bed": [round(v, 4) for v in bed[:2]], "exposure_s": round(exposure, 4),
-            "bottom_s": round(bottom, 4), "bottom_layers": bottom_layers, "times": times,
+            "bottom_s": round(bottom, 4), "bottom_layers": bottom_layers,
+            "times": by_head(times, data[slicer + 0x27] != 0, exposure, bottom, bottom_layers,
+                             unpack("<", "I", data, slicer + 0x3C)[0] if version >= 4 else 0),
             "heights": heights, "print_time_s": print_time, "layers": layers}
 
 
@@ -159,7 +177,9 @@ def read_goo(data, wanted):
     need(data[at:] == b"\x00\x00\x00\x07\x00\x00\x00DLP\x00", "end")
     return {"format": "goo", "size": [width, height], "count": count, "mirror": [mirror_x, mirror_y],
             "bed": [round(bed_x, 4), round(bed_y, 4)], "exposure_s": round(exposure, 4),
-            "bottom_s": round(bottom, 4), "bottom_layers": bottom_layers, "times": times,
+            "bottom_s": round(bottom, 4), "bottom_layers": bottom_layers,
+            "times": by_head(times, data[0x2FB75] != 0, exposure, bottom, bottom_layers,
+                             unpack(">", "H", data, 0x2FB93)[0]),
             "heights": heights, "print_time_s": print_time, "layers": layers}
 
 
@@ -201,7 +221,11 @@ def read_workshop(data, wanted):
     need(images == first, "offset of the images")
     return {"format": "photon-workshop", "version": version, "size": [width, height], "count": count,
             "aa": aa, "exposure_s": round(exposure, 4), "bottom_s": round(bottom, 4),
-            "bottom_layers": round(bottom_layers), "times": times, "heights": heights, "layers": layers}
+            "bottom_layers": round(bottom_layers),
+            "times": by_head(times, unpack("<", "I", data, header + 0x40)[0] != 0, exposure, bottom,
+                             round(bottom_layers),
+                             unpack("<", "I", data, header + 0x48)[0] if version >= 516 else 0),
+            "heights": heights, "layers": layers}
 
 
 def read(data, wanted):

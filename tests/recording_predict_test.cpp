@@ -604,7 +604,7 @@ TEST(RecordedHistory, LayerByLayerDosesAreExact) {
     std::vector<std::vector<Stretch>> columns(2);
     for (int n = 0; n < kGrid.layers; ++n) {
       std::vector<Showing> showings;
-      const double window = (n + 1) * kGrid.layer_um, plan = planned_light_s(process, 20, n);
+      const double window = (n + 1) * kGrid.layer_um, plan = planned_light_s(process, 20, n, 1);
       EXPECT_EQ(plan, layer_exposure_s(process, n));
       for (const Shown& s : history[static_cast<std::size_t>(n)]) {
         const double time_s = plan * (s.end - s.begin);

@@ -17,6 +17,7 @@
 #include <unordered_map>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/solid.hpp"
@@ -263,6 +264,11 @@ std::string layer_png(const std::string& path, std::int64_t layer) {
 void write_plate(const PlateJob& job, const ExecutionContext& context) {
   const Printer printer = load_printer(job.printer);
   const StackReader stack(job.stack, job.folder, context, {0, 0, job.layer_um});
+  if (!stack.info().layer_heights_um.empty()) {
+    throw InputError(job.stack, "",
+                     "has layers of different heights, which are not drawn; expected layers of one "
+                     "height");
+  }
   TriangleMesh mesh;
   nlohmann::ordered_json defects = nlohmann::ordered_json::array();
   std::size_t triangles = 0;

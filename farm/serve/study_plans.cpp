@@ -294,8 +294,9 @@ StudyPlan speed_plan(Asked& asked) {
   StudyPlan plan;
   Arguments process;
   // The speed is what is asked.
-  asked.add_process(plan, process,
-                    {"speed_mm_h", "exposure_s", "slice_speed_mm_h", "layer_exposure_s"});
+  asked.add_process(
+      plan, process,
+      {"speed_mm_h", "exposure_s", "slice_speed_mm_h", "layer_exposure_s", "light_share"});
   asked.add(process, kPlanning);
   plan.kind = "plan";
   plan.files = {"plan.json", "plan.svg"};

@@ -42,7 +42,14 @@ std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& set
         cli::slice_parts(o, setup.printer, setup.process.surface, context));
   }
   if (r.parts.size() != 1) throw InputError("expected meshes, or one archive of slices");
-  check_design(StackReader::read_info(r.parts[0]), r.parts[0]);
+  const StackInfo info = StackReader::read_info(r.parts[0]);
+  check_design(info, r.parts[0]);
+  if (!info.layer_heights_um.empty() || !info.light_share.empty()) {
+    throw InputError(
+        r.parts[0], "",
+        "has layers of different heights or light below full, for which nothing is planned; "
+        "expected layers of one height under all of the light");
+  }
   MissingFacts facts;
   facts.layer_um = r.layer_um;
   facts.pixel_x_um = setup.printer.pixel_x_um;

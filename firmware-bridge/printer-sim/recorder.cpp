@@ -88,6 +88,7 @@ void Recorder::begin(const WireHello& hello) {
   print.target_layers = hello.target_layers;
   process_ = *print.process;
   layer_um_ = hello.layer_um;
+  m_ = hello.m;
   slices_ = hello.slices;
   writer_.reset();
   if (!path_.empty()) writer_ = std::make_unique<RecordingWriter>(path_, print, context_);
@@ -127,7 +128,7 @@ Recording Recorder::recording() {
     for (int n = 0; n < slices; ++n) {
       showings.clear();
       if (n < static_cast<int>(exposures.size())) {
-        const double planned_s = planned_light_s(process_, layer_um_, n);
+        const double planned_s = planned_light_s(process_, layer_um_, n, m_);
         for (const auto& p : exposures[static_cast<std::size_t>(n)].showings) {
           if (p.light_s < kRounding * planned_s) continue;
           showings.push_back({p.image, p.light_s / planned_s, p.uv_mw_cm2, p.from_um, p.to_um,

@@ -52,6 +52,7 @@ class Recorder final : public PrintRecorder {
   ExecutionContext context_;
   Process process_;
   double layer_um_ = 0;
+  double m_ = 1;  ///< exponent of light
   int slices_ = 0;
   std::unique_ptr<RecordingWriter> writer_;
 };

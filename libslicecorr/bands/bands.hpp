@@ -56,6 +56,7 @@ inline Prediction whole_image(const Prediction& in_bands, const CureModel& model
   sum.layers = slices;
   sum.layerwise = layerwise_figures(model);
   sum.layer_um = grid.layer_um;
+  sum.heights = model.heights;
   sum.pixel_x_um = grid.pixel_x_um;
   sum.pixel_y_um = grid.pixel_y_um;
   sum.merge(in_bands);

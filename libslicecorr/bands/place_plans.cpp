@@ -55,10 +55,16 @@ const Printer& fitting(const Setup& setup, const SliceSource& target) {
 }
 
 /// Slices that the stage can travel; nothing when it has no end.
-std::optional<int> slices_of_travel(const Printer& printer, double layer_um) {
+std::optional<int> slices_of_travel(const Printer& printer, const CureModel& model) {
+  const double layer_um = model.layer_um;
   if (printer.travel_mm <= 0) return std::nullopt;
   const double most_mm = printer.travel_mm * (1 + 1e-9);
   auto slices = static_cast<int>(std::min(1e9, std::floor(most_mm / (layer_um * 1e-3))));
+  if (!model.heights.alike()) {
+    const auto fits = [&](int n) { return model.heights.place_um(n, layer_um) * 1e-3 <= most_mm; };
+    for (slices = 0; slices < 1'000'000 && fits(slices + 1);) ++slices;
+    return slices;
+  }
   while (slices > 0 && slices * layer_um * 1e-3 > most_mm) --slices;
   return slices;
 }
@@ -183,7 +189,7 @@ class PlaceCheck {
       : target_(target), models_(models), map_(models.map()), setup_(setup), context_(context) {
     check_stage_speed(setup.printer, setup.process);
     const Grid& grid = target.grid();
-    travel_ = slices_of_travel(setup.printer, grid.layer_um);
+    travel_ = slices_of_travel(setup.printer, models.brightest());
     brightest_ = map_.reference();
     if (map_.even()) return;
     const LightCounts display = map_.counts({0, 0, grid.width_px, grid.height_px});
@@ -195,10 +201,9 @@ class PlaceCheck {
   int all_layers() {
     const int layers = target_.grid().layers;
     if (travel_ && layers > *travel_) {
-      throw InfeasibleError(
-          fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {} mm",
-                      layers * target_.grid().layer_um * 1e-3, setup_.printer.name,
-                      at_most(setup_.printer.travel_mm, 12)));
+      throw InfeasibleError(fmt::format(
+          "the part is {:.3f} mm high; the stage of '{}' travels {} mm", height_mm(layers),
+          setup_.printer.name, at_most(setup_.printer.travel_mm, 12)));
     }
     // Black must leave the resin liquid everywhere, lit or not; the brightest place fails first.
     if (!fine(brightest_)) refuse();
@@ -299,7 +304,9 @@ class PlaceCheck {
     }
     return all;
   }
-  std::string ways() { return ways_out(places(), setup_.printer, setup_.process); }
+  std::string ways() {
+    return ways_out(places(), as_lit(setup_.printer, setup_.process), setup_.process);
+  }
 
   [[noreturn]] void refuse() {
     const LitPlaces& lit = lit_now();
@@ -347,10 +354,14 @@ class PlaceCheck {
     throw InfeasibleError(text + "; " + ways());
   }
 
+  double height_mm(int layers) const {
+    return models_.brightest().depth(layers) * models_.brightest().layer_um * 1e-3;
+  }
+
   [[noreturn]] void refuse_travel(int slices) {
     const Grid& grid = target_.grid();
     const Printer& printer = setup_.printer;
-    const double travel_mm = slices * grid.layer_um * 1e-3;
+    const double travel_mm = height_mm(slices);
     std::string text = fmt::format(
         "curing the part's end takes {} slices after it, {:.3f} mm in all; the stage of '{}' "
         "travels {} mm; {}",
@@ -448,6 +459,7 @@ Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, c
   sum.layers = slices;
   sum.layerwise = layerwise_figures(models.brightest());
   sum.layer_um = grid.layer_um;
+  sum.heights = models.brightest().heights;
   sum.pixel_x_um = grid.pixel_x_um;
   sum.pixel_y_um = grid.pixel_y_um;
   sum.merge(in_groups);

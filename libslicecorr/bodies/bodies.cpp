@@ -50,6 +50,7 @@ const char* largest(std::uint64_t count) { return count > 1 ? "the largest " : "
 }  // namespace
 
 double Bodies::voxels_mm3(std::uint64_t voxels) const {
+  if (!heights.alike()) return 0;
   return static_cast<double>(voxels) * known(grid.pixel_x_um) * known(grid.pixel_y_um) *
          known(grid.layer_um) * 1e-9;
 }
@@ -66,7 +67,10 @@ PlatePlace Bodies::place(double column, double row) const {
 std::string Bodies::to_json() const {
   using nlohmann::ordered_json;
   const auto number = [](double value) { return detail::finite_or_null(value); };
-  const auto um = [&](int slice) { return number(slice * known(grid.layer_um)); };
+  const auto um = [&](int slice) { return number(grid.layer_um > 0 ? slice_um(slice) : 0); };
+  const auto mm3 = [&](std::uint64_t voxels) {
+    return heights.alike() ? number(voxels_mm3(voxels)) : ordered_json();
+  };
   const bool pitch = grid.pixel_x_um > 0 && grid.pixel_y_um > 0;
   const auto put_place = [&](ordered_json& to, double column, double row) {
     const PlatePlace at = place(column, row);
@@ -81,7 +85,7 @@ std::string Bodies::to_json() const {
     one["first_um"] = um(i.first);
     one["until_um"] = i.until < 0 ? ordered_json() : ordered_json(um(i.until));
     one["begins_um"] = um(i.begins);
-    one["volume_mm3"] = number(voxels_mm3(i.voxels));
+    one["volume_mm3"] = mm3(i.voxels);
     put_place(one, i.column, i.row);
     one["first_slice"] = i.first;
     one["pixel"] = {i.x, i.y};
@@ -91,7 +95,7 @@ std::string Bodies::to_json() const {
   auto& sealed = j["sealed_cavities"] = ordered_json::array();
   for (const SealedCavity& c : sealed_cavities) {
     ordered_json one;
-    one["volume_mm3"] = number(voxels_mm3(c.voxels));
+    one["volume_mm3"] = mm3(c.voxels);
     one["first_um"] = um(c.first);
     one["last_um"] = um(c.past);
     put_place(one, c.column, c.row);

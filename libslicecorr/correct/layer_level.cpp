@@ -13,7 +13,7 @@ namespace slicecorr::detail {
 
 int level_to_node(const LayerLight& light, double edge) {
   const LevelTable& levels = light.plan.levels;
-  const double a = light.plan.model.a, returned = light.returned(0);
+  const double a = light.plan.model.a_of(light.slice), returned = light.returned(0);
   const auto reached = [&](int level) { return light.near(level) * a * returned; };
   if (reached(0) >= edge) return 0;
   int level = levels.at_least(light.phi(edge / a / returned));
@@ -70,10 +70,10 @@ int layer_level(const LayerLight& light, std::uint8_t coverage) {
   if (coverage == kFull) {
     return light.ends_at_node() ? level_to_node(light, 1.0 + kMargin) : level_to_height(light);
   }
-  const double returned = light.returned(0.5);
-  const auto middle = [&](int level) { return light.near(level) * model.root_a * returned; };
+  const double returned = light.returned(0.5), root_a = model.root_a_of(light.slice);
+  const auto middle = [&](int level) { return light.near(level) * root_a * returned; };
   const double aim = aim_of(coverage);
-  const double phi = light.phi(aim / model.root_a / returned);
+  const double phi = light.phi(aim / root_a / returned);
   int level = levels.at_most(phi);
   const int next = levels.at_least(phi);
   if (next > level && middle(next) < 1.0 && middle(next) - aim < aim - middle(level)) level = next;

@@ -32,7 +32,7 @@ struct LayerLight {
   /// Dose at the window that ends the print where the height says.
   double wanted() const {
     const double below = ends_at_node() ? 0.0 : edge_height_slices(height);
-    const double a = plan.model.a, at_node = std::pow(a, below) / returned(below);
+    const double a = plan.model.a_of(slice), at_node = std::pow(a, below) / returned(below);
     return (below < 0 ? std::max(1.0 / returned(0), at_node - dark) : at_node) / a;
   }
 };

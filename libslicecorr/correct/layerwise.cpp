@@ -174,9 +174,9 @@ void darken(double* far_edge, double dark, double a) {
 
 /// What later slices leave at the far edge of a layer whose slice has this light. Where lifts exchange
 /// resin it is no less than the brightest of them, which is taken: no feature gets thinner by it.
-double left_by(const CureModel& model, double light, double after) {
+double left_by(const CureModel& model, int slice, double light, double after) {
   const bool exchanged = model.lifts && model.lifts->exchange.value_or(0) > 0;
-  return (exchanged ? std::max(light, after) : light + after) * model.a;
+  return (exchanged ? std::max(light, after) : light + after) * model.a_of(slice);
 }
 
 void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
@@ -216,9 +216,9 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
       if (gap && end - b == kBlock) {
         if (exchanged) {
           for (std::size_t i = b; i < end; ++i)
-            far_edge[i] = left_by(plan_.model, dark, far_edge[i]);
+            far_edge[i] = left_by(plan_.model, n, dark, far_edge[i]);
         } else {
-          darken(&far_edge[b], dark, plan_.model.a);
+          darken(&far_edge[b], dark, plan_.model.a_of(n));
         }
         std::memset(out.data() + b, 0, kBlock);
         continue;
@@ -227,7 +227,7 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
       const auto show = [&](std::size_t i, int level) {
         out[i] = static_cast<std::uint8_t>(level);
         if (level) all_dark = false;
-        far_edge[i] = left_by(plan_.model, plan_.levels.phi(level) * ratio, far_edge[i]);
+        far_edge[i] = left_by(plan_.model, n, plan_.levels.phi(level) * ratio, far_edge[i]);
       };
       const auto solve_voxel = [&](std::size_t i) {
         const LayerLight light{
@@ -316,7 +316,7 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
     const std::uint8_t height = gap_above && k < heights.size() ? heights[k] : std::uint8_t{0};
     const double phi =
         choose(k, c, LayerLight{plan, ratio, far_edge, dark_window(plan, n - 1), height, n});
-    far_edge = left_by(plan.model, phi * ratio, far_edge);
+    far_edge = left_by(plan.model, n, phi * ratio, far_edge);
     if (bath > 0) shown[k] = phi;
   }
 }
@@ -352,9 +352,10 @@ std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
   if (model.lifts) lifted.emplace(plan, nullptr, coverage, heights);
   walk_column(plan, coverage, heights, [&](std::size_t n, std::uint8_t c, const LayerLight& light) {
     if (lifted && c == kFull) return phi[n] = lifted->phi(static_cast<int>(n), light.far_edge);
-    const double at_window = c == 0       ? 0.0
-                             : c == kFull ? light.wanted()
-                                          : aim_of(c) / model.root_a / light.returned(0.5);
+    const double at_window =
+        c == 0       ? 0.0
+        : c == kFull ? light.wanted()
+                     : aim_of(c) / model.root_a_of(static_cast<int>(n)) / light.returned(0.5);
     phi[n] = std::clamp(light.phi(at_window), model.phi_min(), model.phi_max());
     return phi[n];
   });

@@ -26,8 +26,14 @@ bool places_edge(const LiftModel& lifts) { return lifts.exchange && !lifts.each_
 LiftedFeature::LiftedFeature(const CureModel& model, const LevelTable* levels,
                              std::optional<double> most_exchange)
     : model_(model), levels_(levels), most_exchange_(most_exchange) {
-  const double most = model.phi_max() * model.greatest_ratio() / model.one_minus_a;
-  const double slices = std::log(std::max(1.0, most) / kNothing) / (model.eta * units::kLn10);
+  double thinnest = 1;
+  for (std::size_t n = 0; n < model.own_a.size(); ++n) {
+    thinnest = std::min(thinnest, model.height(static_cast<int>(n)));
+  }
+  const double fall = thinnest * model.eta * units::kLn10;
+  const double most = model.phi_max() * model.greatest_ratio() /
+                      (model.heights.alike() ? model.one_minus_a : -std::expm1(-fall));
+  const double slices = std::log(std::max(1.0, most) / kNothing) / fall;
   reach_ = static_cast<int>(std::min(kMostReach, std::ceil(slices)));
 }
 
@@ -42,7 +48,7 @@ double LiftedFeature::most(double phi) const {
 }
 
 double LiftedFeature::own(int n, double dose, double up) const {
-  return dose * std::exp(up * model_.eta * units::kLn10) /
+  return dose * std::exp(up * model_.height(n) * model_.eta * units::kLn10) /
          (model_.ratio(n) * model_.returned(n + 1 - up));
 }
 
@@ -69,13 +75,13 @@ std::vector<double> LiftedFeature::floors(const Ask& ask, int liquid) const {
 }
 
 double LiftedFeature::peak(const Ask& ask, const std::vector<double>& phi, double exchange) const {
-  double dose = 0, most_dose = 0, left = model_.a;
-  for (int j = 0; j < ask.layers; ++j, left *= model_.a) {
+  double dose = 0, most_dose = 0, left = model_.a_of(ask.node);
+  for (int j = 0; j < ask.layers; ++j, left *= model_.a_of(ask.node + j)) {
     dose = (1 - exchange) * dose +
            left * phi[static_cast<std::size_t>(j)] * model_.ratio(ask.node + j);
     most_dose = std::max(most_dose, dose);
   }
-  const double after = ask.after * left / model_.a;
+  const double after = ask.after * left / model_.a_of(ask.node + ask.layers);
   return std::max(most_dose, (1 - exchange) * dose + after);
 }
 
@@ -86,7 +92,7 @@ void LiftedFeature::brighten(const Ask& ask, double most_dose, double exchange,
   // What each exposure leaves at the node, and D_j, by the least light.
   std::vector<double> dose(layers), left(layers);
   for (std::size_t j = 0; j < layers; ++j) {
-    left[j] = (j == 0 ? 1.0 : left[j - 1]) * model_.a;
+    left[j] = (j == 0 ? 1.0 : left[j - 1]) * model_.a_of(ask.node + static_cast<int>(j));
     dose[j] = (j == 0 ? 0.0 : (1 - exchange) * dose[j - 1]) +
               left[j] * phi[j] * model_.ratio(ask.node + static_cast<int>(j));
   }

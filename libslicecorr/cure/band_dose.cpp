@@ -303,7 +303,9 @@ class LayerwiseWalker final : public detail::DoseWalker {
     }
   }
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
-    const double ratio = model_.ratio(slice);
+    const double ratio = model_.ratio(slice), a = model_.a_of(slice),
+                 root_a = model_.root_a_of(slice);
+    height_ = model_.height(slice);
     if (bath_.ends()) {
       bath_.pass(slice, showings, curve_, model_.ratio(slice + model_.bath_slices), upper);
     }
@@ -319,7 +321,7 @@ class LayerwiseWalker final : public detail::DoseWalker {
       if constexpr (Steps::kDear) {
         fade_by_steps(b, n);
       } else {
-        fade(&lower[b], &middle[b], &upper[b], model_.root_a, model_.a, n);
+        fade(&lower[b], &middle[b], &upper[b], root_a, a, n);
       }
     }
   }
@@ -327,7 +329,8 @@ class LayerwiseWalker final : public detail::DoseWalker {
     out.crossings.clear();
     out.least = upper[i];
     if (lower[i] >= 1.0 && upper[i] < 1.0) {
-      out.crossings.push_back(steps_.faded_to_one(lower[i]));
+      const double layers = steps_.faded_to_one(lower[i], height_);
+      out.crossings.push_back(layers / height_);
     }
   }
   void stretches(std::size_t i, std::vector<detail::Stretch>& out) const override {
@@ -348,6 +351,7 @@ class LayerwiseWalker final : public detail::DoseWalker {
   PixelCurve curve_;
   Bath bath_;
   std::optional<ExchangedDose> exchanged_;
+  double height_ = 1;  ///< of the layer at hand, in layers
 };
 
 template <typename Steps>

@@ -60,13 +60,17 @@ BlackLight most_black(const CureModel& model, const std::vector<double>& ratios)
     return most;
   }
   if (!model.adds_up() || exchanges(model)) return most_black_by_walk(model, ratios);
-  const double steady = model.steady(model.phi_min() * ratio(ratios.size())) / model.one_minus_a;
-  BlackLight most{steady, static_cast<int>(ratios.size())};
+  const std::size_t own = std::max(ratios.size(), model.own_a.size());
+  const double left = 1.0 - model.a_of(static_cast<int>(own));
+  const double steady = model.steady(model.phi_min() * ratio(own)) /
+                        (model.heights.alike() ? model.one_minus_a : left);
+  BlackLight most{steady, static_cast<int>(own)};
   double black = steady;
   const auto bath = static_cast<std::size_t>(model.bath_slices);
-  for (std::size_t n = std::max(ratios.size(), mirrored); n-- > 0;) {
+  for (std::size_t n = std::max(own, mirrored); n-- > 0;) {
     const double leaves = bath > 0 ? model.beyond * ratio(n + bath) : 0.0;
-    black = model.phi_min() * (ratio(n) - leaves) + model.a * black;
+    black = model.phi_min() * (ratio(n) - leaves) +
+            (model.heights.alike() ? model.a : model.a_of(static_cast<int>(n) + 1)) * black;
     // The dose of a layer is greatest beside its window.
     const double dose = black * model.returned(static_cast<double>(n) + 1);
     if (dose > most.dose) most = {dose, static_cast<int>(n)};
@@ -75,7 +79,7 @@ BlackLight most_black(const CureModel& model, const std::vector<double>& ratios)
 }
 
 double alike_black(const CureModel& model) {
-  if (exchanges(model)) return most_black(model, {}).dose;
+  if (exchanges(model) || !model.heights.alike()) return most_black(model, {}).dose;
   if (model.gel_time()) return most_black_by_walk(model, {}).dose;
   // A dose of 1 at the window stays if a slice adds what it loses in a layer.
   if (model.bleaching()) return model.phi_min() / (1.0 - model.faded(1.0));

@@ -76,6 +76,10 @@ double CureModel::highest_dose(double slices) const {
          phi_min();
 }
 
+double CureModel::film_of(int layer) const {
+  return heights.alike() ? lifts->film : std::exp(lifts->skin * eta * height(layer) * units::kLn10);
+}
+
 double CureModel::with_returned(double zeta) const {
   const double factor = 1.0 + reflectance * std::exp(-2.0 * zeta * (eta / m) * units::kLn10);
   return m == 1.0 ? factor : std::pow(factor, m);
@@ -234,6 +238,17 @@ void take_bleaching(const Resin& resin, CureModel& model) {
   model.law = WithBleaching{law};
 }
 
+/// Gives the model of layers of different heights what each leaves of a dose.
+void take_heights(const Process& process, CureModel& model) {
+  if (process.layer_heights_um.empty()) return;
+  model.heights = LayerHeights(process.layer_heights_um);
+  for (const double um : process.layer_heights_um) {
+    const double eta = model.eta * um / model.layer_um;
+    model.own_a.push_back(std::exp(-eta * units::kLn10));
+    model.own_root_a.push_back(std::exp(-0.5 * eta * units::kLn10));
+  }
+}
+
 /// Gives the model of a process with lifts what they ask, where they are counted.
 void take_lifts(const Printer& printer, const Resin& resin, Process process, CureModel& model) {
   leave_out_lifts(printer, resin, process);
@@ -248,16 +263,28 @@ void take_lifts(const Printer& printer, const Resin& resin, Process process, Cur
 
 }  // namespace
 
-std::vector<double> detail::exposure_ratios(const Process& process, double normal_s) {
+namespace {
+
+/// What the light of a layer counts for over that of layers as a rule.
+double light_ratio(const Process& process, int layer, double m) {
+  const double share = light_share(process, layer) / usual_light_share(process);
+  return m == 1.0 ? share : std::pow(share, m);
+}
+
+}  // namespace
+
+std::vector<double> detail::exposure_ratios(const Process& process, double normal_s, double m) {
   const std::size_t special =
-      process.layer_exposure_s.empty()
-          ? static_cast<std::size_t>(process.bottom_layers + process.fade_layers)
-          : process.layer_exposure_s.size();
+      std::max(process.layer_exposure_s.empty()
+                   ? static_cast<std::size_t>(process.bottom_layers + process.fade_layers)
+                   : process.layer_exposure_s.size(),
+               light_differs(process) ? process.light_share.size() : 0);
   std::vector<double> ratios;
   bool normal = true;
   // One more than the layers with times of their own: the last holds for all layers after it.
   for (std::size_t n = 0; n <= special; ++n) {
-    ratios.push_back(layer_exposure_s(process, static_cast<int>(n)) / normal_s);
+    const auto layer = static_cast<int>(n);
+    ratios.push_back(layer_exposure_s(process, layer) / normal_s * light_ratio(process, layer, m));
     normal = normal && ratios.back() == 1.0;
   }
   if (normal) ratios.clear();
@@ -270,6 +297,11 @@ Printer dimmed(const Printer& printer, double factor) {
   return p;
 }
 
+Printer as_lit(const Printer& printer, const Process& process) {
+  const double usual = usual_light_share(process);
+  return usual == 1 ? printer : dimmed(printer, usual);
+}
+
 std::vector<Feature> features_of(const CureModel& model) {
   std::vector<Feature> features;
   if (model.mode == ExposureMode::layerwise) features.push_back(Feature::layerwise);
@@ -280,6 +312,7 @@ std::vector<Feature> features_of(const CureModel& model) {
   if (model.lifts && model.lifts->exchange.value_or(0) > 0) features.push_back(Feature::exchange);
   if (model.bath_slices > 0) features.push_back(Feature::vat_depth);
   if (model.mirrored_slices > 0) features.push_back(Feature::reflectance);
+  if (!model.heights.alike()) features.push_back(Feature::own_heights);
   if (model.mode == ExposureMode::continuous && !model.exposure_ratio.empty()) {
     features.push_back(Feature::lamps_stay);
   }
@@ -289,8 +322,9 @@ std::vector<Feature> features_of(const CureModel& model) {
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light) {
   check_supported(printer, resin, process);
+  const double factor = light.factor * usual_light_share(process);
   const std::vector<double> intensities =
-      level_intensities(light.factor == 1 ? printer : dimmed(printer, light.factor));
+      level_intensities(factor == 1 ? printer : dimmed(printer, factor));
   CureModel model;
   model.layer_um = layer_um;
   model.m = resin.m;
@@ -304,7 +338,7 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     if (!(process.exposure_s > 0)) {
       throw InputError("layer by layer exposure without a time; expected exposure_s above 0");
     }
-    model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s);
+    model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s, resin.m);
   }
   if (resin.has_gel_time()) {
     take_gel_time(resin, process, intensities, model);
@@ -327,10 +361,17 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   if (resin.bleaches()) take_bleaching(resin, model);
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
   if (slices_differ(process)) {
-    for (const double v : process.slice_speed_mm_h) {
-      model.exposure_ratio.push_back(process.speed_mm_h / v);
+    const bool stay = process.slice_lamps == SliceLamps::stay;
+    const std::size_t own = std::max(stay ? process.slice_speed_mm_h.size() : 0,
+                                     light_differs(process) ? process.light_share.size() : 0);
+    for (std::size_t n = 0; n < own; ++n) {
+      const auto slice = static_cast<int>(n);
+      model.exposure_ratio.push_back(
+          (stay ? process.speed_mm_h / slice_speed_mm_h(process, slice) : 1.0) *
+          light_ratio(process, slice, resin.m));
     }
   }
+  take_heights(process, model);
   take_lifts(printer, resin, process, model);
   if (process.uv.kind == UvKind::off) {
     end_bath(printer, model);

@@ -39,11 +39,15 @@ std::string pace_in_words(const Process& process) {
                                 : fmt::format("exposed for {:g} s", process.exposure_s);
 }
 
-/// The layer with the shortest exposure: if it gels, all do.
+/// What full light leaves of a normal exposure's dose at a layer's far edge.
+double leaves(const CureModel& model, int layer) { return model.ratio(layer) * model.a_of(layer); }
+
+/// The layer with the shortest exposure, or the highest for it: if it gels, all do.
 int weakest_layer(const CureModel& model) {
   int weakest = 0;
-  for (int n = 1; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
-    if (model.ratio(n) < model.ratio(weakest)) weakest = n;
+  const int own = static_cast<int>(std::max(model.exposure_ratio.size(), model.own_a.size()));
+  for (int n = 1; n < own; ++n) {
+    if (leaves(model, n) < leaves(model, weakest)) weakest = n;
   }
   return weakest;
 }
@@ -67,10 +71,12 @@ Doses doses_of(const CureModel& model) {
             most_black(model, model.exposure_ratio).dose};
   }
   if (model.mode == ExposureMode::layerwise) {
-    const double full = model.phi_max() * model.ratio(weakest_layer(model));
+    const int weakest = weakest_layer(model);
+    const double full = model.phi_max() * model.ratio(weakest);
     const double holds = model.lifts ? model.lifts->green_strength : 1.0;
-    return {model.bleaching() ? full / model.before_fading(1.0) : full * model.a / holds,
-            most_black(model, model.exposure_ratio).dose};
+    return {
+        model.bleaching() ? full / model.before_fading(1.0) : full * model.a_of(weakest) / holds,
+        most_black(model, model.exposure_ratio).dose};
   }
   // Where slices count for more than others, whatever their order.
   return {model.steady(model.phi_max()) * model.least_ratio(),
@@ -90,6 +96,10 @@ bool gels(const CureModel& model, double lit_dose) {
 /// "layer 3, exposed for 1.5 s," where exposures differ.
 std::string failing_layer(const CureModel& model, const Process& process, int layer) {
   const double exposure = layer_exposure_s(process, layer);
+  if (!model.heights.alike()) {
+    return fmt::format("layer {}, {:g} um high and exposed for {:.5g} s,", layer,
+                       model.heights.of(layer, model.layer_um), exposure);
+  }
   return model.exposure_ratio.empty()
              ? fmt::format("exposed for {:.5g} s", exposure)
              : fmt::format("layer {}, exposed for {:.5g} s,", layer, exposure);
@@ -235,7 +245,8 @@ double longest_for_black_s(const CureModel& model, const Process& process, doubl
   const double alike_s = longest_alike_s(model, normal_s);
   if (!std::isfinite(alike_s)) return std::numeric_limits<double>::infinity();
   const auto fits = [&](double most_s) {
-    return most_black(model, detail::exposure_ratios(cut(process, most_s), normal_s)).dose < 1.0;
+    return most_black(model, detail::exposure_ratios(cut(process, most_s), normal_s, model.m))
+               .dose < 1.0;
   };
   double longest_s = process.exposure_s;
   for (int n = 0; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
@@ -562,10 +573,11 @@ double detail::steady_dose_under_uv(const Kinetics& k, const Process& process, d
 void check_feasible(const CureModel& model, const Printer& printer, const Process& process) {
   detail::check_stage_speed(printer, process);
   const detail::LitPlace place{&model};
-  const detail::Verdict v = detail::verdict(place, printer, process);
+  const Printer lit = as_lit(printer, process);
+  const detail::Verdict v = detail::verdict(place, lit, process);
   if (v.weak.empty() && v.black.empty()) return;
   throw InfeasibleError(v.weak + (v.weak.empty() || v.black.empty() ? "" : "; ") + v.black + "; " +
-                        detail::ways_out({place}, printer, process));
+                        detail::ways_out({place}, lit, process));
 }
 
 }  // namespace slicecorr

@@ -13,8 +13,9 @@
 
 namespace slicecorr::detail {
 
-/// Exposures of layers over `normal_s`; the last holds for later layers. Empty when all are 1.
-std::vector<double> exposure_ratios(const Process& process, double normal_s);
+/// Exposures of layers over `normal_s`, times the m-th power of their shares of the light over the usual
+/// one; the last holds for later layers. Empty when all are 1.
+std::vector<double> exposure_ratios(const Process& process, double normal_s, double m);
 
 /// A place of the display: the model of its light.
 struct LitPlace {

@@ -41,6 +41,10 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
       map_(printer, images, frame) {
   check_supported(printer, resin, process);
   printer_.flat_field.reset();
+  // Shares of the light are those of what is usual from here on.
+  const double usual = usual_light_share(process);
+  printer_ = as_lit(printer_, process);
+  for (double& share : process_.light_share) share /= usual;
   if (even() || process.uv.kind == UvKind::off) return;
   const int least = printer.flat_field->least();
   const int values = printer.flat_field->greatest() - least + 1;

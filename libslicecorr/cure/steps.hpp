@@ -45,9 +45,9 @@ class SummedSteps {
   }
   double faded(double near) const { return near * model_->a; }
   double faded_half(double near) const { return near * model_->root_a; }
-  /// How far from the window a dose of `near` has fallen to 1.
-  double faded_to_one(double near) const {
-    return std::clamp(std::log(near) / (model_->eta * units::kLn10), 0.0, 1.0);
+  /// How far from the window a dose of `near` has fallen to 1, in layers, at most `most`.
+  double faded_to_one(double near, double most) const {
+    return std::clamp(std::log(near) / (model_->eta * units::kLn10), 0.0, most);
   }
 
  private:
@@ -76,7 +76,9 @@ class BleachingSteps {
   }
   double faded(double near) const { return law_.after(near, 1.0, 0.0); }
   double faded_half(double near) const { return law_.after(near, 0.5, 0.0); }
-  double faded_to_one(double near) const { return std::clamp(law_.length(near, 1.0), 0.0, 1.0); }
+  double faded_to_one(double near, double most) const {
+    return std::clamp(law_.length(near, 1.0), 0.0, most);
+  }
 
  private:
   BleachingLaw law_;

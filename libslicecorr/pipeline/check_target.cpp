@@ -127,7 +127,9 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
   const bool corrected = info.kind == StackKind::corrected;
   const bool made_from = corrected || info.kind == StackKind::recorded;
   const double volume_mm3 = volume_of(o.coverage);
-  const bool volume_known = made_from && info.part_volume_mm3 > 0;
+  // Sums of pixels tell volumes where layers are alike.
+  const bool alike = !info.process || info.process->layer_heights_um.empty();
+  const bool volume_known = made_from && info.part_volume_mm3 > 0 && alike;
   const bool same_volume = volume_known && is_its(volume_mm3);
 
   // Compare heights; black slices at the end of a target print nothing and don't count.

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numeric>
 
 #include "bands/bands.hpp"
 #include "pipeline/relief.hpp"
@@ -53,6 +54,27 @@ void set_uv_images(StackWriter& writer, const CureModel& model, const Setup& set
 
 }  // namespace detail
 
+double coverage_mm3(const StackReader& stack, const ExecutionContext& context) {
+  const StackInfo& info = stack.info();
+  const Grid& g = stack.grid();
+  if (info.layer_heights_um.empty()) {
+    return static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um * g.pixel_y_um *
+           g.layer_um * 1e-9;
+  }
+  const PixelBox box = stack.bounds();
+  const std::size_t count =
+      static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
+  double mm3 = 0;
+  stack.read_band(box, [&](int layer, const std::uint8_t* rows) {
+    context.check_cancelled();
+    if (rows == nullptr) return;
+    const auto sum = std::accumulate(rows, rows + count, std::uint64_t{0});
+    mm3 += static_cast<double>(sum) / 255.0 * g.pixel_x_um * g.pixel_y_um *
+           layer_height_um(info, layer) * 1e-9;
+  });
+  return mm3;
+}
+
 void convert_stack(const StackReader& stack, const StackFile& file, const ExecutionContext& context,
                    const SliceSource* turned_slices) {
   const SliceSource& slices = turned_slices ? *turned_slices : stack;
@@ -65,13 +87,22 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
         "the archive for the printer");
   }
   info.original_sha256.clear();  // of an archive of another kind
+  if (file.keep_from.empty() && !info.exposures.empty()) {
+    const auto spots = std::count_if(info.exposures.begin(), info.exposures.end(),
+                                     [](const LayerExposure& e) { return e.spot; });
+    context.tell(fmt::format(
+        "{}: {} exposures of {} layers become one of each, as long as all of its "
+        "together{}",
+        file.path, info.exposures.size(), info.grid.layers,
+        spots > 0 ? fmt::format("; {} images of a pixel or none are left out", spots) : ""));
+    info.exposures.clear();
+  }
   if (turned_slices) {
     info.grid = grid;
     detail::set_frame(info, slices);
   }
   if (info.part_volume_mm3 == 0) {
-    info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * grid.pixel_x_um *
-                           grid.pixel_y_um * grid.layer_um * 1e-9;
+    info.part_volume_mm3 = coverage_mm3(stack, context);
   }
   check_file_times(file, info);
   StackWriter writer(file, grid, context);

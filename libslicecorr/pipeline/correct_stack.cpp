@@ -237,12 +237,13 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       plans_(together_ ? together_->plans() : *own_plans_),
       grid_(with_layers(target.grid(), plans_.all_layers())),
       writer_(file, grid_, context),
-      scan_(target),
+      scan_(target, LayerHeights(setup_.process.layer_heights_um)),
       bands_(bands_of(grid_, target.bounds())),
       volume_cells_(ask.volume_cells),
       surface_after_(target.bounds()),
       surface_before_(target.bounds()),
       areas_(areas_of(grid_, &setup_.printer)) {
+  areas_.heights = LayerHeights(setup_.process.layer_heights_um);
   if (together_) return;
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
@@ -432,12 +433,13 @@ Correction StackCorrection::result() {
     }
     result.after.uncertain = uncertain_->result(robust);
   }
-  result.after.bodies = bodies_->judge(grid_, target_.frame(), setup_.least_neck_mm2);
+  result.after.bodies =
+      bodies_->judge(grid_, target_.frame(), model().heights, setup_.least_neck_mm2);
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
   result.before = of_whole_image(before_, plans_.layers());
-  result.before->bodies =
-      bodies_before_->judge(target_.grid(), target_.frame(), setup_.least_neck_mm2);
+  result.before->bodies = bodies_before_->judge(target_.grid(), target_.frame(), model().heights,
+                                                setup_.least_neck_mm2);
   result.before->maps = std::make_shared<const SurfaceMaps>(surface_before_.maps());
   return result;
 }

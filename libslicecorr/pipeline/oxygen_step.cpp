@@ -64,7 +64,8 @@ OxygenLight light_of(const Setup& setup, const Grid& grid, const OxygenAsk& ask)
   light.margin = ask.margin;
   light.steps = ask.steps;
   const double share = share_at_far_edge(setup.resin, grid.layer_um);
-  for (const double i : level_intensities(setup.printer)) light.level_mw_cm2.push_back(share * i);
+  for (const double i : level_intensities(as_lit(setup.printer, setup.process)))
+    light.level_mw_cm2.push_back(share * i);
   return light;
 }
 

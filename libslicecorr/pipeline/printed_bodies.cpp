@@ -97,6 +97,7 @@ void PrintedBodies::Band::finish() {
 }
 
 std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid, const ImageFrame& frame,
+                                                         const LayerHeights& heights,
                                                          double least_neck_mm2) const {
   auto judged = std::make_shared<JudgedBodies>();
   const bool delayed = std::ranges::any_of(delays_, [](const KeptVoxels::Stream& bit) {
@@ -115,6 +116,7 @@ std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid, const
   // What prints as designed hangs together in the end, but not from slice to slice.
   if (designed_alike_ && !delayed) judged->designed = judged->printed;
   if (whole_alike_) judged->loose_whole = judged->printed.loose_bodies;
+  judged->printed.heights = judged->designed.heights = heights;
   return judged;
 }
 

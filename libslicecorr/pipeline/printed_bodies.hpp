@@ -50,6 +50,7 @@ class PrintedBodies {
 
   /// After all bands. `least_neck_mm2`: see BodyAsk.
   std::shared_ptr<const JudgedBodies> judge(const Grid& grid, const ImageFrame& frame,
+                                            const LayerHeights& heights,
                                             double least_neck_mm2) const;
 
  private:

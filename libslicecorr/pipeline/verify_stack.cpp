@@ -140,7 +140,7 @@ class Verification {
     if (uncertain_) p.uncertain = uncertain_->result();
     if (const auto finest = spread_.finest()) p.finest = {finest->line_um, finest->gap_um};
     p.maps = std::make_shared<const SurfaceMaps>(surface_maps_.maps());
-    p.bodies = bodies_.judge(grid, stack_.frame(), least_neck_mm2_);
+    p.bodies = bodies_.judge(grid, stack_.frame(), models_.brightest().heights, least_neck_mm2_);
     return p;
   }
 
@@ -449,7 +449,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
       dose.add_slice(n, parts);
     }
     row.slice = n;
-    row.z_um = n * grid.layer_um;
+    row.z_um = model.heights.place_um(n, grid.layer_um);
     row.phi *= model.ratio(n);
     row.dose = *dose.upper();
     row.dose_middle = *dose.middle();

@@ -42,12 +42,18 @@ std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t b
 
 /// `image_s`: for how long each image is shown; empty: nobody says.
 StackInfo write(const SliceSource& target, const std::vector<double>& image_s,
-                const StackFile& file, const ExecutionContext& context) {
+                const LayerHeights& heights, const StackFile& file,
+                const ExecutionContext& context) {
   const Grid& grid = target.grid();
   StackInfo info;
   info.grid = grid;
   detail::set_frame(info, target);
   info.kind = StackKind::target;
+  if (!heights.alike()) {
+    for (int n = 0; n < grid.layers; ++n) {
+      info.layer_heights_um.push_back(heights.of(n, grid.layer_um));
+    }
+  }
   if (!image_s.empty()) {
     info.exposure_s = image_s.back();
     const bool even =
@@ -58,7 +64,7 @@ StackInfo write(const SliceSource& target, const std::vector<double>& image_s,
   StackWriter writer(file, grid, context);
   const SliceSource* edges = target.edge_heights();
   if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;
-  TargetScan scan(target);
+  TargetScan scan(target, heights);
   const auto bands = bands_of(grid, target.bounds());
   const auto ranges = slice_ranges_of(target, bands.size());
   parallel_for(context, "slice", bands.size() * ranges.size(), [&](std::size_t i) {
@@ -80,7 +86,12 @@ StackInfo write(const SliceSource& target, const std::vector<double>& image_s,
 
 StackInfo write_target(const SliceSource& target, const StackFile& file,
                        const ExecutionContext& context) {
-  return write(target, {}, file, context);
+  return write(target, {}, {}, file, context);
+}
+
+StackInfo write_target(const SliceSource& target, const LayerHeights& heights,
+                       const StackFile& file, const ExecutionContext& context) {
+  return write(target, {}, heights, file, context);
 }
 
 StackInfo write_images(const SliceSource& images, const std::vector<double>& image_s,
@@ -96,7 +107,7 @@ StackInfo write_images(const SliceSource& images, const std::vector<double>& ima
                       s, kMostImageS));
     }
   }
-  return write(images, image_s, file, context);
+  return write(images, image_s, {}, file, context);
 }
 
 }  // namespace slicecorr

@@ -57,6 +57,10 @@ void check(const SliceSource& target, const Setup& setup, const PlanAsk& ask) {
          "light for an even dead zone can't be planned for; expected UV light of one intensity");
   expect(p.uv.kind == UvKind::off || p.uv.kind == UvKind::constant,
          "UV light that changes can't be planned for; expected one intensity");
+  expect(p.layer_heights_um.empty(),
+         "layers of different heights can't be planned for; expected layers of one height");
+  expect(p.light_share.empty(),
+         "light below full (light_share) can't be planned for; expected all of the light");
   expect(p.layer_exposure_s.empty(),
          "exposures of each layer can't be planned for; expected one of normal layers");
   expect(!ask.free.uv || p.uv.kind == UvKind::constant,

@@ -145,7 +145,7 @@ void BandPredictor::State::enter(std::size_t i, int node, std::uint8_t height, C
   const bool printed_before = before >= 1.0, printed = after >= 1.0;
   const Class old = class_[i];
   if (old == run) {
-    if (c.seeks_print) error(i, c.lower, c.lower_height, false, -(c.lower - node));
+    if (c.seeks_print) error(i, c.lower, c.lower_height, false, -between(node, c.lower));
     c.seeks_print = false;
     lose(i, node);
     if (next == gap) {
@@ -154,7 +154,7 @@ void BandPredictor::State::enter(std::size_t i, int node, std::uint8_t height, C
       } else {
         // Seen from the edge, the print begins where the unprinted stretch beside the edge ends.
         error(i, node, height, true,
-              printed_before ? 0.0 : -(c.any_printed ? c.start - node : c.lower - node));
+              printed_before ? 0.0 : -between(node, c.any_printed ? c.start : c.lower));
       }
     }
     c.run_below = true;
@@ -164,11 +164,11 @@ void BandPredictor::State::enter(std::size_t i, int node, std::uint8_t height, C
     leave_stretch(i);
   } else if (old == gap) {
     c.gap_layers += c.lower - node;
-    if (c.seeks_end) error(i, c.lower, c.lower_height, true, c.lower - node);
+    if (c.seeks_end) error(i, c.lower, c.lower_height, true, between(node, c.lower));
     c.seeks_end = false;
     if (next == run) {
       if (printed_before) {
-        error(i, node, height, false, std::min<double>(c.start, c.lower) - node);
+        error(i, node, height, false, between(node, std::min<double>(c.start, c.lower)));
       } else if (printed) {
         error(i, node, height, false, 0.0);
       } else {
@@ -199,14 +199,14 @@ void BandPredictor::State::cross(std::size_t i, double zeta, bool printed, Class
       if (c.any_printed && least_[i] < 1.0 - kSameDose) c.split = true;
       leave_stretch(i);
       c.any_printed = true;
-      if (c.seeks_print) error(i, c.lower, c.lower_height, false, -(c.lower - c.start));
+      if (c.seeks_print) error(i, c.lower, c.lower_height, false, -between(c.start, c.lower));
       c.seeks_print = false;
     }
     c.tooth = now == gap && c.run_below;
     return;
   }
   if (c.seeks_end) {
-    error(i, c.lower, c.lower_height, true, c.lower - c.start);
+    error(i, c.lower, c.lower_height, true, between(c.start, c.lower));
     c.seeks_end = false;
   }
   if (c.tooth && now == gap) ++prediction_.gap_teeth;
@@ -514,12 +514,12 @@ Prediction BandPredictor::State::finish(const PixelOfColumn& place) {
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
     if (class_[i] == run) {
-      if (c.seeks_print) error(i, c.lower, c.lower_height, false, -c.lower);
+      if (c.seeks_print) error(i, c.lower, c.lower_height, false, -between(0, c.lower));
       lose(i, 0);
       leave_stretch(i);
     } else {
       if (class_[i] == gap) {
-        if (c.seeks_end) error(i, c.lower, c.lower_height, true, c.lower);
+        if (c.seeks_end) error(i, c.lower, c.lower_height, true, between(0, c.lower));
         c.gap_layers += c.lower;
       }
       close_gap(i, 0);

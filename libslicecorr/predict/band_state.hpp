@@ -89,6 +89,10 @@ struct BandPredictor::State {
   /// `before`, `after`: dose on the two sides of the node; `height`: its edge height.
   void enter(std::size_t i, int node, std::uint8_t height, Class next, double before, double after);
   void close_gap(std::size_t i, int top);
+  /// From one place down to another, in layers of `layer_um`; both count layers as they are.
+  double between(double from, double to) const {
+    return model_.heights.alike() ? to - from : model_.depth(to) - model_.depth(from);
+  }
   void error(std::size_t i, int node, std::uint8_t height, bool upper, double slices);
   void lose(std::size_t i, int top);
 

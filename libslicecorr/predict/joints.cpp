@@ -43,8 +43,8 @@ JointWalker::Own JointWalker::own_of(int slice, std::size_t column,
                                      std::span<const ImageShowing> showings) {
   if (!inhibited()) {
     const double at_window = phi_[column] * model_.returned(slice + 1);
-    return {at_window, phi_[column] * model_.a * model_.returned(slice),
-            at_window >= model_.lifts->film - kMargin};
+    return {at_window, phi_[column] * model_.a_of(slice) * model_.returned(slice),
+            at_window >= model_.film_of(slice) - kMargin};
   }
   const OwnDoses::Own own = under_uv_->of(showings, column, model_.ratio(slice));
   return {own.greatest, own.joint, own.film};
@@ -68,9 +68,9 @@ void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
     const double phi = inhibited() ? 0.0 : phi_[i];
     const double far = brightest_[i];
     const double near = std::max(phi, far);
-    brightest_[i] = near * model_.a;
+    brightest_[i] = near * model_.a_of(slice);
     const double all_far = all_[i], all = phi + all_far;
-    all_[i] = all * model_.a;
+    all_[i] = all * model_.a_of(slice);
     const bool full = coverage[i] == kWhole;
     if (!full) {
       if (c.full) {
@@ -147,8 +147,8 @@ void JointWalker::begin_staying(Column& c, int node, double below, double above)
 
 /// The print goes on into the gap's layer above a node; whether it does into the next, too.
 void JointWalker::go_on(Column& c, int node, double above) {
-  c.staying_um = (c.edge_node - node) * model_.layer_um + reach_um(above, node);
-  c.goes_on = above * model_.a * model_.returned(node - 1) >= 1;
+  c.staying_um = between_um(node, c.edge_node) + reach_um(above, node);
+  c.goes_on = above * model_.a_of(node - 1) * model_.returned(node - 1) >= 1;
 }
 
 /// `exchanged`: the brightest exposure just above the node.
@@ -161,7 +161,7 @@ void JointWalker::begin_gap(Column& c, int node, double exchanged, std::uint8_t 
 /// The gap above the last edge ends at this node: the print goes no further.
 void JointWalker::end_gap(Column& c, int node) {
   if (c.edge_node < 0) return;
-  const double most_um = (c.edge_node - node) * model_.layer_um;
+  const double most_um = between_um(node, c.edge_node);
   const auto take = [&](double edge_um, Histogram& errors, double& most) {
     const double um = std::abs(std::min(edge_um, most_um) + c.beyond_um);
     errors.add(um);

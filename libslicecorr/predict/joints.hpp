@@ -58,6 +58,11 @@ class JointWalker {
   void begin_staying(Column& c, int node, double below, double above);
   void go_on(Column& c, int node, double above);
   double reach_um(double dose, int node) const;
+  /// From one node down to another, um.
+  double between_um(int from, int to) const {
+    return model_.heights.alike() ? (to - from) * model_.layer_um
+                                  : (model_.depth(to) - model_.depth(from)) * model_.layer_um;
+  }
   void end_gap(Column& c, int node);
 
   const CureModel& model_;

@@ -21,7 +21,8 @@ std::optional<AreaChange> LayerAreas::largest_change() const {
     at = n;
   }
   if (most == 0) return std::nullopt;
-  return AreaChange{static_cast<int>(at), static_cast<double>(at) * layer_um, mm2(at - 1), mm2(at)};
+  return AreaChange{static_cast<int>(at), heights.place_um(static_cast<double>(at), layer_um),
+                    mm2(at - 1), mm2(at)};
 }
 
 std::optional<PeelForce> LayerAreas::largest_force() const {
@@ -30,8 +31,8 @@ std::optional<PeelForce> LayerAreas::largest_force() const {
   if (*most == 0) return std::nullopt;
   const auto at = static_cast<std::size_t>(most - lit_pixels.begin());
   constexpr double n_of_kpa_mm2 = 1e-3;
-  return PeelForce{static_cast<int>(at), static_cast<double>(at) * layer_um, mm2(at),
-                   adhesion_kpa * mm2(at) * n_of_kpa_mm2};
+  return PeelForce{static_cast<int>(at), heights.place_um(static_cast<double>(at), layer_um),
+                   mm2(at), adhesion_kpa * mm2(at) * n_of_kpa_mm2};
 }
 
 std::string LayerAreas::in_words() const {

@@ -189,7 +189,13 @@ std::string Prediction::to_json() const {
   const bool greys = grey_dose_error.count() > 0;
   ordered_json j;
   j["layers"] = layers;
-  j["layer_um"] = layer_um;
+  if (heights.alike()) {
+    j["layer_um"] = layer_um;
+  } else {
+    std::vector<double> each;
+    for (int n = 0; n < layers; ++n) each.push_back(heights.of(n, layer_um));
+    j["layer_um"] = each;
+  }
   if (pixel_x_um == pixel_y_um) {
     j["pixel_um"] = pixel_x_um;
   } else {

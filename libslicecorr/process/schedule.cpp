@@ -21,8 +21,9 @@ double slice_speed_mm_h(const Process& process, int slice) {
 }
 
 bool slices_differ(const Process& process) {
-  return process.mode == ExposureMode::continuous && !process.slice_speed_mm_h.empty() &&
-         process.slice_lamps == SliceLamps::stay;
+  if (process.mode != ExposureMode::continuous) return false;
+  return light_differs(process) ||
+         (!process.slice_speed_mm_h.empty() && process.slice_lamps == SliceLamps::stay);
 }
 
 std::string speeds_in_words(const Process& process) {
@@ -30,7 +31,7 @@ std::string speeds_in_words(const Process& process) {
   if (speeds.empty()) return fmt::format("{:g} mm/h", process.speed_mm_h);
   const auto [least, greatest] = std::minmax_element(speeds.begin(), speeds.end());
   return fmt::format("{:g} to {:g} mm/h from slice to slice{}", *least, *greatest,
-                     slices_differ(process) ? ", lamps as they are" : "");
+                     process.slice_lamps == SliceLamps::stay ? ", lamps as they are" : "");
 }
 
 double layer_exposure_s(const Process& process, int layer) {
@@ -46,7 +47,43 @@ double layer_exposure_s(const Process& process, int layer) {
   return bottom + (process.exposure_s - bottom) * faded / (process.fade_layers + 1);
 }
 
-SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices) {
+double light_share(const Process& process, int layer) {
+  const std::vector<double>& shares = process.light_share;
+  if (shares.empty()) return 1;
+  const auto last = static_cast<int>(shares.size()) - 1;
+  return shares[static_cast<std::size_t>(std::clamp(layer, 0, last))];
+}
+
+double usual_light_share(const Process& process) {
+  return process.light_share.empty() ? 1 : process.light_share.back();
+}
+
+bool light_differs(const Process& process) {
+  return std::any_of(process.light_share.begin(), process.light_share.end(),
+                     [&](double share) { return share != process.light_share.back(); });
+}
+
+std::string light_share_in_words(const Process& process) {
+  const std::vector<double>& shares = process.light_share;
+  const double usual = usual_light_share(process);
+  if (usual == 1 && !light_differs(process)) return {};
+  std::string text = fmt::format("{:.4g} % of full light", 100 * usual);
+  if (!light_differs(process)) return text;
+  std::size_t first = 0, special = shares.size();
+  while (special > 0 && shares[special - 1] == usual) --special;
+  while (first < special && shares[first] == shares.front()) ++first;
+  if (first == special) {
+    return text + fmt::format(", {:.4g} % for the first {}", 100 * shares.front(),
+                              first == 1 ? "layer" : fmt::format("{} layers", first));
+  }
+  const auto [least, most] = std::minmax_element(shares.begin(), shares.end());
+  return text + fmt::format(" as a rule, {:.4g} to {:.4g} % in all", 100 * *least, 100 * *most);
+}
+
+namespace {
+
+/// `slice_light` without the layer's own share.
+SliceLight paced_light(const Process& process, double m, double layer_um, int slice, int slices) {
   if (process.mode == ExposureMode::layerwise) return {layer_exposure_s(process, slice), 1.0};
   const double time_s = units::slice_time_s(layer_um, process.speed_mm_h);
   double speed = 1;
@@ -63,6 +100,14 @@ SliceLight slice_light(const Process& process, double m, double layer_um, int sl
   if (speed == 1) return {time_s, 1.0};
   const double share = process.slice_lamps == SliceLamps::stay ? speed / own : speed;
   return {time_s / speed, m == 1.0 ? share : std::pow(share, 1.0 / m)};
+}
+
+}  // namespace
+
+SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices) {
+  SliceLight light = paced_light(process, m, layer_um, slice, slices);
+  light.share *= light_share(process, slice);
+  return light;
 }
 
 double light_on_s(const Process& process, double m, double layer_um, int slices) {

@@ -32,6 +32,10 @@ constexpr std::array<const char*, kFeatures> kNames = {
     "layers that hold at each lift (lifts)",
     "resin that lifts exchange (lift_exchange)",
     "more light for slower slices (slice_lamps)",
+    "light below full (light_share)",
+    "layers that get different shares of the light (light_share)",
+    "layers of different heights (layer_um)",
+    "slices of different heights in continuous exposure (layer_um)",
     "edges of the mesh (surface)",
     "what is left alone (leave_alone)",
     "wanted doses (doses)",
@@ -62,6 +66,12 @@ constexpr const char* kMirrorUv =
 constexpr const char* kStayUv =
     "slices that get more light where they go slower are not computed under UV light; expected lamps "
     "that follow the speed";
+constexpr const char* kDimLightUv =
+    "light below full (light_share) is not counted under UV light; expected all of the light, or no UV "
+    "light";
+constexpr const char* kHeightsUv =
+    "layers of different heights are not counted under UV light; expected layers of one height, or no "
+    "UV light";
 constexpr const char* kGradedUv =
     "doses can't be graded under UV light; expected exposure without it";
 constexpr const char* kSureUv =
@@ -106,6 +116,32 @@ constexpr Unsupported kTable[] = {
     {lamps_stay, gel_time, refused,
      "slices that get more light where they go slower are not computed with a resin of model "
      "\"gel-time\"; expected lamps that follow the speed"},
+    UNDER_UV(dim_light, refused, kDimLightUv),
+    {own_light, gel_time, refused,
+     "layers that get different shares of the light (light_share) are not counted with a resin of model "
+     "\"gel-time\"; expected one share for all, or a resin of another model (resinctl derive)"},
+    {moved_heights, moved_heights, refused,
+     "slices of different heights are not counted in continuous exposure; expected layer by layer "
+     "exposure (mode), or slices of one height"},
+    UNDER_UV(own_heights, refused, kHeightsUv),
+    {own_heights, gel_time, refused,
+     "layers of different heights are not counted with a resin of model \"gel-time\"; expected layers of "
+     "one height, or a resin of another model (resinctl derive)"},
+    {own_heights, bleaching, refused,
+     "layers of different heights are not counted with a resin that bleaches; expected layers of one "
+     "height, or a resin without [bleaching]"},
+    {own_heights, spread, refused,
+     "layers of different heights are not counted where light spreads from pixel to pixel; expected "
+     "layers of one height, or a printer and a resin without spread"},
+    {own_heights, vat_depth, refused,
+     "layers of different heights are not counted in resin that ends above the window; expected layers "
+     "of one height, or no depth"},
+    {own_heights, reflectance, refused,
+     "layers of different heights are not counted below a platform that sends light back; expected "
+     "layers of one height, or a platform that takes it up"},
+    {own_heights, exchange, refused,
+     "layers of different heights are not counted where lifts exchange resin (lift_exchange); expected "
+     "layers of one height, or no lift_exchange"},
     {uv_per_slice, spread, not_corrected,
      "UV light that changes from slice to slice is not corrected for where light spreads from pixel to "
      "pixel; expected constant UV light (uv-mw-cm2), or a printer and a resin without spread"},
@@ -140,6 +176,10 @@ constexpr Unsupported kTable[] = {
      "speed"},
     {wanted_doses, reflectance, refused,
      "doses can't be graded below a platform that sends light back; expected one that takes it up"},
+    {wanted_doses, own_heights, refused,
+     "doses can't be graded in layers of different heights; expected layers of one height"},
+    {derivatives, own_heights, refused,
+     "how sure a print is can't be said of layers of different heights; expected layers of one height"},
     {derivatives, uv_patterned, refused, kSureUv},
     {derivatives, even_dead_zone, refused, kSureUv},
     {derivatives, gel_time, refused,
@@ -185,6 +225,8 @@ constexpr Unsupported kTable[] = {
     {edge_heights, reflectance, without,
      "edges lie at slices: the mesh's own heights are not counted below a platform that sends light "
      "back"},
+    {edge_heights, own_heights, without,
+     "edges lie at slices: the mesh's own heights are not counted in layers of different heights"},
     {edge_heights, gel_time, without,
      "edges lie at slices: the mesh's own heights are not counted with a resin of model \"gel-time\""},
     {capped_dose, layerwise, without,
@@ -250,6 +292,11 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
           process.lift_exchange > 0,
       exchange);
   add(slices_differ(process), lamps_stay);
+  add(light_differs(process) || usual_light_share(process) != 1, dim_light);
+  add(light_differs(process), own_light);
+  const bool heights = !process.layer_heights_um.empty();
+  add(heights && process.mode == ExposureMode::layerwise, own_heights);
+  add(heights && process.mode == ExposureMode::continuous, moved_heights);
   add(process.surface == Surface::mesh, edge_heights);
   add(process.omega_max < kNoCap, capped_dose);
   return features;

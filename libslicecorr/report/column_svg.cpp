@@ -39,8 +39,9 @@ double dose_inside(const ProbeRow& row, double t) {
 std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& model,
                        const std::string& title, double least_top_dose, std::size_t slices) {
   if (column.empty()) return {};
-  const double z_last = static_cast<double>(column.size()) * model.layer_um;
-  const double z_end = static_cast<double>(std::max(column.size(), slices)) * model.layer_um;
+  const auto place = [&](double zeta) { return model.heights.place_um(zeta, model.layer_um); };
+  const double z_last = place(static_cast<double>(column.size()));
+  const double z_end = place(static_cast<double>(std::max(column.size(), slices)));
   double dose_top = 1.08 * std::max(least_top_dose, 1.1);
   int grey_top = 1;
   for (const ProbeRow& r : column) {
@@ -63,9 +64,9 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
     if (column[n].target > 0) {
       svg += fmt::format(
           R"(<rect class="design" x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}" fill-opacity="{:.2f}"/>)",
-          x(static_cast<double>(n) * model.layer_um), kRoomTop,
-          static_cast<double>(end - n) * model.layer_um * x_scale, floor_y - kRoomTop,
-          0.35 * column[n].target);
+          x(place(static_cast<double>(n))), kRoomTop,
+          (place(static_cast<double>(end)) - place(static_cast<double>(n))) * x_scale,
+          floor_y - kRoomTop, 0.35 * column[n].target);
     }
     n = end;
   }
@@ -94,7 +95,8 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
   // Enough points that the exact curve looks smooth, and no more than the plot has pixels for.
   const int inside = std::clamp(static_cast<int>(2000 / column.size()), 1, 8);
   for (std::size_t n = 0; n < column.size(); ++n) {
-    const double z = static_cast<double>(n) * model.layer_um;
+    const double z = place(static_cast<double>(n));
+    const double high_um = model.height(static_cast<int>(n)) * model.layer_um;
     if (n && column[n].grey != column[n - 1].grey) {
       steps += fmt::format("H{:.2f}V{:.2f}", x(z), y_grey(column[n].grey));
     }
@@ -106,8 +108,8 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
       const double dose =
           both_ends ? dose_inside(column[n], t)
                     : column[n].phi + (below - column[n].phi) * std::pow(model.a, 1.0 - t);
-      curve += fmt::format("{}{:.2f} {:.2f}", curve.empty() ? "M" : "L", x(z + t * model.layer_um),
-                           y(dose));
+      curve +=
+          fmt::format("{}{:.2f} {:.2f}", curve.empty() ? "M" : "L", x(z + t * high_um), y(dose));
     }
   }
   curve += fmt::format("L{:.2f} {:.2f}", x(z_last), y(0));

@@ -156,6 +156,15 @@ Markup figures_table(const ReportContent& c) {
              brightest_model(c).level_step_um());
 }
 
+/// Heights of slices; pictures draw them alike, which is said where they are not.
+std::string heights_in_words(const ReportContent& c) {
+  const LayerHeights& heights = c.after.heights;
+  if (heights.alike()) return fmt::format("{:g}", c.info.grid.layer_um);
+  const auto [least, most] = std::minmax_element(heights.um().begin(), heights.um().end());
+  return fmt::format("{:g} to {:g} (sections and the view in the round draw all alike)", *least,
+                     *most);
+}
+
 Markup summary(const ReportContent& c) {
   const Grid& g = c.info.grid;
   const Process& process = c.setup.process;
@@ -165,10 +174,10 @@ Markup summary(const ReportContent& c) {
                                           : print_time(process, c.setup.lift_times, c.setup.resin.m,
                                                        g.layer_um, g.layers);
   Markup html = markup(
-      "<p>{}{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. {}: {}.",
+      "<p>{}{} slices of {} um, {} x {} pixels of {:g} x {:g} um. {}: {}.",
       c.info.recording ? fmt::format("What a machine showed, recorded: {} images in ", g.layers)
                        : std::string(),
-      slices, g.layer_um, g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
+      slices, heights_in_words(c), g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
       layerwise ? fmt::format("Exposed layer by layer, {:g} s as a rule", process.exposure_s)
                 : fmt::format("Printed at {:g} mm/h", process.speed_mm_h),
       print_time_in_words(time));
@@ -195,6 +204,7 @@ Markup summary(const ReportContent& c) {
   const auto say = [&](const char* what, const std::string& words) {
     if (!words.empty()) html += fmt::format(" {}: {}.", what, words);
   };
+  say("Layers are lit with", light_share_in_words(c.setup.process));
   say("Light over the display", light_in_words(c.setup.printer));
   say("Light spreads", spread_in_words(c.setup.printer.spread));
   if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {

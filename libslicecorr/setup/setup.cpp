@@ -75,6 +75,7 @@ class Resolver {
   void resolve_continuous(Process& process) const;
   void resolve_slice_speeds(Process& process) const;
   void resolve_layerwise(Process& process, const StackInfo* times) const;
+  void resolve_layers(Process& process, const StackInfo* times, bool recorded) const;
   void resolve_lifts(Setup& setup, bool recorded) const;
   void resolve_uv(Setup& setup) const;
   void resolve_even_dead_zone(Setup& setup) const;
@@ -148,6 +149,24 @@ void Resolver::resolve_continuous(Process& process) const {
   }
   if (process.ramp == Ramp::none && c_.ramp_mm > 0) {
     wrong(fmt::format("{} goes with a {}", o("ramp_mm"), o("ramp")));
+  }
+}
+
+/// Light and heights of single layers: as chosen, else as the archive says whose times count.
+void Resolver::resolve_layers(Process& process, const StackInfo* times, bool recorded) const {
+  const bool archive = times && !recorded;
+  if (!c_.light_share.empty()) {
+    process.light_share = trimmed(c_.light_share);
+  } else if (archive) {
+    process.light_share = trimmed(times->light_share);
+  }
+  if (process.light_share.size() == 1 && process.light_share.front() == 1) {
+    process.light_share.clear();
+  }
+  if (!c_.layer_heights_um.empty()) {
+    process.layer_heights_um = trimmed(c_.layer_heights_um);
+  } else if (archive) {
+    process.layer_heights_um = trimmed(times->layer_heights_um);
   }
 }
 
@@ -434,6 +453,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
   if (recorded) setup.process = *info->process;
   resolve_exposure(setup.process, times);
+  resolve_layers(setup.process, times, recorded);
   if (c_.even_dead_zone.empty()) {
     resolve_uv(setup);
   } else {
@@ -518,6 +538,11 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
         "its far side",
         depth_um, 2 * setup.resin.absorbance_height10_um));
   }
+  if (std::string text = light_share_in_words(setup.process); !text.empty()) {
+    notices.push_back("layers are lit with " + text +
+                      (times && !times->light_share.empty() ? ", as the archive says" : "") +
+                      ": doses are those of that light");
+  }
   if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
     notices.push_back(std::move(text));
   }
@@ -531,8 +556,9 @@ Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
     resin.source = find_definition(choices.resin, "resin");
     resin.text = read_text_file(resin.source);
   }
-  Uncertainty u = parse_uncertainty(text, setup.process.mode,
-                                    setup.printer.calibration.back().intensity_mw_cm2, resin);
+  Uncertainty u = parse_uncertainty(
+      text, setup.process.mode,
+      usual_light_share(setup.process) * setup.printer.calibration.back().intensity_mw_cm2, resin);
   if (u.from_fit && (choices.ha_um > 0 || choices.dc_mj_cm3 > 0)) {
     throw InputError(fmt::format(
         "{} fit says how sure the file's own height and dose are, and another is given by {} or {}; "

@@ -53,6 +53,7 @@ ColumnHistory history_of(const CureModel& model, const Process& process, ColumnL
                          const ColumnOptions& options, const ExecutionContext& context) {
   const std::vector<std::uint8_t>& pixels = shown.pixels;
   if (pixels.empty()) throw InputError("a column without slices; expected one slice at least");
+  refuse_own_heights(process);
   if (options.substeps < 0 || options.substeps > 10000) {
     throw InputError(
         fmt::format("{} steps in a slice; expected 1 to 10000, or 0", options.substeps));

@@ -20,4 +20,12 @@ inline void refuse_scatter(const Resin& resin) {
       resin.name));
 }
 
+/// Layers of different heights.
+inline void refuse_own_heights(const Process& process) {
+  if (process.layer_heights_um.empty()) return;
+  throw InputError(
+      "layers of different heights are not followed in time; verify and probe tell what they print in "
+      "the end");
+}
+
 }  // namespace slicecorr

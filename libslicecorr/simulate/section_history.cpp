@@ -37,6 +37,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
                                 const Setup& setup, int y, const std::vector<double>& times_s,
                                 const ExecutionContext& context) {
   refuse_recording(stack);
+  refuse_own_heights(setup.process);
   refuse_scatter(setup.resin);
   const Grid& grid = stack.grid();
   if (target) check_same_voxels(grid, target->grid());

@@ -109,6 +109,7 @@ std::optional<PartOverlap> find_overlap(const std::vector<TriangleMesh>& parts,
   const auto sliced = [&](std::size_t i) {
     SliceOptions own;
     own.layer_um = options.layer_um;
+    own.raised_um = 0;
     own.antialias = false;
     own.center_mm = {
         at.cx + boxes[i].middle(0) - all.middle(0) + kAsideX * plate.pixel_x_um * 1e-3,

@@ -87,7 +87,7 @@ void check_fits(const PartBox& box, const Placing& at, const Grid& plate, const 
 }
 
 double platform_z_mm(const PartBox& box, const SliceOptions& options) {
-  return options.platform_z_mm.value_or(box.low[2]);
+  return options.platform_z_mm.value_or(box.low[2]) - options.raised_um * 1e-3;
 }
 
 int layers_of(const PartBox& box, const Printer& printer, const SliceOptions& options) {

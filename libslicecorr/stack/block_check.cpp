@@ -69,6 +69,24 @@ std::string plan_in_words(const Process& p, double planned_s) {
   return fmt::format("{:.5g} s at {:g} mm/h", planned_s, p.speed_mm_h);
 }
 
+/// What the archive says of light must be what the process asks for: within a step of 1/255.
+void check_light(const StackInfo& info, const std::string& file) {
+  // Only of some formats it is sure that none said is full.
+  const bool said = !info.light_share.empty() || info.format == "uvj";
+  if (!said || info.kind == StackKind::recorded) return;
+  for (int n = 0; n < info.grid.layers; ++n) {
+    const double planned = light_of_layer(info, n).share;
+    const std::vector<double>& shares = info.light_share;
+    const double says =
+        shares.empty() ? 1.0 : shares[std::min(static_cast<std::size_t>(n), shares.size() - 1)];
+    if (std::abs(says - planned) <= 0.6 / 255) continue;
+    contradicts(file,
+                fmt::format("its process plans {:.4g} % of full light for slice {}, the archive "
+                            "says {:.4g} %",
+                            100 * planned, n, 100 * says));
+  }
+}
+
 void check_images(const StackInfo& info, const std::string& file) {
   const Printer& p = *info.printer;
   const Grid is = info.grid, shown = images_of(p, image_frame(info));
@@ -132,8 +150,10 @@ void check_block(const ArchiveContents& contents, const std::string& file) {
   }
   const bool lit = added || info.kind == StackKind::recorded;
   if (info.printer) check_images(info, file);
-  if (info.process && lit)
+  if (info.process && lit) {
     check_times(info, info, file, 0.5 * contents.layer_step_um / info.grid.layer_um);
+    check_light(info, file);
+  }
   if (contents.block_changed) {
     throw InputError(file, "",
                      "its parameters were changed after the stack was made (checksum): its images "

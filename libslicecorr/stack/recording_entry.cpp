@@ -62,10 +62,14 @@ void check_recording(const Recording& recording, int images, const std::string& 
   }
 }
 
-double planned_light_s(const Process& process, double layer_um, int slice) {
-  if (process.mode == ExposureMode::layerwise) return layer_exposure_s(process, slice);
-  return units::slice_time_s(
-      layer_um, slices_differ(process) ? slice_speed_mm_h(process, slice) : process.speed_mm_h);
+double planned_light_s(const Process& process, double layer_um, int slice, double m) {
+  const double share = light_share(process, slice);
+  const double counts = share == 1 ? 1 : std::pow(share, m);
+  if (process.mode == ExposureMode::layerwise) return layer_exposure_s(process, slice) * counts;
+  const bool stay = process.slice_lamps == SliceLamps::stay;
+  return units::slice_time_s(layer_um,
+                             stay ? slice_speed_mm_h(process, slice) : process.speed_mm_h) *
+         counts;
 }
 
 double light_exponent(const Resin& resin, const Process& process) {

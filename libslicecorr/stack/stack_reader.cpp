@@ -1,7 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -18,7 +21,9 @@
 #include "stack/container/binary_file.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"
+#include "stack/formats/format_times.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "stack/layer_places.hpp"
 #include "stack/png/png.hpp"
 #include "stack/recording_entry.hpp"
 
@@ -28,7 +33,7 @@ namespace detail {
 
 ArchiveContents read_contents(const Container& archive) {
   const ArchiveFormat& format = recognise_format(archive);
-  ArchiveContents contents = format.read(archive);
+  ArchiveContents contents = read_with_places(format, archive);
   contents.info.format = format.name();
   if (archive.has(kProvenanceEntry)) {
     if (contents.info.kind != StackKind::foreign) {
@@ -57,12 +62,20 @@ ArchiveContents read_contents(const Container& archive) {
     info.orientation_known = true;
   }
   check_block(contents, archive.path());
+  if (info.process && info.kind != StackKind::target) {
+    // The process says them, exactly.
+    info.light_share.clear();
+    info.layer_heights_um.clear();
+  } else {
+    check_lit(info, archive.path());
+  }
   const Grid& grid = info.grid;
   const std::size_t images =
       contents.codec ? contents.places.size() / static_cast<std::size_t>(contents.codec->pieces())
                      : contents.images.size();
   if (grid.layers < 1 || grid.width_px < 1 || grid.height_px < 1 ||
-      images != static_cast<std::size_t>(grid.layers)) {
+      images != (info.exposures.empty() ? static_cast<std::size_t>(grid.layers)
+                                        : info.exposures.size())) {
     throw Error("a format's reader gave no whole stack");
   }
   return contents;
@@ -201,6 +214,8 @@ struct StackReader::Impl {
     PixelBox lit;  ///< no pixel outside is lit in any image
   };
   Index index, uv_index, edge_index;
+  Index exposure_index;    ///< all images, where layers have several; else empty
+  int several_layer = -1;  ///< see `several_images_layer`
   bool images_changed = false, uv_images_changed = false, edge_heights_changed = false;
   std::unique_ptr<const EdgeHeights> edge_heights;
   std::uint64_t sum = 0;
@@ -245,6 +260,12 @@ struct StackReader::Impl {
   };
   std::vector<std::uint32_t> decode_layers(const detail::BinaryFile& file,
                                            const ExecutionContext& context);
+  /// The pixels of an image; returns how many of them its code lacks.
+  std::size_t pixels_of(const Container& archive, std::size_t image, std::uint8_t* pixels) const;
+  void take_image(const Index& into, int image, const std::uint8_t* pixels, Decoded& decoded);
+  std::vector<std::uint32_t> decode_exposures(const Container& archive,
+                                              const ExecutionContext& context);
+  void tell_lacking(std::size_t pixels, std::size_t layer, const ExecutionContext& context) const;
   std::vector<std::uint32_t> decode_grey(Index& into, const std::vector<std::string>& names,
                                          const Container& archive, const std::string& stage,
                                          const ExecutionContext& context);
@@ -345,16 +366,123 @@ std::vector<std::uint32_t> StackReader::Impl::decode_layers(const detail::Binary
       lacking_layer = n;
     }
   });
-  if (most_lacking > 0) {
-    context.tell(path + ": the code of layers ends too early, that of layer " +
-                 std::to_string(lacking_layer) + " by " + std::to_string(most_lacking) +
-                 " pixels, which are taken as black");
+  tell_lacking(most_lacking, lacking_layer, context);
+  return adlers;
+}
+
+void StackReader::Impl::tell_lacking(std::size_t pixels, std::size_t layer,
+                                     const ExecutionContext& context) const {
+  if (pixels == 0) return;
+  context.tell(path + ": the code of layers ends too early, that of layer " +
+               std::to_string(layer) + " by " + std::to_string(pixels) +
+               " pixels, which are taken as black");
+}
+
+std::size_t StackReader::Impl::pixels_of(const Container& archive, std::size_t image,
+                                         std::uint8_t* pixels) const {
+  const Grid& grid = config.info.grid;
+  if (config.codec) {
+    const auto pieces = static_cast<std::size_t>(config.codec->pieces());
+    std::vector<std::vector<std::uint8_t>> code(pieces);
+    for (std::size_t p = 0; p < pieces; ++p) {
+      const ArchiveContents::Place& place = config.places[image * pieces + p];
+      detail::binary_file(archive).read_at(place.offset, place.size, code[p],
+                                           "layer " + std::to_string(image));
+    }
+    return config.codec->decode(code, pixels, {path, static_cast<int>(image)});
   }
+  const std::string& name = config.images[image];
+  const auto entry = entries_of(archive, {name}, grid);
+  std::vector<std::uint8_t> png;
+  archive.read(*entry.front(), entry.front()->bytes, png);
+  const auto width = static_cast<std::size_t>(grid.width_px);
+  const std::size_t stride = detail::raw_stride(grid.width_px);
+  detail::decode_png_bands(
+      png, grid.width_px, grid.height_px, rows, {path, name},
+      [&](int y0, int y1, const std::uint8_t* raw) {
+        for (int y = y0; y < y1; ++y) {
+          std::uint8_t* const to = pixels + width * static_cast<std::size_t>(y);
+          if (raw == nullptr) {
+            std::memset(to, 0, width);
+          } else {
+            std::memcpy(to, raw + stride * static_cast<std::size_t>(y - y0) + 1, width);
+          }
+        }
+      },
+      config.packed_rgb, config.packed_bgr);
+  return 0;
+}
+
+void StackReader::Impl::take_image(const Index& into, int image, const std::uint8_t* pixels,
+                                   Decoded& decoded) {
+  const Grid& grid = config.info.grid;
+  const auto width = static_cast<std::size_t>(grid.width_px);
+  BandTaker taker{*this, into, image, decoded};
+  for (int y = 0; y < grid.height_px; y += rows) {
+    taker.take(y, std::min(grid.height_px, y + rows), pixels + width * static_cast<std::size_t>(y),
+               width);
+  }
+}
+
+/// Decodes the images of layers that are exposed more than once: each by itself, and of each layer the
+/// brightest of every pixel, spots left out.
+std::vector<std::uint32_t> StackReader::Impl::decode_exposures(const Container& archive,
+                                                               const ExecutionContext& context) {
+  const Grid& grid = config.info.grid;
+  const std::vector<LayerExposure>& exposures = config.info.exposures;
+  const auto layers = static_cast<std::size_t>(grid.layers);
+  std::vector<std::size_t> first_of(layers + 1, exposures.size());
+  for (std::size_t k = exposures.size(); k-- > 0;) {
+    first_of[static_cast<std::size_t>(exposures[k].layer)] = k;
+  }
+  make_index(index, layers);
+  make_index(exposure_index, exposures.size());
+  std::vector<std::uint32_t> adlers(layers);
+  std::size_t most_lacking = 0, lacking_layer = 0;
+  parallel_for(context, "read", layers, [&](std::size_t n) {
+    const std::size_t count =
+        static_cast<std::size_t>(grid.width_px) * static_cast<std::size_t>(grid.height_px);
+    const auto pixels = std::make_unique_for_overwrite<std::uint8_t[]>(count);
+    const auto all = std::make_unique<std::uint8_t[]>(count);
+    bool several = false, begun = false;
+    double share = 0;
+    std::size_t lacking = 0;
+    Decoded lit, whole;
+    for (std::size_t k = first_of[n]; k < first_of[n + 1]; ++k) {
+      lacking = std::max(lacking, pixels_of(archive, k, pixels.get()));
+      take_image(exposure_index, static_cast<int>(k), pixels.get(), lit);
+      if (exposures[k].spot) continue;
+      if (begun) {
+        several = several || share != exposures[k].light_share ||
+                  std::memcmp(all.get(), pixels.get(), count) != 0;
+      }
+      share = exposures[k].light_share;
+      begun = true;
+      for (std::size_t i = 0; i < count; ++i) all[i] = std::max(all[i], pixels[i]);
+    }
+    take_image(index, static_cast<int>(n), all.get(), whole);
+    adlers[n] = detail::adler_of({grid.width_px, 0, grid.width_px, grid.height_px, all.get()});
+    const std::scoped_lock lock(mutex);
+    index.lit = index.lit.united(whole.lit);
+    exposure_index.lit = exposure_index.lit.united(lit.lit);
+    sum += whole.sum;
+    const auto layer = static_cast<int>(n);
+    if (several && (several_layer < 0 || layer < several_layer)) several_layer = layer;
+    if (lacking > most_lacking || (lacking > 0 && lacking == most_lacking && n < lacking_layer)) {
+      most_lacking = lacking;
+      lacking_layer = n;
+    }
+  });
+  tell_lacking(most_lacking, lacking_layer, context);
   return adlers;
 }
 
 std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& archive,
                                                             const ExecutionContext& context) {
+  if (!config.info.exposures.empty()) {
+    for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);
+    return decode_exposures(archive, context);
+  }
   if (config.codec) {
     for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);
     return decode_layers(detail::binary_file(archive), context);
@@ -490,6 +618,48 @@ void StackReader::Impl::read_image(const Index& of, int slice, std::uint8_t* out
   }
 }
 
+/// All images of layers that are exposed more than once, as what was shown of each layer.
+class StackReader::Exposures final : public SliceSource {
+ public:
+  Exposures(const Impl& stack, double m) : stack_(stack), grid_(stack.config.info.grid) {
+    const StackInfo& info = stack.config.info;
+    grid_.layers = static_cast<int>(info.exposures.size());
+    std::vector<Recording::Showing> shown;
+    for (std::size_t k = 0; k < info.exposures.size(); ++k) {
+      const LayerExposure& e = info.exposures[k];
+      const SliceLight layer = detail::light_of_layer(info, e.layer);
+      const double planned = layer.time_s * std::pow(layer.share, m);
+      Recording::Showing showing;
+      showing.image = static_cast<int>(k);
+      showing.light = planned > 0 ? e.time_s * std::pow(e.light_share, m) / planned : 0;
+      showing.blue_share = e.light_share;
+      shown.push_back(showing);
+      if (k + 1 < info.exposures.size() && info.exposures[k + 1].layer == e.layer) continue;
+      recording_.add_slice(shown);
+      shown.clear();
+    }
+  }
+  const Grid& grid() const override { return grid_; }
+  PixelBox bounds() const override { return stack_.exposure_index.lit; }
+  ImageFrame frame() const override { return image_frame(stack_.config.info); }
+  const Recording* recording() const override { return &recording_; }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    stack_.read_band(stack_.exposure_index, band, sink);
+  }
+
+ private:
+  const Impl& stack_;
+  Grid grid_;
+  Recording recording_;
+};
+
+std::unique_ptr<const SliceSource> StackReader::exposures(double m) const {
+  if (impl_->config.info.exposures.empty()) return nullptr;
+  return std::make_unique<const Exposures>(*impl_, m);
+}
+
+int StackReader::several_images_layer() const { return impl_->several_layer; }
+
 void StackReader::read_slice(int slice, std::uint8_t* pixels) const {
   impl_->read_image(impl_->index, slice, pixels);
 }
@@ -500,6 +670,13 @@ void StackReader::read_uv_slice(int slice, std::uint8_t* pixels) const {
 }
 
 void StackReader::read_band(const PixelBox& band, const Sink& sink) const {
+  if (impl_->several_layer >= 0) {
+    throw InputError(
+        impl_->path, fmt::format("layer {}", impl_->several_layer),
+        "is exposed more than once, with images or light that differ, as in a test of exposures: what it "
+        "prints is predicted (verify and probe with an own target), but it is no part to be corrected or "
+        "converted");
+  }
   impl_->read_band(impl_->index, band, sink);
 }
 

@@ -15,6 +15,7 @@
 #include "stack/formats/png_archive.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/layer_encoding.hpp"
+#include "stack/layer_places.hpp"
 #include "stack/recording_entry.hpp"
 #include "stack/stack_writer_parts.hpp"
 
@@ -65,6 +66,46 @@ bool StackWriter::Impl::changes_exposures(const StackInfo& info) const {
                : detail::exposures_differ(info, kept_contents.info);
 }
 
+bool StackWriter::Impl::changes_light(const StackInfo& info) const {
+  return !kept || detail::shares_differ(info, kept_contents.info);
+}
+
+/// What the format has no word for is not written: the print would be another one.
+void StackWriter::Impl::check_layers(const StackInfo& info) const {
+  const auto refuse = [&](const char* what, const char* expected) {
+    throw InputError(
+        file.path, "",
+        fmt::format("files of the format {} {}; expected {}", format.name(), what, expected));
+  };
+  if (!format.says_light() && changes_light(info)) {
+    for (int n = 0; n < info.grid.layers; ++n) {
+      const double share = detail::share_of_layer(info, n);
+      if (share == 1) continue;
+      refuse(fmt::format(
+                 "can't say that layers get less than full light, and layer {} gets {:.4g} % of "
+                 "it",
+                 n, 100 * share)
+                 .c_str(),
+             "a format that can, as GOO, CTB or UVJ");
+    }
+  }
+  if (!kept && !format.says_heights()) {
+    for (int n = 0; n < info.grid.layers; ++n) {
+      const double um = layer_height_um(info, n);
+      if (um == info.grid.layer_um) continue;
+      refuse(fmt::format(
+                 "can't say that layers are of different heights, and layer {} is {:g} um high, "
+                 "others {:g} um",
+                 n, um, info.grid.layer_um)
+                 .c_str(),
+             "a format that can, as GOO, CTB or UVJ");
+    }
+  }
+  if (kept && !kept_contents.info.exposures.empty() && !format.changes_exposures()) {
+    refuse("are not changed where layers are exposed more than once", "a CTB or GOO file");
+  }
+}
+
 void StackWriter::Impl::begin_band(std::size_t band) {
   const std::scoped_lock lock(mutex);
   if (bands[band].empty()) bands[band].resize(static_cast<std::size_t>(grid.layers));
@@ -87,7 +128,7 @@ void StackWriter::Impl::open_kept() {
     throw InputError(file.keep_from, "",
                      "is no archive of the format " + std::string(format.name()));
   }
-  kept_contents = format.read(*kept);
+  kept_contents = detail::read_with_places(format, *kept);
   if (kept_contents.codec) {
     codec = kept_contents.codec;
     const Grid& its = kept_contents.info.grid;
@@ -215,6 +256,7 @@ void StackWriter::Impl::add_images(const std::vector<std::string>& names, const 
 void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage& preview) {
   StackInfo info = its_info;
   info.has_edge_heights = !edge_bands.empty();
+  check_layers(info);
   if (codec) return write_binary(info, preview);
   const auto layers = static_cast<std::size_t>(info.grid.layers);
   Images slices = gather(bands, 0, layers, code);
@@ -235,6 +277,7 @@ void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage
       .kept = kept.get(),
       .kept_contents = kept ? &kept_contents : nullptr,
       .exposure_changes = changes_exposures(info),
+      .light_changes = changes_light(info),
       .warnings = &warnings,
   };
   if (uv) request.checksums.uv = detail::images_crc32(uv->grey_adlers);
@@ -305,9 +348,23 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
                     "holds {}; expected the part to be corrected into this format",
                     info.printer->levels(), format.name(), detail::levels_of(codec->shown())));
   }
+  const StackInfo images = kept ? detail::image_by_image(info, kept_contents) : info;
+  const detail::ArchiveContents kept_images = detail::image_by_image(kept_contents);
+  const auto read_image = [&](std::size_t image, std::uint8_t* pixels) {
+    if (!kept || !detail::is_spot(kept_contents, image)) {
+      read_pixels(static_cast<std::size_t>(detail::layer_of_image(kept_contents, image)), pixels);
+      return;
+    }
+    const auto pieces = static_cast<std::size_t>(codec->pieces());
+    std::vector<std::vector<std::uint8_t>> code(pieces);
+    for (std::size_t p = 0; p < pieces; ++p) {
+      const detail::ArchiveContents::Place& place = kept_contents.places[image * pieces + p];
+      detail::binary_file(*kept).read_at(place.offset, place.size, code[p], "layer");
+    }
+    codec->decode(code, pixels, {file.keep_from, static_cast<int>(image)});
+  };
   detail::EncodedLayers coded = detail::encode_layers(
-      *codec, grid, static_cast<std::size_t>(info.grid.layers),
-      [this](std::size_t slice, std::uint8_t* pixels) { read_pixels(slice, pixels); },
+      *codec, grid, static_cast<std::size_t>(images.grid.layers), read_image,
       kept ? &detail::binary_file(*kept) : nullptr, kept_contents,
       info.kind != StackKind::foreign,  // those of other programs get no record
       store, context);
@@ -319,14 +376,21 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
                              file.path, detail::levels_of(codec->shown()), coded.rounded_pixels));
   }
   std::vector<std::string> warnings;
+  // What stands for a layer is its last image that is no spot.
+  std::vector<std::uint32_t> adlers(static_cast<std::size_t>(info.grid.layers));
+  for (std::size_t k = 0; k < coded.adlers.size(); ++k) {
+    if (kept && detail::is_spot(kept_contents, k)) continue;
+    adlers[static_cast<std::size_t>(detail::layer_of_image(kept_contents, k))] = coded.adlers[k];
+  }
   const detail::ArchiveRequest request{
-      .info = info,
+      .info = images,
       .stem = stem(),
-      .checksums = {.slices = detail::images_crc32(coded.adlers)},
+      .checksums = {.slices = detail::images_crc32(adlers)},
       .preview = preview,
       .kept = kept.get(),
-      .kept_contents = kept ? &kept_contents : nullptr,
+      .kept_contents = kept ? &kept_images : nullptr,
       .exposure_changes = changes_exposures(info),
+      .light_changes = changes_light(info),
       .warnings = &warnings,
       .layers = &coded.layers,
   };

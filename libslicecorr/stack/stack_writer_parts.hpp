@@ -89,6 +89,8 @@ struct StackWriter::Impl {
   std::string stem() const;
   /// Whether the exposures of what is written are others than those of the kept archive.
   bool changes_exposures(const StackInfo& info) const;
+  bool changes_light(const StackInfo& info) const;
+  void check_layers(const StackInfo& info) const;
   void write_archive(const StackInfo& info, const GreyImage& preview);
   void read_pixels(std::size_t slice, std::uint8_t* pixels) const;
   void write_binary(const StackInfo& info, const GreyImage& preview);

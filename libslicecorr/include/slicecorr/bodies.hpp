@@ -30,6 +30,7 @@
 #include <vector>
 
 #include "slicecorr/grid.hpp"
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/target.hpp"
@@ -91,6 +92,7 @@ struct Bodies {
   static constexpr std::size_t kMostWaiting = 100000;
 
   Grid grid;
+  LayerHeights heights{};  ///< of slices, where they differ
   ImageFrame frame;
   /// Whether delays were known: else all counts as if it gelled in its own slice.
   bool in_time = true;
@@ -105,7 +107,8 @@ struct Bodies {
   std::uint64_t necks_in_all = 0;
   std::vector<Neck> necks;  ///< the largest are those that bear most
 
-  double slice_um(int slice) const { return slice * grid.layer_um; }
+  double slice_um(int slice) const { return heights.place_um(slice, grid.layer_um); }
+  /// 0 where slices are of different heights: which voxels lie where is not kept.
   double voxels_mm3(std::uint64_t voxels) const;
   double pixels_mm2(std::uint64_t pixels) const;
   /// On the plate; where nothing says how it lies in the images, from their upper left corner.

@@ -58,6 +58,7 @@
 /// and thread-safe. What throws says so.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <memory>
@@ -66,6 +67,7 @@
 #include <vector>
 
 #include "slicecorr/bleaching.hpp"
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/supports.hpp"
 
@@ -121,9 +123,26 @@ struct CureModel {
   /// phi of each grey level, never falling; layer by layer phi' at the normal exposure.
   std::vector<double> level_phi;
   /// What each slice counts for over a normal one: layer by layer its exposure, continuous the
-  /// print's speed over its own where lamps stay; the last holds for later slices, empty: 1.
+  /// print's speed over its own where lamps stay, and both the m-th power of its share of the light; the
+  /// last holds for later slices, empty: 1.
   std::vector<double> exposure_ratio;
   std::optional<LiftModel> lifts{};  ///< layer by layer, by sums of light alone
+  /// Layer by layer, by sums of light: heights of layers where they differ, and what each leaves of a dose
+  /// through all and through half of it. Lengths in layers are then those of `layer_um`.
+  LayerHeights heights{};
+  std::vector<double> own_a{}, own_root_a{};
+  double a_of(int layer) const { return own_a.empty() ? a : own_a[own(layer)]; }
+  double root_a_of(int layer) const { return own_a.empty() ? root_a : own_root_a[own(layer)]; }
+  /// Height of a layer, in layers of `layer_um`.
+  double height(int layer) const {
+    return heights.alike() ? 1.0 : heights.of(layer, layer_um) / layer_um;
+  }
+  /// How far a place is from the platform, in layers of `layer_um`; `zeta` counts layers as they are.
+  double depth(double zeta) const {
+    return heights.alike() ? zeta : heights.place_um(zeta, layer_um) / layer_um;
+  }
+  /// With lifts: the least dose of a film at the window of a layer.
+  double film_of(int layer) const;
   DoseLaw law;
   /// Of the law `UnderUv`, and of `WithGelTime`; null for other laws.
   const InhibitedKernel* inhibited() const {
@@ -164,6 +183,9 @@ struct CureModel {
   /// By how much light from the platform multiplies the dose at `zeta` slices from it.
   double returned(double zeta) const { return zeta < mirrored_slices ? with_returned(zeta) : 1.0; }
   double with_returned(double zeta) const;
+  std::size_t own(int layer) const {
+    return std::min(static_cast<std::size_t>(std::max(0, layer)), own_a.size() - 1);
+  }
   /// What a slice counts for over a normal one.
   double ratio(int slice) const {
     if (exposure_ratio.empty()) return 1.0;
@@ -226,6 +248,8 @@ struct PlaceLight {
 };
 /// The printer as a place sees it that gets `factor` of its curing light.
 Printer dimmed(const Printer& printer, double factor);
+/// The printer with the share of its light that layers get as a rule (`usual_light_share`).
+Printer as_lit(const Printer& printer, const Process& process);
 
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
 /// feasible, nor for the printer's flat-field: `light` says what the place gets (place_models.hpp).

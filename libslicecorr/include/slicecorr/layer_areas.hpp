@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
@@ -39,6 +40,7 @@ struct PeelForce {
 struct LayerAreas {
   double layer_um = 0, pixel_mm2 = 0;       ///< > 0
   std::vector<std::uint64_t> lit_pixels{};  ///< of each slice
+  LayerHeights heights{};                   ///< of slices, where they differ
   /// Measured pull per area (`Printer::adhesion_kpa`), and the most that the vat bears, Pa
   /// (`Printer::suction_limit_pa`); 0: not known.
   double adhesion_kpa = 0, limit_pa = 0;

@@ -40,12 +40,18 @@ class TogetherCorrected;
 /// fully: nothing of it would print.
 StackInfo write_target(const SliceSource& target, const StackFile& file,
                        const ExecutionContext& context = {});
+/// The same of layers of different heights.
+StackInfo write_target(const SliceSource& target, const LayerHeights& heights,
+                       const StackFile& file, const ExecutionContext& context = {});
 
 /// Writes the slices of a stack into another archive, with all that both formats can say. `slices`:
 /// the same turned, where they are to lie otherwise; null: as they are. What is lost is told
 /// through `context`.
 void convert_stack(const StackReader& stack, const StackFile& file,
                    const ExecutionContext& context = {}, const SliceSource* slices = nullptr);
+
+/// Volume of what the images of a stack cover, mm³, each layer as high as it is.
+double coverage_mm3(const StackReader& stack, const ExecutionContext& context = {});
 
 /// The process with its UV intensity of each slice, where the schedule asks for one per slice and
 /// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a

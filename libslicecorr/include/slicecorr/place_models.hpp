@@ -46,7 +46,7 @@ class PlaceModels {
   /// The model of the brightest place, where black gives most dose and a level step moves edges
   /// furthest. Without a flat-field it is the only model.
   const CureModel& brightest() const { return model(map_.greatest()); }
-  /// The printer, without its flat-field, and the resin.
+  /// The printer, without its flat-field, with the light that layers get as a rule, and the resin.
   const Printer& printer() const { return printer_; }
   const Resin& resin() const { return resin_; }
   /// The printer as a place of this value sees it: its calibration times the factor.

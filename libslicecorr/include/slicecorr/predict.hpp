@@ -48,6 +48,7 @@
 #include "slicecorr/dose.hpp"
 #include "slicecorr/flow_doses.hpp"
 #include "slicecorr/layer_areas.hpp"
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/surface_maps.hpp"
@@ -177,7 +178,8 @@ struct RegionDose {
 /// The figures of a prediction.
 struct Prediction {
   int layers = 0;                         ///< slices shown
-  double layer_um = 0;                    ///< slice height
+  double layer_um = 0;                    ///< slice height, as a rule
+  LayerHeights heights{};                 ///< of layers, where they differ
   double pixel_x_um = 0, pixel_y_um = 0;  ///< width and height of a pixel
   std::uint64_t target_voxels = 0;        ///< coverage 1
   std::uint64_t printed_voxels = 0;       ///< printed, of coverage 0 or 1

@@ -422,6 +422,12 @@ struct Process {
   int fade_layers = 0;
   /// layerwise: exposure of each layer, in place of the bottom's; the last holds for later layers.
   std::vector<double> layer_exposure_s;
+  /// Share of the light for which the calibration holds that each layer gets, above 0 and at most 1; the
+  /// last holds for later layers; empty: all of it.
+  std::vector<double> light_share{};
+  /// Height of each layer where they differ, um, above 0; the last holds for later layers; empty: all are as
+  /// high as the stack says.
+  std::vector<double> layer_heights_um{};
   /// layerwise: whether the platform lifts after each exposure.
   Lifts lifts = Lifts::none;
   /// With lifts: critical doses of its own exposure that a layer has at its far edge where it holds,
@@ -457,6 +463,13 @@ bool slices_differ(const Process& process);
 std::string speeds_in_words(const Process& process);
 /// Exposure of a layer, s (layerwise).
 double layer_exposure_s(const Process& process, int layer);
+/// Share of the light that a layer gets, and that of the last layers, for which models are made.
+double light_share(const Process& process, int layer);
+double usual_light_share(const Process& process);
+/// Whether layers get different shares of the light.
+bool light_differs(const Process& process);
+/// Shares in words: "50.2 % of full light, 100 % for the first 2 layers"; empty where all is full.
+std::string light_share_in_words(const Process& process);
 /// All of them in words (layerwise): "8 s each; the first layer 20 s, then 3 in steps between".
 std::string exposures_in_words(const Process& process);
 
@@ -465,11 +478,12 @@ struct SliceLight {
   double time_s = 0;  ///< > 0
   double share = 1;   ///< 0..1
 };
-/// Layer by layer the exposure, at full light. Continuous the time in which the stage passes the
+/// Layer by layer the exposure, at the layer's share of the light. Continuous the time in which the stage passes the
 /// slice; where the lamp follows the ramp, with constant acceleration v_n / v = sqrt(z / ramp), z
 /// the distance of the middle of the slice from the nearer end of the print, and the share
 /// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are; the same where slices go
-/// slower and the lamps follow. Where they stay the share is that of the ramp alone.
+/// slower and the lamps follow. Where they stay the share is that of the ramp alone. It is one of the
+/// layer's own share (`light_share`).
 SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices);
 /// Time in which all slices are shown, s: without what lies between them layer by layer.
 double light_on_s(const Process& process, double m, double layer_um, int slices);

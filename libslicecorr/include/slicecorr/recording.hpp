@@ -65,8 +65,9 @@ struct Recording {
 
 /// Time that a process plans for the light of a slice, s: continuous that in which the stage passes
 /// it at the print's speed (where the lamp follows a ramp, more time and less light are the same
-/// `light`), or at the slice's own where lamps stay; layer by layer its exposure.
-double planned_light_s(const Process& process, double layer_um, int slice);
+/// `light`), or at the slice's own where lamps stay; layer by layer its exposure. A share s of the light
+/// (`light_share`) counts as s^m of the time; `m` is `light_exponent`.
+double planned_light_s(const Process& process, double layer_um, int slice, double m);
 
 /// The exponent m to which the share of blue light counts: the resin's, under UV light that of its
 /// inhibition.

@@ -36,7 +36,9 @@ struct SetupChoices {
   int bottom_layers = -1, fade_layers = -1;
   /// The last holds for later layers. Alone, without the numbers above.
   std::vector<double> layer_exposure_s;
-  std::string lifts;  ///< each or none
+  std::vector<double> light_share;       ///< the last holds for later layers
+  std::vector<double> layer_heights_um;  ///< the last holds for later layers
+  std::string lifts;                     ///< each or none
   double green_strength = 0, skin = 0;
   double lift_exchange = -1;
   double uv_mw_cm2 = 0, dead_zone_um = 0;

@@ -32,6 +32,8 @@ struct SliceOptions {
   /// The height of the mesh that lies on the platform, mm, at most its least z, which it is when not
   /// given.
   std::optional<double> platform_z_mm;
+  /// How far the part is raised above the platform, um, 0 or more: cuts go through it that much lower.
+  double raised_um = 0;
   /// Whether there are `MeshSlices::edge_heights`. Slices are the same with and without.
   bool edge_heights = false;
 };

@@ -45,6 +45,16 @@ struct ArchiveProfiles {
   std::string print;     ///< of the slicing
 };
 
+/// One exposure of a layer that has several: an image of the archive.
+struct LayerExposure {
+  int layer = 0;
+  double time_s = 0;       ///< light-on time
+  double light_share = 1;  ///< share of full light, 0..1
+  /// It shows a pixel or none: printers are given such an image to wait. It stays as it is.
+  bool spot = false;
+  bool operator==(const LayerExposure&) const = default;
+};
+
 /// All that a stack says about itself besides its images. Holds no clock time, host, path or thread
 /// count: the same input gives the same bytes.
 struct StackInfo {
@@ -83,12 +93,23 @@ struct StackInfo {
   int fade_layers = 0;    ///< layers after them that lead to the normal time, see Process
   /// Light-on time of each layer, s, when the archive lists them and they are not all `exposure_s`.
   std::vector<double> layer_exposure_s;
+  /// Share of full light that each layer gets, above 0 and at most 1; the last holds for later layers;
+  /// empty: all of it.
+  std::vector<double> light_share;
+  /// Height of each layer, um, where they are not all `grid.layer_um`; the last holds for later layers.
+  std::vector<double> layer_heights_um;
+  /// Where some layers are exposed more than once: every exposure of the archive, in its order.
+  std::vector<LayerExposure> exposures;
   /// How the platform lifts between layers, where the archive says it.
   std::optional<LiftTimes> lift_times{};
   /// Time of the print that the archive says itself, s; 0 when it says none.
   double own_print_time_s = 0;
 };
 
+/// Height of a layer, um.
+double layer_height_um(const StackInfo& info, int layer);
+/// Height of the first `layers` layers together, um.
+double stack_height_um(const StackInfo& info, int layers);
 /// How the images of a stack lie, by what it says.
 ImageFrame image_frame(const StackInfo& info);
 /// The process of a corrected stack; else one, layer by layer, that has the archive's times.
@@ -154,6 +175,13 @@ class StackReader final : public SliceSource {
   /// their checksum.
   const SliceSource* edge_heights() const override;
   bool edge_heights_changed() const;
+  /// Where layers are exposed more than once (`StackInfo::exposures`): the archive's images with which of
+  /// them each layer shows (recording.hpp), light counted with the exponent `m` of a resin, for whoever
+  /// predicts. Null elsewhere. Lives as long as the reader. As a source of slices the reader has one image
+  /// per layer: of each pixel the brightest of its exposures, without spots.
+  std::unique_ptr<const SliceSource> exposures(double m) const;
+  /// First layer whose exposures show different images, spots left out; -1: none.
+  int several_images_layer() const;
   /// Sum of all pixel values.
   std::uint64_t pixel_sum() const;
   /// Names of the entries that are no slices, sorted.
@@ -165,6 +193,7 @@ class StackReader final : public SliceSource {
 
  private:
   class EdgeHeights;
+  class Exposures;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

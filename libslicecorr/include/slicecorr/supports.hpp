@@ -24,14 +24,18 @@ enum class Feature {
   even_dead_zone,
   gel_time,
   bleaching,
-  spread,        ///< light goes from pixel to pixel (light_spreads.hpp)
-  uneven_light,  ///< a flat-field
-  vat_depth,     ///< resin that ends
-  reflectance,   ///< a platform that sends light back
-  lifts,         ///< layer by layer: each layer holds when the platform lifts
-  exchange,      ///< with lifts that replace a part of the liquid resin
-  lamps_stay,    ///< slices that go slower get more light
-  edge_heights,  ///< edges aimed at where the mesh has them
+  spread,         ///< light goes from pixel to pixel (light_spreads.hpp)
+  uneven_light,   ///< a flat-field
+  vat_depth,      ///< resin that ends
+  reflectance,    ///< a platform that sends light back
+  lifts,          ///< layer by layer: each layer holds when the platform lifts
+  exchange,       ///< with lifts that replace a part of the liquid resin
+  lamps_stay,     ///< slices that go slower get more light
+  dim_light,      ///< layers that get less than all of the light
+  own_light,      ///< layers that get different shares of it
+  own_heights,    ///< layer by layer: layers of different heights
+  moved_heights,  ///< continuous: slices of different heights
+  edge_heights,   ///< edges aimed at where the mesh has them
   left_alone,
   wanted_doses,
   capped_dose,

@@ -168,6 +168,7 @@ Placement MeshOptions::placement() const {
 SliceOptions MeshOptions::slice_options(Surface surface) const {
   SliceOptions o;
   o.layer_um = layer_um;
+  o.raised_um = raised_um;
   o.antialias = antialias == "on";
   o.edge_heights = surface == Surface::mesh;
   if (!center_mm.empty()) o.center_mm = {center_mm[0], center_mm[1]};

@@ -19,6 +19,7 @@ namespace slicecorr::cli {
 struct MeshOptions {
   std::vector<std::string> parts;
   double layer_um = 0;
+  double raised_um = 0;  ///< `SliceOptions::raised_um`
   std::string antialias = "on";
   std::vector<double> center_mm;
   std::string units = "auto";

@@ -29,6 +29,8 @@ struct Arguments {
   std::string input, output, format, target, json, kept;
   std::vector<std::string> leave_alone;
   double layer_um = 0;
+  std::string layers;               ///< of slice: a table of heights
+  std::vector<double> adaptive_um;  ///< of slice: least and greatest height
   int x = -1, y = -1, reduce = 0;
   double max_height_error_um = -1, max_surface_error_um = -1;
   int max_loose_bodies = -1;  ///< -1: any number

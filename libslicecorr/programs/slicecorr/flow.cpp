@@ -94,6 +94,15 @@ FlowInput read_input(const FlowOptions& o, const ExecutionContext& context) {
     throw InputError(parts[0], "",
                      "is a recording of a print; expected the stack that was printed");
   }
+  const bool own_heights =
+      !info.layer_heights_um.empty() || (info.process && !info.process->layer_heights_um.empty());
+  if (own_heights || !info.exposures.empty()) {
+    throw InputError(
+        parts[0], "",
+        fmt::format("has layers {}, under which flow is not counted; expected layers of one "
+                    "height, each exposed once",
+                    own_heights ? "of different heights" : "that are exposed more than once"));
+  }
   take_process(o, &info, in, context);
   MissingFacts facts;
   facts.layer_um = o.mesh.layer_um;

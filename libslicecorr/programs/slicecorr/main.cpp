@@ -77,6 +77,23 @@ int run_program(int argc, char** argv) {
   a.mesh.add_to(*sub);
   plates(sub);
   a.setup.add_surface_to(*sub);
+  CLI::Option* const layer_um = sub->get_option("--layer-um")->required(false);
+  CLI::Option* const layers =
+      sub->add_option(
+             "--layers", a.layers,
+             "Heights of layers that differ, in place of --layer-um. A table with the columns "
+             "slice,layer_um: each row holds from its slice on")
+          ->check(CLI::ExistingFile)
+          ->excludes(layer_um);
+  sub->add_option(
+         "--adaptive-um", a.adaptive_um,
+         "LOW,HIGH: layers as high as slopes allow, in multiples of LOW up to HIGH, in place of "
+         "--layer-um: no slope lies further from its steps than LOW")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(number_in(2, 1000))
+      ->excludes(layer_um)
+      ->excludes(layers);
   sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
   stack_output(sub, "Stack to write (.uvj, or another format)");
 

@@ -92,6 +92,18 @@ std::string describe_recording(const StackInfo& info) {
   }
   return text;
 }
+
+/// Height of each layer, um; empty where all are alike.
+std::vector<double> heights_of(const StackInfo& info, int layers) {
+  std::vector<double> heights;
+  bool differ = false;
+  for (int n = 0; n < layers; ++n) {
+    heights.push_back(layer_height_um(info, n));
+    differ = differ || heights.back() != info.grid.layer_um;
+  }
+  if (!differ) heights.clear();
+  return heights;
+}
 }  // namespace
 
 std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
@@ -101,9 +113,15 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   };
   std::string text = fmt::format("kind         {}, format {}\n", kind_name(info.kind), info.format);
   const int slices = info.recording ? info.recording->slices() : g.layers;
-  text += fmt::format("slices       {} of {}\n", slices,
-                      or_not_said(g.layer_um, fmt::format("{:g} um, {:.3f} mm in all", g.layer_um,
-                                                          slices * g.layer_um * 1e-3)));
+  const std::vector<double> heights = heights_of(info, slices);
+  const auto [least, most] = std::minmax_element(heights.begin(), heights.end());
+  text += fmt::format(
+      "slices       {} of {}\n", slices,
+      or_not_said(g.layer_um,
+                  fmt::format("{} um, {:.3f} mm in all",
+                              heights.empty() ? fmt::format("{:g}", g.layer_um)
+                                              : fmt::format("{:g} to {:g}", *least, *most),
+                              stack_height_um(info, slices) * 1e-3)));
   text += fmt::format(
       "images       {} x {} pixels of {}\n", g.width_px, g.height_px,
       or_not_said(g.pixel_x_um, fmt::format("{:g} x {:g} um", g.pixel_x_um, g.pixel_y_um)));
@@ -118,7 +136,7 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   }
   if (info.kind == StackKind::corrected) {
     text += fmt::format("part         {} layers, {:.3f} mm high; {} slices added after its end\n",
-                        info.target_layers, info.target_layers * g.layer_um * 1e-3,
+                        info.target_layers, stack_height_um(info, info.target_layers) * 1e-3,
                         g.layers - info.target_layers);
   }
   if (info.recording) text += describe_recording(info);
@@ -176,6 +194,16 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   if (!info.process && info.exposure_s > 0) {
     text += "exposure     " + exposures_in_words(process_of_times(info)) + "\n";
   }
+  if (const std::string light = light_share_in_words(process_of_times(info)); !light.empty()) {
+    text += "lit with     " + light + "\n";
+  }
+  if (!info.exposures.empty()) {
+    const auto spots = std::count_if(info.exposures.begin(), info.exposures.end(),
+                                     [](const LayerExposure& e) { return e.spot; });
+    text += fmt::format(
+        "exposures    {} of {} layers, whose doses add up{}\n", info.exposures.size(), slices,
+        spots > 0 ? fmt::format("; {} of a pixel or none, which stay as they are", spots) : "");
+  }
   if (const PrintTime time = print_time(info); time.light_s > 0) {
     text += "print time   " + print_time_in_words(time) + "\n";
     if (process_of_times(info).mode == ExposureMode::layerwise) {
@@ -207,6 +235,19 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   return text;
 }
 
+namespace {
+
+/// A number where all layers get the same share of the light, else one for each.
+nlohmann::ordered_json light_json(const StackInfo& info, int slices) {
+  const Process p = process_of_times(info);
+  if (!light_differs(p)) return usual_light_share(p);
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (int n = 0; n < slices; ++n) list.push_back(light_share(p, n));
+  return list;
+}
+
+}  // namespace
+
 std::string info_json(const StackInfo& info, const std::string& path, const LayerAreas* areas) {
   using nlohmann::ordered_json;
   const Grid& g = info.grid;
@@ -216,11 +257,25 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
   j["format"] = info.format;
   const int slices = info.recording ? info.recording->slices() : g.layers;
   j["layers"] = slices;
-  j["layer_um"] = g.layer_um;
+  if (const std::vector<double> heights = heights_of(info, slices); heights.empty()) {
+    j["layer_um"] = g.layer_um;
+  } else {
+    j["layer_um"] = heights;
+  }
+  j["light_share"] = light_json(info, slices);
+  if (!info.exposures.empty()) {
+    auto& list = j["exposures"];
+    for (const LayerExposure& e : info.exposures) {
+      list.push_back({{"layer", e.layer},
+                      {"time_s", e.time_s},
+                      {"light_share", e.light_share},
+                      {"spot", e.spot}});
+    }
+  }
   j["width_px"] = g.width_px;
   j["height_px"] = g.height_px;
   j["pixel_um"] = {g.pixel_x_um, g.pixel_y_um};
-  j["height_mm"] = slices * g.layer_um * 1e-3;
+  j["height_mm"] = stack_height_um(info, slices) * 1e-3;
   j["orientation"] = {{"portrait", info.orientation.portrait},
                       {"mirror_x", info.orientation.mirror_x},
                       {"mirror_y", info.orientation.mirror_y}};
@@ -294,7 +349,7 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
       j["speed_mm_h"] = info.process->speed_mm_h;
       if (const auto& speeds = info.process->slice_speed_mm_h; !speeds.empty()) {
         j["slice_speed_mm_h"] = speeds;
-        j["slice_lamps"] = slices_differ(*info.process) ? "stay" : "follow";
+        j["slice_lamps"] = info.process->slice_lamps == SliceLamps::stay ? "stay" : "follow";
       }
     }
     const UvSchedule& uv = info.process->uv;

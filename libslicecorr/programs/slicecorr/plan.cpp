@@ -34,7 +34,8 @@ Setup resolve(const PlanOptions& o) {
   }
   if (setup.by_slice()) {
     throw InputError(
-        "--slice-speed-mm-h and --layer-exposure-s choose speeds and exposures; expected neither");
+        "--slice-speed-mm-h, --layer-exposure-s and --light-share choose speeds, exposures and light; expected "
+        "none of them");
   }
   (layerwise ? setup.exposure_s : setup.speed_mm_h) = 1;
   Setup all = setup.resolve(nullptr, nullptr);
@@ -42,6 +43,8 @@ Setup resolve(const PlanOptions& o) {
   if (o.mesh.parts.size() == 1 && !is_mesh_name(o.mesh.parts[0])) {
     const StackInfo info = StackReader::read_info(o.mesh.parts[0]);
     if (info.lift_times) all.lift_times = info.lift_times;
+    all.process.light_share = info.light_share;
+    all.process.layer_heights_um = info.layer_heights_um;
   }
   return all;
 }

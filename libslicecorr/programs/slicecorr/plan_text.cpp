@@ -96,7 +96,7 @@ std::string plan_text(const PrintPlan& plan) {
     }
     text += fmt::format(
         "  correct takes --speed-mm-h {:g} --slice-speed-mm-h FILE{}, FILE from --slice-speeds\n",
-        p.speed_mm_h, slices_differ(p) ? " --slice-lamps stay" : "");
+        p.speed_mm_h, p.slice_lamps == SliceLamps::stay ? " --slice-lamps stay" : "");
   }
   if (!plan.with.empty()) {
     text += "with " + plan.with;

@@ -69,6 +69,12 @@ struct Input {
   Input(const SimulateOptions& o, const SetupOptions& options, const ExecutionContext& context)
       : stack(o.stack, folder_of(o.output), context),
         setup(options.resolve(&stack.info(), &stack.info())) {
+    if (!stack.info().exposures.empty()) {
+      throw InputError(
+          o.stack, "",
+          "has layers that are exposed more than once, which are not followed in time; "
+          "verify says what they print");
+    }
     if (!o.target.empty()) {
       given.emplace(design(o.target), folder_of(o.output), context);
       fitted.emplace(FittedSlices::like(stack, *given, folder_of(o.output), context));

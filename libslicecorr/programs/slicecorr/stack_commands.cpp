@@ -11,6 +11,7 @@
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/turned.hpp"
+#include "slicecorr/uneven_slices.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/display_text.hpp"
 
@@ -51,9 +52,38 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
 
 namespace {
 
+/// Layers of different heights, out of thin slices.
+int slice_unevenly(const Arguments& a, const Printer& printer, const ExecutionContext& context,
+                   Console& console) {
+  LayerHeights heights;
+  if (!a.layers.empty()) {
+    heights = LayerHeights(read_by_slice(a.layers, "layer_um"));
+  } else {
+    heights = adaptive_heights(read_parts(a.mesh, {}).mesh, a.adaptive_um[0], a.adaptive_um[1]);
+  }
+  MeshOptions thin = a.mesh;
+  thin.layer_um = thin_slice_um(heights);
+  thin.raised_um = 0.5 * thin.layer_um;
+  const MeshSlices cuts = slice_parts(thin, printer, Surface::slices, context);
+  const UnevenSlices slices(cuts, heights);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
+  const StackInfo info = write_target(*fitted, heights, a.file(), context);
+  const auto [least, most] =
+      std::minmax_element(info.layer_heights_um.begin(), info.layer_heights_um.end());
+  console.say(fmt::format("{}: {} slices of {:g} to {:g} um, {:.4f} ml; edges lie at slices",
+                          a.output, info.grid.layers, *least, *most, info.part_volume_mm3 * 1e-3));
+  return kDone;
+}
+
 int slice_plate(const Arguments& a, const ExecutionContext& context, Console& console) {
   check_output(a.output, a.mesh.files());
   const Printer printer = load_display(a.setup.printer);
+  if (!a.layers.empty() || !a.adaptive_um.empty()) {
+    return slice_unevenly(a, printer, context, console);
+  }
+  if (!(a.mesh.layer_um > 0)) {
+    throw InputError("expected the height of layers: --layer-um, --layers or --adaptive-um");
+  }
   const MeshSlices slices = slice_parts(a.mesh, printer, a.setup.wanted_surface(), context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
   const StackInfo info = write_target(*fitted, a.file(), context);
@@ -174,20 +204,25 @@ int info(const Arguments& a, const ExecutionContext& context, Console&) {
   std::optional<Bodies> bodies;
   std::optional<LayerAreas> areas;
   // Images of a recording are no slices.
+  bool several_images = false;
   if (info.kind != StackKind::recorded) {
     // All images are looked at, whatever their size: a damaged archive is not described.
     const StackReader stack(a.input, folder_of(a.input), context, {1, 1, 1});
     const Grid& g = info.grid;
-    if (info.kind != StackKind::corrected) {
+    several_images = stack.several_images_layer() >= 0;
+    const LayerHeights heights(process_of_times(info).layer_heights_um);
+    if (info.kind != StackKind::corrected && !several_images) {
       if (info.part_volume_mm3 == 0) {
-        info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
-                               g.pixel_y_um * g.layer_um * 1e-9;
+        info.part_volume_mm3 = coverage_mm3(stack, context);
+        if (!(g.layer_um > 0 && g.pixel_x_um > 0 && g.pixel_y_um > 0)) info.part_volume_mm3 = 0;
       }
       bodies = find_bodies(stack, context);
       bodies->grid = g;
+      bodies->heights = heights;
     }
-    if (g.pixel_x_um > 0 && g.pixel_y_um > 0 && g.layer_um > 0) {
+    if (g.pixel_x_um > 0 && g.pixel_y_um > 0 && g.layer_um > 0 && !several_images) {
       areas = lit_areas(stack, info.printer ? &*info.printer : nullptr, context);
+      areas->heights = heights;
     }
   }
   if (a.json.empty()) {
@@ -195,10 +230,12 @@ int info(const Arguments& a, const ExecutionContext& context, Console&) {
     for (const auto& [name, value] : print_file_facts(a.input)) {
       text += fmt::format("{:<12} {}\n", name, text::printable(value));
     }
-    text += fmt::format("{:<12} {}\n", "bodies",
-                        bodies ? fmt::format("{} on the platform, {} loose, by the images alone",
-                                             bodies->on_platform, bodies->loose_bodies)
-                               : "not said by light; verify says what hangs together");
+    text +=
+        fmt::format("{:<12} {}\n", "bodies",
+                    bodies ? fmt::format("{} on the platform, {} loose, by the images alone",
+                                         bodies->on_platform, bodies->loose_bodies)
+                    : several_images ? "not said where exposures of a layer show different images"
+                                     : "not said by light; verify says what hangs together");
     if (bodies) {
       for (const std::string& sentence : bodies_in_words(*bodies)) {
         text += fmt::format("{:<12} {}\n", "", sentence);

@@ -27,6 +27,7 @@ struct StackAndDesign {
                  const ExecutionContext& context)
       : stack(a.open(a.input, folder, context)),
         setup(a.uncertain.put(a.setup.resolve(&stack.info(), &stack.info()), a.setup)),
+        exposures(stack.exposures(setup.resin.m)),
         read(a.open(design(a.target), target_folder, context)),
         fitted(FittedSlices::like(stack, read, target_folder, context)),
         target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context) {
@@ -41,8 +42,12 @@ struct StackAndDesign {
   StackAndDesign(const StackAndDesign&) = delete;
   StackAndDesign& operator=(const StackAndDesign&) = delete;
 
+  /// What is shown: of layers that are exposed more than once each exposure.
+  const SliceSource& shown() const { return exposures ? *exposures : stack; }
+
   const StackReader stack;
   const Setup setup;
+  const std::unique_ptr<const SliceSource> exposures;
   const StackReader read;
   const FittedSlices fitted;
   const LeftAloneFiles target;
@@ -51,9 +56,9 @@ struct StackAndDesign {
 /// What a stack prints, and what its slices light.
 Prediction verified(const StackAndDesign& given, const SliceSource& target,
                     const ExecutionContext& context) {
-  Prediction p = verify_stack(given.stack, target, given.setup, context);
-  // Images of a recording are no slices.
-  if (!given.stack.recording()) {
+  Prediction p = verify_stack(given.shown(), target, given.setup, context);
+  // Images of a recording are no slices, and those of several exposures not all of a layer's.
+  if (!given.shown().recording()) {
     p.areas =
         std::make_shared<const LayerAreas>(lit_areas(given.stack, &given.setup.printer, context));
   }
@@ -177,7 +182,9 @@ int probe(const Arguments& a, const ExecutionContext& context, Console&) {
     target.emplace(FittedSlices::like(stack, *read, folder_of(a.target), context));
     check_target(stack, stack.info(), **target, a.target, read->pixel_sum(), context);
   }
-  const auto rows = probe_stack(stack, target ? &**target : nullptr, setup, a.x, a.y);
+  const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
+  const SliceSource& shown = exposures ? *exposures : stack;
+  const auto rows = probe_stack(shown, target ? &**target : nullptr, setup, a.x, a.y);
   std::string text =
       fmt::format("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
   for (const ProbeRow& r : rows) {
@@ -203,8 +210,8 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   const AsSliced uncorrected(*given.target);
   const Prediction before = verify_stack(uncorrected, *given.target, given.setup, context);
   const StackInfo& info = stack.info();
-  write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
-                                                      before, title_of(a.input), context),
+  write_text_file(a.output, make_report(gather_report(given.shown(), target, given.setup, info,
+                                                      after, before, title_of(a.input), context),
                                         context));
   console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
   return kDone;
@@ -221,9 +228,10 @@ int section(const Arguments& a, const ExecutionContext& context, Console& consol
   const Grid& g = stack.grid();
   const std::string where = row_in_words(stack, row);
   write_text_file(
-      a.output, section_sheet(section_of(target, target, given.setup, row),
-                              section_of(stack, target, given.setup, row), g.pixel_x_um, g.layer_um,
-                              fmt::format("{}: {}; platform up", title_of(a.input), where), svg));
+      a.output,
+      section_sheet(section_of(target, target, given.setup, row),
+                    section_of(given.shown(), target, given.setup, row), g.pixel_x_um, g.layer_um,
+                    fmt::format("{}: {}; platform up", title_of(a.input), where), svg));
   console.say(
       fmt::format("{}: section at {}, platform up; left uncorrected, right this stack; grey right, "
                   "red cured through, blue undercured",
@@ -257,7 +265,9 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   }
   const SolidOptions options{a.reduce > 0 ? a.reduce : handy_reduction(a, stack, models, context),
                              design_mesh ? &*design_mesh : nullptr};
-  const SolidReport r = write_solid(stack, models, a.output, options, context);
+  const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
+  const SliceSource& shown = exposures ? *exposures : stack;
+  const SolidReport r = write_solid(shown, models, a.output, options, context);
   console.say(
       fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, {:.3f}, "
                   "{:.3f} mm",

@@ -58,6 +58,9 @@ struct ArchiveContents {
     std::uint64_t offset = 0, size = 0;
   };
   std::vector<Place> places;
+  /// Where the platform stands for each image, mm; empty where the archive does not say it.
+  std::vector<double> z_mm;
+  double z_step_um = 0;  ///< places are told in steps of this
   std::vector<std::string> warnings;
 };
 
@@ -88,6 +91,8 @@ struct ArchiveRequest {
   const ArchiveContents* kept_contents = nullptr;
   /// Whether the exposure times of `info` are to replace those of the kept archive.
   bool exposure_changes = true;
+  /// The same of the shares of light.
+  bool light_changes = true;
   std::vector<std::string>* warnings = nullptr;  ///< what the format can't say is told here
   const CodedLayers* layers = nullptr;           ///< of a binary format
 };
@@ -106,6 +111,12 @@ class ArchiveFormat {
   virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
   /// Whether archives are made from nothing; else only such that are there are changed.
   virtual bool made_new() const { return true; }
+  /// Whether archives say how bright layers are lit, and how high each of them is: what they can't say is
+  /// not written.
+  virtual bool says_light() const { return false; }
+  virtual bool says_heights() const { return false; }
+  /// Whether archives are changed of which layers have several exposures.
+  virtual bool changes_exposures() const { return false; }
   /// Of binary formats, the code of a new file.
   virtual LayerCodecPtr new_codec(const Grid&) const { return nullptr; }
 

@@ -95,8 +95,8 @@ void read_layers(const BinaryFile& file, CtbFile& ctb, std::vector<NamedSpan>& s
     const double z_mm = ctb.table.real(at, "a layer's place", 1e5);
     ctb.table.real(at + 4, "a layer's exposure", 1e6);
     if (layer == 0) last_z_mm = -1;
-    if (z_mm <= last_z_mm) {
-      ctb.table.fail(at, fmt::format("layer {} is at {:g} mm, not above the one before it, at {:g} "
+    if (z_mm < last_z_mm) {
+      ctb.table.fail(at, fmt::format("layer {} is at {:g} mm, below the one before it, at {:g} "
                                      "mm{}",
                                      layer, z_mm, last_z_mm,
                                      ctb.sets > 1 ? "; maybe the sets of each layer follow each "

@@ -58,6 +58,8 @@ struct CtbFile {
 
   std::size_t record(std::size_t layer, std::size_t set) const { return set * layers + layer; }
   bool has_layer_flag() const { return slicer && slicer->u8(0x27) != 0; }
+  /// Whether the file says if printers heed settings of single layers, and they do not.
+  bool goes_by_head() const { return family == CtbFamily::ctb && slicer && !has_layer_flag(); }
 };
 
 /// Throws `InputError` on anything damaged, or that reaches out of the file or over something else.

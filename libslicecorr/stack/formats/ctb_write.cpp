@@ -52,6 +52,13 @@ class CtbChange {
   std::uint64_t size_of(std::size_t piece) const { return r_.layers->sizes[piece]; }
   std::uint64_t head_bytes() const { return ctb_.heads.empty() ? 0 : kCtbLayerHeadBytes; }
 
+  /// Height of layers that are added: that of the last one.
+  double last_mm() const {
+    const StackInfo& old = r_.kept_contents->info;
+    if (old.layer_heights_um.empty()) return ctb_.head.f32(ctb_.fields.layer_mm);
+    return layer_height_um(old, old.grid.layers) * 1e-3;
+  }
+
   /// A span for each piece.
   void place_layers() {
     pieces_.resize(layers_ * ctb_.sets);
@@ -89,12 +96,12 @@ class CtbChange {
         static_cast<std::ptrdiff_t>(layers_) - static_cast<std::ptrdiff_t>(ctb_.layers);
     if (added != 0) {
       head.set_u32(f.count, static_cast<std::uint32_t>(layers_));
-      head.set_f32(f.total_mm,
-                   head.f32(f.total_mm) + static_cast<double>(added) * head.f32(f.layer_mm));
+      head.set_f32(f.total_mm, head.f32(f.total_mm) + static_cast<double>(added) * last_mm());
       if (ctb_.v4) ctb_.v4->set_u32(0x34, static_cast<std::uint32_t>(layers_ - 1));
     }
     head.set_u32(f.print_time_s,
                  changed_print_time_s(head.u32(f.print_time_s), r_.kept_contents->info, info));
+    if (r_.light_changes) change_light();
     if (!r_.exposure_changes) return;
     const ExposureSummary s = exposure_summary(info);
     const bool says_fade = ctb_.slicer.has_value() && ctb_.version >= 4;
@@ -116,6 +123,27 @@ class CtbChange {
     }
     if (ctb_.print) ctb_.print->set_u32(0x28, static_cast<std::uint32_t>(s.bottom_layers));
     if (says_fade) ctb_.slicer->set_u32(0x3c, static_cast<std::uint32_t>(s.fade_layers));
+  }
+
+  void change_light() {
+    if (ctb_.version < 2) {
+      throw InputError(
+          file_.path(), "",
+          "is of a version that can't say light below full; expected all of the light");
+    }
+    BinaryBlock& head = ctb_.head;
+    const LightSteps steps =
+        light_steps(r_, file_.path(), static_cast<int>(head.u32(ctb_.fields.bottom_layers)));
+    if (!ctb_.has_layer_flag() && steps.uneven) {
+      throw InputError(
+          file_.path(), "",
+          "the file's mark that printers heed settings of single layers is not set, so "
+          "layers can't have light of their own; expected one share for the bottom layers "
+          "and one for all others");
+    }
+    light_ = steps.layers;
+    head.set_u16(ctb_.fields.light, steps.usual);
+    head.set_u16(ctb_.fields.light + 2, steps.bottom);
   }
 
   void move_offset(BinaryBlock& block, std::size_t at) const {
@@ -151,8 +179,7 @@ class CtbChange {
     std::copy_n(ctb_.table.bytes().begin() + static_cast<std::ptrdiff_t>(at), kCtbRecordBytes,
                 record.bytes().begin());
     if (layer != old) {
-      record.set_f32(0, record.f32(0) +
-                            static_cast<double>(layer - old) * ctb_.head.f32(ctb_.fields.layer_mm));
+      record.set_f32(0, record.f32(0) + static_cast<double>(layer - old) * last_mm());
     }
     if (r_.exposure_changes) record.set_f32(4, light_on_of_layer(r_.info, static_cast<int>(layer)));
     const std::size_t piece = piece_of(layer, set);
@@ -186,6 +213,7 @@ class CtbChange {
       if (changes || (alone && at < 8)) head.set_u32(at, its.u32(at));
     }
     const std::uint64_t bytes = size_of(piece_of(layer, set));
+    if (!light_.empty()) head.set_f32(0x50, light_[layer]);
     if (bytes != ctb_.records[old].bytes) {
       head.set_u32(0x24, static_cast<std::uint32_t>(kCtbLayerHeadBytes + bytes));
     }
@@ -219,6 +247,7 @@ class CtbChange {
   const std::size_t layers_;
   FileChange change_;
   std::vector<PieceSpan> pieces_;
+  std::vector<unsigned> light_;  ///< of each layer, where it changes
 };
 
 }  // namespace
@@ -246,7 +275,10 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   const std::size_t print_at = small_at + 0x20 + small.size();
   const std::size_t slicer_at = print_at + print.size(), name_at = slicer_at + slicer.size();
   const std::size_t v4_at = name_at + machine.size(), table_at = v4_at + v4.size();
-  const double total_mm = layers * grid.layer_um * 1e-3;
+  const double total_mm = stack_height_um(info, grid.layers) * 1e-3;
+  const bool own_heights = has_own_heights(info);
+  const LightSteps light = light_steps(r, r.stem, s.bottom_layers);
+  if (s.uneven || light.uneven) tell_own_settings(r, "CTB");
   std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
   for (const double t : times_s) print_time_s += t + lift.dark_s();
@@ -273,8 +305,8 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u32(0x54, static_cast<std::uint32_t>(print_at));
   head.set_u32(0x58, static_cast<std::uint32_t>(print.size()));
   head.set_u32(0x5c, 1);
-  head.set_u16(0x60, 255);
-  head.set_u16(0x62, 255);
+  head.set_u16(0x60, light.usual);
+  head.set_u16(0x62, light.bottom);
   head.set_u32(0x68, static_cast<std::uint32_t>(slicer_at));
   head.set_u32(0x6c, static_cast<std::uint32_t>(slicer.size()));
 
@@ -299,7 +331,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   slicer.set_u32(0x1c, static_cast<std::uint32_t>(name_at));
   slicer.set_u32(0x20, static_cast<std::uint32_t>(machine.size()));
   slicer.set_u8(0x24, 0x0f);
-  slicer.set_u8(0x27, s.uneven ? 0x40 : 0);
+  slicer.set_u8(0x27, s.uneven || light.uneven ? 0x40 : 0);
   slicer.set_u32(0x2c, 8);
   slicer.set_f32(0x34, lift.wait_s);
   slicer.set_u32(0x3c, static_cast<std::uint32_t>(s.uneven ? 0 : s.fade_layers));
@@ -313,10 +345,13 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   std::vector<std::uint8_t> table;
   std::vector<BinaryBlock> heads;
   std::uint64_t at = table_at + layers * kCtbRecordBytes;
+  double z_um = 0;
   for (std::size_t n = 0; n < layers; ++n) {
     const std::uint64_t bytes = r.layers->sizes[n], offset = at + kCtbLayerHeadBytes;
     BinaryBlock block(kCtbLayerHeadBytes, little);
-    block.set_f32(0, static_cast<double>(n + 1) * grid.layer_um * 1e-3);
+    z_um = own_heights ? z_um + layer_height_um(info, static_cast<int>(n))
+                       : static_cast<double>(n + 1) * grid.layer_um;
+    block.set_f32(0, z_um * 1e-3);
     block.set_f32(4, times_s[n]);
     block.set_u32(0x0c, static_cast<std::uint32_t>(offset));
     block.set_u32(0x10, static_cast<std::uint32_t>(bytes));
@@ -328,7 +363,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
     block.set_f32(0x2c, lift.up_mm_min);
     block.set_f32(0x38, lift.back_mm_min);
     block.set_f32(0x4c, lift.wait_s);
-    block.set_f32(0x50, 255);
+    block.set_f32(0x50, light.layers[n]);
     at = offset + bytes;
     heads.push_back(std::move(block));
   }

@@ -11,18 +11,39 @@
 
 namespace slicecorr::detail {
 
+namespace {
+
+/// What holds for a layer of a list whose last entry holds for later ones.
+double at_layer(const std::vector<double>& list, int layer) {
+  return list[std::min(static_cast<std::size_t>(layer), list.size() - 1)];
+}
+
+}  // namespace
+
+double share_of_layer(const StackInfo& info, int layer) {
+  const bool ours = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  if (ours && info.process) return light_share(*info.process, layer);
+  return info.light_share.empty() ? 1.0 : at_layer(info.light_share, layer);
+}
+
+bool has_own_heights(const StackInfo& info) {
+  const bool ours = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  return !(ours && info.process ? info.process->layer_heights_um : info.layer_heights_um).empty();
+}
+
 SliceLight light_of_layer(const StackInfo& info, int layer) {
   const double m = info.resin ? info.resin->m : 1.0;
   if (info.kind == StackKind::recorded && info.process) {
     // Images of a recording are no slices: the light that the process plans for a slice.
-    return {planned_light_s(*info.process, info.grid.layer_um, layer), 1};
+    return {planned_light_s(*info.process, info.grid.layer_um, layer, m), 1};
   }
   if (info.kind == StackKind::corrected && info.process) {
     return slice_light(*info.process, m, info.grid.layer_um, layer, info.grid.layers);
   }
   // Looked up here, because a Process would copy the whole list for each of its layers.
   if (const auto& times_s = info.layer_exposure_s; !times_s.empty()) {
-    return {times_s[std::min(static_cast<std::size_t>(layer), times_s.size() - 1)], 1};
+    return {times_s[std::min(static_cast<std::size_t>(layer), times_s.size() - 1)],
+            share_of_layer(info, layer)};
   }
   return slice_light(process_of_times(info), m, info.grid.layer_um, layer, info.grid.layers);
 }
@@ -79,6 +100,14 @@ ExposureSummary exposure_summary(const StackInfo& info) {
   return s;
 }
 
+bool shares_differ(const StackInfo& a, const StackInfo& b) {
+  const int layers = std::min(a.grid.layers, b.grid.layers);
+  for (int n = 0; n < layers; ++n) {
+    if (std::abs(share_of_layer(a, n) - share_of_layer(b, n)) > 1e-9) return true;
+  }
+  return false;
+}
+
 bool exposures_differ(const StackInfo& a, const StackInfo& b) {
   const int layers = std::min(a.grid.layers, b.grid.layers);
   for (int n = 0; n < layers; ++n) {
@@ -101,14 +130,17 @@ Process process_of_times(const StackInfo& info) {
   p.bottom_layers = info.bottom_layers;
   p.fade_layers = info.fade_layers;
   p.layer_exposure_s = info.layer_exposure_s;
+  p.light_share = info.light_share;
+  p.layer_heights_um = info.layer_heights_um;
   return p;
 }
 
 double light_on_s(const StackInfo& info) {
   if (info.recording && info.process) {
     double sum = 0;
+    const double m = info.resin ? light_exponent(*info.resin, *info.process) : 1.0;
     for (int n = 0; n < info.recording->slices(); ++n) {
-      const double planned = planned_light_s(*info.process, info.grid.layer_um, n);
+      const double planned = planned_light_s(*info.process, info.grid.layer_um, n, m);
       for (const Recording::Showing& p : info.recording->of(n)) sum += p.light * planned;
     }
     return sum;
@@ -117,13 +149,29 @@ double light_on_s(const StackInfo& info) {
                     info.grid.layers);
 }
 
+double layer_height_um(const StackInfo& info, int layer) {
+  const bool ours = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  const std::vector<double>& own =
+      ours && info.process ? info.process->layer_heights_um : info.layer_heights_um;
+  return own.empty() ? info.grid.layer_um : detail::at_layer(own, layer);
+}
+
+double stack_height_um(const StackInfo& info, int layers) {
+  if (!detail::has_own_heights(info)) return layers * info.grid.layer_um;
+  double sum = 0;
+  for (int n = 0; n < layers; ++n) sum += layer_height_um(info, n);
+  return sum;
+}
+
 PrintTime print_time(const StackInfo& info) {
   const double light_s = light_on_s(info);
   const bool continuous = process_of_times(info).mode == ExposureMode::continuous;
   // Nobody has timed what lay between the images of a recording.
   if (info.recording && !continuous) return {light_s};
   if (continuous) return {light_s, 0.0};
-  return print_time_of_layers(lift_times_of(info), light_s, info.grid.layer_um, info.grid.layers);
+  return print_time_of_layers(lift_times_of(info), light_s,
+                              stack_height_um(info, info.grid.layers) / info.grid.layers,
+                              info.grid.layers);
 }
 
 std::optional<LiftTimes> lift_times_of(const StackInfo& info) {

@@ -10,6 +10,12 @@ namespace slicecorr::detail {
 
 /// How a layer of the stack is lit: by its process when corrected, else by the archive's times.
 SliceLight light_of_layer(const StackInfo& info, int layer);
+/// Share of full light that a layer gets.
+double share_of_layer(const StackInfo& info, int layer);
+/// Whether layers are of different heights.
+bool has_own_heights(const StackInfo& info);
+/// Whether layers of the two get other shares.
+bool shares_differ(const StackInfo& a, const StackInfo& b);
 /// Its time alone, s.
 inline double light_on_of_layer(const StackInfo& info, int layer) {
   return light_of_layer(info, layer).time_s;

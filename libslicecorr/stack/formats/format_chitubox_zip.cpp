@@ -19,6 +19,7 @@ namespace slicecorr::detail {
 namespace {
 
 constexpr const char* kGcodeEntry = "run.gcode";
+constexpr double kFullPower = 255;
 constexpr const char* kCwsEntry = "slice.conf";  ///< such an archive has G-code of another kind
 
 std::string file_text(const Container& archive) {
@@ -70,6 +71,7 @@ void change_chitubox(const ArchiveRequest& r, ContainerOutput& output) {
     if (!r.exposure_changes) return std::nullopt;
     return light_on_of_layer(r.info, layer);
   };
+  refuse_other_light(r, kGcodeEntry);
   if (layers == kept_layers && (!r.exposure_changes || body.says(layers, exposure_s))) return;
   if (!body.shows(kept_layers)) {
     throw InputError(r.kept->path(), kGcodeEntry,
@@ -89,8 +91,7 @@ void change_chitubox(const ArchiveRequest& r, ContainerOutput& output) {
       set_where_there(head, key, count);
     }
   }
-  output.add_text(kGcodeEntry,
-                  head.text() + body.changed(layers, r.info.grid.layer_um * 1e-3, exposure_s));
+  output.add_text(kGcodeEntry, head.text() + body.changed(layers, last_layer_mm(r), exposure_s));
 }
 
 std::string new_gcode(const ArchiveRequest& r) {
@@ -104,23 +105,26 @@ std::string new_gcode(const ArchiveRequest& r) {
   };
   const auto mm = [](double value) { return number_text(std::round(value * 1e6) / 1e6); };
   const double layer_mm = g.layer_um * 1e-3;
-  const double build_mm = info.printer && info.printer->travel_mm > 0
-                              ? info.printer->travel_mm
-                              : std::ceil(g.layers * layer_mm + std::max(kLiftMm, up_mm));
+  const double build_mm =
+      info.printer && info.printer->travel_mm > 0
+          ? info.printer->travel_mm
+          : std::ceil(stack_height_um(info, g.layers) * 1e-3 + std::max(kLiftMm, up_mm));
   std::string body = ";START_GCODE_BEGIN\nG21;\nG90;\nM106 S0;\nG28 Z0;\n\n;START_GCODE_END\n\n";
   double total_s = 0;
   bool rounded = false;
+  const LightSteps light = light_steps(r, r.stem, s.bottom_layers);
   for (int n = 0; n < g.layers; ++n) {
-    const double z_mm = (n + 1) * layer_mm;
+    const double z_mm = stack_height_um(info, n + 1) * 1e-3;
     const double light_ms = light_on_of_layer(info, n) * 1e3;
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
     body += fmt::format(";LAYER_START:{}\n;currPos:{}\nM6054 \"{}.png\";show Image\n", n, mm(z_mm),
                         n + 1);
     if (up_mm > 0) body += fmt::format("G0 Z{} F{:g};\n", mm(z_mm + up_mm), lift.up_mm_min);
     body += fmt::format(
-        "G0 Z{} F{:g};\nG4 P{:.0f};\nM106 S255;light on\nG4 P{:.0f};\nM106 S0; light "
+        "G0 Z{} F{:g};\nG4 P{:.0f};\nM106 S{};light on\nG4 P{:.0f};\nM106 S0; light "
         "off\n\n;LAYER_END\n\n",
-        mm(z_mm), lift.back_mm_min, lift.wait_s * 1e3, light_ms);
+        mm(z_mm), lift.back_mm_min, lift.wait_s * 1e3, light.layers[static_cast<std::size_t>(n)],
+        light_ms);
     total_s += light_ms / 1e3 + lift.dark_s();
   }
   body += fmt::format(";END_GCODE_BEGIN\nM106 S0;\nG1 Z{} F25;\nM18;\n\n;END_GCODE_END\n",
@@ -161,8 +165,8 @@ std::string new_gcode(const ArchiveRequest& r) {
   const std::string off_s = number_text(lift.wait_s > 0 ? lift.dark_s() : 0);
   add("bottomLightOffTime", off_s);
   add("lightOffTime", off_s);
-  add("bottomPWMLight", "255");
-  add("PWMLight", "255");
+  add("bottomPWMLight", std::to_string(light.bottom));
+  add("PWMLight", std::to_string(light.usual));
   add("antiAliasLevel", "8");
   return head + body;
 }
@@ -172,6 +176,8 @@ class ChituboxZip final : public ArchiveFormat {
   std::string_view name() const override { return "chitubox"; }
   std::string_view what() const override { return "zip of Chitubox, with run.gcode"; }
   std::vector<std::string_view> endings() const override { return {".zip"}; }
+  bool says_light() const override { return true; }
+  bool says_heights() const override { return true; }
   bool recognises(const Container& archive) const override {
     return archive.has(kGcodeEntry) && !archive.has(kCwsEntry) &&
            numbered_entries(archive, "run", ".png").empty();
@@ -214,17 +220,24 @@ class ChituboxZip final : public ArchiveFormat {
       info.bottom_layers = *bottom;
     }
     const LayerGcode body(text.substr(end_of_head(text)), kChituboxGcode, path, kGcodeEntry);
+    std::vector<double> light;
     if (!body.shows(grid.layers)) {
       contents.warnings.push_back(
           fmt::format("{} does not show images 1 to {} in this order: times are those of its head",
                       kGcodeEntry, grid.layers));
     } else {
       take_layer_times(body.exposures_s(grid.layers), info);
-      if (!body.same_light()) {
-        contents.warnings.emplace_back(
-            "layers are lit with different power (M106): all are treated as if it were the same");
-      }
+      light = body.light(grid.layers);
+      contents.z_mm = body.places_mm(grid.layers);
     }
+    if (light.empty()) {
+      // Without a body that shows the images, the head says it.
+      const double usual = head.number("PWMLight", 0, kFullPower).value_or(kFullPower);
+      light.assign(static_cast<std::size_t>(grid.layers), usual);
+      std::fill_n(light.begin(), std::min(info.bottom_layers, grid.layers),
+                  head.number("bottomPWMLight", 0, kFullPower).value_or(usual));
+    }
+    take_light(light, kFullPower, path, kGcodeEntry, info, &contents.warnings);
     take_lifts_of(head, info);
     info.own_print_time_s = lift_number(head, "estimatedPrintTime").value_or(0);
     info.profiles.printer = head.find("machineType").value_or("");

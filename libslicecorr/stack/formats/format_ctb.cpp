@@ -23,6 +23,20 @@ std::vector<double> times_of(const CtbFile& ctb) {
   return times_s;
 }
 
+/// How bright each layer is lit: as it says itself where printers heed that, else as the head does.
+std::vector<double> light_of(const CtbFile& ctb) {
+  if (ctb.version < 2) return {};
+  const bool own = ctb.has_layer_flag() && ctb.heads.size() == ctb.layers;
+  std::vector<double> light;
+  for (std::size_t n = 0; n < ctb.layers; ++n) {
+    const bool bottom = n < ctb.head.u32(ctb.fields.bottom_layers);
+    const double of_head = ctb.head.u16(ctb.fields.light + (bottom ? 2 : 0));
+    const double its = own ? ctb.heads[n].f32(0x50) : 0;
+    light.push_back(its > 0 ? its : of_head);
+  }
+  return light;
+}
+
 void add_facts(const CtbFile& ctb, ArchiveContents& contents) {
   const auto add = [&](const char* name, const std::string& value) {
     contents.facts.emplace_back(name, value);
@@ -200,8 +214,16 @@ ArchiveContents read_family(const BinaryFile& file, CtbFamily family) {
     info.fade_layers = static_cast<int>(std::min(ctb.slicer->u32(0x3c), ctb.layers));
   }
   const std::vector<double> times_s = times_of(ctb);
-  if (std::any_of(times_s.begin(), times_s.end(), [](double t) { return t > 0; })) {
+  const bool listed = std::any_of(times_s.begin(), times_s.end(), [](double t) { return t > 0; });
+  if (ctb.goes_by_head()) {
+    if (info.bottom_layers == 0) info.fade_layers = 0;
+    if (listed) tell_unheeded_times(times_s, info, contents.warnings);
+  } else if (listed) {
     take_layer_times(times_s, info);
+  }
+  take_light(light_of(ctb), 255, file.path(), "head", info, &contents.warnings);
+  for (std::size_t n = 0; n < ctb.layers; ++n) {
+    contents.z_mm.push_back(ctb.table.f32(n * kCtbRecordBytes));
   }
   take_lifts_of(ctb, info);
   info.own_print_time_s = head.u32(f.print_time_s);
@@ -215,15 +237,6 @@ ArchiveContents read_family(const BinaryFile& file, CtbFamily family) {
       const CtbFile::Layer& r = ctb.records[ctb.record(n, s)];
       contents.places.push_back({r.offset, r.bytes});
     }
-  }
-  for (std::size_t n = 1; n < ctb.layers; ++n) {
-    const double rise_um =
-        1e3 * (ctb.table.f32(n * kCtbRecordBytes) - ctb.table.f32((n - 1) * kCtbRecordBytes));
-    if (std::abs(rise_um - grid.layer_um) <= 0.01 * grid.layer_um + 0.5) continue;
-    contents.warnings.push_back(
-        fmt::format("layer {} is {:.1f} um high, others {:g} um: read as if all were", n, rise_um,
-                    grid.layer_um));
-    break;
   }
   add_facts(ctb, contents);
   return contents;
@@ -260,6 +273,9 @@ class Ctb final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return words_of(family_).endings; }
   ContainerKind container() const override { return ContainerKind::binary; }
   bool made_new() const override { return family_ == CtbFamily::ctb; }
+  bool says_light() const override { return true; }
+  bool says_heights() const override { return true; }
+  bool changes_exposures() const override { return true; }
   LayerCodecPtr new_codec(const Grid& grid) const override {
     return made_new() ? ctb_code(grid.width_px, grid.height_px, 0) : nullptr;
   }

@@ -193,10 +193,8 @@ ArchiveContents read_cws(const Container& archive) {
         lifts.normal = lifts.layers.back();
         take_lifts(std::move(lifts), info);
       }
-      if (!body.same_light()) {
-        contents.warnings.emplace_back(
-            "layers are lit with different power (M106): all are treated as if it were the same");
-      }
+      take_light(body.light(grid.layers), 255, path, names.gcode, info, &contents.warnings);
+      contents.z_mm = body.places_mm(grid.layers);
     }
     if (const auto machine = settings.head->find("(Machine Type")) {
       info.profiles.printer = machine->substr(0, machine->find_last_not_of(" )") + 1);
@@ -264,6 +262,7 @@ void change_cws(const ArchiveRequest& r, const std::vector<std::string>& images,
     return light_on_of_layer(r.info, layer);
   };
   const LayerGcode body(text.substr(end_of_head(text)), kCwsGcode, kept.path(), names.gcode);
+  refuse_other_light(r, names.gcode);
   const bool same_times = !r.exposure_changes || names.gcode.empty() ||
                           body.says(std::min(layers, kept_layers), exposure_s);
   if (layers == kept_layers && same_times) return;
@@ -294,8 +293,7 @@ void change_cws(const ArchiveRequest& r, const std::vector<std::string>& images,
     if (r.exposure_changes) {
       set_times(head, s, "(Layer Time", "(Bottom Layers Time", "(Number of Bottom Layers");
     }
-    const std::string changed =
-        head.text() + body.changed(layers, r.info.grid.layer_um * 1e-3, exposure_s);
+    const std::string changed = head.text() + body.changed(layers, last_layer_mm(r), exposure_s);
     if (changed != text) output.add_text(names.gcode, changed);
   }
   if (layers != kept_layers && kept.has(kCwsManifest)) change_manifest(r, images, output);
@@ -383,17 +381,19 @@ std::string new_gcode_head(const StackInfo& info) {
 /// As NovaMaker writes them, which the printer itself reads.
 void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput& output) {
   const StackInfo& info = r.info;
-  const double up_mm = lift_mm(info), layer_mm = info.grid.layer_um * 1e-3;
+  const double up_mm = lift_mm(info);
+  const LightSteps light = light_steps(r, r.stem, exposure_summary(info).bottom_layers);
   output.add_text(kConfigEntry, new_config(info));
   std::string text = new_gcode_head(info);
   bool rounded = false;
-  // The printer does not wait for its movements.
-  const double travel_mm = up_mm > 0 ? 2 * up_mm - layer_mm : layer_mm;
   for (int n = 0; n < info.grid.layers; ++n) {
+    // The way to the next layer. The printer does not wait for its movements.
+    const double layer_mm = layer_height_um(info, std::min(n + 1, info.grid.layers - 1)) * 1e-3;
+    const double travel_mm = up_mm > 0 ? 2 * up_mm - layer_mm : layer_mm;
     const double light_ms = light_on_of_layer(info, n) * 1e3;
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
-    text += fmt::format(";<Slice> {}\nM106 S255\n;<Delay> {:.0f}\nM106 S0\n;<Slice> Blank\n", n,
-                        light_ms);
+    text += fmt::format(";<Slice> {}\nM106 S{}\n;<Delay> {:.0f}\nM106 S0\n;<Slice> Blank\n", n,
+                        light.layers[static_cast<std::size_t>(n)], light_ms);
     if (up_mm > 0) text += fmt::format("G1 Z{} F{:g}\n", mm_text(up_mm), kNovaMmMin);
     text += fmt::format("G1 Z{} F{:g}\n;<Delay> {:.0f}\n\n", mm_text(layer_mm - up_mm), kNovaMmMin,
                         std::ceil(travel_mm / kNovaMmMin * 60e3));
@@ -415,6 +415,8 @@ class Cws final : public ArchiveFormat {
     if (packed_) return {".rgb.cws"};
     return {".cws", ".xml.cws"};
   }
+  bool says_light() const override { return true; }
+  bool says_heights() const override { return true; }
   bool packs_rgb() const override { return packed_; }
   bool packs_bgr() const override { return packed_; }
 

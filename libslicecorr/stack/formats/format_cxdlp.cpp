@@ -212,6 +212,18 @@ void change_cxdlp(const ArchiveRequest& r, BinaryOutput& output) {
     c.settings.set_u16(std::size_t{2} * bottom_exposure_s, static_cast<std::uint32_t>(bottom_s));
     c.settings.set_u16(std::size_t{2} * bottom_layers, static_cast<std::uint32_t>(s.bottom_layers));
   }
+  if (r.light_changes) {
+    const auto bottoms = static_cast<int>(c.settings.u16(std::size_t{2} * bottom_layers));
+    const LightSteps steps = light_steps(r, file.path(), bottoms);
+    if (steps.uneven) {
+      throw InputError(
+          file.path(), "",
+          "can't say light of single layers; expected one share for the bottom layers and "
+          "one for all others");
+    }
+    c.settings.set_u16(std::size_t{2} * bottom_light, steps.bottom);
+    c.settings.set_u16(std::size_t{2} * light, steps.usual);
+  }
   // What the areas mean is not known: they stay, and added layers get the last one's.
   const BinaryBlock areas(file, c.areas_at, std::uint64_t{4} * old, "areas", kBig);
   BinaryBlock new_areas(4 * layers, kBig), count(2, kBig);
@@ -271,6 +283,7 @@ class Cxdlp final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return {".cxdlp"}; }
   ContainerKind container() const override { return ContainerKind::binary; }
   bool made_new() const override { return false; }
+  bool says_light() const override { return true; }
   bool recognises(const Container& archive) const override {
     const BinaryFile& file = binary_file(archive);
     return file.size() > 16 && BinaryBlock(file, 0, 16, "head").text(4, 6) == "CXSW3D";
@@ -293,6 +306,9 @@ class Cxdlp final : public ArchiveFormat {
     info.exposure_s = number(exposure_tenths) / 10.0;
     info.bottom_exposure_s = number(bottom_exposure_s);
     info.bottom_layers = std::min<int>(number(bottom_layers), grid.layers);
+    std::vector<double> shines(static_cast<std::size_t>(grid.layers), number(light));
+    std::fill_n(shines.begin(), info.bottom_layers, number(bottom_light));
+    take_light(shines, 255, file.path(), "settings", info, &contents.warnings);
     LiftTimes lifts;
     lifts.bottom_layers = info.bottom_layers;
     const auto motion = [&](Setting way, Setting speed) {

@@ -118,13 +118,10 @@ void read_settings(const Container& archive, ArchiveContents& contents) {
   std::optional<LayerSettings> table;
   if (archive.has(kLayersEntry)) {
     table.emplace(archive.text(kLayersEntry), archive.path(), kLayersEntry);
+    double z_mm = 0;
     for (int n = 1; n <= info.grid.layers; ++n) {
-      const auto um = table->number(n, kLayerUmKey, 10000);
-      if (!um || *um == info.grid.layer_um) continue;
-      contents.warnings.push_back(
-          fmt::format("{} makes layer {} {:g} um high, others {:g} um: read as if all were",
-                      kLayersEntry, n, *um, info.grid.layer_um));
-      break;
+      z_mm += table->number(n, kLayerUmKey, 10000).value_or(info.grid.layer_um) * 1e-3;
+      contents.z_mm.push_back(z_mm);
     }
   }
   info.exposure_s = exposures.model_s.value_or(0);

@@ -75,9 +75,9 @@ GooFile read_goo(const BinaryFile& file) {
     BinaryBlock layer(file, at, kLayerHeadBytes, name, ByteOrder::big);
     if (!says_break(layer, kLayerBreak)) layer.fail(kLayerBreak, "expected the bytes 0D 0A");
     const double z_mm = layer.real(kZ, "a layer's place", 1e5);
-    if (z_mm <= last_mm) {
-      layer.fail(
-          kZ, fmt::format("is at {:g} mm, not above the one before it, at {:g} mm", z_mm, last_mm));
+    if (z_mm < last_mm) {
+      layer.fail(kZ,
+                 fmt::format("is at {:g} mm, below the one before it, at {:g} mm", z_mm, last_mm));
     }
     last_mm = z_mm;
     layer.real(kLayerExposure, "the exposure", 1e6);
@@ -102,6 +102,17 @@ std::vector<double> times_of(const GooFile& goo) {
     times_s.push_back(layer.real(kLayerExposure, "the exposure", 1e6));
   }
   return times_s;
+}
+
+/// How bright each layer is lit: as it says itself where printers heed that, else as the head does.
+std::vector<double> light_of(const GooFile& goo) {
+  std::vector<double> light;
+  for (std::size_t n = 0; n < goo.layers.size(); ++n) {
+    const bool bottom = n < goo.head.u32(kBottomLayers);
+    light.push_back(goo.head.u8(kLayerFlag) != 0 ? goo.layers[n].u16(kLayerLight)
+                                                 : goo.head.u16(bottom ? kBottomLight : kLight));
+  }
+  return light;
 }
 
 /// Ways and speeds: a stage up, the second one, and the same back, each at its place.
@@ -235,16 +246,33 @@ void change_goo(const ArchiveRequest& r, BinaryOutput& output) {
       head.set_u16(kTransition, static_cast<std::uint32_t>(s.fade_layers));
     }
   }
+  std::vector<unsigned> light;
+  if (r.light_changes) {
+    const LightSteps steps = light_steps(r, file.path(), static_cast<int>(head.u32(kBottomLayers)));
+    if (head.u8(kLayerFlag) == 0 && steps.uneven) {
+      throw InputError(
+          file.path(), "",
+          "the file's mark that printers heed settings of single layers is not set, so "
+          "layers can't have light of their own; expected one share for the bottom layers "
+          "and one for all others");
+    }
+    light = steps.layers;
+    head.set_u16(kBottomLight, steps.bottom);
+    head.set_u16(kLight, steps.usual);
+  }
   changed.fill(head_span, head.bytes());
   const CodedLayers* const coded = r.layers;
   for (std::size_t n = 0; n < layers; ++n) {
     BinaryBlock layer = goo.layers[std::min(n, old - 1)];
     if (n >= old) {
-      layer.set_f32(kZ, layer.f32(kZ) + static_cast<double>(n - old + 1) * head.f32(kLayerMm));
+      const double last_um =
+          layer_height_um(r.kept_contents->info, r.kept_contents->info.grid.layers);
+      layer.set_f32(kZ, layer.f32(kZ) + static_cast<double>(n - old + 1) * last_um * 1e-3);
     }
     if (r.exposure_changes) {
       layer.set_f32(kLayerExposure, light_on_of_layer(r.info, static_cast<int>(n)));
     }
+    if (!light.empty()) layer.set_u16(kLayerLight, light[n]);
     layer.set_u32(kLayerBytes, static_cast<std::uint32_t>(coded->sizes[n]));
     changed.fill(
         spans[n],
@@ -295,7 +323,9 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u16(kHeight, static_cast<std::uint32_t>(grid.height_px));
   head.set_u8(kMirrorX, info.orientation.mirror_x);
   head.set_u8(kMirrorY, info.orientation.mirror_y);
-  const double total_mm = grid.layers * grid.layer_um * 1e-3;
+  const double total_mm = stack_height_um(info, grid.layers) * 1e-3;
+  const LightSteps light = light_steps(r, r.stem, s.bottom_layers);
+  if (s.uneven || light.uneven) tell_own_settings(r, "GOO");
   head.set_f32(kDisplay, grid.width_px * grid.pixel_x_um * 1e-3);
   head.set_f32(kDisplay + 4, grid.height_px * grid.pixel_y_um * 1e-3);
   head.set_f32(kDisplay + 8, info.printer && info.printer->travel_mm > 0 ? info.printer->travel_mm
@@ -308,9 +338,9 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   set_lifts(head, kLifts, lift, 2);
   // The rest before light, of bottom layers and of the others.
   for (const std::size_t at : {kWaits + 8, kWaits + 20}) head.set_f32(at, lift.wait_s);
-  head.set_u16(kBottomLight, 255);
-  head.set_u16(kLight, 255);
-  head.set_u8(kLayerFlag, s.uneven);
+  head.set_u16(kBottomLight, light.bottom);
+  head.set_u16(kLight, light.usual);
+  head.set_u8(kLayerFlag, s.uneven || light.uneven);
   const std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
   for (const double t : times_s) print_time_s += t + lift.dark_s();
@@ -322,9 +352,13 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u16(kTransition, static_cast<std::uint32_t>(s.uneven ? 0 : s.fade_layers));
   output.add_piece(head.bytes());
   const CodedLayers* const coded = r.layers;
+  double z_um = 0;
+  const bool own_heights = has_own_heights(info);
   for (std::size_t n = 0; n < times_s.size(); ++n) {
     BinaryBlock layer(kLayerHeadBytes, ByteOrder::big);
-    layer.set_f32(kZ, static_cast<double>(n + 1) * grid.layer_um * 1e-3);
+    z_um = own_heights ? z_um + layer_height_um(info, static_cast<int>(n))
+                       : static_cast<double>(n + 1) * grid.layer_um;
+    layer.set_f32(kZ, z_um * 1e-3);
     layer.set_f32(kLayerExposure, times_s[n]);
     // One stage up, then nothing of the second; the same back.
     layer.set_f32(kLayerWaits + 8, lift.wait_s);
@@ -332,7 +366,7 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
     layer.set_f32(kLayerLift + 4, lift.up_mm_min);
     layer.set_f32(kLayerLift + 2 * kPairBytes, lift.mm);
     layer.set_f32(kLayerLift + 2 * kPairBytes + 4, lift.back_mm_min);
-    layer.set_u16(kLayerLight, 255);
+    layer.set_u16(kLayerLight, light.layers[n]);
     layer.set_bytes(kLayerBreak, kBreak);
     layer.set_u32(kLayerBytes, static_cast<std::uint32_t>(coded->sizes[n]));
     output.add_piece(
@@ -353,6 +387,9 @@ class Goo final : public ArchiveFormat {
   std::string_view what() const override { return "Elegoo GOO, and Phrozen's PRZ"; }
   std::vector<std::string_view> endings() const override { return {".goo", ".prz"}; }
   ContainerKind container() const override { return ContainerKind::binary; }
+  bool says_light() const override { return true; }
+  bool says_heights() const override { return true; }
+  bool changes_exposures() const override { return true; }
   LayerCodecPtr new_codec(const Grid& grid) const override {
     return goo_code(grid.width_px, grid.height_px, false);
   }
@@ -383,7 +420,19 @@ class Goo final : public ArchiveFormat {
     info.bottom_exposure_s = head.real(kBottomExposure, "the exposure of bottom layers", 1e6);
     info.bottom_layers =
         static_cast<int>(std::min<std::size_t>(head.u32(kBottomLayers), goo.layers.size()));
-    take_layer_times(times_of(goo), info);
+    const std::vector<double> times_s = times_of(goo);
+    if (head.u8(kLayerFlag) != 0) {
+      take_layer_times(times_s, info);
+    } else {
+      // Printers then go by the head alone, and fade from it evenly.
+      if (info.bottom_layers > 0) {
+        info.fade_layers =
+            static_cast<int>(std::min<std::size_t>(head.u16(kTransition), goo.layers.size()));
+      }
+      tell_unheeded_times(times_s, info, contents.warnings);
+    }
+    take_light(light_of(goo), 255, file.path(), "head", info, &contents.warnings);
+    for (const BinaryBlock& layer : goo.layers) contents.z_mm.push_back(layer.f32(kZ));
     take_lifts_of(goo, info);
     info.own_print_time_s = head.u32(kPrintTime);
     info.orientation.mirror_x = head.u8(kMirrorX) != 0;

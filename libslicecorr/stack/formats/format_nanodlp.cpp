@@ -162,8 +162,13 @@ ArchiveContents read_nanodlp(const Container& archive) {
         layer_um(profile.profile.number("Depth", 1e5).value_or(0) * 1e-3, archive, kProfileEntry);
   }
   const std::vector<double> heights = plate.numbers("DynamicThickness");
-  if (std::any_of(heights.begin(), heights.end(), [&](double h) { return h != heights[0]; })) {
-    plate.fail("DynamicThickness says layers of different heights, expected all of one height");
+  if (heights.size() == contents.images.size()) {
+    double z_mm = 0;
+    for (const double um : heights) contents.z_mm.push_back(z_mm += um * 1e-3);
+  } else if (!heights.empty()) {
+    contents.warnings.push_back(
+        fmt::format("DynamicThickness has {} heights for {} layers: that of the profile is taken",
+                    heights.size(), grid.layers));
   }
   read_exposure(profile, info, contents.warnings);
   std::vector<double> times = plate.numbers("CureTimes");
@@ -269,7 +274,7 @@ void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   const Grid& g = info.grid;
   const ExposureSummary s = exposure_summary(info);
   const auto rounded = [](double value) { return std::round(value * 1e6) / 1e6; };
-  const double height_mm = rounded(g.layers * g.layer_um * 1e-3);
+  const double height_mm = rounded(stack_height_um(info, g.layers) * 1e-3);
   const double half_x_mm = rounded(g.width_px * g.pixel_x_um * 0.5e-3);
   const double half_y_mm = rounded(g.height_px * g.pixel_y_um * 0.5e-3);
   const double lift_mm = new_lift(info).mm;
@@ -312,6 +317,11 @@ void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   if (s.uneven) {
     for (int n = 0; n < g.layers; ++n) plate["CureTimes"].push_back(light_on_of_layer(info, n));
   }
+  if (has_own_heights(info)) {
+    for (int n = 0; n < g.layers; ++n) {
+      plate["DynamicThickness"].push_back(layer_height_um(info, n));
+    }
+  }
   add(kPlateEntry, plate);
   std::string material = info.profiles.material;
   if (material.empty() && info.resin) material = info.resin->name;
@@ -349,6 +359,7 @@ class NanoDlp final : public ArchiveFormat {
     return {".nanodlp"};
   }
   bool packs_rgb() const override { return !rgb_; }
+  bool says_heights() const override { return true; }
 
   bool recognises(const Container& archive) const override {
     if (!archive.has(kMetaEntry) || !archive.has(kPlateEntry)) return false;

@@ -386,15 +386,15 @@ class PhotonWorkshop final : public ArchiveFormat {
     std::vector<double> times_s;
     for (std::size_t n = 0; n < w.count; ++n) {
       times_s.push_back(w.layers.real(w.record(n) + kRecordExposure, "a layer's exposure", 1e6));
-      const double thick_um = 1e3 * w.layers.f32(w.record(n) + kThickness);
-      if (contents.warnings.empty() &&
-          std::abs(thick_um - grid.layer_um) > 0.01 * grid.layer_um + 0.5) {
-        contents.warnings.push_back(
-            fmt::format("layer {} is {:.1f} um high, others {:g} um: read as if all were", n,
-                        thick_um, grid.layer_um));
-      }
+      contents.z_mm.push_back(w.layers.f32(w.record(n) + kThickness) +
+                              (n > 0 ? contents.z_mm.back() : 0));
     }
-    take_layer_times(std::move(times_s), info);
+    if (h.u32(kLayerFlag) != 0) {
+      take_layer_times(std::move(times_s), info);
+    } else {
+      if (info.bottom_layers == 0) info.fade_layers = 0;
+      tell_unheeded_times(times_s, info, contents.warnings);
+    }
     take_lifts_of(file, w, info);
     if (w.version >= 516) info.own_print_time_s = h.u32(kPrintTime);
     if (w.machine) info.profiles.printer = w.machine->text(0x10, 96);

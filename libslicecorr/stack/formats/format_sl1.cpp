@@ -291,10 +291,10 @@ class Sl1 final : public ArchiveFormat {
             std::round(settings->number("layer_height", 0, 1).value_or(0) * 1e9) / 1e6;
       }
       const double first_um = settings->number("initial_layer_height", 0, 10).value_or(0) * 1e3;
-      if (first_um > 0 && std::abs(first_um - info.grid.layer_um) > 1e-6) {
-        contents.warnings.push_back(fmt::format(
-            "the first layer is {:g} um high, the others {:g} um: it is treated like the others",
-            first_um, info.grid.layer_um));
+      if (first_um > 0) {
+        for (int n = 0; n < info.grid.layers; ++n) {
+          contents.z_mm.push_back((first_um + n * info.grid.layer_um) * 1e-3);
+        }
       }
     }
     if (config.number("calibrateRegions", 0, 1e6).value_or(0) > 0) {

@@ -107,6 +107,102 @@ void take_layer_times(std::vector<double> times_s, StackInfo& info) {
   info.layer_exposure_s = std::move(times_s);
 }
 
+void take_light(const std::vector<double>& light, double full, const std::string& file,
+                const std::string& says, StackInfo& info, std::vector<std::string>* warnings) {
+  if (light.empty()) return;
+  if (std::all_of(light.begin(), light.end(), [](double l) { return l == 0; })) {
+    if (warnings) {
+      warnings->push_back(fmt::format(
+          "says that all layers are lit with 0 of {:g}, which no printer heeds: they are "
+          "taken as lit fully",
+          full));
+    }
+    return;
+  }
+  std::vector<double> shares;
+  for (std::size_t n = 0; n < light.size(); ++n) {
+    if (!(light[n] >= 0 && light[n] <= full)) {
+      throw InputError(
+          file, says,
+          fmt::format("says that layer {} is lit with {:g} of {:g}; expected more than 0 "
+                      "and at most {:g}",
+                      n, light[n], full, full));
+    }
+    shares.push_back(light[n] / full);
+  }
+  while (shares.size() > 1 && shares.back() == shares[shares.size() - 2]) shares.pop_back();
+  if (shares.size() > 1 || shares.front() != 1) info.light_share = std::move(shares);
+}
+
+void check_lit(const StackInfo& info, const std::string& file) {
+  for (std::size_t n = 0; n < info.light_share.size(); ++n) {
+    if (info.light_share[n] > 0) continue;
+    throw InputError(
+        file, "", fmt::format("says that layer {} is lit with 0 of 255; expected more than 0", n));
+  }
+}
+
+LightSteps light_steps(const ArchiveRequest& request, const std::string& path, int bottom_layers) {
+  constexpr double full = 255;
+  LightSteps steps;
+  for (int n = 0; n < request.info.grid.layers; ++n) {
+    const double exact = full * share_of_layer(request.info, n);
+    const double step = std::round(exact);
+    if (std::abs(exact - step) > 0.02 || step < 1) {
+      throw InputError(
+          path, "",
+          fmt::format("says light in steps of 1/255, so it can't say {:g} of full light; "
+                      "expected a whole number of steps, as {:.6g}",
+                      share_of_layer(request.info, n), std::max(1.0, step) / full));
+    }
+    steps.layers.push_back(static_cast<unsigned>(step));
+  }
+  if (steps.layers.empty()) return steps;
+  steps.usual = steps.layers.back();
+  steps.bottom = bottom_layers > 0 ? steps.layers.front() : steps.usual;
+  for (std::size_t n = 0; n < steps.layers.size(); ++n) {
+    const bool bottom = n < static_cast<std::size_t>(bottom_layers);
+    steps.uneven |= steps.layers[n] != (bottom ? steps.bottom : steps.usual);
+  }
+  return steps;
+}
+
+void refuse_other_light(const ArchiveRequest& request, const std::string& entry) {
+  if (!request.light_changes) return;
+  throw InputError(
+      request.kept->path(), entry,
+      "light of layers is not changed in archives of this format; expected the light that "
+      "the archive says, or a new archive");
+}
+
+double last_layer_mm(const ArchiveRequest& request) {
+  const StackInfo& kept = request.kept_contents->info;
+  return (kept.layer_heights_um.empty() ? request.info.grid.layer_um
+                                        : kept.layer_heights_um.back()) *
+         1e-3;
+}
+
+void tell_own_settings(const ArchiveRequest& request, std::string_view format) {
+  warn(request,
+       fmt::format(
+           "layers have times or light of their own: the new {} file lists them and says that "
+           "printers are to heed the list, which some do not",
+           format));
+}
+
+void tell_unheeded_times(const std::vector<double>& times_s, const StackInfo& info,
+                         std::vector<std::string>& warnings) {
+  for (std::size_t n = 0; n < times_s.size(); ++n) {
+    const double counts_s = light_on_of_layer(info, static_cast<int>(n));
+    if (same_time(times_s[n], counts_s)) continue;
+    warnings.push_back(fmt::format(
+        "lists {:g} s for layer {}, and others, but its mark says that printers do not heed times of single "
+        "layers: those of its head count, {:g} s there, {}",
+        times_s[n], n, counts_s, exposures_in_words(process_of_times(info))));
+    return;
+  }
+}
+
 double LiftNumbers::at(std::size_t at) {
   const double value = block_.f32(at);
   if (value >= 0 && value <= kMostLiftNumber) return value;

@@ -41,6 +41,34 @@ double layer_um(double layer_mm, const Container& archive, const std::string& sa
 /// after the bottom ones are recognised.
 void take_layer_times(std::vector<double> times_s, StackInfo& info);
 
+/// Takes how bright layers are lit, each from 0 to `full`. Throws `InputError` naming the layer where one
+/// is lit by more; `says` names the place. Nothing but 0 is no word of it, which is told. Of slices of
+/// others `check_lit` refuses a single 0.
+void take_light(const std::vector<double>& light, double full, const std::string& file,
+                const std::string& says, StackInfo& info,
+                std::vector<std::string>* warnings = nullptr);
+/// Throws `InputError` where a layer is lit by nothing.
+void check_lit(const StackInfo& info, const std::string& file);
+/// Brightness of each layer in whole steps, 255 being full light. Throws `InputError` naming the file
+/// where it lies between them.
+struct LightSteps {
+  std::vector<unsigned> layers;
+  unsigned bottom = 255, usual = 255;
+  bool uneven = false;  ///< layers differ in another way than the first ones from the others
+};
+LightSteps light_steps(const ArchiveRequest& request, const std::string& path, int bottom_layers);
+/// Throws `InputError` where light of layers is to change in an archive that is changed in single places;
+/// `entry` says the light.
+void refuse_other_light(const ArchiveRequest& request, const std::string& entry);
+/// Height of the last layer of the archive that is changed, mm: that of layers that are added.
+double last_layer_mm(const ArchiveRequest& request);
+/// Tells that a new file's mark is set that printers heed settings of single layers. `format`: "GOO".
+void tell_own_settings(const ArchiveRequest& request, std::string_view format);
+/// Tells that times of single layers are in a file whose printers do not heed them, where they are others
+/// than those that count.
+void tell_unheeded_times(const std::vector<double>& times_s, const StackInfo& info,
+                         std::vector<std::string>& warnings);
+
 /// Ways, speeds and times of lifts that are more are none.
 inline constexpr double kMostLiftNumber = 1e5;
 /// A place of a binary file that says lifts.

@@ -55,6 +55,9 @@ class Uvj final : public ArchiveFormat {
   std::string_view what() const override { return "UVJ, the vendor-neutral zip; our own stacks"; }
   std::vector<std::string_view> endings() const override { return {".uvj"}; }
 
+  bool says_light() const override { return true; }
+  bool says_heights() const override { return true; }
+
   bool recognises(const Container& archive) const override {
     // Others have a config.json, too; where half of it is missing the ending tells.
     const bool named = archive.path().ends_with(".uvj");
@@ -83,8 +86,9 @@ class Uvj final : public ArchiveFormat {
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     if (r.kept != nullptr) {
       const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * r.kept->entries().size();
-      output.add_text("config.json", change_uvj_config(r.kept->text("config.json", limit), r.info,
-                                                       r.checksums, r.exposure_changes));
+      output.add_text("config.json",
+                      change_uvj_config(r.kept->text("config.json", limit), r.info, r.checksums,
+                                        r.exposure_changes, r.light_changes));
     } else {
       output.add_text("config.json", write_uvj_config(r.info, r.checksums));
       if (!r.preview.pixels.empty()) {

@@ -177,6 +177,9 @@ ArchiveContents read_vda(const Container& archive) {
   grid.layer_um =
       layer_um(number_at(slices, "thickness", 0, 1e3, place).value_or(0), archive, place.entry);
   check_list(root, contents.images, place);
+  for (const pugi::xml_node layer : root.child("Layers").children()) {
+    if (const auto z_mm = number_at(layer, "zvalue", 0, 1e5, place)) contents.z_mm.push_back(*z_mm);
+  }
   const pugi::xml_node by = root.child("FileInfo").child("Written").child("By");
   contents.info.program = by.attribute("ApplicationName").value();
   if (const pugi::xml_attribute version = by.attribute("ApplicationVersion")) {
@@ -190,7 +193,7 @@ ArchiveContents read_vda(const Container& archive) {
 double tidy(double mm) { return std::round(mm * 1e9) / 1e9; }
 
 double height_mm(const StackInfo& info, int layers) {
-  return tidy(layers * info.grid.layer_um / 1000);
+  return tidy(stack_height_um(info, layers) / 1000);
 }
 
 std::string image_name(int layer) { return fmt::format("{:04}.png", layer + 1); }
@@ -230,7 +233,7 @@ std::string new_manifest(const StackInfo& info) {
   add(written, "When", "1980-01-01 00:00:00Z");
   pugi::xml_node slices = root.append_child("Slices");
   add(slices, "Count", "1");
-  add(slices, "thickness", number_text(height_mm(info, 1)));
+  add(slices, "thickness", number_text(tidy(grid.layer_um / 1000)));
   add(slices, "startHeight", number_text(height_mm(info, 1)));
   add(slices, "endHeight", number_text(height_mm(info, grid.layers)));
   add(slices, "layersCount", std::to_string(grid.layers));
@@ -261,8 +264,9 @@ void add_layers(pugi::xml_node root, const std::vector<std::string>& names,
     if (layer.child("filename")) last = layer;
   }
   if (!last) return;
-  const double layer_um =
-      kept.info.grid.layer_um > 0 ? kept.info.grid.layer_um : info.grid.layer_um;
+  const double layer_um = kept.info.grid.layer_um > 0
+                              ? layer_height_um(kept.info, kept.info.grid.layers)
+                              : info.grid.layer_um;
   for (std::size_t n = kept.images.size(); n < names.size(); ++n) {
     const pugi::xml_node blanks = last.previous_sibling();
     pugi::xml_node layer = list.insert_copy_after(last, last);
@@ -307,6 +311,7 @@ class Vda final : public ArchiveFormat {
  public:
   std::string_view name() const override { return "vda"; }
   std::string_view what() const override { return "zip of Voxeldance Additive"; }
+  bool says_heights() const override { return true; }
   std::vector<std::string_view> endings() const override { return {".zip"}; }
 
   bool recognises(const Container& archive) const override {

@@ -92,27 +92,17 @@ void read_print(const Container& archive, const Node& print, StackInfo& info) {
   }
 }
 
-/// Heights that are not those of equal layers, and dimmed light, are nothing that a stack can say.
-void check_layers(const std::vector<Layer>& layers, double layer_um,
-                  std::vector<std::string>& warnings) {
-  for (std::size_t n = 0; n < layers.size() && layer_um > 0; ++n) {
-    if (!layers[n].height_mm) break;
-    const double below_mm = n == 0 ? 0 : layers[n - 1].height_mm.value_or(0);
-    const double thick_um = (*layers[n].height_mm - below_mm) * 1000;
-    // Heights are rounded to a hundredth of a millimetre by some.
-    if (std::abs(thick_um - layer_um) <= 10.1) continue;
-    warnings.push_back(fmt::format("layer {} is {:g} um high, others {:g} um: read as if all were",
-                                   n, um_of_mm(thick_um / 1000), layer_um));
-    break;
+/// Places and light of single layers.
+void take_layers(const std::vector<Layer>& layers, const std::string& file,
+                 ArchiveContents& contents) {
+  std::vector<double> light;
+  for (const Layer& layer : layers) {
+    light.push_back(layer.light);
+    if (layer.height_mm) contents.z_mm.push_back(*layer.height_mm);
   }
-  const auto dimmed = [&](const Layer& l) { return l.light != layers.front().light; };
-  const auto first = std::find_if(layers.begin(), layers.end(), dimmed);
-  if (first != layers.end()) {
-    warnings.push_back(
-        fmt::format("light_pwm is {} in layer 0 and {} in layer {}: doses are computed as if it "
-                    "were the same in all layers",
-                    layers.front().light, first->light, first - layers.begin()));
-  }
+  // Heights are rounded to a hundredth of a millimetre by some.
+  contents.z_step_um = 10.1;
+  take_light(light, kFullLight, file, kVdtManifest, contents.info, &contents.warnings);
 }
 
 ArchiveContents read_vdt(const Container& archive) {
@@ -150,7 +140,7 @@ ArchiveContents read_vdt(const Container& archive) {
   const bool said = times_s.size() == layers.size() &&
                     std::any_of(times_s.begin(), times_s.end(), [](double t) { return t > 0; });
   if (said) take_layer_times(std::move(times_s), info);
-  check_layers(layers, info.grid.layer_um, contents.warnings);
+  take_layers(layers, archive.path(), contents);
   return contents;
 }
 
@@ -228,10 +218,12 @@ std::string new_manifest(const ArchiveRequest& r) {
   text.resize(text.size() - 2);  // "\n}"
   // One line per layer, joined as text: a tree of a million layers would fill the memory.
   text += ",\n  \"layers\": [";
+  const bool own_heights = has_own_heights(info);
+  double z_um = 0;
   for (int n = 0; n < grid.layers; ++n) {
     const SliceLight light = light_of_layer(info, n);
-    Json layer = {{"height", mm_of_um((n + 1) * info.grid.layer_um)},
-                  {"exposure_time", light.time_s}};
+    z_um = own_heights ? z_um + layer_height_um(info, n) : (n + 1) * info.grid.layer_um;
+    Json layer = {{"height", mm_of_um(z_um)}, {"exposure_time", light.time_s}};
     add_waits(layer, "");
     add_lifts(layer, "", !lifts(info));
     layer["light_pwm"] = std::lround(kFullLight * light.share);
@@ -248,6 +240,7 @@ class Change {
                             {r.kept->path(), kVdtManifest}, kManyLayers);
     add_layers();
     if (r.exposure_changes) set_exposure();
+    if (r.light_changes) set_light();
   }
   bool changed() const { return changed_; }
   std::string text() const {
@@ -265,9 +258,9 @@ class Change {
   /// Adds the layers that are missing, each like the last one.
   void add_layers() {
     Json& layers = json_["layers"];
-    const double layer_um = r_.kept_contents->info.grid.layer_um > 0
-                                ? r_.kept_contents->info.grid.layer_um
-                                : r_.info.grid.layer_um;
+    const StackInfo& kept = r_.kept_contents->info;
+    const double layer_um =
+        kept.grid.layer_um > 0 ? layer_height_um(kept, kept.grid.layers) : r_.info.grid.layer_um;
     while (layers.size() < static_cast<std::size_t>(r_.info.grid.layers)) {
       Json layer = layers.back();
       if (layer.contains("height")) {
@@ -285,19 +278,20 @@ class Change {
     set(print, "bottom_exposure_time", s.bottom_s);
     set(print, "bottom_layers", s.bottom_layers);
     set(print, "transition_layer", s.fade_layers);
-    int full = kFullLight;
-    if (const auto found = json_.find("advanced_parameters");
-        found != json_.end() && found->is_object() && found->contains("light_pwm") &&
-        (*found)["light_pwm"].is_number()) {
-      full = static_cast<int>(
-          std::clamp((*found)["light_pwm"].get<double>(), 0.0, double{kFullLight}));
-    }
     Json& layers = json_["layers"];
     for (int n = 0; n < r_.info.grid.layers; ++n) {
       const SliceLight light = light_of_layer(r_.info, n);
       Json& layer = layers[static_cast<std::size_t>(n)];
       set(layer, "exposure_time", light.time_s);
-      if (light.share != 1) set(layer, "light_pwm", std::lround(full * light.share));
+      if (light.share != 1) set(layer, "light_pwm", std::lround(kFullLight * light.share));
+    }
+  }
+
+  void set_light() {
+    Json& layers = json_["layers"];
+    for (int n = 0; n < r_.info.grid.layers; ++n) {
+      set(layers[static_cast<std::size_t>(n)], "light_pwm",
+          std::lround(kFullLight * light_of_layer(r_.info, n).share));
     }
   }
 
@@ -311,6 +305,9 @@ class Vdt final : public ArchiveFormat {
   std::string_view name() const override { return "vdt"; }
   std::string_view what() const override { return "VDT of Voxeldance Tango"; }
   std::vector<std::string_view> endings() const override { return {".vdt"}; }
+
+  bool says_light() const override { return true; }
+  bool says_heights() const override { return true; }
 
   bool recognises(const Container& archive) const override {
     return archive.kind() == ContainerKind::zip && archive.has(kVdtManifest) &&

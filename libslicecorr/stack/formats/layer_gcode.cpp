@@ -146,12 +146,31 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
     : text_(std::move(text)), file_(std::move(file)), entry_(std::move(entry)), dialect_(dialect) {
   const std::string_view all = text_;
   bool showing = false, lit = false, done = false, switched = false;
+  bool to_place = true;  // moves go to a place, not by a way
+  double z_mm = 0;
+  // Places of the layer at hand, and how many the one before has.
+  std::vector<double> stops_mm;
+  std::size_t stops_before = 0;
   for (std::size_t begin = 0; begin < all.size(); begin = next_line(all, begin)) {
     const std::string_view line = without_indent(line_at(all, begin));
     if (line.empty()) continue;
     if (layers_.empty() && line.starts_with("G91")) absolute_ = false;
     if (layers_.empty() && line.starts_with("G90")) absolute_ = true;
     const auto at = static_cast<std::size_t>(line.data() - all.data());
+    if (line.starts_with("G91")) to_place = false;
+    if (line.starts_with("G90")) to_place = true;
+    if (line.starts_with("G28")) z_mm = 0;
+    if (is_move(line)) {
+      if (const auto z = word_of(all, at, 'Z')) {
+        // Steps add up without the noise of their last digits.
+        z_mm = to_place ? z->value : std::round((z_mm + z->value) * 1e6) / 1e6;
+        moves_ = true;
+        if (!layers_.empty()) {
+          layers_.back().z_after_mm = z_mm;
+          stops_mm.push_back(z_mm);
+        }
+      }
+    }
     if (line.starts_with(dialect_.show)) {
       const std::size_t end = line_end(all, begin);
       const auto numbers =
@@ -161,7 +180,9 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
       if (!showing) continue;
       const auto number = static_cast<long>(std::min(numbers.front().value, 1e9));
       if (!layers_.empty() && layers_.back().number == number) continue;
-      layers_.push_back({begin, number, 0, 0, 0, 0, 0, -1, 0});
+      layers_.push_back({begin, number, 0, 0, 0, 0, 0, -1, 0, z_mm, z_mm});
+      stops_before = stops_mm.size();
+      stops_mm.clear();
       lit = done = switched = false;
       continue;
     }
@@ -175,6 +196,7 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
         layer.waits = 0;
         layer.wait_ms = layer.other_waits_ms = 0;
         layer.light = power->value;
+        layer.z_mm = z_mm;
         switched = true;
       }
       if (!lit && switched) done = true;
@@ -182,6 +204,7 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
       const auto wait = wait_of(at);
       if (!wait) continue;
       if (layer.waits++ == 0) {
+        layer.z_mm = z_mm;
         layer.wait_begin = wait->begin;
         layer.wait_end = wait->end;
         layer.wait_ms = wait->ms;
@@ -194,6 +217,13 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
       if (number && number->value > 0) layer.dark_ms += number->value;
     }
   }
+  end_last(stops_mm, stops_before);
+}
+
+/// After the last layer the platform goes away: that is no way of the layer.
+void LayerGcode::end_last(const std::vector<double>& stops_mm, std::size_t stops_before) {
+  if (layers_.size() < 2 || stops_mm.size() <= stops_before) return;
+  layers_.back().z_after_mm = stops_before > 0 ? stops_mm[stops_before - 1] : layers_.back().z_mm;
 }
 
 void LayerGcode::fail(const std::string& message) const {
@@ -245,9 +275,28 @@ std::vector<double> LayerGcode::exposures_s(int layers) const {
   return times;
 }
 
-bool LayerGcode::same_light() const {
-  return std::all_of(layers_.begin(), layers_.end(),
-                     [&](const Layer& l) { return l.light == layers_.front().light; });
+std::vector<double> LayerGcode::light(int layers) const {
+  if (!shows(layers)) return {};
+  std::vector<double> light;
+  bool said = false;
+  for (int n = 0; n < layers; ++n) {
+    const double power = layers_[static_cast<std::size_t>(n)].light;
+    said = said || power >= 0;
+    light.push_back(power >= 0 ? power : 255);
+  }
+  if (!said) light.clear();
+  return light;
+}
+
+std::vector<double> LayerGcode::places_mm(int layers) const {
+  if (!moves_ || !shows(layers)) return {};
+  std::vector<double> places;
+  const bool moves_after = layers_.front().z_mm == 0;
+  for (int n = 0; n < layers; ++n) {
+    const Layer& layer = layers_[static_cast<std::size_t>(n)];
+    places.push_back(moves_after ? layer.z_after_mm : layer.z_mm);
+  }
+  return places;
 }
 
 bool LayerGcode::says(int layers,

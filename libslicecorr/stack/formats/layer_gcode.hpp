@@ -42,8 +42,10 @@ class LayerGcode {
     std::size_t wait_begin = 0, wait_end = 0;
     double wait_ms = 0, other_waits_ms = 0;
     int waits = 0;
-    double light = -1;   ///< value of M106, -1 without
-    double dark_ms = 0;  ///< of its waits without light, as far as they are plain numbers
+    double light = -1;      ///< value of M106, -1 without
+    double dark_ms = 0;     ///< of its waits without light, as far as they are plain numbers
+    double z_mm = 0;        ///< where the platform stands while it is lit, from where it was homed
+    double z_after_mm = 0;  ///< and before the next image is shown
     double exposure_s() const { return (wait_ms + other_waits_ms) / 1000; }
   };
 
@@ -57,8 +59,11 @@ class LayerGcode {
   bool shows(int layers) const;
   /// Exposure of each layer, s; empty unless all of these layers have one.
   std::vector<double> exposures_s(int layers) const;
-  /// Whether all layers are lit with the same power.
-  bool same_light() const;
+  /// Power of each layer's light, of 255; empty where none says one.
+  std::vector<double> light(int layers) const;
+  /// Where the platform stands for each layer, mm; empty where no line moves it. Where the first layer is
+  /// lit before anything has moved, the way after a layer is that layer's.
+  std::vector<double> places_mm(int layers) const;
   /// Whether exposures or layers of the text would have to be changed for these.
   bool says(int layers, const std::function<std::optional<double>(int layer)>& exposure_s) const;
 
@@ -79,6 +84,7 @@ class LayerGcode {
     std::size_t begin = 0, end = 0;  ///< of the number
     double ms = 0;
   };
+  void end_last(const std::vector<double>& stops_mm, std::size_t stops_before);
   [[noreturn]] void fail(const std::string& message) const;
   std::optional<Wait> wait_of(std::size_t line) const;
   std::string exposure_text(const Layer& layer, double exposure_s) const;
@@ -90,6 +96,7 @@ class LayerGcode {
   GcodeDialect dialect_;
   std::vector<Layer> layers_;
   bool absolute_ = true;  ///< whether the first layers' moves are to heights
+  bool moves_ = false;    ///< whether any line moves the platform
 };
 
 }  // namespace slicecorr::detail

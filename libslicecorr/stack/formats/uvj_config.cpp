@@ -33,9 +33,12 @@ OrderedJson exposure_json(double light_on_s, int pwm = 255) {
           {"RetractSpeed", 0}};
 }
 
+int pwm_of(const SliceLight& light) { return static_cast<int>(std::lround(255 * light.share)); }
+
 OrderedJson properties_json(const StackInfo& info, double light_on_s, double bottom_s,
                             int bottom_layers) {
   const Grid& grid = info.grid;
+  const auto pwm = [&](int layer) { return pwm_of({1, share_of_layer(info, layer)}); };
   OrderedJson properties;
   properties["Size"] = {{"X", grid.width_px},
                         {"Y", grid.height_px},
@@ -44,8 +47,8 @@ OrderedJson properties_json(const StackInfo& info, double light_on_s, double bot
                           {"Y", mm_of_um(grid.height_px * grid.pixel_y_um)}}},
                         {"Layers", grid.layers},
                         {"LayerHeight", mm_of_um(grid.layer_um)}};
-  properties["Exposure"] = exposure_json(light_on_s);
-  properties["Bottom"] = exposure_json(bottom_s);
+  properties["Exposure"] = exposure_json(light_on_s, pwm(grid.layers - 1));
+  properties["Bottom"] = exposure_json(bottom_s, pwm(0));
   properties["Bottom"]["Count"] = bottom_layers;
   properties["AntiAliasLevel"] = 1;
   return properties;
@@ -66,6 +69,9 @@ int block_format(const StackInfo& info) {
       info.printer && (info.printer->resin_depth_um > 0 || info.printer->platform_reflectance > 0);
   const bool spreads = info.printer && info.resin && info.process &&
                        light_spreads(*info.printer, *info.resin, *info.process);
+  if (info.process &&
+      (!info.process->light_share.empty() || !info.process->layer_heights_um.empty()))
+    return 11;
   if (shows_light && info.resin && info.resin->bleaches()) return 10;
   if (shows_light && info.process && slices_differ(*info.process)) return 9;
   if (shows_light && info.process && !info.process->slice_speed_mm_h.empty()) return 8;
@@ -159,8 +165,6 @@ OrderedJson checked(OrderedJson block) {
   return block;
 }
 
-int pwm_of(const SliceLight& light) { return static_cast<int>(std::lround(255 * light.share)); }
-
 }  // namespace
 
 std::string uv_image_name(int slice) {
@@ -183,6 +187,8 @@ std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checks
   text += ",\n\"Layers\": [";
   SliceLight shown{-1, -1};
   std::string exposure;
+  const bool own_heights = has_own_heights(info);
+  double z_um = 0;
   for (int n = 0; n < info.grid.layers; ++n) {
     const SliceLight light = light_of_layer(info, n);
     if (light.time_s != shown.time_s || light.share != shown.share) {
@@ -190,7 +196,8 @@ std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checks
       shown = light;
     }
     text += n == 0 ? "\n" : ",\n";
-    text += "{\"Z\": " + dump(mm_of_um((n + 1) * info.grid.layer_um), -1) + exposure;
+    z_um = own_heights ? z_um + layer_height_um(info, n) : (n + 1) * info.grid.layer_um;
+    text += "{\"Z\": " + dump(mm_of_um(z_um), -1) + exposure;
   }
   text += "\n]";
   if (info.kind != StackKind::foreign) {
@@ -200,7 +207,8 @@ std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checks
 }
 
 std::string change_uvj_config(const std::string& original, const StackInfo& info,
-                              const ImageChecksums& checksums, bool exposure_changes) {
+                              const ImageChecksums& checksums, bool exposure_changes,
+                              bool light_changes) {
   std::string_view text = original;
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   OrderedJson json = read_json<OrderedJson>(text, {"config.json", ""}, kManyLayers);
@@ -216,18 +224,25 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
   }
   const auto count = static_cast<std::size_t>(info.grid.layers);
   const bool lists = json.contains("Layers") && !json["Layers"].empty();
-  if (lists || (exposure_changes && (s.uneven || s.fade_layers > 0))) {
+  if (light_changes) {
+    properties["Exposure"]["LightPWM"] = pwm_of(light_of_layer(info, info.grid.layers - 1));
+    if (properties.contains("Bottom")) {
+      properties["Bottom"]["LightPWM"] = pwm_of(light_of_layer(info, 0));
+    }
+  }
+  if (lists || (exposure_changes && (s.uneven || s.fade_layers > 0)) ||
+      (light_changes && light_differs(process_of_times(info)))) {
     OrderedJson& layers = json["Layers"];
     if (!lists) layers = OrderedJson::array();
     const std::size_t before = layers.size();
     for (std::size_t n = layers.size(); n < count; ++n) {
       layers.push_back(n > 0 ? layers[n - 1] : OrderedJson{{"Exposure", exposure_json(0)}});
-      layers[n]["Z"] = mm_of_um(static_cast<double>(n + 1) * info.grid.layer_um);
+      layers[n]["Z"] = mm_of_um(stack_height_um(info, static_cast<int>(n) + 1));
     }
-    for (std::size_t n = exposure_changes ? 0 : before; n < count; ++n) {
+    for (std::size_t n = exposure_changes || light_changes ? 0 : before; n < count; ++n) {
       const SliceLight light = light_of_layer(info, static_cast<int>(n));
       layers[n]["Exposure"]["LightOnTime"] = light.time_s;
-      if (light.share != 1) layers[n]["Exposure"]["LightPWM"] = pwm_of(light);
+      if (light.share != 1 || light_changes) layers[n]["Exposure"]["LightPWM"] = pwm_of(light);
     }
   }
   json.erase("slicecorr");

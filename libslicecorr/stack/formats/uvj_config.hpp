@@ -22,7 +22,7 @@ namespace slicecorr::detail {
 /// else: continuous exposure at one speed, without UV light. 2 has exposure schedules of any kind,
 /// 3 a flat-field, 4 is a recorded stack, 5 a target with edge heights, 6 a bath that ends or light that
 /// spreads, 7 even light, 8 slices with speeds of their own.
-inline constexpr int kUvjBlockFormat = 10;
+inline constexpr int kUvjBlockFormat = 11;
 
 /// Words of the block, in the order of UvKind.
 inline const std::vector<std::string> kNamesOfUv{"off", "constant", "per_slice", "patterned"};
@@ -41,7 +41,8 @@ std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checks
 /// The same changed to what `info` says of layers, with our block; of exposures only when
 /// `exposure_changes`. All else that `original` holds stays.
 std::string change_uvj_config(const std::string& original, const StackInfo& info,
-                              const ImageChecksums& checksums, bool exposure_changes);
+                              const ImageChecksums& checksums, bool exposure_changes,
+                              bool light_changes);
 
 /// Throws `InputError` naming the key and what was expected. Names of images are not filled in.
 ArchiveContents parse_uvj_config(std::string_view text, const std::string& file);

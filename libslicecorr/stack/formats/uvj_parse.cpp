@@ -27,16 +27,20 @@ constexpr double kLargest = JsonSource::kLargest;
 
 using SortedNode = JsonNode<SortedJson>;
 
-/// Light-on times of the layers that say one, in order.
+/// What the layers that say it say of light-on times, light and places, in order.
 struct LayerTimes {
   std::vector<double> time_s;
-  std::size_t layers = 0;  ///< seen so far
-  bool all = true;         ///< every layer says one
+  std::vector<double> light, z_mm;  ///< light of 255; fewer than layers where some say none
+  std::size_t layers = 0;           ///< seen so far
+  bool all = true;                  ///< every layer says one
 };
+
+constexpr double kFullPwm = 255;
 
 /// Takes what is needed of one layer.
 void read_layer(const SortedJson& layer, const JsonSource& place, LayerTimes& times) {
   const SortedNode node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
+  if (node.has("Z")) times.z_mm.push_back(node["Z"].number(0, 1e6));
   // A layer may have no exposure; it gets one when times are changed.
   if (!node.has("Exposure") || node["Exposure"].json().is_null() ||
       !node["Exposure"].has("LightOnTime")) {
@@ -44,6 +48,9 @@ void read_layer(const SortedJson& layer, const JsonSource& place, LayerTimes& ti
     return;
   }
   times.time_s.push_back(node["Exposure"]["LightOnTime"].number(0, 1e9));
+  if (node["Exposure"].has("LightPWM")) {
+    times.light.push_back(node["Exposure"]["LightPWM"].number(0, kFullPwm));
+  }
 }
 
 SortedJson parse_json(std::string_view text, const JsonSource& place, LayerTimes& times) {
@@ -177,6 +184,12 @@ void read_schedule(const SortedNode& node, Process& p) {
   p.uv.dead_zone_um = uv["dead_zone_um"].number(0, kMostOfSchedule);
   p.uv.slice_mw_cm2 = read_numbers(uv["slice_mw_cm2"], 0);
   read_settings(node, p, BlockPart::stage);
+  if (node.has("light_share")) {
+    for (const SortedNode& n : node["light_share"].list(1, 1000000)) n.positive(1);
+  }
+  if (node.has("layer_heights_um")) {
+    for (const SortedNode& n : node["layer_heights_um"].list(1, 1000000)) n.positive(1000);
+  }
   if (p.mode == ExposureMode::layerwise) {
     node["exposure_s"].positive(kMostOfSchedule);
     if (node.has("slice_speed_mm_h")) {
@@ -317,6 +330,33 @@ void read_block(const SortedNode& block, ArchiveContents& config) {
 
 namespace {
 
+/// Light of single layers counts over that of the properties.
+void take_uvj_light(const LayerTimes& times, const SortedNode& properties, const std::string& file,
+                    StackInfo& info, std::vector<std::string>& warnings) {
+  const auto layers = static_cast<std::size_t>(info.grid.layers);
+  std::vector<double> light = times.light;
+  if (light.size() != layers) {
+    const auto said = [&](const char* part, double otherwise) {
+      if (!properties.has(part) || !properties[part].json().is_object()) return otherwise;
+      const SortedNode node = properties[part];
+      return node.has("LightPWM") ? node["LightPWM"].number(0, kFullPwm) : otherwise;
+    };
+    const double usual = said("Exposure", kFullPwm);
+    light.assign(layers, usual);
+    std::fill_n(light.begin(), std::min(info.bottom_layers, info.grid.layers),
+                said("Bottom", usual));
+  }
+  if (info.kind == StackKind::corrected || info.kind == StackKind::recorded) {
+    // The process counts; what the archive says is only held against it.
+    for (double& l : light) l /= kFullPwm;
+    if (std::any_of(light.begin(), light.end(), [](double l) { return l != 1; })) {
+      info.light_share = std::move(light);
+    }
+    return;
+  }
+  take_light(light, kFullPwm, file, "config.json", info, &warnings);
+}
+
 /// The light-on times of single layers count over those of the properties.
 void take_layer_times(LayerTimes times, StackInfo& info) {
   if (!times.all || static_cast<int>(times.time_s.size()) != info.grid.layers) return;
@@ -344,9 +384,13 @@ ArchiveContents parse_uvj_config(std::string_view text, const std::string& file)
   read_properties(root["Properties"], config.info);
   if (root.has("Layers")) {
     root["Layers"].list(0, 1000000);
-    take_layer_times(std::move(times), config.info);
+    take_layer_times(times, config.info);
+    if (times.z_mm.size() == times.layers) config.z_mm = times.z_mm;
   }
   if (root.has("slicecorr")) read_block(root["slicecorr"], config);
+  take_uvj_light(times, root["Properties"], file, config.info, config.warnings);
+  // Images of a recording are no layers.
+  if (config.info.kind == StackKind::recorded) config.z_mm.clear();
   return config;
 }
 

@@ -148,6 +148,21 @@ const ListProperty kLists[] = {
        }
        return s.info.process ? times : s.info.layer_exposure_s;
      }},
+    {"light_share", "share of full light of each layer; empty where all is full",
+     [](const slicecorr_stack& s) {
+       const Process p = process_of_times(s.info);
+       std::vector<double> shares;
+       if (p.light_share.empty()) return shares;
+       for (int n = 0; n < s.info.grid.layers; ++n) shares.push_back(light_share(p, n));
+       return shares;
+     }},
+    {"layer_heights_um", "height of each layer; empty where all are alike",
+     [](const slicecorr_stack& s) {
+       std::vector<double> heights;
+       if (process_of_times(s.info).layer_heights_um.empty()) return heights;
+       for (int n = 0; n < s.info.grid.layers; ++n) heights.push_back(layer_height_um(s.info, n));
+       return heights;
+     }},
     {"uv_slice_mw_cm2", "UV intensity of each slice",
      [](const slicecorr_stack& s) {
        std::vector<double> uv;

@@ -540,7 +540,9 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
   }
   if (std::string text = light_share_in_words(setup.process); !text.empty()) {
     notices.push_back("layers are lit with " + text +
-                      (times && !times->light_share.empty() ? ", as the archive says" : "") +
+                      (times && trimmed(times->light_share) == setup.process.light_share
+                           ? ", as the archive says"
+                           : "") +
                       ": doses are those of that light");
   }
   if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {

@@ -387,8 +387,8 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
   std::string text = new_gcode_head(info);
   bool rounded = false;
   for (int n = 0; n < info.grid.layers; ++n) {
-    // The way to the next layer. The printer does not wait for its movements.
-    const double layer_mm = layer_height_um(info, std::min(n + 1, info.grid.layers - 1)) * 1e-3;
+    // The way after a layer is told as that layer's. The printer does not wait for its movements.
+    const double layer_mm = layer_height_um(info, n) * 1e-3;
     const double travel_mm = up_mm > 0 ? 2 * up_mm - layer_mm : layer_mm;
     const double light_ms = light_on_of_layer(info, n) * 1e3;
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;

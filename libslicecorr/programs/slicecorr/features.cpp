@@ -46,6 +46,8 @@ nlohmann::ordered_json feature_rows() {
     // Layers are lifted where they are exposed one by one.
     const auto is = [&](Feature f) { return a == f || b == f; };
     if (!layerwise && (is(Feature::lifts) || is(Feature::exchange))) return;
+    // Heights have a feature for each mode.
+    if (is(layerwise ? Feature::moved_heights : Feature::own_heights)) return;
     std::vector<Feature> together{a};
     if (b) together.push_back(*b);
     if (is(Feature::exchange) && !is(Feature::lifts)) together.push_back(Feature::lifts);
@@ -109,6 +111,10 @@ std::string features_text() {
     text += "\n" + name_of(feature) + "\n";
     for (const Unsupported& pair : unsupported()) {
       if (pair.a != feature && pair.b != feature) continue;
+      if (pair.a == pair.b) {
+        text += "  not at all\n";
+        continue;
+      }
       const Feature other = pair.a == feature ? pair.b : pair.a;
       const bool left_out = pair.verdict == Verdict::without;
       text += fmt::format("  {} {}\n",

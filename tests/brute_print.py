@@ -109,6 +109,8 @@ class Print:
         blue = intensity(images, printer["calibration"])
         if flat is not None:
             blue = blue * flat
+        shares = process.get("light_share") or [1]
+        blue = np.array([b * shares[min(n, len(shares) - 1)] for n, b in enumerate(blue)])
         self.blue = np.array([blurred(b, gaussians(printer.get("spread")), pitch) for b in blue])
         self.rho = printer.get("platform_reflectance", 0)
         self.depth_um = printer.get("resin_depth_um", 0) or math.inf

@@ -210,6 +210,16 @@ def lamps_stay(p):
     p.options.update({"slice-speed-mm-h": "speeds.csv", "slice-lamps": "stay"})
 
 
+def dim_light(p):
+    p.files["light.csv"] = b"slice,light_share\n0,0.8\n"
+    p.options["light-share"] = "light.csv"
+
+
+def own_light(p):
+    p.files["light.csv"] = b"slice,light_share\n0,1\n3,0.8\n12,0.9\n"
+    p.options["light-share"] = "light.csv"
+
+
 def edge_heights(p):
     p.surface, p.fraction = "mesh", 0.3
     p.options["surface"] = "mesh"
@@ -254,6 +264,8 @@ FEATURES = {
     "layers that hold at each lift": lifts,
     "resin that lifts exchange": exchange,
     "more light for slower slices": lamps_stay,
+    "light below full": dim_light,
+    "layers that get different shares of the light": own_light,
     "edges of the mesh": edge_heights,
     "what is left alone": left_alone,
     "wanted doses": wanted_doses,
@@ -272,8 +284,12 @@ ELSEWHERE = [({mode, "more light for slower slices"}, "is for continuous exposur
     ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
 
 
+# Layers of different heights are held against a sum of its own elsewhere (print_file_says_test.cpp).
+NOT_HERE = {"layers of different heights", "slices of different heights"}
+
+
 def short(name):
-    return next(f for f in FEATURES if name.startswith(f))
+    return next((f for f in FEATURES if name.startswith(f)), next((f for f in NOT_HERE if name.startswith(f)), None))
 
 
 class Table:
@@ -289,6 +305,10 @@ class Table:
             features.add("layers that hold at each lift")
         if "layers that hold at each lift" in features:
             features.add("layer by layer")
+        if "layers that get different shares of the light" in features:
+            features.add("light below full")
+            if "layer by layer" not in features:
+                features.add("more light for slower slices")
         found = [(r["verdict"], r["words"]) for r in self.rows
                  if short(r["a"]) in features and short(r["b"]) in features]
         return found
@@ -340,7 +360,7 @@ class Case:
 
     def check_refusal(self, words):
         expected = words.replace("{printer}", "pairs").replace("{resin}", "pairs-resin") if words else None
-        submit = self.arguments(self.lit, ("region", "design", "slice-speed-mm-h"))
+        submit = self.arguments(self.lit, ("region", "design", "slice-speed-mm-h", "light-share"))
         mesh = ["part.stl", "--layer-um", LAYER_UM, "--antialias", "off"]
         run_options = self.arguments(self.lit, ("design",))
         (self.folder / "farm").mkdir(exist_ok=True)
@@ -352,7 +372,7 @@ class Case:
         if not {"region", "leave-alone", "uncertain"} & set(self.lit.options):
             (self.folder / "posted.uvj").write_bytes((self.folder / "target.uvj").read_bytes())
             tries["slicecorr-post"] = self.run("slicecorr-post", "posted.uvj", *self.arguments(self.lit))
-        if not {"region", "slice-speed-mm-h"} & set(self.lit.options):
+        if not {"region", "slice-speed-mm-h", "light-share"} & set(self.lit.options):
             tries["slicefarm submit"] = self.run("slicefarm", "submit", "--dir", "farm", "--dry-run", *mesh, *submit)
         for name, r in tries.items():
             if r.returncode != 2:
@@ -567,7 +587,9 @@ def main():
     cases = [frozenset([f]) for f in FEATURES]
     for size in (2, 3) if args.triples else (2,):
         for c in itertools.combinations(FEATURES, size):
-            if len(UV & set(c)) < 2:
+            # Different shares are light below full, too.
+            same = {"light below full", "layers that get different shares of the light"} <= set(c)
+            if len(UV & set(c)) < 2 and not same:
                 cases.append(frozenset(c))
     if args.only:
         wanted = args.only.split(",")

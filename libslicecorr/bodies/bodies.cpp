@@ -121,7 +121,7 @@ std::string Bodies::to_json() const {
       ordered_json one;
       one["area_mm2"] = number(pixels_mm2(n.voxels));
       one["at_um"] = um(n.slice);
-      one["volume_mm3"] = number(voxels_mm3(n.borne));
+      one["volume_mm3"] = mm3(n.borne);
       put_place(one, n.column, n.row);
       thin.push_back(one);
     }

@@ -15,7 +15,7 @@
 namespace slicecorr::detail {
 
 bool GelMoments::known(const CureModel& model) {
-  return std::holds_alternative<SumOfLight>(model.law);
+  return std::holds_alternative<SumOfLight>(model.law) && model.heights.alike();
 }
 
 GelMoments::GelMoments(const CureModel& model, const PixelCurve& curve, std::size_t columns,

@@ -21,7 +21,7 @@ class GelMoments {
   /// Told of layers that gel later or earlier after their slice than the layer told before, which the
   /// column's layers between did as well; before the first: 0. Of layers that do not gel it says nothing.
   using Sink = std::function<void(std::size_t column, int slice, int delay)>;
-  /// Whether moments follow from sums: of the law `SumOfLight`.
+  /// Whether moments follow from sums of layers that are alike: of the law `SumOfLight`.
   static bool known(const CureModel& model);
   /// `model` and `curve` outlive it; `longest`: delays are at most this.
   GelMoments(const CureModel& model, const PixelCurve& curve, std::size_t columns, int longest,

@@ -225,7 +225,11 @@ void read_and_rewrite(const RealPrintFile& real) {
   ExecutionContext context;
   context.notice = [&](const std::string& text) { told += text; };
   const StackReader r(folder / "in.bin", folder.path(), context);
-  EXPECT_EQ(told, "");
+  // Its table fades in other steps than printers do, which go by its head.
+  const bool unheeded = std::string(real.name).starts_with("msla_mars4max");
+  EXPECT_EQ(told.find("do not heed times of single layers") != told.npos, unheeded) << told;
+  EXPECT_EQ(told.empty(), !unheeded) << told;
+  if (unheeded) EXPECT_NEAR(layer_exposure_s(process_of_times(r.info()), 2), 35 - 32.5 / 6, 1e-6);
   EXPECT_EQ(r.info().format, real.format);
   EXPECT_EQ(r.grid().layers, real.layers);
   EXPECT_EQ(r.grid().width_px, real.width_px);

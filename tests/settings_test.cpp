@@ -76,7 +76,7 @@ void say(const Setting& s, SetupChoices& choices) {
           value = s.or_inf ? "1.5" : s.words.empty() ? "name" : std::string(s.words.back());
           if (value == unset.*member) value = std::string(s.words.front());
         } else if constexpr (std::is_same_v<Value, std::vector<double>>) {
-          value = {3, 2};
+          value = s.range.most < 3 ? Value{0.5, 0.25} : Value{3, 2};
         } else {
           value = static_cast<Value>(s.range.most < 3 ? 0.7 * s.range.most : 3);
         }

@@ -149,7 +149,8 @@ TEST(Supports, EachPairOfLightIsCountedOrRefusedByName) {
 TEST(Supports, TheTableSaysEachPairOnce) {
   std::set<std::pair<Feature, Feature>> seen;
   for (const Unsupported& pair : unsupported()) {
-    EXPECT_NE(pair.a, pair.b);
+    // What is not counted at all stands beside itself.
+    EXPECT_TRUE(pair.a != pair.b || pair.a == Feature::moved_heights) << name_of(pair.a);
     EXPECT_TRUE(seen.insert(std::minmax(pair.a, pair.b)).second)
         << name_of(pair.a) << ", " << name_of(pair.b);
     if (pair.verdict == Verdict::refused) {

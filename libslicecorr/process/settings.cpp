@@ -124,6 +124,7 @@ const std::vector<Setting>& table() {
        .chosen = &C::layer_heights_um,
        .text = "Height of each layer, where they differ [as the archive says]",
        .range = up_to(1000),
+       .column = "layer_um",
        .said_by = SaidBy::library,
        .process = &Process::layer_heights_um,
        .block = BlockPart::exposure,

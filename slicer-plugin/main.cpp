@@ -10,6 +10,7 @@
 
 #include "post/correct_file.hpp"
 #include "programs/common/figures.hpp"
+#include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
 #include "watch/done.hpp"
 #include "watch/watch.hpp"
@@ -20,6 +21,8 @@ namespace {
 struct Arguments {
   PostSettings settings;
   std::string file, config, log;
+  std::vector<std::string> parts;
+  cli::MeshOptions meshes;
   bool again = false, undo = false, show_rule = false, json_log = false, tell_watcher = false;
   WatchOptions watch;
 };
@@ -63,14 +66,23 @@ int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context
   if (watching == !a.file.empty()) {
     throw InputError("expected a FILE, as the last argument, or --watch DIR");
   }
-  if (a.undo && (a.again || a.show_rule)) {
+  if (a.undo && (a.again || a.show_rule || !a.parts.empty())) {
     throw InputError("--undo stands alone: it corrects nothing");
   }
   if (watching && (a.undo || a.again || a.show_rule)) {
     throw InputError(
         "--undo, --again and --show-rule are for one FILE; expected it without --watch");
   }
+  if (watching && !a.parts.empty()) {
+    throw InputError("--part is for one FILE; expected it without --watch");
+  }
+  const cli::MeshOptions plain;
+  if (a.parts.empty() && (a.meshes.units != plain.units || a.meshes.scale != plain.scale ||
+                          a.meshes.fit_mm > 0 || !a.meshes.rotate_deg.empty())) {
+    throw InputError("--units, --scale, --fit-mm and --rotate-deg are for a part; expected --part");
+  }
   PostRequest request;
+  request.parts = cli::parts_inside(a.parts, a.meshes);
   request.config = load_config(a.config);
   request.given = given_on(app);
   request.again = a.again;
@@ -100,7 +112,9 @@ int run_program(int argc, char** argv) {
     return run(a, *app, context, console);
   });
   app->add_option("FILE", a.file, "Archive to correct in place");
+  cli::add_part_inside_to(*app, a.parts);
   a.settings.add_to(*app);
+  a.meshes.add_turns_to(*app);
   app->add_option("--config", a.config,
                   "Rules and defaults [post.toml in the user's folder of slicecorr]");
   app->add_flag("--show-rule,--dry-run", a.show_rule,

@@ -96,6 +96,107 @@ class Browser : public ::testing::Test {
   std::unique_ptr<DrivenPage> page_;
 };
 
+TEST_F(Browser, PartsAreMovedOnThePlate) {
+  serve();
+  const std::string ladder = farm_.root + "/ladder.stl", block = farm_.root + "/block.stl";
+  slicecorr::test::write_stl(ladder, slicecorr::test::ladder());
+  TriangleMesh box;
+  slicecorr::test::add_box(box, {-1.5, -0.5, 0}, {1.5, 0.5, 1});
+  slicecorr::test::write_stl(block, box);
+  open("/print");
+  sign_in(kSubmit);
+  page_->choose_files("#files", {ladder, block});
+  page_->wait_for("parts.there.length === 2");
+  page_->set("printer", "dual-wavelength-dlp");
+  page_->set("resin", "benchy-resin");
+  EXPECT_EQ(page_->eval("document.getElementById('placing').hidden"), true);
+  page_->click("input[name=how][value=plate]");
+  EXPECT_EQ(page_->eval("document.getElementById('placing').hidden"), false);
+  // As in their files they lie in one another: told with names and volume, nothing is shown.
+  page_->click("#look");
+  page_->wait_for("document.querySelector('#plate-said .holds')");
+  EXPECT_THAT(page_->text("plate-said"),
+              ::testing::AllOf(HasSubstr("ladder.stl and"), HasSubstr("block.stl overlap: "),
+                               HasSubstr("mm³ belong to both")));
+  EXPECT_EQ(page_->eval("document.getElementById('plate').hidden"), true);
+  // One button lays them side by side.
+  page_->click("#arrange");
+  page_->wait_for(
+      "!document.getElementById('plate').hidden && round.pieces.length === 2 && placing.places_mm");
+  EXPECT_EQ(page_->eval("document.querySelectorAll('#pieces button').length"), 2);
+  EXPECT_THAT(page_->text("pieces"), HasSubstr("block.stl: x "));
+  const auto x = [&](int k) {
+    return page_->eval(fmt::format("round.pieces[{}].x_mm", k)).get<double>();
+  };
+  const auto y = [&](int k) {
+    return page_->eval(fmt::format("round.pieces[{}].y_mm", k)).get<double>();
+  };
+  EXPECT_TRUE(std::abs(x(0) - x(1)) >= 4.5 || std::abs(y(0) - y(1)) >= 2.5);
+  pictures("print-plate");
+  // Keys: a part is reached by tab, arrows move it by 1 mm and r turns it where that is allowed.
+  const auto settled = [&] {
+    page_->wait_for("!look.disabled && document.querySelector('#plate-said').textContent === ''");
+    ::usleep(1'000'000);
+    page_->wait_for("!look.disabled && document.getElementById('plate-said').textContent === ''");
+  };
+  settled();
+  const double before_x = x(1), before_y = y(1);
+  page_->eval("document.querySelectorAll('#pieces button')[1].focus()");
+  page_->key("ArrowRight");
+  page_->key("ArrowDown");
+  page_->key("r");
+  EXPECT_NEAR(x(1), before_x + 1, 1e-6);
+  EXPECT_NEAR(y(1), before_y - 1, 1e-6);
+  EXPECT_EQ(page_->eval("round.pieces[1].quarter_turns"), 0);
+  settled();
+  page_->click("#turn_about_z");
+  page_->eval("document.querySelectorAll('#pieces button')[1].focus()");
+  page_->key("r");
+  EXPECT_EQ(page_->eval("round.pieces[1].quarter_turns"), 1);
+  settled();
+  // What the server sliced is what is shown: the plate came back with these places.
+  EXPECT_NEAR(x(1), before_x + 1, 1e-6);
+  EXPECT_EQ(page_->eval("round.pieces[1].quarter_turns"), 1);
+  // The mouse takes what is under it; elsewhere it turns the view.
+  const auto drag = [&](const std::string& from, double by) {
+    page_->eval(fmt::format(
+        "(() => {{ const c = document.getElementById('round'), b = c.getBoundingClientRect(), [x, y] = {0}; "
+        "const at = (t, dx) => c.dispatchEvent(new PointerEvent(t, {{pointerId: 1, bubbles: true, clientX: "
+        "b.left + x + dx, clientY: b.top + y}})); c.setPointerCapture = () => {{}}; at('pointerdown', 0); "
+        "at('pointermove', {1}); at('pointerup', {1}); }})()",
+        from, by));
+  };
+  const std::string on_block =
+      "(() => { const c = document.getElementById('round'), r = c.width / c.clientWidth, i = "
+      "round.owner.indexOf(2); return [(i % c.width + 2) / r, (Math.floor(i / c.width) + 2) / r]; })()";
+  const double drawn_x = x(1), drawn_y = y(1), other = x(0);
+  drag(on_block, 25);
+  EXPECT_GT(std::hypot(x(1) - drawn_x, y(1) - drawn_y), 0.2);
+  EXPECT_EQ(x(0), other);
+  EXPECT_EQ(page_->eval("round.chosen"), 1);
+  settled();
+  const double turn = page_->eval("round.turn").get<double>();
+  drag("[3, 3]", 25);
+  EXPECT_NE(page_->eval("round.turn").get<double>(), turn);
+  // Moved into one another they are told again, and the parts stay in sight.
+  page_->eval(fmt::format("round.shift(1, {}, {}); partMoved()", x(0) - x(1), y(0) - y(1)));
+  page_->wait_for("document.querySelector('#plate-said .holds')");
+  EXPECT_THAT(page_->text("plate-said"), HasSubstr("overlap: "));
+  EXPECT_EQ(page_->eval("document.getElementById('plate').hidden"), false);
+  // Joined, if that is meant; jobs have the places that are shown.
+  page_->click("#join");
+  page_->click("#look");
+  page_->wait_for("document.querySelector('#plate-said').textContent === '' && !look.disabled");
+  const std::string keys = page_->eval("JSON.stringify(setup(parts.there))").get<std::string>();
+  EXPECT_THAT(keys, ::testing::AllOf(HasSubstr("places_mm"), HasSubstr("\"quarter_turns\":[0,1]"),
+                                     HasSubstr("\"overlap\":\"join\"")));
+  page_->set("speed", "400");
+  page_->click("#queue");
+  page_->wait_for(
+      "document.getElementById('queue-said').textContent.includes('queued') || !trouble.hidden");
+  EXPECT_THAT(page_->text("queue-said"), HasSubstr("One job is queued"));
+}
+
 TEST_F(Browser, FromPartsToTheQueue) {
   serve();
   const std::string ladder = farm_.root + "/ladder.stl";

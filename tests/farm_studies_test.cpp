@@ -77,6 +77,93 @@ TEST(Studies, APlateShowsWhatIsSliced) {
   }
 }
 
+TEST(Studies, PartsOnOnePlate) {
+  Farm farm;
+  const Served served(farm, with_accounts());
+  auto sam = client_of(served, kSubmit);
+  json request = of_ladder("plate", ladder_of(farm, sam));
+  request["parts"].push_back(request["parts"][0]);
+  // As in their files they overlap, with names, volume and place.
+  json s = study(sam, request);
+  EXPECT_EQ(s["state"], "failed");
+  EXPECT_EQ(s["exit_code"], 2);
+  EXPECT_THAT(s["message"].get<std::string>(),
+              ::testing::AllOf(HasSubstr("ladder.stl overlap: "), HasSubstr("mm³ belong to both")));
+  request["overlap"] = "join";
+  s = study(sam, request);
+  EXPECT_EQ(s["state"], "done") << s.dump();
+  request["arrange"] = true;
+  request["spacing_mm"] = 2;
+  s = study(sam, request);
+  ASSERT_EQ(s["state"], "done") << s.dump();
+  json plate = json::parse(file_of(sam, s, "plate.json"));
+  ASSERT_EQ(plate["parts"].size(), 2U);
+  const auto x = [&](std::size_t k) { return plate["parts"][k]["x_mm"].get<double>(); };
+  const auto y = [&](std::size_t k) { return plate["parts"][k]["y_mm"].get<double>(); };
+  // 4 x 2 mm each, at least 2 mm apart.
+  EXPECT_TRUE(std::abs(x(0) - x(1)) >= 6 || std::abs(y(0) - y(1)) >= 4);
+  EXPECT_EQ(plate["parts"][1]["from"], 48);
+  EXPECT_EQ(plate["parts"][1]["to"], 96);
+  // Put by hand to where they were arranged they are the same layers; elsewhere, turned, others.
+  json put = request;
+  put.erase("arrange");
+  put.erase("spacing_mm");
+  put.erase("overlap");
+  put["places_mm"] = {x(0), y(0), x(1), y(1)};
+  put["quarter_turns"] = {0, 0};
+  s = study(sam, put);
+  ASSERT_EQ(s["state"], "done") << s.dump();
+  const json again = json::parse(file_of(sam, s, "plate.json"));
+  EXPECT_EQ(again["box_px"], plate["box_px"]);
+  EXPECT_EQ(again["volume_ml"], plate["volume_ml"]);
+  put["places_mm"] = {10, 10, 50, 30};
+  put["quarter_turns"] = {0, 1};
+  s = study(sam, put);
+  ASSERT_EQ(s["state"], "done") << s.dump();
+  plate = json::parse(file_of(sam, s, "plate.json"));
+  EXPECT_NEAR(x(0), 10, 1e-6);
+  EXPECT_NEAR(y(1), 30, 1e-6);
+  EXPECT_EQ(plate["parts"][1]["quarter_turns"], 1);
+  // Pixels of 50 um: from x 8 to 51 mm; the plate's 40 mm less 31 is row 180.
+  EXPECT_EQ(plate["box_px"], (json{160, 160, 1020, 620}));
+  for (const auto& [key, value] : std::map<std::string, json>{{"arrange", "yes"},
+                                                              {"places_mm", "1,2"},
+                                                              {"places_mm", json::array()},
+                                                              {"overlap", 3}}) {
+    json bad = request;
+    bad[key] = value;
+    EXPECT_EQ(status_of(post(sam, "/api/v1/studies", bad)), 400) << key;
+  }
+}
+
+TEST(Studies, AnArchiveWithSupports) {
+  Farm farm;
+  const Served served(farm, with_accounts());
+  auto sam = client_of(served, kSubmit);
+  TriangleMesh all = slicecorr::test::ladder();
+  slicecorr::test::add_box(all, {-3, -2, -0.6}, {3, 2, -0.4});
+  slicecorr::test::add_box(all, {-1.6, -0.2, -0.4}, {-1.3, 0.2, 0});
+  slicecorr::test::add_box(all, {1.3, -0.2, -0.4}, {1.6, 0.2, 0});
+  slicecorr::test::write_stl(farm.root + "/all.stl", all);
+  const auto sliced = slicecorr::test::run_program(
+      {std::string(SLICECORR_BIN_DIR) + "/slicecorr", "slice", farm.root + "/all.stl", "--layer-um",
+       "50", "--printer", "dual-wavelength-dlp", "-o", farm.root + "/all.uvj"});
+  ASSERT_EQ(sliced.exit_code, 0) << sliced.err;
+  json request = of_ladder("check", upload(sam, "all.uvj", bytes_of(farm.root + "/all.uvj")));
+  request["speed_mm_h"] = 800;
+  request["part_inside"] = {ladder_of(farm, sam)};
+  json s = study(sam, request);
+  ASSERT_EQ(s["state"], "done") << s.dump();
+  // The raft alone: 4 slices of 120 x 80 pixels.
+  EXPECT_GT(json::parse(file_of(sam, s, "check.json"))["left_alone_voxels"], 4 * 120 * 80);
+  request["scale"] = 1.3;
+  s = study(sam, request);
+  EXPECT_EQ(s["state"], "failed");
+  EXPECT_THAT(s["message"].get<std::string>(), HasSubstr("is not in the archive"));
+  request["parts"] = request["part_inside"];
+  EXPECT_EQ(status_of(post(sam, "/api/v1/studies", request)), 400);
+}
+
 TEST(Studies, AnArchiveHasLayersAndCells) {
   Farm farm;
   const Served served(farm, with_accounts());

@@ -339,6 +339,63 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
   });
 }
 
+TEST_F(Prepare, CopiesOfAPartShareAPlate) {
+  const std::string part = make_part(1);
+  const Submission three = prepared({request(part + "*3")});
+  ASSERT_EQ(three.jobs.size(), 1U);
+  const WorkSpec spec = parse_spec(three.jobs[0].work.spec_json);
+  ASSERT_EQ(spec.inputs.size(), 3U);
+  EXPECT_EQ(spec.inputs[0].file, spec.inputs[2].file);
+  EXPECT_TRUE(spec.plate.arrange);
+  EXPECT_EQ(three.jobs[0].name, fs::path(part).stem().string());
+  // The same as saying it thrice, and other than one.
+  JobRequest said = request(part);
+  said.parts = {part, part, part};
+  said.plate.arrange = true;
+  EXPECT_EQ(key_of(said), three.jobs[0].work.key);
+  EXPECT_NE(key_of(request(part)), three.jobs[0].work.key);
+  // A file of that name is a part.
+  fs::copy_file(part, part + "*3.stl");
+  EXPECT_EQ(parse_spec(prepared({request(part + "*3.stl")}).jobs[0].work.spec_json).inputs.size(),
+            1U);
+  EXPECT_THAT(refused({request(part + "*1000")}),
+              ElementsAre(HasSubstr("plates of small's display")));
+  EXPECT_THAT(refused({request(part + "*0")}), ElementsAre(HasSubstr("expected 1 to 1000 copies")));
+  JobRequest turned = request(part + "*2");
+  turned.setup.mode = "tomography";
+  EXPECT_THAT(refused({turned}),
+              ElementsAre(HasSubstr("copies have no place in a tomographic print")));
+}
+
+TEST_F(Prepare, PartsLieWhereTheyAreSaidToLie) {
+  const std::string part = make_part(1);
+  JobRequest r = request(part);
+  r.parts = {part, part};
+  r.plate.overlap = "join";
+  r.plate.places_mm = {2, 1.5, 2, 1.5};
+  const std::string same = key_of(r);
+  r.plate.quarter_turns = {0, 1};
+  EXPECT_NE(key_of(r), same);
+  const WorkSpec spec = parse_spec(prepared({r}).jobs[0].work.spec_json);
+  EXPECT_EQ(spec.plate, r.plate);
+  r.plate.overlap = "refuse";
+  EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("overlap")));
+  r.plate.places_mm = {2, 1.5};
+  EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("1 places and 2 quarter turns for 2 parts")));
+  r.plate.places_mm = {2, 1.5, 1000, 1.5};
+  EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("beyond the display")));
+  r.plate.places_mm = {2, 1.5, 2, 1.5};
+  r.plate.arrange = true;
+  EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("expected one of them")));
+  const auto wrong = [&](const std::string& line) {
+    return errors_of(
+        [&] { parse_jobs_toml("[[job]]\npart = \"a.stl\"\n" + line + "\n", "j.toml"); });
+  };
+  EXPECT_THAT(wrong("quarter_turns = [0, 4]"), ElementsAre(HasSubstr("whole numbers from 0 to 3")));
+  EXPECT_THAT(wrong("quarter_turns = [0.5]"), ElementsAre(HasSubstr("whole numbers from 0 to 3")));
+  EXPECT_THAT(wrong("places_mm = 3"), ElementsAre(HasSubstr("a list of numbers")));
+}
+
 TEST_F(Prepare, InputsAreKeptByContentOnce) {
   const std::string part = make_part(1);
   fs::copy_file(part, dir / "twin.stl");

@@ -172,6 +172,84 @@ TEST_F(PrusaSlicer, BenchyInPlaceAndBack) {
   EXPECT_EQ(bytes("benchy.sl1"), bytes("before.sl1"));
 }
 
+/// A bracket with overhangs, 12 x 8 x 9 mm.
+using Boxes = std::vector<std::pair<Point3, Point3>>;
+const Boxes& bracket() {
+  static const Boxes boxes{{{0, 0, 0}, {12, 8, 1.5}},
+                           {{0, 0, 1.5}, {3, 8, 8}},
+                           {{0, 0, 8}, {10, 8, 9}},
+                           {{11, 1, 1.5}, {12, 3, 5}}};
+  return boxes;
+}
+
+/// The recipe of docs/supports.md, judged by the images alone.
+TEST_F(PrusaSlicer, SupportsStayAndThePartIsCorrected) {
+  if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
+  TriangleMesh mesh;
+  for (const auto& [low, high] : bracket()) add_box(mesh, low, high);
+  write_stl(folder_ / "bracket.stl", mesh);
+  // Of the same option the last counts.
+  const RunResult made =
+      export_sl1("bracket.stl", "0.05", "bracket.sl1", {"--supports-enable=1", "--pad-enable=1"});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  fs::copy_file(folder_ / "bracket.sl1", folder_ / "before.sl1");
+  const RunResult said = good(kSetup + Command{"--part", "bracket.stl", "bracket.sl1"});
+  // In the middle of 64 x 40.5 mm, on a pad of 2 mm and supports of 5.
+  EXPECT_THAT(said.err, HasSubstr("bracket.stl: found at x 32.00, y 20.25 mm, from 7.000 mm above "
+                                  "the platform on: 99."));
+  EXPECT_THAT(said.err, HasSubstr("mm³ outside of it are left alone"));
+  const auto before = entries_of(folder_ / "before.sl1"),
+             after = entries_of(folder_ / "bracket.sl1");
+  ASSERT_EQ(after.size(), before.size() + 1);
+  int layer = 0, alone = 0, changed = 0, near = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    if (!is_layer_image(before[i].name)) continue;
+    const GreyImage was = png_pixels(before[i].data), is = png_pixels(after[i].data);
+    ASSERT_EQ(is.pixels.size(), was.pixels.size());
+    for (int v = 0; v < was.height_px; ++v) {
+      for (int u = 0; u < was.width_px; ++u) {
+        const auto at = static_cast<std::size_t>(v * was.width_px + u);
+        // Portrait and mirrored in x: x of the plate runs up the image, y to the right.
+        const Point3 p{(was.height_px - v - 0.5) * 0.05 - 32 + 6, (u + 0.5) * 0.05 - 20.25 + 4,
+                       (layer + 0.5) * 0.05 - 7};
+        bool inside = false, grown = false;
+        for (const auto& [low, high] : bracket()) {
+          bool in = true, wider = true;
+          for (std::size_t k = 0; k < 3; ++k) {
+            in &= p[k] > low[k] && p[k] < high[k];
+            // Grown by a voxel, at a place that is rounded to one.
+            wider &= p[k] > low[k] - 0.1001 && p[k] < high[k] + 0.1001;
+          }
+          inside |= in;
+          grown |= wider;
+        }
+        if (!grown) {
+          ASSERT_EQ(is.pixels[at], was.pixels[at]) << layer << " " << u << " " << v;
+          alone += was.pixels[at] > 0;
+        } else if (inside) {
+          ASSERT_EQ(was.pixels[at], 255) << layer << " " << u << " " << v;
+          changed += is.pixels[at] != was.pixels[at];
+        } else {
+          near += was.pixels[at] > 0;
+        }
+      }
+    }
+    ++layer;
+  }
+  EXPECT_EQ(layer, 320);
+  // A pad of 40 slices, larger than the part.
+  EXPECT_GT(alone, 40 * 240 * 160);
+  // Below the part's bottom and the upper beam at least a slice is dimmed.
+  EXPECT_GT(changed, 240 * 160 + 140 * 160);
+  // What of the supports is next to the part: tips of 0.4 mm.
+  EXPECT_LT(near, 20000);
+  // Another part is not there, and the file stays.
+  write_stl(folder_ / "ladder.stl", ladder());
+  const RunResult other = post(kSetup + Command{"--part", "ladder.stl", "before.sl1"});
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.err, HasSubstr("is not in the archive"));
+}
+
 /// Why a watched folder, and not the slicer's own setting.
 TEST_F(PrusaSlicer, RunsNoPostProcessingForResinPrinters) {
   if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";

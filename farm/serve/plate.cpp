@@ -271,32 +271,42 @@ void write_plate(const PlateJob& job, const ExecutionContext& context) {
   }
   TriangleMesh mesh;
   nlohmann::ordered_json defects = nlohmann::ordered_json::array();
+  nlohmann::ordered_json parts = nlohmann::ordered_json::array();
   std::size_t triangles = 0;
-  for (const std::string& path : job.parts) {
-    std::vector<std::string> notes;
-    const TriangleMesh part = read_mesh(path, job.placement, context, &notes);
-    const MeshReport report = inspect(part, context);
-    triangles += report.triangles;
-    for (const std::string& note : notes) {
-      defects.push_back(std::filesystem::path(path).filename().string() + ": " + note);
-    }
-    if (report.defects.any()) {
-      defects.push_back(std::filesystem::path(path).filename().string() + ": " +
-                        describe(report.defects));
-    }
-    append(mesh, shown_of(part));
+  std::vector<cli::PlacedPart> placed;
+  if (!job.meshes.parts.empty()) placed = cli::placed_parts(job.meshes, printer, context);
+  for (const cli::PlacedPart& part : placed) triangles += part.on_plate.triangles.size();
+  for (const cli::PlacedPart& part : placed) {
+    const std::string name = std::filesystem::path(part.path).filename().string();
+    for (const std::string& note : part.notes) defects.push_back(name + ": " + note);
+    if (part.report.defects.any()) defects.push_back(name + ": " + describe(part.report.defects));
+    // Each part has its share of what is shown.
+    const double share = static_cast<double>(part.on_plate.triangles.size()) /
+                         static_cast<double>(std::max<std::size_t>(1, triangles));
+    const TriangleMesh solid = shown_of(part.on_plate);
+    const TriangleMesh shown =
+        triangles <= kMostShownTriangles
+            ? solid
+            : simplified(solid,
+                         std::max<std::size_t>(
+                             500, static_cast<std::size_t>(
+                                      share * static_cast<double>(kMostShownTriangles))));
+    const Box box = box_of(part.on_plate);
+    parts.push_back({{"name", name},
+                     {"from", mesh.triangles.size()},
+                     {"to", mesh.triangles.size() + shown.triangles.size()},
+                     {"x_mm", 0.5 * (box.lower[0] + box.upper[0])},
+                     {"y_mm", 0.5 * (box.lower[1] + box.upper[1])},
+                     {"quarter_turns", part.quarter_turns}});
+    append(mesh, shown);
   }
-  const bool cells = mesh.triangles.empty();
+  const bool cells = placed.empty();
   if (cells) {
     // Lattices have many faces: larger cells then.
     for (int most = 96; most >= 8; most = most * 3 / 4) {
       mesh = cell_faces(stack, most);
       if (mesh.triangles.size() <= kMostShownTriangles) break;
     }
-  } else {
-    std::optional<std::array<double, 2>> center;
-    if (job.center_mm.size() == 2) center = {{job.center_mm[0], job.center_mm[1]}};
-    mesh = simplified(on_plate(mesh, printer, center), kMostShownTriangles);
   }
   const Grid& grid = stack.grid();
   const PixelBox box = stack.bounds();
@@ -321,6 +331,7 @@ void write_plate(const PlateJob& job, const ExecutionContext& context) {
   json["pixels_joined"] = step;
   json["volume_ml"] = info.part_volume_mm3 * 1e-3;
   json["defects"] = defects;
+  json["parts"] = parts;
   cli::write_text_file(job.folder + "/plate.bin", triangles_file(mesh));
   cli::write_text_file(job.folder + "/layers.bin", layers_file(stack, box, step, context));
   cli::write_text_file(job.folder + "/plate.json", json.dump(1) + "\n");

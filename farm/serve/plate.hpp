@@ -19,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "programs/common/mesh_options.hpp"
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/target.hpp"
@@ -43,13 +44,11 @@ std::string triangles_file(const TriangleMesh& mesh);
 std::string layer_png(const std::string& path, std::int64_t layer);
 
 struct PlateJob {
-  std::string stack;               ///< sliced, or an archive of slices
-  std::vector<std::string> parts;  ///< meshes that were sliced; empty: none
+  std::string stack;        ///< sliced, or an archive of slices
+  cli::MeshOptions meshes;  ///< that were sliced, and how they share the plate; no parts: none
   std::string printer;
-  Placement placement;
-  std::vector<double> center_mm;  ///< two numbers; empty: the middle
-  double layer_um = 0;            ///< where the stack says none
-  std::string folder;             ///< to write to
+  double layer_um = 0;  ///< where the stack says none
+  std::string folder;   ///< to write to
 };
 
 /// Writes the three files. Throws `InputError`, `DeviceError`, `Cancelled`.

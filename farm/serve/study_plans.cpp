@@ -28,7 +28,9 @@ using http::ApiError;
 using Json = nlohmann::ordered_json;
 using Arguments = std::vector<std::string>;
 
-enum class Kind { number, word, numbers };
+constexpr std::size_t kMostParts = 100;
+
+enum class Kind { number, word, numbers, list, flag };
 
 /// A key of a request and the option that it becomes. The program checks the range.
 struct Option {
@@ -45,6 +47,12 @@ constexpr Option kPlacing[] = {
     {"fit_mm", "--fit-mm", Kind::number},
     {"rotate_deg", "--rotate-deg", Kind::numbers, 3},
     {"center_mm", "--center-mm", Kind::numbers, 2},
+    {"overlap", "--overlap", Kind::word},
+    {"arrange", "--arrange", Kind::flag},
+    {"spacing_mm", "--spacing-mm", Kind::number},
+    {"turn_about_z", "--turn-about-z", Kind::flag},
+    {"places_mm", "--places-mm", Kind::list},
+    {"quarter_turns", "--quarter-turns", Kind::list},
 };
 constexpr Option kPlanning[] = {
     {"tolerance_um", "--tolerance-um", Kind::number},
@@ -57,7 +65,6 @@ constexpr Option kFitting[] = {
     {"loss", "--loss", Kind::word},
     {"bootstrap", "--bootstrap", Kind::number},
 };
-constexpr std::size_t kMostParts = 100;
 
 bool is_word(const std::string& text, std::size_t most) {
   return !text.empty() && text.size() <= most && text[0] != '-' && text[0] != '.' &&
@@ -93,6 +100,15 @@ std::string argument_of(const Option& option, const Json& value) {
       }
       for (const Json& v : value) text += (text.empty() ? "" : ",") + number_of(v, option.key);
       break;
+    case Kind::list:
+      if (!value.is_array() || value.empty() || value.size() > 2 * kMostParts) {
+        wrong(option.key, "a list of numbers for each part");
+      }
+      for (const Json& v : value) text += (text.empty() ? "" : ",") + number_of(v, option.key);
+      break;
+    case Kind::flag:
+      if (!value.is_boolean()) wrong(option.key, "true or false");
+      return value.get<bool>() ? std::string(option.option) : std::string();
   }
   return std::string(option.option) + "=" + text;
 }
@@ -147,7 +163,11 @@ class Asked {
   template <std::size_t N>
   void add(Arguments& arguments, const Option (&options)[N]) {
     for (const Option& option : options) {
-      if (const Json* value = find(option.key)) arguments.push_back(argument_of(option, *value));
+      if (const Json* value = find(option.key)) {
+        if (std::string text = argument_of(option, *value); !text.empty()) {
+          arguments.push_back(std::move(text));
+        }
+      }
     }
   }
   /// What is said of the process, by the table of settings: as arguments, and lists as tables that
@@ -238,6 +258,7 @@ StudyStep section_step(const std::string& design) {
 /// Parts with where they are printed: what all studies of parts have.
 struct PartsAsked {
   Arguments paths, printer, resin, layer, placing;
+  Arguments inside;      ///< of an archive: its parts, as options of `slicecorr`
   bool archive = false;  ///< one archive of slices in place of meshes
 };
 
@@ -261,6 +282,18 @@ PartsAsked parts_asked(Asked& asked, bool with_resin) {
   }
   Arguments placing;
   asked.add(placing, kPlacing);
+  if (asked.find("part_inside")) {
+    if (!p.archive) wrong("part_inside", "an archive of slices with it");
+    for (const std::string& path : asked.uploads("part_inside")) {
+      if (!is_mesh_name(path)) wrong("part_inside", "meshes");
+      p.inside.push_back("--part=" + path);
+    }
+    for (const std::string& how : placing) {
+      for (const char* option : {"--units", "--scale", "--fit-mm", "--rotate-deg"}) {
+        if (how.starts_with(option)) p.inside.push_back(how);
+      }
+    }
+  }
   // Slices lie where they lie.
   if (!p.archive) p.placing = std::move(placing);
   return p;
@@ -320,17 +353,21 @@ StudyPlan check_plan(Asked& asked) {
   plan.files = {"check.json", "check.html", "section.png"};
   if (p.archive) {
     const std::string& design = p.paths[0];
-    plan.steps = {fixed("correcting", joined({{"slicecorr", "correct", design, "-o", "check.uvj"},
-                                              p.printer,
-                                              p.resin,
-                                              p.layer,
-                                              process})),
-                  fixed("predicting", joined({{"slicecorr", "verify", "check.uvj", "--target",
-                                               design, "--json", "check.json"},
-                                              p.layer})),
-                  fixed("drawing", {"slicecorr", "report", "check.uvj", "--target", design, "-o",
-                                    "check.html"}),
-                  section_step(design)};
+    plan.steps = {
+        fixed("correcting", joined({{"slicecorr", "correct", design, "-o", "check.uvj"},
+                                    p.printer,
+                                    p.resin,
+                                    p.layer,
+                                    p.inside,
+                                    process})),
+        fixed("predicting", joined({{"slicecorr", "verify", "check.uvj", "--target", design,
+                                     "--json", "check.json"},
+                                    p.layer,
+                                    p.inside})),
+        fixed("drawing",
+              joined({{"slicecorr", "report", "check.uvj", "--target", design, "-o", "check.html"},
+                      p.inside})),
+        section_step(design)};
     return plan;
   }
   plan.steps = {fixed("slicing, correcting and predicting", joined({{"slicecorr", "run"},

@@ -18,6 +18,7 @@
 #include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/serve.hpp"
 #include "slicecorr/farm/submit.hpp"
+#include "submit/fields.hpp"
 
 namespace slicecorr::farm {
 
@@ -57,8 +58,15 @@ void confine(JobRequest& request, const SubmitRules& rules, std::vector<SubmitEr
                               "folder of --allow-dir"});
     }
   };
+  try {
+    detail::expand_copies(request);
+  } catch (const InputError& e) {
+    errors.push_back({request.where, e.what()});
+    return;
+  }
   for (std::string& part : request.parts) confine_input(part, "part");
   for (std::string& left : request.leave_alone) confine_input(left, "leave_alone");
+  for (std::string& part : request.part_inside) confine_input(part, "part_inside");
   for (std::string& insert : request.inserts) confine_input(insert, "insert");
   if (!request.out.empty() && !inside(request.out, rules.allowed_folders)) {
     errors.push_back(

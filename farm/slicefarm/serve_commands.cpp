@@ -65,9 +65,7 @@ struct PlateCommand {
 /// What a study runs: writes the files for a browser into the present folder.
 int plate(const PlateCommand& o, const ExecutionContext& context) {
   detail::PlateJob job = o.job;
-  job.parts = o.mesh.parts;
-  job.placement = o.mesh.placement();
-  job.center_mm = o.mesh.center_mm;
+  job.meshes = o.mesh;
   job.layer_um = o.mesh.layer_um;
   job.folder = ".";
   detail::write_plate(job, context);
@@ -154,6 +152,7 @@ void add_serve_commands(cli::Program& program) {
     app->add_option("--layer-um", o->mesh.layer_um, "Where the archive says none")
         ->check(cli::number_in(1, 1000));
     o->mesh.add_placement_to(*app);
+    o->mesh.add_plate_to(*app);
     app->group("");  // not for people
   }
   {

@@ -253,6 +253,7 @@ void add_submit_commands(cli::Program& program) {
   a->setup.add_to(*sub, false, true, {"tomography"});
   a->tomo.add_to(*sub);
   cli::add_leave_alone_to(*sub, a->request.leave_alone);
+  cli::add_part_inside_to(*sub, a->request.part_inside, "--part-inside");
   sub->add_option(
          "--uncertain", a->request.uncertain,
          "By how much inputs may be off, as for slicecorr: ha=5%,dc=5%, or fit; the figures of "

@@ -14,7 +14,9 @@
 #include <set>
 #include <string_view>
 
+#include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
+#include "slicecorr/error.hpp"
 #include "slicecorr/settings.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/nearest.hpp"
@@ -205,6 +207,26 @@ Field numbers(Member member, std::size_t count) {
           }};
 }
 
+/// A list of any length, each from `least` to `most`.
+template <typename Member>
+Field list_of_numbers(Member member, double least, double most, bool whole) {
+  Schema items = {{"type", whole ? "integer" : "number"}, {"minimum", least}, {"maximum", most}};
+  return {member,
+          {{"type", "array"}, {"items", items}, {"minItems", 1}, {"maxItems", 2000}},
+          [=](JobRequest& r, const Value& v) -> std::string {
+            const auto list = numbers_in(v);
+            if (!list || list->empty() || list->size() > 2000 ||
+                !std::all_of(list->begin(), list->end(), [&](double d) {
+                  return d >= least && d <= most && (!whole || d == std::floor(d));
+                })) {
+              return expected(v, fmt::format("a list of {} from {:g} to {:g}",
+                                             whole ? "whole numbers" : "numbers", least, most));
+            }
+            member(r) = *list;
+            return {};
+          }};
+}
+
 template <typename Member>
 Field texts(Member member, const std::string& what) {
   return {member,
@@ -342,6 +364,10 @@ const Fields& fields() {
         "Least distance of parts that are arranged");
     add("turn_about_z", flag(SLICEFARM_FIELD(plate.turn_about_z)),
         "Arranged parts may be turned by quarter turns");
+    add("places_mm", list_of_numbers(SLICEFARM_FIELD(plate.places_mm), -1e6, 1e6, false),
+        "x and y on the plate of the middle of each part, in place of its file");
+    add("quarter_turns", list_of_numbers(SLICEFARM_FIELD(plate.quarter_turns), 0, 3, true),
+        "By how many quarters each of these parts is turned about z");
     add("voxel_mm", number(SLICEFARM_FIELD(voxel_mm), 0, kMost, true),
         "Side of a voxel (tomographic)");
     add("method", word(SLICEFARM_FIELD(method), {"ladder", "osmo", "kelly", "fbp"}),
@@ -352,6 +378,8 @@ const Fields& fields() {
     add("iterations", whole(SLICEFARM_FIELD(iterations), 1, 100000), "Steps (tomographic)");
     add("leave_alone", texts(SLICEFARM_FIELD(leave_alone), "paths of meshes or stacks"),
         "Meshes and stacks of what is shown as it is sliced: supports, rafts");
+    add("part_inside", texts(SLICEFARM_FIELD(part_inside), "paths of meshes"),
+        "Meshes that the archive holds: what it lights outside of them, supports and rafts, is left alone");
     add("insert", texts(SLICEFARM_FIELD(inserts), "paths of meshes or volumes"),
         "What turns with the part (tomographic)");
     add("clip_sigma", number(SLICEFARM_FIELD(clip_sigma), 0, kMost, true),
@@ -474,12 +502,25 @@ std::vector<std::string> field_names() {
   return names;
 }
 
+void expand_copies(JobRequest& r) {
+  cli::MeshOptions o;
+  o.parts = r.parts;
+  const std::vector<std::string> files = o.files();
+  if (files.size() == r.parts.size()) return;
+  if (kind_of(r) != JobKind::slices) {
+    throw InputError(r.parts[0], "", "copies have no place in a tomographic print");
+  }
+  r.parts = files;
+  if (r.plate.places_mm.empty()) r.plate.arrange = true;
+}
+
 void make_paths_absolute(JobRequest& r, const std::string& folder) {
   const auto absolute = [&](std::string& path) {
     if (!path.empty()) path = (fs::absolute(folder) / path).lexically_normal().string();
   };
   for (std::string& p : r.parts) absolute(p);
   for (std::string& p : r.leave_alone) absolute(p);
+  for (std::string& p : r.part_inside) absolute(p);
   for (std::string& p : r.inserts) absolute(p);
   absolute(r.out);
   while (r.out.size() > 1 && r.out.back() == '/') r.out.pop_back();

@@ -48,6 +48,9 @@ nlohmann::ordered_json field_schemas();
 /// All keys, for messages.
 std::vector<std::string> field_names();
 
+/// Parts that are said as PART*N become so many, which are arranged. Throws `InputError`.
+void expand_copies(JobRequest& request);
+
 /// Paths of parts, printers, resins and outputs count from the folder of the jobs file.
 void make_paths_absolute(JobRequest& request, const std::string& folder);
 

@@ -63,11 +63,12 @@ struct Resolved {
   std::size_t checked = 0;  ///< index
 };
 
-/// Parts, then what is left alone beside them, or of tomographic jobs inserts.
+/// Parts, then what is left alone beside them and meshes inside, or of tomographic jobs inserts.
 std::vector<std::string> inputs_of(const JobRequest& r) {
   std::vector<std::string> list = r.parts;
   if (detail::kind_of(r) == detail::JobKind::slices) {
     list.insert(list.end(), r.leave_alone.begin(), r.leave_alone.end());
+    list.insert(list.end(), r.part_inside.begin(), r.part_inside.end());
   } else {
     list.insert(list.end(), r.inserts.begin(), r.inserts.end());
   }
@@ -177,6 +178,15 @@ void check_meshes(const JobRequest& r, const Setup& setup, const std::string& sc
   c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();
 }
 
+/// How the meshes of a request are turned and scaled.
+cli::MeshOptions turns_of(const JobRequest& r) {
+  cli::MeshOptions o;
+  o.units = r.units;
+  o.scale = r.scale;
+  o.rotate_deg = r.rotate_deg;
+  return o;
+}
+
 void check_archive(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
                    const ExecutionContext& context, Checked& c) {
   const StackInfo info = StackReader::read_info(r.parts[0]);
@@ -196,13 +206,17 @@ void check_archive(const JobRequest& r, const Setup& setup, const std::string& s
     grid.pixel_y_um = facts.pixel_y_um;
   }
   const GridOnly target(grid, image_frame(info));
-  if (setup.printer.flat_field || judges_suction(setup)) {
-    plan(StackReader(r.parts[0], scratch_folder, context, facts), setup, !r.leave_alone.empty(),
-         context, c);
+  const bool alone = !r.leave_alone.empty() || !r.part_inside.empty();
+  std::optional<StackReader> images;
+  if (setup.printer.flat_field || judges_suction(setup) || !r.part_inside.empty()) {
+    images.emplace(r.parts[0], scratch_folder, context, facts);
+    plan(*images, setup, alone, context, c);
   } else {
-    plan(target, setup, !r.leave_alone.empty(), context, c);
+    plan(target, setup, alone, context, c);
   }
-  const LeftAloneFiles left(target, r.leave_alone, {}, setup.printer, scratch_folder, context);
+  const LeftAloneFiles left(images ? static_cast<const SliceSource&>(*images) : target,
+                            r.leave_alone, {}, setup.printer, scratch_folder, context,
+                            cli::parts_inside(r.part_inside, turns_of(r)));
   c.memory.voxels = std::int64_t{grid.layers} * grid.width_px * grid.height_px;
 }
 
@@ -445,6 +459,14 @@ class Preparation {
     }
     w.spec.kind = w.mesh ? "run" : "correct";
     w.spec.left_alone = static_cast<int>(r.leave_alone.size());
+    w.spec.inside = static_cast<int>(r.part_inside.size());
+    if (w.mesh && w.spec.inside > 0) {
+      throw InputError(fmt::format("{} is for archives; expected one of slices with it",
+                                   r.as_options ? "--part-inside" : "part_inside"));
+    }
+    for (const std::string& part : r.part_inside) {
+      if (!is_mesh_name(part)) throw InputError(part, "", "is no mesh; expected one");
+    }
     w.spec.layer_um = r.layer_um;
     if (w.mesh) {
       if (r.layer_um <= 0)
@@ -461,6 +483,11 @@ class Preparation {
       const StackInfo info = StackReader::read_info(r.parts[0]);
       check_design(info, r.parts[0]);
       input_format_[r.parts[0]] = info.format;
+      if (w.spec.inside > 0) {
+        w.spec.units = r.units;
+        w.spec.scale = r.scale;
+        w.spec.rotate_deg = r.rotate_deg;
+      }
       w.setup = resolve_setup(r.setup, nullptr, &info,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     }
@@ -657,18 +684,25 @@ class Preparation {
 
 namespace {
 
-/// With `fit_mm` made a scale.
+/// With `fit_mm` made a scale, and PART*N so many parts.
 std::vector<JobRequest> with_scales(std::vector<JobRequest> requests) {
   std::vector<SubmitError> errors;
   for (JobRequest& r : requests) {
-    if (r.fit_mm <= 0 || !std::all_of(r.parts.begin(), r.parts.end(), is_mesh_name)) continue;
+    try {
+      detail::expand_copies(r);
+    } catch (const InputError& e) {
+      errors.push_back({r.where, e.what(), Reason::bad_input, &r - requests.data()});
+      continue;
+    }
+    const std::vector<std::string>& meshes = r.part_inside.empty() ? r.parts : r.part_inside;
+    if (r.fit_mm <= 0 || !std::all_of(meshes.begin(), meshes.end(), is_mesh_name)) continue;
     try {
       if (r.scale != 1) {
         throw InputError(r.as_options ? "--fit-mm and --scale exclude each other"
                                       : "fit_mm and scale exclude each other");
       }
       cli::MeshOptions o;
-      o.parts = r.parts;
+      o.parts = meshes;
       o.units = r.units;
       o.rotate_deg = r.rotate_deg;
       o.fit_mm = r.fit_mm;

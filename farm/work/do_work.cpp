@@ -136,8 +136,10 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
 
   std::optional<MeshSlices> mesh;
   std::optional<StackReader> archive;
-  const std::ptrdiff_t parts = std::ssize(paths) - spec.left_alone;
-  const std::vector<std::string> left_alone(paths.begin() + parts, paths.end());
+  const std::ptrdiff_t inside_at = std::ssize(paths) - spec.inside,
+                       parts = inside_at - spec.left_alone;
+  const std::vector<std::string> left_alone(paths.begin() + parts, paths.begin() + inside_at),
+      inside(paths.begin() + inside_at, paths.end());
   MeshesLeftAlone place;
   cli::PartFacts facts;
   if (spec.kind == "run") {
@@ -163,7 +165,8 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const SliceSource& slices =
       mesh ? static_cast<const SliceSource&>(*mesh) : static_cast<const SliceSource&>(*archive);
   const FittedSlices fitted = cli::fit_for_output(slices, file, setup.printer, context);
-  const LeftAloneFiles leaving(*fitted, left_alone, place, setup.printer, folder, context);
+  const LeftAloneFiles leaving(*fitted, left_alone, place, setup.printer, folder, context,
+                               cli::parts_inside(inside, detail::mesh_options(spec, {})));
   const SliceSource& target = *leaving;
   const Grid& g = target.grid();
   reporter.set_layers(g.layers);

@@ -39,6 +39,7 @@ Json json_of(const WorkSpec& s, bool with_names) {
     json["inputs"].push_back(std::move(input));
   }
   if (s.left_alone > 0) json["left_alone"] = s.left_alone;
+  if (s.inside > 0) json["inside"] = s.inside;
   json["layer_um"] = s.layer_um;
   json["antialias"] = s.antialias;
   json["units"] = s.units;
@@ -51,6 +52,10 @@ Json json_of(const WorkSpec& s, bool with_names) {
                      {"arrange", s.plate.arrange},
                      {"spacing_mm", s.plate.spacing_mm},
                      {"turn_about_z", s.plate.turn_about_z}};
+    if (!s.plate.places_mm.empty()) {
+      json["plate"]["places_mm"] = s.plate.places_mm;
+      json["plate"]["quarter_turns"] = s.plate.quarter_turns;
+    }
   }
   json["format"] = s.format;
   json["ending"] = s.ending;
@@ -83,6 +88,7 @@ WorkSpec spec_of(const Json& json) {
     s.inputs.push_back({i.at("file"), i.at("sha256"), i.value("name", "")});
   }
   s.left_alone = json.value("left_alone", 0);
+  s.inside = json.value("inside", 0);
   s.layer_um = json.at("layer_um");
   s.antialias = json.at("antialias");
   s.units = json.at("units");
@@ -95,6 +101,8 @@ WorkSpec spec_of(const Json& json) {
     s.plate.arrange = plate.at("arrange");
     s.plate.spacing_mm = plate.at("spacing_mm");
     s.plate.turn_about_z = plate.at("turn_about_z");
+    s.plate.places_mm = plate.value("places_mm", std::vector<double>());
+    s.plate.quarter_turns = plate.value("quarter_turns", std::vector<double>());
   }
   s.format = json.at("format");
   s.ending = json.at("ending");

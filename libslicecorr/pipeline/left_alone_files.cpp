@@ -1,11 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <deque>
 #include <limits>
+#include <memory>
 #include <optional>
+#include <utility>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/find_part.hpp"
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/slice.hpp"
@@ -47,6 +53,42 @@ MeshSlices slices_of(const std::string& path, const SliceSource& target,
   }
 }
 
+/// All places of the parts in the target. Tells them, and refuses parts that are not there.
+std::vector<OutsideParts::Placed> placed_parts(const SliceSource& target, const PartsInside& inside,
+                                               const ExecutionContext& context) {
+  std::vector<OutsideParts::Placed> all;
+  for (const std::string& path : inside.files) {
+    const TriangleMesh mesh = read_mesh(path, inside.placement, context);
+    std::shared_ptr<const SoughtPart> part;
+    try {
+      part = std::make_shared<const SoughtPart>(mesh, target.grid(), context);
+    } catch (const InputError& e) {
+      throw InputError(path, "", e.what());
+    }
+    const std::vector<PartPlace> places = part->find(target, context);
+    if (places.empty() || places[0].agreement < kLeastAgreement) {
+      const std::string best =
+          places.empty() ? std::string("nothing is like it")
+                         : fmt::format("at best {:.1f} % of its surface agrees, at {}",
+                                       100 * places[0].agreement,
+                                       in_words(places[0], target.grid(), target.frame()));
+      throw InputError(
+          path, "",
+          fmt::format("is not in the archive: {}; expected {:g} % or more, of a mesh as it "
+                      "stands on its supports, of the same size and turned about z by "
+                      "quarters at most",
+                      best, 100 * kLeastAgreement));
+    }
+    for (const PartPlace& place : places) {
+      context.tell(fmt::format("{}: found at {}: {:.1f} % of its surface agrees", path,
+                               in_words(place, target.grid(), target.frame()),
+                               100 * place.agreement));
+      all.push_back({part, place});
+    }
+  }
+  return all;
+}
+
 }  // namespace
 
 struct LeftAloneFiles::Impl {
@@ -54,13 +96,15 @@ struct LeftAloneFiles::Impl {
   std::deque<MeshSlices> meshes;
   std::deque<StackReader> stacks;
   std::deque<FittedSlices> fitted;
+  std::optional<OutsideParts> outside;
   std::optional<LeavingAlone> leaving;
 };
 
 LeftAloneFiles::LeftAloneFiles(const SliceSource& target, const std::vector<std::string>& files,
                                const MeshesLeftAlone& meshes, const Printer& printer,
-                               const std::string& scratch_folder, const ExecutionContext& context) {
-  auto impl = std::make_unique<Impl>(Impl{target, {}, {}, {}, {}});
+                               const std::string& scratch_folder, const ExecutionContext& context,
+                               const PartsInside& inside) {
+  auto impl = std::make_unique<Impl>(Impl{target, {}, {}, {}, {}, {}});
   const Grid& grid = target.grid();
   std::vector<LeftAlone> all;
   for (const std::string& path : files) {
@@ -76,6 +120,14 @@ LeftAloneFiles::LeftAloneFiles(const SliceSource& target, const std::vector<std:
     }
     impl->fitted.push_back(FittedSlices::like(target, *slices, scratch_folder, context));
     all.push_back({&*impl->fitted.back(), path, mesh});
+  }
+  if (!inside.files.empty()) {
+    impl->outside.emplace(target, placed_parts(target, inside, context), context);
+    const double mm3 = impl->outside->volume_mm3();
+    context.tell(mm3 > 0 ? fmt::format("{:.4g} mm³ outside of {} are left alone", mm3,
+                                       inside.files.size() == 1 ? "it" : "them")
+                         : std::string("nothing is lit outside of the part"));
+    if (mm3 > 0) all.push_back({&*impl->outside, "what lies outside of " + inside.files[0]});
   }
   if (!all.empty()) impl->leaving.emplace(target, std::move(all));
   impl_ = std::move(impl);

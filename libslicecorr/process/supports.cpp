@@ -37,7 +37,7 @@ constexpr std::array<const char*, kFeatures> kNames = {
     "layers of different heights (layer_um)",
     "slices of different heights in continuous exposure (layer_um)",
     "edges of the mesh (surface)",
-    "what is left alone (leave_alone)",
+    "what is left alone (leave_alone, part)",
     "wanted doses (doses)",
     "a capped dose (omega_max)",
     "a robust correction (robust)",

@@ -252,7 +252,10 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     const WorkFolder work(folder);
     note_work(work, real);
     const std::string made = work.path() + "/" + fs::path(real).filename().string();
-    const StackReader target(source, work.path(), context, decision.missing);
+    const StackReader slices(source, work.path(), context, decision.missing);
+    const LeftAloneFiles supported(slices, {}, {}, decision.setup.printer, work.path(), context,
+                                   request.parts);
+    const SliceSource& target = *supported;
     StackFile file(made);
     file.format = decision.info.format;
     file.keep_from = source;

@@ -9,6 +9,7 @@
 #include "post/config.hpp"
 #include "post/settings.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr::post {
@@ -38,6 +39,7 @@ struct PostRequest {
   Values given;  ///< on the command line
   SlicerCall slicer;
   bool again = false;  ///< correct the backup of a corrected file anew
+  PartsInside parts;   ///< that the archive holds beside supports
 };
 
 struct Decision {

@@ -12,9 +12,11 @@ function readTriangles(buffer) {
   return {n, lower, upper, places};
 }
 
+// Parts may be moved over the plate: what is dragged moves, the rest of the canvas turns the view. `moved` is called
+// when a part lies elsewhere, `chose` when one is chosen.
 class PlateView {
-  constructor(canvas) {
-    Object.assign(this, {canvas, turn: -0.6, tilt: 0.5, zoom: 1, parts: null, plate: [0, 0]});
+  constructor(canvas, chose, moved) {
+    Object.assign(this, {canvas, chose, moved, turn: -0.6, tilt: 0.5, zoom: 1, parts: null, plate: [0, 0], pieces: [], chosen: -1});
     const keys = {ArrowLeft: [0.15, 0], ArrowRight: [-0.15, 0], ArrowUp: [0, 0.12], ArrowDown: [0, -0.12]};
     canvas.addEventListener('keydown', (e) => {
       if (e.ctrlKey || e.metaKey || e.altKey) return;
@@ -24,14 +26,22 @@ class PlateView {
       else return;
       e.preventDefault();
     });
-    let last = null;
-    canvas.addEventListener('pointerdown', (e) => { last = e; canvas.setPointerCapture(e.pointerId); });
+    let last = null, held = -1, dragged = false;
+    canvas.addEventListener('pointerdown', (e) => {
+      last = e;
+      held = this.pieceAt(e.offsetX, e.offsetY);
+      dragged = false;
+      if (held >= 0) this.choose(held);
+      canvas.setPointerCapture(e.pointerId);
+    });
     canvas.addEventListener('pointermove', (e) => {
       if (!last || last.pointerId !== e.pointerId) return;
-      this.move((e.clientX - last.clientX) * -0.01, (e.clientY - last.clientY) * 0.01);
+      const dx = e.clientX - last.clientX, dy = e.clientY - last.clientY;
+      if (held < 0) this.move(dx * -0.01, dy * 0.01);
+      else if (this.drag(held, dx, dy)) dragged = true;
       last = e;
     });
-    for (const end of ['pointerup', 'pointercancel']) canvas.addEventListener(end, () => { last = null; });
+    for (const end of ['pointerup', 'pointercancel']) canvas.addEventListener(end, () => { if (dragged) this.moved(); last = null; held = -1; dragged = false; });
     canvas.addEventListener('wheel', (e) => { e.preventDefault(); this.scale(e.deltaY < 0 ? 1.1 : 1 / 1.1); }, {passive: false});
     new ResizeObserver(() => this.later()).observe(canvas);
   }
@@ -47,7 +57,47 @@ class PlateView {
     this.wanted = true;
     requestAnimationFrame(() => { this.wanted = false; this.draw(); });
   }
-  show(parts, plate) { Object.assign(this, {parts, plate, zoom: 1}); this.draw(); }
+  // `pieces`: for each part its triangles [from, to), the middle of its box and its quarter turns; none: nothing moves.
+  show(parts, plate, pieces) {
+    const same = pieces.length === this.pieces.length;
+    Object.assign(this, {parts, plate, pieces, zoom: same && pieces.length ? this.zoom : 1, chosen: same ? this.chosen : -1});
+    this.draw();
+  }
+  choose(k) { this.chosen = k; this.chose(k); this.later(); }
+
+  // Which part is seen at a place of the canvas; -1: none.
+  pieceAt(x, y) {
+    if (!this.owner || this.pieces.length === 0) return -1;
+    const ratio = this.canvas.width / (this.canvas.clientWidth || 1), px = Math.round(x * ratio), py = Math.round(y * ratio);
+    return px >= 0 && py >= 0 && px < this.canvas.width && py < this.canvas.height ? this.owner[py * this.canvas.width + px] - 1 : -1;
+  }
+  // By so many pixels of the screen, over the plate.
+  drag(k, dx, dy) {
+    const {right, down} = this.view, ratio = this.canvas.width / (this.canvas.clientWidth || 1), det = right[0] * down[1] - right[1] * down[0];
+    // Seen from the side the plate has no depth.
+    if (Math.abs(det) < 0.05 * (right[0] * right[0] + right[1] * right[1])) return false;
+    this.shift(k, ratio * (dx * down[1] - dy * right[1]) / det, ratio * (dy * right[0] - dx * down[0]) / det);
+    return true;
+  }
+  // By mm.
+  shift(k, x, y) {
+    const piece = this.pieces[k], {places} = this.parts;
+    for (let i = 9 * piece.from; i < 9 * piece.to; i += 3) { places[i] += x; places[i + 1] += y; }
+    piece.x_mm += x;
+    piece.y_mm += y;
+    this.later();
+  }
+  // By a quarter about z, counter-clockwise from above.
+  quarter(k) {
+    const piece = this.pieces[k], {places} = this.parts;
+    for (let i = 9 * piece.from; i < 9 * piece.to; i += 3) {
+      const x = places[i] - piece.x_mm, y = places[i + 1] - piece.y_mm;
+      places[i] = piece.x_mm - y;
+      places[i + 1] = piece.y_mm + x;
+    }
+    piece.quarter_turns = (piece.quarter_turns + 1) % 4;
+    this.later();
+  }
 
   draw() {
     const {canvas, parts} = this, context = canvas.getContext('2d'), ratio = Math.min(2, window.devicePixelRatio || 1);
@@ -63,6 +113,7 @@ class PlateView {
       const d = [p[0] - middle[0], p[1] - middle[1], p[2] - middle[2]];
       return [width / 2 + d[0] * right[0] + d[1] * right[1], height / 2 + d[0] * down[0] + d[1] * down[1] + d[2] * down[2]];
     };
+    this.view = {right, down};
     const style = getComputedStyle(canvas), dark = matchMedia('(prefers-color-scheme: dark)').matches;
     const plate = () => this.drawPlate(context, at, style);
     if (this.tilt >= 0) plate();
@@ -87,10 +138,13 @@ class PlateView {
   // Triangles with a depth for each pixel, lit from the upper left behind who looks.
   raster(width, height, {middle, right, down, near}, colour) {
     const {n, places} = this.parts, image = new ImageData(width, height), out = new Uint32Array(image.data.buffer);
-    const depth = new Float32Array(width * height).fill(-Infinity);
+    const depth = new Float32Array(width * height).fill(-Infinity), owner = this.owner = new Uint16Array(width * height), plain = colour;
+    let piece = 0;
     const light = [0, 1, 2].map((k) => -0.4 * right[k] / (Math.hypot(...right) || 1) - 0.5 * down[k] / (Math.hypot(...down) || 1) + 0.77 * near[k]);
     const x = [0, 0, 0], y = [0, 0, 0], z = [0, 0, 0];
     for (let t = 0, i = 0; t < n; ++t, i += 9) {
+      while (piece < this.pieces.length && t >= this.pieces[piece].to) ++piece;
+      colour = piece === this.chosen ? [230, 160, 70] : plain;
       for (let c = 0; c < 3; ++c) {
         const a = places[i + 3 * c] - middle[0], b = places[i + 3 * c + 1] - middle[1], d = places[i + 3 * c + 2] - middle[2];
         x[c] = width / 2 + a * right[0] + b * right[1];
@@ -113,7 +167,7 @@ class PlateView {
           const p = ((x[1] - px) * (y[2] - py) - (x[2] - px) * (y[1] - py)) / area, q = ((x[2] - px) * (y[0] - py) - (x[0] - px) * (y[2] - py)) / area, r = 1 - p - q;
           if (p < -1e-4 || q < -1e-4 || r < -1e-4) continue;
           const deep = p * z[0] + q * z[1] + r * z[2], to = py * width + px;
-          if (deep > depth[to]) { depth[to] = deep; out[to] = pixel; }
+          if (deep > depth[to]) { depth[to] = deep; out[to] = pixel; owner[to] = piece < this.pieces.length ? piece + 1 : 0; }
         }
       }
     }

@@ -2,9 +2,11 @@
 // From parts to jobs: plate, speed, before and after, queue. Each step asks the server for a study.
 const meshName = /\.(stl|obj|ply|off|3mf)(\.gz)?$/i;
 const partName = /\.(stl|obj|ply|off|3mf|sl1s?|uvj|zip|cws|nanodlp|vdt|ctb|photon|pws|pw0|goo|phz|fdg|cxdlp|lgs|tar\.gz|vda)(\.gz)?$/i;
-const round = new PlateView($('round')), layers = new LayerView($('layer-canvas'), $('layer'), $('layer-said'));
+const round = new PlateView($('round'), showPieces, partMoved), layers = new LayerView($('layer-canvas'), $('layer'), $('layer-said'));
 const value = (id) => ($(id).value === '' ? undefined : Number($(id).value));
 let printers = [], plan = null;
+// How parts share the plate: null as in their files, else keys of jobs.
+let placing = null, moving = 0;
 
 let settings = {}, schemas = {};  // by the description of the API
 
@@ -12,15 +14,70 @@ const parts = new Parts($('drop'), $('files'), $('parts'), partName, partsChange
 
 function partsChanged() {
   const there = parts.there, several = there.length > 1;
+  const archives = there.filter((p) => !meshName.test(p.name)).length;
+  placing = null;
   $('how').hidden = !several;
+  $('how-inside').hidden = archives !== 1;
+  if (archives !== 1 && how() === 'inside') document.querySelector('input[name=how]').checked = true;
+  showPlacing();
   $('which').replaceChildren(...there.map((p) => new Option(p.name, p.part)));
   for (const id of ['look', 'plan', 'check', 'queue']) $(id).disabled = !there.length || !may('submit');
   // What was found holds for other parts.
   for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true;
 }
-const together = () => !$('how').hidden && document.querySelector('input[name=how]:checked').value === 'plate';
-// The parts that are looked at: all of the plate, or one print of several.
-const chosen = () => (together() ? parts.there : parts.there.filter((p) => $('how').hidden || p.part === $('which').value));
+function how() { return document.querySelector('input[name=how]:checked').value; }
+const together = () => !$('how').hidden && how() === 'plate';
+// Meshes that an archive holds beside its supports.
+const inside = () => (!$('how').hidden && how() === 'inside' ? parts.there.filter((p) => meshName.test(p.name)) : []);
+// The parts that are looked at: all of the plate, the archive, or one print of several.
+const chosen = () => (together() ? parts.there : inside().length ? parts.there.filter((p) => !meshName.test(p.name)) : parts.there.filter((p) => $('how').hidden || p.part === $('which').value));
+function showPlacing() { $('placing').hidden = !together(); }
+
+// --- parts on one plate, moved by mouse and keys -------------------------------------------------------------------
+
+function showPieces(focus) {
+  const list = round.pieces;
+  $('pieces').hidden = list.length < 2;
+  const words = (p) => p.name + ': x ' + p.x_mm.toFixed(2) + ', y ' + p.y_mm.toFixed(2) + ' mm' + (p.quarter_turns ? ', turned by ' + 90 * p.quarter_turns + '°' : '');
+  if ($('pieces').children.length !== list.length) {
+    $('pieces').replaceChildren(...list.map((p, k) => {
+      const b = button('', () => round.choose(k));
+      b.addEventListener('focus', () => { if (round.chosen !== k) round.choose(k); });
+      b.addEventListener('keydown', (e) => pieceKey(e, k));
+      return b;
+    }));
+  }
+  list.forEach((p, k) => {
+    const b = $('pieces').children[k];
+    b.textContent = words(p);
+    b.setAttribute('aria-pressed', k === round.chosen);
+    if (k === focus && document.activeElement === $('round')) b.focus();
+  });
+}
+function pieceKey(e, k) {
+  const step = e.shiftKey ? 0.1 : 1, keys = {ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step]};
+  if (e.ctrlKey || e.metaKey || e.altKey) return;
+  if (keys[e.key]) round.shift(k, ...keys[e.key]);
+  else if (e.key.toLowerCase() === 'r' && $('turn_about_z').checked) round.quarter(k);
+  else return;
+  e.preventDefault();
+  partMoved();
+}
+// What is shown is what is printed: the plate is sliced again where parts lie now, and says what overlaps.
+function partMoved() {
+  placing = {places_mm: round.pieces.flatMap((p) => [p.x_mm, p.y_mm]), quarter_turns: round.pieces.map((p) => p.quarter_turns)};
+  showPieces(-1);
+  for (const id of ['planned', 'checked']) $(id).hidden = true;
+  clearTimeout(moving);
+  moving = setTimeout(function again() { if ($('look').disabled) moving = setTimeout(again, 300); else $('look').click(); }, 600);
+}
+$('arrange').addEventListener('click', () => {
+  placing = {arrange: true};
+  if (value('spacing_mm') !== undefined) placing.spacing_mm = value('spacing_mm');
+  if ($('turn_about_z').checked) placing.turn_about_z = true;
+  $('look').click();
+});
+$('as-files').addEventListener('click', () => { placing = null; $('look').click(); });
 
 function numbers(text, key, n) {
   if (!text.trim()) return undefined;
@@ -39,6 +96,11 @@ function setup(list) {
     const rotate = numbers($('rotate').value, 'Turned about x, y, z', 3);
     if (rotate) s.rotate_deg = rotate;
   }
+  if (together()) {
+    Object.assign(s, placing || {});
+    if ($('join').checked) s.overlap = 'join';
+  }
+  if (inside().length && list.every((p) => !meshName.test(p.name))) s.part_inside = inside().map((p) => p.part);
   return s;
 }
 function speed() {
@@ -119,8 +181,10 @@ const asks = (kind, list, more) => ({kind, parts: list.map((p) => p.part), ...se
 $('look').addEventListener('click', () => during('look', async () => {
   const list = chosen(), request = asks('plate', list, {});
   delete request.mode;
+  delete request.part_inside;
   const s = await study(request, $('plate-said'));
-  $('plate').hidden = !s;
+  // Parts that are being moved stay in sight where they overlap.
+  $('plate').hidden = !s && !(placing && placing.places_mm);
   if (!s) return;
   const f = await read(s.path + '/files/plate.json');
   const size = f.upper_mm.map((u, k) => (u - f.lower_mm[k]).toFixed(2));
@@ -129,7 +193,11 @@ $('look').addEventListener('click', () => during('look', async () => {
     ['Volume', f.volume_ml > 0 ? figure(f.volume_ml) + ' ml' : ''], ['Triangles', f.triangles ? count(f.triangles) + (f.shown_triangles < f.triangles ? ', ' + count(f.shown_triangles) + ' shown' : '') : ''],
     ['Remarks on the mesh', f.defects.join('; ')]]);
   $('plate-facts').replaceChildren(facts_);
-  round.show(readTriangles(await (await ask(s.path + '/files/plate.bin')).arrayBuffer()), f.plate_mm);
+  const pieces = together() ? f.parts.map((p, k) => ({...p, name: parts.there[k].name})) : [];
+  round.show(readTriangles(await (await ask(s.path + '/files/plate.bin')).arrayBuffer()), f.plate_mm, pieces);
+  // Parts that were arranged stay where they were put.
+  if (placing) placing = {places_mm: pieces.flatMap((p) => [p.x_mm, p.y_mm]), quarter_turns: pieces.map((p) => p.quarter_turns)};
+  showPieces(-1);
   await layers.show(s.path, f);
   $('round').dataset.triangles = f.shown_triangles;
 }));
@@ -168,7 +236,7 @@ $('check').addEventListener('click', () => during('check', async () => {
 }));
 
 $('queue').addEventListener('click', () => during('queue', async () => {
-  const all = parts.there, prints = together() ? [all] : all.map((p) => [p]);
+  const all = parts.there, prints = together() ? [all] : inside().length ? [chosen()] : all.map((p) => [p]);
   const more = {...moreSettings('job'), ...speed(), ...withPlan()};
   if ($('ready').value) more.ready_by = $('ready').value;
   if (value('copies') > 1) more.copies = value('copies');
@@ -193,7 +261,11 @@ for (const [id, view] of [['round', round], ['layer', layers]]) {
 }
 $('more').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
 $('setup').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
-$('how').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
+$('how').addEventListener('change', (e) => {
+  showPlacing();
+  if (['spacing_mm', 'turn_about_z'].includes(e.target.id)) return;
+  if (e.target.name === 'how') placing = null;
+  for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
 $('mode').addEventListener('change', () => { $('speed-words').textContent = $('mode').value === 'layerwise' ? 'Exposure, s' : 'Speed, mm/h'; $('speed').value = ''; });
 
 // Signing in begins again: what was said since stays said; else what was chosen last is chosen again.

@@ -95,15 +95,24 @@ struct MeshesLeftAlone {
   Point3 origin_mm{};
 };
 
+/// Meshes that a target of another program holds: what it lights outside of them is left alone.
+struct PartsInside {
+  std::vector<std::string> files;
+  Placement placement;
+};
+
 /// A target and the files of what is left alone beside it: meshes, which are sliced on its grid, and
 /// stacks, which must have it.
 class LeftAloneFiles {
  public:
-  /// `target` must outlive this. Throws `InputError`, naming the file: as `read_mesh`, `MeshSlices`,
-  /// `StackReader` and `LeavingAlone`, and for stacks that are corrected or recorded.
+  /// `target` must outlive this. Where parts lie inside it (find_part.hpp), and how much is left alone
+  /// outside, is told through `context`. Throws `InputError`, naming the file: as `read_mesh`,
+  /// `MeshSlices`, `StackReader`, `LeavingAlone` and `SoughtPart`, for stacks that are corrected or
+  /// recorded, and for parts that the target does not hold.
   LeftAloneFiles(const SliceSource& target, const std::vector<std::string>& files,
                  const MeshesLeftAlone& meshes, const Printer& printer,
-                 const std::string& scratch_folder, const ExecutionContext& context = {});
+                 const std::string& scratch_folder, const ExecutionContext& context = {},
+                 const PartsInside& inside = {});
   ~LeftAloneFiles();
   LeftAloneFiles(const LeftAloneFiles&) = delete;
   LeftAloneFiles& operator=(const LeftAloneFiles&) = delete;

@@ -27,6 +27,10 @@ struct PlateChoices {
   bool arrange = false;            ///< parts lie side by side, not as in their files
   double spacing_mm = 1;           ///< at least so far apart where they are arranged, 0 or more
   bool turn_about_z = false;       ///< arranged parts may be turned by quarters
+  /// In place of all that: x and y on the plate of the middle of each part, mm, from its corner at the
+  /// least of both, and how many quarters each is turned about z; each stands on the platform. Empty:
+  /// not said, or not turned.
+  std::vector<double> places_mm, quarter_turns;
   bool operator==(const PlateChoices&) const = default;
 };
 

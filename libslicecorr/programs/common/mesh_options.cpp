@@ -79,6 +79,18 @@ void MeshOptions::add_plate_to(CLI::App& app, bool copies) {
       ->capture_default_str();
   app.add_flag("--turn-about-z", plate.turn_about_z,
                "Arranged parts may be turned by quarter turns, each by itself");
+  app.add_option(
+         "--places-mm", plate.places_mm,
+         "X,Y,X,Y...: where the middle of each part lies on the plate, in place of its file; each "
+         "then stands on the platform")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(number_in(-1e6, 1e6));
+  app.add_option("--quarter-turns", plate.quarter_turns,
+                 "N,N...: with --places-mm, by how many quarters each part is turned about z")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::IsMember({0, 1, 2, 3}));
 }
 
 namespace {
@@ -109,6 +121,7 @@ std::vector<std::string> MeshOptions::files() const {
 }
 
 bool MeshOptions::arranges() const {
+  if (!plate.places_mm.empty()) return plate.arrange;
   return plate.arrange || std::any_of(parts.begin(), parts.end(), [](const std::string& part) {
            return copies_of(part).second > 1;
          });
@@ -131,6 +144,11 @@ void MeshOptions::add_placement_to(CLI::App& app) {
       ->delimiter(',')
       ->expected(2)
       ->check(number_in(-1e6, 1e6));
+  add_turns_to(app);
+}
+
+void MeshOptions::add_turns_to(CLI::App& app) {
+  const OptionGroup group(app, "How the meshes lie");
   app.add_option("--units", units, "Units of the meshes [those of the file, else mm]")
       ->check(CLI::IsMember({"auto", "mm", "inch", "m"}));
   CLI::Option* factor =
@@ -183,6 +201,9 @@ struct ReadPart {
   TriangleMesh mesh;
   EdgeDefects edge_defects;
   std::string defects;  ///< that change what prints; else empty
+  MeshReport report;
+  std::vector<std::string> notes;
+  int quarter_turns = 0;
 };
 
 /// All parts as their files place them; each file is read and told once.
@@ -192,7 +213,7 @@ std::vector<ReadPart> read_each(const MeshOptions& options, const ExecutionConte
     context.check_cancelled();
     const auto same =
         std::find_if(all.begin(), all.end(), [&](const ReadPart& p) { return p.path == path; });
-    if (same != all.end() && options.arranges()) {
+    if (same != all.end() && options.places()) {
       const ReadPart copy = *same;
       all.push_back(copy);
       all.back().defects.clear();
@@ -200,8 +221,8 @@ std::vector<ReadPart> read_each(const MeshOptions& options, const ExecutionConte
     }
     ReadPart& part = all.emplace_back();
     part.path = path;
-    part.mesh = read_mesh(path, options.placement(), context);
-    const MeshReport r = inspect(part.mesh, context, &part.edge_defects);
+    part.mesh = read_mesh(path, options.placement(), context, &part.notes);
+    const MeshReport r = part.report = inspect(part.mesh, context, &part.edge_defects);
     context.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
                              r.triangles == 1 ? "triangle" : "triangles", r.bodies,
                              r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
@@ -231,12 +252,56 @@ PlateParts together(std::vector<ReadPart> parts) {
   return all;
 }
 
+/// Moves each part to where it was said to lie.
+void put_parts(const MeshOptions& options, std::vector<ReadPart>& parts) {
+  const PlateChoices& p = options.plate;
+  if (p.arrange || !options.center_mm.empty()) {
+    throw InputError(
+        "places of parts are said one by one, or found (--arrange), or moved together (--center-mm); "
+        "expected one of them");
+  }
+  if (p.places_mm.size() != 2 * parts.size() ||
+      (!p.quarter_turns.empty() && p.quarter_turns.size() != parts.size())) {
+    throw InputError(fmt::format(
+        "{} places and {} quarter turns for {} parts; expected x and y for each, and a turn for each or "
+        "none",
+        p.places_mm.size() / 2, p.quarter_turns.size(), parts.size()));
+  }
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    ArrangedPart place;
+    place.quarters = p.quarter_turns.empty() ? 0 : static_cast<int>(p.quarter_turns[i]);
+    Box box;
+    box.add(parts[i].mesh);
+    // Turned about the middle of its box, which stays where it is.
+    place.move_mm = {p.places_mm[2 * i] - box.middle(0), p.places_mm[2 * i + 1] - box.middle(1),
+                     -box.low[2]};
+    parts[i].mesh = at_place(parts[i].mesh, place);
+    parts[i].quarter_turns = place.quarters;
+  }
+}
+
+/// Where parts were put, all together lie there.
+SliceOptions slicing_of(const MeshOptions& options, Surface surface,
+                        const std::vector<ReadPart>& parts) {
+  SliceOptions slicing = options.slice_options(surface);
+  if (options.plate.places_mm.empty()) return slicing;
+  Box all;
+  for (const ReadPart& part : parts) all.add(part.mesh);
+  slicing.center_mm = {all.middle(0), all.middle(1)};
+  return slicing;
+}
+
 /// Moves the parts to their places, and keeps those of the plate that is asked for. Returns how many plates
 /// there are.
 int arrange_parts(const MeshOptions& options, const Printer& printer, std::vector<ReadPart>& parts,
                   const ExecutionContext& context) {
   if (!options.arranges()) {
     const PlateChoices& p = options.plate;
+    if (!p.places_mm.empty()) {
+      put_parts(options, parts);
+    } else if (!p.quarter_turns.empty()) {
+      throw InputError("--quarter-turns is for parts whose places are said; expected --places-mm");
+    }
     if (p.spacing_mm != PlateChoices{}.spacing_mm || p.turn_about_z || options.plates > 1) {
       throw InputError(
           "--spacing-mm, --turn-about-z and --plates are for parts that are arranged; expected --arrange, "
@@ -266,6 +331,7 @@ int arrange_parts(const MeshOptions& options, const Printer& printer, std::vecto
     if (places[i].plate != options.of_plate) continue;
     kept.push_back(std::move(parts[i]));
     kept.back().mesh = at_place(meshes[i], places[i]);
+    kept.back().quarter_turns = places[i].quarters;
     meshes[i] = {};
   }
   context.tell(
@@ -299,7 +365,7 @@ std::vector<ReadPart> parts_of_plate(const MeshOptions& options, const Printer& 
   if (plates > options.plates) {
     throw InputError(fmt::format(
         "the parts take {} plates of {}'s display; expected fewer parts, a smaller --spacing-mm, "
-        "--turn-about-z, or --plates {} for as many stacks",
+        "--turn-about-z, as many stacks (--plates {} of slice and run), or as many jobs",
         plates, printer.name, plates));
   }
   return parts;
@@ -308,7 +374,7 @@ std::vector<ReadPart> parts_of_plate(const MeshOptions& options, const Printer& 
 }  // namespace
 
 PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context) {
-  if (options.arranges()) {
+  if (options.places()) {
     throw InputError(
         "parts lie as their files have them here; expected no copies and none that are arranged");
   }
@@ -343,7 +409,7 @@ MeshSlices slice_placed(PlateParts parts, const SliceOptions& options, const Pri
 MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const ExecutionContext& context) {
   std::vector<ReadPart> parts = parts_of_plate(options, printer, context);
-  const SliceOptions slicing = options.slice_options(surface);
+  const SliceOptions slicing = slicing_of(options, surface, parts);
   check_overlaps(options, parts, printer, slicing, context);
   return slice_placed(together(std::move(parts)), slicing, printer, context);
 }
@@ -353,16 +419,17 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
                        const ExecutionContext& context, PartFacts* facts) {
   place.placement = options.placement();
   place.antialias = options.antialias == "on";
-  if (options.arranges() && !left_alone.empty()) {
+  if (options.places() && !left_alone.empty()) {
     throw InputError(
         "what is left alone lies beside the parts as their files have them; expected parts that are not arranged");
   }
   std::vector<ReadPart> each = parts_of_plate(options, printer, context);
-  check_overlaps(options, each, printer, options.slice_options(surface), context);
+  const SliceOptions slicing = slicing_of(options, surface, each);
+  check_overlaps(options, each, printer, slicing, context);
   PlateParts parts = together(std::move(each));
   if (facts) *facts = {parts.mesh.triangles.size(), parts.defects};
   if (std::none_of(left_alone.begin(), left_alone.end(), is_mesh_name)) {
-    return slice_placed(std::move(parts), options.slice_options(surface), printer, context);
+    return slice_placed(std::move(parts), slicing, printer, context);
   }
   Box part;
   part.add(parts.mesh);
@@ -382,12 +449,54 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
   return slice_placed(std::move(parts), placed, printer, context);
 }
 
+std::vector<PlacedPart> placed_parts(const MeshOptions& options, const Printer& printer,
+                                     const ExecutionContext& context) {
+  std::vector<ReadPart> parts = parts_of_plate(options, printer, context);
+  const SliceOptions slicing = slicing_of(options, Surface::slices, parts);
+  Box all;
+  for (const ReadPart& part : parts) all.add(part.mesh);
+  const Grid plate = plate_grid(printer);
+  const std::array<double, 2> center_mm = slicing.center_mm.value_or(std::array<double, 2>{
+      plate.width_px * plate.pixel_x_um * 0.5e-3, plate.height_px * plate.pixel_y_um * 0.5e-3});
+  const Point3 move{center_mm[0] - all.middle(0), center_mm[1] - all.middle(1), -all.low[2]};
+  std::vector<PlacedPart> placed;
+  for (ReadPart& part : parts) {
+    PlacedPart& p = placed.emplace_back();
+    p.path = part.path;
+    p.on_plate = std::move(part.mesh);
+    for (Point3& v : p.on_plate.vertices) {
+      for (std::size_t k = 0; k < 3; ++k) v[k] += move[k];
+    }
+    p.quarter_turns = part.quarter_turns;
+    p.report = part.report;
+    p.notes = part.notes;
+  }
+  return placed;
+}
+
 void add_leave_alone_to(CLI::App& app, std::vector<std::string>& files) {
   app.add_option("--leave-alone", files,
                  "Supports or rafts, as a mesh or stack: they are shown as sliced, and the part is "
                  "corrected around them (may be given several times)")
       ->allow_extra_args(false)
       ->take_all();
+}
+
+void add_part_inside_to(CLI::App& app, std::vector<std::string>& files, const std::string& name) {
+  app.add_option(
+         name, files,
+         "Mesh that the archive was sliced from: it is found there, in all its copies, and what "
+         "the archive lights outside of it, supports and rafts, is left alone (may be given "
+         "several times)")
+      ->allow_extra_args(false)
+      ->take_all();
+}
+
+PartsInside parts_inside(const std::vector<std::string>& files, const MeshOptions& options) {
+  if (files.empty()) return {};
+  MeshOptions all = options;
+  all.parts = files;
+  return {files, all.placement()};
 }
 
 }  // namespace slicecorr::cli

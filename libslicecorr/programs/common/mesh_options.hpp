@@ -33,12 +33,16 @@ struct MeshOptions {
   void add_antialias_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
   void add_placement_to(CLI::App& app);
+  /// The same but for the place.
+  void add_turns_to(CLI::App& app);
   /// What parts do on one plate, of commands that slice. `copies`: a part may be given as PART*N.
   void add_plate_to(CLI::App& app, bool copies = true);
   /// The files of all parts: "part.stl*3" is thrice "part.stl", where no file has that name.
   std::vector<std::string> files() const;
-  /// Whether parts lie side by side: copies do.
+  /// Whether parts lie side by side: copies do, where nobody says where each lies.
   bool arranges() const;
+  /// Whether parts lie elsewhere than in their files.
+  bool places() const { return arranges() || !plate.places_mm.empty(); }
   /// Where `fit_mm` is set, the first call reads the parts for their size; copies made after that
   /// scale other meshes alike. Throws as `read_mesh`.
   Placement placement() const;
@@ -65,6 +69,19 @@ struct PartFacts {
 /// Reads all parts as their files place them; tells their figures and defects through `context`.
 PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context);
 
+/// A part of a plate.
+struct PlacedPart {
+  std::string path;
+  TriangleMesh
+      on_plate;  ///< mm, from the plate's corner at the least x and y, and above the platform
+  int quarter_turns = 0;  ///< 0..3
+  MeshReport report;      ///< of its file
+  std::vector<std::string> notes;  ///< what of the file is no part, and what else reading it told
+};
+/// The parts of one plate where they are printed. Refuses what does not fit, as slicing does.
+std::vector<PlacedPart> placed_parts(const MeshOptions& options, const Printer& printer,
+                                     const ExecutionContext& context);
+
 /// The plates that the parts take on this printer's display; 1 where they are not arranged.
 int plates_needed(const MeshOptions& options, const Printer& printer,
                   const ExecutionContext& context);
@@ -83,5 +100,10 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
 
 /// The option --leave-alone of programs that correct, or measure what is corrected.
 void add_leave_alone_to(CLI::App& app, std::vector<std::string>& files);
+/// The option of programs to which an archive is given: --part, where no positional PART is meant.
+void add_part_inside_to(CLI::App& app, std::vector<std::string>& files,
+                        const std::string& name = "--part");
+/// Parts in an archive, as `options` turn and scale their meshes.
+PartsInside parts_inside(const std::vector<std::string>& files, const MeshOptions& options);
 
 }  // namespace slicecorr::cli

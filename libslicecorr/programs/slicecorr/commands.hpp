@@ -27,7 +27,7 @@ struct Arguments {
   OxygenOptions oxygen;
   SimulateOptions simulate;
   std::string input, output, format, target, json, kept;
-  std::vector<std::string> leave_alone;
+  std::vector<std::string> leave_alone, inside;  ///< inside: meshes that the archive holds
   double layer_um = 0;
   std::string layers;               ///< of slice: a table of heights
   std::vector<double> adaptive_um;  ///< of slice: least and greatest height
@@ -56,6 +56,7 @@ struct Arguments {
   /// `paths`, and the files of what is left alone.
   std::vector<std::string> with_left_alone(std::vector<std::string> paths) const {
     paths.insert(paths.end(), leave_alone.begin(), leave_alone.end());
+    paths.insert(paths.end(), inside.begin(), inside.end());
     return paths;
   }
   StackReader open(const std::string& path, const std::string& scratch,

@@ -100,6 +100,7 @@ int run_program(int argc, char** argv) {
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", commands::correct);
   stack_input(sub, "IN", "Stack of coverage images");
   add_leave_alone_to(*sub, a.leave_alone);
+  add_part_inside_to(*sub, a.inside);
   a.setup.add_to(*sub, true, true);
   a.uncertain.add_to(*sub, true);
   a.oxygen.add_to(*sub);
@@ -112,6 +113,7 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to verify");
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
+  add_part_inside_to(*sub, a.inside);
   a.setup.add_to(*sub, false, true);
   a.uncertain.add_to(*sub, false);
   doses_of_stack(sub);
@@ -151,6 +153,7 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to report on");
   sub->add_option("--target", a.target, "Stack of the design")->required();
   add_leave_alone_to(*sub, a.leave_alone);
+  add_part_inside_to(*sub, a.inside);
   a.setup.add_to(*sub, false, true);
   a.uncertain.add_to(*sub, false);
   doses_of_stack(sub);

@@ -108,8 +108,8 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
-  const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output),
-                            context);
+  const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output), context,
+                            parts_inside(a.inside, a.mesh));
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, nullptr, a.missing(),
                            folder_of(a.output), context);
   const CorrectionAsk ask{.before = !console.quiet()};

@@ -30,12 +30,13 @@ struct StackAndDesign {
         exposures(stack.exposures(setup.resin.m)),
         read(a.open(design(a.target), target_folder, context)),
         fitted(FittedSlices::like(stack, read, target_folder, context)),
-        target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context) {
+        target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context,
+               parts_inside(a.inside, a.mesh)) {
     for (const std::string& text :
          light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off)) {
       context.tell(text);
     }
-    const bool all = a.leave_alone.empty();
+    const bool all = a.leave_alone.empty() && a.inside.empty();
     check_target(stack, stack.info(), *target, a.target,
                  all ? std::optional(read.pixel_sum()) : std::nullopt, context);
   }

@@ -46,6 +46,8 @@ struct JobRequest {
   PlateChoices plate;
   /// Meshes and stacks of what is shown as it is sliced beside the part (left_alone.hpp).
   std::vector<std::string> leave_alone;
+  /// Of an archive: meshes that it holds beside supports, which are left alone (find_part.hpp).
+  std::vector<std::string> part_inside;
   SetupChoices setup;  ///< mode also "tomography"
   /// The speed, or layer by layer the exposure, is found for each part (plan.hpp): `prepare` does so.
   bool plan = false;

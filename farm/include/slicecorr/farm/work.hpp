@@ -54,7 +54,9 @@ struct WorkSpec {
     std::string name;  ///< as submitted, for messages; not part of the key
   };
   std::vector<Input> inputs;
-  int left_alone = 0;            ///< so many inputs, the last ones, are shown as they are sliced
+  int left_alone = 0;  ///< so many inputs, after the parts, are shown as they are sliced
+  int inside =
+      0;  ///< so many inputs, the last ones, are meshes that the archive holds beside supports
   std::optional<TomoWork> tomo;  ///< given exactly with kind "tomo"
   double layer_um = 0;           ///< 0: the archive says it
   std::string antialias = "on", units = "auto";

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/farm/morning.hpp"
+#include "slicecorr/lift_times.hpp"
 #include "support/chart/chart.hpp"
 #include "support/json/read_json.hpp"
 #include "support/page/html_page.hpp"
@@ -251,6 +252,25 @@ std::vector<JobColumn> job_columns(const MorningReport& r, const LinkTo& links) 
                                     : std::string("-");
                        },
                        [=](const Job& j) { return worst_first(j, lost(j)); }});
+  }
+  const auto stack_time = [](const Job& j) {
+    return j.figures ? j.figures->time : std::optional<StackTime>();
+  };
+  if (std::any_of(r.jobs.begin(), r.jobs.end(), stack_time)) {
+    columns.push_back({"print", "print time",
+                       [stack_time](const Job& j) {
+                         const std::optional<StackTime> t = stack_time(j);
+                         if (!t) return std::string("-");
+                         PrintTime time;
+                         time.light_s = t->light_s;
+                         if (t->print_s) time.dark_s = *t->print_s - t->light_s;
+                         return print_time_in_words(time);
+                       },
+                       [stack_time](const Job& j) {
+                         const std::optional<StackTime> t = stack_time(j);
+                         return t ? -t->print_s.value_or(t->light_s)
+                                  : std::numeric_limits<double>::infinity();
+                       }});
   }
   columns.push_back({"user", "user", [](const Job& j) { return printable(j.user); }, {}});
   return columns;

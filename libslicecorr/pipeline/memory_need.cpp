@@ -51,6 +51,11 @@ double all_tables_bytes(const MemoryFacts& f) {
   return std::min(f.lights * f.tables_bytes, std::max(256 * kMb, least) + f.tables_bytes);
 }
 
+/// What hangs together is looked for in all predictions: changes of voxels are kept, at most so much (more
+/// waits on the disk), and of a band at work each change of each column. Seen of a lattice, the most
+/// there is: 340 bytes a column.
+constexpr double kBodiesMb = 32, kBodiesBytesPerVoxel = 0.05, kBodiesColumnBytes = 384;
+
 /// Where columns are corrected together: 64 MB of what is kept while rounds go on, the rest of which
 /// waits on the disk, and the patches of a thread.
 constexpr double kTogetherMb = 80;
@@ -66,6 +71,12 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
   const double mesh = 100.0 * static_cast<double>(f.triangles) / kMb;
   const double pieces = std::min(64.0, 0.2 * static_cast<double>(f.voxels) / kMb);
   double thread = 16 + 32.0 * f.width_px * 100 / kMb + 8192.0 * f.slices / kMb;
+  Grid grid;
+  grid.width_px = f.width_px;
+  grid.layers = f.slices;
+  thread += f.width_px * band_rows(grid) * kBodiesColumnBytes / kMb;
+  const double bodies =
+      std::min(kBodiesMb, kBodiesBytesPerVoxel * static_cast<double>(f.voxels) / kMb);
   const double tables = all_tables_bytes(f) / kMb;
   double models = kTableSets * tables;
   thread += kTableSetsPerThread * tables;
@@ -83,7 +94,7 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
     thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
   }
   if (f.together) models += kTogetherMb;
-  return {static_cast<std::int64_t>(1.5 * (kProgramMb + mesh + pieces + models + thread)),
+  return {static_cast<std::int64_t>(1.5 * (kProgramMb + mesh + pieces + bodies + models + thread)),
           static_cast<std::int64_t>(1.5 * thread)};
 }
 

@@ -156,7 +156,7 @@ TEST(Studies, AnArchiveWithSupports) {
   ASSERT_EQ(s["state"], "done") << s.dump();
   // The raft alone: 4 slices of 120 x 80 pixels.
   EXPECT_GT(json::parse(file_of(sam, s, "check.json"))["left_alone_voxels"], 4 * 120 * 80);
-  request["scale"] = 1.3;
+  request["scale"] = 0.8;
   s = study(sam, request);
   EXPECT_EQ(s["state"], "failed");
   EXPECT_THAT(s["message"].get<std::string>(), HasSubstr("is not in the archive"));

@@ -295,11 +295,11 @@ SliceOptions slicing_of(const MeshOptions& options, Surface surface,
 /// there are.
 int arrange_parts(const MeshOptions& options, const Printer& printer, std::vector<ReadPart>& parts,
                   const ExecutionContext& context) {
+  const bool put = !options.plate.places_mm.empty();
+  if (put) put_parts(options, parts);
   if (!options.arranges()) {
     const PlateChoices& p = options.plate;
-    if (!p.places_mm.empty()) {
-      put_parts(options, parts);
-    } else if (!p.quarter_turns.empty()) {
+    if (!put && !p.quarter_turns.empty()) {
       throw InputError("--quarter-turns is for parts whose places are said; expected --places-mm");
     }
     if (p.spacing_mm != PlateChoices{}.spacing_mm || p.turn_about_z || options.plates > 1) {

@@ -248,6 +248,9 @@ TEST(Overlap, TouchingOnMiddlesOfPixelsIsNone) {
   EXPECT_EQ(found->second, 2U);
   EXPECT_NEAR(found->volume_mm3, 0.4 * 0.4 * 0.2, 0.4 * 0.4 * 0.05);
   EXPECT_NEAR(found->z_mm, 0.5, 0.051);
+  // All lie in the middle of 8 x 6 mm; of the lowest slice the first pixel at the largest y is told.
+  EXPECT_NEAR(found->x_mm, 3.225, 0.051);
+  EXPECT_NEAR(found->y_mm, 2.775, 0.051);
   // One that prints nothing by itself is no obstacle.
   TriangleMesh thin;
   add_box(thin, {0, 0, 0.3}, {2, 2, 0.301});

@@ -139,7 +139,7 @@ std::optional<PartOverlap> find_overlap(const std::vector<TriangleMesh>& parts,
                         k,
                         volume,
                         (both.x + 0.5) * plate.pixel_x_um * 1e-3,
-                        (both.y + 0.5) * plate.pixel_y_um * 1e-3,
+                        (plate.height_px - both.y - 0.5) * plate.pixel_y_um * 1e-3,
                         both.slice * options.layer_um * 1e-3};
   }
   return worst;

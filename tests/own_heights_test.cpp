@@ -21,7 +21,7 @@
 namespace slicecorr {
 namespace {
 
-constexpr int kLayers = 50;
+constexpr int kOwnLayers = 50;
 
 /// A print and all that its doses follow from.
 struct Uneven {
@@ -29,7 +29,7 @@ struct Uneven {
   Resin resin;
   Process process;
   double layer_um = 50;
-  std::vector<double> nodes_um;  ///< of layers 0 to `kLayers`
+  std::vector<double> nodes_um;  ///< of layers 0 to `kOwnLayers`
 
   /// What a pixel value of layer n leaves at its window, in critical doses.
   double at_window(int n, int level) const {
@@ -71,7 +71,7 @@ Uneven random_print(std::mt19937& random, double black_mw_cm2) {
   u.resin.critical_dose_prime = 10;
   u.process.mode = ExposureMode::layerwise;
   u.nodes_um = {0};
-  for (int n = 0; n < kLayers; ++n) {
+  for (int n = 0; n < kOwnLayers; ++n) {
     u.process.layer_heights_um.push_back(5 * std::round(among(4, 20)));
     u.process.layer_exposure_s.push_back(among(8, 16));
     u.process.light_share.push_back(std::round(among(100, 255)) / 255);
@@ -88,12 +88,12 @@ TEST(OwnHeights, DosesAreSumsOverPlaces) {
     const CureModel model = make_cure_model(u.printer, u.resin, u.process, u.layer_um);
     std::vector<std::uint8_t> pixels;
     std::vector<int> levels;
-    for (int n = 0; n < kLayers; ++n) {
+    for (int n = 0; n < kOwnLayers; ++n) {
       levels.push_back(static_cast<int>(random() % 256));
       pixels.push_back(static_cast<std::uint8_t>(levels.back()));
     }
     const ColumnDose doses = column_dose(model, pixels);
-    for (int n = 0; n < kLayers; ++n) {
+    for (int n = 0; n < kOwnLayers; ++n) {
       const auto i = static_cast<std::size_t>(n);
       const double upper = u.dose(u.nodes_um[i], levels, n);
       const double lower = u.dose(u.nodes_um[i + 1], levels, n);
@@ -108,10 +108,10 @@ TEST(OwnHeights, DosesAreSumsOverPlaces) {
 
 /// Features of random heights over gaps of random heights; black is dark.
 std::vector<std::uint8_t> random_column(std::mt19937& random) {
-  std::vector<std::uint8_t> column(kLayers, 0);
+  std::vector<std::uint8_t> column(kOwnLayers, 0);
   int n = random() % 2 ? 0 : static_cast<int>(3 + random() % 5);
-  while (n < kLayers) {
-    const int end = std::min<int>(kLayers, n + 2 + static_cast<int>(random() % 9));
+  while (n < kOwnLayers) {
+    const int end = std::min<int>(kOwnLayers, n + 2 + static_cast<int>(random() % 9));
     std::fill(column.begin() + n, column.begin() + end, std::uint8_t{255});
     n = end + 2 + static_cast<int>(random() % 8);
   }
@@ -122,12 +122,12 @@ std::vector<std::uint8_t> random_column(std::mt19937& random) {
 void expect_edges(const Uneven& u, const CureModel& model, const std::vector<std::uint8_t>& column,
                   const std::vector<int>& levels) {
   const PixelCurve curve = pixel_curve(model);
-  BandPredictor predictor(model, curve, kLayers, 1);
+  BandPredictor predictor(model, curve, kOwnLayers, 1);
   std::vector<std::pair<int, double>> told;
   predictor.tell_edges([&](std::size_t, int node, bool upper, double um) {
     if (upper) told.emplace_back(node, um);
   });
-  for (int n = kLayers; n-- > 0;) {
+  for (int n = kOwnLayers; n-- > 0;) {
     const auto pixel = static_cast<std::uint8_t>(levels[static_cast<std::size_t>(n)]);
     predictor.add_slice(n, &pixel, &column[static_cast<std::size_t>(n)]);
   }
@@ -164,11 +164,11 @@ TEST(OwnHeights, LayersOfFeaturesReachTheirFarEdges) {
   for (int round = 0; round < test::rounds(20); ++round) {
     const Uneven u = random_print(random, 0);
     const CorrectionPlan plan(make_cure_model(u.printer, u.resin, u.process, u.layer_um), u.process,
-                              kLayers, kLayers);
+                              kOwnLayers, kOwnLayers);
     const std::vector<std::uint8_t> column = random_column(random);
     const std::vector<std::uint8_t> made = solve_column(plan, column);
     const std::vector<int> levels(made.begin(), made.end());
-    for (int n = 0; n < kLayers; ++n) {
+    for (int n = 0; n < kOwnLayers; ++n) {
       const auto i = static_cast<std::size_t>(n);
       if (column[i] == 0) {
         EXPECT_EQ(levels[i], 0) << n;
@@ -194,11 +194,11 @@ TEST(OwnHeights, LayersHoldByTheirOwnExposureAtEachLift) {
     Uneven u = random_print(random, 0);
     u.process.lifts = Lifts::each;
     const CorrectionPlan plan(make_cure_model(u.printer, u.resin, u.process, u.layer_um), u.process,
-                              kLayers, kLayers);
+                              kOwnLayers, kOwnLayers);
     const std::vector<std::uint8_t> column = random_column(random);
     const std::vector<std::uint8_t> made = solve_column(plan, column);
     const std::vector<int> levels(made.begin(), made.end());
-    for (int n = 0; n < kLayers; ++n) {
+    for (int n = 0; n < kOwnLayers; ++n) {
       const auto i = static_cast<std::size_t>(n);
       if (column[i] == 0) continue;
       const double holds = u.at_window(n, levels[i]) * u.left(u.nodes_um[i + 1] - u.nodes_um[i]);
@@ -217,7 +217,7 @@ TEST(OwnHeights, AlikeTheyAreWhatTheyWere) {
   const CureModel plain = make_cure_model(u.printer, u.resin, u.process, u.layer_um);
   u.process.layer_heights_um = {u.layer_um};
   const CureModel listed = make_cure_model(u.printer, u.resin, u.process, u.layer_um);
-  const std::vector<std::uint8_t> pixels(kLayers, 200);
+  const std::vector<std::uint8_t> pixels(kOwnLayers, 200);
   const ColumnDose a = column_dose(plain, pixels), b = column_dose(listed, pixels);
   for (std::size_t n = 0; n < pixels.size(); ++n) {
     EXPECT_NEAR(a.upper[n], b.upper[n], 1e-12 * a.upper[n]) << n;

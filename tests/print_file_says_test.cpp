@@ -24,7 +24,7 @@ using testing::HasSubstr;
 /// between them, pixel 150, 130 in it.
 /// 10 s as a rule, 20 s for the first two of 40 layers of 50 um.
 constexpr double kRuleS = 10, kBottomS = 20, kHaUm = 150;
-constexpr int kLayers = 40, kBelow = 20;
+constexpr int kSaidLayers = 40, kSaidBelow = 20;
 
 /// A row of `probe`.
 struct Probed {
@@ -143,7 +143,7 @@ TEST_F(PrintFileSays, LightBelowFullIsToldPerLayerOrForAll) {
   // Bottom layers of these two are lit fully.
   for (const char* name : {"light_128.goo", "light_128.ctb"}) {
     const json share = info(reported(name))["light_share"];
-    ASSERT_EQ(share.size(), static_cast<std::size_t>(kLayers)) << name;
+    ASSERT_EQ(share.size(), static_cast<std::size_t>(kSaidLayers)) << name;
     for (std::size_t n = 0; n < share.size(); ++n) {
       EXPECT_NEAR(share[n].get<double>(), n < 2 ? 1.0 : half, 1e-12) << name << n;
     }
@@ -159,10 +159,10 @@ TEST_F(PrintFileSays, HalfTheLightIsHalfTheDose) {
        {"light_128.goo", "light_128.ctb", "uvj_pwm128.uvj", "chitubox_pwm128.zip"}) {
     const bool bottoms = std::string(name).starts_with("light");
     const std::vector<Probed> column = probe(reported(name), 150, 130, kWith);
-    ASSERT_EQ(column.size(), static_cast<std::size_t>(kLayers)) << name;
+    ASSERT_EQ(column.size(), static_cast<std::size_t>(kSaidLayers)) << name;
     // Omega at node n, seen from below: what the exposures from n on leave there.
     double expected = 0;
-    for (int n = kLayers; n-- > 0;) {
+    for (int n = kSaidLayers; n-- > 0;) {
       const Probed& p = column[static_cast<std::size_t>(n)];
       const double share = bottoms && n < 2 ? 1.0 : half;
       const double gel_doses = p.grey == 255 ? share * (n < 2 ? kBottomS : kRuleS) * 6 / 10 : 0;
@@ -175,7 +175,7 @@ TEST_F(PrintFileSays, HalfTheLightIsHalfTheDose) {
 TEST_F(PrintFileSays, LessLightForLongerIsTheSamePrintAndTheSameCorrection) {
   reported("light_128.goo");
   std::vector<double> full_s, half_s;
-  for (int n = 0; n < kLayers; ++n) {
+  for (int n = 0; n < kSaidLayers; ++n) {
     half_s.push_back(n < 2 ? 24 : 12);
     full_s.push_back(half_s.back() * 128 / 255);
   }
@@ -228,7 +228,7 @@ TEST_F(PrintFileSays, LightIsChosenAndWrittenOrRefused) {
   for (const char* name : {"dim.ctb", "dim.uvj", "dim.vdt", "dim.cws"}) {
     good({"convert", "light_128.goo", "-o", name});
     const json share = info(name)["light_share"];
-    ASSERT_EQ(share.size(), static_cast<std::size_t>(kLayers)) << name;
+    ASSERT_EQ(share.size(), static_cast<std::size_t>(kSaidLayers)) << name;
     EXPECT_NEAR(share[1].get<double>(), 1, 1e-12) << name;
     EXPECT_NEAR(share[39].get<double>(), 128.0 / 255, 1e-12) << name;
   }
@@ -269,7 +269,7 @@ TEST_F(PrintFileSays, TransitionLayersFadeEvenlyAndAreKept) {
   }
   // Times that are really of single layers need the mark, which is told.
   std::vector<double> times_s{20, 20, 11, 13, 12};
-  times_s.resize(kLayers, 10);
+  times_s.resize(kSaidLayers, 10);
   const RunResult r = good({"convert", with_own(name, times_s, 255), "-o", "uneven.ctb"});
   EXPECT_THAT(r.err, HasSubstr("which some do not"));
   EXPECT_THAT(good({"info", "uneven.ctb"}).out, HasSubstr(" heeded"));
@@ -360,9 +360,9 @@ TEST_F(PrintFileSays, LayersOfTwoHeightsAreTold) {
   for (const char* name : {"layers_of_two_heights.goo", "layers_of_two_heights.ctb",
                            "chitubox_two_heights.zip", "cws_two_heights.cws"}) {
     const json j = info(reported(name));
-    ASSERT_EQ(j["layer_um"].size(), static_cast<std::size_t>(kLayers)) << name;
+    ASSERT_EQ(j["layer_um"].size(), static_cast<std::size_t>(kSaidLayers)) << name;
     for (std::size_t n = 0; n < j["layer_um"].size(); ++n) {
-      EXPECT_NEAR(j["layer_um"][n].get<double>(), n < kBelow ? 50 : 100, 1e-9) << name << n;
+      EXPECT_NEAR(j["layer_um"][n].get<double>(), n < kSaidBelow ? 50 : 100, 1e-9) << name << n;
     }
     EXPECT_NEAR(j["height_mm"].get<double>(), 3, 1e-9) << name;
     // 6800 pixels in the lower 1 mm, 13200 in the upper 2 mm, of 50 x 50 um.
@@ -376,15 +376,15 @@ TEST_F(PrintFileSays, LayersOfTwoHeightsAreTold) {
 TEST_F(PrintFileSays, DosesInLayersOfTwoHeightsAreSumsOverTheirPlaces) {
   for (const char* name : {"layers_of_two_heights.goo", "chitubox_two_heights.zip"}) {
     const std::vector<Probed> column = probe(reported(name), 150, 130, kWith);
-    ASSERT_EQ(column.size(), static_cast<std::size_t>(kLayers)) << name;
-    for (int n = 0; n < kLayers; ++n) {
+    ASSERT_EQ(column.size(), static_cast<std::size_t>(kSaidLayers)) << name;
+    for (int n = 0; n < kSaidLayers; ++n) {
       const auto node_um = [](int k) {
-        return k <= kBelow ? 50.0 * k : 1000 + 100.0 * (k - kBelow);
+        return k <= kSaidBelow ? 50.0 * k : 1000 + 100.0 * (k - kSaidBelow);
       };
       const Probed& p = column[static_cast<std::size_t>(n)];
       EXPECT_NEAR(p.z_um, node_um(n), 1e-9) << n;
       double sum = 0;
-      for (int k = n; k < kLayers; ++k) {
+      for (int k = n; k < kSaidLayers; ++k) {
         const double s = k < 2 ? kBottomS : kRuleS;
         if (column[static_cast<std::size_t>(k)].grey != 255) continue;
         sum += s * 0.6 * std::pow(10.0, -(node_um(k + 1) - node_um(n)) / kHaUm);
@@ -401,17 +401,17 @@ TEST_F(PrintFileSays, LayersOfTwoHeightsAreCorrectedByTheirOwn) {
   EXPECT_EQ(f["joints"]["not_holding_voxels"], 0);
   EXPECT_GE(f["joints"]["least"].get<double>(), 1.2 - 1e-9);
   EXPECT_EQ(f["undercure_voxels"], 0);
-  EXPECT_EQ(f["layer_um"].size(), static_cast<std::size_t>(kLayers));
+  EXPECT_EQ(f["layer_um"].size(), static_cast<std::size_t>(kSaidLayers));
   // The bridge that begins at 1 mm, by a sum of its own over what is shown.
   const std::vector<Probed> column = probe("two.goo", 150, 130, {});
-  ASSERT_EQ(column.size(), static_cast<std::size_t>(kLayers));
+  ASSERT_EQ(column.size(), static_cast<std::size_t>(kSaidLayers));
   ASSERT_EQ(column[0].grey, 0);
   double edge_dose = 0;
-  for (int k = kBelow; k < kLayers; ++k) {
+  for (int k = kSaidBelow; k < kSaidLayers; ++k) {
     const double own = 6 * column[static_cast<std::size_t>(k)].grey / 255.0;
     // Each layer of 100 um holds by its own exposure.
     EXPECT_GE(own * std::pow(10.0, -100 / kHaUm), 1.2 - 1e-6) << k;
-    edge_dose += own * std::pow(10.0, -100.0 * (k - kBelow + 1) / kHaUm);
+    edge_dose += own * std::pow(10.0, -100.0 * (k - kSaidBelow + 1) / kHaUm);
   }
   const double over_um = kHaUm * std::log10(edge_dose);
   EXPECT_NEAR(f["height_error_um"]["max_abs"].get<double>(), over_um, 0.01);
@@ -451,7 +451,7 @@ TEST_F(PrintFileSays, WhatDoesNotCountHeightsRefusesThemByName) {
     if (std::string(name) == "two.zip") to = to + Command{"--format", "chitubox"};
     good(to);
     const json j = info(name);
-    ASSERT_EQ(j["layer_um"].size(), static_cast<std::size_t>(kLayers)) << name;
+    ASSERT_EQ(j["layer_um"].size(), static_cast<std::size_t>(kSaidLayers)) << name;
     EXPECT_NEAR(j["layer_um"][19].get<double>(), 50, 1e-9) << name;
     EXPECT_NEAR(j["layer_um"][20].get<double>(), 100, 1e-9) << name;
   }

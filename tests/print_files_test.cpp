@@ -229,7 +229,9 @@ void read_and_rewrite(const RealPrintFile& real) {
   const bool unheeded = std::string(real.name).starts_with("msla_mars4max");
   EXPECT_EQ(told.find("do not heed times of single layers") != told.npos, unheeded) << told;
   EXPECT_EQ(told.empty(), !unheeded) << told;
-  if (unheeded) EXPECT_NEAR(layer_exposure_s(process_of_times(r.info()), 2), 35 - 32.5 / 6, 1e-6);
+  if (unheeded) {
+    EXPECT_NEAR(layer_exposure_s(process_of_times(r.info()), 2), 35 - 32.5 / 6, 1e-6);
+  }
   EXPECT_EQ(r.info().format, real.format);
   EXPECT_EQ(r.grid().layers, real.layers);
   EXPECT_EQ(r.grid().width_px, real.width_px);

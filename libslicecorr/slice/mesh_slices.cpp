@@ -488,7 +488,7 @@ MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOpt
   const SliceReport& r = impl_->report;
   if (r.turned_triangles) {
     context.tell(
-        fmt::format("{} triangles face the other way than their neighbours; cut as if turned",
+        fmt::format("{} triangles face the wrong way; cut as if turned",
                     r.turned_triangles));
   }
   if (r.bridges) {

@@ -100,7 +100,11 @@ TEST_F(BodiesProgram, ACubeThatFloatsIsToldEverywhere) {
   EXPECT_EQ(corrected["islands"], f["islands"]);
   const json said = info("d.uvj");
   EXPECT_EQ(said["loose_bodies"], 1);
-  EXPECT_EQ(said["islands"], f["islands"]);
+  // The light of the print gels it when its lower slices have passed; of images nobody knows light.
+  json gelled = f["islands"];
+  EXPECT_GT(gelled[0]["begins_um"], 3000);
+  gelled[0]["begins_um"] = 3000.0;
+  EXPECT_EQ(said["islands"], gelled);
   EXPECT_THAT(good({"info", "d.uvj"}).out, HasSubstr("by the images alone"));
   EXPECT_TRUE(info("c.uvj")["loose_bodies"].is_null());
   EXPECT_THAT(good({"info", "c.uvj"}).out, HasSubstr("not said by light"));

@@ -100,7 +100,8 @@ class Help:
                 self.texts[name] = entry[3] or ""
                 if words:
                     self.words[name] = words
-                    if "{" in entry[1]:
+                    # A flag that takes a word has it behind =.
+                    if "{" in entry[1] or entry[2].startswith(" :{"):
                         self.attached.add(name)
                 elif re.match(r" (INT|FLOAT)\b", entry[2]):
                     self.numbers.append(name)

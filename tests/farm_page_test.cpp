@@ -232,7 +232,7 @@ TEST_F(LivePage, ReportAndPartOfTheServer) {
   serve(farm);
   const std::string page = dom("/report", "true");
   EXPECT_THAT(page, HasSubstr("What failed, and why"));
-  EXPECT_THAT(page, HasSubstr(fmt::format("/api/v1/jobs/{}/files/html", f.nasty)));
+  EXPECT_THAT(page, HasSubstr(fmt::format("\"api/v1/jobs/{}/files/html", f.nasty)));
   EXPECT_THAT(page, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
   EXPECT_THAT(page, Not(HasSubstr("<img src=\"x\"")));
   // The styles are there: the policy names them by their hashes.

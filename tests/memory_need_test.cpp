@@ -17,6 +17,14 @@ namespace {
 
 constexpr double kMiB = 1 << 20;
 
+/// Of what hangs together, MiB: 384 bytes a column of a band at work.
+double band_mb(int width_px, int slices) {
+  Grid grid;
+  grid.width_px = width_px;
+  grid.layers = slices;
+  return 384.0 * width_px * band_rows(grid) / kMiB;
+}
+
 /// Half as much again as the sum, in whole MiB.
 std::int64_t with_half(double mb) { return static_cast<std::int64_t>(1.5 * mb); }
 
@@ -27,13 +35,14 @@ TEST(MemoryNeed, OfAPlainPartIsProgramMeshPiecesAndABand) {
   f.slices = 1000;
   f.voxels = 100'000'000;
   const double mesh = 100e6 / kMiB, pieces = 0.2 * 1e8 / kMiB;
-  const double thread = 16 + 32.0 * 2560 * 100 / kMiB + 8192.0 * 1000 / kMiB;
+  const double thread = 16 + 32.0 * 2560 * 100 / kMiB + 8192.0 * 1000 / kMiB + band_mb(2560, 1000);
+  const double bodies = 0.05 * 1e8 / kMiB;
   EXPECT_EQ(memory_needs(f).thread_mb, with_half(thread));
-  EXPECT_EQ(memory_needs(f).base_mb, with_half(70 + mesh + pieces + thread));
-  // Pieces beyond 64 MiB wait on the disk: any larger part needs no more.
+  EXPECT_EQ(memory_needs(f).base_mb, with_half(70 + mesh + pieces + bodies + thread));
+  // Pieces beyond 64 MiB wait on the disk, and of bodies what is beyond 32: any larger part needs no more.
   f.voxels = std::int64_t{1} << 40;
   const std::int64_t large = memory_needs(f).base_mb;
-  EXPECT_EQ(large, with_half(70 + mesh + 64 + thread));
+  EXPECT_EQ(large, with_half(70 + mesh + 64 + 32 + thread));
   f.voxels *= 16;
   EXPECT_EQ(memory_needs(f).base_mb, large);
   // Rounds of columns that are corrected together keep 80 MiB, whatever the part.
@@ -74,8 +83,8 @@ TEST(MemoryNeed, GrowsWithEachFigureAndNeverFalls) {
   many.tables_bytes = 8 << 20;
   many.lights = 200;
   const double tables = 256 + 8;
-  const double thread =
-      16 + 32.0 * 1280 * 100 / kMiB + 8192.0 * 500 / kMiB + 4 * tables + 200 * 256.0 * 500 / kMiB;
+  const double thread = 16 + 32.0 * 1280 * 100 / kMiB + 8192.0 * 500 / kMiB + 4 * tables +
+                        200 * 256.0 * 500 / kMiB + band_mb(1280, 500);
   EXPECT_EQ(memory_needs(many).thread_mb, with_half(thread));
 }
 

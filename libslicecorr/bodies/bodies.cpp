@@ -67,7 +67,9 @@ PlatePlace Bodies::place(double column, double row) const {
 std::string Bodies::to_json() const {
   using nlohmann::ordered_json;
   const auto number = [](double value) { return detail::finite_or_null(value); };
-  const auto um = [&](int slice) { return number(grid.layer_um > 0 ? slice_um(slice) : 0); };
+  const auto um = [&](int slice) {
+    return grid.layer_um > 0 ? number(slice_um(slice)) : ordered_json();
+  };
   const auto mm3 = [&](std::uint64_t voxels) {
     return heights.alike() ? number(voxels_mm3(voxels)) : ordered_json();
   };

@@ -263,9 +263,11 @@ SLICECORR_API slicecorr_status slicecorr_stack_set_doses(slicecorr_stack* target
  *  in_memory             1 when its images are in memory, else 0 */
 SLICECORR_API slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack,
                                                       const char* name, double* value);
-/** A list of numbers: layer_exposure_s (light-on time of each layer), uv_slice_mw_cm2 (UV intensity
- *  of each slice), uv_of_pixel (256: UV pixel value to each pixel value of a patterned stack). Writes
- *  at most `capacity` of them and sets `count` to how many there are; 0 when it does not say. */
+/** A list of numbers: layer_exposure_s (light-on time of each layer), light_share (share of full
+ *  light of each layer), layer_heights_um (height of each layer, where they differ), uv_slice_mw_cm2
+ *  (UV intensity of each slice), uv_of_pixel (256: UV pixel value to each pixel value of a patterned
+ *  stack). Writes at most `capacity` of them and sets `count` to how many there are; 0 when it does
+ *  not say. */
 SLICECORR_API slicecorr_status slicecorr_stack_numbers(const slicecorr_stack* stack,
                                                        const char* name, double* values,
                                                        size_t capacity, size_t* count);

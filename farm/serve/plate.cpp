@@ -287,10 +287,9 @@ void write_plate(const PlateJob& job, const ExecutionContext& context) {
     const TriangleMesh shown =
         triangles <= kMostShownTriangles
             ? solid
-            : simplified(solid,
-                         std::max<std::size_t>(
-                             500, static_cast<std::size_t>(
-                                      share * static_cast<double>(kMostShownTriangles))));
+            : simplified(solid, std::max<std::size_t>(
+                                    500, static_cast<std::size_t>(
+                                             share * static_cast<double>(kMostShownTriangles))));
     const Box box = box_of(part.on_plate);
     parts.push_back({{"name", name},
                      {"from", mesh.triangles.size()},

@@ -488,8 +488,7 @@ MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOpt
   const SliceReport& r = impl_->report;
   if (r.turned_triangles) {
     context.tell(
-        fmt::format("{} triangles face the wrong way; cut as if turned",
-                    r.turned_triangles));
+        fmt::format("{} triangles face the wrong way; cut as if turned", r.turned_triangles));
   }
   if (r.bridges) {
     context.tell(

@@ -74,8 +74,8 @@ struct PlacedPart {
   std::string path;
   TriangleMesh
       on_plate;  ///< mm, from the plate's corner at the least x and y, and above the platform
-  int quarter_turns = 0;  ///< 0..3
-  MeshReport report;      ///< of its file
+  int quarter_turns = 0;           ///< 0..3
+  MeshReport report;               ///< of its file
   std::vector<std::string> notes;  ///< what of the file is no part, and what else reading it told
 };
 /// The parts of one plate where they are printed. Refuses what does not fit, as slicing does.

@@ -37,7 +37,17 @@ void PrintedBodies::Band::enter(std::size_t column, int slice, std::uint8_t stat
   state_[column] = state;
 }
 
-void PrintedBodies::Band::gel(std::size_t column, int slice, int delay) {
+bool PrintedBodies::Band::gel(std::size_t column, int slice, int delay) {
+  if (!whole_.in_time_) return false;
+  if (++whole_.moments_ > kMostMoments) {
+    whole_.in_time_ = false;
+    return false;
+  }
+  set_delay(column, slice, delay);
+  return true;
+}
+
+void PrintedBodies::Band::set_delay(std::size_t column, int slice, int delay) {
   if (delay_.empty()) delay_.resize(state_.size(), 0);
   const unsigned changed = delay_[column] ^ static_cast<unsigned>(delay);
   for (unsigned bits = changed, k = 0; bits != 0; bits >>= VoxelChanges::kKinds, ++k) {
@@ -52,7 +62,7 @@ void PrintedBodies::Band::listen(BandPredictor& predictor,
                                  const std::vector<std::uint32_t>* columns) {
   const bool in_time = predictor.tell_delays(
       [this, columns](std::size_t k, int slice, int delay) {
-        gel(columns ? (*columns)[k] : k, slice, delay);
+        return gel(columns ? (*columns)[k] : k, slice, delay);
       },
       BodyTracker::kLongestDelay);
   if (!in_time) whole_.in_time_ = false;
@@ -73,7 +83,10 @@ void PrintedBodies::Band::listen(BandPredictor& predictor,
 
 void PrintedBodies::Band::finish() {
   for (std::size_t column = 0; column < state_.size(); ++column) enter(column, -1, 0);
-  for (std::size_t column = 0; column < delay_.size(); ++column) gel(column, -1, 0);
+  for (std::size_t column = 0; whole_.in_time_ && column < delay_.size(); ++column) {
+    set_delay(column, -1, 0);
+  }
+  if (!whole_.in_time_) delays_.clear();
   for (std::size_t bit = 0; bit < whole_.delays_.size(); ++bit) {
     const std::size_t k = bit / VoxelChanges::kKinds;
     if (k >= delays_.size()) break;
@@ -100,12 +113,15 @@ std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid, const
                                                          const LayerHeights& heights,
                                                          double least_neck_mm2) const {
   auto judged = std::make_shared<JudgedBodies>();
-  const bool delayed = std::ranges::any_of(delays_, [](const KeptVoxels::Stream& bit) {
-    return std::ranges::any_of(bit, [](const auto& pieces) { return !pieces.empty(); });
-  });
+  const bool delayed =
+      in_time_ && std::ranges::any_of(delays_, [](const KeptVoxels::Stream& bit) {
+        return std::ranges::any_of(bit, [](const auto& pieces) { return !pieces.empty(); });
+      });
   parallel_for(silent(context_), "", 3, [&](std::size_t i) {
     if (i == 0) {
-      judged->printed = kept_.follow(printed_, grid, frame, {true, least_neck_mm2}, delays_);
+      judged->printed =
+          kept_.follow(printed_, grid, frame, {true, least_neck_mm2},
+                       in_time_ ? std::span(delays_) : std::span<const KeptVoxels::Stream>());
       judged->printed.in_time = in_time_;
     } else if (i == 1 && (!designed_alike_ || delayed)) {
       judged->designed = kept_.follow(designed_, grid, frame, {false, 0});

@@ -18,6 +18,10 @@
 
 namespace slicecorr::detail {
 
+/// Changes of delays along all columns that are followed: light that is graded from pixel to pixel, as in
+/// lattices, gels each at a moment of its own, of which runs can make nothing.
+inline constexpr std::uint64_t kMostMoments = 1'000'000;
+
 /// Bands may be gathered on any thread and in any order, and give the same bodies.
 class PrintedBodies {
  public:
@@ -39,7 +43,9 @@ class PrintedBodies {
     void enter(std::size_t column, int slice, std::uint8_t state);
     PrintedBodies& whole_;
     const std::size_t index_;
-    void gel(std::size_t column, int slice, int delay);
+    /// False: there are too many delays.
+    bool gel(std::size_t column, int slice, int delay);
+    void set_delay(std::size_t column, int slice, int delay);
     std::vector<std::uint8_t> state_;  ///< per column: of the slices at hand
     VoxelChanges changes_;
     /// Per column the delay of the slices at hand, and changes of its bits, `VoxelChanges::kKinds` of them
@@ -61,6 +67,7 @@ class PrintedBodies {
   KeptVoxels::Stream printed_, designed_, whole_;
   std::vector<KeptVoxels::Stream> delays_;  ///< of each bit of the printed voxels' delays
   std::atomic<bool> in_time_{true};         ///< all delays are known, so far
+  std::atomic<std::uint64_t> moments_{0};   ///< changes of delays, so far
   std::atomic<bool> designed_alike_{true}, whole_alike_{true};  ///< to the print, so far
 };
 

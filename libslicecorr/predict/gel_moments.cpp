@@ -88,7 +88,7 @@ bool GelMoments::look(std::size_t column, int slice) {
   const int delay = late ? longest_ : j;
   if ((gels || late) && delay != c.delay) {
     c.delay = static_cast<std::uint16_t>(delay);
-    sink_(column, slice, delay);
+    wanted_ = sink_(column, slice, delay);
   }
   const int looked = std::min(j, longest_) + 1;
   const bool to_the_end = slice + j > last;
@@ -98,7 +98,7 @@ bool GelMoments::look(std::size_t column, int slice) {
 
 void GelMoments::add_slice(int slice, std::size_t first, std::size_t columns,
                            const std::uint8_t* pixels) {
-  if (!pixels) return;
+  if (!pixels || !wanted_) return;
   const bool all = slice < model_.mirrored_slices || equally_long(slice) == 1;
   for (std::size_t begin = 0; begin < columns; begin += kLanes) {
     const std::size_t block = (first + begin) / kLanes, n = std::min(kLanes, columns - begin);
@@ -116,7 +116,7 @@ void GelMoments::add_slice(int slice, std::size_t first, std::size_t columns,
     }
     std::uint64_t& active = active_[block];
     active |= all ? ~std::uint64_t{0} >> (kLanes - n) : changed;
-    for (std::uint64_t lanes = active; lanes != 0; lanes &= lanes - 1) {
+    for (std::uint64_t lanes = active; lanes != 0 && wanted_; lanes &= lanes - 1) {
       const auto i = static_cast<std::size_t>(std::countr_zero(lanes));
       Column& c = columns_[block * kLanes + i];
       const bool other = (changed >> i & 1) != 0;

@@ -20,7 +20,8 @@ class GelMoments {
  public:
   /// Told of layers that gel later or earlier after their slice than the layer told before, which the
   /// column's layers between did as well; before the first: 0. Of layers that do not gel it says nothing.
-  using Sink = std::function<void(std::size_t column, int slice, int delay)>;
+  /// False: enough is known, and nothing more is looked for.
+  using Sink = std::function<bool(std::size_t column, int slice, int delay)>;
   /// Whether moments follow from sums of layers that are alike: of the law `SumOfLight`.
   static bool known(const CureModel& model);
   /// `model` and `curve` outlive it; `longest`: delays are at most this.
@@ -49,6 +50,7 @@ class GelMoments {
   const CureModel& model_;
   const PixelCurve& curve_;
   const Sink sink_;
+  bool wanted_ = true;
   int longest_ = 0;              ///< delay
   std::vector<double> weights_;  ///< what is left of slice m + j in the middle of layer m
   std::vector<double> rest_;     ///< sum of these from j on, at least

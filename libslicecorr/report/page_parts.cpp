@@ -308,7 +308,7 @@ Markup bodies_section(const Prediction& p) {
   }
   if (!b.in_time) {
     html += Markup::raw(
-        R"(<p class="dim">All is taken to gel while its own slice is shown: when it does is not known of this print.</p>)");
+        R"(<p class="dim">All is taken to gel while its own slice is shown: when it does is not known of this print, or differs at too many places.</p>)");
   }
   return html;
 }

@@ -295,8 +295,9 @@ class BandPredictor {
   /// Told of the layers of a column, from the last to the first, whose middle gels by other slices than
   /// that of the layer told before: how many after its own, at most `longest`. Before the first told: 0.
   /// Nothing is said of layers that do not gel. False, and nothing is told, where moments are not known:
-  /// they are where doses are sums of light and light does not spread; not of recordings.
-  using DelaySink = std::function<void(std::size_t column, int slice, int delay)>;
+  /// they are where doses are sums of light and light does not spread; not of recordings. The sink gives
+  /// false where nothing more is to be told.
+  using DelaySink = std::function<bool(std::size_t column, int slice, int delay)>;
   bool tell_delays(DelaySink sink, int longest);
   /// Height errors are measured from edge heights, where there are some, and not from nodes: those
   /// of a stack that was corrected to them. Before the first slice.

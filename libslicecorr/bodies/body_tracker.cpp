@@ -206,7 +206,7 @@ class VoidListener final : public BodyListener {
     ++sealed_in_all_;
     sealed_voxels_ += body.voxels;
     sealed_.add({body.first, slice, body.voxels, middle(body.column2, body.voxels, at_.x),
-                 middle(body.row2, body.voxels, at_.y), body.x, body.y});
+                 middle(body.row2, body.voxels, at_.y), body.low.x, body.low.y});
   }
   void put(Bodies& bodies) {
     bodies.cups_in_all = cups_in_all_;
@@ -225,8 +225,8 @@ class VoidListener final : public BodyListener {
             b.widest,
             middle(b.column2, b.voxels, at_.x),
             middle(b.row2, b.voxels, at_.y),
-            b.x,
-            b.y};
+            b.low.x,
+            b.low.y};
   }
   void tell(const Cup& found) {
     ++cups_in_all_;

@@ -7,6 +7,8 @@
 #include <tuple>
 #include <utility>
 
+#include "bodies/neighbour_rows.hpp"
+
 namespace slicecorr::detail {
 
 namespace {
@@ -46,19 +48,10 @@ void NeckFinder::label() {
       parent_.push_back(run.patch);
     }
     if (y == 0) continue;
-    const Row &above = rows_[y - 1], &row = rows_[y];
-    for (std::size_t i = 0, j = 0; i < above.size() && j < row.size();) {
-      const Labelled &u = above[i], &l = row[j];
-      if (u.begin < l.end && l.begin < u.end) {
-        const std::uint32_t a = root_of(parent_, u.patch), b = root_of(parent_, l.patch);
-        parent_[std::max(a, b)] = std::min(a, b);
-      }
-      if (u.end < l.end) {
-        ++i;
-      } else {
-        ++j;
-      }
-    }
+    each_overlap(rows_[y - 1], rows_[y], [&](const Labelled& u, const Labelled& l) {
+      const std::uint32_t a = root_of(parent_, u.patch), b = root_of(parent_, l.patch);
+      parent_[std::max(a, b)] = std::min(a, b);
+    });
   }
   patches_.clear();
   std::vector<std::uint32_t> number(parent_.size());
@@ -93,7 +86,7 @@ std::uint32_t NeckFinder::add(std::uint64_t voxels, std::int64_t column2, std::i
 
 /// `contacts`: of one patch, by necks.
 std::uint32_t NeckFinder::hang(std::span<const Contact> contacts) {
-  std::uint64_t borne = 0;
+  std::uint64_t borne = 0, shared = 0;
   std::int64_t column2 = 0, row2 = 0;
   std::uint32_t only = kNothing;
   bool whole = false, one = true;  // the one neck bears no less here
@@ -102,6 +95,7 @@ std::uint32_t NeckFinder::hang(std::span<const Contact> contacts) {
     const std::uint64_t bears =
         c.neck == kEnough ? c.voxels : std::min(c.voxels, necks_[c.neck].neck.voxels);
     borne += bears;
+    shared += c.voxels;
     column2 += c.column2;
     row2 += c.row2;
     one = one && only == kNothing;
@@ -111,8 +105,6 @@ std::uint32_t NeckFinder::hang(std::span<const Contact> contacts) {
   if (only == kNothing) return kNothing;
   if (borne >= least_) return kEnough;
   if (one && whole) return only;
-  std::uint64_t shared = 0;
-  for (const Contact& c : contacts) shared += c.neck == kNothing ? 0 : c.voxels;
   const std::uint32_t made = add(shared, column2, row2, one ? only : kEnough);
   necks_[made].neck.voxels = borne;
   return made;
@@ -120,33 +112,21 @@ std::uint32_t NeckFinder::hang(std::span<const Contact> contacts) {
 
 void NeckFinder::hang() {
   contacts_.clear();
-  if (slice_ == 0) {
-    // By its own area on the platform.
-    for (std::size_t y = 0; y < rows_.size(); ++y) {
-      for (const Labelled& run : rows_[y]) {
-        const std::int64_t begin = run.begin, end = run.end;
-        contacts_.push_back({run.patch, kEnough, static_cast<std::uint64_t>(end - begin),
-                             end * end - begin * begin,
-                             (end - begin) * (2 * static_cast<std::int64_t>(y) + 1)});
-      }
-    }
+  const auto add = [&](std::uint32_t patch, std::uint32_t neck, std::size_t y, std::int64_t begin,
+                       std::int64_t end) {
+    contacts_.push_back({patch, neck, static_cast<std::uint64_t>(end - begin),
+                         end * end - begin * begin,
+                         (end - begin) * (2 * static_cast<std::int64_t>(y) + 1)});
+  };
+  // In the first slice by its own area on the platform.
+  for (std::size_t y = 0; slice_ == 0 && y < rows_.size(); ++y) {
+    for (const Labelled& run : rows_[y]) add(run.patch, kEnough, y, run.begin, run.end);
   }
   for (std::size_t y = 0; slice_ > 0 && y < rows_.size(); ++y) {
-    const Row &row = rows_[y], &before = before_[y];
-    for (std::size_t i = 0, j = 0; i < row.size() && j < before.size();) {
-      const std::int64_t begin = std::max(row[i].begin, before[j].begin),
-                         end = std::min(row[i].end, before[j].end);
-      if (begin < end) {
-        contacts_.push_back({row[i].patch, patches_before_[before[j].patch].neck,
-                             static_cast<std::uint64_t>(end - begin), end * end - begin * begin,
-                             (end - begin) * (2 * static_cast<std::int64_t>(y) + 1)});
-      }
-      if (row[i].end < before[j].end) {
-        ++i;
-      } else {
-        ++j;
-      }
-    }
+    each_overlap(rows_[y], before_[y], [&](const Labelled& run, const Labelled& before) {
+      add(run.patch, patches_before_[before.patch].neck, y, std::max(run.begin, before.begin),
+          std::min(run.end, before.end));
+    });
   }
   const auto key = [](const Contact& c) { return std::tie(c.patch, c.neck); };
   std::sort(contacts_.begin(), contacts_.end(),

@@ -2,8 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// Bodies of what is solid, joined by faces, in space and in time: voxels gel in their own slice or some
-/// slices after it. Rows are given slice by slice; a union-find over their runs takes them in the order
-/// in which they gel.
+/// slices after it. Rows are given slice by slice, and join in the order in which they gel.
 #pragma once
 
 #include <cstddef>
@@ -11,13 +10,14 @@
 #include <span>
 #include <vector>
 
-#include "bodies/joined_rows.hpp"
+#include "bodies/growing_bodies.hpp"
+#include "bodies/neighbour_rows.hpp"
+#include "slicecorr/bodies.hpp"
 
 namespace slicecorr::detail {
 
 class SolidRows {
  public:
-  using Label = std::uint32_t;
   using Run = BodyTracker::Run;
   /// Bodies hang on what comes before slice 0. `listener` must outlive this; slices that it is told are
   /// those at hand when something happens.
@@ -31,6 +31,7 @@ class SolidRows {
   void finish();
 
  private:
+  using Label = GrowingBodies::Label;
   /// Of a run as long as its row does not change. Voxels of its columns in the slices between gel one
   /// after the other, and hang on each other.
   struct Labelled {
@@ -39,51 +40,39 @@ class SolidRows {
     bool same(const Run& r) const { return begin == r.begin && end == r.end && delay == r.delay; }
   };
   using Row = std::vector<Labelled>;
-  /// What happens when the slice of a bucket is at hand.
-  struct Change {  ///< a run begins to gel, or has gelled
+  struct Change {
     Label label;
-    std::int32_t row, begin, end;
+    GrowingBodies::Patch patch;
+  };
+  struct Beginning : Change {
+    int slice;  ///< that of the patch's first voxels
   };
   struct Edge {
     Label a, b;
   };
+  /// What happens in a slice.
   struct Bucket {
-    std::vector<Change> begins, ends;
-    std::vector<Edge> edges;
-    bool empty() const { return begins.empty() && ends.empty() && edges.empty(); }
+    std::vector<Beginning> begins;  ///< runs that begin to gel
+    std::vector<Change> ends;       ///< runs of which all has gelled
+    std::vector<Edge> edges;        ///< of runs that share a face, which have both gelled now
+    std::size_t size() const { return begins.size() + ends.size() + edges.size(); }
   };
-  static constexpr Label kNone = 0xFFFFFFFF;
 
-  Label root(Label label);
-  GrowingBody& body(Label root) { return bodies_[body_of_[root]]; }
-  Label add_body(int row, const Run& run);
+  int slice() const { return bodies_.slice(); }
   Bucket& at(int slice);
-  /// Two runs that share a face gel both in `slice` at the latest.
+  /// Two runs that share a face have both gelled in `slice`.
   void join(const Labelled& a, const Labelled& b, int slice);
-  void join_rows(int upper, int lower);
-  void unite(Label a, Label b);
-  GrowingBody& change(Label label);
-  void count(GrowingBody& body) const;
-  void grow(const Change& run, int sign);
   /// All that happens while the slice at hand is there.
   void pass_slice();
   void renumber();
-  bool older(const GrowingBody& a, const GrowingBody& b) const;
 
-  BodyListener& listener_;
-  int slice_ = 0;  ///< the one at hand
+  GrowingBodies bodies_;
   std::vector<Row> rows_;
   Row next_;
-  std::vector<std::uint8_t> changed_;  ///< per row
-  std::vector<int> changed_rows_;
+  ChangedRows changed_;
   std::size_t runs_ = 0;
   std::vector<Bucket> buckets_;  ///< of slices from the one at hand on, a power of two of them
   std::size_t waiting_ = 0;      ///< in buckets
-  std::vector<Label> parent_;
-  std::vector<std::uint32_t> body_of_;  ///< of labels that are roots
-  std::vector<GrowingBody> bodies_;
-  std::vector<std::uint32_t> free_;  ///< bodies that are none any more
-  std::vector<Label> touched_;
 };
 
 }  // namespace slicecorr::detail

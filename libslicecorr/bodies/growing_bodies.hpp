@@ -16,7 +16,7 @@ namespace slicecorr::detail {
 /// In the order of slices, rows and columns.
 struct FirstVoxel {
   int slice = std::numeric_limits<int>::max(), y = 0, x = 0;
-  auto operator<=>(const FirstVoxel&) const = default;
+  auto operator<=>(const FirstVoxel&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 
 /// A body as it is known so far.
@@ -112,9 +112,9 @@ class GrowingBodies {
   static constexpr std::uint32_t kNoBody = 0xFFFFFFFF;
   GrowingBody& body(Label root) { return bodies_[body_of_[root]]; }
   /// Brings the sums up to the slice at hand, in which something changes.
-  GrowingBody& change(Label root);
+  GrowingBody& change(Label label);
   void count(GrowingBody& body) const;
-  void end(Label root, bool no_slice_left);
+  void end(Label label, bool no_slice_left);
 
   BodyListener& listener_;
   int slice_ = 0;

@@ -22,7 +22,7 @@ class JoinedRows {
   /// this.
   JoinedRows(int rows, int first, int past, BodyListener& listener);
 
-  void set_row(int row, std::span<const Run> runs);
+  void set_row(int y, std::span<const Run> runs);
   void end_slice(int more);
   void finish();
 

@@ -22,7 +22,7 @@ class NeckFinder {
   /// `least`: voxels of a slice by which a body must hang, > 0.
   NeckFinder(int rows, std::uint64_t least);
   /// As `BodyTracker::set_row`, delays aside.
-  void set_row(int row, std::span<const Run> runs);
+  void set_row(int y, std::span<const Run> runs);
   void end_slice(int more);
   /// Necks by which something hangs, and by no neck after it, that has as many voxels in a slice as a
   /// body must hang by: the tip of a cone is no body that hangs.

@@ -24,7 +24,7 @@ class SolidRows {
   SolidRows(int rows, BodyListener& listener);
 
   /// Runs from left to right; neighbours that touch gel at different times.
-  void set_row(int row, std::span<const Run> runs);
+  void set_row(int y, std::span<const Run> runs);
   /// Whether the slice at hand has anything of them.
   bool any() const { return runs_ > 0; }
   void end_slice(int more);
@@ -59,9 +59,9 @@ class SolidRows {
   };
 
   int slice() const { return bodies_.slice(); }
-  Bucket& at(int slice);
+  Bucket& at(int n);
   /// Two runs that share a face have both gelled in `slice`.
-  void join(const Labelled& a, const Labelled& b, int slice);
+  void join(const Labelled& a, const Labelled& b, int n);
   /// All that happens while the slice at hand is there.
   void pass_slice();
   void renumber();

@@ -20,7 +20,7 @@ namespace slicecorr::detail {
 
 /// Changes of delays along all columns that are followed: light that is graded from pixel to pixel, as in
 /// lattices, gels each at a moment of its own, of which runs can make nothing.
-inline constexpr std::uint64_t kMostMoments = 1'000'000;
+inline constexpr std::uint64_t kMostMoments = 4'000'000;
 
 /// Bands may be gathered on any thread and in any order, and give the same bodies.
 class PrintedBodies {

@@ -30,7 +30,7 @@ Bodies find_bodies(const SliceSource& images, const ExecutionContext& context, c
     });
     found[i] = kept.keep(changes.code(grid.layers));
   });
-  return kept.follow(found, grid, images.frame(), ask);
+  return kept.follow({found}, grid, images.frame(), ask);
 }
 
 }  // namespace slicecorr

@@ -33,7 +33,7 @@ std::uint64_t take_number(const std::uint8_t*& at) {
 /// The highest bits of 64 bytes.
 std::uint64_t high_bits(const std::uint8_t* bytes) {
   std::uint64_t bits = 0;
-  for (unsigned i = 0; i < 8; ++i) {
+  for (std::size_t i = 0; i < 8; ++i) {
     std::uint64_t eight = 0;
     std::memcpy(&eight, bytes + 8 * i, 8);
     eight = (eight >> 7) & 0x0101010101010101U;
@@ -69,42 +69,64 @@ void VoxelChanges::add_slice(int slice, const std::uint8_t* rows) {
   }
 }
 
-std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) const {
-  const auto counts = [&](const Flip& f) {
-    return (f.slice_and_kinds & kind) != 0 && f.slice() < static_cast<std::uint32_t>(layers);
-  };
-  // By slice, then by column.
-  std::vector<std::uint32_t> begins(static_cast<std::size_t>(layers) + 1, 0);
-  for (const Flip& f : flips_) {
-    if (counts(f)) ++begins[f.slice() + 1];
+void VoxelChanges::sort_by_column(std::span<Flip> flips) {
+  // Columns come nearly in order: few have to go back, and those not far.
+  std::size_t moves = 4 * flips.size();
+  for (std::size_t i = 1; i < flips.size(); ++i) {
+    const Flip flip = flips[i];
+    std::size_t at = i;
+    for (; at > 0 && flip.column < flips[at - 1].column && moves > 0; --at, --moves) {
+      flips[at] = flips[at - 1];
+    }
+    flips[at] = flip;
+    if (moves == 0) {
+      std::ranges::sort(flips, {}, &Flip::column);
+      return;
+    }
   }
+}
+
+void VoxelChanges::sort() {
+  if (std::exchange(sorted_, true) || flips_.empty()) return;
+  std::uint32_t last = 0;
+  for (const Flip& f : flips_) last = std::max(last, f.slice());
+  std::vector<std::uint32_t> begins(std::size_t{last} + 2, 0);
+  for (const Flip& f : flips_) ++begins[f.slice() + 1];
   for (std::size_t n = 1; n < begins.size(); ++n) begins[n] += begins[n - 1];
-  std::vector<std::uint32_t> columns(begins.back()), next(begins);
-  for (const Flip& f : flips_) {
-    if (counts(f)) columns[next[f.slice()]++] = f.column;
+  std::vector<std::uint32_t> next(begins);
+  std::vector<Flip> sorted(flips_.size());
+  for (const Flip& f : flips_) sorted[next[f.slice()]++] = f;
+  flips_ = {};
+  for (std::size_t n = 0; n + 1 < begins.size(); ++n) {
+    sort_by_column(std::span(sorted).subspan(begins[n], begins[n + 1] - begins[n]));
   }
+  flips_ = std::move(sorted);
+}
+
+std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) {
+  sort();
   struct Group {
     std::uint32_t first, length;
   };
   std::vector<Group> groups;
   std::vector<std::uint8_t> code;
   std::size_t last = 0;  // slice
-  for (std::size_t n = 0; n + 1 < begins.size(); ++n) {
-    const auto first = columns.begin() + begins[n], past = columns.begin() + begins[n + 1];
-    if (first == past) continue;
-    if (!std::is_sorted(first, past)) std::sort(first, past);
+  for (auto at = flips_.begin(); at != flips_.end();) {
+    const std::size_t n = at->slice();
+    if (n >= static_cast<std::size_t>(layers)) break;
     groups.clear();
-    for (auto at = first; at != past;) {
-      auto end = at;
-      while (end != past && *end == *at) ++end;
-      if ((end - at) % 2 == 1) {
-        if (!groups.empty() && groups.back().first + groups.back().length == *at) {
-          ++groups.back().length;
-        } else {
-          groups.push_back({*at, 1});
-        }
+    while (at != flips_.end() && at->slice() == n) {
+      const std::uint32_t column = at->column;
+      unsigned changed = 0;
+      for (; at != flips_.end() && at->column == column && at->slice() == n; ++at) {
+        changed ^= at->slice_and_kinds;
       }
-      at = end;
+      if ((changed & kind) == 0) continue;
+      if (!groups.empty() && groups.back().first + groups.back().length == column) {
+        ++groups.back().length;
+      } else {
+        groups.push_back({column, 1});
+      }
     }
     if (groups.empty()) continue;
     put_number(code, n - last);
@@ -211,8 +233,8 @@ KeptVoxels::Pieces KeptVoxels::keep(const std::vector<std::uint8_t>& code) {
   return pieces;
 }
 
-Bodies KeptVoxels::follow(const Stream& changes, const Grid& grid, const ImageFrame& frame,
-                          const BodyAsk& ask, std::span<const Stream> delays) const {
+Bodies KeptVoxels::follow(const Followed& what, const Grid& grid, const ImageFrame& frame,
+                          const BodyAsk& ask) const {
   PixelBox box;
   for (const PixelBox& band : bands_) box = box.united(band);
   BodyTracker tracker(box, grid, frame, ask);
@@ -220,10 +242,13 @@ Bodies KeptVoxels::follow(const Stream& changes, const Grid& grid, const ImageFr
   std::vector<Reader> readers;
   readers.reserve(bands_.size());
   for (std::size_t i = 0; i < bands_.size(); ++i) {
-    readers.emplace_back(*this, changes[i], bands_[i], 0);
-    for (std::size_t bit = 0; bit < delays.size(); ++bit) {
-      if (delays[bit][i].empty()) continue;
-      readers.emplace_back(*this, delays[bit][i], bands_[i], 1 + static_cast<int>(bit));
+    const auto read = [&](const Stream& stream, int plane) {
+      if (!stream[i].empty()) readers.emplace_back(*this, stream[i], bands_[i], plane);
+    };
+    read(what.changes, 0);
+    if (what.more) read(*what.more, 0);
+    for (std::size_t bit = 0; bit < what.delays.size(); ++bit) {
+      read(what.delays[bit], 1 + static_cast<int>(bit));
     }
   }
   for (int at_hand = 0;;) {

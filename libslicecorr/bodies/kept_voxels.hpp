@@ -24,19 +24,24 @@ class VoxelChanges {
   void flip(int slice, std::size_t column, unsigned kinds = 1) {
     flips_.push_back(
         {static_cast<std::uint32_t>(slice) << 3 | kinds, static_cast<std::uint32_t>(column)});
+    sorted_ = false;
   }
   /// A slice, in rising order: solid where a byte is at least 128; null: nowhere.
   void add_slice(int slice, const std::uint8_t* rows);
   /// The changes of a kind in slices before `layers`, coded; of equal changes the same code.
-  std::vector<std::uint8_t> code(int layers, unsigned kind = 1) const;
+  std::vector<std::uint8_t> code(int layers, unsigned kind = 1);
 
  private:
   struct Flip {
     std::uint32_t slice_and_kinds, column;
     std::uint32_t slice() const { return slice_and_kinds >> 3; }
   };
+  /// By slice, then by column.
+  void sort();
+  static void sort_by_column(std::span<Flip> flips);
   std::size_t columns_;
   std::vector<Flip> flips_;
+  bool sorted_ = true;
   std::vector<std::uint64_t> before_;  ///< bits of the slice added last; empty: none
 };
 
@@ -51,10 +56,15 @@ class KeptVoxels {
   KeptVoxels(std::vector<PixelBox> bands, int layers, const ExecutionContext& context);
   std::size_t bands() const { return bands_.size(); }
   Pieces keep(const std::vector<std::uint8_t>& code);
-  /// What the slices hold whose changes these are. `delays`: changes of each bit of the voxels' delays;
-  /// empty: they gel in their own slices. Throws `Cancelled`.
-  Bodies follow(const Stream& changes, const Grid& grid, const ImageFrame& frame,
-                const BodyAsk& ask, std::span<const Stream> delays = {}) const;
+  struct Followed {
+    const Stream& changes;
+    const Stream* more = nullptr;  ///< changes beside these: what changes twice does not
+    std::span<const Stream> delays =
+        {};  ///< of each bit of the voxels' delays; empty: there are none
+  };
+  /// What the slices hold whose changes these are. Throws `Cancelled`.
+  Bodies follow(const Followed& what, const Grid& grid, const ImageFrame& frame,
+                const BodyAsk& ask) const;
 
  private:
   class Reader;

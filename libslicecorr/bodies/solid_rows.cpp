@@ -50,10 +50,20 @@ void SolidRows::set_row(int y, std::span<const Run> runs) {
       left = old + 1;
       next_.push_back(row[old]);
     } else {
-      const Labelled made{run.begin, run.end, run.delay, bodies_.add_label()};
-      at(slice() + run.delay).begins.push_back({{made.label, {y, run.begin, run.end}}, slice()});
+      Labelled made{run.begin, run.end, run.delay, 0};
+      const GrowingBodies::Patch patch{y, run.begin, run.end};
+      // What gels at once, on what has gelled, is more of its body: most runs are.
+      std::size_t k = old;
+      while (k < row.size() && row[k].begin < run.end && row[k].delay > 1) ++k;
+      if (run.delay == 0 && k < row.size() && row[k].begin < run.end) {
+        made.label = row[k].label;
+        at(slice()).goes_on.push_back({made.label, patch});
+      } else {
+        made.label = bodies_.add_label();
+        at(slice() + run.delay).begins.push_back({{made.label, patch}, slice()});
+      }
       ++waiting_;
-      for (std::size_t k = old; k < row.size() && row[k].begin < run.end; ++k) {
+      for (k = old; k < row.size() && row[k].begin < run.end; ++k) {
         join(made, row[k], slice() + std::max(run.delay, row[k].delay - 1));
       }
       next_.push_back(made);
@@ -79,6 +89,7 @@ void SolidRows::pass_slice() {
     bodies_.begin(b.label, {b.slice, b.patch.row, b.patch.begin}, b.slice == 0);
     bodies_.grow(b.label, b.patch, 1);
   }
+  for (const Change& c : now.goes_on) bodies_.grow(c.label, c.patch, 1);
   for (const Change& c : now.ends) bodies_.grow(c.label, c.patch, -1);
   for (const Edge& e : now.edges) bodies_.unite(e.a, e.b);
   // Not only cleared: many may wait for one slice, and few for all others.
@@ -106,6 +117,7 @@ void SolidRows::renumber() {
     }
     for (Bucket& bucket : buckets_) {
       for (Change& c : bucket.begins) keep(c.label);
+      for (Change& c : bucket.goes_on) keep(c.label);
       for (Change& c : bucket.ends) keep(c.label);
       for (Edge& e : bucket.edges) {
         keep(e.a);

@@ -52,10 +52,11 @@ class SolidRows {
   };
   /// What happens in a slice.
   struct Bucket {
-    std::vector<Beginning> begins;  ///< runs that begin to gel
+    std::vector<Beginning> begins;  ///< runs that begin to gel, each a body of its own
+    std::vector<Change> goes_on;    ///< runs that begin to gel, on what has gelled below them
     std::vector<Change> ends;       ///< runs of which all has gelled
     std::vector<Edge> edges;        ///< of runs that share a face, which have both gelled now
-    std::size_t size() const { return begins.size() + ends.size() + edges.size(); }
+    std::size_t size() const { return begins.size() + goes_on.size() + ends.size() + edges.size(); }
   };
 
   int slice() const { return bodies_.slice(); }

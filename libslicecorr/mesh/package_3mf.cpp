@@ -122,7 +122,7 @@ double Xml3mf::number(std::string_view text, std::string_view what) const {
   const bool whole = !digits.empty() && end == digits.data() + digits.size();
   if (whole && error == std::errc::result_out_of_range &&
       digits.find_first_of("eE") != digits.npos &&
-      digits.find("-", digits.find_first_of("eE")) != digits.npos) {
+      digits.find('-', digits.find_first_of("eE")) != digits.npos) {
     return 0;  // too small for a double
   }
   if (!whole || error != std::errc() || !std::isfinite(value)) {

@@ -354,7 +354,7 @@ class Reader3mf {
       stretch = std::max(stretch, std::hypot(row[0], row[1], row[2]));
     }
     const double unit_mm = load(part).unit_mm;
-    const double tolerance = kBeamTolerance_mm / (stretch * scale_to_mm(placement_, unit_mm));
+    const double tolerance = kBeamToleranceMm / (stretch * scale_to_mm(placement_, unit_mm));
     const Object3mf* clip_mesh = nullptr;
     std::optional<std::array<Point3, 2>> box;
     if (lattice.clipping != Lattice3mf::Clipping::none) {

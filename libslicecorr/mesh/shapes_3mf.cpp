@@ -62,7 +62,7 @@ class Rings {
     std::tie(u_, v_) = across(axis);
     for (int i = 0; i < corners; ++i) {
       const double angle = kTurn * i / corners;
-      circle_.push_back({std::cos(angle), std::sin(angle)});
+      circle_.emplace_back(std::cos(angle), std::sin(angle));
     }
   }
   /// A ring's centre and radius; a radius of 0 makes a point.

@@ -20,7 +20,7 @@ struct Bodies3mf {
 };
 
 /// How far the faces of round beams may lie beside their surface, where they print.
-inline constexpr double kBeamTolerance_mm = 0.004;
+inline constexpr double kBeamToleranceMm = 0.004;
 
 /// Adds the beams between vertices of `object`, whose own lattice they are. No face lies further from
 /// the round surface than `tolerance`, in the file's units, on either side; a beam and a ball have

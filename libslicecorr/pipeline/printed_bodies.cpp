@@ -22,8 +22,8 @@ PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers,
       context_(context),
       kept_(bands, layers, context),
       printed_(bands.size()),
-      designed_(bands.size()),
-      whole_(bands.size()),
+      designed_other_(bands.size()),
+      whole_other_(bands.size()),
       delays_(std::bit_width(static_cast<unsigned>(BodyTracker::kLongestDelay)),
               KeptVoxels::Stream(bands.size())) {}
 
@@ -71,10 +71,11 @@ void PrintedBodies::Band::listen(BandPredictor& predictor,
     const std::size_t column = columns ? (*columns)[k] : k;
     // What is left alone is designed to be what it prints.
     const bool alone = coverage == kLeftAlone && prints;
-    const int design = (alone || coverage > kLeftAlone ? kDesigned : 0) |
-                       (alone || coverage == kFull ? kWhole : 0);
+    const bool designed = alone || coverage > kLeftAlone, whole = alone || coverage == kFull;
     const auto state = [&](bool printed) {
-      return static_cast<std::uint8_t>(design | (printed ? kPrinted : 0));
+      return static_cast<std::uint8_t>((printed ? kPrinted : 0) |
+                                       (designed != printed ? kDesignedOther : 0) |
+                                       (whole != printed ? kWholeOther : 0));
     };
     enter(column, slice, state(prints));
     if (prints != prints_above) enter(column, slice - 1, state(prints_above));
@@ -94,44 +95,41 @@ void PrintedBodies::Band::finish() {
         whole_.kept_.keep(delays_[k].code(whole_.layers_, 1U << (bit % VoxelChanges::kKinds)));
   }
   delays_.clear();
-  const auto printed = changes_.code(whole_.layers_, kPrinted);
-  whole_.printed_[index_] = whole_.kept_.keep(printed);
-  const auto keep = [&](unsigned kind, KeptVoxels::Stream& to, std::atomic<bool>& alike) {
-    const auto code = changes_.code(whole_.layers_, kind);
-    if (code == printed) {
-      to[index_] = whole_.printed_[index_];
-      return;
-    }
-    alike = false;
-    to[index_] = whole_.kept_.keep(code);
+  const auto keep = [&](unsigned kind, KeptVoxels::Stream& to) {
+    to[index_] = whole_.kept_.keep(changes_.code(whole_.layers_, kind));
   };
-  keep(kDesigned, whole_.designed_, whole_.designed_alike_);
-  keep(kWhole, whole_.whole_, whole_.whole_alike_);
+  keep(kPrinted, whole_.printed_);
+  keep(kDesignedOther, whole_.designed_other_);
+  keep(kWholeOther, whole_.whole_other_);
 }
 
 std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid, const ImageFrame& frame,
                                                          const LayerHeights& heights,
                                                          double least_neck_mm2) const {
   auto judged = std::make_shared<JudgedBodies>();
-  const bool delayed =
-      in_time_ && std::ranges::any_of(delays_, [](const KeptVoxels::Stream& bit) {
-        return std::ranges::any_of(bit, [](const auto& pieces) { return !pieces.empty(); });
-      });
-  parallel_for(silent(context_), "", 3, [&](std::size_t i) {
+  const auto any = [](const KeptVoxels::Stream& stream) {
+    return std::ranges::any_of(stream, [](const auto& pieces) { return !pieces.empty(); });
+  };
+  const bool delayed = in_time_ && std::ranges::any_of(delays_, any);
+  const bool designed_alike = !any(designed_other_);
+  const std::span<const KeptVoxels::Stream> delays =
+      in_time_ ? std::span(delays_) : std::span<const KeptVoxels::Stream>();
+  parallel_for(silent(context_), "", 2, [&](std::size_t i) {
     if (i == 0) {
       judged->printed =
-          kept_.follow(printed_, grid, frame, {true, least_neck_mm2},
-                       in_time_ ? std::span(delays_) : std::span<const KeptVoxels::Stream>());
+          kept_.follow({printed_, nullptr, delays}, grid, frame, {true, least_neck_mm2});
       judged->printed.in_time = in_time_;
-    } else if (i == 1 && (!designed_alike_ || delayed)) {
-      judged->designed = kept_.follow(designed_, grid, frame, {false, 0});
-    } else if (i == 2 && !whole_alike_) {
-      judged->loose_whole = kept_.follow(whole_, grid, frame, {false, 0}).loose_bodies;
+    } else if (!designed_alike || delayed) {
+      judged->designed = kept_.follow({printed_, &designed_other_}, grid, frame, {false, 0});
     }
   });
   // What prints as designed hangs together in the end, but not from slice to slice.
-  if (designed_alike_ && !delayed) judged->designed = judged->printed;
-  if (whole_alike_) judged->loose_whole = judged->printed.loose_bodies;
+  if (designed_alike && !delayed) judged->designed = judged->printed;
+  // Only what prints loose though the design joins it may hang by voxels that are covered in part.
+  if (judged->printed.loose_bodies > judged->designed.loose_bodies) {
+    judged->loose_whole =
+        kept_.follow({printed_, &whole_other_}, grid, frame, {false, 0}).loose_bodies;
+  }
   judged->printed.heights = judged->designed.heights = heights;
   return judged;
 }

@@ -39,7 +39,8 @@ class PrintedBodies {
     void finish();
 
    private:
-    static constexpr std::uint8_t kPrinted = 1, kDesigned = 2, kWhole = 4;
+    /// Where design and whole voxels differ from the print, which is seldom, is kept in their place.
+    static constexpr std::uint8_t kPrinted = 1, kDesignedOther = 2, kWholeOther = 4;
     void enter(std::size_t column, int slice, std::uint8_t state);
     PrintedBodies& whole_;
     const std::size_t index_;
@@ -63,12 +64,11 @@ class PrintedBodies {
   const int layers_;
   const ExecutionContext& context_;
   KeptVoxels kept_;
-  /// By band; bands that print as designed share theirs. `whole_`: of what is covered whole.
-  KeptVoxels::Stream printed_, designed_, whole_;
+  /// By band: of what prints, and of where what is designed, and what is covered whole, is otherwise.
+  KeptVoxels::Stream printed_, designed_other_, whole_other_;
   std::vector<KeptVoxels::Stream> delays_;  ///< of each bit of the printed voxels' delays
   std::atomic<bool> in_time_{true};         ///< all delays are known, so far
   std::atomic<std::uint64_t> moments_{0};   ///< changes of delays, so far
-  std::atomic<bool> designed_alike_{true}, whole_alike_{true};  ///< to the print, so far
 };
 
 /// Tells what of a print hangs on nothing and what it traps. Throws `InfeasibleError` where something

@@ -193,6 +193,7 @@ std::string Prediction::to_json() const {
     j["layer_um"] = layer_um;
   } else {
     std::vector<double> each;
+    each.reserve(static_cast<std::size_t>(layers));
     for (int n = 0; n < layers; ++n) each.push_back(heights.of(n, layer_um));
     j["layer_um"] = each;
   }
@@ -247,7 +248,8 @@ std::string Prediction::to_json() const {
     j.update(slicecorr::detail::own_json<ordered_json>(hanging->printed.to_json()));
     j["designed"] = {{"loose_bodies", hanging->designed.loose_bodies},
                      {"islands_in_all", hanging->designed.islands_in_all},
-                     {"loose_bodies_whole", hanging->loose_whole}};
+                     {"loose_bodies_whole", nullptr}};
+    if (hanging->loose_whole) j["designed"]["loose_bodies_whole"] = *hanging->loose_whole;
   } else {
     j["loose_bodies"] = j["islands_in_all"] = nullptr;
   }

@@ -268,11 +268,12 @@ Markup bodies_section(const Prediction& p) {
     int x, y, slice;
   };
   /// `middle`: where it is on the plate; `voxel`: one of it, for the explorer.
-  const auto row = [&](const char* what, int first, const std::string& past, std::string size,
-                       const PlatePlace& middle, const Voxel& voxel, std::string_view kind) {
+  const auto row = [&](const char* what, int first, const std::string& past,
+                       const std::string& size, const PlatePlace& middle, const Voxel& voxel,
+                       std::string_view kind) {
     table.begin(kind);
     table.head(markup("{}", what));
-    table.cells(fmt::format("{:.6g}", b.slice_um(first)), past, std::move(size),
+    table.cells(fmt::format("{:.6g}", b.slice_um(first)), past, size,
                 fmt::format("{:.2f}", middle.x_mm), fmt::format("{:.2f}", middle.y_mm));
     table.cell(go_button(voxel.x, voxel.y, voxel.slice));
   };

@@ -284,7 +284,7 @@ struct Raster::ManyWindings {
   SolidWindings& windings;
   bool inside() const { return windings.inside(); }
   void cross(const EdgeFragment& fragment, int way = 1) {
-    windings.add(fragment.tag, way * fragment.winding);
+    windings.add(fragment.tag, std::int64_t{way} * fragment.winding);
   }
 };
 

@@ -25,6 +25,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -124,14 +125,15 @@ struct Bodies {
 /// hangs by such voxels alone may print loose.
 struct JudgedBodies {
   Bodies printed;
-  Bodies designed;                ///< without what is trapped
-  std::uint64_t loose_whole = 0;  ///< loose bodies of the voxels that are covered whole
+  Bodies designed;  ///< without what is trapped
+  /// Loose bodies of the voxels that are covered whole; known where the print has more than the design.
+  std::optional<std::uint64_t> loose_whole{};
   /// Whether some body hangs on nothing when it begins, in the print or by design: light of later slices
   /// may join what had nothing to hang on while it was made.
   bool any_loose() const { return printed.any_loose() || designed.any_loose(); }
   /// Loose bodies that neither the design nor its whole voxels have: the light's own.
   std::uint64_t cut_loose() const {
-    const std::uint64_t other = std::max(designed.loose_bodies, loose_whole);
+    const std::uint64_t other = std::max(designed.loose_bodies, loose_whole.value_or(0));
     return printed.loose_bodies > other ? printed.loose_bodies - other : 0;
   }
   /// Others that the design joins by voxels that it covers in part.

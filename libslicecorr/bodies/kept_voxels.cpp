@@ -100,6 +100,17 @@ void VoxelChanges::sort() {
   for (std::size_t n = 0; n + 1 < begins.size(); ++n) {
     sort_by_column(std::span(sorted).subspan(begins[n], begins[n + 1] - begins[n]));
   }
+  kinds_ = 0;
+  std::size_t kept = 0;
+  for (std::size_t at = 0; at < sorted.size();) {
+    Flip one = sorted[at++];
+    unsigned kinds = one.kinds();
+    for (; at < sorted.size() && sorted[at].same_place(one); ++at) kinds ^= sorted[at].kinds();
+    if (kinds == 0) continue;
+    kinds_ |= kinds;
+    sorted[kept++] = {one.slice() << kKinds | kinds, one.column};
+  }
+  sorted.resize(kept);
   flips_ = std::move(sorted);
 }
 
@@ -110,22 +121,18 @@ std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) {
   };
   std::vector<Group> groups;
   std::vector<std::uint8_t> code;
+  if ((kinds_ & kind) == 0) return code;
   std::size_t last = 0;  // slice
   for (auto at = flips_.begin(); at != flips_.end();) {
     const std::size_t n = at->slice();
     if (n >= static_cast<std::size_t>(layers)) break;
     groups.clear();
-    while (at != flips_.end() && at->slice() == n) {
-      const std::uint32_t column = at->column;
-      unsigned changed = 0;
-      for (; at != flips_.end() && at->column == column && at->slice() == n; ++at) {
-        changed ^= at->slice_and_kinds;
-      }
-      if ((changed & kind) == 0) continue;
-      if (!groups.empty() && groups.back().first + groups.back().length == column) {
+    for (; at != flips_.end() && at->slice() == n; ++at) {
+      if ((at->kinds() & kind) == 0) continue;
+      if (!groups.empty() && groups.back().first + groups.back().length == at->column) {
         ++groups.back().length;
       } else {
-        groups.push_back({column, 1});
+        groups.push_back({at->column, 1});
       }
     }
     if (groups.empty()) continue;

@@ -23,7 +23,7 @@ class VoxelChanges {
   /// From this slice on the column is otherwise; in any order, twice is not at all.
   void flip(int slice, std::size_t column, unsigned kinds = 1) {
     flips_.push_back(
-        {static_cast<std::uint32_t>(slice) << 3 | kinds, static_cast<std::uint32_t>(column)});
+        {static_cast<std::uint32_t>(slice) << kKinds | kinds, static_cast<std::uint32_t>(column)});
     sorted_ = false;
   }
   /// A slice, in rising order: solid where a byte is at least 128; null: nowhere.
@@ -34,14 +34,17 @@ class VoxelChanges {
  private:
   struct Flip {
     std::uint32_t slice_and_kinds, column;
-    std::uint32_t slice() const { return slice_and_kinds >> 3; }
+    std::uint32_t slice() const { return slice_and_kinds >> kKinds; }
+    unsigned kinds() const { return slice_and_kinds & ((1U << kKinds) - 1); }
+    bool same_place(const Flip& o) const { return column == o.column && slice() == o.slice(); }
   };
-  /// By slice, then by column.
+  /// By slice, then by column, each place once.
   void sort();
   static void sort_by_column(std::span<Flip> flips);
   std::size_t columns_;
   std::vector<Flip> flips_;
   bool sorted_ = true;
+  unsigned kinds_ = 0;                 ///< that change anywhere; once sorted
   std::vector<std::uint64_t> before_;  ///< bits of the slice added last; empty: none
 };
 
@@ -49,7 +52,7 @@ class VoxelChanges {
 /// the folder for temporary files.
 class KeptVoxels {
  public:
-  /// Changes of one kind, band by band. A band's piece may be in several.
+  /// Changes of one kind, band by band.
   using Pieces = std::vector<BlobStore::Blob>;
   using Stream = std::vector<Pieces>;
 

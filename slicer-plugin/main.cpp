@@ -73,9 +73,6 @@ int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context
     throw InputError(
         "--undo, --again and --show-rule are for one FILE; expected it without --watch");
   }
-  if (watching && !a.parts.empty()) {
-    throw InputError("--part is for one FILE; expected it without --watch");
-  }
   const cli::MeshOptions plain;
   if (a.parts.empty() && (a.meshes.units != plain.units || a.meshes.scale != plain.scale ||
                           a.meshes.fit_mm > 0 || !a.meshes.rotate_deg.empty())) {
@@ -83,6 +80,7 @@ int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context
   }
   PostRequest request;
   request.parts = cli::parts_inside(a.parts, a.meshes);
+  request.part_options = part_options_on(app);
   request.config = load_config(a.config);
   request.given = given_on(app);
   request.again = a.again;
@@ -94,6 +92,10 @@ int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context
   if (!watching) {
     request.slicer = slicer_call_from_environment();
     return correct_one(a, request, context, console);
+  }
+  // What can't be read is not to be told of each file, an hour later.
+  for (const std::string& part : request.parts.files) {
+    read_mesh(part, request.parts.placement, context);
   }
   Log log(a.log, a.json_log, !context.notice);
   const WatchResult result = watch(a.watch, request, log, context);

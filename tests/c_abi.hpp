@@ -106,6 +106,20 @@ inline StackHandle open_stack(const std::string& path) {
   return stack;
 }
 
+inline std::string json_of(const FiguresHandle& figures) {
+  return slicecorr_figures_json(figures.get());
+}
+
+/// The ladder's archive, and its printer.
+class CAbiLadder : public ::testing::Test {
+ protected:
+  CAbiLadder() { write_ladder(target_path_, printer_); }
+
+  const TemporaryFolder folder_;
+  const std::string printer_ = printer_toml(96, 64);
+  const std::string target_path_ = folder_ / "target.uvj";
+};
+
 /// All slices of a stack in memory.
 inline std::vector<Bytes> c_images(const slicecorr_stack* stack) {
   const auto number = [&](const char* name) {

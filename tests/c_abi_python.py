@@ -413,6 +413,65 @@ class Jobs(unittest.TestCase):
         self.assertEqual(tomo.solve(a_part(), 0.25, PRINTER, RESIN, angles=24).figures, job.figures)
 
 
+DISPLAY = """name = "small"
+[display]
+width_px = 96
+height_px = 64
+pixel_um = 50.0
+[blue]
+wavelength_nm = 405
+calibration = [[0, 1.0], [255, 100.0]]
+[stage]
+travel_mm = 100
+"""
+
+
+class Archives(unittest.TestCase):
+    def test_parts_inside(self):
+        """As the program corrects it, beside supports; paths may be several, and paths of pathlib."""
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            (folder / "small.toml").write_text(DISPLAY)
+            light = {"printer": folder / "small.toml", "resin": SOURCE / "resins/db/figure-2-2.toml", "speed_mm_h": 1000}
+
+            def write(file, *boxes):
+                (folder / file).write_text("".join(box_obj(k, *box) for k, box in enumerate(boxes)))
+                return folder / file
+
+            def program(*words):
+                done = subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, done.stderr)
+
+            part = [((0, 0, 1), (2, 1, 3)), ((2, 0, 2), (3, 1, 3))]
+            raft = ((-0.5, -0.5, 0), (3.5, 1.5, 0.5))
+            mesh, other = write("part.obj", *part), write("raft.obj", raft)
+            source, made, expected = folder / "all.uvj", folder / "made.uvj", folder / "expected.uvj"
+            program("slice", write("all.obj", *part, raft), "-o", source, "--printer", light["printer"],
+                    "--layer-um", 50)
+            options = [text for key, value in light.items() for text in ("--" + key.replace("_", "-"), value)]
+
+            program("correct", source, "-o", expected, "--part", mesh, *options)
+            told = []
+            figures = slicecorr.correct(source, made, part_inside=mesh, notice=told.append, **light)
+            self.assertEqual(made.read_bytes(), expected.read_bytes())
+            self.assertGreater(figures["left_alone_voxels"], 0)
+            self.assertTrue(any("part.obj: found at" in text for text in told), told)
+            both = slicecorr.correct(source, made, part_inside=[mesh, str(other)], **light)
+            self.assertLess(both.get("left_alone_voxels", 0), figures["left_alone_voxels"])
+            for wrong in (folder / "none.obj", f"{mesh}\n{folder}/none.obj", [f"{folder}/a\nb.obj"]):
+                with self.assertRaises(slicecorr.InputError) as caught:
+                    slicecorr.correct(source, made, part_inside=wrong, **light)
+                self.assertEqual(caught.exception.status, 2)
+
+
+def box_obj(number, low, high):
+    """A box, as the `number`th of an OBJ file."""
+    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    faces = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    return ("".join("v {} {} {}\n".format(*c) for c in corners)
+            + "".join("f " + " ".join(str(8 * number + i) for i in face) + "\n" for face in faces))
+
+
 class Module(unittest.TestCase):
     def test_archives_need_no_numpy(self):
         done = subprocess.run([sys.executable, "-c", "import sys; sys.modules['numpy'] = None; import slicecorr\n"

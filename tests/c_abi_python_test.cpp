@@ -37,6 +37,7 @@ void expect_passes(const std::string& name, const std::string& needed) {
 TEST(CAbiPython, Operators) { expect_passes("Operators", "numpy"); }
 TEST(CAbiPython, SciPyTakesTheOperators) { expect_passes("SciPy", "scipy"); }
 TEST(CAbiPython, Jobs) { expect_passes("Jobs", "numpy"); }
+TEST(CAbiPython, Archives) { expect_passes("Archives", "numpy"); }
 TEST(CAbiPython, Module) { expect_passes("Module", "numpy"); }
 TEST(CAbiPython, Documents) { expect_passes("Documents", "scipy"); }
 

@@ -11,19 +11,11 @@
 
 #include "c_abi.hpp"
 #include "memory_slices.hpp"
-#include "slicecorr/left_alone.hpp"
 
 namespace slicecorr::test {
 namespace {
 
-class CAbiWork : public ::testing::Test {
- protected:
-  CAbiWork() { write_ladder(target_path_, printer_); }
-
-  const TemporaryFolder folder_;
-  const std::string printer_ = printer_toml(96, 64);
-  const std::string target_path_ = folder_ / "target.uvj";
-};
+class CAbiWork : public CAbiLadder {};
 
 /// A way to print, and a target for it.
 struct Case {
@@ -109,8 +101,6 @@ std::string without_places(const std::string& json) {
   }
   return figures.dump();
 }
-
-std::string json_of(const FiguresHandle& figures) { return slicecorr_figures_json(figures.get()); }
 
 /// Slices that callbacks give and take.
 struct Exchange {
@@ -261,63 +251,6 @@ TEST(CAbiResults, EqualThoseOfTheCppPipelineByteForByte) {
       }
     }
   }
-}
-
-TEST_F(CAbiWork, SupportsAreLeftAlone) {
-  const StackReader target(target_path_, folder_.path());
-  // A pillar through the ladder's middle.
-  Images pillar;
-  pillar.grid = target.grid();
-  const auto area = static_cast<std::size_t>(pillar.grid.width_px * pillar.grid.height_px);
-  for (int n = 0; n < pillar.grid.layers; ++n) {
-    Bytes& slice = pillar.slices.emplace_back(area, std::uint8_t{0});
-    if (n < 25) slice[area / 2 + static_cast<std::size_t>(pillar.grid.width_px) / 2] = 200;
-  }
-  const std::string path = folder_ / "pillar.uvj";
-  write_stack(path, pillar, info_of(pillar.grid));
-  const slicecorr::Setup setup = ladder_setup(printer_);
-  const LeftAloneFiles wanted(target, {path}, {}, setup.printer, folder_.path());
-  const Correction expected =
-      correct_stack(*wanted, setup, folder_ / "expected.uvj", {.before = true});
-  EXPECT_EQ(expected.after.left_alone_voxels, 25U);
-
-  Settings settings = ladder_settings(printer_);
-  settings.emplace_back("leave_alone", path);
-  const SetupHandle s = c_setup(settings);
-  const StackHandle t = open_stack(target_path_);
-  FiguresHandle after, before;
-  ASSERT_EQ(slicecorr_correct(t.get(), s.get(), (folder_ / "made.uvj").c_str(), nullptr, out(after),
-                              out(before)),
-            SLICECORR_OK)
-      << slicecorr_error_text();
-  EXPECT_EQ(read_file(folder_ / "made.uvj"), read_file(folder_ / "expected.uvj"));
-  EXPECT_EQ(json_of(after), expected.after.to_json());
-  EXPECT_EQ(json_of(before), expected.before->to_json());
-  StackHandle corrected;
-  ASSERT_EQ(slicecorr_correct_in_memory(t.get(), s.get(), nullptr, out(corrected), out(after)),
-            SLICECORR_OK)
-      << slicecorr_error_text();
-  EXPECT_EQ(json_of(after), expected.after.to_json());
-  double volume = 0;
-  EXPECT_EQ(slicecorr_stack_number(corrected.get(), "part_volume_mm3", &volume), SLICECORR_OK);
-  EXPECT_EQ(volume, expected.info.part_volume_mm3);
-  const StackHandle made = open_stack(folder_ / "made.uvj");
-  FiguresHandle verified, predicted;
-  ASSERT_EQ(slicecorr_verify(made.get(), t.get(), s.get(), nullptr, out(verified)), SLICECORR_OK)
-      << slicecorr_error_text();
-  EXPECT_EQ(json_of(verified), expected.after.to_json());
-  ASSERT_EQ(slicecorr_predict(t.get(), s.get(), nullptr, out(predicted)), SLICECORR_OK);
-  EXPECT_EQ(json_of(predicted), expected.before->to_json());
-  // What isn't there, and numbers out of range.
-  const SetupHandle none = c_setup(ladder_settings(printer_));
-  ASSERT_EQ(slicecorr_setup_set_text(none.get(), "leave_alone", "/nowhere.uvj"), SLICECORR_OK);
-  EXPECT_EQ(slicecorr_correct_in_memory(t.get(), none.get(), nullptr, out(corrected), nullptr),
-            SLICECORR_BAD_INPUT);
-  for (const double bad : {-0.1, 1.1}) {
-    EXPECT_EQ(slicecorr_setup_set_number(none.get(), "platform_reflectance", bad),
-              SLICECORR_BAD_INPUT);
-  }
-  EXPECT_EQ(slicecorr_setup_set_number(none.get(), "platform_reflectance", 0), SLICECORR_OK);
 }
 
 TEST_F(CAbiWork, CorrectsInPlace) {

@@ -141,10 +141,45 @@ TEST_F(FindPartProgram, BehindASlicer) {
   check_images(before, after);
   EXPECT_GT(json::parse(to_text(read_file(folder_ / "all.uvj.json")))["left_alone_voxels"],
             4 * 104 * 64);
-  EXPECT_EQ(post({"--watch", ".", "--once", "--part", "ladder.stl"}).exit_code, 2);
   const RunResult lost = post(kLight + Command{"--scale", "2", "before.uvj"});
   EXPECT_EQ(lost.exit_code, 2);
   EXPECT_THAT(lost.err, HasSubstr("expected --part"));
+}
+
+TEST_F(FindPartProgram, InAWatchedFolder) {
+  namespace fs = std::filesystem;
+  const RunOptions& o = options_;
+  const auto post = [&](const Command& more) {
+    return run_program(Command{SLICECORR_BIN_DIR "/slicecorr-post"} + kLight + more, o);
+  };
+  // Half as large, in a file whose name looks like a list: what turns meshes holds for each archive.
+  TriangleMesh half = ladder();
+  for (Point3& v : half.vertices) v = {0.5 * v[0], 0.5 * v[1], 0.5 * v[2]};
+  write_stl(folder_ / "half, ladder.stl", half);
+  TriangleMesh plate;
+  add_box(plate, {0, 0, 0}, {4, 3, 3});
+  write_stl(folder_ / "plate.stl", plate);
+  fs::create_directory(folder_ / "in");
+  good({"slice", "plate.stl", "-o", "in/other.uvj", "--printer", "small.toml", "--layer-um", "50"});
+  fs::copy_file(folder_ / "all.uvj", folder_ / "in/all.uvj");
+  const Bytes other = read_file(folder_ / "in/other.uvj");
+  const Command part{"--part", "half, ladder.stl", "--scale", "2", "--rotate-deg", "0,0,90"};
+  const RunResult alone = post(part + Command{"all.uvj"});  // which is not taken for an angle
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  const Command watch{"--watch", "in", "--once", "--settle-s", "0.05"};
+  const RunResult watched = post(part + watch);
+  EXPECT_EQ(watched.exit_code, 2) << watched.err;  // one failed
+  EXPECT_THAT(watched.err, HasSubstr("corrected " + (folder_ / "in/all.uvj")));
+  EXPECT_THAT(watched.err, HasSubstr("half, ladder.stl: found at x 3.30, y 3.10 mm"));
+  EXPECT_EQ(read_file(folder_ / "in/all.uvj"), read_file(folder_ / "all.uvj"));
+  EXPECT_THAT(watched.err, HasSubstr("failed " + (folder_ / "in/other.uvj")));
+  EXPECT_THAT(watched.err, HasSubstr("half, ladder.stl: is not in the archive: at best"));
+  EXPECT_EQ(read_file(folder_ / "in/other.uvj"), other);
+  // Meshes that can't be read are told before any archive is.
+  const RunResult none = post(watch + Command{"--part", "none.stl"});
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_THAT(none.err, HasSubstr("none.stl"));
+  EXPECT_THAT(none.err, Not(HasSubstr("watching")));
 }
 
 TEST_F(FindPartProgram, WhatIsNotThereIsRefused) {

@@ -23,6 +23,7 @@ namespace slicecorr::c_api {
 /// All settings. An empty text, a number of 0 or less and a count below 0: not set.
 struct Choices : SetupChoices {
   std::string leave_alone;  ///< path of what is shown as it is sliced; empty: nothing
+  std::string part_inside;  ///< paths of meshes, one a line (`PartsInside`)
   double voxel_mm = 0;
   int angles = -1, iterations = -1;
   std::string method, window;

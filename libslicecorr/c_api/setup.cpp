@@ -64,6 +64,10 @@ const std::vector<Named>& all_settings() {
     text("leave_alone", &C::leave_alone,
          "path of a mesh on the plate, or of a stack like the target, of what is shown as it is "
          "sliced: supports, rafts");
+    text(
+        "part_inside", &C::part_inside,
+        "paths of meshes, one a line, that the archive was sliced from: they are found there, and what it "
+        "lights outside of them, supports and rafts, is left alone");
     text("uncertain", &C::uncertain,
          "by how much inputs may be off: ha=5%,dc=5%, or fit for what the resin's file says");
     text("robust", &C::robust, "keep features and gaps for all that uncertain names: on or off",

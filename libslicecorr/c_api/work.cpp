@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <numeric>
 #include <optional>
+#include <sstream>
 
 #include "c_api/handles.hpp"
 #include "pipeline/vanished.hpp"
@@ -58,24 +59,37 @@ MissingFacts missing_facts(const slicecorr_stack& stack, const Printer& printer)
   return m;
 }
 
-/// What is to be shown as it is sliced.
-std::vector<std::string> left_alone(const slicecorr_setup* setup) {
-  if (!setup || setup->choices.leave_alone.empty()) return {};
-  return {setup->choices.leave_alone};
+/// What is to be shown as it is sliced: files, and what lies outside of parts.
+struct Beside {
+  std::vector<std::string> files;
+  PartsInside inside;
+  bool empty() const { return files.empty() && inside.files.empty(); }
+};
+Beside left_alone(const slicecorr_setup* setup) {
+  Beside beside;
+  if (!setup) return beside;
+  const Choices& choices = setup->choices;
+  if (!choices.leave_alone.empty()) beside.files = {choices.leave_alone};
+  std::istringstream lines(choices.part_inside);
+  for (std::string path; std::getline(lines, path);) {
+    if (!path.empty()) beside.inside.files.push_back(path);
+  }
+  return beside;
 }
 
 /// The images of a stack, read when they are not in memory, and with what is left alone beside them.
 class Images {
  public:
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
-         const ExecutionContext& context, const std::vector<std::string>& left_alone = {})
+         const ExecutionContext& context, const Beside& beside = {})
       : slices_(stack.slices), dose_images_(stack.doses) {
     if (!slices_) {
       reader_.emplace(stack.path, folder, context, missing_facts(stack, printer));
       check_unchanged(stack, reader_->info());
     }
-    if (!left_alone.empty()) {
-      left_alone_.emplace(own(), left_alone, MeshesLeftAlone{}, printer, folder, context);
+    if (!beside.empty()) {
+      left_alone_.emplace(own(), beside.files, MeshesLeftAlone{}, printer, folder, context,
+                          beside.inside);
     }
     if (!dose_images_) return;
     doses_.images = dose_images_.get();
@@ -246,15 +260,14 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
 
 /// What `stack` prints; of a target, too, with the UV light that its correction would choose.
 Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, Setup setup,
-                  const std::vector<std::string>& left_alone, slicecorr_job* handle) {
+                  const Beside& beside, slicecorr_job* handle) {
   const ExecutionContext context = job_of(handle);
   const std::string folder = scratch_folder(handle);
   const bool uncorrected = &target == &stack;
-  const Images shown(stack, setup.printer, folder, context,
-                     uncorrected ? left_alone : std::vector<std::string>());
+  const Images shown(stack, setup.printer, folder, context, uncorrected ? beside : Beside());
   std::optional<Images> design;
   if (!uncorrected) {
-    design.emplace(target, setup.printer, folder, context, left_alone);
+    design.emplace(target, setup.printer, folder, context, beside);
     check_target(shown.source(), stack.info, design->source(), name_of(target), design->pixel_sum(),
                  context);
   }
@@ -312,13 +325,15 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "slicecorr_stack_set_number()");
     }
     tell_notices(s, t, context);
-    if (!s.printer.flat_field && !slicecorr::judges_suction(s)) {
+    const Beside beside = left_alone(setup);
+    if (!s.printer.flat_field && !slicecorr::judges_suction(s) && beside.empty()) {
       slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s,
                                  context);
       return;
     }
-    // Which places of an uneven display are lit is in the images alone, and so is how they pull.
-    const Images images(t, s.printer, scratch_folder(handle), context);
+    // Which places of an uneven display are lit is in the images alone, and so is how they pull, and
+    // where a part lies among its supports.
+    const Images images(t, s.printer, scratch_folder(handle), context, beside);
     slicecorr::plan_correction(images.source(), s, context);
     slicecorr::judge_suction(images.source(), s, context);
   });

@@ -119,6 +119,10 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  with slicecorr_setup_set_numbers(). Beside them:
  *
  *  leave_alone           mesh on the plate, or stack like the target, of what is shown as it is sliced
+ *  part_inside           paths of meshes, one a line, that the archive was sliced from, as they stand on
+ *                        their supports: they are found there in all their copies, and what it lights
+ *                        outside of them, supports and rafts, is left alone. A mesh that is not there
+ *                        is SLICECORR_BAD_INPUT, also of slicecorr_check()
  *  uncertain             by how much inputs may be off, as standard deviations: ha=5%,dc=5%, or fit
  *                        for what the resin's file says; predictions then say how sure they are
  *  robust                on, off: corrections keep features and gaps for all that uncertain names
@@ -312,7 +316,8 @@ SLICECORR_API void slicecorr_figures_free(slicecorr_figures* figures);
 /* ---- The work --------------------------------------------------------------------------------- */
 
 /** Whether `setup` can print `target` at all: size, scale, stage, light. Looks at no image, unless
- * the printer has a flat-field: then at the places that are lit. */
+ * the printer has a flat-field (then at the places that are lit), suction is judged, or something is
+ * left alone. */
 SLICECORR_API slicecorr_status slicecorr_check(const slicecorr_stack* target,
                                                const slicecorr_setup* setup, slicecorr_job* job);
 

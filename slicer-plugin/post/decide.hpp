@@ -5,6 +5,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "post/config.hpp"
 #include "post/settings.hpp"
@@ -40,6 +41,8 @@ struct PostRequest {
   SlicerCall slicer;
   bool again = false;  ///< correct the backup of a corrected file anew
   PartsInside parts;   ///< that the archive holds beside supports
+  /// The same as options, for programs that correct files for a watcher.
+  std::vector<std::string> part_options;
 };
 
 struct Decision {

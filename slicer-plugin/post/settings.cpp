@@ -4,11 +4,13 @@
 #include "post/settings.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <set>
 #include <vector>
 
+#include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "support/text/nearest.hpp"
@@ -81,6 +83,27 @@ Values given_on(const CLI::App& app) {
     if (option->count() > 0) values[name] = option->results().back();
   }
   return values;
+}
+
+std::vector<std::string> part_options_on(const CLI::App& app) {
+  CLI::App of_parts;
+  of_parts.set_help_flag();
+  std::vector<std::string> files;
+  cli::add_part_inside_to(of_parts, files);
+  cli::MeshOptions meshes;
+  meshes.add_turns_to(of_parts);
+  std::vector<std::string> options;
+  for (const std::string& name : names_in(of_parts)) {
+    const CLI::Option* const option = app.get_option("--" + name);
+    if (option->count() == 0) continue;
+    const std::vector<std::string>& said = option->results();
+    if (option->get_delimiter() != '\0') {
+      options.push_back(fmt::format("--{}={}", name, fmt::join(said, ",")));
+      continue;
+    }
+    for (const std::string& value : said) options.push_back(fmt::format("--{}={}", name, value));
+  }
+  return options;
 }
 
 Values over(Values low, const Values& high) {

@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "programs/common/setup_options.hpp"
 
@@ -27,6 +28,9 @@ using Values = std::map<std::string, std::string>;
 
 /// Those that were given on a command line; `app` has the options of `PostSettings`.
 Values given_on(const CLI::App& app);
+/// What was said there of parts, which their meshes are and how they are turned and scaled, as options
+/// for another program to do the same: "--part=a.stl".
+std::vector<std::string> part_options_on(const CLI::App& app);
 /// `low` with `high` over it. Ways to say the exposure, and the UV light, replace each other whole:
 /// a speed leaves nothing of the exposure times below it.
 Values over(Values low, const Values& high);

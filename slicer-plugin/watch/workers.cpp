@@ -38,6 +38,7 @@ Workers::Workers(int count, const PostRequest& request, const ExecutionContext& 
   for (const auto& [name, value] : request.given) {
     command_.push_back(fmt::format("--{}={}", name, value));
   }
+  command_.insert(command_.end(), request.part_options.begin(), request.part_options.end());
   command_.emplace_back("--");
   // Signals are for the thread that waits for events: it would sleep on otherwise.
   sigset_t all, before;

@@ -163,6 +163,7 @@ void MeshOptions::add_turns_to(CLI::App& app) {
                  "X,Y,Z: turn the parts about the fixed axes x, y and z, in this order")
       ->delimiter(',')
       ->expected(3)
+      ->allow_extra_args(false)  // a FILE may come behind it
       ->check(number_in(-1e6, 1e6));
 }
 

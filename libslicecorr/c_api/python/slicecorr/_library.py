@@ -201,7 +201,8 @@ class Handle:
 
 
 def setup_of(settings: Mapping[str, Any]) -> Handle:
-    """A setup of these settings; None means not set. Printers and resins may be paths, or `Toml`."""
+    """A setup of these settings; None means not set. Printers and resins may be paths, or `Toml`; lists are of numbers,
+    or of paths."""
     setup = Handle("setup", _lib.slicecorr_setup_new())
     for name, value in settings.items():
         if value is None:
@@ -212,6 +213,11 @@ def setup_of(settings: Mapping[str, Any]) -> Handle:
             raise TypeError(f"{name} is {value}; expected a text or a number")
         if isinstance(value, os.PathLike):
             value = os.fspath(value)
+        if isinstance(value, (list, tuple)) and value and all(isinstance(v, (str, os.PathLike)) for v in value):
+            paths = [os.fspath(v) for v in value]
+            if any("\n" in path for path in paths):
+                raise InputError(f"{name}: {paths} holds a path of several lines; expected none", 2)
+            value = "\n".join(paths)
         if isinstance(value, (list, tuple)):
             numbers = (ctypes.c_double * len(value))(*value)
             check(_lib.slicecorr_setup_set_numbers(setup, name.encode(), numbers, len(value)))

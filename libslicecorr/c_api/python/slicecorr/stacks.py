@@ -17,7 +17,8 @@ def correct(source: "Union[str, os.PathLike[str]]", target: "Union[str, os.PathL
     """Corrects the archive `source` and writes `target`, which may be the same file.
 
     `printer` and `resin` are names, paths of .toml files, or `Toml`; other settings are those of `slicecorr correct`
-    with _ for - (``speed_mm_h=800``). `progress` is called with a stage and the fraction done. Returns what the
+    with _ for - (``speed_mm_h=800``), but for `part_inside`, its --part: the path of the mesh that `source` was sliced
+    from, or a list of them; supports beside it stay as they are. `progress` is called with a stage and the fraction done. Returns what the
     corrected stack prints, as `slicecorr verify --json` writes it. Raises `InputError`, `InfeasibleError`,
     `DeviceError`; after Ctrl-C nothing half-made is left."""
     setup = setup_of({"printer": printer, "resin": resin, **settings})

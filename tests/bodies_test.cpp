@@ -18,6 +18,7 @@
 #include <tuple>
 #include <vector>
 
+#include "bodies_grid.hpp"
 #include "memory_slices.hpp"
 #include "models.hpp"
 #include "rounds.hpp"
@@ -27,12 +28,6 @@ namespace slicecorr::test {
 namespace {
 
 using testing::HasSubstr;
-
-constexpr double kPixelUm = 50, kLayerUm = 100;
-
-Grid grid_of(int width, int height, int layers) {
-  return {width, height, layers, kPixelUm, kPixelUm, kLayerUm};
-}
 
 /// Voxels with a ring of empty ones around, filled from one to the next.
 class Flood {
@@ -582,112 +577,6 @@ TEST(Bodies, CupsOpenTowardsTheWindowOrThePlatform) {
   EXPECT_EQ(find_bodies(vented).cups_in_all, 0U);
 }
 
-TEST(Bodies, HangByWhatTheyShareWithTheSliceBefore) {
-  // A lamp on a stem of 4 x 2 pixels of 50 um: 0.02 mm².
-  MemorySlices lamp(grid_of(40, 40, 30));
-  fill(lamp, {5, 5, 0}, {35, 35, 3});
-  fill(lamp, {20, 18, 3}, {24, 20, 12});
-  fill(lamp, {10, 10, 12}, {30, 30, 20});
-  fill(lamp, {12, 12, 20}, {13, 13, 30});  // a pin on top is no body that hangs
-  Bodies b = find_bodies(lamp, {}, {true, 0.1});
-  ASSERT_EQ(b.necks.size(), 1U);
-  EXPECT_EQ(b.necks_in_all, 1U);
-  EXPECT_EQ(b.necks[0], (Neck{3, 8, 9 * 8 + 8 * 400 + 10, 22, 19}));
-  const auto j = nlohmann::json::parse(b.to_json());
-  EXPECT_NEAR(j["necks"][0]["area_mm2"].get<double>(), 0.02, 1e-12);
-  EXPECT_EQ(j["necks"][0]["at_um"], 300);
-  EXPECT_NEAR(j["necks"][0]["volume_mm3"].get<double>(), (72 + 3200 + 10) * 0.05 * 0.05 * 0.1,
-              1e-12);
-  EXPECT_THAT(bodies_in_words(b).front(),
-              HasSubstr("1 body hangs by less than 0.1 mm²: 0.8205 mm³, by 0.02 mm² at 300 um"));
-  EXPECT_TRUE(b.any_loose());
-  // As much as is asked for is enough, and nobody looks unless asked.
-  EXPECT_EQ(find_bodies(lamp, {}, {true, 0.02}).necks_in_all, 0U);
-  EXPECT_EQ(find_bodies(lamp).necks_in_all, 0U);
-
-  // On two stems it hangs by both.
-  MemorySlices two = lamp;
-  fill(two, {26, 18, 3}, {28, 20, 12});
-  b = find_bodies(two, {}, {true, 0.1});
-  ASSERT_EQ(b.necks_in_all, 1U);
-  EXPECT_EQ(b.necks[0].voxels, 12U);
-  EXPECT_EQ(b.necks[0].slice, 12);
-  EXPECT_EQ(find_bodies(two, {}, {true, 0.03}).necks_in_all, 0U);
-
-  // A ball on the platform hangs by what lies on it.
-  MemorySlices foot(grid_of(40, 40, 20));
-  fill(foot, {20, 20, 0}, {21, 22, 1});
-  fill(foot, {15, 15, 1}, {25, 25, 20});
-  b = find_bodies(foot, {}, {true, 0.1});
-  ASSERT_EQ(b.necks_in_all, 1U);
-  EXPECT_EQ(b.necks[0], (Neck{0, 2, 2 + 1900, 20.5, 21}));
-
-  // An hourglass has one neck, where it is narrowest.
-  MemorySlices hourglass(grid_of(40, 40, 20));
-  for (int n = 0; n < 20; ++n) {
-    const int r = 2 + std::abs(n - 10);
-    fill(hourglass, {20 - r, 20 - r, n}, {20 + r, 20 + r, n + 1});
-  }
-  b = find_bodies(hourglass, {}, {true, 0.2});
-  ASSERT_EQ(b.necks_in_all, 1U);
-  EXPECT_EQ(b.necks[0].slice, 10);
-  EXPECT_EQ(b.necks[0].voxels, 16U);
-}
-
-TEST(Bodies, TowersHangByTheirNarrowestStoreySoFar) {
-  std::mt19937 random(65);
-  std::uint64_t necks = 0;
-  for (int round = 0; round < rounds(300); ++round) {
-    SCOPED_TRACE(round);
-    MemorySlices slices(grid_of(12, 1, 24));
-    const std::uint64_t least = 1 + random() % 8;
-    int begin = 0, end = 12;
-    // What each slice hangs by, and what is expected of it: a neck begins where it gets less.
-    std::uint64_t bears = 0;
-    struct Open {
-      int slice;
-      std::uint64_t voxels;
-      bool wide;
-    };
-    std::vector<Open> chain;
-    for (int n = 0; n < 24; ++n) {
-      const int before_begin = begin, before_end = end;
-      if (random() % 2 == 0) {
-        begin = static_cast<int>(random() % 12);
-        end = begin + 1 + static_cast<int>(random() % (12 - static_cast<unsigned>(begin)));
-        if (n > 0 && std::min(end, before_end) <= std::max(begin, before_begin)) {
-          begin = before_begin;
-          end = before_end;
-        }
-      }
-      fill(slices, {begin, 0, n}, {end, 1, n + 1});
-      const int shared =
-          n == 0 ? end - begin : std::min(end, before_end) - std::max(begin, before_begin);
-      const std::uint64_t held = n == 0 ? 12 : bears;
-      bears = std::min<std::uint64_t>(held, static_cast<std::uint64_t>(shared));
-      if (bears < least && (chain.empty() || bears < chain.back().voxels)) {
-        chain.push_back({n, bears, false});
-      }
-      if (!chain.empty() && static_cast<std::uint64_t>(end - begin) >= least) {
-        chain.back().wide = true;
-      }
-    }
-    std::vector<std::pair<int, std::uint64_t>> expected, found;
-    for (const Open& o : chain) {
-      if (o.wide) expected.emplace_back(o.slice, o.voxels);
-    }
-    const double mm2 = static_cast<double>(least) * kPixelUm * kPixelUm * 1e-6;
-    for (const Neck& neck : find_bodies(slices, {}, {true, mm2}).necks) {
-      found.emplace_back(neck.slice, neck.voxels);
-    }
-    std::sort(found.begin(), found.end());
-    EXPECT_EQ(found, expected);
-    if (HasFailure()) return;
-    necks += found.size();
-  }
-  EXPECT_GT(necks, 100U);
-}
-
 TEST(Bodies, OfNothing) {
   const Bodies b = find_bodies(MemorySlices(grid_of(20, 20, 20)));
   EXPECT_EQ(b.on_platform + b.loose_bodies + b.islands_in_all + b.cups_in_all, 0U);
@@ -721,16 +610,21 @@ MemorySlices random_boxes(std::mt19937& random) {
   return slices;
 }
 
-TEST(Bodies, ACorrectionCutsNothingLoose) {
-  std::mt19937 random(61);
+/// Continuous; in a resin in which light reaches over many slices; layer by layer.
+std::array<slicecorr::Setup, 3> ways_to_print() {
   slicecorr::Setup continuous{linear_printer(1, 100), resin(576, 2000), process(1000)};
   continuous.printer.pixel_x_um = continuous.printer.pixel_y_um = kPixelUm;
-  slicecorr::Setup clear = continuous;  // light reaches over many slices
+  slicecorr::Setup clear = continuous, layerwise = continuous;
   clear.resin = resin(100, 6000);
-  slicecorr::Setup lifted = continuous;
-  lifted.printer = linear_printer(0, 100);
-  lifted.resin = resin(20, 400);
-  lifted.process.mode = ExposureMode::layerwise;
+  layerwise.printer = linear_printer(0, 100);
+  layerwise.resin = resin(20, 400);
+  layerwise.process.mode = ExposureMode::layerwise;
+  return {continuous, clear, layerwise};
+}
+
+TEST(Bodies, ACorrectionCutsNothingLoose) {
+  std::mt19937 random(61);
+  auto [continuous, clear, lifted] = ways_to_print();
   lifted.process.exposure_s = 0.6;
   lifted.process.lifts = Lifts::each;
   std::uint64_t islands = 0, judged = 0;
@@ -800,14 +694,7 @@ Gelling gelling_of(const MemorySlices& images, const slicecorr::Setup& setup) {
 
 TEST(Bodies, HangOnWhatHasGelledSoFar) {
   std::mt19937 random(63);
-  slicecorr::Setup continuous{linear_printer(1, 100), resin(576, 2000), process(1000)};
-  continuous.printer.pixel_x_um = continuous.printer.pixel_y_um = kPixelUm;
-  slicecorr::Setup clear = continuous;  // light reaches over many slices
-  clear.resin = resin(100, 6000);
-  slicecorr::Setup standing = continuous;
-  standing.printer = linear_printer(0, 100);
-  standing.resin = resin(20, 400);
-  standing.process.mode = ExposureMode::layerwise;
+  auto [continuous, clear, standing] = ways_to_print();
   standing.process.exposure_s = 0.3;
   slicecorr::Setup longer = standing;  // first layers
   longer.process.bottom_layers = 3;

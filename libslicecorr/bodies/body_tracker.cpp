@@ -254,8 +254,13 @@ struct BodyTracker::Impl {
     const double pixel_mm2 = grid.pixel_x_um * grid.pixel_y_um * 1e-6;
     if (ask.least_neck_mm2 > 0 && pixel_mm2 > 0) {
       // So many voxels have at least this area, whatever rounding did to it.
-      necks.emplace(box.height(), static_cast<std::uint64_t>(
-                                      std::ceil(ask.least_neck_mm2 / pixel_mm2 * (1 - 1e-9))));
+      necks.emplace(
+          box.height(),
+          static_cast<std::uint64_t>(std::ceil(ask.least_neck_mm2 / pixel_mm2 * (1 - 1e-9))),
+          [this](const Neck& neck) {
+            ++necks_in_all;
+            largest_necks.add(neck);
+          });
     }
     if (ask.voids && !box.empty()) open.emplace(box.height(), -1, box.width() + 1, void_bodies);
   }
@@ -291,6 +296,8 @@ struct BodyTracker::Impl {
   SolidRows solids;
   std::optional<JoinedRows> open;
   std::optional<detail::NeckFinder> necks;
+  std::uint64_t necks_in_all = 0;
+  Largest<Neck> largest_necks;
   int slices = 0, lit = 0;  ///< slices so far, and up to the last that has something solid
   std::vector<Run> moved, between;
   /// By plane and row. Plane 0 is what is solid, plane 1 + k bit k of the slices until that gels.
@@ -408,14 +415,13 @@ Bodies BodyTracker::finish() {
   t.void_bodies.put(found);
   if (t.necks) {
     found.least_neck_mm2 = t.ask.least_neck_mm2;
-    Largest<Neck> largest;
-    for (Neck neck : t.necks->finish()) {
+    t.necks->finish();
+    found.necks_in_all = t.necks_in_all;
+    found.necks = t.largest_necks.take();
+    for (Neck& neck : found.necks) {
       neck.column += t.box.x0;
       neck.row += t.box.y0;
-      ++found.necks_in_all;
-      largest.add(neck);
     }
-    found.necks = largest.take();
   }
   // Black slices after the last body are no more of the print.
   for (Cup& c : found.cups) {

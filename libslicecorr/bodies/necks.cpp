@@ -20,8 +20,9 @@ std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t i) {
 
 }  // namespace
 
-NeckFinder::NeckFinder(int rows, std::uint64_t least)
+NeckFinder::NeckFinder(int rows, std::uint64_t least, Sink found)
     : least_(least),
+      found_(std::move(found)),
       rows_(static_cast<std::size_t>(rows)),
       before_(static_cast<std::size_t>(rows)),
       necks_(1) {}
@@ -80,8 +81,30 @@ std::uint32_t NeckFinder::add(std::uint64_t voxels, std::int64_t column2, std::i
   neck.voxels = voxels;
   neck.column = static_cast<double>(column2) / twice;
   neck.row = static_cast<double>(row2) / twice;
-  necks_.push_back({neck, 0, below});
-  return static_cast<std::uint32_t>(necks_.size() - 1);
+  hold(below);
+  if (free_.empty()) {
+    necks_.push_back({neck, 0, below});
+    return static_cast<std::uint32_t>(necks_.size() - 1);
+  }
+  const std::uint32_t made = free_.back();
+  free_.pop_back();
+  necks_[made] = {neck, 0, below};
+  return made;
+}
+
+void NeckFinder::hold(std::uint32_t neck) {
+  if (neck != kNothing && neck != kEnough) ++necks_[neck].hanging;
+}
+
+void NeckFinder::let_go(std::uint32_t neck) {
+  while (neck != kNothing && neck != kEnough && --necks_[neck].hanging == 0) {
+    const Found& ended = necks_[neck];
+    if (ended.widest >= least_) found_(ended.neck);
+    // What hangs by a neck hangs by the one below it, too.
+    necks_[ended.below].neck.borne += ended.neck.borne;
+    free_.push_back(neck);
+    neck = ended.below;
+  }
 }
 
 /// `contacts`: of one patch, by necks.
@@ -157,6 +180,8 @@ void NeckFinder::end_slice(int more) {
     label();
     hang();
     before_ = rows_;
+    for (const Patch& p : patches_) hold(p.neck);
+    for (const Patch& p : patches_before_) let_go(p.neck);
   }
   // In slices that are alike patches hang by what they hung by.
   for (const Patch& p : patches_) {
@@ -169,17 +194,9 @@ void NeckFinder::end_slice(int more) {
   changed_ = false;
 }
 
-std::vector<Neck> NeckFinder::finish() {
-  std::vector<Neck> found;
-  // What hangs by a neck hangs by the one below it, too; below comes first.
-  for (std::size_t i = necks_.size(); i-- > 1;) {
-    if (necks_[i].below == kEnough) continue;
-    necks_[necks_[i].below].neck.borne += necks_[i].neck.borne;
-  }
-  for (std::size_t i = 1; i < necks_.size(); ++i) {
-    if (necks_[i].widest >= least_) found.push_back(necks_[i].neck);
-  }
-  return found;
+void NeckFinder::finish() {
+  for (const Patch& p : patches_) let_go(p.neck);
+  patches_.clear();
 }
 
 }  // namespace slicecorr::detail

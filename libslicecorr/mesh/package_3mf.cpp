@@ -14,6 +14,7 @@
 #include <optional>
 
 #include "mesh/mesh_parts.hpp"
+#include "mesh/spaces_3mf.hpp"
 #include "mesh/unpacked.hpp"
 #include "slicecorr/error.hpp"
 #include "support/files/unpacked_limit.hpp"
@@ -22,13 +23,6 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::string_view kRelations =
-    "http://schemas.openxmlformats.org/package/2006/relationships";
-constexpr std::string_view kModelType =
-    "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
-constexpr std::string_view kTicketType =
-    "http://schemas.microsoft.com/3dmanufacturing/2013/01/printticket";
-constexpr std::string_view kXmlSpace = "http://www.w3.org/XML/1998/namespace";
 /// Parts and relations are few.
 constexpr std::size_t kMost3mfParts = 100'000;
 
@@ -65,7 +59,8 @@ class RelationReader final : public Xml3mf {
 
  private:
   void element_begins(const XmlElement& element, std::size_t depth) override {
-    if (element.space != kRelations || (depth == 0) != (element.name == "Relationships")) {
+    if (element.space != spaces_3mf::kRelations ||
+        (depth == 0) != (element.name == "Relationships")) {
       fail("the element '" + shown(element.name) + "' is none of relationships");
     }
     if (depth == 0) return;
@@ -85,7 +80,7 @@ void Xml3mf::begin(const XmlElement& element) {
     fail("elements are more than " + std::to_string(kMost3mfDepth) + " deep in each other");
   }
   for (const XmlAttribute& attribute : element.attributes) {
-    if (attribute.space == kXmlSpace && attribute.name == "space") {
+    if (attribute.space == spaces_3mf::kXmlSpace && attribute.name == "space") {
       fail("the element '" + shown(element.name) + "' has xml:space, which 3MF does not allow");
     }
   }
@@ -263,10 +258,10 @@ std::vector<Package3mf::Relation> Package3mf::relations(const std::string& part)
   int tickets = 0;
   for (const RelationReader::Found& found : reader.found) {
     // Links to the world outside concern people who look at the file.
-    if (found.external && found.type != kModelType) continue;
+    if (found.external && found.type != spaces_3mf::kModelType) continue;
     const std::string at = own->name + ", line " + std::to_string(found.line);
     if (found.external) throw InputError(path_, at, "the model is not in the package");
-    if (found.type == kTicketType && ++tickets > 1) {
+    if (found.type == spaces_3mf::kTicketType && ++tickets > 1) {
       throw InputError(path_, at, "there is more than one print ticket");
     }
     all.push_back({found.type, resolve(found.target, part)});
@@ -277,7 +272,7 @@ std::vector<Package3mf::Relation> Package3mf::relations(const std::string& part)
 std::string Package3mf::model_part() const {
   std::optional<std::string> model;
   for (const Relation& relation : relations("")) {
-    if (relation.type != kModelType) continue;
+    if (relation.type != spaces_3mf::kModelType) continue;
     if (model) throw InputError(path_, "_rels/.rels", "there is more than one model to print");
     model = relation.target;
   }

@@ -1,88 +1,28 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
+// Slices are cut from what mesh_slices_make.cpp made of a mesh.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
-#include <mutex>
-#include <numbers>
-#include <span>
 #include <string>
 #include <utility>
 
-#include "mesh/clip_to_box.hpp"
 #include "mesh/half_edges.hpp"
 #include "parallel/silent.hpp"
-#include "slice/bridges.hpp"
-#include "slice/edge_heights.hpp"
-#include "slice/placing.hpp"
-#include "slice/raster.hpp"
-#include "slice/solid_rule.hpp"
+#include "slice/mesh_slices_parts.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/slice.hpp"
 
 namespace slicecorr {
-
-using detail::box_of;
-using detail::check_fits;
-using detail::chunks_of;
-using detail::in_chunks;
-using detail::layers_of;
-using detail::PartBox;
-using detail::Placing;
-using detail::placing_of;
-using detail::Segment;
 
 namespace {
 
 /// Share of the volume from which on missing surface shows in the print: 1 % of a part 50 pixels
 /// wide is half a pixel on one side.
 constexpr double kMuch = 0.01;
-
-/// A corner of the mesh on the printer: x and y in pixels of the image, z in layers so that slice n
-/// is cut at z = n.
-using Corner = Point3;
-constexpr std::size_t kX = 0, kY = 1, kZ = 2;
-
-struct Span {
-  int first, last;
-};
-
-struct Entry {
-  std::uint32_t triangle;
-  Span span;  ///< the slices that cut it; none (the first after the last) where edges need it
-};
-
-/// A triangle while slices cut it: its edge that rises through the slice, and the one that falls.
-struct Cut {
-  double x[2], y[2], z[2];     ///< where they begin
-  double dx[2], dy[2], dz[2];  ///< from there to their ends
-  int until;                   ///< the last slice that cuts these two edges
-  int last;                    ///< the last slice that cuts the triangle
-  std::uint32_t triangle;
-
-  Segment at(int slice) const {
-    double end[4];
-    for (std::size_t way = 0; way < 2; ++way) {
-      const double t = (slice - z[way]) / dz[way];
-      end[2 * way] = x[way] + t * dx[way];
-      end[2 * way + 1] = y[way] + t * dy[way];
-    }
-    return {end[0], end[1], end[2], end[3]};
-  }
-};
-
-/// Slices that cut something between these heights, in layers: z < n counts as below slice n,
-/// z >= n as above.
-Span cut_by(double z_low, double z_high, int layers) {
-  const double first = std::floor(z_low) + 1;
-  const double last = std::floor(z_high);
-  return {static_cast<int>(std::clamp(first, 0.0, static_cast<double>(layers))),
-          static_cast<int>(std::clamp(last, -1.0, static_cast<double>(layers - 1)))};
-}
 
 /// In words how far the volume can be trusted where surface is missing; empty: it can.
 std::string doubt_of(const SliceReport& r) {
@@ -94,80 +34,6 @@ std::string doubt_of(const SliceReport& r) {
 }
 
 }  // namespace
-
-struct MeshSlices::Impl {
-  Grid grid;
-  bool antialias = true;
-  std::unique_ptr<const Heights> heights;  ///< null: not asked for
-  PixelBox bounds;
-  SliceReport report;
-  std::array<Point3, 2> box_mm{};
-  std::vector<Corner> corners;                          ///< in place of the mesh's vertices
-  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< turned where needed
-  std::vector<EdgeDefects::OpenEdge> open;
-  std::vector<std::vector<Segment>> bridges;  ///< per slice
-  // Where volumes are taken away; else empty, and the rule is plain.
-  detail::SolidRule rule;
-  std::vector<detail::SolidRule::Tag> tags;                      ///< per triangle
-  std::vector<std::vector<detail::SolidRule::Tag>> bridge_tags;  ///< beside `bridges`
-  int rows_per_bin = 1;
-  std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
-  std::unique_ptr<Entry[]> binned;
-
-  void place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-             const ExecutionContext& context);
-  void divide_solids(const std::vector<TriangleMesh::Share>& shares);
-  void close_contours(const ExecutionContext& context);
-  void measure_bridges();
-  void bin_triangles(const ExecutionContext& context);
-
-  /// Where the edge from corner a to corner b meets slice n. Both triangles of an edge get the same
-  /// bits.
-  detail::LooseEnds::Point meet(std::uint32_t a, std::uint32_t b, double n) const {
-    if (a > b) std::swap(a, b);
-    const Corner& p = corners[a];
-    const Corner& q = corners[b];
-    const double t = (n - p[kZ]) / (q[kZ] - p[kZ]);
-    return {p[kX] + t * (q[kX] - p[kX]), p[kY] + t * (q[kY] - p[kY])};
-  }
-  void set_edges(Cut& cut, int slice) const;
-  std::size_t bin_of(double y) const {
-    return std::min(static_cast<std::size_t>(y) / static_cast<std::size_t>(rows_per_bin),
-                    bin_begin.size() - 2);
-  }
-  std::pair<std::size_t, std::size_t> bins_of(const std::array<std::uint32_t, 3>& t) const {
-    const auto [low, high] = std::minmax({corners[t[0]][kY], corners[t[1]][kY], corners[t[2]][kY]});
-    return {bin_of(low), bin_of(high)};
-  }
-  /// Whether the centres of some row lie on the triangle, as seen along x.
-  bool meets_centres(const std::array<std::uint32_t, 3>& t) const {
-    const auto [low, high] = std::minmax({corners[t[0]][kY], corners[t[1]][kY], corners[t[2]][kY]});
-    return detail::first_centre(low) < detail::first_centre(high);
-  }
-  Span slices_of(const std::array<std::uint32_t, 3>& t) const {
-    const auto [low, high] = std::minmax({corners[t[0]][kZ], corners[t[1]][kZ], corners[t[2]][kZ]});
-    return cut_by(low, high, grid.layers);
-  }
-  /// Those slices of `all` that may cut the triangle in rows [y0, y1).
-  Span slices_of(const std::array<std::uint32_t, 3>& t, const Span& all, double y0,
-                 double y1) const {
-    double low = std::numeric_limits<double>::infinity(), high = -low;
-    const auto see = [&](double z) { low = std::min(low, z), high = std::max(high, z); };
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Corner &a = corners[t[k]], &b = corners[t[k == 2 ? 0 : k + 1]];
-      if (a[kY] >= y0 && a[kY] <= y1) see(a[kZ]);
-      for (const double y : {y0, y1}) {
-        if ((a[kY] < y) == (b[kY] < y)) continue;
-        see(a[kZ] + (y - a[kY]) / (b[kY] - a[kY]) * (b[kZ] - a[kZ]));
-      }
-    }
-    // One slice more on either side, which rounding may have hidden.
-    const Span inside = cut_by(low - 1, high + 1, grid.layers);
-    return {std::max(all.first, inside.first), std::min(all.last, inside.last)};
-  }
-  std::vector<Entry> entries_of(int y0, int y1, int first, int past) const;
-  detail::BandEdges edges_of(const PixelBox& band) const;
-};
 
 /// The edge heights of all columns. Lies beside the slices that it belongs to.
 class MeshSlices::Heights final : public SliceSource {
@@ -195,6 +61,8 @@ class MeshSlices::Heights final : public SliceSource {
   Grid grid_;
 };
 
+MeshSlices::Impl::~Impl() = default;
+
 /// The two edges of a triangle that this slice cuts. Edges begin at the corner with the lower
 /// index, so that both triangles of an edge get the same bits; `meet` gives these, too.
 void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
@@ -215,214 +83,9 @@ void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
   cut.until = static_cast<int>(std::min(std::floor(least_above), static_cast<double>(cut.last)));
 }
 
-void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-                             const ExecutionContext& context) {
-  const PartBox box = box_of(mesh, context);
-  box_mm = {box.low, box.high};
-  const Grid plate = plate_grid(printer);
-  const Placing at = placing_of(plate, options);
-  check_fits(box, at, plate, printer);
-  const int layers = layers_of(box, printer, options);
-  grid = {plate.width_px,   plate.height_px,  layers,
-          plate.pixel_x_um, plate.pixel_y_um, options.layer_um};
-
-  const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
-  const double layer_mm = options.layer_um * 1e-3;
-  const double cx = at.cx, cy = at.cy, display_y = at.display_y;
-  const double mid_x = box.middle(0), mid_y = box.middle(1);
-  const double platform_z = detail::platform_z_mm(box, options);
-  const double half_x = 0.5 * box.size(0), half_y = 0.5 * box.size(1);
-  const auto inside = [](double v, int most) { return std::clamp(static_cast<int>(v), 0, most); };
-  bounds = {inside(std::floor((cx - half_x) / px + 1e-9), plate.width_px),
-            inside(std::floor((display_y - cy - half_y) / py + 1e-9), plate.height_px),
-            inside(std::ceil((cx + half_x) / px - 1e-9), plate.width_px),
-            inside(std::ceil((display_y - cy + half_y) / py - 1e-9), plate.height_px)};
-  bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, plate.width_px));
-  bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, plate.height_px));
-  corners = std::move(mesh.vertices);
-  // What is not added may reach beyond the part; it is cut there later.
-  std::vector<std::uint8_t> reaches(mesh.shares.empty() ? 0 : corners.size(), 0);
-  for (std::size_t t = 0; t < mesh.triangles.size() && !reaches.empty(); ++t) {
-    if (mesh.adds(t)) continue;
-    for (const std::uint32_t v : mesh.triangles[t]) reaches[v] = 1;
-  }
-  in_chunks(corners.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const Point3 v = corners[i];
-      if (!reaches.empty() && reaches[i]) {
-        corners[i] = {(v[0] - mid_x + cx) / px, (mid_y - v[1] + display_y - cy) / py,
-                      (v[2] - platform_z) / layer_mm - 0.5};
-        continue;
-      }
-      const double x = std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px);
-      const double y = std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px);
-      corners[i] = {std::clamp(x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1)),
-                    std::clamp(y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1)),
-                    (v[2] - platform_z) / layer_mm - 0.5};
-    }
-  });
-  triangles = std::move(mesh.triangles);
-}
-
-/// Gives triangles their tags, and cuts volumes that are taken away, or kept within, at the part's
-/// box.
-void MeshSlices::Impl::divide_solids(const std::vector<TriangleMesh::Share>& shares) {
-  rule = detail::SolidRule(shares);
-  if (rule.plain()) return;
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  Point3 low{infinity, infinity, infinity}, high{-infinity, -infinity, -infinity};
-  std::vector<std::array<std::uint32_t, 3>> all;
-  std::vector<std::uint8_t> cut_corners(corners.size(), 0);
-  const auto part_of = [&](std::size_t share) {
-    const auto end = share + 1 < shares.size() ? shares[share + 1].first : triangles.size();
-    return std::span(triangles).subspan(shares[share].first, end - shares[share].first);
-  };
-  for (std::size_t share = 0; share < shares.size(); ++share) {
-    for (const auto& t : part_of(share)) {
-      for (const std::uint32_t v : t) {
-        if (shares[share].role != SolidRole::added) {
-          cut_corners[v] = 1;
-          continue;
-        }
-        for (std::size_t k = 0; k < 3; ++k) {
-          low[k] = std::min(low[k], corners[v][k]);
-          high[k] = std::max(high[k], corners[v][k]);
-        }
-      }
-    }
-  }
-  for (const EdgeDefects::OpenEdge& edge : open) {
-    if (!cut_corners[edge.low]) continue;
-    throw InputError(
-        "a volume that is taken away from the part, or that the part is kept within, has open edges; "
-        "expected a closed one: close its mesh first");
-  }
-  for (std::size_t share = 0; share < shares.size(); ++share) {
-    const auto part = part_of(share);
-    std::vector<std::array<std::uint32_t, 3>> its(part.begin(), part.end());
-    if (shares[share].role != SolidRole::added) detail::clip_to_box(corners, its, low, high);
-    all.insert(all.end(), its.begin(), its.end());
-    tags.resize(all.size(), rule.tag_of_share(share));
-  }
-  triangles = std::move(all);
-}
-
-void MeshSlices::Impl::close_contours(const ExecutionContext& context) {
-  bridges.resize(static_cast<std::size_t>(grid.layers));
-  bridge_tags.resize(bridges.size());
-  if (open.empty()) return;
-  std::vector<detail::SolidRule::Tag> tag_of_corner;
-  if (!rule.plain()) {
-    tag_of_corner.resize(corners.size(), 0);
-    for (std::size_t t = 0; t < triangles.size(); ++t) {
-      for (const std::uint32_t v : triangles[t]) tag_of_corner[v] = tags[t];
-    }
-  }
-
-  std::vector<std::vector<std::uint32_t>> open_of(bridges.size());
-  for (std::uint32_t e = 0; e < open.size(); ++e) {
-    const double a = corners[open[e].low][kZ], b = corners[open[e].high][kZ];
-    const Span span = cut_by(std::min(a, b), std::max(a, b), grid.layers);
-    for (int n = span.first; n <= span.last; ++n) open_of[static_cast<std::size_t>(n)].push_back(e);
-  }
-  std::mutex mutex;
-  parallel_for(context, "close contours", bridges.size(), [&](std::size_t n) {
-    if (open_of[n].empty()) return;
-    // Each tag's contours close by themselves.
-    std::map<detail::SolidRule::Tag, detail::LooseEnds> loose_of_tag;
-    for (const std::uint32_t e : open_of[n]) {
-      const auto place = meet(open[e].low, open[e].high, static_cast<double>(n));
-      // Cuts begin where a triangle's edge rises through the slice: a surplus of rising edges
-      // leaves beginnings that no cut leads to.
-      const bool rises = corners[open[e].low][kZ] < corners[open[e].high][kZ];
-      detail::LooseEnds& loose = loose_of_tag[rule.plain() ? 0 : tag_of_corner[open[e].low]];
-      auto& places = rises == (open[e].surplus > 0) ? loose.beginnings : loose.ends;
-      places.insert(places.end(), static_cast<std::size_t>(std::abs(open[e].surplus)), place);
-    }
-    double longest = 0;
-    for (auto& [tag, loose] : loose_of_tag) {
-      double its_longest = 0;
-      const std::vector<Segment> its =
-          detail::bridge(loose, grid.pixel_x_um * 1e-3, grid.pixel_y_um * 1e-3, its_longest);
-      bridges[n].insert(bridges[n].end(), its.begin(), its.end());
-      bridge_tags[n].resize(bridges[n].size(), tag);
-      longest = std::max(longest, its_longest);
-    }
-    const std::lock_guard lock(mutex);
-    report.bridged_slices += !bridges[n].empty();
-    report.bridges += bridges[n].size();
-    report.longest_bridge_mm = std::max(report.longest_bridge_mm, longest);
-  });
-  if (report.bridges) measure_bridges();
-}
-
-/// The volume that contours enclose: the area within a contour is the integral of x dy along it, so
-/// a triangle contributes its mean x times its area as seen along x.
-void MeshSlices::Impl::measure_bridges() {
-  double volume = 0, half_circles = 0;
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    if (!tags.empty() && rule.role(tags[i]) != SolidRole::added) continue;
-    const auto& t = triangles[i];
-    const Corner &a = corners[t[0]], &b = corners[t[1]], &c = corners[t[2]];
-    const double area =
-        0.5 * ((b[kY] - a[kY]) * (c[kZ] - a[kZ]) - (c[kY] - a[kY]) * (b[kZ] - a[kZ]));
-    volume -= (a[kX] + b[kX] + c[kX]) / 3 * area;
-  }
-  const double px = grid.pixel_x_um * 1e-3, py = grid.pixel_y_um * 1e-3;
-  for (const auto& its : bridges) {
-    for (const Segment& s : its) {
-      volume += 0.5 * (s.ax + s.bx) * (s.by - s.ay);
-      const double dx = (s.bx - s.ax) * px, dy = (s.by - s.ay) * py;
-      half_circles += std::numbers::pi / 8 * (dx * dx + dy * dy);
-    }
-  }
-  report.volume_mm3 = std::abs(volume) * px * py * grid.layer_um * 1e-3;
-  report.bridged_volume_mm3 = half_circles * grid.layer_um * 1e-3;
-}
-
-/// Sorts the triangles into bins of rows; their numbers rise within a bin.
-void MeshSlices::Impl::bin_triangles(const ExecutionContext& context) {
-  rows_per_bin = band_rows(grid);
-  const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
-  bin_begin.assign(bins + 1, 0);
-  /// The bins of a triangle (none where the first is after the last), and the slices that cut it.
-  struct Bins {
-    std::uint32_t first, last;
-    Span span;
-  };
-  const auto bins_by_triangle = std::make_unique_for_overwrite<Bins[]>(triangles.size());
-  // For each chunk and bin: the number of triangles, later where they begin.
-  std::vector<std::size_t> at(chunks_of(triangles.size()) * bins, 0);
-  in_chunks(triangles.size(), context, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Bins& its = bins_by_triangle[i];
-      its = {1, 0, slices_of(triangles[i])};
-      if (its.span.first > its.span.last && !(heights && meets_centres(triangles[i]))) continue;
-      const auto [first, last] = bins_of(triangles[i]);
-      its.first = static_cast<std::uint32_t>(first);
-      its.last = static_cast<std::uint32_t>(last);
-      for (std::size_t b = first; b <= last; ++b) ++at[chunk * bins + b];
-    }
-  });
-  std::size_t sum = 0;
-  for (std::size_t b = 0; b < bins; ++b) {
-    bin_begin[b] = sum;
-    for (std::size_t k = b; k < at.size(); k += bins) sum += std::exchange(at[k], sum);
-  }
-  bin_begin[bins] = sum;
-  binned = std::make_unique_for_overwrite<Entry[]>(sum);
-  in_chunks(triangles.size(), context, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const Bins its = bins_by_triangle[i];
-      for (std::size_t b = its.first; b <= its.last; ++b) {
-        binned[at[chunk * bins + b]++] = {static_cast<std::uint32_t>(i), its.span};
-      }
-    }
-  });
-}
-
 /// The triangles of these rows and slices, sorted by the first of the slices that cuts them.
-std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1, int first, int past) const {
+std::vector<MeshSlices::Impl::Entry> MeshSlices::Impl::entries_of(int y0, int y1, int first,
+                                                                  int past) const {
   const std::size_t first_bin = bin_of(y0), last_bin = bin_of(y1 - 1);
   std::vector<Entry> found;
   found.reserve(bin_begin[last_bin + 1] - bin_begin[first_bin]);
@@ -504,7 +167,7 @@ PixelBox MeshSlices::bounds() const { return impl_->bounds; }
 bool MeshSlices::ends_below_last_node() const {
   if (!edge_heights()) return false;
   double highest = 0;
-  for (const Corner& c : impl_->corners) highest = std::max(highest, c[kZ]);
+  for (const Impl::Corner& c : impl_->corners) highest = std::max(highest, c[Impl::kZ]);
   // In slices from the platform; nearer to the node than half a step of the byte is at it.
   return highest + 0.5 - impl_->grid.layers > 0.5 / 254;
 }
@@ -557,7 +220,7 @@ void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
 
 void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Sink& sink) const {
   const Impl& s = *impl_;
-  const std::vector<Entry> entries = s.entries_of(band.y0, band.y1, first, past);
+  const std::vector<Impl::Entry> entries = s.entries_of(band.y0, band.y1, first, past);
   // Drawn over the part's full width, because windings are summed from the left, and cropped where
   // less is asked for.
   const PixelBox full = {s.bounds.x0, band.y0, s.bounds.x1, band.y1};
@@ -568,8 +231,8 @@ void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Si
     cropped.resize(static_cast<std::size_t>(band.width()) *
                    static_cast<std::size_t>(band.height()));
   }
-  std::vector<Cut> active;
-  std::vector<Segment> segments;
+  std::vector<Impl::Cut> active;
+  std::vector<detail::Segment> segments;
   std::vector<detail::SolidRule::Tag> tags;
   std::size_t next = 0;
   for (int n = first; n < past; ++n) {
@@ -577,7 +240,7 @@ void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Si
     segments.clear();
     tags.clear();
     for (std::size_t i = 0; i < active.size();) {
-      Cut& cut = active[i];
+      Impl::Cut& cut = active[i];
       if (n > cut.until) {
         if (n > cut.last) {
           cut = active.back();  // order does not matter
@@ -591,7 +254,7 @@ void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Si
       ++i;
     }
     for (; next < entries.size() && entries[next].span.first <= n; ++next) {
-      Cut& cut = active.emplace_back();
+      Impl::Cut& cut = active.emplace_back();
       cut.triangle = entries[next].triangle;
       cut.last = entries[next].span.last;
       s.set_edges(cut, n);

@@ -16,11 +16,8 @@ namespace slicecorr::farm {
 namespace {
 
 namespace fs = std::filesystem;
-using slicecorr::test::chromium;
-using slicecorr::test::DrivenPage;
-using test::Farm;
-using test::fill;
-using test::Served;
+using namespace slicecorr::test;
+using namespace test;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;

@@ -25,12 +25,8 @@ namespace slicecorr::farm {
 namespace {
 
 namespace fs = std::filesystem;
-using slicecorr::test::chromium;
-using slicecorr::test::DrivenPage;
-using test::Farm;
-using test::fill;
-using test::Served;
-using test::status_of;
+using namespace slicecorr::test;
+using namespace test;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;

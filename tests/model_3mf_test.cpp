@@ -7,6 +7,7 @@
 #include <zip.h>
 
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <numbers>
@@ -211,20 +212,25 @@ TEST_F(Model3mf, PropertiesAreNotGeometry) {
   EXPECT_NEAR(inspect(read(model(kMaterialSpace, properties + cube, item(9)), {})).volume, 1000,
               1e-9);
   EXPECT_THAT(notes_, IsEmpty());
-  const auto wrong = [&](const std::string& from, const std::string& to) {
-    std::string text = model(kMaterialSpace, properties + cube, item(9));
-    const std::size_t at = text.find(from);
-    EXPECT_NE(at, text.npos) << from;
-    return refused(text.replace(at, from.size(), to), {});
+  const std::string text = model(kMaterialSpace, properties + cube, item(9));
+  struct Wrong {
+    const char *right, *wrong, *words;
   };
-  EXPECT_THAT(wrong("id=\"4\"", "id=\"3\""),
-              HasSubstr("the id 3 belongs to another resource, too"));
-  EXPECT_THAT(wrong("pid=\"6\"", "pid=\"8\""), HasSubstr("property group 8 is not there"));
-  EXPECT_THAT(wrong("pid=\"6\"", ""), HasSubstr("a pindex without a pid"));
-  EXPECT_THAT(wrong("pids=\"5 4\"", "pids=\"5 1\""), HasSubstr("more than one group of materials"));
-  EXPECT_THAT(wrong("#00FF0080", "green"), HasSubstr("a colour 'green'"));
-  EXPECT_THAT(wrong("image/png", "image/gif"), HasSubstr("'image/gif'"));
-  EXPECT_THAT(wrong("matid=\"1\"", "matid=\"4\""), HasSubstr("expected basematerials"));
+  for (const Wrong& w : {
+           Wrong{"id=\"4\"", "id=\"3\"", "the id 3 belongs to another resource, too"},
+           {"pid=\"6\"", "pid=\"8\"", "property group 8 is not there"},
+           {"pid=\"6\"", "", "a pindex without a pid"},
+           {"pids=\"5 4\"", "pids=\"5 1\"", "more than one group of materials"},
+           {"#00FF0080", "green", "a colour 'green'"},
+           {"image/png", "image/gif", "'image/gif'"},
+           {"matid=\"1\"", "matid=\"4\"", "expected basematerials"},
+       }) {
+    SCOPED_TRACE(w.words);
+    std::string other = text;
+    const std::size_t at = other.find(w.right);
+    ASSERT_NE(at, text.npos);
+    EXPECT_THAT(refused(other.replace(at, std::strlen(w.right), w.wrong), {}), HasSubstr(w.words));
+  }
 }
 
 TEST_F(Model3mf, ComponentsOfOtherParts) {

@@ -158,16 +158,26 @@ void expect_edges(const Uneven& u, const CureModel& model, const std::vector<std
   EXPECT_GT(edges, 0u);
 }
 
+/// A random column as it is corrected.
+struct SolvedColumn {
+  SolvedColumn(const Uneven& u, std::mt19937& random) : column(random_column(random)) {
+    const CorrectionPlan plan(make_cure_model(u.printer, u.resin, u.process, u.layer_um), u.process,
+                              kOwnLayers, kOwnLayers);
+    model = plan.model;
+    const std::vector<std::uint8_t> made = solve_column(plan, column);
+    levels.assign(made.begin(), made.end());
+  }
+  CureModel model;
+  std::vector<std::uint8_t> column;
+  std::vector<int> levels;
+};
+
 TEST(OwnHeights, LayersOfFeaturesReachTheirFarEdges) {
   std::mt19937 random(7);
   int dimmed = 0;
   for (int round = 0; round < test::rounds(20); ++round) {
     const Uneven u = random_print(random, 0);
-    const CorrectionPlan plan(make_cure_model(u.printer, u.resin, u.process, u.layer_um), u.process,
-                              kOwnLayers, kOwnLayers);
-    const std::vector<std::uint8_t> column = random_column(random);
-    const std::vector<std::uint8_t> made = solve_column(plan, column);
-    const std::vector<int> levels(made.begin(), made.end());
+    const auto& [model, column, levels] = SolvedColumn(u, random);
     for (int n = 0; n < kOwnLayers; ++n) {
       const auto i = static_cast<std::size_t>(n);
       if (column[i] == 0) {
@@ -182,7 +192,7 @@ TEST(OwnHeights, LayersOfFeaturesReachTheirFarEdges) {
       --less[i];
       EXPECT_LT(u.dose(u.nodes_um[i], less, n), 1 + 1e-6) << n;
     }
-    expect_edges(u, plan.model, column, levels);
+    expect_edges(u, model, column, levels);
   }
   EXPECT_GT(dimmed, 100);
 }
@@ -193,11 +203,7 @@ TEST(OwnHeights, LayersHoldByTheirOwnExposureAtEachLift) {
   for (int round = 0; round < test::rounds(20); ++round) {
     Uneven u = random_print(random, 0);
     u.process.lifts = Lifts::each;
-    const CorrectionPlan plan(make_cure_model(u.printer, u.resin, u.process, u.layer_um), u.process,
-                              kOwnLayers, kOwnLayers);
-    const std::vector<std::uint8_t> column = random_column(random);
-    const std::vector<std::uint8_t> made = solve_column(plan, column);
-    const std::vector<int> levels(made.begin(), made.end());
+    const auto& [model, column, levels] = SolvedColumn(u, random);
     for (int n = 0; n < kOwnLayers; ++n) {
       const auto i = static_cast<std::size_t>(n);
       if (column[i] == 0) continue;
@@ -205,7 +211,7 @@ TEST(OwnHeights, LayersHoldByTheirOwnExposureAtEachLift) {
       EXPECT_TRUE(holds >= u.process.green_strength || levels[i] == 255) << n << " " << holds;
       over_gaps += n > 0 && column[i - 1] == 0;
     }
-    expect_edges(u, plan.model, column, levels);
+    expect_edges(u, model, column, levels);
   }
   EXPECT_GT(over_gaps, 10);
 }

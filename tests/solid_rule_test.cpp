@@ -183,13 +183,20 @@ double area_of_boxes(const Scene& scene, const PlaceInScene& place, int x, int y
   return area / (kPixel_mm * kPixel_mm);
 }
 
+/// A scene of boxes as it lies, and its slices.
+struct SlicedBoxes {
+  explicit SlicedBoxes(std::mt19937& random, bool antialias = true)
+      : scene(random_boxes(random)), place(scene), slices(slices_of(scene, antialias)) {}
+  Scene scene;
+  PlaceInScene place;
+  MeshSlices slices;
+};
+
 TEST(SolidRule, CoverageOfBoxesIsTheirArea) {
   std::mt19937 random(7);
   std::uint64_t lit = 0;
   for (int round = 0; round < 60; ++round) {
-    const Scene scene = random_boxes(random);
-    const PlaceInScene place(scene);
-    const MeshSlices slices = slices_of(scene);
+    const auto [scene, place, slices] = SlicedBoxes(random);
     const std::vector<Bytes> all = sliced(slices, slices.grid().layers, 7);
     EXPECT_EQ(all, sliced(slices, slices.grid().layers, kHeight)) << round;
     const int step = std::max(1, slices.grid().layers / 6);
@@ -210,9 +217,7 @@ TEST(SolidRule, CoverageOfBoxesIsTheirArea) {
 TEST(SolidRule, CentresOfBoxesAreInside) {
   std::mt19937 random(8);
   for (int round = 0; round < 20; ++round) {
-    const Scene scene = random_boxes(random);
-    const PlaceInScene place(scene);
-    const MeshSlices slices = slices_of(scene, false);
+    const auto [scene, place, slices] = SlicedBoxes(random, false);
     const std::vector<Bytes> all = sliced(slices, slices.grid().layers, 7);
     EXPECT_EQ(all, sliced(slices, slices.grid().layers, kHeight));
     for (int n = 0; n < slices.grid().layers; ++n) {
@@ -294,9 +299,10 @@ TEST(SolidRule, EdgeHeightsKeepTheSolidLength) {
   std::mt19937 random(10);
   std::uint64_t edges = 0;
   for (int round = 0; round < 25; ++round) {
-    const Scene scene = random_boxes(random);
-    const PlaceInScene place(scene);
-    const MeshSlices slices = slices_of(scene);
+    const SlicedBoxes boxes(random);
+    const Scene& scene = boxes.scene;
+    const PlaceInScene& place = boxes.place;
+    const MeshSlices& slices = boxes.slices;
     const int layers = slices.grid().layers;
     const std::vector<Bytes> found = sliced(*slices.edge_heights(), layers + 1, 7);
     std::vector<double> sides;

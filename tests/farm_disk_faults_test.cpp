@@ -26,7 +26,7 @@ using testing::IsEmpty;
 TEST_F(FarmFaults, InputsMayGoOnceTheyAreSubmitted) {
   std::vector<std::string> parts;
   std::map<std::string, std::string> references;  // by the name of the part
-  for (int i = 0; i < test::rounds(4); ++i) {
+  for (int i = 0; i < slicecorr::test::rounds(4); ++i) {
     parts.push_back(make_part(i));
     references[fs::path(parts.back()).stem()] = reference(parts.back());
   }
@@ -112,7 +112,7 @@ TEST_F(FarmFaults, ALockedDatabaseIsWaitedFor) {
 /// Another process writes to the database for long moments, and dies in the middle of one.
 TEST_F(FarmFaults, ADatabaseThatIsLockedAgainAndAgainIsWaitedFor) {
   std::vector<std::string> parts;
-  const int jobs_in_all = by_night() ? test::rounds(12) : 5;
+  const int jobs_in_all = by_night() ? slicecorr::test::rounds(12) : 5;
   for (int i = 0; i < jobs_in_all; ++i) parts.push_back(make_part(i));
   submit_parts({parts[0]}, {"--out", dir / "out"});
   const std::string path = database(), count = dir / "locks";
@@ -158,7 +158,7 @@ TEST_F(FarmFaults, ADiskThatIsFullAgainAndAgainLosesNothing) {
   const auto pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   const std::string filler = farm_dir() + "/filler";
   int next = 0, filled = 0;
-  const int rounds = by_night() ? test::rounds(4) : 3;
+  const int rounds = by_night() ? slicecorr::test::rounds(4) : 3;
   for (int round = 0; round < rounds; ++round) {
     SCOPED_TRACE(round);
     if (all_over()) {
@@ -290,7 +290,7 @@ TEST_F(FarmFaults, AFullDiskPausesAndLosesNothing) {
 TEST_F(FarmFaults, AServiceThatCannotWriteItsFolderEndsWithoutHarm) {
   // No file may grow beyond some kB: neither database, orders, logs nor results.
   const rlim_t limits[] = {2048, 512, 20'000, 70'000, 110'000, 200'000};
-  for (int round = 0; round < test::rounds(4); ++round) {
+  for (int round = 0; round < slicecorr::test::rounds(4); ++round) {
     SCOPED_TRACE(limits[round % 6]);
     submit_parts({make_part(round)}, {"--out", dir / "out"});
     RunOptions o;

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,7 @@
 
 namespace slicecorr::farm {
 
-class FarmFaults : public test::FarmPrograms {
+class FarmFaults : public slicecorr::test::FarmPrograms {
  protected:
   void SetUp() override {
     FarmPrograms::SetUp();
@@ -58,7 +59,8 @@ class FarmFaults : public test::FarmPrograms {
         if (a.phase == "ended" || a.engine_id.empty()) continue;
         const std::string pid = a.engine_id.substr(0, a.engine_id.find('.'));
         // The record may name the worker of a service that was killed.
-        if (test::text_of_file("/proc/" + pid + "/cmdline").find(a.token) != std::string::npos) {
+        if (slicecorr::test::text_of_file("/proc/" + pid + "/cmdline").find(a.token) !=
+            std::string::npos) {
           list.push_back(std::stoi(pid));
         }
       }
@@ -67,7 +69,7 @@ class FarmFaults : public test::FarmPrograms {
   }
   /// Works on after whatever happened; then all must be in order.
   void finish_and_check() {
-    const test::RunResult r = run_all();
+    const slicecorr::test::RunResult r = run_all();
     ASSERT_EQ(r.exit_code, 0) << r.err;
     check();
   }
@@ -86,7 +88,7 @@ class FarmFaults : public test::FarmPrograms {
       EXPECT_EQ(successes, 1);
     }
     EXPECT_THAT(leftovers(dir / "out"), testing::IsEmpty());
-    EXPECT_TRUE(test::fs::is_empty(farm_dir() + "/store/attempts"));
+    EXPECT_TRUE(std::filesystem::is_empty(farm_dir() + "/store/attempts"));
     // What is in the cache is whole.
     const FarmFolder folder = open_folder(farm_dir());
     for (const Job& j : jobs()) {
@@ -100,12 +102,12 @@ class FarmFaults : public test::FarmPrograms {
     for (const Job& j : jobs()) {
       const std::string base = j.output_folder + "/" + j.name;
       // Reports carry the job's name.
-      const bool renamed = j.name != test::fs::path(j.parts[0]).stem();
+      const bool renamed = j.name != std::filesystem::path(j.parts[0]).stem();
       for (const char* ending : {".uvj", ".html", ".json"}) {
-        if (!test::fs::exists(base + ending) || (renamed && ending != std::string(".uvj")))
+        if (!std::filesystem::exists(base + ending) || (renamed && ending != std::string(".uvj")))
           continue;
-        EXPECT_TRUE(test::text_of_file(base + ending) ==
-                    test::text_of_file(reference(j.parts[0]) + ending))
+        EXPECT_TRUE(slicecorr::test::text_of_file(base + ending) ==
+                    slicecorr::test::text_of_file(reference(j.parts[0]) + ending))
             << base << ending;
       }
     }

@@ -174,7 +174,7 @@ TEST_F(FarmFaults, BrokenAtRandomPlacesNothingIsLost) {
   const char* places[] = {"claimed",    "ordered", "started",   "ended",
                           "committing", "cached",  "delivered", "finished"};
   int killed = 0;
-  const int rounds = by_night() ? test::rounds(8) : 4;
+  const int rounds = by_night() ? slicecorr::test::rounds(8) : 4;
   for (int round = 0; round < rounds; ++round) {
     std::map<std::string, std::string> environment;
     RunOptions o;
@@ -215,7 +215,7 @@ TEST_F(FarmFaults, KilledAtRandomMomentsNothingIsLost) {
   const auto pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   change_settings({{"max-attempts", "100"}});
   int next = 0, killed_workers = 0, killed_services = 0;
-  const int rounds = by_night() ? test::rounds(6) : 4;
+  const int rounds = by_night() ? slicecorr::test::rounds(6) : 4;
   for (int round = 0; round < rounds; ++round) {
     SCOPED_TRACE(round);
     if (all_over()) {

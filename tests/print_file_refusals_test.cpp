@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "print_file_fixture.hpp"
+#include "newer_print_file_fixture.hpp"
 #include "refusal.hpp"
 #include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -129,8 +129,123 @@ TEST_F(PrintFileRefusals, OfCxdlp) {
   };
   EXPECT_THAT(byte(cxdlp.bytes.size() - 1, cxdlp.bytes.back() ^ 1), HasSubstr("checksum"));
   EXPECT_THAT(byte(300, 5), HasSubstr("checksum"));
-  EXPECT_THAT(byte(14, 4), HasSubstr("version 4"));
+  EXPECT_THAT(byte(14, 5), HasSubstr("is 5, expected 2 to 4"));
   EXPECT_THAT(refusal(cxdlp, [](FileMaker& m) { m.u8(0); }), HasSubstr("1 bytes follow"));
+}
+
+TEST_F(PrintFileRefusals, OfCxdlp4) {
+  const SmallFile cxdlp = small_cxdlp4(0x1234567);
+  const std::size_t head = kCxdlp4Head;
+  const auto u32 = [&](std::size_t at) {
+    std::uint32_t v;
+    std::memcpy(&v, cxdlp.bytes.data() + at, 4);
+    return v;
+  };
+  const auto with = [&](std::size_t at, std::uint32_t value) {
+    return refusal(cxdlp, [&](FileMaker& m) { m.set_u32(at, value); });
+  };
+  const std::size_t table = u32(head + 0x20), layer = u32(table + 0x0c);
+  EXPECT_THAT(with(head, 0), HasSubstr("0 x 0 pixels"));
+  EXPECT_THAT(with(head + 0x24, 0), HasSubstr("0 layers"));
+  EXPECT_THAT(with(head + 0x24, 70000), HasSubstr("70000 layers"));
+  EXPECT_THAT(with(head + 0x24, 60000), HasSubstr("layer table"));
+  EXPECT_THAT(with(head + 0x38, 0x43), HasSubstr("print settings have 67 bytes"));
+  EXPECT_THAT(with(head + 0x34, u32(head + 0x48)), HasSubstr("overlaps"));
+  EXPECT_THAT(with(head + 0x48, 0x7fffffff), HasSubstr("the file ends"));
+  EXPECT_THAT(with(table + 0x0c, 0x7fffffff), HasSubstr("the file ends"));
+  // Into itself, and into the layer before.
+  EXPECT_THAT(with(table + 0x0c, static_cast<std::uint32_t>(table)), HasSubstr("overlaps"));
+  EXPECT_THAT(with(table + 0x28 + 0x0c, static_cast<std::uint32_t>(layer)), HasSubstr("overlaps"));
+  EXPECT_THAT(with(table + 0x10, 0x2c), HasSubstr("no data"));
+  EXPECT_THAT(with(table + 0x14, 1), HasSubstr("the type 1"));
+  EXPECT_THAT(with(table + 4, 0x7fc00000), HasSubstr("exposure is nan"));
+  EXPECT_THAT(with(layer, 0), HasSubstr("checksum"));
+  EXPECT_THAT(refusal(cxdlp, [&](FileMaker& m) { m.bytes.resize(head + 60); }),
+              HasSubstr("the file ends"));
+  EXPECT_THAT(refusal(cxdlp, [](FileMaker& m) { m.u8(0); }),
+              AnyOf(HasSubstr("checksum"), HasSubstr("overlaps")));
+}
+
+TEST_F(PrintFileRefusals, OfWorkshop518) {
+  const SmallFile pm5s = small_workshop_518();
+  const auto u32 = [&](std::size_t at) {
+    std::uint32_t v;
+    std::memcpy(&v, pm5s.bytes.data() + at, 4);
+    return v;
+  };
+  const auto with = [&](std::size_t at, std::uint32_t value) {
+    return refusal(pm5s, [&](FileMaker& m) { m.set_u32(at, value); });
+  };
+  const std::size_t second = u32(0x38);
+  EXPECT_THAT(with(0x38, 0x7fffffff), HasSubstr("the file ends"));
+  EXPECT_THAT(with(0x38, u32(0x24)), HasSubstr("expected the name SUBIMGS"));
+  EXPECT_THAT(with(second + 0x10, kFileLayers + 1), HasSubstr("expected as many as LAYERDEF"));
+  EXPECT_THAT(with(second + 0x0c, 5), HasSubstr("in 5 bytes"));
+  EXPECT_THAT(with(second + 0x18, 5), HasSubstr("layer 0 elsewhere than LAYERDEF"));
+  EXPECT_THAT(with(second + 0x18 + 0x2c + 4, 5), HasSubstr("layer 1 elsewhere"));
+}
+
+TEST_F(PrintFileRefusals, OfAnycubicZip) {
+  const std::vector<Bytes> slices = slices_of_16();
+  const Entries sound = anycubic_entries(slices);
+  const auto with = [&](const std::function<void(Entries&)>& damage) {
+    Entries entries = sound;
+    damage(entries);
+    return refusal({"small.pm7", "anycubic-zip", zip_bytes(entries), slices}, [](FileMaker&) {});
+  };
+  const auto replaced = [&](const std::string& name, const std::string& what,
+                            const std::string& by) {
+    return with([&](Entries& entries) {
+      Bytes& bytes = entry(entries, name);
+      std::string text(bytes.begin(), bytes.end());
+      const std::size_t at = text.find(what);
+      ASSERT_NE(at, text.npos) << what;
+      bytes = to_bytes(text.replace(at, what.size(), by));
+    });
+  };
+  const auto without = [&](const std::string& name) {
+    return with(
+        [&](Entries& e) { std::erase_if(e, [&](auto& one) { return one.first == name; }); });
+  };
+  const std::string settings = "anycubic_photon_resins.pwsp", list = "layers_controller.conf";
+  EXPECT_EQ(with([](Entries&) {}), "read");
+  const std::pair<const char*, std::pair<std::string, const char*>> wrong_settings[] = {
+      {R"("res_x": 40)", {R"("res_x": 400000)", "400000 x 30 pixels"}},
+      {R"("res_x": 40,)", {"", "res_x is missing"}},
+      {R"(["mine"])", {R"(["yours"])", "resin \"yours\""}},
+      {R"(["mine"])", {"[]", "active_resins"}},
+      {R"("bott_layers": 1)", {R"("bott_layers": -1)", "bott_layers is -1"}},
+      {R"("exposure_time": 2.5)", {R"("exposure_time": "2.5")", "exposure_time"}},
+      {R"("exposure_time": 2.5)", {R"("exposure_time": 1e300)", "exposure_time"}},
+      {"{", {"[", "anycubic_photon_resins.pwsp"}}};
+  for (const auto& [what, rest] : wrong_settings) {
+    EXPECT_THAT(replaced(settings, what, rest.first), HasSubstr(rest.second)) << what;
+  }
+  EXPECT_THAT(replaced(list, R"("count": 4)", R"("count": 5)"), HasSubstr("count is 5"));
+  EXPECT_THAT(replaced(list, R"("layer_index": 2)", R"("layer_index": 3)"),
+              HasSubstr("paras[2].layer_index is 3, expected 2"));
+  EXPECT_THAT(replaced(list, "0.05000000074505806", "0"), HasSubstr("layer_thickness"));
+  EXPECT_THAT(without("layer_images/layer_3.pw0Img"),
+              HasSubstr("lists 4 layers, but there are 3 images"));
+  EXPECT_THAT(without("layer_images/layer_1.pw0Img"), HasSubstr("image 1 is missing"));
+  EXPECT_THAT(without(list), HasSubstr("is no slice archive"));
+  EXPECT_THAT(with([](Entries& e) { entry(e, "layer_images/layer_1.pw0Img").resize(3); }),
+              AnyOf(HasSubstr("layer 1: its code"), HasSubstr("cut off")));
+  EXPECT_THAT(with([](Entries& e) { entry(e, "layer_images/layer_1.pw0Img").resize(5000); }),
+              AnyOf(HasSubstr("layer_1.pw0Img"), HasSubstr("layer 1")));
+  EXPECT_THAT(with([](Entries& e) { entry(e, "scene.slice").resize(100); }),
+              HasSubstr("scene.slice"));
+  EXPECT_THAT(with([](Entries& e) { entry(e, "scene.slice")[0x64] = 5; }),
+              HasSubstr("lists other layers than the archive's 4"));
+  EXPECT_THAT(with([](Entries& e) { entry(e, "scene.slice")[0] = 'X'; }),
+              HasSubstr("ANYCUBIC-PWSZ"));
+  // Outlines, which the printer fills: what to do instead is told.
+  EXPECT_THAT(with([](Entries& e) {
+                for (auto& [name, bytes] : e) {
+                  if (name.ends_with(".pw0Img")) name.replace(name.size() - 6, 6, "pwszImg");
+                }
+              }),
+              AllOf(HasSubstr("layer_0.pwszImg"), HasSubstr("anti-aliasing of 8 or more")));
 }
 
 TEST_F(PrintFileRefusals, WhatIsClosedIsToldWithWhatWorksInstead) {

@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The slicecorr authors
 # SPDX-License-Identifier: Apache-2.0
-"""A second reader of CTB, GOO and Photon Workshop, which shares nothing with the library.
+"""A second reader of CTB, GOO, Photon Workshop, Anycubic's zip and CXDLP 4, which shares nothing with the library.
 
 Prints as JSON what a file says and a CRC-32 of the pixels of each layer: python3 print_files.py FILE [LAYER...]
 """
+import io
 import json
 import struct
 import sys
+import zipfile
 import zlib
 
 
@@ -102,6 +104,11 @@ def read_ctb(data, wanted):
         v4, = unpack("<", "I", data, slicer + 0x40)
         last, = unpack("<", "I", data, v4 + 0x34)
         need(last == count - 1, "last layer's index")
+    if version >= 5:
+        resin, = unpack("<", "I", data, v4 + 0x50)
+        for where, length in ((0x10, 0x0C), (0x18, 0x14), (0x08, 0x1C)):
+            place, size = unpack("<", "I", data, resin + where)[0], unpack("<", "I", data, resin + length)[0]
+            need(data[place:place + size].isalpha(), "text of the resin's block")
     layers, times, heights = {}, [], []
     for n in range(count):
         at = table + 0x24 * n
@@ -207,10 +214,20 @@ def read_workshop(data, wanted):
     need(data[table:table + 9] == b"LAYERDEF\0", "LAYERDEF")
     length, count = unpack("<", "II", data, table + 12)
     need(length == 4 + 32 * count, "length of LAYERDEF")
+    second = 0
+    if version >= 517:
+        need(data[unpack("<", "I", data, 0x34)[0]:][:6] == b"MODEL\0", "MODEL")
+    if version >= 518:
+        second, preview = unpack("<", "II", data, 0x38)
+        need(data[preview:preview + 9] == b"PREVIEW2\0", "PREVIEW2")
+        need(data[second:second + 8] == b"SUBIMGS\0", "SUBIMGS")
+        need(unpack("<", "II", data, second + 12) == (24 + 44 * count, count), "size of SUBIMGS")
     layers, times, heights, z, first = {}, [], [], 0, None
     for n in range(count):
         offset, size, _, _, time, thick, lit, _ = unpack("<", "IIffffII", data, table + 20 + 32 * n)
         first = offset if first is None else min(first, offset)
+        if second:
+            need(unpack("<", "III", data, second + 24 + 44 * n) == (offset, size, lit), "the second list")
         z += thick
         times.append(round(time, 4))
         heights.append(round(z, 3))
@@ -228,7 +245,84 @@ def read_workshop(data, wanted):
             "heights": heights, "layers": layers}
 
 
+# ---- Anycubic's zip
+
+def read_anycubic_zip(data, wanted):
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+        need(len(entries) == len(archive.namelist()), "doubled names")
+    settings = json.loads(entries["anycubic_photon_resins.pwsp"])
+    machine, more = settings["machine_type"], settings["machine_extern"]
+    resin, = [r for r in more["user_resins"] if r["property"]["name"] == more["active_resins"][0]]
+    basic = resin["slicepara"]
+    width, height = machine["res_x"], machine["res_y"]
+    paras = json.loads(entries["layers_controller.conf"])
+    count = paras["count"]
+    need(len(paras["paras"]) == count, "number of layers")
+    need(sum(name.endswith(".pw0Img") for name in entries) == count, "number of images")
+    info = json.loads(entries["print_info.json"])
+    for said in [info] + info["sub_estimated_infos"]:
+        need(said["model_layers_count"] == count, "number of layers in print_info.json")
+    scene = entries["scene.slice"]
+    need(unpack("<", "I", scene, 100)[0] == count == unpack("<", "I", scene, 392)[0], "layers of the scene")
+    need(len(scene) == 396 + 64 * count + 4 and scene[-4:] == b"--->", "length of the scene")
+    layers, times, heights, z = {}, [], [], 0
+    for n, layer in enumerate(paras["paras"]):
+        need(layer["layer_index"] == n, "index of a layer")
+        need(abs(layer["layer_minheight"] - z) < 1e-4, "place of a layer")
+        z += layer["layer_thickness"]
+        need(abs(unpack("<", "f", scene, 396 + 64 * n)[0] - z) < 1e-4, "place of a layer in the scene")
+        times.append(round(layer["exposure_time"], 4))
+        heights.append(round(z, 3))
+        if wanted is None or n in wanted:
+            layers[n] = zlib.crc32(image(pw0_runs(entries[f"layer_images/layer_{n}.pw0Img"]), width * height))
+    need(abs(unpack("<", "f", scene, 124)[0] - z) < 1e-4, "top of the scene")
+    return {"format": "anycubic-zip", "size": [width, height], "count": count,
+            "bed": [machine["print_xsize"], machine["print_ysize"]],
+            "exposure_s": basic["exposure_time"], "bottom_s": basic["bott_time"],
+            "bottom_layers": basic["bott_layers"],
+            "times": by_head(times, basic["use_indivi_layerpara"] != 0, basic["exposure_time"],
+                             basic["bott_time"], basic["bott_layers"],
+                             resin["slice_extpara"]["transition_layercount"]),
+            "heights": heights, "print_time_s": info["print_time"], "layers": layers}
+
+
+# ---- CXDLP 4
+
+def read_cxdlp4(data, wanted):
+    need(data[:15] == b"\0\0\0\x09CXSW3DV2\0\0\x04", "magic")
+    # A CRC-32 that starts with 0 and is not inverted at its end.
+    need(unpack(">", "I", data, len(data) - 4)[0] == zlib.crc32(data[:-4], 0xFFFFFFFF) ^ 0xFFFFFFFF, "checksum")
+    head = 19 + unpack(">", "I", data, 15)[0]
+    (width, height, *bed, total, layer_mm, bottom_layers, _, table, count, _, print_time, projector,
+     settings, _, _, light, _, key, slicer, _) = unpack("<", "HH5f9IIHHIII", data, head)
+    need(unpack("<", "I", data, settings + 0x28)[0] == bottom_layers, "bottom layers")
+    exposure, bottom = unpack("<", "ff", data, settings + 0x2C)
+    need(unpack("<", "ff", data, slicer + 0x34) == (exposure, bottom), "exposures of the slicer")
+    layers, times, heights = {}, [], []
+    for n in range(count):
+        z, time, _, offset, size, kind = unpack("<", "fffIII", data, table + 0x28 * n)
+        need(kind == 0 and offset + size <= len(data) - 4, "a layer's record")
+        need(unpack("<", "f", data, offset + 0x28)[0] == light, "a layer's light")
+        times.append(round(time, 4))
+        heights.append(round(z, 4))
+        if wanted is None or n in wanted:
+            plain = ctb_plain(data[offset + 44:offset + size], key, n)
+            layers[n] = zlib.crc32(image(ctb_runs(plain), width * height))
+    need(abs(total - layer_mm * count) < 1e-4, "total height")
+    return {"format": "cxdlp", "version": 4, "size": [width, height], "count": count,
+            "bed": [round(v, 4) for v in bed[:2]], "exposure_s": round(exposure, 4),
+            "bottom_s": round(bottom, 4), "bottom_layers": bottom_layers, "mirror": [projector, 0],
+            "times": by_head(times, unpack("<", "I", data, slicer + 0x1C)[0] != 0, exposure, bottom,
+                             bottom_layers, unpack("<", "I", data, slicer + 0x40)[0]),
+            "heights": heights, "print_time_s": print_time, "layers": layers}
+
+
 def read(data, wanted):
+    if data[:4] == b"PK\3\4":
+        return read_anycubic_zip(data, wanted)
+    if data[4:12] == b"CXSW3DV2":
+        return read_cxdlp4(data, wanted)
     if data[:4] == b"V3.0":
         return read_goo(data, wanted)
     if data[:8] == b"ANYCUBIC":

@@ -12,7 +12,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "print_file_fixture.hpp"
+#include "newer_print_file_fixture.hpp"
 #include "rounds.hpp"
 #include "run_program.hpp"
 #include "slicecorr/print_file.hpp"
@@ -177,6 +177,55 @@ TEST(PrintFilesPythonToo, SmallOnesWithAllLevels) {
       const Bytes& slice = small.slices[n];
       EXPECT_EQ(second["layers"][std::to_string(n)].get<std::uint32_t>(),
                 ::crc32(0, slice.data(), static_cast<uInt>(slice.size())));
+    }
+  }
+}
+
+/// What is changed in files of newer printers is right everywhere that they say it: layers that are added and
+/// taken away, other times, pixels.
+TEST(PrintFilesPythonToo, NewerOnesAreChangedAndReadBack) {
+  const TemporaryFolder folder;
+  for (const SmallFile& small : {small_anycubic_zip(), small_cxdlp4(0), small_cxdlp4(0x1234567),
+                                 small_workshop_518(), small_ctb5()}) {
+    SCOPED_TRACE(small.name);
+    const std::string path = folder / small.name, out = folder / ("out_" + small.name);
+    write_file(path, small.bytes);
+    json before;
+    expect_same(path, &before);
+    for (std::size_t n = 0; n < small.slices.size(); ++n) {
+      const Bytes& slice = small.slices[n];
+      EXPECT_EQ(before["layers"][std::to_string(n)].get<std::uint32_t>(),
+                ::crc32(0, slice.data(), static_cast<uInt>(slice.size())));
+    }
+    const StackReader stack(path, folder.path());
+    for (const int layers : {kFileLayers - 1, kFileLayers + 2}) {
+      Images images{stack.grid(), small.slices};
+      images.grid.layers = layers;
+      images.slices[1][77] = images.slices[1][77] > 0 ? 0 : 255;
+      images.slices.resize(static_cast<std::size_t>(layers), images.slices.back());
+      StackInfo info = stack.info();
+      info.grid.layers = info.target_layers = layers;
+      info.exposure_s = 3;
+      info.bottom_exposure_s = 50;
+      info.bottom_layers = 2;
+      StackFile file(out);
+      file.format = small.format;
+      file.keep_from = path;
+      write_stack(file, images, info);
+      json after;
+      expect_same(out, &after);
+      EXPECT_EQ(after["count"], layers);
+      EXPECT_EQ(after["exposure_s"], 3);
+      EXPECT_EQ(after["bottom_s"], 50);
+      EXPECT_EQ(after["bottom_layers"], 2);
+      EXPECT_NE(after["layers"]["1"], before["layers"]["1"]);
+      EXPECT_EQ(after["layers"]["0"], before["layers"]["0"]);
+      if (before.contains("print_time_s")) {
+        // 500 s were 40 s and three times 2.5 s of light, the rest lies between layers.
+        const double dark_s = (500 - 47.5) / 4;
+        EXPECT_NEAR(after["print_time_s"].get<double>(), 100 + 3 * (layers - 2) + dark_s * layers,
+                    0.51);
+      }
     }
   }
 }

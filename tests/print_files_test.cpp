@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "print_file_fixture.hpp"
+#include "newer_print_file_fixture.hpp"
 #include "rounds.hpp"
 #include "slicecorr/file_times.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -35,7 +35,13 @@ class SmallPrintFiles : public testing::TestWithParam<SmallFile> {
   TemporaryFolder folder_;
   std::string path_;
 };
-INSTANTIATE_TEST_SUITE_P(Print, SmallPrintFiles, testing::ValuesIn(small_print_files()),
+/// Binary ones, and the zip whose layers have a code of their own.
+std::vector<SmallFile> all_small_files() {
+  std::vector<SmallFile> files = small_binary_files();
+  files.push_back(small_anycubic_zip());
+  return files;
+}
+INSTANTIATE_TEST_SUITE_P(Print, SmallPrintFiles, testing::ValuesIn(all_small_files()),
                          [](const auto& info) { return name_of(info.param.name); });
 
 TEST_P(SmallPrintFiles, AreRead) {
@@ -110,8 +116,12 @@ TEST_P(SmallPrintFiles, ExposuresAreChangedWhereTheyAreAskedFor) {
   EXPECT_EQ(read_images(back), GetParam().slices);
 }
 
+using SmallBinaryFiles = SmallPrintFiles;
+INSTANTIATE_TEST_SUITE_P(Print, SmallBinaryFiles, testing::ValuesIn(small_binary_files()),
+                         [](const auto& info) { return name_of(info.param.name); });
+
 /// The record lies beside, and counts for the file that it is of.
-TEST_P(SmallPrintFiles, ARecordBesideIsBelievedOnlyOfItsOwnFile) {
+TEST_P(SmallBinaryFiles, ARecordBesideIsBelievedOnlyOfItsOwnFile) {
   const StackReader r = reader();
   StackFile file(folder_ / ("out_" + GetParam().name));
   file.keep_from = path_;
@@ -174,7 +184,8 @@ TEST(PrintFiles, FormatsSayWhatTheyCanHold) {
   EXPECT_TRUE(limits_of_format("ctb").made_new);
   EXPECT_EQ(limits_of_format("ctb").levels, 128);
   EXPECT_TRUE(limits_of_format("sl1").made_new);
-  for (const char* name : {"photon", "photon-workshop", "phz", "fdg", "cxdlp", "lgs"}) {
+  for (const char* name :
+       {"photon", "photon-workshop", "phz", "fdg", "cxdlp", "lgs", "anycubic-zip"}) {
     EXPECT_FALSE(limits_of_format(name).made_new) << name;
   }
 }

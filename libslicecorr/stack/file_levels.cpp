@@ -57,7 +57,7 @@ detail::LayerCodecPtr codec_of(const StackFile& file, const detail::ArchiveForma
 
 FileGreys greys_of_file(const StackFile& file, const Grid& grid) {
   const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
-  if (format.container() != detail::ContainerKind::binary) return detail::all_grey();
+  if (!format.codes_layers()) return detail::all_grey();
   const detail::LayerCodecPtr codec = codec_of(file, format, grid);
   return codec ? codec->shown() : detail::all_grey();
 }
@@ -69,7 +69,7 @@ bool file_holds_levels(const detail::ShownGrey& shown, const Printer& printer) {
 Printer printer_for_file(const Printer& printer, const StackFile& file, const Grid& grid,
                          const ExecutionContext& context) {
   const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
-  if (format.container() != detail::ContainerKind::binary) return printer;
+  if (!format.codes_layers()) return printer;
   const detail::LayerCodecPtr codec = codec_of(file, format, grid);
   if (!codec || holds_levels(codec->shown(), printer.levels())) return printer;
   const detail::ShownGrey& shown = codec->shown();

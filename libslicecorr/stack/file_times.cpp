@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "stack/container/binary_file.hpp"
+#include "stack/container/container_output.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/exposure_pattern.hpp"
 #include "stack/layer_places.hpp"
@@ -14,8 +14,8 @@ namespace slicecorr {
 
 void check_file_times(const StackFile& file, const StackInfo& info) {
   const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
-  // Archives of images tell what they can't say; refusals are of binary files that are changed.
-  if (format.container() != detail::ContainerKind::binary || file.keep_from.empty()) return;
+  // Archives of images tell what they can't say; refusals are of print files that are changed.
+  if (!format.codes_layers() || file.keep_from.empty()) return;
   const auto kept =
       detail::open_container(file.keep_from, std::filesystem::temp_directory_path().string());
   if (format.container() != kept->kind() || !format.recognises(*kept)) return;  // said elsewhere
@@ -31,7 +31,8 @@ void check_file_times(const StackFile& file, const StackInfo& info) {
   layers.sizes.resize(count * static_cast<std::size_t>(contents.codec->pieces()), 0);
   layers.lit_pixels.resize(count, 0);
   layers.append = [](std::size_t, std::vector<std::uint8_t>&) {};
-  detail::BinaryOutput output(file.path, file.keep_from);
+  const auto output = detail::make_container_output(file.path, format.container(), file.keep_from,
+                                                    detail::ImagePacking::deflated);
   const GreyImage preview;
   format.write({.info = by_image,
                 .stem = {},
@@ -42,7 +43,7 @@ void check_file_times(const StackFile& file, const StackInfo& info) {
                 .exposure_changes = times,
                 .light_changes = light,
                 .layers = &layers},
-               output);
+               *output);
 }
 
 }  // namespace slicecorr

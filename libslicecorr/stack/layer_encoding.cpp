@@ -7,18 +7,20 @@
 #include <cstring>
 #include <memory>
 
+#include "stack/coded_images.hpp"
 #include "stack/png/png.hpp"
 
 namespace slicecorr::detail {
 
 EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size_t count,
-                            const ReadPixels& read_pixels, const BinaryFile* kept,
+                            const ReadPixels& read_pixels, const Container* kept,
                             const ArchiveContents& kept_contents, bool with_adlers,
                             BlobStore& store, const ExecutionContext& context) {
   const auto pieces = static_cast<std::size_t>(codec.pieces());
   EncodedLayers coded{std::vector<BlobStore::Blob>(count * pieces),
                       std::vector<std::uint32_t>(count),
                       {.codec = codec},
+                      std::vector<std::uint8_t>(count * pieces),
                       0};
   coded.layers.sizes.resize(count * pieces);
   coded.layers.lit_pixels.resize(count);
@@ -26,7 +28,7 @@ EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size
   parallel_for(context, "pack", count, [&](std::size_t slice) {
     const std::size_t pixel_count = codec.pixel_count();
     const auto pixels = std::make_unique_for_overwrite<std::uint8_t[]>(pixel_count);
-    std::vector<std::vector<std::uint8_t>> made, old(pieces);
+    std::vector<std::vector<std::uint8_t>> made, old;
     read_pixels(slice, pixels.get());
     std::uint64_t lit = 0, rounded = 0;
     const ShownGrey& shown = codec.shown();
@@ -43,15 +45,15 @@ EncodedLayers encode_layers(const LayerCodec& codec, const Grid& grid, std::size
           adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.get()});
     }
     codec.encode(static_cast<int>(slice), pixels.get(), made);
-    if (kept != nullptr && slice * pieces < kept_contents.places.size()) {
-      for (std::size_t p = 0; p < pieces; ++p) {
-        const ArchiveContents::Place& place = kept_contents.places[slice * pieces + p];
-        kept->read_at(place.offset, place.size, old[p], "layer");
-      }
+    if (kept != nullptr && slice < coded_image_count(kept_contents)) {
+      read_code(*kept, kept_contents, slice, old);
       if (old != made) {
         const auto old_pixels = std::make_unique_for_overwrite<std::uint8_t[]>(pixel_count);
         codec.decode(old, old_pixels.get(), {kept->path(), static_cast<int>(slice)});
-        if (std::memcmp(old_pixels.get(), pixels.get(), pixel_count) == 0) made = std::move(old);
+        if (std::memcmp(old_pixels.get(), pixels.get(), pixel_count) == 0) made = old;
+      }
+      for (std::size_t p = 0; p < pieces; ++p) {
+        coded.as_kept[slice * pieces + p] = made[p] == old[p];
       }
     }
     coded.layers.lit_pixels[slice] = lit;

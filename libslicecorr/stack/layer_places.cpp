@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "slicecorr/error.hpp"
-#include "stack/container/binary_file.hpp"
+#include "stack/coded_images.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/png/png.hpp"
 
@@ -35,15 +35,9 @@ Seen see(const Container& archive, const ArchiveContents& contents, std::size_t 
   const Grid& grid = contents.info.grid;
   Seen seen;
   if (contents.codec) {
-    const auto pieces = static_cast<std::size_t>(contents.codec->pieces());
-    std::vector<std::vector<std::uint8_t>> code(pieces);
-    for (std::size_t p = 0; p < pieces; ++p) {
-      const ArchiveContents::Place& place = contents.places[image * pieces + p];
-      binary_file(archive).read_at(place.offset, place.size, code[p], "layer");
-    }
     const std::size_t count = contents.codec->pixel_count();
     const auto pixels = std::make_unique_for_overwrite<std::uint8_t[]>(count);
-    contents.codec->decode(code, pixels.get(), {archive.path(), static_cast<int>(image)});
+    decode_image(archive, contents, image, pixels.get());
     seen.add(pixels.get(), count);
     return seen;
   }

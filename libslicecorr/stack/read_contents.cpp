@@ -9,6 +9,7 @@
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/block_check.hpp"
+#include "stack/coded_images.hpp"
 #include "stack/container/binary_file.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"
@@ -39,7 +40,7 @@ ArchiveContents read_contents(const Container& archive) {
   StackInfo& info = contents.info;
   if (contents.codec) {
     contents.facts.emplace_back("grey levels", std::to_string(levels_of(contents.codec->shown())));
-    if (binary_file(archive).record_is_of_another()) {
+    if (archive.kind() == ContainerKind::binary && binary_file(archive).record_is_of_another()) {
       contents.warnings.push_back("the record beside it, " + record_beside(archive.path()) +
                                   ", is of another file: it does not count");
     }
@@ -61,9 +62,7 @@ ArchiveContents read_contents(const Container& archive) {
     check_lit(info, archive.path());
   }
   const Grid& grid = info.grid;
-  const std::size_t images =
-      contents.codec ? contents.places.size() / static_cast<std::size_t>(contents.codec->pieces())
-                     : contents.images.size();
+  const std::size_t images = contents.codec ? coded_image_count(contents) : contents.images.size();
   if (grid.layers < 1 || grid.width_px < 1 || grid.height_px < 1 ||
       images != (info.exposures.empty() ? static_cast<std::size_t>(grid.layers)
                                         : info.exposures.size())) {

@@ -8,6 +8,7 @@
 
 #include "base/run_length.hpp"
 #include "slicecorr/error.hpp"
+#include "stack/coded_images.hpp"
 #include "stack/png/png.hpp"
 #include "stack/stack_reader_parts.hpp"
 
@@ -111,26 +112,19 @@ StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slic
   return decoded;
 }
 
-/// Decodes the layers of a binary file. What stands for the images is only found where the file says
+/// Decodes layers that have a code of their own. What stands for the images is only found where the file says
 /// what it was.
-std::vector<std::uint32_t> StackReader::Impl::decode_layers(const detail::BinaryFile& file,
+std::vector<std::uint32_t> StackReader::Impl::decode_layers(const Container& archive,
                                                             const ExecutionContext& context) {
   const Grid& grid = config.info.grid;
   const auto layers = static_cast<std::size_t>(grid.layers);
-  const auto pieces = static_cast<std::size_t>(config.codec->pieces());
   make_index(index, layers);
   std::vector<std::uint32_t> adlers(layers);
   std::size_t most_lacking = 0, lacking_layer = 0;
   const auto width = static_cast<std::size_t>(grid.width_px);
   parallel_for(context, "read", layers, [&](std::size_t n) {
-    std::vector<std::vector<std::uint8_t>> code(pieces);
-    for (std::size_t p = 0; p < pieces; ++p) {
-      const ArchiveContents::Place& place = config.places[n * pieces + p];
-      file.read_at(place.offset, place.size, code[p], "layer " + std::to_string(n));
-    }
     const auto pixels = std::make_unique_for_overwrite<std::uint8_t[]>(config.codec->pixel_count());
-    const std::size_t lacking =
-        config.codec->decode(code, pixels.get(), {path, static_cast<int>(n)});
+    const std::size_t lacking = detail::decode_image(archive, config, n, pixels.get());
     if (config.images_crc32) {
       adlers[n] = detail::adler_of({grid.width_px, 0, grid.width_px, grid.height_px, pixels.get()});
     }
@@ -163,16 +157,7 @@ void StackReader::Impl::tell_lacking(std::size_t pixels, std::size_t layer,
 std::size_t StackReader::Impl::pixels_of(const Container& archive, std::size_t image,
                                          std::uint8_t* pixels) const {
   const Grid& grid = config.info.grid;
-  if (config.codec) {
-    const auto pieces = static_cast<std::size_t>(config.codec->pieces());
-    std::vector<std::vector<std::uint8_t>> code(pieces);
-    for (std::size_t p = 0; p < pieces; ++p) {
-      const ArchiveContents::Place& place = config.places[image * pieces + p];
-      detail::binary_file(archive).read_at(place.offset, place.size, code[p],
-                                           "layer " + std::to_string(image));
-    }
-    return config.codec->decode(code, pixels, {path, static_cast<int>(image)});
-  }
+  if (config.codec) return detail::decode_image(archive, config, image, pixels);
   const std::string& name = config.images[image];
   const auto entry = detail::entries_of(archive, {name}, grid);
   std::vector<std::uint8_t> png;
@@ -267,7 +252,7 @@ std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& arc
   }
   if (config.codec) {
     for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);
-    return decode_layers(detail::binary_file(archive), context);
+    return decode_layers(archive, context);
   }
   const auto slices = detail::entries_of(archive, config.images, config.info.grid);
   for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);

@@ -93,7 +93,7 @@ struct StackReader::Impl {
     std::vector<std::uint8_t> pixels{}, code{};
     void take(int y0, int y1, const std::uint8_t* first_row, std::size_t stride);
   };
-  std::vector<std::uint32_t> decode_layers(const detail::BinaryFile& file,
+  std::vector<std::uint32_t> decode_layers(const detail::Container& archive,
                                            const ExecutionContext& context);
   /// The pixels of an image; returns how many of them its code lacks.
   std::size_t pixels_of(const Container& archive, std::size_t image, std::uint8_t* pixels) const;

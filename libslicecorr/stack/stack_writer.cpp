@@ -11,6 +11,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/print_file.hpp"
 #include "stack/block_check.hpp"
+#include "stack/coded_images.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/png_archive.hpp"
 #include "stack/formats/uvj_config.hpp"
@@ -48,7 +49,7 @@ StackWriter::Impl::Impl(const StackFile& f, const Grid& g, const ExecutionContex
     open_kept();
   } else if (format.packs_rgb()) {
     code = {1, 0, 8, 2, true, format.packs_bgr()};
-  } else if (format.container() == detail::ContainerKind::binary) {
+  } else if (format.codes_layers()) {
     codec = format.new_codec(g);
     if (!codec) {
       throw InputError(f.path, "",
@@ -257,7 +258,7 @@ void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage
   StackInfo info = its_info;
   info.has_edge_heights = !edge_bands.empty();
   check_layers(info);
-  if (codec) return write_binary(info, preview);
+  if (codec) return write_coded(info, preview);
   const auto layers = static_cast<std::size_t>(info.grid.layers);
   Images slices = gather(bands, 0, layers, code);
   std::optional<Images> uv, edges;
@@ -329,7 +330,27 @@ void StackWriter::Impl::read_pixels(std::size_t slice, std::uint8_t* pixels) con
   }
 }
 
-void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& preview) {
+/// The coded images of an archive, where these are entries of their own: those that change. Others keep
+/// their bytes, packed as they are.
+void StackWriter::Impl::add_coded(const std::vector<std::string>& names,
+                                  const detail::EncodedLayers& coded) {
+  std::vector<std::string> changed;
+  std::vector<std::uint64_t> sizes;
+  std::vector<std::size_t> pieces;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (coded.as_kept[i]) continue;
+    changed.push_back(names[i]);
+    sizes.push_back(coded.layers.sizes[i]);
+    pieces.push_back(i);
+  }
+  output->add_lazily(
+      changed, sizes,
+      [append = coded.layers.append, pieces](std::size_t i, std::vector<std::uint8_t>& out) {
+        append(pieces[i], out);
+      });
+}
+
+void StackWriter::Impl::write_coded(const StackInfo& info, const GreyImage& preview) {
   if (uv_of_pixel) {
     throw InputError(
         file.path, "",
@@ -355,17 +376,11 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
       read_pixels(static_cast<std::size_t>(detail::layer_of_image(kept_contents, image)), pixels);
       return;
     }
-    const auto pieces = static_cast<std::size_t>(codec->pieces());
-    std::vector<std::vector<std::uint8_t>> code(pieces);
-    for (std::size_t p = 0; p < pieces; ++p) {
-      const detail::ArchiveContents::Place& place = kept_contents.places[image * pieces + p];
-      detail::binary_file(*kept).read_at(place.offset, place.size, code[p], "layer");
-    }
-    codec->decode(code, pixels, {file.keep_from, static_cast<int>(image)});
+    detail::decode_image(*kept, kept_contents, image, pixels);
   };
   detail::EncodedLayers coded = detail::encode_layers(
-      *codec, grid, static_cast<std::size_t>(images.grid.layers), read_image,
-      kept ? &detail::binary_file(*kept) : nullptr, kept_contents,
+      *codec, grid, static_cast<std::size_t>(images.grid.layers), read_image, kept.get(),
+      kept_contents,
       info.kind != StackKind::foreign,  // those of other programs get no record
       store, context);
   coded.layers.append = [&](std::size_t piece, std::vector<std::uint8_t>& out) {
@@ -394,7 +409,7 @@ void StackWriter::Impl::write_binary(const StackInfo& info, const GreyImage& pre
       .warnings = &warnings,
       .layers = &coded.layers,
   };
-  format.write(request, *output);
+  add_coded(format.write(request, *output), coded);
   for (const std::string& warning : warnings) context.tell(file.path + ": " + warning);
   if (info.kind != StackKind::foreign) {
     output->add_text(detail::kProvenanceEntry,

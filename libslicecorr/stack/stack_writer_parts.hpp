@@ -18,6 +18,7 @@
 #include "slicecorr/stack.hpp"
 #include "stack/blob_store.hpp"
 #include "stack/formats/archive_format.hpp"
+#include "stack/layer_encoding.hpp"
 #include "stack/png/png.hpp"
 
 namespace slicecorr {
@@ -38,7 +39,7 @@ struct StackWriter::Impl {
   std::unique_ptr<detail::Container> kept;  ///< the archive that is changed; null for a new one
   detail::ArchiveContents kept_contents;
   detail::PixelCode code;
-  detail::LayerCodecPtr codec;  ///< of a binary file
+  detail::LayerCodecPtr codec;  ///< of formats with a code of their own for layers
   std::unique_ptr<detail::ContainerOutput> output;
   BlobStore store;
   int rows = 0;  ///< of a band
@@ -93,7 +94,8 @@ struct StackWriter::Impl {
   void check_layers(const StackInfo& info) const;
   void write_archive(const StackInfo& info, const GreyImage& preview);
   void read_pixels(std::size_t slice, std::uint8_t* pixels) const;
-  void write_binary(const StackInfo& info, const GreyImage& preview);
+  void write_coded(const StackInfo& info, const GreyImage& preview);
+  void add_coded(const std::vector<std::string>& names, const detail::EncodedLayers& coded);
   void check_rewritten(const std::string& written, const StackInfo& info) const;
 };
 

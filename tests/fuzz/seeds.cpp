@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "archive_texts.hpp"
-#include "print_file_fixture.hpp"
+#include "newer_print_file_fixture.hpp"
 #include "stack/png/png.hpp"
 
 namespace {
@@ -175,7 +175,7 @@ void write_pngs(const fs::path& folder) {
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const fs::path folder = argv[1];
-  for (const test::SmallFile& file : test::small_print_files()) {
+  for (const test::SmallFile& file : test::small_binary_files()) {
     write(folder / file.format / file.name, file.bytes);
   }
   write_meshes(folder);

@@ -38,6 +38,8 @@ class ContainerOutput {
   /// from several threads.
   void add_lazily(const std::vector<std::string>& names, const std::vector<std::uint64_t>& sizes,
                   Fill fill);
+  /// An entry of the archive `keep_from` that is not to stay. Only zips leave out some.
+  void leave_out(std::string name) { left_out_.push_back(std::move(name)); }
   /// Looks at the archive under its temporary name, as the last step before it is renamed; what it
   /// throws leaves the old one in its place.
   using Check = std::function<void(const std::string& written)>;
@@ -57,6 +59,7 @@ class ContainerOutput {
 
   std::string path_, folder_, file_;
   std::vector<Source> sources_;
+  std::vector<std::string> left_out_;
 };
 
 /// Whether images, which are deflated as they are, are deflated once more where the container can:

@@ -233,6 +233,10 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
                                     kTextLevel) == 0;
   };
   const auto index_of = indices_of(zip);
+  for (const std::string& name : left_out_) {
+    const auto kept = index_of.find(name);
+    if (kept != index_of.end() && zip_delete(zip, kept->second) != 0) fail(zip_get_error(zip));
+  }
   ImagePacking images = images_;
   for (const Source& source : sources_) {
     entries.push_back({&writing, entries.size(), false});

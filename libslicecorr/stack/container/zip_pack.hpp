@@ -20,7 +20,9 @@ struct PackedEntry {
 
 PackedEntry deflate_entry(const std::vector<std::uint8_t>& data, int level);
 
-inline bool is_zipped_image(const std::string& name) { return name.ends_with(".png"); }
+inline bool is_zipped_image(const std::string& name) {
+  return name.ends_with(".png") || name.ends_with(".pw0Img");
+}
 
 /// Deflate level of images: higher ones take more time and hardly make them smaller.
 inline int zip_image_level(ImagePacking images) { return images == ImagePacking::smallest ? 9 : 1; }

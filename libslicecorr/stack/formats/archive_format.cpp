@@ -31,27 +31,15 @@ std::string list_of_formats() {
 }  // namespace
 
 const std::vector<const ArchiveFormat*>& all_archive_formats() {
-  static const std::vector<const ArchiveFormat*> formats{&uvj_format(),
-                                                         &sl1_format(),
-                                                         &chitubox_zip_format(),
-                                                         &generic_zip_format(),
-                                                         &vdt_format(),
-                                                         &rgb_nanodlp_format(),
-                                                         &nanodlp_format(),
-                                                         &rgb_cws_format(),
-                                                         &cws_format(),
-                                                         &ember_zip_format(),
-                                                         &ember_tar_format(),
-                                                         &vda_format(),
-                                                         &folder_format(),
-                                                         &ctb_format(),
-                                                         &photon_format(),
-                                                         &goo_format(),
-                                                         &photon_workshop_format(),
-                                                         &phz_format(),
-                                                         &fdg_format(),
-                                                         &cxdlp_format(),
-                                                         &lgs_format()};
+  static const std::vector<const ArchiveFormat*> formats{
+      &uvj_format(),          &sl1_format(),         &anycubic_zip_format(),
+      &chitubox_zip_format(), &generic_zip_format(), &vdt_format(),
+      &rgb_nanodlp_format(),  &nanodlp_format(),     &rgb_cws_format(),
+      &cws_format(),          &ember_zip_format(),   &ember_tar_format(),
+      &vda_format(),          &folder_format(),      &ctb_format(),
+      &photon_format(),       &goo_format(),         &photon_workshop_format(),
+      &phz_format(),          &fdg_format(),         &cxdlp_format(),
+      &lgs_format()};
   return formats;
 }
 

@@ -49,10 +49,11 @@ struct ArchiveContents {
   /// CRC-32 of the values of `info.printer`'s flat-field, whose picture is an entry of its own.
   std::optional<std::uint32_t> flat_field_crc32;
   std::optional<RecordingFacts> recording;  ///< of a recorded stack
-  /// Of a binary file: the code of its layers, and where their pieces lie, those of layer n from
-  /// n * codec->pieces() on; `images` is empty then.
+  /// Where layers have a code of the format's own: this code. Their pieces, those of layer n from
+  /// n * codec->pieces() on, are the entries `images`, or in a binary file lie at `places`, `images` being
+  /// empty then.
   LayerCodecPtr codec;
-  /// What else a binary file says, for people: name and value.
+  /// What else a print file says, for people: name and value.
   std::vector<std::pair<std::string, std::string>> facts;
   struct Place {
     std::uint64_t offset = 0, size = 0;
@@ -71,7 +72,7 @@ struct ImageChecksums {
   std::optional<std::uint32_t> uv{}, edges{};
 };
 
-/// The coded layers of a binary file that is written.
+/// The coded layers of a print file that is written.
 struct CodedLayers {
   const LayerCodec& codec;
   std::vector<std::uint64_t> sizes{};       ///< of pieces, those of layer n from n * pieces() on
@@ -94,7 +95,7 @@ struct ArchiveRequest {
   /// The same of the shares of light.
   bool light_changes = true;
   std::vector<std::string>* warnings = nullptr;  ///< what the format can't say is told here
-  const CodedLayers* layers = nullptr;           ///< of a binary format
+  const CodedLayers* layers = nullptr;           ///< of a format that codes layers itself
 };
 
 /// Stateless and thread-safe.
@@ -106,6 +107,8 @@ class ArchiveFormat {
   /// Endings of file names, with the point; the first is the usual one.
   virtual std::vector<std::string_view> endings() const = 0;
   virtual ContainerKind container() const { return ContainerKind::zip; }
+  /// Whether layers have a code of the format's own: no PNG images.
+  virtual bool codes_layers() const { return container() == ContainerKind::binary; }
   /// Whether images of new archives are RGB-packed.
   virtual bool packs_rgb() const { return false; }
   virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
@@ -117,7 +120,7 @@ class ArchiveFormat {
   virtual bool says_heights() const { return false; }
   /// Whether archives are changed of which layers have several exposures.
   virtual bool changes_exposures() const { return false; }
-  /// Of binary formats, the code of a new file.
+  /// Of formats that code layers themselves, the code of a new file.
   virtual LayerCodecPtr new_codec(const Grid&) const { return nullptr; }
 
   /// Whether the archive is of this format, by the names of its entries and, where those do not
@@ -196,6 +199,7 @@ const ArchiveFormat& ctb_format();
 const ArchiveFormat& photon_format();
 const ArchiveFormat& goo_format();
 const ArchiveFormat& photon_workshop_format();
+const ArchiveFormat& anycubic_zip_format();
 const ArchiveFormat& phz_format();
 const ArchiveFormat& fdg_format();
 const ArchiveFormat& cxdlp_format();

@@ -9,6 +9,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <numeric>
 
 #include "slicecorr/error.hpp"
@@ -177,7 +178,36 @@ void replace_shared(FileChange& change, const CodedLayers& layers, std::uint64_t
   }
 }
 
-void check_image_size(const BinaryFile& file, std::uint32_t width_px, std::uint32_t height_px) {
+std::vector<PieceSpan> replace_layers(FileChange& change, const CodedLayers& coded,
+                                      std::uint64_t head_bytes,
+                                      const std::vector<ArchiveContents::Place>& kept,
+                                      std::size_t layers) {
+  std::map<std::uint64_t, SharedBytes> by_place;
+  std::uint64_t end = 0;
+  for (std::size_t n = 0; n < kept.size(); ++n) {
+    SharedBytes& bytes = by_place[kept[n].offset];
+    bytes.at = kept[n].offset;
+    bytes.size = kept[n].size;
+    if (n < layers) bytes.pieces.push_back(n);
+    end = std::max(end, kept[n].offset + kept[n].size);
+  }
+  std::vector<SharedBytes> all;
+  all.reserve(by_place.size());
+  for (auto& [at, bytes] : by_place) all.push_back(std::move(bytes));
+  std::vector<PieceSpan> spans(layers);
+  replace_shared(change, coded, head_bytes, all, spans);
+  for (std::size_t n = kept.size(); n < layers; ++n) {
+    spans[n].span = change.replace(end, 0, head_bytes + coded.sizes[n]);
+  }
+  return spans;
+}
+
+void check_offsets_fit(const FileChange& change, const BinaryFile& file) {
+  if (change.new_size() <= 0xffffffffu) return;
+  throw InputError(file.path(), "", "would be larger than 4 GiB, which its offsets can't say");
+}
+
+void check_image_size(const Container& file, std::uint32_t width_px, std::uint32_t height_px) {
   constexpr std::uint32_t most_across = 32768;
   constexpr std::uint64_t most = std::uint64_t{1} << 28;
   if (width_px >= 1 && height_px >= 1 && width_px <= most_across && height_px <= most_across &&

@@ -104,8 +104,17 @@ struct SharedBytes {
 void replace_shared(FileChange& change, const CodedLayers& layers, std::uint64_t head_bytes,
                     const std::vector<SharedBytes>& kept, std::vector<PieceSpan>& spans);
 
+/// The same of the layers of a file in which each is one piece, at `kept` with its head: a span for each of
+/// `layers` that are written, those that are added behind all that are kept.
+std::vector<PieceSpan> replace_layers(FileChange& change, const CodedLayers& coded,
+                                      std::uint64_t head_bytes,
+                                      const std::vector<ArchiveContents::Place>& kept,
+                                      std::size_t layers);
+/// Throws `InputError` where a file would be larger than its offsets of 32 bits can say.
+void check_offsets_fit(const FileChange& change, const BinaryFile& file);
+
 /// What a format's layers need in common: throws `InputError` where sizes or counts are absurd.
-void check_image_size(const BinaryFile& file, std::uint32_t width_px, std::uint32_t height_px);
+void check_image_size(const Container& file, std::uint32_t width_px, std::uint32_t height_px);
 void check_layer_count(const BinaryFile& file, std::uint64_t layers);
 /// Who may use the same bytes as others of its kind.
 enum class Sharing { none, layers, previews };

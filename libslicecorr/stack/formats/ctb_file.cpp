@@ -12,31 +12,6 @@ namespace {
 
 constexpr std::uint64_t kMostSets = 64, kMostNameBytes = 256;
 
-void read_previews(const BinaryFile& file, CtbFile& ctb, std::vector<NamedSpan>& spans) {
-  for (const std::size_t at : {ctb.fields.large_preview, ctb.fields.small_preview}) {
-    const std::uint32_t offset = ctb.head.u32(at);
-    if (offset == 0) continue;
-    CtbPreview preview;
-    const std::string name = at == ctb.fields.large_preview ? "large preview" : "small preview";
-    preview.head = BinaryBlock(file, offset, 0x20, name);
-    const std::uint64_t width = preview.head.u32(0), height = preview.head.u32(4);
-    preview.data_offset = preview.head.u32(8);
-    preview.data_bytes = preview.head.u32(12);
-    if (width > 4096 || height > 4096 || preview.data_bytes > 2 * width * height + 4) {
-      preview.head.fail(0,
-                        fmt::format("says {} x {} pixels in {} bytes, expected at most 4096 each "
-                                    "and two bytes a pixel",
-                                    width, height, preview.data_bytes));
-    }
-    // In some files both previews share one.
-    if (!ctb.previews.empty() && ctb.previews[0].head.offset() == offset) continue;
-    spans.push_back({offset, 0x20, name});
-    spans.push_back(
-        {preview.data_offset, preview.data_bytes, name + "'s pixels", Sharing::previews});
-    ctb.previews.push_back(std::move(preview));
-  }
-}
-
 /// A text elsewhere in the file, of which a block says where.
 std::string read_name(const BinaryFile& file, const BinaryBlock& block, std::size_t offset_at,
                       std::size_t size_at, const char* what) {
@@ -243,6 +218,35 @@ const CtbFields& ctb_fields(CtbFamily family) {
   return family == CtbFamily::phz ? phz : family == CtbFamily::fdg ? fdg : chitubox;
 }
 
+std::vector<CtbPreview> read_ctb_previews(const BinaryFile& file, const BinaryBlock& head,
+                                          const std::array<std::size_t, 2>& offsets,
+                                          std::vector<NamedSpan>& spans) {
+  std::vector<CtbPreview> previews;
+  for (const std::size_t at : offsets) {
+    const std::uint32_t offset = head.u32(at);
+    if (offset == 0) continue;
+    CtbPreview preview;
+    const std::string name = at == offsets[0] ? "large preview" : "small preview";
+    preview.head = BinaryBlock(file, offset, 0x20, name);
+    const std::uint64_t width = preview.head.u32(0), height = preview.head.u32(4);
+    preview.data_offset = preview.head.u32(8);
+    preview.data_bytes = preview.head.u32(12);
+    if (width > 4096 || height > 4096 || preview.data_bytes > 2 * width * height + 4) {
+      preview.head.fail(0,
+                        fmt::format("says {} x {} pixels in {} bytes, expected at most 4096 each "
+                                    "and two bytes a pixel",
+                                    width, height, preview.data_bytes));
+    }
+    // In some files both previews share one.
+    if (!previews.empty() && previews[0].head.offset() == offset) continue;
+    spans.push_back({offset, 0x20, name});
+    spans.push_back(
+        {preview.data_offset, preview.data_bytes, name + "'s pixels", Sharing::previews});
+    previews.push_back(std::move(preview));
+  }
+  return previews;
+}
+
 CtbFile read_ctb(const BinaryFile& file, CtbFamily family) {
   CtbFile ctb;
   ctb.family = family;
@@ -278,7 +282,7 @@ CtbFile read_ctb(const BinaryFile& file, CtbFamily family) {
     head.fail(f.key, "says that layers are ciphered, which is not known of this format");
   }
   std::vector<NamedSpan> spans{{0, head_bytes, "head"}};
-  read_previews(file, ctb, spans);
+  ctb.previews = read_ctb_previews(file, head, {f.large_preview, f.small_preview}, spans);
   read_settings(file, ctb, spans);
   read_layers(file, ctb, spans);
   check_spans(file, std::move(spans));

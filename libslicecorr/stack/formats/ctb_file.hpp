@@ -5,6 +5,7 @@
 /// The tables of CTB, cbddlp and photon files, which are of one family (docs/print-files.md).
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -61,6 +62,12 @@ struct CtbFile {
   /// Whether the file says if printers heed settings of single layers, and they do not.
   bool goes_by_head() const { return family == CtbFamily::ctb && slicer && !has_layer_flag(); }
 };
+
+/// Previews of CTB's kind, whose offsets stand at `offsets` of a head, the large one's first; their spans are
+/// added. Throws `InputError`.
+std::vector<CtbPreview> read_ctb_previews(const BinaryFile& file, const BinaryBlock& head,
+                                          const std::array<std::size_t, 2>& offsets,
+                                          std::vector<NamedSpan>& spans);
 
 /// Throws `InputError` on anything damaged, or that reaches out of the file or over something else.
 CtbFile read_ctb(const BinaryFile& file, CtbFamily family);

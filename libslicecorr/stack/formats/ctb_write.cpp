@@ -167,7 +167,8 @@ class CtbChange {
     }
     if (ctb_.resin) {
       move_offset(*ctb_.v4, 0x50);
-      move_offset(*ctb_.resin, 0x18);
+      // Its type, its name and the machine's.
+      for (const std::size_t at : {0x10, 0x18, 0x08}) move_offset(*ctb_.resin, at);
     }
   }
 

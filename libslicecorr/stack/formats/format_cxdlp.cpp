@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Creality's CXDLP, versions 1 to 3: all numbers big-endian, texts with a length, layers of vertical
-// lines, a checksum of the whole file at its end.
+// lines, a checksum of the whole file at its end. Version 4 begins like them (cxdlp4_file.cpp).
 
 #include <fmt/format.h>
 
@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/formats/binary_block.hpp"
+#include "stack/formats/cxdlp_file.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/isa_l.hpp"
 
@@ -21,7 +22,7 @@ constexpr auto kBig = ByteOrder::big;
 constexpr std::uint32_t kMostTextBytes = 1024;
 constexpr std::size_t kSettings = 11;
 /// Numbers of the settings, u16 each, in their order.
-enum Setting {
+enum CxdlpSetting {
   exposure_tenths,
   wait_s,
   bottom_exposure_s,
@@ -38,6 +39,7 @@ enum Setting {
 struct CxdlpFile {
   int version = 1;
   std::string model, program, resin;
+  std::uint64_t head_at = 0;      ///< of what follows the model
   std::uint64_t count_at = 0;     ///< of the number of layers, u16
   std::uint64_t settings_at = 0;  ///< of `kSettings` numbers
   std::uint64_t areas_at = 0;     ///< of an area for each layer, u32
@@ -88,41 +90,19 @@ double number_of(const std::string& text, const BinaryFile& file, const char* wh
   return value.need_number(what, 0, 1e4);
 }
 
-/// Whether the check bytes at the end are right.
-void check_sum(const BinaryFile& file, const CxdlpFile& c) {
-  if (c.version == 1) return;
-  const std::uint32_t said = BinaryBlock(file, c.check_at, 4, "checksum", kBig).u32(0);
-  std::uint32_t crc = 0xffffffff, all = 0;
-  std::vector<std::uint8_t> piece;
-  for (std::uint64_t at = 0; at < c.check_at; at += piece.size()) {
-    file.read_at(at, std::min<std::uint64_t>(std::uint64_t{1} << 20, c.check_at - at), piece, "");
-    crc = isal::crc32(crc, piece.data(), piece.size());
-    for (const std::uint8_t byte : piece) all ^= byte;
-  }
-  const std::uint32_t right = c.version == 2 ? all : ~crc;
-  if (said != right) {
-    throw InputError(file.path(), "checksum",
-                     fmt::format("is {:08X}, expected {:08X}: the file was changed or is not whole",
-                                 said, right));
-  }
-}
-
+/// Of version 4 only model and place of the head.
 CxdlpFile read_cxdlp(const BinaryFile& file) {
   CxdlpFile c;
   Cursor in(file);
   const std::string magic = in.text("head", false);
   if (magic == "CXSW3DV2") {
     c.version = static_cast<int>(in.u16("version"));
-    if (c.version == 4) {
-      throw InputError(
-          file.path(), "",
-          "is CXDLP version 4 (Halot Mage), of which no file was at hand to prove what is "
-          "known of it; expected version 2 or 3, or a slicer that exports GOO or CTB");
-    }
-    if (c.version != 2 && c.version != 3) {
-      throw InputError(file.path(), "version", fmt::format("is {}, expected 2 or 3", c.version));
+    if (c.version < 2 || c.version > 4) {
+      throw InputError(file.path(), "version", fmt::format("is {}, expected 2 to 4", c.version));
     }
     c.model = in.text("model", false);
+    c.head_at = in.at;
+    if (c.version == 4) return c;
   } else if (magic != "CXSW3D") {
     throw InputError(file.path(), "head", "is of a version of CXDLP that is not known");
   }
@@ -181,13 +161,14 @@ CxdlpFile read_cxdlp(const BinaryFile& file) {
     throw InputError(file.path(), "end",
                      fmt::format("{} bytes follow, expected none", file.size() - in.at));
   }
-  check_sum(file, c);
+  check_cxdlp_sum(file, c.version, c.check_at);
   return c;
 }
 
 void change_cxdlp(const ArchiveRequest& r, BinaryOutput& output) {
   const BinaryFile& file = binary_file(*r.kept);
   CxdlpFile c = read_cxdlp(file);
+  if (c.version == 4) return change_cxdlp4(r, c.head_at, output);
   const auto layers = static_cast<std::size_t>(r.info.grid.layers);
   const std::size_t old = c.layers;
   if (layers > 65535) throw InputError(file.path(), "", "can't hold more than 65535 layers");
@@ -263,24 +244,15 @@ void change_cxdlp(const ArchiveRequest& r, BinaryOutput& output) {
         },
         n);
   }
-  if (c.version >= 2) {
-    changed.fill(
-        check,
-        [&output, version = c.version](std::size_t, std::vector<std::uint8_t>& out) {
-          BinaryBlock sum(4, kBig);
-          sum.set_u32(0, version == 2 ? output.xor_of_bytes() : output.plain_crc32());
-          out = sum.bytes();
-        },
-        0);
-  }
+  if (c.version >= 2) fill_cxdlp_sum(changed, check, c.version, output);
   changed.add_to(output);
 }
 
 class Cxdlp final : public ArchiveFormat {
  public:
   std::string_view name() const override { return "cxdlp"; }
-  std::string_view what() const override { return "Creality CXDLP, versions 1 to 3"; }
-  std::vector<std::string_view> endings() const override { return {".cxdlp"}; }
+  std::string_view what() const override { return "Creality CXDLP"; }
+  std::vector<std::string_view> endings() const override { return {".cxdlp", ".cxdlpv4"}; }
   ContainerKind container() const override { return ContainerKind::binary; }
   bool made_new() const override { return false; }
   bool says_light() const override { return true; }
@@ -292,6 +264,7 @@ class Cxdlp final : public ArchiveFormat {
   ArchiveContents read(const Container& archive) const override {
     const BinaryFile& file = binary_file(archive);
     CxdlpFile c = read_cxdlp(file);
+    if (c.version == 4) return read_cxdlp4(file, c.head_at, c.model);
     ArchiveContents contents;
     StackInfo& info = contents.info;
     Grid& grid = info.grid;
@@ -302,7 +275,9 @@ class Cxdlp final : public ArchiveFormat {
     grid.pixel_y_um =
         pixel_um(number_of(c.height_mm, file, "height") / grid.height_px, file, "head");
     grid.layer_um = layer_um(number_of(c.layer_mm, file, "layer height"), file, "head");
-    const auto number = [&](Setting s) { return c.settings.u16(2 * static_cast<std::size_t>(s)); };
+    const auto number = [&](CxdlpSetting s) {
+      return c.settings.u16(2 * static_cast<std::size_t>(s));
+    };
     info.exposure_s = number(exposure_tenths) / 10.0;
     info.bottom_exposure_s = number(bottom_exposure_s);
     info.bottom_layers = std::min<int>(number(bottom_layers), grid.layers);
@@ -311,7 +286,7 @@ class Cxdlp final : public ArchiveFormat {
     take_light(shines, 255, file.path(), "settings", info, &contents.warnings);
     LiftTimes lifts;
     lifts.bottom_layers = info.bottom_layers;
-    const auto motion = [&](Setting way, Setting speed) {
+    const auto motion = [&](CxdlpSetting way, CxdlpSetting speed) {
       LiftMotion m;
       m.up_mm = number(way);
       m.up_mm_s = number(speed);
@@ -348,6 +323,35 @@ class Cxdlp final : public ArchiveFormat {
 };
 
 }  // namespace
+
+void check_cxdlp_sum(const BinaryFile& file, int version, std::uint64_t check_at) {
+  if (version == 1) return;
+  const std::uint32_t said = BinaryBlock(file, check_at, 4, "checksum", kBig).u32(0);
+  std::uint32_t crc = 0xffffffff, all = 0;
+  std::vector<std::uint8_t> piece;
+  for (std::uint64_t at = 0; at < check_at; at += piece.size()) {
+    file.read_at(at, std::min<std::uint64_t>(std::uint64_t{1} << 20, check_at - at), piece, "");
+    crc = isal::crc32(crc, piece.data(), piece.size());
+    for (const std::uint8_t byte : piece) all ^= byte;
+  }
+  const std::uint32_t right = version == 2 ? all : ~crc;
+  if (said != right) {
+    throw InputError(file.path(), "checksum",
+                     fmt::format("is {:08X}, expected {:08X}: the file was changed or is not whole",
+                                 said, right));
+  }
+}
+
+void fill_cxdlp_sum(FileChange& change, std::size_t span, int version, const BinaryOutput& output) {
+  change.fill(
+      span,
+      [&output, version](std::size_t, std::vector<std::uint8_t>& out) {
+        BinaryBlock sum(4, kBig);
+        sum.set_u32(0, version == 2 ? output.xor_of_bytes() : output.plain_crc32());
+        out = sum.bytes();
+      },
+      0);
+}
 
 const ArchiveFormat& cxdlp_format() {
   static const Cxdlp format;

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 
 #include "slicecorr/error.hpp"
 #include "stack/formats/binary_block.hpp"
@@ -16,13 +15,14 @@
 
 namespace slicecorr::detail {
 namespace {
+namespace workshop {  // its places have names that others have, too
 
 using namespace std::string_view_literals;
 
 constexpr std::uint64_t kMarkBytes = 0x30, kTableHeadBytes = 0x10, kRecordBytes = 0x20;
 // Offsets at the start of the file.
 constexpr std::size_t kVersion = 0x0c, kHeaderAt = 0x14, kPreviewAt = 0x1c, kColourAt = 0x20,
-                      kLayersAt = 0x24, kExtraAt = 0x28, kMachineAt = 0x2c;
+                      kLayersAt = 0x24, kExtraAt = 0x28, kMachineAt = 0x2c, kSecondListAt = 0x38;
 // Places in HEADER, behind its own head.
 constexpr std::size_t kPixelUm = 0x10, kLayerMm = 0x14, kExposure = 0x18, kWait = 0x1c,
                       kBottomExposure = 0x20, kBottomLayers = 0x24, kLift = 0x28, kSpeed = 0x2c,
@@ -33,12 +33,16 @@ constexpr std::size_t kPixelUm = 0x10, kLayerMm = 0x14, kExposure = 0x18, kWait 
 // Places in a record of LAYERDEF.
 constexpr std::size_t kOffset = 0, kBytes = 4, kRecordLift = 8, kRecordSpeed = 0x0c,
                       kRecordExposure = 0x10, kThickness = 0x14, kLit = 0x18;
+/// The second list of layers of version 518, SUBIMGS: its head, then records of offset, bytes and lit pixels.
+constexpr std::uint64_t kSecondHeadBytes = 0x18, kSecondRecordBytes = 0x2c;
+/// In HEADER of version 518: the printer chooses exposures by itself.
+constexpr std::size_t kPrinterChooses = 0x6c;
 constexpr std::uint32_t kMostPasses = 64;
 
 struct WorkshopFile {
   std::uint32_t version = 0;
   BinaryBlock mark, header, layers;  ///< `layers` with its head and its count
-  std::optional<BinaryBlock> machine;
+  std::optional<BinaryBlock> machine, second_list;
   std::size_t images_at = 0;  ///< in `mark`, where the images' offset stands
   std::array<std::uint8_t, 16> colours{};
   bool has_colours = false;
@@ -63,6 +67,32 @@ BinaryBlock table(const BinaryFile& file, const BinaryBlock& mark, std::size_t a
   return block;
 }
 
+void read_second_list(const BinaryFile& file, WorkshopFile& w, std::vector<NamedSpan>& spans) {
+  if (w.version < 518 || w.mark.u32(kSecondListAt) == 0) return;
+  const std::uint64_t bytes = kSecondHeadBytes + w.count * kSecondRecordBytes;
+  const BinaryBlock start = table(file, w.mark, kSecondListAt, "SUBIMGS", kSecondHeadBytes);
+  if (start.u32(0x10) != w.count || start.u32(12) != bytes) {
+    start.fail(0x0c,
+               fmt::format("has {} layers in {} bytes, expected as many as LAYERDEF, {} in {}",
+                           start.u32(0x10), start.u32(12), w.count, bytes));
+  }
+  w.second_list = BinaryBlock(file, start.offset(), bytes, "SUBIMGS");
+  for (std::size_t n = 0; n < w.count; ++n) {
+    const std::size_t at = kSecondHeadBytes + n * kSecondRecordBytes;
+    if (w.second_list->u32(at) != w.offset(n) || w.second_list->u32(at + 4) != w.bytes(n)) {
+      w.second_list->fail(at, fmt::format("has layer {} elsewhere than LAYERDEF", n));
+    }
+  }
+  spans.push_back({start.offset(), bytes, "SUBIMGS"});
+}
+
+/// The printer chooses exposures by itself, whatever the file says.
+bool printer_chooses_exposures(const BinaryFile& file, const WorkshopFile& w) {
+  constexpr std::uint32_t says_it = 0x60;  // length of HEADER
+  return w.version >= 518 && w.header.u32(12) >= says_it &&
+         BinaryBlock(file, w.header.offset() + kPrinterChooses, 4, "HEADER").u32(0) != 0;
+}
+
 WorkshopFile read_workshop(const BinaryFile& file) {
   WorkshopFile w;
   w.mark = BinaryBlock(file, 0, kMarkBytes, "start of the file");
@@ -71,7 +101,12 @@ WorkshopFile read_workshop(const BinaryFile& file) {
   if (std::find(std::begin(known), std::end(known), w.version) == std::end(known)) {
     w.mark.fail(kVersion, fmt::format("is version {}, which is not known", w.version));
   }
-  if (w.version >= 516) w.mark = BinaryBlock(file, 0, kMarkBytes + 4, "start of the file");
+  // Later versions have more offsets.
+  const std::uint64_t mark_bytes = w.version >= 518   ? kMarkBytes + 16
+                                   : w.version == 517 ? kMarkBytes + 8
+                                   : w.version == 516 ? kMarkBytes + 4
+                                                      : kMarkBytes;
+  w.mark = BinaryBlock(file, 0, mark_bytes, "start of the file");
   w.images_at = w.version >= 516 ? 0x30 : 0x2c;
   w.header = table(file, w.mark, kHeaderAt, "HEADER", kHeaderBytes);
   const std::uint32_t width = w.header.u32(kWidth), height = w.header.u32(kHeight);
@@ -109,6 +144,7 @@ WorkshopFile read_workshop(const BinaryFile& file) {
                                   w.layers.u32(12), 4 + w.count * kRecordBytes, w.count));
   }
   spans.push_back({w.layers.offset(), w.layers.size(), "LAYERDEF"});
+  read_second_list(file, w, spans);
   for (std::size_t n = 0; n < w.count; ++n) {
     const std::size_t at = w.record(n);
     if (w.bytes(n) == 0) w.layers.fail(at + kBytes, fmt::format("layer {} has no data", n));
@@ -234,43 +270,51 @@ void add_facts(const WorkshopFile& w, bool pw0, ArchiveContents& contents) {
       fmt::format("{:g} ml, {:g} g, cost {:g}", h.f32(kVolume), h.f32(kWeight), h.f32(kPrice)));
 }
 
+/// The second list with what the new records of the first one say.
+std::vector<std::uint8_t> changed_second_list(const BinaryBlock& old, const BinaryBlock& records,
+                                              const WorkshopFile& w) {
+  const std::uint32_t layers = records.u32(kTableHeadBytes);
+  BinaryBlock list(kSecondHeadBytes + layers * kSecondRecordBytes, ByteOrder::little);
+  std::copy_n(old.bytes().begin(), kSecondHeadBytes, list.bytes().begin());
+  list.set_u32(12, static_cast<std::uint32_t>(list.size()));
+  list.set_u32(0x10, layers);
+  for (std::size_t n = 0; n < layers; ++n) {
+    const std::size_t to = kSecondHeadBytes + n * kSecondRecordBytes, last = w.count - 1;
+    const std::size_t from = kSecondHeadBytes + std::min(n, last) * kSecondRecordBytes;
+    std::copy_n(old.bytes().begin() + static_cast<std::ptrdiff_t>(from), kSecondRecordBytes,
+                list.bytes().begin() + static_cast<std::ptrdiff_t>(to));
+    list.set_u32(to, records.u32(w.record(n) + kOffset));
+    list.set_u32(to + 4, records.u32(w.record(n) + kBytes));
+    // One that is told otherwise there stays as it is with its layer.
+    if (n > last || old.u32(from + 8) == w.layers.u32(w.record(n) + kLit)) {
+      list.set_u32(to + 8, records.u32(w.record(n) + kLit));
+    }
+  }
+  return std::move(list.bytes());
+}
+
 void change_workshop(const ArchiveRequest& r, BinaryOutput& output) {
   const BinaryFile& file = binary_file(*r.kept);
   WorkshopFile w = read_workshop(file);
   const auto layers = static_cast<std::size_t>(r.info.grid.layers);
   const std::size_t old = w.count;
-  if (w.version >= 518) {
-    throw InputError(
-        file.path(), "",
-        "is version 518, whose second list of layers is not known well enough to change "
-        "it; expected a file that the slicer writes for an earlier version");
+  if (r.exposure_changes && printer_chooses_exposures(file, w)) {
+    throw InputError(file.path(), "HEADER", kPrinterChoosesWords);
   }
   FileChange changed(file);
   const std::size_t mark = changed.replace(0, w.mark.size(), w.mark.size());
   const std::size_t header = changed.replace(w.header.offset(), w.header.size(), w.header.size());
   const std::size_t table = changed.replace(w.layers.offset(), w.layers.size(), w.record(layers));
+  const std::size_t second_table =
+      w.second_list ? changed.replace(w.second_list->offset(), w.second_list->size(),
+                                      kSecondHeadBytes + layers * kSecondRecordBytes)
+                    : 0;
   const CodedLayers* const coded = r.layers;
-  std::map<std::uint64_t, SharedBytes> kept;  // by their place
-  std::uint64_t end = 0;
-  for (std::size_t n = 0; n < old; ++n) {
-    SharedBytes& bytes = kept[w.offset(n)];
-    bytes.at = w.offset(n);
-    bytes.size = w.bytes(n);
-    if (n < layers) bytes.pieces.push_back(n);
-    end = std::max(end, w.offset(n) + w.bytes(n));
-  }
-  std::vector<SharedBytes> all;
-  all.reserve(kept.size());
-  for (auto& [at, bytes] : kept) all.push_back(std::move(bytes));
-  std::vector<PieceSpan> spans(layers);
-  replace_shared(changed, *coded, 0, all, spans);
-  for (std::size_t n = old; n < layers; ++n) {
-    spans[n].span = changed.replace(end, 0, coded->sizes[n]);
-  }
+  std::vector<ArchiveContents::Place> kept;
+  for (std::size_t n = 0; n < old; ++n) kept.push_back({w.offset(n), w.bytes(n)});
+  const std::vector<PieceSpan> spans = replace_layers(changed, *coded, 0, kept, layers);
   changed.lay_out();
-  if (changed.new_size() > 0xffffffffu) {
-    throw InputError(file.path(), "", "would be larger than 4 GiB, which its offsets can't say");
-  }
+  check_offsets_fit(changed, file);
   if (r.exposure_changes) {
     const ExposureSummary s = exposure_summary(r.info);
     if (w.header.u32(kLayerFlag) == 0) {
@@ -320,6 +364,7 @@ void change_workshop(const ArchiveRequest& r, BinaryOutput& output) {
       records.set_f32(to + kRecordExposure, light_on_of_layer(r.info, static_cast<int>(n)));
     }
   }
+  if (w.second_list) changed.fill(second_table, changed_second_list(*w.second_list, records, w));
   // Everything that an offset leads to may have moved.
   for (std::size_t at = kHeaderAt; at < w.mark.size(); at += 4) {
     const std::uint32_t offset = w.mark.u32(at);
@@ -395,6 +440,7 @@ class PhotonWorkshop final : public ArchiveFormat {
       if (info.bottom_layers == 0) info.fade_layers = 0;
       tell_unheeded_times(times_s, info, contents.warnings);
     }
+    if (printer_chooses_exposures(file, w)) contents.warnings.emplace_back(kPrinterChoosesWords);
     take_lifts_of(file, w, info);
     if (w.version >= 516) info.own_print_time_s = h.u32(kPrintTime);
     if (w.machine) info.profiles.printer = w.machine->text(0x10, 96);
@@ -419,10 +465,11 @@ class PhotonWorkshop final : public ArchiveFormat {
   }
 };
 
+}  // namespace workshop
 }  // namespace
 
 const ArchiveFormat& photon_workshop_format() {
-  static const PhotonWorkshop format;
+  static const workshop::PhotonWorkshop format;
   return format;
 }
 

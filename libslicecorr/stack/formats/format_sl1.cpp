@@ -18,12 +18,12 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* kConfigEntry = "config.ini";
-constexpr const char* kSettingsEntry = "prusaslicer.ini";
+constexpr const char* kSl1Config = "config.ini";
+constexpr const char* kSl1Settings = "prusaslicer.ini";
 constexpr int kNameDigits = 5;
 
 /// What an image's name is before its digits; nothing when it is no name of an image.
-std::optional<std::string> prefix_of(std::string_view name) {
+std::optional<std::string> sl1_prefix_of(std::string_view name) {
   constexpr std::string_view ending = ".png";
   if (!name.ends_with(ending) || name.find('/') != name.npos) return std::nullopt;
   name.remove_suffix(ending.size());
@@ -37,7 +37,7 @@ std::optional<std::string> prefix_of(std::string_view name) {
 std::string image_prefix(const Container& archive, const std::string& context) {
   std::vector<std::string> prefixes;
   for (const Container::Entry& entry : archive.entries()) {
-    const auto prefix = prefix_of(entry.name);
+    const auto prefix = sl1_prefix_of(entry.name);
     if (prefix && std::find(prefixes.begin(), prefixes.end(), *prefix) == prefixes.end()) {
       prefixes.push_back(*prefix);
     }
@@ -48,7 +48,7 @@ std::string image_prefix(const Container& archive, const std::string& context) {
     throw InputError(archive.path(), "",
                      "has no layer images, expected " + context + "00000.png on");
   }
-  throw InputError(archive.path(), kConfigEntry,
+  throw InputError(archive.path(), kSl1Config,
                    "jobDir is " + shown_name(context) + ", but images are named otherwise: " +
                        shown_name(prefixes[0]) + ", " + shown_name(prefixes[1]));
 }
@@ -88,8 +88,8 @@ void read_display(const KeyValueText& config, const std::optional<KeyValueText>&
       const double across = turned ? *y_px : *x_px, down = turned ? *x_px : *y_px;
       if (grid.width_px != across || grid.height_px != down) {
         contents.warnings.push_back(fmt::format("images are {} x {} pixels, {} says {:g} x {:g}",
-                                                grid.width_px, grid.height_px, kSettingsEntry,
-                                                across, down));
+                                                grid.width_px, grid.height_px, kSl1Settings, across,
+                                                down));
       }
       return;
     }
@@ -155,7 +155,7 @@ Times times_of(const ArchiveRequest& r) {
 
 void change_sl1(const ArchiveRequest& r, ContainerOutput& output) {
   const std::string path = r.kept->path();
-  KeyValueText config(r.kept->text(kConfigEntry), '=', path, kConfigEntry);
+  KeyValueText config(r.kept->text(kSl1Config), '=', path, kSl1Config);
   const std::string before = config.text();
   const int layers = r.info.grid.layers;
   if (layers != r.kept_contents->info.grid.layers) {
@@ -168,15 +168,15 @@ void change_sl1(const ArchiveRequest& r, ContainerOutput& output) {
     config.set("expTime", number_text(t.normal_s));
     config.set("expTimeFirst", number_text(t.first_s));
     config.set("numFade", std::to_string(t.fade));
-    if (r.kept->has(kSettingsEntry)) {
-      KeyValueText settings(r.kept->text(kSettingsEntry), '=', path, kSettingsEntry);
+    if (r.kept->has(kSl1Settings)) {
+      KeyValueText settings(r.kept->text(kSl1Settings), '=', path, kSl1Settings);
       settings.set("exposure_time", number_text(t.normal_s));
       settings.set("initial_exposure_time", number_text(t.first_s));
       settings.set("faded_layers", std::to_string(t.fade));
-      output.add_text(kSettingsEntry, settings.text());
+      output.add_text(kSl1Settings, settings.text());
     }
   }
-  if (config.text() != before) output.add_text(kConfigEntry, config.text());
+  if (config.text() != before) output.add_text(kSl1Config, config.text());
 }
 
 /// A printer takes what it knows: names of profiles, sizes, times. Sorted, as PrusaSlicer does.
@@ -209,7 +209,7 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
   double light_s = 0;
   for (int n = 0; n < g.layers; ++n) light_s += light_on_of_layer(info, n);
   output.add_text(
-      kConfigEntry,
+      kSl1Config,
       fmt::format("action = print\nexpTime = {}\nexpTimeFirst = {}\nexpUserProfile = 0\n"
                   // No clock time: the same stack gives the same bytes.
                   "fileCreationTimestamp = 1980-01-01 at 00:00:00 UTC\nhollow = 0\njobDir = {}\n"
@@ -222,7 +222,7 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
   const std::string bed =
       fmt::format("0x0,{0}x0,{0}x{1},0x{1}", number_text(width_mm), number_text(height_mm));
   output.add_text(
-      kSettingsEntry,
+      kSl1Settings,
       fmt::format(
           "absolute_correction = 0\narea_fill = 50\nbed_shape = {}\ndisplay_height = {}\n"
           "display_mirror_x = {}\ndisplay_mirror_y = {}\ndisplay_orientation = {}\n"
@@ -252,21 +252,21 @@ class Sl1 final : public ArchiveFormat {
   std::string_view name() const override { return "sl1"; }
   std::string_view what() const override { return "Prusa SL1 and SL1S, as PrusaSlicer exports it"; }
   std::vector<std::string_view> endings() const override { return {".sl1", ".sl1s", ".m1"}; }
-  bool recognises(const Container& archive) const override { return archive.has(kConfigEntry); }
+  bool recognises(const Container& archive) const override { return archive.has(kSl1Config); }
 
   ArchiveContents read(const Container& archive) const override {
     const std::string& path = archive.path();
-    const KeyValueText config(archive.text(kConfigEntry), '=', path, kConfigEntry);
+    const KeyValueText config(archive.text(kSl1Config), '=', path, kSl1Config);
     std::optional<KeyValueText> settings;
-    if (archive.has(kSettingsEntry)) {
-      settings.emplace(archive.text(kSettingsEntry), '=', path, kSettingsEntry);
+    if (archive.has(kSl1Settings)) {
+      settings.emplace(archive.text(kSl1Settings), '=', path, kSl1Settings);
     }
     ArchiveContents contents;
     StackInfo& info = contents.info;
     const std::string prefix = image_prefix(archive, config.find("jobDir").value_or(""));
     std::vector<NumberedEntry> images = numbered_entries(archive, prefix, ".png");
     std::erase_if(images,
-                  [&](const NumberedEntry& e) { return prefix_of(e.entry->name) != prefix; });
+                  [&](const NumberedEntry& e) { return sl1_prefix_of(e.entry->name) != prefix; });
     // Some old programs count from 1.
     const long first = !images.empty() && images.front().number == 1 ? 1 : 0;
     contents.images = complete_names(archive, images, first, image_name(prefix, 0) + " on");
@@ -276,10 +276,10 @@ class Sl1 final : public ArchiveFormat {
       const int counted = static_cast<int>(*slow + *fast);
       if (counted > info.grid.layers) {
         throw InputError(path, image_name(prefix, info.grid.layers),
-                         fmt::format("is missing: {} has {} layers", kConfigEntry, counted));
+                         fmt::format("is missing: {} has {} layers", kSl1Config, counted));
       }
-      contents.warnings.push_back(fmt::format("{} says {} layers, there are {} images",
-                                              kConfigEntry, counted, info.grid.layers));
+      contents.warnings.push_back(fmt::format("{} says {} layers, there are {} images", kSl1Config,
+                                              counted, info.grid.layers));
     }
     const ImageSize size = image_size(archive, contents.images.front());
     info.grid.width_px = size.width_px;
@@ -320,7 +320,7 @@ class Sl1 final : public ArchiveFormat {
     if (r.kept != nullptr) {
       change_sl1(r, output);
       names = r.kept_contents->images;
-      prefix = *prefix_of(names.front());
+      prefix = *sl1_prefix_of(names.front());
     } else {
       make_new(r, output);
     }

@@ -69,6 +69,11 @@ void tell_own_settings(const ArchiveRequest& request, std::string_view format);
 void tell_unheeded_times(const std::vector<double>& times_s, const StackInfo& info,
                          std::vector<std::string>& warnings);
 
+/// Of files of Anycubic's newer printers.
+inline constexpr const char* kPrinterChoosesWords =
+    "says that the printer chooses exposures by itself (intelligent mode), which may be others than those "
+    "in the file; expected a file with this turned off in the slicer";
+
 /// Ways, speeds and times of lifts that are more are none.
 inline constexpr double kMostLiftNumber = 1e5;
 /// A place of a binary file that says lifts.

@@ -49,7 +49,7 @@ constexpr Ending kEndings[] = {
     {".prz", "no .prz file of a known kind (Phrozen)"},
     {".cxdlp", "no .cxdlp file of a known kind (Creality)"},
     {".lgs", "no .lgs file of a known kind (Longer)"},
-    {".cxdlpv4", "a .cxdlpv4 file (Creality)"},
+    {".cxdlpv4", "no .cxdlpv4 file of a known kind (Creality)"},
     {".lys", "a .lys scene of Lychee Slicer"},
     {".lyt", "a .lyt file of Lychee Slicer"},
     {".mdlp", "a .mdlp file (Makerbase)"},

@@ -1,0 +1,271 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// What print files of newer printers say: Anycubic's zip, CXDLP 4, Photon Workshop 518, CTB 5.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "newer_print_file_fixture.hpp"
+#include "refusal.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/print_file.hpp"
+#include "stack/formats/exposure_pattern.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class NewerPrintFiles : public testing::Test {
+ protected:
+  std::string put(const SmallFile& small) {
+    write_file(folder_ / small.name, small.bytes);
+    return folder_ / small.name;
+  }
+  StackReader reader(const SmallFile& small, std::string* told = nullptr) {
+    ExecutionContext context;
+    if (told) context.notice = [told](const std::string& text) { *told += text + "\n"; };
+    return {put(small), folder_.path(), context};
+  }
+  /// The zip with a text of its settings replaced.
+  static SmallFile zip_with(const std::vector<std::pair<std::string, std::string>>& changes) {
+    SmallFile small = small_anycubic_zip();
+    Entries entries = anycubic_entries(small.slices);
+    Bytes& bytes = entry(entries, "anycubic_photon_resins.pwsp");
+    std::string text(bytes.begin(), bytes.end());
+    for (const auto& [what, by] : changes) {
+      const std::size_t at = text.find(what);
+      EXPECT_NE(at, text.npos) << what;
+      text.replace(at, what.size(), by);
+    }
+    bytes = to_bytes(text);
+    small.bytes = zip_bytes(entries);
+    return small;
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(NewerPrintFiles, TheZipSaysItsLifts) {
+  const StackReader plain = reader(small_anycubic_zip());
+  EXPECT_EQ(plain.info().profiles.printer, "Small");
+  EXPECT_EQ(plain.info().profiles.material, "Grey");
+  EXPECT_EQ(plain.info().own_print_time_s, 500);
+  EXPECT_FALSE(plain.info().orientation_known);
+  ASSERT_TRUE(plain.info().lift_times);
+  LiftMotion wanted;
+  wanted.up_mm = 6;
+  wanted.up_mm_s = 3;
+  wanted.back_mm_s = 4;
+  wanted.before_light_s = 0.5;
+  wanted.after_lift_s = 0.25;
+  EXPECT_EQ(plain.info().lift_times->normal, wanted);
+  EXPECT_EQ(plain.info().lift_times->bottom, wanted);
+  EXPECT_TRUE(plain.info().lift_times->layers.empty());
+
+  const StackReader stages =
+      reader(zip_with({{"\"multi_state_used\": 0", "\"multi_state_used\": 1"}}));
+  ASSERT_TRUE(stages.info().lift_times);
+  // The stage next to the film is the first one up and the last one back.
+  wanted.up_mm = 1;
+  wanted.up_mm_s = 2;
+  wanted.back_2_mm = 1;
+  wanted.back_2_mm_s = 2.5;
+  wanted.up_2_mm = 3;
+  wanted.up_2_mm_s = 4;
+  wanted.back_mm_s = 6;
+  EXPECT_EQ(stages.info().lift_times->normal, wanted);
+  EXPECT_EQ(stages.info().lift_times->bottom.up_2_mm, 4);
+  EXPECT_EQ(stages.info().lift_times->bottom.back_2_mm_s, 1.5);
+}
+
+TEST_F(NewerPrintFiles, TheZipsOwnTimesCountWhereItsMarkIsSet) {
+  // The head says 40 s for three layers, the list for one.
+  std::string told;
+  const StackReader by_head =
+      reader(zip_with({{"\"bott_layers\": 1", "\"bott_layers\": 3"}}), &told);
+  EXPECT_EQ(layer_exposure_s(process_of_times(by_head.info()), 2), 40);
+  EXPECT_THAT(told, HasSubstr("do not heed times of single layers"));
+  told.clear();
+  const StackReader by_list =
+      reader(zip_with({{"\"bott_layers\": 1", "\"bott_layers\": 3"},
+                       {"\"use_indivi_layerpara\": 0", "\"use_indivi_layerpara\": 1"}}),
+             &told);
+  EXPECT_EQ(layer_exposure_s(process_of_times(by_list.info()), 2), 2.5);
+  EXPECT_EQ(told, "");
+  reader(zip_with({{"\"use_indivi_layerpara\": 0", "\"use_indivi_layerpara\": true"},
+                   {"\"multi_state_used\": 0", "\"multi_state_used\": 1"}}),
+         &told);
+  EXPECT_THAT(told, HasSubstr("lifts have two stages"));
+}
+
+/// The printer may choose exposures by itself: told, and no other ones are written.
+TEST_F(NewerPrintFiles, ExposuresThatThePrinterChoosesAreTold) {
+  SmallFile pm5s = small_workshop_518();
+  std::uint32_t header;
+  std::memcpy(&header, pm5s.bytes.data() + 0x14, 4);
+  pm5s.bytes[header + 0x6c] = 1;
+  for (const SmallFile& small :
+       {zip_with({{"\"intelli_mode\": 0", "\"intelli_mode\": 1"}}), pm5s}) {
+    SCOPED_TRACE(small.name);
+    std::string told;
+    const StackReader stack = reader(small, &told);
+    EXPECT_THAT(told, HasSubstr("printer chooses exposures by itself"));
+    StackFile file(folder_ / ("out_" + small.name));
+    file.format = small.format;
+    file.keep_from = folder_ / small.name;
+    convert_stack(stack, file, {});
+    EXPECT_EQ(read_file(file.path), small.bytes);
+    StackInfo info = stack.info();
+    info.exposure_s = 3;
+    EXPECT_THAT(refusal([&] {
+                  write_stack(file, {stack.grid(), small.slices}, info);
+                }),
+                HasSubstr("printer chooses exposures by itself"));
+  }
+}
+
+/// Of a zip only the entries change that have to; our record is one more.
+TEST_F(NewerPrintFiles, TheZipKeepsItsOtherEntries) {
+  const SmallFile small = small_anycubic_zip();
+  const StackReader stack = reader(small);
+  Images images{stack.grid(), small.slices};
+  images.slices[2][100] = 255;
+  images.slices[2][101] = 0;
+  StackFile file(folder_ / "out.pm7");
+  file.keep_from = folder_ / small.name;
+  StackInfo info = stack.info();
+  info.kind = StackKind::target;
+  write_stack(file, images, info);
+  EXPECT_EQ(StackReader::read_info(file.path).kind, StackKind::target);
+  EXPECT_FALSE(std::filesystem::exists(record_beside(file.path)));
+  EXPECT_EQ(StackReader(file.path, folder_.path()).images_changed(), false);
+  const Entries before = unzip(folder_ / small.name), after = unzip(file.path);
+  ASSERT_EQ(after.size(), before.size() + 1);
+  EXPECT_EQ(after.back().first, "slicecorr.json");
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    EXPECT_EQ(after[i].first, before[i].first);
+    EXPECT_EQ(after[i].second == before[i].second, before[i].first != "layer_images/layer_2.pw0Img")
+        << before[i].first;
+  }
+}
+
+TEST_F(NewerPrintFiles, TheZipIsKnownByItsEntries) {
+  const SmallFile small = small_anycubic_zip();
+  write_file(folder_ / "part.zip", small.bytes);
+  EXPECT_EQ(StackReader::read_info(folder_ / "part.zip").format, "anycubic-zip");
+  EXPECT_EQ(format_of(StackFile(folder_ / "a.pwsz")), "anycubic-zip");
+  EXPECT_EQ(format_of(StackFile(folder_ / "a.pm7m")), "anycubic-zip");
+}
+
+TEST_F(NewerPrintFiles, Cxdlp4SaysItsLiftsLightAndMirror) {
+  std::string told;
+  const StackReader stack = reader(small_cxdlp4(0), &told);
+  EXPECT_EQ(told, "");
+  EXPECT_EQ(stack.info().profiles.printer, "CL-103L");
+  EXPECT_TRUE(stack.info().orientation_known);
+  EXPECT_TRUE(stack.info().orientation.mirror_x);
+  ASSERT_TRUE(stack.info().lift_times);
+  const LiftMotion& m = stack.info().lift_times->normal;
+  // Lifts are told as a whole: 5 mm, of which 1 mm is the second stage.
+  EXPECT_EQ(m.up_mm, 4);
+  EXPECT_NEAR(m.up_mm_s, 80 / 60.0, 1e-9);
+  EXPECT_EQ(m.up_2_mm, 1);
+  EXPECT_EQ(m.up_2_mm_s, 3);
+  EXPECT_EQ(m.back_mm_s, 2.5);
+  EXPECT_EQ(m.back_2_mm, 2);
+  EXPECT_EQ(m.before_lift_s, 0.75);
+  EXPECT_EQ(m.after_lift_s, 0.25);
+  EXPECT_EQ(m.before_light_s, 0.5);
+  EXPECT_EQ(stack.info().lift_times->bottom.up_mm, 4);
+  EXPECT_EQ(stack.info().lift_times->bottom.up_mm_s, 1);
+  EXPECT_TRUE(stack.info().light_share.empty());
+
+  StackInfo info = stack.info();
+  info.light_share.assign(kFileLayers, 128 / 255.0);
+  info.light_share[0] = 1;
+  StackFile file(folder_ / "dim.cxdlp");
+  file.keep_from = folder_ / small_cxdlp4(0).name;
+  write_stack(file, {stack.grid(), small_cxdlp4(0).slices}, info);
+  const StackInfo dim = StackReader::read_info(file.path);
+  EXPECT_EQ(detail::share_of_layer(dim, 0), 1);
+  for (int n = 1; n < kFileLayers; ++n) {
+    EXPECT_NEAR(detail::share_of_layer(dim, n), 128 / 255.0, 1e-12) << n;
+  }
+  // The mark is not set, so no layer has light of its own.
+  info.light_share[2] = 1;
+  EXPECT_THAT(refusal([&] {
+                write_stack(file, {stack.grid(), small_cxdlp4(0).slices}, info);
+              }),
+              HasSubstr("light of their own"));
+}
+
+TEST_F(NewerPrintFiles, Cxdlp4sOwnSettingsCountWhereItsMarkIsSet) {
+  const auto u32 = [](const Bytes& bytes, std::size_t at) {
+    std::uint32_t v;
+    std::memcpy(&v, bytes.data() + at, 4);
+    return v;
+  };
+  const auto f32 = [&](const Bytes& bytes, std::size_t at) {
+    return std::bit_cast<float>(u32(bytes, at));
+  };
+  const auto layer = [&](const Bytes& bytes, std::size_t n) {
+    return u32(bytes, u32(bytes, kCxdlp4Head + 0x20) + n * 0x28 + 0x0c);
+  };
+  for (const bool marked : {false, true}) {
+    SCOPED_TRACE(marked);
+    const SmallFile small = small_cxdlp4(0, [&](FileMaker& m) {
+      m.set_u32(u32(m.bytes, kCxdlp4Head + 0x48) + 0x1c, marked ? 1 : 0);
+      m.set_f32(u32(m.bytes, kCxdlp4Head + 0x20) + 2 * 0x28 + 4, 7);
+      m.set_f32(layer(m.bytes, 2) + 0x28, 51);
+      m.set_f32(layer(m.bytes, 2), 9);
+    });
+    const StackReader stack = reader(small);
+    EXPECT_EQ(layer_exposure_s(process_of_times(stack.info()), 2), marked ? 7 : 2.5);
+    EXPECT_NEAR(detail::share_of_layer(stack.info(), 2), marked ? 0.2 : 1, 1e-12);
+    EXPECT_EQ(detail::share_of_layer(stack.info(), 1), 1);
+    ASSERT_TRUE(stack.info().lift_times);
+    EXPECT_EQ(stack.info().lift_times->of(2).up_mm, marked ? 8 : 4);
+    // Light is changed in the head and in each layer.
+    StackInfo info = stack.info();
+    info.light_share.assign(kFileLayers, 102 / 255.0);
+    StackFile file(folder_ / "dim.cxdlp");
+    file.keep_from = folder_ / small.name;
+    write_stack(file, {stack.grid(), small.slices}, info);
+    const Bytes dim = read_file(file.path);
+    EXPECT_EQ(u32(dim, kCxdlp4Head + 0x40), 102u << 16 | 102);
+    for (std::size_t n = 0; n < kFileLayers; ++n) EXPECT_EQ(f32(dim, layer(dim, n) + 0x28), 102);
+  }
+}
+
+TEST_F(NewerPrintFiles, Cxdlp4WithTwoKindsOfExposuresIsTold) {
+  const SmallFile small = small_cxdlp4(0, [](FileMaker& m) {
+    std::uint32_t slicer;
+    std::memcpy(&slicer, m.bytes.data() + kCxdlp4Head + 0x48, 4);
+    m.set_f32(slicer + 0x34, 9);
+  });
+  std::string told;
+  EXPECT_EQ(reader(small, &told).info().exposure_s, 2.5);
+  EXPECT_THAT(told,
+              HasSubstr("2.5 and 40 s in the settings of the print, which count, 9 and 40 s"));
+}
+
+TEST_F(NewerPrintFiles, Workshop518SaysItsLifts) {
+  const StackReader stack = reader(small_workshop_518());
+  EXPECT_EQ(stack.info().profiles.printer, "Small");
+  ASSERT_TRUE(stack.info().lift_times);
+  EXPECT_EQ(stack.info().lift_times->normal.up_mm, 1);
+  EXPECT_EQ(stack.info().lift_times->normal.up_2_mm, 3);
+  EXPECT_EQ(stack.info().lift_times->bottom.up_mm, 2);
+  EXPECT_EQ(limits_of_format("photon-workshop").made_new, false);
+}
+
+TEST_F(NewerPrintFiles, Ctb5SaysItsResin) {
+  const StackReader stack = reader(small_ctb5());
+  EXPECT_EQ(stack.info().profiles.printer, "Small");
+  EXPECT_EQ(stack.info().profiles.material, "Grey");
+}
+
+}  // namespace
+}  // namespace slicecorr::test

@@ -156,7 +156,7 @@ TEST(KnownPrinters, HaveTheDisplayOfTheirSource) {
       "source = \"UVtools' profile ([^\"]*)\\.ini [^:]*: (\\d+) x (\\d+) pixels on ([0-9.]+) x "
       "([0-9.]+) mm, landscape, (not mirrored|mirrored in x), ([0-9.]+) mm high, FILEFORMAT_[A-Z0-9]+\"");
   const auto files = shipped_without_light();
-  EXPECT_EQ(files.size(), 25u);
+  EXPECT_EQ(files.size(), 37u);
   for (const auto& file : files) {
     SCOPED_TRACE(file.string());
     std::ifstream in(file);

@@ -203,14 +203,8 @@ inline SmallFile small_cxdlp4(
   }
   m.add(data.bytes);
   change(m);
-  // From the definition, bit by bit: start 0, no inversion at the end.
-  std::uint32_t crc = 0;
-  for (const std::uint8_t byte : m.bytes) {
-    crc ^= byte;
-    for (int bit = 0; bit < 8; ++bit) crc = crc >> 1 ^ (crc & 1 ? 0xedb88320u : 0);
-  }
   FileMaker sum(true);
-  file.bytes = m.add(sum.u32(crc).bytes).bytes;
+  file.bytes = m.add(sum.u32(cxdlp_sum(m.bytes.data(), m.size())).bytes).bytes;
   return file;
 }
 

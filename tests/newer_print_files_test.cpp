@@ -6,17 +6,19 @@
 #include <gtest/gtest.h>
 
 #include "newer_print_file_fixture.hpp"
+#include "program_fixture.hpp"
 #include "refusal.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/print_file.hpp"
 #include "stack/formats/exposure_pattern.hpp"
 
 namespace slicecorr::test {
+
+void PrintTo(const SmallFile& file, std::ostream* out);
+
 namespace {
 
-using ::testing::AllOf;
 using ::testing::HasSubstr;
-using ::testing::Not;
 
 class NewerPrintFiles : public testing::Test {
  protected:
@@ -265,6 +267,78 @@ TEST_F(NewerPrintFiles, Ctb5SaysItsResin) {
   const StackReader stack = reader(small_ctb5());
   EXPECT_EQ(stack.info().profiles.printer, "Small");
   EXPECT_EQ(stack.info().profiles.material, "Grey");
+}
+
+// ---- programs ---------------------------------------------------------------------------------
+
+class NewerPrintFilesProgram : public ProgramFixture,
+                               public testing::WithParamInterface<SmallFile> {
+ protected:
+  NewerPrintFilesProgram() {
+    write("lcd.toml",
+          "name = \"lcd\"\nmaker = \"Works\"\nproduct = \"Lcd\"\n[display]\nwidth_px = 40\n"
+          "height_px = 30\npixel_um = 50.0\nmirror = \"x\"\n[blue]\nwavelength_nm = 405\n"
+          "calibration = [[0, 0.002], [255, 4.0]]\n[stage]\ntravel_mm = 100\n");
+    write_file(folder_ / part(), GetParam().bytes);
+  }
+  static std::string part() { return GetParam().name; }
+  RunResult run(const std::string& program, const Command& arguments) const {
+    const RunResult r = run_program(Command{SLICECORR_BIN_DIR "/" + program} + arguments, options_);
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return r;
+  }
+  /// Of a file; of a zip its entries without our record, in which the SHA-256 of the backup stands.
+  Entries bytes_of(const std::string& name) const {
+    if (GetParam().format != "anycubic-zip") return {{"", read_file(folder_ / name)}};
+    Entries entries = unzip(folder_ / name);
+    std::erase_if(entries, [](const auto& e) { return e.first == "slicecorr.json"; });
+    return entries;
+  }
+  const Command light_{"--printer", "lcd.toml", "--resin", "liqcreate-strong-x-405nm"};
+  const Command layers_{"--mode", "layerwise", "--exposure-s", "24"};
+};
+INSTANTIATE_TEST_SUITE_P(Small, NewerPrintFilesProgram,
+                         testing::Values(small_anycubic_zip(), small_cxdlp4(0x1234567),
+                                         small_workshop_518(), small_ctb5()),
+                         [](const auto& info) { return name_of(info.param.name); });
+
+TEST_P(NewerPrintFilesProgram, PostCorrectsInPlaceAsCorrectDoes) {
+  const std::string wanted = "wanted" + part().substr(part().rfind('.'));
+  const RunResult corrected =
+      run("slicecorr", Command{"correct", part(), "-o", wanted} + light_ + layers_);
+  EXPECT_THAT(corrected.err, HasSubstr("holds"));  // fewer grey levels than the printer has
+  run("slicecorr-post", light_ + layers_ + Command{"--backup", part()});
+  EXPECT_TRUE(bytes_of(part()) == bytes_of(wanted));
+  const StackInfo info = StackReader::read_info(folder_ / part());
+  EXPECT_EQ(info.kind, StackKind::corrected);
+  EXPECT_TRUE(info.parameters_checked);
+  EXPECT_EQ(info.format, GetParam().format);
+  EXPECT_EQ(info.exposure_s, 24);
+  EXPECT_NE(read_images(StackReader(folder_ / part(), folder_.path())), GetParam().slices);
+  // The second reader finds nothing wrong with it.
+  const RunResult second = run_program(
+      {"/usr/bin/python3", SLICECORR_SOURCE_DIR "/tests/print_files.py", folder_ / part()}, {});
+  EXPECT_EQ(second.exit_code, 0) << second.err;
+  // Not twice, and back.
+  EXPECT_EQ(
+      run_program(Command{SLICECORR_BIN_DIR "/slicecorr-post"} + light_ + layers_ + Command{part()},
+                  options_)
+          .exit_code,
+      2);
+  run("slicecorr-post", {"--undo", part()});
+  EXPECT_EQ(read_file(folder_ / part()), GetParam().bytes);
+}
+
+TEST_P(NewerPrintFilesProgram, InfoTellsWhatTheFileSays) {
+  const RunResult text = good({"info", part()});
+  for (const char* words : {"exposure", "display", "lift", "anti-aliasing",
+                            "times of single layers", "grey levels", "time shown"}) {
+    EXPECT_THAT(text.out, HasSubstr(words));
+  }
+  // Its times make a resin, as those of other print files do.
+  const RunResult made = run("resinctl", {"import", part(), "--intensity-mw-cm2", "4",
+                                          "--height-um", "120", "--dry-run", "--name", "made"});
+  EXPECT_THAT(made.out, HasSubstr("2.5 s is the exposure"));
 }
 
 }  // namespace

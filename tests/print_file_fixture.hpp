@@ -13,6 +13,7 @@
 #include <functional>
 #include <map>
 
+#include "cxdlp_sum.hpp"
 #include "stack/layer_code/codes.hpp"
 #include "stack_fixture.hpp"
 
@@ -268,13 +269,7 @@ inline SmallFile small_cxdlp(int version) {
     for (const std::uint8_t byte : m.bytes) all ^= byte;
     m.u32(all);
   } else if (version == 3) {
-    // From the definition, bit by bit: start 0, no inversion at the end.
-    std::uint32_t crc = 0;
-    for (const std::uint8_t byte : m.bytes) {
-      crc ^= byte;
-      for (int bit = 0; bit < 8; ++bit) crc = crc >> 1 ^ (crc & 1 ? 0xedb88320u : 0);
-    }
-    m.u32(crc);
+    m.u32(cxdlp_sum(m.bytes.data(), m.size()));
   }
   file.bytes = m.bytes;
   return file;

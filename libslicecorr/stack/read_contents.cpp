@@ -96,8 +96,11 @@ std::vector<const Container::Entry*> entries_of(const Container& archive,
 }  // namespace detail
 
 std::vector<std::pair<std::string, std::string>> print_file_facts(const std::string& path) {
-  if (detail::container_kind(path) != detail::ContainerKind::binary) return {};
-  return detail::read_contents(detail::BinaryFile(path)).facts;
+  const detail::ContainerKind kind = detail::container_kind(path);
+  if (kind != detail::ContainerKind::binary && kind != detail::ContainerKind::zip) return {};
+  const auto file = detail::open_container(path, std::filesystem::temp_directory_path().string());
+  if (!detail::recognise_format(*file).codes_layers()) return {};
+  return detail::read_contents(*file).facts;
 }
 
 StackInfo StackReader::read_info(const std::string& path) {

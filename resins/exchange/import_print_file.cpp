@@ -45,10 +45,11 @@ std::optional<LampSettings> lamp_of(const std::vector<std::pair<std::string, std
 }  // namespace
 
 bool is_print_file(const std::string& path, const std::string& begin) {
-  // Zips and tars hold their slicer's profile as text, which is what is read of those.
-  if (begin.starts_with("PK") || begin.starts_with("\x1f\x8b")) return false;
+  // Zips of images and tars hold their slicer's profile as text, which is what is read of those.
+  const bool packed = begin.starts_with("PK") || begin.starts_with("\x1f\x8b");
   const std::string name = lower_case(std::filesystem::path(path).filename().string());
   for (const FormatInfo& format : archive_formats()) {
+    if (packed && !format.codes_layers) continue;
     const bool known =
         std::any_of(format.endings.begin(), format.endings.end(),
                     [&](const std::string& ending) { return name.ends_with(ending); });

@@ -7,8 +7,8 @@
 
 #include <vector>
 
+#include "newer_print_file_fixture.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack_fixture.hpp"
 
 namespace slicecorr::fuzz {
 
@@ -52,6 +52,12 @@ inline std::vector<ArchiveText> archive_texts() {
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (all[i].first == ours) texts.push_back({name, all, i});
     }
+  }
+  // Not made from nothing; its layers are in no PNG.
+  const test::SmallFile anycubic = test::small_anycubic_zip();
+  const test::Entries entries = test::anycubic_entries(anycubic.slices);
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    if (is_text(entries[i].first)) texts.push_back({anycubic.name, entries, i});
   }
   return texts;
 }

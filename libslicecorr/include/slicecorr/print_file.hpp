@@ -26,7 +26,7 @@ struct FormatLimits {
 /// Throws `InputError` when there is no format of this name.
 FormatLimits limits_of_format(const std::string& name);
 
-/// What else a binary file says, for people: name and value. Empty for other archives.
+/// What else a print file says, for people: name and value. Empty for other archives.
 std::vector<std::pair<std::string, std::string>> print_file_facts(const std::string& path);
 
 /// Where the record of a stack lies that is written into a format of one binary file, which has no

@@ -138,6 +138,7 @@ struct MissingFacts {
 struct FormatInfo {
   std::string name, what;            ///< "sl1"; "Prusa SL1 and SL1S"
   std::vector<std::string> endings;  ///< of file names, ".sl1"; the usual one first
+  bool codes_layers = false;         ///< a print file: its layers are no PNG images
 };
 /// All formats, in the order in which they are tried.
 std::vector<FormatInfo> archive_formats();

@@ -173,8 +173,10 @@ std::vector<FormatInfo> archive_formats() {
   std::vector<FormatInfo> list;
   for (const detail::ArchiveFormat* f : detail::all_archive_formats()) {
     const auto endings = f->endings();
-    list.push_back(
-        {std::string(f->name()), std::string(f->what()), {endings.begin(), endings.end()}});
+    list.push_back({std::string(f->name()),
+                    std::string(f->what()),
+                    {endings.begin(), endings.end()},
+                    f->codes_layers()});
   }
   return list;
 }

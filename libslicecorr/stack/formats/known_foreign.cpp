@@ -28,8 +28,11 @@ struct Closed {
 };
 constexpr Closed kClosed[] = {
     {"\x07\x01\xfd\x12"sv, "", "an encrypted .ctb file (Chitubox)",
-     "export it from the slicer as .goo or as .ctb without encryption, or correct it with UVtools and "
-     "slicecorr-uvtools"},
+     "export it from the slicer as .goo where the printer reads that (Elegoo Mars 4, Mars 5, Saturn 3, "
+     "Saturn 4), or as .ctb without encryption where it reads that (boards that read .ctb before there was "
+     "encryption still do); for a printer that reads encrypted .ctb alone, slice with a program that "
+     "writes plain files, correct a .ctb and have UVtools encrypt it, or correct this file with UVtools "
+     "and slicecorr-uvtools"},
     {"", ".form", "a .form file of Formlabs' PreForm, which is encrypted",
      "slice the part with a program that exports images or .goo, .ctb and the like, for a printer that "
      "takes these"},

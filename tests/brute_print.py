@@ -106,6 +106,9 @@ class Print:
         pitch = block["grid"]["pixel_x_um"]
         printer, resin, process = block["printer"], block["resin"], block["process"]
         self.layers = len(images)
+        heights = process.get("layer_heights_um") or [self.layer_um]
+        self.heights_um = np.array([heights[min(n, len(heights) - 1)] for n in range(self.layers)])
+        self.nodes_um = np.concatenate([[0.0], np.cumsum(self.heights_um)])
         blue = intensity(images, printer["calibration"])
         if flat is not None:
             blue = blue * flat
@@ -170,11 +173,11 @@ class Print:
         """Slice, distance from the window, time: what a height gets, one step after the other."""
         for n in range(self.layers):
             if self.layerwise:
-                d = (n + 1) * self.layer_um - z_um
+                d = self.nodes_um[n + 1] - z_um
                 if 0 <= d <= self.depth_um:
                     yield n, np.array([d]), self.exposure_s
                 continue
-            low, high = max(n * self.layer_um, z_um), min((n + 1) * self.layer_um, z_um + self.depth_um)
+            low, high = max(self.nodes_um[n], z_um), min(self.nodes_um[n + 1], z_um + self.depth_um)
             if high <= low:
                 continue
             gap = z_um + self.gap_um
@@ -209,12 +212,12 @@ class Print:
         if self.uv is not None:
             return self.net_own_doses()
         window = self.blue ** self.m * self.exposure_s / self.dose
-        z_um = np.arange(self.layers)[:, None, None] * self.layer_um
-        far = window * math.exp(-self.m * self.layer_um / self.he_um)
+        z_um = self.nodes_um[:, None, None]
+        far = window * np.exp(-self.m * self.heights_um / self.he_um)[:, None, None]
 
         def back(z):
             return (1 + self.rho * np.exp(-2 * z / self.he_um)) ** self.m
-        return window * back(z_um + self.layer_um), far * back(z_um)
+        return window * back(z_um[1:]), far * back(z_um[:-1])
 
     def net_own_doses(self):
         """The same under UV light: the greatest dose in the layer, and at its far edge; and how much of it gels."""

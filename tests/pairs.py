@@ -77,13 +77,13 @@ def png(values):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b"")
 
 
-def stl(boxes):
-    """Boxes of (x0, x1, y0, y1) pixels and (z0, z1) layers."""
+def stl(boxes, place_um):
+    """Boxes of (x0, x1, y0, y1) pixels and (z0, z1) layers, which are at these places."""
     faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     triangles = []
     for x0, x1, y0, y1, z0, z1 in boxes:
         p = [((x0, x1)[i & 1] * PIXEL_UM / 1000, (y0, y1)[i >> 1 & 1] * PIXEL_UM / 1000,
-              (z0, z1)[i >> 2] * LAYER_UM / 1000) for i in range(8)]
+              place_um((z0, z1)[i >> 2]) / 1000) for i in range(8)]
         for a, b, c, d in faces:
             triangles += [(p[a], p[b], p[c]), (p[a], p[c], p[d])]
     return bytes(80) + struct.pack("<I", len(triangles)) + b"".join(
@@ -103,6 +103,12 @@ class Lit:
         self.surface, self.fraction = "slices", 0.0
         self.left_alone = []
         self.uncertain = False
+        self.heights_um = []
+
+    def place_um(self, layers):
+        """Where a place counted in layers is."""
+        nodes = np.concatenate([[0.0], np.cumsum(self.heights_um or [LAYER_UM] * LAYERS)])
+        return float(np.interp(layers, np.arange(len(nodes)), nodes))
 
     def boxes(self):
         """The part: two corners that hold it in the middle of the plate, and features and gaps of any height."""
@@ -220,6 +226,18 @@ def own_light(p):
     p.options["light-share"] = "light.csv"
 
 
+def own_heights(p):
+    if p.options.get("mode") != "layerwise":
+        layerwise(p)
+    different_heights(p)
+
+
+def different_heights(p):
+    rows = ((0, 40), (5, 60), (11, 30), (16, 50))
+    p.files["heights.csv"] = "".join(["slice,layer_um\n"] + [f"{n},{um}\n" for n, um in rows]).encode()
+    p.heights_um = [[um for n, um in rows if n <= layer][-1] for layer in range(LAYERS)]
+
+
 def edge_heights(p):
     p.surface, p.fraction = "mesh", 0.3
     p.options["surface"] = "mesh"
@@ -231,7 +249,7 @@ def left_alone(p):
 
 
 def wanted_doses(p):
-    p.files["region.stl"] = stl([(1, 5, 0, HEIGHT, 0, LAYERS)])
+    p.files["region.stl"] = stl([(1, 5, 0, HEIGHT, 0, LAYERS)], p.place_um)
     p.options.update({"region": "region.stl=1.6", "design": "part.stl"})
 
 
@@ -266,6 +284,8 @@ FEATURES = {
     "more light for slower slices": lamps_stay,
     "light below full": dim_light,
     "layers that get different shares of the light": own_light,
+    "layers of different heights": own_heights,
+    "slices of different heights": different_heights,
     "edges of the mesh": edge_heights,
     "what is left alone": left_alone,
     "wanted doses": wanted_doses,
@@ -276,20 +296,27 @@ FEATURES = {
 UV = {"constant UV light", "UV light per slice", "patterned UV light", "an even dead zone"}
 # Figures only: no image changes.
 TELLS_ONLY = {"how sure figures are"}
+# Heights have a feature for each mode.
+LAYERWISE = {"layer by layer", "layers that hold at each lift", "resin that lifts exchange", "layers of different heights"}
+HEIGHTS = {"layers of different heights", "slices of different heights"}
 # Not one print: no word of the table is needed.
 ELSEWHERE = [({mode, "more light for slower slices"}, "is for continuous exposure")
-             for mode in ("layer by layer", "layers that hold at each lift", "resin that lifts exchange")] + [
+             for mode in sorted(LAYERWISE)] + [
     # Resin files have one or the other.
     ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})] + [
     ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
 
 
-# Layers of different heights are held against a sum of its own elsewhere (print_file_says_test.cpp).
-NOT_HERE = {"layers of different heights", "slices of different heights"}
+def one_print(features):
+    """Whether these are not two kinds of one thing."""
+    # Different shares are light below full, too.
+    same = {"light below full", "layers that get different shares of the light"} <= features
+    other_mode = "slices of different heights" in features and LAYERWISE & features
+    return len(UV & features) < 2 and not same and not other_mode
 
 
 def short(name):
-    return next((f for f in FEATURES if name.startswith(f)), next((f for f in NOT_HERE if name.startswith(f)), None))
+    return next((f for f in FEATURES if name.startswith(f)), None)
 
 
 class Table:
@@ -303,7 +330,7 @@ class Table:
         features = set(features)
         if "resin that lifts exchange" in features:
             features.add("layers that hold at each lift")
-        if "layers that hold at each lift" in features:
+        if LAYERWISE & features:
             features.add("layer by layer")
         if "layers that get different shares of the light" in features:
             features.add("light below full")
@@ -335,10 +362,10 @@ class Case:
 
     def write(self, lit):
         for name, data in {"printer.toml": toml(lit.printer).encode(), "resin.toml": toml(lit.resin).encode(),
-                           "part.stl": stl(lit.boxes()), **lit.files}.items():
+                           "part.stl": stl(lit.boxes(), lit.place_um), **lit.files}.items():
             (self.folder / name).write_bytes(data)
         if lit.left_alone:
-            (self.folder / "alone.stl").write_bytes(stl(lit.left_alone))
+            (self.folder / "alone.stl").write_bytes(stl(lit.left_alone, lit.place_um))
 
     def arguments(self, lit, without=()):
         out = ["--printer", "printer.toml", "--resin", "resin.toml"]
@@ -348,9 +375,13 @@ class Case:
         return out
 
     def target(self, lit, out="target.uvj"):
-        r = self.run("slicecorr", "slice", "part.stl", "-o", out, "--printer", "printer.toml", "--layer-um", LAYER_UM,
+        r = self.run("slicecorr", "slice", "part.stl", "-o", out, "--printer", "printer.toml", *self.heights(lit),
                      "--antialias", "off", "--surface", lit.surface)
         assert r.returncode == 0, r.stderr
+
+    @staticmethod
+    def heights(lit):
+        return ["--layers", "heights.csv"] if lit.heights_um else ["--layer-um", LAYER_UM]
 
     def correct(self, lit, out="stack.uvj"):
         return self.run("slicecorr", "correct", "target.uvj", "-o", out, *self.arguments(lit))
@@ -361,18 +392,20 @@ class Case:
     def check_refusal(self, words):
         expected = words.replace("{printer}", "pairs").replace("{resin}", "pairs-resin") if words else None
         submit = self.arguments(self.lit, ("region", "design", "slice-speed-mm-h", "light-share"))
-        mesh = ["part.stl", "--layer-um", LAYER_UM, "--antialias", "off"]
+        mesh = ["part.stl", *self.heights(self.lit), "--antialias", "off"]
         run_options = self.arguments(self.lit, ("design",))
         (self.folder / "farm").mkdir(exist_ok=True)
         tries = {"correct": self.correct(self.lit),
                  "run": self.run("slicecorr", "run", *mesh, "-o", "run.uvj", *run_options)}
-        if not {"region", "leave-alone", "uncertain"} & set(self.lit.options):
+        # These slice by themselves, in layers of one height.
+        evenly = not self.lit.heights_um
+        if evenly and not {"region", "leave-alone", "uncertain"} & set(self.lit.options):
             tries["compare"] = self.run("slicecorr", "compare", *mesh, *self.arguments(self.lit))
         # In place, as a slicer's archive; what only corrections by hand know, it is not asked.
         if not {"region", "leave-alone", "uncertain"} & set(self.lit.options):
             (self.folder / "posted.uvj").write_bytes((self.folder / "target.uvj").read_bytes())
             tries["slicecorr-post"] = self.run("slicecorr-post", "posted.uvj", *self.arguments(self.lit))
-        if not {"region", "slice-speed-mm-h", "light-share"} & set(self.lit.options):
+        if evenly and not {"region", "slice-speed-mm-h", "light-share"} & set(self.lit.options):
             tries["slicefarm submit"] = self.run("slicefarm", "submit", "--dir", "farm", "--dry-run", *mesh, *submit)
         for name, r in tries.items():
             if r.returncode != 2:
@@ -437,7 +470,7 @@ class Case:
     def judge(self):
         lit = self.lit
         brute = brute_print.Print(self.folder / "stack.uvj", lit.flat)
-        mids = (np.arange(brute.layers) + 0.5) * LAYER_UM
+        mids = 0.5 * (brute.nodes_um[1:] + brute.nodes_um[:-1])
         doses = brute.doses(mids)
         design = np.zeros(doses.shape, bool)
         target = brute_print.read_images(self.folder / "target.uvj")
@@ -473,7 +506,7 @@ class Case:
     def check_joints(self, brute, design, told):
         """What hangs on what when the platform lifts, by each exposure alone."""
         window, far = brute.own_doses()
-        skin = math.exp(0.5 * brute.m * brute.layer_um / brute.he_um)
+        skins = np.exp(0.5 * brute.m * brute.heights_um / brute.he_um)
         least, loose, films, liquid_most = math.inf, 0, 0, 0
         for y, x in np.ndindex(design.shape[1:]):
             column, n = design[:, y, x], 0
@@ -491,7 +524,7 @@ class Case:
                     liquid_most = max(liquid_most, liquid)
                     n += liquid
                     film = n < end and (brute.films[n, y, x] if UV & self.features
-                                        else window[n, y, x] >= skin * (1 - 1e-9))
+                                        else window[n, y, x] >= skins[n] * (1 - 1e-9))
                     films += film
                     loose += n < end and not film
                     n += 1
@@ -525,8 +558,9 @@ class Case:
         seen = {}
         for row in range(brute.layers * down):
             # Edges go through a cell of the picture, along its height and, where light spreads, its width.
-            heights = [min(max(row + part, 0), brute.layers * down - 1e-6) / down * LAYER_UM
-                       for part in (-0.5, 0.02, 0.5, 0.98, 1.5)]
+            places = [min(max(row + part, 0), brute.layers * down - 1e-6) / down
+                      for part in (-0.5, 0.02, 0.5, 0.98, 1.5)]
+            heights = np.interp(places, np.arange(brute.layers + 1), brute.nodes_um)
             near = brute.doses(heights)
             room = self.room(brute, heights, near)[:, y]
             near = near[:, y]
@@ -548,6 +582,8 @@ class Case:
         z = np.array([float(row["z_um"]) for row in rows])
         told = np.array([float(row["dose"]) for row in rows])
         self.compare(brute, f"probe at {x}, {y}", z + 1e-9, told, (y, x))
+        if HEIGHTS & self.features:
+            return  # not followed in time
         end_s = json.loads(self.run("slicecorr", "info", "stack.uvj", "--json", "-").stdout)["light_s"]
         end = self.run("slicecorr", "simulate", "stack.uvj", "--x", x, "--y", y, "--times-s", repr(end_s),
                        "--dose-csv", "dose.csv", "-o", "column.svg")
@@ -587,9 +623,7 @@ def main():
     cases = [frozenset([f]) for f in FEATURES]
     for size in (2, 3) if args.triples else (2,):
         for c in itertools.combinations(FEATURES, size):
-            # Different shares are light below full, too.
-            same = {"light below full", "layers that get different shares of the light"} <= set(c)
-            if len(UV & set(c)) < 2 and not same:
+            if one_print(set(c)):
                 cases.append(frozenset(c))
     if args.only:
         wanted = args.only.split(",")

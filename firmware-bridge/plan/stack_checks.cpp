@@ -30,6 +30,12 @@ void check_kind(const StackReader& stack, const std::string& path) {
                      "lacks its printer, resin or process; expected a stack of `slicecorr "
                      "correct`");
   }
+  if (!info.process->layer_heights_um.empty()) {
+    throw InputError(
+        path, "",
+        "has layers of different heights, to which the stage is not moved; expected layers "
+        "of one height");
+  }
   if (!stack.has_checksums()) {
     throw InputError(path, "",
                      "has no checksum of its images; expected a stack that was not changed since "

@@ -94,8 +94,8 @@ double inhibited_dose_for_end(const CureModel& model, int slices) {
 }
 
 /// The dose after a long run of slices that lit pixels must pass so that a part's end cures in so
-/// many slices; infinite when none is enough.
-double dose_for_end(const CureModel& model, int slices) {
+/// many slices from slice `first` on; infinite when none is enough.
+double dose_for_end(const CureModel& model, int first, int slices) {
   if (model.mode == ExposureMode::layerwise && !model.inhibited()) return 1.0;
   if (slices < 1) return std::numeric_limits<double>::infinity();
   if (model.inhibited()) return inhibited_dose_for_end(model, slices);
@@ -113,7 +113,9 @@ double dose_for_end(const CureModel& model, int slices) {
                   [&](double phi) { return law->after(0.0, length, phi * gain) < 1.0; })
         .high;
   }
-  return std::max(1.0, model.steady(-1.0 / std::expm1(-slices * model.eta * units::kLn10)));
+  const double usual =
+      model.heights.alike() ? slices : model.depth(first + slices) - model.depth(first);
+  return std::max(1.0, model.steady(-1.0 / std::expm1(-usual * model.eta * units::kLn10)));
 }
 
 /// Per value of light: which columns the part lights, and up to which layer.
@@ -299,7 +301,7 @@ class PlaceCheck {
       LitPlace p{&models_.model(value), map_.factor(value), none || lit.columns[v] > 0};
       // Without a limit of travel a part's end must still cure within some number of slices.
       const int most = travel_ ? *travel_ - lit.end[v] : kLongest;
-      if (p.lit) p.needed = dose_for_end(*p.model, most);
+      if (p.lit) p.needed = dose_for_end(*p.model, lit.end[v], most);
       all.push_back(p);
     }
     return all;
@@ -369,7 +371,10 @@ class PlaceCheck {
     // Each layer less needs one slice less.
     const int less = slices - *travel_;
     if (less < grid.layers) {
-      const double lower_mm = std::ceil(less * grid.layer_um - 1e-6) * 1e-3;
+      const double lower_um = models_.brightest().heights.alike()
+                                  ? less * grid.layer_um
+                                  : (travel_mm - height_mm(*travel_)) * 1e3;
+      const double lower_mm = std::ceil(lower_um - 1e-6) * 1e-3;
       text += fmt::format(", or make the part at least {:.3f} mm lower", lower_mm);
     }
     throw InfeasibleError(text);

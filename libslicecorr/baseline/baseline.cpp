@@ -103,10 +103,22 @@ int cure_through_slices(const CureModel& model) {
     longest.level_phi.front() *= model.greatest_ratio();
     longest.level_phi.back() *= model.greatest_ratio();
     longest.exposure_ratio.clear();
+    // Of the thinnest layers it takes the most.
+    double thinnest = 1;
+    if (!model.heights.alike()) {
+      const std::vector<double>& um = model.heights.um();
+      const auto n = std::min_element(um.begin(), um.end()) - um.begin();
+      const auto layer = static_cast<int>(n);
+      thinnest = model.height(layer);
+      longest.heights = LayerHeights({um[static_cast<std::size_t>(n)]});
+      longest.own_a = {model.a_of(layer)};
+      longest.own_root_a = {model.root_a_of(layer)};
+      longest.own_one_minus_a = {model.one_minus_a_of(layer)};
+    }
     // There phi is not what doses are made of.
     if (model.gel_time()) longest.exposure_ratio = {model.greatest_ratio()};
     const double fall =
-        model.bleaching() ? model.bleaching()->bleached() / units::kLn10 : model.eta;
+        model.bleaching() ? model.bleaching()->bleached() / units::kLn10 : model.eta * thinnest;
     const int high = static_cast<int>(std::min<double>(most, std::ceil(16.0 / fall) + 1));
     const std::uint8_t full = 255, black = 0;
     BandDose dose(longest, 1);

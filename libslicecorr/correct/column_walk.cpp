@@ -94,7 +94,11 @@ void ColumnWalk::add(const CureModel& model, int slice, std::uint8_t cover, std:
   }
   if (left_alone) {
     ColumnRun& run = runs_.back();
-    run.light += model.one_minus_a * std::pow(model.a, slice - run.node) * light;
+    const double left =
+        model.heights.alike()
+            ? std::pow(model.a, slice - run.node)
+            : std::exp((model.depth(run.node) - model.depth(slice)) * model.eta * units::kLn10);
+    run.light += model.one_minus_a_of(slice) * left * light;
   }
 }
 
@@ -150,10 +154,10 @@ int ColumnWalk::seen_to(const WalkSearches& all, const RunAt& run, int n, double
   const double taken = model.bath_slices > 0 ? model.beyond * far : 0.0;
   const double at_node = model.returned(n), at_middle = model.returned(n + 0.5);
   const auto light = [&](int l) { return model.ratio(n) * levels.phi(l) - taken; };
-  const auto node = [&](int l) { return at_node * model.step(light(l), omega_); };
+  const auto node = [&](int l) { return at_node * model.step_in(n, light(l), omega_); };
   const auto prints = [&](int l) {
     return node(l) >= far_plan.prints &&
-           at_middle * model.middle(light(l), omega_) >= far_plan.prints;
+           at_middle * model.middle_in(n, light(l), omega_) >= far_plan.prints;
   };
   const Process& process = all.plan().process;
   const bool capped = process.omega_max < kNoCap && (run.node > 0 || process.cap_platform_features);

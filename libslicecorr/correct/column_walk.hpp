@@ -90,8 +90,9 @@ class ColumnWalk {
   /// Whether slice n is left alone; to be asked before it is passed.
   bool left_alone(int n) { return run_at(n).left_alone; }
   /// Takes the light of a slice, for what it counts (`CureModel::ratio`).
-  void pass(const CureModel& model, double light, double far) {
-    omega_ = model.step(model.bath_slices > 0 ? model.in_bath(light, far) : light, omega_);
+  void pass(const CureModel& model, int slice, double light, double far) {
+    omega_ =
+        model.step_in(slice, model.bath_slices > 0 ? model.in_bath(light, far) : light, omega_);
   }
 
  private:

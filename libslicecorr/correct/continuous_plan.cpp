@@ -4,6 +4,7 @@
 #include "correct/continuous_plan.hpp"
 
 #include <algorithm>
+#include <map>
 
 #include "slicecorr/units.hpp"
 
@@ -32,7 +33,7 @@ constexpr double kNearNode = 1e-4;
 
 }  // namespace
 
-Corner ContinuousPlan::corner(double f) const {
+Corner LayerFactors::corner(double f) const {
   Corner c;
   const double exponent = -f * std::log(a);
   c.grown = std::exp(exponent);
@@ -59,9 +60,15 @@ std::shared_ptr<const std::vector<double>> powers(double eta, std::size_t count)
 
 }  // namespace
 
-EdgeCorners ContinuousPlan::corners_of(double t) const {
+EdgeCorners ContinuousPlan::corners_of(const LayerFactors& layer, double tolerance) const {
+  const double t = std::min(tolerance / layer.height, kWidest);
   const double slit = std::max(t, std::min(shortfall, kWidest));
-  return {corner(1.0 - t), corner(t), corner(slit), t, slit};
+  return {layer.corner(1.0 - t), layer.corner(t), layer.corner(slit), t, slit};
+}
+
+double ContinuousPlan::grown_unevenly(int node, int slices) const {
+  return std::exp((heights_.place_um(node + slices, layer_um) - heights_.place_um(node, layer_um)) *
+                  per_um_);
 }
 
 EdgeAsk ContinuousPlan::ask(std::uint8_t height, const EdgeCorners& at, bool slit) const {
@@ -95,25 +102,53 @@ EdgeAsk ContinuousPlan::ask(std::uint8_t height, const EdgeCorners& at, bool sli
   return ask;
 }
 
-double ContinuousPlan::most_at_edge(std::uint8_t height, int rung) const {
+double ContinuousPlan::most_at_edge(int node, std::uint8_t height, int rung) const {
   const auto r = static_cast<std::size_t>(rung);
-  if (height == kEdgeAtNode) return edge_most[r];
+  if (height == kEdgeAtNode) return of(node).edge_most[r];
   const double open_at = edge_height_slices(height) + tolerance[r];
   if (open_at <= 0) return open;
   // From there on down, a^(open_at).
   const double left = 1.0 / (height_grown_[height] * near[r].lower.grown);
-  // What layers ask is exact: of slices that differ the greatest will do.
-  const double greatest = uneven() ? *std::max_element(ratios_.begin(), ratios_.end()) : 1.0;
-  return left + greatest * phi_max * (1.0 - left) + edge_room;
+  return left + greatest_ * phi_max * (1.0 - left) + edge_room;
+}
+
+void ContinuousPlan::set_edges(LayerFactors& layer) const {
+  layer.middle = layer.corner(0.5);
+  for (std::size_t r = 0; r < kRungs; ++r) {
+    layer.near[r] = corners_of(layer, tolerance[r]);
+    const double left = 1.0 / layer.near[r].lower.grown;  // a^eps
+    // What layers ask is exact: of slices that differ the greatest will do.
+    layer.edge_most[r] = left + greatest_ * phi_max * (1.0 - left) + edge_room;
+    layer.grey_edge_most[r] = prints + layer.near[r].lower.excess * (1.0 - phi_min);
+  }
+}
+
+void ContinuousPlan::set_own(const CureModel& model) {
+  heights_ = model.heights;
+  per_um_ = model.eta * units::kLn10 / model.layer_um;
+  const std::vector<double>& um = heights_.um();
+  std::map<double, std::size_t> known;
+  for (std::size_t n = 0; n < um.size(); ++n) {
+    const auto [found, is_new] = known.try_emplace(um[n], own_.size());
+    own_of_.push_back(found->second);
+    if (!is_new) continue;
+    own_.emplace_back(model.own_a[n], model.own_one_minus_a[n], model.own_root_a[n]);
+    own_.back().height = um[n] / model.layer_um;
+  }
+}
+
+void ContinuousPlan::set_steady() {
+  const std::size_t count = std::max(ratios_.size(), own_of_.size());
+  steady_.assign(count, count > 0 ? ratio(static_cast<int>(count) - 1) : 1.0);
+  for (std::size_t k = count; k-- > 1;) {
+    const auto slice = static_cast<int>(k) - 1;
+    steady_[k - 1] = ratio(slice) * of(slice).b + of(slice).a * steady_[k];
+  }
 }
 
 ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, int slices,
                                bool is_exact, const ContinuousPlan* like)
-    : a(model.a),
-      b(model.one_minus_a),
-      root_a(model.root_a),
-      per_a(1.0 / model.a),
-      per_b(1.0 / model.one_minus_a),
+    : LayerFactors(model.a, model.one_minus_a, model.root_a),
       phi_min(model.phi_min()),
       phi_max(model.phi_max()),
       climb_max(model.steady(model.phi_max())),
@@ -126,16 +161,18 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
       level_of.push_back(static_cast<std::uint8_t>(l));
     }
   }
-  ratios_ = steady_ = model.exposure_ratio;
-  for (std::size_t k = steady_.size(); k-- > 1;)
-    steady_[k - 1] = ratios_[k - 1] * b + a * steady_[k];
-  const double greatest = model.greatest_ratio();
+  ratios_ = model.exposure_ratio;
+  if (!model.heights.alike()) set_own(model);
+  set_steady();
+  greatest_ = model.greatest_ratio();
+  double most_b = b;
+  for (const LayerFactors& layer : own_) most_b = std::max(most_b, layer.b);
   const int count = levels.size();
   largest_step = 0;
   for (int l = 1; l < count; ++l) {
-    largest_step = std::max(largest_step, (levels.phi(l) - levels.phi(l - 1)) * b);
+    largest_step = std::max(largest_step, (levels.phi(l) - levels.phi(l - 1)) * most_b);
   }
-  largest_step *= greatest;
+  largest_step *= greatest_;
   // Rounding of a step is below 1e-13 for any dose that light can give.
   const double margin = exact ? 0.0 : 2e-9;
   slack = exact ? 1e-12 : 1e-9;
@@ -143,15 +180,15 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   close = count > 1 ? 0.99 * (levels.phi(1) - levels.phi(0)) * b - 4 * slack : 0.0;
   prints = 1.0 + margin;
   open = 1.0 - margin;
-  most = std::max(phi_max * greatest, 1.0) * (1.0 + 1e-9);
+  most = std::max(phi_max * greatest_, 1.0) * (1.0 + 1e-9);
   platform_cap = process.cap_platform_features ? process.omega_max : most;
   cap = process.omega_max;
   least_cap = 0;
   if (!exact) {
     // With a lower cap no level could hold a dose between 1 and the cap.
-    const double step = greatest * (phi_max - phi_min) / std::max(1, count - 1);
-    cap = std::max(cap, 1.0 + 3.0 * b * step);
-    platform_cap = std::max(platform_cap, 1.0 + 3.0 * b * step);
+    const double step = greatest_ * (phi_max - phi_min) / std::max(1, count - 1);
+    cap = std::max(cap, 1.0 + 3.0 * most_b * step);
+    platform_cap = std::max(platform_cap, 1.0 + 3.0 * most_b * step);
     least_cap = std::min(1.0 + 3.0 * step, most);
   }
   cap = std::min(cap, most);
@@ -184,25 +221,25 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
     const double d = edge_height_slices(static_cast<std::uint8_t>(h));
     height_grown_[h] = std::exp(d * model.eta * units::kLn10);
   }
-  middle = corner(0.5);
   for (double t = target; !exact; t *= 1.2) {
-    ladder.push_back(corners_of(t));
+    ladder.push_back(corners_of(*this, t));
     if (t * 1.2 >= kWidest) break;
   }
-  for (std::size_t r = 0; r < kRungs; ++r) {
-    near[r] = corners_of(tolerance[r]);
-    const double left = 1.0 / near[r].lower.grown;  // a^eps
-    edge_most[r] = left + greatest * phi_max * (1.0 - left) + edge_room;
-    grey_edge_most[r] = prints + near[r].lower.excess * (1.0 - phi_min);
-  }
+  set_edges(*this);
+  for (LayerFactors& layer : own_) set_edges(layer);
   const LevelTable::Around one = levels.around(1.0);
   const int next = std::min(one.at_least + 1, count - 1);
-  const double step_at_one = (levels.phi(next) - levels.phi(one.at_most)) * b;
+  const double step_at_one = levels.phi(next) - levels.phi(one.at_most);
   grey_rung = 0;
-  while (grey_rung + 1 < kRungs &&
-         grey_edge_most[static_cast<std::size_t>(grey_rung)] - prints < step_at_one) {
-    ++grey_rung;
-  }
+  const auto widen = [&](const LayerFactors& layer) {
+    while (grey_rung + 1 < kRungs &&
+           layer.grey_edge_most[static_cast<std::size_t>(grey_rung)] - prints <
+               step_at_one * layer.b) {
+      ++grey_rung;
+    }
+  };
+  if (own_.empty()) widen(*this);
+  for (const LayerFactors& layer : own_) widen(layer);
 }
 
 }  // namespace slicecorr::detail

@@ -13,10 +13,14 @@
 /// on where it is: R(k) = ratio(k) b + a R(k + 1) times them at node k, since
 /// Omega(k + j) = R(k + j) phi + (Omega(k) - R(k) phi) a^-j.
 ///
+/// Slices of different heights have an a, and corners, of their own (`LayerFactors`); a^-j becomes what a
+/// dose grows by through the slices that are passed (`grown_through`), and R(k) = ratio(k) b_k + a_k R(k + 1).
+///
 /// An edge lies at its node, or where its edge height says (target.hpp): then one of the two layers
 /// beside it has a piece of the other run in it, and corners of both kinds.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -77,14 +81,32 @@ struct EdgeCorners {
   double slit_tolerance;      ///< upwards, of edges above gaps of one slice
 };
 
-struct ContinuousPlan {
+/// What a layer makes of light and doses by its height.
+struct LayerFactors {
+  LayerFactors(double a, double one_minus_a, double root_a)
+      : a(a), b(one_minus_a), root_a(root_a), per_a(1.0 / a), per_b(1.0 / one_minus_a) {}
+
+  double a, b, root_a, per_a, per_b;
+  double height = 1;  ///< over that of a layer as a rule
+  Corner middle;
+  std::array<EdgeCorners, kRungs> near{};  ///< per rung
+  /// Greatest dose that the lower edge of a feature above the layer may have, per rung.
+  std::array<double, kRungs> edge_most{};
+  /// Range of doses of a full layer's node beside a grey one, per rung.
+  std::array<double, kRungs> grey_edge_most{};
+
+  Corner corner(double f) const;
+  double step(double phi, double below) const { return phi * b + a * below; }
+};
+
+/// Its own factors are those of a layer as a rule.
+struct ContinuousPlan : LayerFactors {
   /// `exact`: any light between black and full, edges at their nodes; for
   /// solve_column_exactly(). `like`: a plan of the same slices and resin, whose table it shares; null:
   /// none.
   ContinuousPlan(const CureModel& model, const Process& process, int slices, bool exact,
                  const ContinuousPlan* like = nullptr);
 
-  double a, b, root_a, per_a, per_b;
   double phi_min, phi_max;  ///< of a slice that counts as a normal one
   /// What full light counts for at least: less than phi_max where the bath ends. Doses that full
   /// light must still reach are planned by it.
@@ -121,32 +143,39 @@ struct ContinuousPlan {
     return k < prints_inside.size() ? prints_inside[k] : prints;
   }
 
-  Corner corner(double f) const;
-  Corner middle;
-  EdgeCorners corners_of(double at_most) const;
-  std::array<EdgeCorners, kRungs> near;  ///< per rung
+  /// Corners in a layer; the tolerance is one of a layer as a rule.
+  EdgeCorners corners_of(const LayerFactors& layer, double tolerance) const;
   /// Tolerances from the one aimed at upwards, each 1.2 times the one before.
   std::vector<EdgeCorners> ladder;
-  /// Greatest dose that the lower edge of a feature may have, per rung.
-  std::array<double, kRungs> edge_most;
-  /// Range of doses of a full layer's node beside a grey one, per rung.
-  std::array<double, kRungs> grey_edge_most;
   int grey_rung;  ///< first rung whose `grey_edge_most` leaves room for a level step near 1
 
   /// What an edge of this height asks. `slit`: below it lies a gap of one slice.
   EdgeAsk ask(std::uint8_t height, const EdgeCorners& at, bool slit) const;
-  /// Greatest dose at the node of the lower edge of a feature, so that the gap below opens in time.
-  double most_at_edge(std::uint8_t height, int rung) const;
+  /// Greatest dose at the node of the lower edge of a feature, so that the gap below opens in time; `node`
+  /// counts where slices differ.
+  double most_at_edge(int node, std::uint8_t height, int rung) const;
   /// Whether an edge of this height and rung lies at its node to the last bit: the node says it all.
   bool at_node(std::uint8_t height, int rung) const {
     return exact && rung == 0 && height == kEdgeAtNode;
   }
 
-  double step(double phi, double below) const { return phi * b + a * below; }
+  /// The factors of a slice.
+  const LayerFactors& of(int slice) const {
+    return own_.empty() ? *this : own_[held(own_of_, slice)];
+  }
+  /// What a dose at `node` was `slices` slices further down without light between: a^-slices.
+  double grown_through(int node, int slices) const {
+    return own_.empty() ? grown[static_cast<std::size_t>(slices)] : grown_unevenly(node, slices);
+  }
+  /// Of a range that is kept free before edges, what slices as high as `slice` need.
+  double reserve_at(int slice, double reserve) const {
+    return ratio(slice) * (own_.empty() ? reserve : reserve * of(slice).b * per_b);
+  }
 
   /// What a slice counts for over a normal one (`CureModel::ratio`).
-  double ratio(int slice) const { return uneven() ? held(ratios_, slice) : 1.0; }
-  bool uneven() const { return !ratios_.empty(); }
+  double ratio(int slice) const { return ratios_.empty() ? 1.0 : held(ratios_, slice); }
+  /// Whether slices differ in what they count for or in height: edges then have places.
+  bool uneven() const { return !steady_.empty(); }
   /// The dose at a node if all slices from there on showed black, or full light that counts for what
   /// climbs are planned with: what falling and climbing curves tend to there.
   double black_from(int node) const { return phi_min * (uneven() ? held(steady_, node) : 1.0); }
@@ -154,13 +183,24 @@ struct ContinuousPlan {
 
  private:
   /// By slice or node; the last holds for later ones.
-  static double held(const std::vector<double>& values, int at) {
-    const auto k = static_cast<std::size_t>(at);
+  template <typename T>
+  static T held(const std::vector<T>& values, int at) {
+    const auto k = static_cast<std::size_t>(std::max(0, at));
     return k < values.size() ? values[k] : values.back();
   }
+  double grown_unevenly(int node, int slices) const;
+  void set_edges(LayerFactors& layer) const;
+  void set_own(const CureModel& model);
+  void set_steady();
+
   std::vector<double> ratios_;  ///< empty: all 1
-  /// b times the sum of ratio(k + i) a^i, by node k.
+  /// b times the sum of ratio(k + i) a^i, by node k; empty: slices do not differ.
   std::vector<double> steady_;
+  double greatest_ = 1;              ///< ratio of all slices
+  std::vector<LayerFactors> own_;    ///< one for each height; empty: all are as high
+  std::vector<std::size_t> own_of_;  ///< which of them, by slice
+  LayerHeights heights_;
+  double per_um_ = 0;  ///< by how much the logarithm of a dose falls
   std::shared_ptr<const std::vector<double>> all_grown_;
   std::array<double, 256> height_grown_;  ///< a^-d by edge height, d in slices
 };

@@ -33,11 +33,12 @@ Edges::Edges(const ContinuousPlan& plan) : plan_(plan) {
   for (auto& kind : endless_) kind.fill(Edge::kNone);
 }
 
-LayerRule Edges::rule(std::uint8_t coverage, const SideAsk* upper, const SideAsk* lower) const {
+LayerRule Edges::rule(const LayerFactors& layer, std::uint8_t coverage, const SideAsk* upper,
+                      const SideAsk* lower) const {
   LayerRule rule;
   rule.coverage = coverage;
   if (coverage != 0 && coverage != kFull) return rule;
-  rule.corner[0] = plan_.middle;
+  rule.corner[0] = layer.middle;
   rule.corners = 1;
   for (const SideAsk* ask : {upper, lower}) {
     if (!ask) continue;
@@ -49,39 +50,39 @@ LayerRule Edges::rule(std::uint8_t coverage, const SideAsk* upper, const SideAsk
 
 bool Edges::back(const LayerRule& rule, int slice, DoseRange above, DoseRange& below) const {
   const ContinuousPlan& p = plan_;
-  const double ratio = p.ratio(slice);
-  if (rule.opposites > 0) return back_both_ways(rule, ratio, above, below);
-  const double black = ratio * p.phi_min, full = ratio * p.climb_max;
+  if (rule.opposites > 0) return back_both_ways(rule, slice, above, below);
+  const LayerFactors& f = p.of(slice);
+  const double black = p.ratio(slice) * p.phi_min, full = p.ratio(slice) * p.climb_max;
   if (rule.coverage == kFull) {
     double x = full;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
-      x = std::min(x, (above.hi * p.per_a - p.prints * c.grown) / (p.per_a - c.grown));
+      x = std::min(x, (above.hi * f.per_a - p.prints * c.grown) / (f.per_a - c.grown));
     }
     if (x < black) return false;
-    below.lo = std::max(0.0, (above.lo - x * p.b) * p.per_a);
+    below.lo = std::max(0.0, (above.lo - x * f.b) * f.per_a);
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       below.lo = std::max(below.lo, p.prints * c.grown - x * c.excess);
     }
-    below.hi = (above.hi - black * p.b) * p.per_a;
+    below.hi = (above.hi - black * f.b) * f.per_a;
   } else if (rule.coverage == 0) {
     double most = full, least = black;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       most = std::min(most, p.open * c.grown * c.per_excess);
-      least = std::max(least, (above.lo * p.per_a - p.open * c.grown) / (p.per_a - c.grown));
+      least = std::max(least, (above.lo * f.per_a - p.open * c.grown) / (f.per_a - c.grown));
     }
     if (least > full) return false;
-    below.lo = std::max(0.0, (above.lo - most * p.b) * p.per_a);
-    below.hi = (above.hi - least * p.b) * p.per_a;
+    below.lo = std::max(0.0, (above.lo - most * f.b) * f.per_a);
+    below.hi = (above.hi - least * f.b) * f.per_a;
     for (int k = 0; k < rule.corners; ++k) {
       const Corner& c = rule.corner[static_cast<std::size_t>(k)];
       below.hi = std::min(below.hi, p.open * c.grown - least * c.excess);
     }
   } else {
     // Doses of grey layers stay below what gaps above them could not take.
-    below.lo = std::max(0.0, (above.lo - full * p.b) * p.per_a);
+    below.lo = std::max(0.0, (above.lo - full * f.b) * f.per_a);
     below.hi = p.most;
   }
   if (below.hi < 0 || below.lo > below.hi + p.slack) return false;
@@ -89,9 +90,11 @@ bool Edges::back(const LayerRule& rule, int slice, DoseRange above, DoseRange& b
   return true;
 }
 
-bool Edges::back_both_ways(const LayerRule& rule, double ratio, DoseRange above,
+bool Edges::back_both_ways(const LayerRule& rule, int slice, DoseRange above,
                            DoseRange& below) const {
   const ContinuousPlan& p = plan_;
+  const LayerFactors& f = p.of(slice);
+  const double ratio = p.ratio(slice);
   // Bounds of phi, each at - per w, in w = Omega(n + 1). There is a phi between them where every
   // bound from below lies under every bound from above, which bounds w in turn.
   struct Line {
@@ -101,8 +104,8 @@ bool Edges::back_both_ways(const LayerRule& rule, double ratio, DoseRange above,
   std::size_t leasts = 0, mosts = 0;
   least[leasts++] = {ratio * p.phi_min, 0.0};
   most[mosts++] = {ratio * p.climb_max, 0.0};
-  least[leasts++] = {above.lo * p.per_b, p.a * p.per_b};
-  most[mosts++] = {above.hi * p.per_b, p.a * p.per_b};
+  least[leasts++] = {above.lo * f.per_b, f.a * f.per_b};
+  most[mosts++] = {above.hi * f.per_b, f.a * f.per_b};
   const auto add = [&](const Corner& c, bool prints) {
     if (prints) {
       least[leasts++] = {p.prints * c.grown * c.per_excess, c.per_excess};
@@ -152,14 +155,14 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
   const auto r = static_cast<std::size_t>(rung);
   if (j == 0) return slit ? edge.at_slit[r] : edge.at[r];
   const DoseRange base = edge.inside[r];
-  const double g = p.grown[static_cast<std::size_t>(j - 1)];
   const int node = edge.node;
+  const double g = p.grown_through(node + 1, j - 1);
   const double full = p.full_from(node + j), black = p.black_from(node + j);
   const double climbs = full - (p.full_from(node + 1) - base.lo) * g;
   if (is_grey(edge.below)) return {std::max(aim_of(edge.below), climbs), p.most};
   DoseRange d{climbs, black + (base.hi - p.black_from(node + 1)) * g};
   if (rung == 0 && edge.has_reserve && j >= p.together) {
-    const double since = p.grown[static_cast<std::size_t>(j - p.together)];
+    const double since = p.grown_through(node + p.together, j - p.together);
     if (edge.below == kFull) {
       d.hi = black + (edge.reserved - p.black_from(node + p.together)) * since;
     } else {
@@ -171,13 +174,13 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
   return {std::max(d.lo, bounds.lo), std::min(d.hi, bounds.hi)};
 }
 
-double Edges::grey_least(std::uint8_t grey, bool under_full, std::uint8_t below) const {
+double Edges::grey_least(int slice, std::uint8_t grey, bool under_full, std::uint8_t below) const {
   if (below == kFull) return plan_.prints;
   if (below != 0) return std::min(aim_of(grey), aim_of(below));
   if (!under_full) return aim_of(grey);
   // Its middle gets its coverage: the middle is (Omega(n) + r Omega(n + 1)) / (1 + r),
   // r = sqrt(a), and Omega(n) = 1.
-  const double r = plan_.root_a;
+  const double r = plan_.of(slice).root_a;
   return std::max(0.0, ((1.0 + r) * aim_of(grey) - 1.0) / r);
 }
 
@@ -218,7 +221,9 @@ std::int32_t Edges::endless(std::uint8_t coverage, Hidden hidden) {
 
 std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::uint8_t height,
                          int node) {
-  const double full = plan_.climb_max * plan_.ratio(node - 1);
+  const int last = node - 1;  // slice of the run above
+  const LayerFactors& f = plan_.of(last);
+  const double full = plan_.climb_max * plan_.ratio(last);
   if (!plan_.uneven()) node = 0;
   const Edge& above = (*this)[id];
   const std::uint8_t cover = above.below;  // the edge itself may move when others join
@@ -226,7 +231,7 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
     // What a grey layer asks for itself is most often more than what those above it do.
     const bool under_full = slices == 1 && cover_above(id) == kFull && !above.platform;
     const double asked = grey_least_at(id, slices - 1);
-    if ((asked - full * plan_.b) * plan_.per_a <= grey_least(cover, under_full, below)) {
+    if ((asked - full * f.b) * f.per_a <= grey_least(last, cover, under_full, below)) {
       if (is_grey(below)) {
         endless(below, Hidden::nothing);
         return kGreyPair | static_cast<std::int32_t>(cover) << 8 | below;
@@ -264,7 +269,7 @@ std::int32_t Edges::through(std::int32_t id, int slices, double light, double of
   edge.node = node;
   edge.above_cover = edge.below = below;
   edge.cap = p.cap;
-  const double left = 1.0 / p.grown[static_cast<std::size_t>(slices)];
+  const double left = 1.0 / p.grown_through(node - slices, slices);
   for (int r = 0; r < kRungs; ++r) {
     DoseRange at{0.0, p.most};
     if (id != Edge::kNone) {
@@ -309,6 +314,8 @@ std::int32_t Edges::make(const Edge& above, const Key& key) {
 
 void Edges::set_edge(Edge& edge, const Edge& above) const {
   const ContinuousPlan& p = plan_;
+  const int last = edge.node - 1;  // slice of the run above
+  const LayerFactors& f = p.of(last);
   const bool one = edge.slices == 1;
   const bool one_upper = one && !above.platform && opposite(above.above_cover, above.below);
   const bool in_slit = one_upper && above.below == 0 && edge.below == kFull;
@@ -319,7 +326,7 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
   DoseRange node{0.0, p.most};
   if (grey_above) {
     const bool under_full = (one || above.endless) && above.above_cover == kFull && !above.platform;
-    node.lo = grey_least(above.below, under_full, edge.below);
+    node.lo = grey_least(last, above.below, under_full, edge.below);
   }
   for (int slit = 0; slit <= static_cast<int>(has_slit); ++slit) {
     auto& at = slit ? edge.at_slit : edge.at;
@@ -327,25 +334,25 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
       const int rung = static_cast<int>(r);
       DoseRange limits = node;
       if ((grey_above && edge.below == kFull) || (above.below == kFull && grey_below)) {
-        limits = {p.prints, p.grey_edge_most[r]};
+        limits = {p.prints, p.of(edge.node).grey_edge_most[r]};
       }
-      if (has_slit) limits.hi = std::min(limits.hi, p.most_at_edge(edge.height, rung));
+      if (has_slit) limits.hi = std::min(limits.hi, p.most_at_edge(edge.node, edge.height, rung));
       EdgeAsk upper_ask, lower_ask;
       if (one_upper && (in_slit || !p.at_node(above.height, rung)))
-        upper_ask = p.ask(above.height, p.near[r], in_slit);
+        upper_ask = p.ask(above.height, f.near[r], in_slit);
       if (lower && (slit || !p.at_node(edge.height, rung))) {
-        lower_ask = p.ask(edge.height, p.near[r], slit != 0);
+        lower_ask = p.ask(edge.height, f.near[r], slit != 0);
       } else if (lower) {
         limits = common(limits, {p.prints, p.prints + p.edge_room});  // the node says it all
       }
-      const LayerRule layer = rule(above.below, &upper_ask.below, &lower_ask.above);
+      const LayerRule layer = rule(f, above.below, &upper_ask.below, &lower_ask.above);
       const DoseRange from = doses(above, one ? 0 : edge.slices - 1, rung, in_slit);
       DoseRange to{};
-      bool any = back(layer, edge.node - 1, from, to);
+      bool any = back(layer, last, from, to);
       to = common(to, limits);
       any = any && to.lo <= to.hi;
       if (r + 1 == kRungs) {
-        if (!any) to = for_features(layer, edge.node - 1, from, limits);
+        if (!any) to = for_features(layer, last, from, limits);
       } else {
         const DoseRange both = common(to, at[r + 1]);
         to = any && both.lo <= both.hi ? both : at[r + 1];
@@ -357,12 +364,13 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
 
 void Edges::set_inside(Edge& edge) const {
   const ContinuousPlan& p = plan_;
+  const LayerFactors& f = p.of(edge.node);
   const bool upper = !edge.platform && opposite(edge.above_cover, edge.below);
   for (std::size_t r = kRungs; r-- > 0;) {
     const DoseRange limits = inside_of(edge, static_cast<int>(r));
     const bool asks = upper && !p.at_node(edge.height, static_cast<int>(r));
-    const EdgeAsk ask = asks ? p.ask(edge.height, p.near[r], false) : EdgeAsk{};
-    const LayerRule layer = rule(edge.below, &ask.below, nullptr);
+    const EdgeAsk ask = asks ? p.ask(edge.height, f.near[r], false) : EdgeAsk{};
+    const LayerRule layer = rule(f, edge.below, &ask.below, nullptr);
     DoseRange to{};
     bool any = back(layer, edge.node, edge.at[r], to);
     to = common(to, limits);
@@ -380,12 +388,12 @@ void Edges::set_inside(Edge& edge) const {
   if (!edge.platform && p.together > 0 && p.together <= last) {
     const DoseRange there = doses(edge, p.together, 0);
     const double most = std::max(0.0, (there.hi - there.lo) / 4);
-    const double ratio = p.ratio(edge.node + p.together);
+    const int slice = edge.node + p.together;
     if (feature) {
-      edge.reserved = there.hi - std::min(ratio * p.feature_reserve, most);
+      edge.reserved = there.hi - std::min(p.reserve_at(slice, p.feature_reserve), most);
       edge.has_reserve = true;
-    } else if (there.lo > p.black_from(edge.node + p.together)) {
-      edge.reserved = there.lo + std::min(ratio * p.gap_reserve, most);
+    } else if (there.lo > p.black_from(slice)) {
+      edge.reserved = there.lo + std::min(p.reserve_at(slice, p.gap_reserve), most);
       edge.has_reserve = true;
     }
   }
@@ -442,8 +450,9 @@ DoseSet Edges::levels_back(const LayerRule& rule, int slice, const DoseSet& abov
   const ContinuousPlan& p = plan_;
   DoseSet found;
   if (above.empty()) return found;
-  const double least = (above.front().lo - p.a * within.hi) * p.per_b;
-  const double most = (above.back().hi - p.a * within.lo) * p.per_b;
+  const LayerFactors& f = p.of(slice);
+  const double least = (above.front().lo - f.a * within.hi) * f.per_b;
+  const double most = (above.back().hi - f.a * within.lo) * f.per_b;
   const double ratio = p.ratio(slice);
   const int last = p.levels.at_most(most / ratio);
   for (int l = p.levels.at_least(least / ratio); l <= last; ++l) {
@@ -467,7 +476,7 @@ DoseSet Edges::levels_back(const LayerRule& rule, int slice, const DoseSet& abov
     }
     for (const DoseRange& d : above) {
       const DoseRange w =
-          common({(d.lo - phi * p.b) * p.per_a, (d.hi - phi * p.b) * p.per_a}, limits);
+          common({(d.lo - phi * f.b) * f.per_a, (d.hi - phi * f.b) * f.per_a}, limits);
       if (w.lo <= w.hi) found.push_back(w);
     }
   }
@@ -521,20 +530,20 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
   if (!needed || ids_.size() > kMostLevelEdges) return;
   const bool one_upper =
       above && one && !above->platform && opposite(above->above_cover, above->below);
-  const EdgeCorners& near = p.near[widest];
-  const SideAsk upper = one_upper ? p.ask(above->height, near, in_slit).below : SideAsk{};
+  const LayerFactors &over = p.of(edge.node - 1), &under = p.of(edge.node);
+  const SideAsk upper =
+      one_upper ? p.ask(above->height, over.near[widest], in_slit).below : SideAsk{};
   const auto at_edge = [&](bool slit) {
-    const SideAsk lower = p.ask(edge.height, near, slit).above;
-    return levels_back(rule(edge.above_cover, &upper, &lower), edge.node - 1, from,
+    const SideAsk lower = p.ask(edge.height, over.near[widest], slit).above;
+    return levels_back(rule(over, edge.above_cover, &upper, &lower), edge.node - 1, from,
                        (slit ? edge.at_slit : edge.at)[widest]);
   };
   edge.levels_at = at_edge(false);
   if (has_slit) edge.levels_slit = at_edge(true);
   if (edge.levels_at.empty() && edge.levels_slit.empty()) return;  // a voxel will be wrong
   const DoseRange limits = inside_of(edge, kRungs - 1);
-  const LayerRule plain = rule(edge.below, nullptr, nullptr);
-  const SideAsk own_upper = p.ask(edge.height, near, false).below;
-  LayerRule layer = rule(edge.below, &own_upper, nullptr);
+  const SideAsk own_upper = p.ask(edge.height, under.near[widest], false).below;
+  LayerRule layer = rule(under, edge.below, &own_upper, nullptr);
   DoseSet d = edge.levels_at;
   const int last = static_cast<int>(p.grown.size()) - 1;
   for (int j = 1; j <= last; ++j) {
@@ -543,7 +552,7 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
     if (d.empty()) break;
     edge.levels_below.push_back(d);
     if (wide(d)) break;
-    layer = plain;
+    layer = rule(p.of(edge.node + j), edge.below, nullptr, nullptr);
   }
   if (d.empty() || edge.levels_below.empty()) {
     edge.levels_below.clear();
@@ -584,7 +593,7 @@ DoseRange Edges::levels_inside(const Edge& edge, int j) const {
   const ContinuousPlan& p = plan_;
   const auto kept = static_cast<int>(edge.levels_below.size());
   const int node = edge.node;
-  const double g = p.grown[static_cast<std::size_t>(j - kept)];
+  const double g = p.grown_through(node + kept, j - kept);
   const DoseRange d = edge.levels_inside;
   return common({p.full_from(node + j) - (p.full_from(node + kept) - d.lo) * g,
                  p.black_from(node + j) + (d.hi - p.black_from(node + kept)) * g},

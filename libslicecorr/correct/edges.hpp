@@ -94,7 +94,7 @@ class Edges {
   }
   /// Least dose `j` nodes below the upper edge of a grey run.
   double grey_least_at(std::int32_t id, int j) const {
-    if (id & kGreyPair && j == 0) return grey_least(cover_above(id), false, (*this)[id].below);
+    if (id & kGreyPair && j == 0) return grey_least(0, cover_above(id), false, (*this)[id].below);
     return doses((*this)[id], j, 0).lo;
   }
 
@@ -114,7 +114,8 @@ class Edges {
 
   /// The rule of a layer. `upper`, `lower`: what the edges at its ends ask of it, at which a feature
   /// meets a gap; null: none does.
-  LayerRule rule(std::uint8_t coverage, const SideAsk* upper, const SideAsk* lower) const;
+  LayerRule rule(const LayerFactors& layer, std::uint8_t coverage, const SideAsk* upper,
+                 const SideAsk* lower) const;
   /// Doses at the lower node of the layer of `slice` from which some light leads into `above` at its
   /// upper one; false: none.
   bool back(const LayerRule& rule, int slice, DoseRange above, DoseRange& below) const;
@@ -144,12 +145,13 @@ class Edges {
   /// What an endless run had above it.
   enum class Hidden { nothing, platform, under_full };
   std::int32_t endless(std::uint8_t coverage, Hidden hidden);
-  /// Least dose at the lower node of a grey run that its own layers ask for.
-  double grey_least(std::uint8_t grey, bool under_full, std::uint8_t below) const;
+  /// Least dose at the lower node of a grey run that its own layers ask for; `slice`: its last, which counts
+  /// under a full layer.
+  double grey_least(int slice, std::uint8_t grey, bool under_full, std::uint8_t below) const;
   std::int32_t keep(const Key& key);
   std::int32_t make(const Edge& above, const Key& key);
   /// back() of a layer with corners of both kinds.
-  bool back_both_ways(const LayerRule& rule, double ratio, DoseRange above, DoseRange& below) const;
+  bool back_both_ways(const LayerRule& rule, int slice, DoseRange above, DoseRange& below) const;
   /// Fills `at` and `at_slit` of an edge below `above`.
   void set_edge(Edge& edge, const Edge& above) const;
   /// Fills all that follows from `at`.

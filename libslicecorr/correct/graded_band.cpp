@@ -55,7 +55,7 @@ class GradedColumn final : public GradedColumns {
   double wanted(std::uint8_t dose) const { return scale_.dose[dose]; }
   /// The doses wanted of the node between two layers of a feature: the mean, or, where light can't
   /// follow them, both.
-  DoseRange between(double above, double below) const;
+  DoseRange between(int slice, double above, double below) const;
   LevelSearch::Wanted light_at(const RunAt& run, int n, double omega, const std::uint8_t* doses);
 
   const CorrectionPlan& plan_;
@@ -87,9 +87,10 @@ void GradedColumn::find_runs(const std::uint8_t* heights) {
   }
 }
 
-DoseRange GradedColumn::between(double above, double below) const {
+DoseRange GradedColumn::between(int slice, double above, double below) const {
   const double middle = (above + below) / 2;
-  const bool steep = above > p_.step(p_.phi_max, below) || above < p_.step(p_.phi_min, below);
+  const LayerFactors& layer = p_.of(slice);
+  const bool steep = above > layer.step(p_.phi_max, below) || above < layer.step(p_.phi_min, below);
   return steep ? DoseRange{std::min(above, below), std::max(above, below)}
                : DoseRange{middle, middle};
 }
@@ -105,11 +106,12 @@ void GradedColumn::bound(Upper upper, int lower, const std::uint8_t* doses) {
     } else {
       const double own = wanted(doses[k]);
       const DoseRange dose =
-          k == upper.node ? DoseRange{own, own} : between(wanted(doses[k - 1]), own);
+          k == upper.node ? DoseRange{own, own} : between(k, wanted(doses[k - 1]), own);
       double least = dose.hi, most = dose.lo;
       if (k > upper.node) {
-        least = std::max(least, (least_[at - 1] - p_.climb_max * p_.b) * p_.per_a);
-        most = std::min(most, (most_[at - 1] - p_.phi_min * p_.b) * p_.per_a);
+        const LayerFactors& layer = p_.of(k - 1);
+        least = std::max(least, (least_[at - 1] - p_.climb_max * layer.b) * layer.per_a);
+        most = std::min(most, (most_[at - 1] - p_.phi_min * layer.b) * layer.per_a);
       }
       least_[at] = std::clamp(least, fits.lo, std::max(fits.lo, fits.hi));
       most_[at] = std::clamp(most, fits.lo, std::max(fits.lo, fits.hi));
@@ -127,16 +129,16 @@ LevelSearch::Wanted GradedColumn::light_at(const RunAt& run, int n, double omega
   if (cover_[static_cast<std::size_t>(n)] != kFull) return want;
   const auto at = static_cast<std::size_t>(n);
   if (n + 1 == run.lower) over_ = under_ = omega;
+  const LayerFactors& layer = p_.of(n);
   const auto reached = [&](double dose, double from) {
-    return std::clamp(dose, p_.step(p_.phi_min, from), p_.step(p_.phi_max, from));
+    return std::clamp(dose, layer.step(p_.phi_min, from), layer.step(p_.phi_max, from));
   };
   over_ = reached(least_[at], over_);
   under_ = reached(most_[at], under_);
   // The light with which the middle of the layer has its dose.
-  const double middle =
-      (wanted(doses[n]) - plan_.model.root_a * omega) / (1.0 - plan_.model.root_a);
+  const double middle = (wanted(doses[n]) - layer.root_a * omega) / (1.0 - layer.root_a);
   const bool inner = n + 1 < run.lower;
-  const auto to_node = [&](double dose) { return (dose - p_.a * omega) * p_.per_b; };
+  const auto to_node = [&](double dose) { return (dose - layer.a * omega) * layer.per_b; };
   switch (scale_.side) {
     case DoseSide::nearest:
       want.phi = to_node((over_ + under_) / 2);
@@ -179,7 +181,7 @@ void GradedColumn::solve(const std::uint8_t* coverage, const std::uint8_t* heigh
     const std::uint8_t index = chosen[count - left];
     --left;
     levels[n] = p_.level_of[index];
-    omega = p_.step(p_.levels.phi(index), omega);
+    omega = p_.of(n).step(p_.levels.phi(index), omega);
   }
 }
 
@@ -188,7 +190,7 @@ std::unique_ptr<GradedColumns> make_graded_column(const CorrectionPlan& plan,
   const bool counted = plan.model.adds_up() && !plan.model.inhibited() &&
                        plan.model.bath_slices == 0 && plan.model.mirrored_slices == 0;
   if (counted && plan.model.mode == ExposureMode::layerwise) return make_graded_layers(plan, scale);
-  if (!plan.continuous || !plan.model.is_plain()) {
+  if (!plan.continuous || !counted || !plan.model.exposure_ratio.empty()) {
     throw Error("doses are wanted of a model that is not plain");
   }
   return std::make_unique<GradedColumn>(plan, scale);

@@ -35,10 +35,11 @@ RunAt run_above(const Edges& edges, const RunAt& run) {
 
 LevelSearch::LevelSearch(const Edges& edges) : edges_(edges), plan_(edges.plan()) {}
 
-LevelSearch::LightRule LevelSearch::light_rule(const LayerRule& rule, DoseRange target) const {
+LevelSearch::LightRule LevelSearch::light_rule(const LayerFactors& layer, const LayerRule& rule,
+                                               DoseRange target) const {
   const ContinuousPlan& p = plan_;
-  const Bound least{(target.lo - p.slack) * p.per_b, p.a * p.per_b};
-  const Bound most{(target.hi + p.slack) * p.per_b, p.a * p.per_b};
+  const Bound least{(target.lo - p.slack) * layer.per_b, layer.a * layer.per_b};
+  const Bound most{(target.hi + p.slack) * layer.per_b, layer.a * layer.per_b};
   LightRule light;
   light.feature = rule.coverage == kFull;
   light.own = light.feature ? most : least;
@@ -76,8 +77,9 @@ LayerRule LevelSearch::rule_of(const RunAt& run, int n, int rung) const {
   const Edge& edge = edges_[run.edge];
   const bool upper = n == run.node && !edge.platform && opposite(edge.above_cover, edge.below);
   const bool lower = n == run.lower - 1 && opposite(edge.below, run.below);
-  if (!upper && !lower) return edges_.rule(edge.below, nullptr, nullptr);
-  const EdgeCorners& near = plan_.near[static_cast<std::size_t>(rung)];
+  const LayerFactors& f = plan_.of(n);
+  if (!upper && !lower) return edges_.rule(f, edge.below, nullptr, nullptr);
+  const EdgeCorners& near = f.near[static_cast<std::size_t>(rung)];
   const bool slit = edge.below == 0 && run.lower - run.node == 1;
   SideAsk at_upper, at_lower;
   if (upper && !plan_.at_node(edge.height, rung)) {
@@ -86,7 +88,7 @@ LayerRule LevelSearch::rule_of(const RunAt& run, int n, int rung) const {
   if (lower && (run.slit_below || !plan_.at_node(run.lower_height, rung))) {
     at_lower = plan_.ask(run.lower_height, near, run.slit_below).above;
   }
-  return edges_.rule(edge.below, &at_upper, &at_lower);
+  return edges_.rule(f, edge.below, &at_upper, &at_lower);
 }
 
 double LevelSearch::grey_aim(const RunAt& run, int n, double below) const {
@@ -96,7 +98,8 @@ double LevelSearch::grey_aim(const RunAt& run, int n, double below) const {
   if (first && !edge.platform && above == kFull) return 1.0;
   const double own = aim_of(edge.below);
   const double other = !first ? own : edge.platform ? 0.0 : aim_of(above);
-  double aim = (1.0 + plan_.root_a) * own - plan_.root_a * below;
+  const double root_a = plan_.of(n).root_a;
+  double aim = (1.0 + root_a) * own - root_a * below;
   aim = std::min(aim, std::max(own, other));
   return other > 0 ? std::max(aim, std::min(own, other)) : aim;
 }
@@ -104,33 +107,34 @@ double LevelSearch::grey_aim(const RunAt& run, int n, double below) const {
 int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const ContinuousPlan& p = plan_;
   const Edge& edge = edges_[run.edge];
+  const LayerFactors& f = p.of(n);
   const int j = n - run.node;
   const double ratio = p.ratio(n);
   // The commonest cases first: full light does not exceed the doses allowed yet, or black suffices.
   if (j >= p.together && j > 0 && j >= edge.levels_until) {
     if (edge.below == kFull && n + 1 != run.lower &&
-        ratio * p.phi_max * p.b + p.a * below <= edges_.doses(edge, j, 0).hi) {
+        ratio * p.phi_max * f.b + f.a * below <= edges_.doses(edge, j, 0).hi) {
       return p.levels.size() - 1;
     }
     if (edge.below == 0 && !(n + 1 == run.lower && run.ends_inside()) &&
-        ratio * p.phi_min * p.b + p.a * below >= edges_.doses(edge, j, 0).lo) {
+        ratio * p.phi_min * f.b + f.a * below >= edges_.doses(edge, j, 0).lo) {
       return 0;
     }
   }
   if (j == 0 && edge.below == kFull && !edge.platform && is_grey(edge.above_cover)) {
     // Only as much light as this layer needs itself, because the layer above is grey.
     const LayerRule rule = rule_of(run, n, kRungs - 1);
-    return p.levels.at_least(light_rule(rule, {p.prints, p.most}).at(below).least / ratio);
+    return p.levels.at_least(light_rule(f, rule, {p.prints, p.most}).at(below).least / ratio);
   }
   const bool slit = j == 0 && edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                     edge.above_cover == kFull && !edge.platform;
   const auto allowed = [&](int level) {
-    return edges_.levels_allow(edge, j, p.step(ratio * p.levels.phi(level), below), slit);
+    return edges_.levels_allow(edge, j, f.step(ratio * p.levels.phi(level), below), slit);
   };
   if (is_grey(edge.below)) {
     // The level nearest to the dose aimed at, among those that leave enough for the layers above.
-    const double least = (edges_.grey_least_at(run.edge, j) - p.a * below) * p.per_b / ratio;
-    const double aim = (grey_aim(run, n, below) - p.a * below) * p.per_b / ratio;
+    const double least = (edges_.grey_least_at(run.edge, j) - f.a * below) * f.per_b / ratio;
+    const double aim = (grey_aim(run, n, below) - f.a * below) * f.per_b / ratio;
     if (aim <= least) return p.levels.at_least(least);
     const LevelTable::Around around = p.levels.around(aim);
     const bool next = p.levels.phi(around.at_least) - aim < aim - p.levels.phi(around.at_most);
@@ -139,7 +143,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   }
   for (int r = 0; r < kRungs; ++r) {
     const LevelRange range =
-        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)), below, ratio);
+        levels(light_rule(f, rule_of(run, n, r), edges_.doses(edge, j, r, slit)), below, ratio);
     if (range.empty()) continue;
     if (edge.below == 0) {
       for (int l = range.first; l <= range.last; ++l) {
@@ -157,33 +161,34 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const DoseRange target = edges_.doses(edge, j, kRungs - 1, slit);
   if (edge.has_levels && edge.below == 0) {
     LayerRule none;
-    const LevelRange range = levels(light_rule(none, target), below, ratio);
+    const LevelRange range = levels(light_rule(f, none, target), below, ratio);
     for (int l = range.first; l <= range.last; ++l) {
       if (allowed(l)) return l;
     }
   }
-  return p.levels.at_least(light_rule(rule, target).at(below).least / ratio);
+  return p.levels.at_least(light_rule(f, rule, target).at(below).least / ratio);
 }
 
 double LevelSearch::exact(const RunAt& run, int n, double below) const {
   const ContinuousPlan& p = plan_;
   const Edge& edge = edges_[run.edge];
+  const LayerFactors& f = p.of(n);
   const int j = n - run.node;
   const double black = p.ratio(n) * p.phi_min, full = p.ratio(n) * p.phi_max;
   const bool slit = j == 0 && edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                     edge.above_cover == kFull && !edge.platform;
   Light l{};
   for (int r = 0; r < kRungs; ++r) {
-    l = light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)).at(below);
+    l = light_rule(f, rule_of(run, n, r), edges_.doses(edge, j, r, slit)).at(below);
     if (l.least <= l.most && l.most >= black && l.least <= full) break;
   }
   // Leave out the slack, which is kept for rounding.
-  l.least += p.slack * p.per_b;
-  l.most -= p.slack * p.per_b;
+  l.least += p.slack * f.per_b;
+  l.most -= p.slack * f.per_b;
   double phi = edge.below == 0 ? l.least : l.most;
   if (is_grey(edge.below)) {
-    phi = std::max(grey_aim(run, n, below), edges_.grey_least_at(run.edge, j)) * p.per_b -
-          p.a * below * p.per_b;
+    phi = std::max(grey_aim(run, n, below), edges_.grey_least_at(run.edge, j)) * f.per_b -
+          f.a * below * f.per_b;
   }
   return std::clamp(phi, black, full);
 }
@@ -219,6 +224,7 @@ int LevelSearch::gather(const RunAt& start, int n) {
     step.edge = run.edge;
     step.j = s - run.node;
     step.ratio = plan_.ratio(s);
+    step.layer = &plan_.of(s);
     step.coverage = e.below;
     step.upper = s == run.node && !e.platform && opposite(e.above_cover, e.below);
     step.lower = s == run.lower - 1 && opposite(e.below, run.below);
@@ -245,17 +251,22 @@ bool LevelSearch::hold_below(SearchStep& s, int k) const {
   return s.target.lo <= s.target.hi;
 }
 
-bool LevelSearch::aim(double tolerance) { return aim(plan_.corners_of(tolerance)); }
+bool LevelSearch::aim(double tolerance) { return aim(plan_.corners_of(plan_, tolerance)); }
 
-bool LevelSearch::aim(const EdgeCorners& at) {
+bool LevelSearch::aim(const EdgeCorners& usual) {
   const ContinuousPlan& p = plan_;
-  const double tolerance = at.tolerance;
+  const double tolerance = usual.tolerance;
+  EdgeCorners own;
   for (int k = count_; k-- > 0;) {
     SearchStep& s = steps_[static_cast<std::size_t>(k)];
+    // Layers of other heights have corners of their own.
+    const bool other = s.layer != &plan_ && (s.upper || s.lower);
+    if (other) own = p.corners_of(*s.layer, tolerance);
+    const EdgeCorners& at = other ? own : usual;
     const EdgeAsk upper = s.upper ? p.ask(s.upper_height, at, s.slit) : EdgeAsk{};
     const EdgeAsk lower =
         s.lower ? p.ask(s.lower_height, at, s.slit_below && s.coverage == kFull) : EdgeAsk{};
-    s.rule = edges_.rule(s.coverage, &upper.below, &lower.above);
+    s.rule = edges_.rule(*s.layer, s.coverage, &upper.below, &lower.above);
     const Edge& edge = edges_[s.edge];
     if (k + 1 == count_) {
       // Under a grey layer a level step must fit, as it is given where no edge is near.
@@ -268,7 +279,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
       }
       s.target = edges_.doses(edge, s.j, rung);
       if (most_ && !hold_below(s, k)) return false;
-      s.light = light_rule(s.rule, s.target);
+      s.light = light_rule(*s.layer, s.rule, s.target);
       continue;
     }
     const SearchStep& above = steps_[static_cast<std::size_t>(k + 1)];
@@ -283,7 +294,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
       if (s.target.lo > s.target.hi) return false;
       if (most_ && !hold_below(s, k)) return false;
     }
-    s.light = light_rule(s.rule, s.target);
+    s.light = light_rule(*s.layer, s.rule, s.target);
   }
   return true;
 }
@@ -470,6 +481,7 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* lev
 int LevelSearch::one_slice_near(const RunAt& run, int n, double below, const Wanted& wanted) const {
   const ContinuousPlan& p = plan_;
   const Edge& edge = edges_[run.edge];
+  const LayerFactors& f = p.of(n);
   const int j = n - run.node;
   const bool under_grey = j == 0 && !edge.platform && is_grey(edge.above_cover);
   if (edge.below != kFull || under_grey) return one_slice(run, n, below);
@@ -480,13 +492,13 @@ int LevelSearch::one_slice_near(const RunAt& run, int n, double below, const Wan
   const int nearest = up ? around.at_least : around.at_most;
   for (int r = 0; r < kRungs; ++r) {
     const LevelRange range =
-        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r)), below, 1.0);
+        levels(light_rule(f, rule_of(run, n, r), edges_.doses(edge, j, r)), below, 1.0);
     if (range.empty()) continue;
     const int from = std::clamp(nearest, range.first, range.last);
     for (int off = 0; off <= range.last - range.first; ++off) {
       for (const int level : {up ? from + off : from - off, up ? from - off : from + off}) {
         if (level < range.first || level > range.last) continue;
-        if (edges_.levels_allow(edge, j, p.step(p.levels.phi(level), below))) return level;
+        if (edges_.levels_allow(edge, j, f.step(p.levels.phi(level), below))) return level;
       }
     }
   }

@@ -101,6 +101,7 @@ class LevelSearch {
     LayerRule rule;
     DoseRange target;  ///< of its upper node
     double ratio = 1;  ///< what its slice counts for over a normal one
+    const LayerFactors* layer = nullptr;
     LightRule light;
   };
   struct LevelRange {
@@ -113,7 +114,7 @@ class LevelSearch {
     std::uint8_t level;
   };
 
-  LightRule light_rule(const LayerRule& rule, DoseRange target) const;
+  LightRule light_rule(const LayerFactors& layer, const LayerRule& rule, DoseRange target) const;
   /// Levels of a slice that counts for `ratio`, with `taken` from its phi.
   LevelRange levels(const LightRule& rule, double below, double ratio, double taken = 0.0) const;
   /// Whether levels() finds any.
@@ -131,7 +132,7 @@ class LevelSearch {
   }
   /// Dose after the gathered slice `k` shows `level`.
   double after(const SearchStep& step, int k, int level, double below) const {
-    return plan_.step(step.ratio * plan_.levels.phi(level) - taken_at(k), below);
+    return step.layer->step(step.ratio * plan_.levels.phi(level) - taken_at(k), below);
   }
   /// What is taken from slice `k` of those that are chosen together.
   double taken_at(int k) const { return taken_ ? taken_[k] : 0.0; }
@@ -148,7 +149,7 @@ class LevelSearch {
   int gather(const RunAt& start, int n);
   /// Sets rules and targets for edges within `tolerance`; false: no light meets them.
   bool aim(double tolerance);
-  bool aim(const EdgeCorners& at);
+  bool aim(const EdgeCorners& usual);
   /// Whether the upper node of a gathered slice lies inside a feature.
   bool inside_feature(const SearchStep& step) const;
   /// Keeps the dose of the gathered slice k below `most_`; false: it can't be.

@@ -96,7 +96,7 @@ void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& 
   for (int n = plan.all_layers; n-- > 0;) {
     const double light = walk.exact(searches, n, far);
     phi[static_cast<std::size_t>(n)] = light;
-    walk.pass(plan.model, light, far(n));
+    walk.pass(plan.model, n, light, far(n));
   }
 }
 

@@ -87,7 +87,7 @@ std::uint8_t StepwiseSolver::solve_slice(std::size_t column, int n, std::uint8_t
       walk.left_alone(n)
           ? level_of_pixel(left_alone, plan_.levels.size())
           : plan_.continuous->level_of[static_cast<std::size_t>(walk.choose(searches_, n, far))];
-  walk.pass(plan_.model, plan_.model.ratio(n) * plan_.levels.phi(level), far(n));
+  walk.pass(plan_.model, n, plan_.model.ratio(n) * plan_.levels.phi(level), far(n));
   if (ends) held(column, n) = static_cast<std::uint8_t>(level);
   return static_cast<std::uint8_t>(level);
 }

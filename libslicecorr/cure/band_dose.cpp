@@ -105,6 +105,7 @@ class ContinuousWalker final : public detail::DoseWalker {
   }
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
     lower.swap(upper);
+    steps_.enter(slice);
     cut(showings);
     ratio_ = model_.ratio(slice);
     if (bath_.ends()) {

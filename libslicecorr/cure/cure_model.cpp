@@ -29,10 +29,10 @@ double CureModel::intensity_mw_cm2(double phi) const {
   return critical_intensity_mw_cm2 * std::pow(phi, 1.0 / m);
 }
 
-double CureModel::crossing(double phi, double below) const {
+double CureModel::crossing(double phi, double below, double layer_eta) const {
   // Omega = 1 in (A.35): 10^-(d eta) = (1 - phi) / (below - phi), written so that equal doses are
   // safe.
-  const double d = -std::log1p((1.0 - below) / (below - phi)) / (eta * units::kLn10);
+  const double d = -std::log1p((1.0 - below) / (below - phi)) / (layer_eta * units::kLn10);
   return std::clamp(d, 0.0, 1.0);
 }
 
@@ -51,6 +51,21 @@ int CureModel::slices_to_gel(int first) const {
     const double slices =
         gel_time()->slices_to_gel(gel_time()->level_mw_cm2(gel_time()->levels() - 1));
     return static_cast<int>(std::min(1e9, std::ceil(slices)));
+  }
+  if (!heights.alike()) {
+    double dose = 0, left = 1;
+    const auto own = static_cast<int>(std::max(exposure_ratio.size(), own_a.size()));
+    int slices = 0;
+    for (; first + slices < own && dose < 1.0 - 1e-12; ++slices) {
+      const int slice = first + slices;
+      dose += left * one_minus_a_of(slice) * phi_max() * ratio(slice);
+      left *= a_of(slice);
+    }
+    if (dose >= 1.0 - 1e-12) return slices;
+    // What is missing comes from slices alike.
+    const double lit = phi_max() * ratio(own), share = (1.0 - dose) / left;
+    return slices +
+           static_cast<int>(std::ceil(std::log10(lit / (lit - share)) / eta_of(own) - 1e-12));
   }
   if (!exposure_ratio.empty()) {
     double dose = 0, left = one_minus_a;
@@ -134,7 +149,10 @@ double CureModel::level_step_um() const {
     // A slice adds what its light is and resin takes a part of, and the edge falls by G(1) (1 - phi).
     return layer_um * step / (1.0 - phi_min());
   }
-  return layer_um * step * one_minus_a / (units::kLn10 * eta * (1.0 - phi_min()));
+  const double highest = heights.alike()
+                             ? one_minus_a
+                             : *std::max_element(own_one_minus_a.begin(), own_one_minus_a.end());
+  return layer_um * step * highest / (units::kLn10 * eta * (1.0 - phi_min()));
 }
 
 namespace {
@@ -240,12 +258,16 @@ void take_bleaching(const Resin& resin, CureModel& model) {
 
 /// Gives the model of layers of different heights what each leaves of a dose.
 void take_heights(const Process& process, CureModel& model) {
-  if (process.layer_heights_um.empty()) return;
-  model.heights = LayerHeights(process.layer_heights_um);
-  for (const double um : process.layer_heights_um) {
+  const std::vector<double>& heights_um = process.layer_heights_um;
+  const bool alike = std::all_of(heights_um.begin(), heights_um.end(),
+                                 [&](double um) { return um == model.layer_um; });
+  if (alike) return;
+  model.heights = LayerHeights(heights_um);
+  for (const double um : heights_um) {
     const double eta = model.eta * um / model.layer_um;
     model.own_a.push_back(std::exp(-eta * units::kLn10));
     model.own_root_a.push_back(std::exp(-0.5 * eta * units::kLn10));
+    model.own_one_minus_a.push_back(-std::expm1(-eta * units::kLn10));
   }
 }
 
@@ -312,7 +334,10 @@ std::vector<Feature> features_of(const CureModel& model) {
   if (model.lifts && model.lifts->exchange.value_or(0) > 0) features.push_back(Feature::exchange);
   if (model.bath_slices > 0) features.push_back(Feature::vat_depth);
   if (model.mirrored_slices > 0) features.push_back(Feature::reflectance);
-  if (!model.heights.alike()) features.push_back(Feature::own_heights);
+  if (!model.heights.alike()) {
+    features.push_back(model.mode == ExposureMode::layerwise ? Feature::own_heights
+                                                             : Feature::moved_heights);
+  }
   if (model.mode == ExposureMode::continuous && !model.exposure_ratio.empty()) {
     features.push_back(Feature::lamps_stay);
   }
@@ -399,7 +424,8 @@ std::vector<double> node_doses(const CureModel& model, const std::vector<double>
   const auto bath = static_cast<std::size_t>(model.bath_slices);
   for (std::size_t k = phi.size(); k-- > 0;) {
     const double far = bath > 0 && k + bath < phi.size() ? phi[k + bath] : 0.0;
-    omega[k] = model.step(bath > 0 ? model.in_bath(phi[k], far) : phi[k], omega[k + 1]);
+    omega[k] = model.step_in(static_cast<int>(k), bath > 0 ? model.in_bath(phi[k], far) : phi[k],
+                             omega[k + 1]);
   }
   for (std::size_t k = 0; k < omega.size(); ++k) omega[k] *= model.returned(static_cast<double>(k));
   return omega;

@@ -21,26 +21,39 @@ namespace slicecorr::detail {
 /// (A.32), (A.35), and layer by layer W(n).
 class SummedSteps {
  public:
-  explicit SummedSteps(const CureModel& model) : model_(&model) {}
+  explicit SummedSteps(const CureModel& model)
+      : model_(&model),
+        eta_(model.eta),
+        a_(model.a),
+        one_minus_a_(model.one_minus_a),
+        root_a_(model.root_a) {}
   /// Whether a dose costs so much that columns which are alike are worth a look.
   static constexpr bool kDear = false;
 
+  /// Continuous: goes on to a slice, of its own height. Lengths are parts of it.
+  void enter(int slice) {
+    if (model_->heights.alike()) return;
+    eta_ = model_->eta_of(slice);
+    a_ = model_->a_of(slice);
+    one_minus_a_ = model_->one_minus_a_of(slice);
+    root_a_ = model_->root_a_of(slice);
+  }
   /// A part of a slice, of this length.
   struct Part {
     double a, one_minus_a;
   };
   Part part(double length) const {
-    const double exponent = -length * model_->eta * units::kLn10;
+    const double exponent = -length * eta_ * units::kLn10;
     return {std::exp(exponent), -std::expm1(exponent)};
   }
   double after(const Part& part, double phi, double below) const {
     return phi * part.one_minus_a + part.a * below;
   }
-  double node(double phi, double below) const { return model_->step(phi, below); }
-  double middle(double phi, double below) const { return model_->middle(phi, below); }
+  double node(double phi, double below) const { return phi * one_minus_a_ + a_ * below; }
+  double middle(double phi, double below) const { return phi * (1.0 - root_a_) + root_a_ * below; }
   /// Where in `length` the dose is 1, if it is on different sides of it at the ends.
   double crossing(double phi, double below, double length) const {
-    const double d = -std::log1p((1.0 - below) / (below - phi)) / (model_->eta * units::kLn10);
+    const double d = -std::log1p((1.0 - below) / (below - phi)) / (eta_ * units::kLn10);
     return std::clamp(d, 0.0, length);
   }
   double faded(double near) const { return near * model_->a; }
@@ -52,6 +65,7 @@ class SummedSteps {
 
  private:
   const CureModel* model_;
+  double eta_, a_, one_minus_a_, root_a_;  ///< of the slice at hand
 };
 
 /// Of a resin that bleaches (bleaching.hpp).
@@ -61,6 +75,7 @@ class BleachingSteps {
       : law_(*model.bleaching()), per_phi_(law_.absorbed(1.0)) {}
   static constexpr bool kDear = true;
 
+  void enter(int) {}
   using Part = double;
   Part part(double length) const { return length; }
   double after(Part part, double phi, double below) const {

@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_suction.hpp"
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/limit.hpp"
 #include "support/numbers/bracket.hpp"
 
@@ -129,6 +130,7 @@ std::optional<PrintSuction> print_suction(const SliceSource& target, const Print
   print.gap = print_gap(printer, resin, process, given_gap_um);
   const auto part = judged_part(target, resin, process, print.gap, context);
   if (!part) return std::nullopt;
+  const LayerHeights heights(process.layer_heights_um);
   print.limit_given = printer.suction_limit_pa > 0;
   print.limit_pa = limit_pa(printer);
   print.speed_mm_h = process.speed_mm_h;
@@ -141,7 +143,7 @@ std::optional<PrintSuction> print_suction(const SliceSource& target, const Print
         slices.begin(), slices.end(),
         [&](const SliceFlow& a, const SliceFlow& b) { return share(a) < share(b); });
     print.slice = s.slice;
-    print.z_mm = (s.slice + 0.5) * part->layer_um() * 1e-3;
+    print.z_mm = heights.place_um(s.slice + 0.5, part->layer_um()) * 1e-3;
     print.x_mm = s.x_mm;
     print.y_mm = s.y_mm;
     print.speed_mm_h = slice_speed_mm_h(process, s.slice);
@@ -153,7 +155,7 @@ std::optional<PrintSuction> print_suction(const SliceSource& target, const Print
   const SlowestSlice slowest = slowest_slice(*part, context);
   const auto [x_mm, y_mm] = part->grid().place_mm(slowest.phi.cell);
   print.slice = slowest.slice;
-  print.z_mm = (slowest.slice + 0.5) * part->layer_um() * 1e-3;
+  print.z_mm = heights.place_um(slowest.slice + 0.5, part->layer_um()) * 1e-3;
   print.x_mm = x_mm;
   print.y_mm = y_mm;
   const double mu = resin.viscosity_pa_s, h_um = print.gap.gap_um, speed = process.speed_mm_h;

@@ -292,7 +292,7 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
 /// Looks inside the layer of those columns of a block whose dose may turn there and where it
 /// matters: the dose may pass 1, or be the least so far. Light falls by a in a slice at most, so
 /// the dose at a place bounds the doses beside it.
-void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
+void BandPredictor::State::look_inside(int slice, std::size_t first, std::size_t n,
                                        const std::uint8_t* cover) {
   looked_ = 0;
   passes_inside_ = false;
@@ -300,7 +300,7 @@ void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
   if (!turning || detail::all_zero(turning + first, n)) return;
   const double *const lower = dose_->lower() + first, *const middle = dose_->middle() + first,
                       *const upper = dose_->upper() + first;
-  const double fall = model_.root_a * (1.0 - kSameDose);
+  const double fall = model_.root_a_of(slice) * (1.0 - kSameDose);
   std::size_t last = n;  // looked at
   double last_known = 0;
   const bool smooth =
@@ -373,7 +373,7 @@ void BandPredictor::State::add_general_slice(int slice, std::span<const ImageSho
         dose = tail[k];
       }
     }
-    look_inside(b, n, block_cover);
+    look_inside(slice, b, n, block_cover);
     const auto looked = [&](std::size_t i) { return (looked_ >> i & 1) != 0; };
     const auto keep_least = [&] {
       for (const double* dose : {lower_dose, middle, upper}) take_least(&least_[b], dose);

@@ -82,7 +82,7 @@ struct BandPredictor::State {
   /// are looked at one by one. `room`: for a block.
   const std::uint8_t* classes_of_block(std::size_t b, std::size_t n, const std::uint8_t* heights,
                                        std::uint8_t* room) const;
-  void look_inside(std::size_t first, std::size_t n, const std::uint8_t* cover);
+  void look_inside(int slice, std::size_t first, std::size_t n, const std::uint8_t* cover);
   void leave_stretch(std::size_t i);
   /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
   void cross(std::size_t i, double zeta, bool printed, Class now);

@@ -13,6 +13,13 @@
 
 namespace slicecorr {
 
+double slice_height_um(const Process& process, double layer_um, int slice) {
+  const std::vector<double>& own = process.layer_heights_um;
+  if (own.empty()) return layer_um;
+  const auto last = static_cast<int>(own.size()) - 1;
+  return own[static_cast<std::size_t>(std::clamp(slice, 0, last))];
+}
+
 double slice_speed_mm_h(const Process& process, int slice) {
   const std::vector<double>& speeds = process.slice_speed_mm_h;
   if (speeds.empty()) return process.speed_mm_h;
@@ -82,14 +89,28 @@ std::string light_share_in_words(const Process& process) {
 
 namespace {
 
+/// How far the middle of a slice is from the nearer end of a print, um; where that is `most_um` or more, what
+/// it is at least.
+double from_nearer_end_um(const Process& process, double layer_um, int slice, int slices,
+                          double most_um) {
+  const int before = std::min(slice, slices - 1 - slice);
+  if (process.layer_heights_um.empty()) return (before + 0.5) * layer_um;
+  const auto height_um = [&](int n) { return slice_height_um(process, layer_um, n); };
+  double first_um = 0.5 * height_um(slice), last_um = first_um;
+  for (int n = slice; n-- > 0 && first_um < most_um;) first_um += height_um(n);
+  for (int n = slice + 1; n < slices && last_um < most_um; ++n) last_um += height_um(n);
+  return std::min(first_um, last_um);
+}
+
 /// `slice_light` without the layer's own share.
 SliceLight paced_light(const Process& process, double m, double layer_um, int slice, int slices) {
   if (process.mode == ExposureMode::layerwise) return {layer_exposure_s(process, slice), 1.0};
-  const double time_s = units::slice_time_s(layer_um, process.speed_mm_h);
+  const double time_s =
+      units::slice_time_s(slice_height_um(process, layer_um, slice), process.speed_mm_h);
   double speed = 1;
   if (process.ramp == Ramp::lamp_follows && process.ramp_mm > 0) {
-    const double from_end = std::min(slice, slices - 1 - slice) + 0.5;
-    const double z_mm = from_end * layer_um * 1e-3;
+    const double z_mm =
+        from_nearer_end_um(process, layer_um, slice, slices, process.ramp_mm * 1e3) * 1e-3;
     if (z_mm < process.ramp_mm) speed = std::sqrt(z_mm / process.ramp_mm);
   }
   double own = 1;
@@ -112,7 +133,7 @@ SliceLight slice_light(const Process& process, double m, double layer_um, int sl
 
 double light_on_s(const Process& process, double m, double layer_um, int slices) {
   if (process.mode == ExposureMode::continuous && process.ramp != Ramp::lamp_follows &&
-      process.slice_speed_mm_h.empty()) {
+      process.slice_speed_mm_h.empty() && process.layer_heights_um.empty()) {
     return slices * units::slice_time_s(layer_um, process.speed_mm_h);
   }
   double sum = 0;

@@ -51,6 +51,10 @@ constexpr std::array<const char*, kFeatures> kNames = {
     feature, even_dead_zone, verdict, words                                        \
   }
 
+// The same for heights, which have a feature in each mode.
+#define IN_HEIGHTS(feature, verdict, words) \
+  {own_heights, feature, verdict, words}, { moved_heights, feature, verdict, words }
+
 constexpr const char* kGelTimeUv =
     "{resin}: cure.model: UV light is not counted for a resin of model \"gel-time\"; expected no UV "
     "light, or a resin of another model (resinctl derive)";
@@ -72,6 +76,8 @@ constexpr const char* kDimLightUv =
 constexpr const char* kHeightsUv =
     "layers of different heights are not counted under UV light; expected layers of one height, or no "
     "UV light";
+constexpr const char* kEdgesInHeights =
+    "edges lie at slices: the mesh's own heights are not counted in layers of different heights";
 constexpr const char* kGradedUv =
     "doses can't be graded under UV light; expected exposure without it";
 constexpr const char* kSureUv =
@@ -120,25 +126,27 @@ constexpr Unsupported kTable[] = {
     {own_light, gel_time, refused,
      "layers that get different shares of the light (light_share) are not counted with a resin of model "
      "\"gel-time\"; expected one share for all, or a resin of another model (resinctl derive)"},
-    {moved_heights, moved_heights, refused,
-     "slices of different heights are not counted in continuous exposure; expected layer by layer "
-     "exposure (mode), or slices of one height"},
     UNDER_UV(own_heights, refused, kHeightsUv),
-    {own_heights, gel_time, refused,
-     "layers of different heights are not counted with a resin of model \"gel-time\"; expected layers of "
-     "one height, or a resin of another model (resinctl derive)"},
-    {own_heights, bleaching, refused,
-     "layers of different heights are not counted with a resin that bleaches; expected layers of one "
-     "height, or a resin without [bleaching]"},
-    {own_heights, spread, refused,
-     "layers of different heights are not counted where light spreads from pixel to pixel; expected "
-     "layers of one height, or a printer and a resin without spread"},
-    {own_heights, vat_depth, refused,
-     "layers of different heights are not counted in resin that ends above the window; expected layers "
-     "of one height, or no depth"},
-    {own_heights, reflectance, refused,
-     "layers of different heights are not counted below a platform that sends light back; expected "
-     "layers of one height, or a platform that takes it up"},
+    UNDER_UV(moved_heights, refused, kHeightsUv),
+    IN_HEIGHTS(
+        gel_time, refused,
+        "layers of different heights are not counted with a resin of model \"gel-time\"; expected "
+        "layers of one height, or a resin of another model (resinctl derive)"),
+    IN_HEIGHTS(
+        bleaching, refused,
+        "layers of different heights are not counted with a resin that bleaches; expected layers "
+        "of one height, or a resin without [bleaching]"),
+    IN_HEIGHTS(
+        spread, refused,
+        "layers of different heights are not counted where light spreads from pixel to pixel; "
+        "expected layers of one height, or a printer and a resin without spread"),
+    IN_HEIGHTS(vat_depth, refused,
+               "layers of different heights are not counted in resin that ends above the window; "
+               "expected layers of one height, or no depth"),
+    IN_HEIGHTS(
+        reflectance, refused,
+        "layers of different heights are not counted below a platform that sends light back; "
+        "expected layers of one height, or a platform that takes it up"),
     {own_heights, exchange, refused,
      "layers of different heights are not counted where lifts exchange resin (lift_exchange); expected "
      "layers of one height, or no lift_exchange"},
@@ -177,9 +185,11 @@ constexpr Unsupported kTable[] = {
     {wanted_doses, reflectance, refused,
      "doses can't be graded below a platform that sends light back; expected one that takes it up"},
     {wanted_doses, own_heights, refused,
-     "doses can't be graded in layers of different heights; expected layers of one height"},
-    {derivatives, own_heights, refused,
-     "how sure a print is can't be said of layers of different heights; expected layers of one height"},
+     "doses can't be graded layer by layer in layers of different heights; expected layers of one height"},
+    IN_HEIGHTS(
+        derivatives, refused,
+        "how sure a print is can't be said of layers of different heights; expected layers of one "
+        "height"),
     {derivatives, uv_patterned, refused, kSureUv},
     {derivatives, even_dead_zone, refused, kSureUv},
     {derivatives, gel_time, refused,
@@ -207,6 +217,8 @@ constexpr Unsupported kTable[] = {
      "without blue.spread"},
     {robust, layerwise, refused,
      "a correction can't be robust layer by layer; expected continuous exposure"},
+    {robust, moved_heights, refused,
+     "a correction can't be robust in layers of different heights; expected layers of one height"},
     {robust, lamps_stay, refused,
      "a correction can't be robust where slices get more light than others; expected lamps that "
      "follow the speed"},
@@ -225,8 +237,8 @@ constexpr Unsupported kTable[] = {
     {edge_heights, reflectance, without,
      "edges lie at slices: the mesh's own heights are not counted below a platform that sends light "
      "back"},
-    {edge_heights, own_heights, without,
-     "edges lie at slices: the mesh's own heights are not counted in layers of different heights"},
+    {edge_heights, own_heights, without, kEdgesInHeights},
+    {edge_heights, moved_heights, without, kEdgesInHeights},
     {edge_heights, gel_time, without,
      "edges lie at slices: the mesh's own heights are not counted with a resin of model \"gel-time\""},
     {capped_dose, layerwise, without,
@@ -253,6 +265,7 @@ constexpr Unsupported kTable[] = {
 };
 
 #undef UNDER_UV
+#undef IN_HEIGHTS
 
 std::string with_names(std::string text, const std::string& printer, const std::string& resin) {
   for (const auto& [mark, name] :

@@ -184,6 +184,13 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   j["image"] = {grid.width_px, grid.height_px};
   j["layers"] = v.layers;
   j["voxelUm"] = {grid.pixel_x_um, grid.pixel_y_um, grid.layer_um};
+  if (!model.heights.alike()) {
+    // Cells are drawn alike, as high as layers are on average; words say places.
+    std::vector<double> nodes_um;
+    for (int n = 0; n <= v.layers; ++n) nodes_um.push_back(model.depth(n) * model.layer_um);
+    j["voxelUm"][2] = nodes_um.back() / std::max(1, v.layers);
+    j["nodesUm"] = nodes_um;
+  }
   j["step"] = {v.step_x, v.step_y, v.step_z};
   j["cells"] = {v.nx, v.ny, v.nz};
   j["start"] = start;
@@ -205,7 +212,7 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   }
   // Doses that are no sums over slices are not for the page's own arithmetic.
   const bool exchanged = model.lifts && model.lifts->exchange.value_or(0) > 0;
-  if (!model.adds_up() || exchanged) j["kernel"] = nullptr;
+  if (!model.adds_up() || exchanged || !model.heights.alike()) j["kernel"] = nullptr;
   j["state"] = {base64(states[0]), base64(states[1])};
 
   Bytes fields[6];

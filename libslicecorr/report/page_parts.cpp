@@ -117,9 +117,17 @@ Markup go_button(int x, int y, int slice) {
       x, y, slice);
 }
 
+/// Where pixels and slices are.
+struct Places {
+  Grid grid;
+  LayerHeights heights;
+  double z_mm(int slice) const { return heights.place_um(slice, grid.layer_um) * 1e-3; }
+};
+
 Markup feature_table(const std::string& words, const FeatureExamples& examples, std::uint64_t count,
-                     const Grid& grid, bool open) {
+                     const Places& places, bool open) {
   if (count == 0) return markup("<p>{}: none.</p>", words);
+  const Grid& grid = places.grid;
   const auto list = groups_of(examples);
   std::size_t listed = 0;
   for (const ExampleGroup& p : list) listed += static_cast<std::size_t>(p.last_x - p.first.x + 1);
@@ -132,8 +140,7 @@ Markup feature_table(const std::string& words, const FeatureExamples& examples, 
     table.begin();
     table.cells(range(e.x, p.last_x), e.y, range(e.first, e.last),
                 fmt::format("{:.2f}–{:.2f}", x0, x1), fmt::format("{:.2f}", y),
-                fmt::format("{:.3f}–{:.3f}", e.first * grid.layer_um * 1e-3,
-                            (e.last + 1) * grid.layer_um * 1e-3),
+                fmt::format("{:.3f}–{:.3f}", places.z_mm(e.first), places.z_mm(e.last + 1)),
                 go_button((e.x + p.last_x) / 2, e.y, (e.first + e.last) / 2));
   }
   return markup("<details{}><summary>{}: {}{}</summary>{}</details>", open ? " open" : "", words,
@@ -176,36 +183,37 @@ Markup histograms(const ReportContent& c) {
 }
 
 Markup feature_lists(const ReportContent& c) {
-  const Grid& g = c.info.grid;
+  const Places places{c.info.grid, c.after.heights};
   Markup html = markup(
       "<h2>Lost and merged features</h2><p class=\"dim\">Counted per pixel column. A feature is "
       "lost when nothing of it prints, in pieces when light too weak leaves a crack inside it, a "
       "gap merged when nothing of it stays open.</p>");
-  html += feature_table("Lost, this stack", c.after.lost_examples, c.after.lost_features, g, true);
+  html +=
+      feature_table("Lost, this stack", c.after.lost_examples, c.after.lost_features, places, true);
   const bool any_split = c.after.split_features > 0 || (c.before && c.before->split_features > 0);
   if (any_split) {
     html += feature_table("In pieces, this stack", c.after.split_examples, c.after.split_features,
-                          g, true);
+                          places, true);
   }
-  html += feature_table("Merged, this stack", c.after.merged_examples, c.after.merged_features, g,
-                        true);
+  html += feature_table("Merged, this stack", c.after.merged_examples, c.after.merged_features,
+                        places, true);
   const auto in_plane = [&](const Prediction& figures, const char* which, bool open) {
     if (figures.plane_error_um.count() == 0) return;
     html += feature_table(fmt::format("Closed up in the plane, {}", which),
-                          figures.plane_closed_examples, figures.plane_closed, g, open);
+                          figures.plane_closed_examples, figures.plane_closed, places, open);
     html += feature_table(fmt::format("Lines lost in the plane, {}", which),
-                          figures.plane_lost_examples, figures.plane_lost, g, open);
+                          figures.plane_lost_examples, figures.plane_lost, places, open);
   };
   in_plane(c.after, "this stack", true);
   if (c.before) {
-    html += feature_table("Lost, uncorrected", c.before->lost_examples, c.before->lost_features, g,
-                          false);
+    html += feature_table("Lost, uncorrected", c.before->lost_examples, c.before->lost_features,
+                          places, false);
     if (any_split) {
       html += feature_table("In pieces, uncorrected", c.before->split_examples,
-                            c.before->split_features, g, false);
+                            c.before->split_features, places, false);
     }
     html += feature_table("Merged, uncorrected", c.before->merged_examples,
-                          c.before->merged_features, g, false);
+                          c.before->merged_features, places, false);
     in_plane(*c.before, "uncorrected", false);
   }
   return html;

@@ -168,6 +168,9 @@ void Resolver::resolve_layers(Process& process, const StackInfo* times, bool rec
   } else if (archive) {
     process.layer_heights_um = trimmed(times->layer_heights_um);
   }
+  // Listed, but all as the stack says.
+  std::vector<double>& um = process.layer_heights_um;
+  if (um.size() == 1 && times && um.front() == times->grid.layer_um) um.clear();
 }
 
 /// What is said of lifts counts before what printer and resin files say, and that before what a stack

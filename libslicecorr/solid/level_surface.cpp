@@ -88,9 +88,10 @@ double LevelSurface::crossing(const Cell& cell, int a, int b) const {
   }
   const double phi_a = cell.phi[from], phi_b = cell.phi[to];
   const double below_a = cell.below[from], below_b = cell.below[to];
-  if (phi_a == phi_b && below_a == below_b) return 1.0 - model_.crossing(phi_b, below_b);
+  const double eta = model_.eta_of(cell.layer);
+  if (phi_a == phi_b && below_a == below_b) return 1.0 - model_.crossing(phi_b, below_b, eta);
   const auto excess = [&](double d) {
-    const double left = std::exp(-d * model_.eta * units::kLn10);
+    const double left = std::exp(-d * eta * units::kLn10);
     return d * (phi_a + (below_a - phi_a) * left) + (1.0 - d) * (phi_b + (below_b - phi_b) * left) -
            1.0;
   };
@@ -109,11 +110,12 @@ std::array<float, 3> LevelSurface::vertex(Cell& cell, int a, int b) {
     return v[static_cast<std::size_t>(i)];
   };
   const double layer_mm = model_.layer_um * 1e-3;
-  const Point3 p = {between(at(x_, cell.column + (a & 1)), at(x_, cell.column + (b & 1))),
-                    between(at(y_, cell.row + (a >> 1 & 1)), at(y_, cell.row + (b >> 1 & 1))),
-                    cell.kind == Inside::flat
-                        ? cell.layer * layer_mm
-                        : between(cell.layer + (a >> 2 & 1), cell.layer + (b >> 2 & 1)) * layer_mm};
+  const Point3 p = {
+      between(at(x_, cell.column + (a & 1)), at(x_, cell.column + (b & 1))),
+      between(at(y_, cell.row + (a >> 1 & 1)), at(y_, cell.row + (b >> 1 & 1))),
+      cell.kind == Inside::flat
+          ? model_.depth(cell.layer) * layer_mm
+          : model_.depth(between(cell.layer + (a >> 2 & 1), cell.layer + (b >> 2 & 1))) * layer_mm};
   place = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
   // Each edge begins in corner 0 of one cell only.
   if (a == 0 && vertex_) vertex_(p);

@@ -176,7 +176,7 @@ class BandSurface {
         model_, std::move(x_mm), std::move(y_mm), [&](const Triangle& t) { take(t); }, measure);
     if (!spread_.none()) {
       draw_spread(surface, in_image, pixels, context);
-    } else if (model_.is_plain()) {
+    } else if (model_.is_plain() || (model_.is_continuous() && !model_.heights.alike())) {
       draw_plain(surface, coded, dark, curves, context);
     } else {
       draw_general(surface, coded, in_image, pixels, context);
@@ -208,7 +208,11 @@ class BandSurface {
           phi[i] = pixels[i] ? (*curves[i])[pixels[i]] : dark[i];
         }
       }
-      for (std::size_t i = 0; i < dark.size(); ++i) above[i] = model_.step(phi[i], below[i]);
+      const double ratio = model_.ratio(n);
+      for (std::size_t i = 0; i < dark.size(); ++i) {
+        phi[i] *= ratio;
+        above[i] = model_.step_in(n, phi[i], below[i]);
+      }
       surface.layer(n, phi.data(), below.data(), above.data());
       below.swap(above);
     }
@@ -430,7 +434,7 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
 }
 
 /// Lower and upper ends of what a stack shows, in mm of the plate and from the platform.
-std::array<Point3, 2> shown_box(const SliceSource& stack) {
+std::array<Point3, 2> shown_box(const SliceSource& stack, double height_mm) {
   const Grid& g = stack.grid();
   const PixelBox lit = stack.bounds();
   const OnPlate plate(stack);
@@ -439,8 +443,8 @@ std::array<Point3, 2> shown_box(const SliceSource& stack) {
   double y1 = (g.height_px - lit.y0) * g.pixel_y_um * 1e-3;
   plate.place(x0, y0);
   plate.place(x1, y1);
-  return {{{std::min(x0, x1), std::min(y0, y1), 0},
-           {std::max(x0, x1), std::max(y0, y1), g.layers * g.layer_um * 1e-3}}};
+  return {
+      {{std::min(x0, x1), std::min(y0, y1), 0}, {std::max(x0, x1), std::max(y0, y1), height_mm}}};
 }
 
 }  // namespace
@@ -493,7 +497,7 @@ double scale_if_turned(const Point3& low, const Point3& high, const std::array<P
 
 }  // namespace
 
-void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
+void check_design_size(const SliceSource& stack, double height_mm, const TriangleMesh& design) {
   if (design.triangles.empty() || stack.bounds().empty()) return;
   Point3 low, high;
   low.fill(std::numeric_limits<double>::infinity());
@@ -506,7 +510,7 @@ void check_design_size(const SliceSource& stack, const TriangleMesh& design) {
       }
     }
   }
-  const std::array<Point3, 2> shown = shown_box(stack);
+  const std::array<Point3, 2> shown = shown_box(stack, height_mm);
   const Grid& g = stack.grid();
   const double step_mm[3] = {std::max(g.pixel_x_um, g.pixel_y_um) * 1e-3,
                              std::max(g.pixel_x_um, g.pixel_y_um) * 1e-3, g.layer_um * 1e-3};

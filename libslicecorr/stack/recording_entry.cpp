@@ -67,7 +67,7 @@ double planned_light_s(const Process& process, double layer_um, int slice, doubl
   const double counts = share == 1 ? 1 : std::pow(share, m);
   if (process.mode == ExposureMode::layerwise) return layer_exposure_s(process, slice) * counts;
   const bool stay = process.slice_lamps == SliceLamps::stay;
-  return units::slice_time_s(layer_um,
+  return units::slice_time_s(slice_height_um(process, layer_um, slice),
                              stay ? slice_speed_mm_h(process, slice) : process.speed_mm_h) *
          counts;
 }

@@ -43,6 +43,14 @@
 /// times what it were without, and the dose that to the power of m (`returned`). Sums and recursions
 /// stay those above; what they give is multiplied. Inside a layer the dose may then have a minimum.
 ///
+/// Where slices differ in height, slice n is h_n high and leaves a_n = 10^(-m h_n / ha) of a dose:
+///
+///     Omega(n) = phi_n (1 - a_n) + a_n Omega(n + 1)
+///
+/// phi is the dose after a long run of slices, whatever their heights: at one speed a higher slice is
+/// shown for longer, and its light is spread over more of the way. A slice cut into several of the same
+/// light gives the same doses.
+///
 /// Where slices are passed at speeds of their own and the lamps stay as they are, a slice at the speed
 /// v counts for speed / v of what it does at the print's speed: phi_n = ratio(n) phi, black as well as
 /// full light, and all of the above stays.
@@ -127,16 +135,20 @@ struct CureModel {
   /// last holds for later slices, empty: 1.
   std::vector<double> exposure_ratio;
   std::optional<LiftModel> lifts{};  ///< layer by layer, by sums of light alone
-  /// Layer by layer, by sums of light: heights of layers where they differ, and what each leaves of a dose
-  /// through all and through half of it. Lengths in layers are then those of `layer_um`.
+  /// By sums of light: heights of layers where they differ, what each leaves of a dose through all and
+  /// through half of it, and 1 less the first. Lengths in layers are then those of `layer_um`.
   LayerHeights heights{};
-  std::vector<double> own_a{}, own_root_a{};
+  std::vector<double> own_a{}, own_root_a{}, own_one_minus_a{};
   double a_of(int layer) const { return own_a.empty() ? a : own_a[own(layer)]; }
+  double one_minus_a_of(int layer) const {
+    return own_a.empty() ? one_minus_a : own_one_minus_a[own(layer)];
+  }
   double root_a_of(int layer) const { return own_a.empty() ? root_a : own_root_a[own(layer)]; }
   /// Height of a layer, in layers of `layer_um`.
   double height(int layer) const {
     return heights.alike() ? 1.0 : heights.of(layer, layer_um) / layer_um;
   }
+  double eta_of(int layer) const { return eta * height(layer); }
   /// How far a place is from the platform, in layers of `layer_um`; `zeta` counts layers as they are.
   double depth(double zeta) const {
     return heights.alike() ? zeta : heights.place_um(zeta, layer_um) / layer_um;
@@ -167,7 +179,8 @@ struct CureModel {
   }
   /// Whether the recursion (A.32) describes the dose as it stands.
   bool is_plain() const {
-    return is_continuous() && bath_slices == 0 && mirrored_slices == 0 && exposure_ratio.empty();
+    return is_continuous() && bath_slices == 0 && mirrored_slices == 0 && exposure_ratio.empty() &&
+           heights.alike();
   }
   /// Depth of the resin above the window, in whole slices; 0: what is beyond it doesn't matter.
   int bath_slices = 0;
@@ -204,11 +217,20 @@ struct CureModel {
 
   /// Dose one node above `below` = Omega(k + 1) after a slice of intensity `phi`.
   double step(double phi, double below) const { return phi * one_minus_a + a * below; }
+  /// The same through slice `slice`, of its own height.
+  double step_in(int slice, double phi, double below) const {
+    return phi * one_minus_a_of(slice) + a_of(slice) * below;
+  }
   /// Dose in the middle of the layer.
   double middle(double phi, double below) const { return phi * (1.0 - root_a) + root_a * below; }
+  double middle_in(int slice, double phi, double below) const {
+    return phi * (1.0 - root_a_of(slice)) + root_a_of(slice) * below;
+  }
   /// Distance from the layer's lower node, in slices (0..1), at which the dose is 1. Needs the
   /// doses of the two nodes on different sides of 1.
-  double crossing(double phi, double below) const;
+  double crossing(double phi, double below) const { return crossing(phi, below, eta); }
+  /// The same in a layer of this eta (`eta_of`), as a part of it.
+  double crossing(double phi, double below, double layer_eta) const;
   /// Slices of phi_max from slice `first` on that lift the dose from 0 to 1: what a part needs after its
   /// end. 0 layer by layer, where each layer gels in its own exposure.
   int slices_to_gel(int first = 0) const;

@@ -455,6 +455,8 @@ struct Process {
 /// What the UV lamp does, in words; empty when it is off.
 std::string uv_in_words(const UvSchedule& uv);
 
+/// Height of a slice, um, where those that do not differ are `layer_um` high.
+double slice_height_um(const Process& process, double layer_um, int slice);
 /// Speed at a slice, mm/h (continuous).
 double slice_speed_mm_h(const Process& process, int slice);
 /// Whether slices count for more where they go slower.
@@ -483,7 +485,8 @@ struct SliceLight {
 /// the distance of the middle of the slice from the nearer end of the print, and the share
 /// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are; the same where slices go
 /// slower and the lamps follow. Where they stay the share is that of the ramp alone. It is one of the
-/// layer's own share (`light_share`).
+/// layer's own share (`light_share`). Slices of different heights (`layer_heights_um`) are passed in times of
+/// their own.
 SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices);
 /// Time in which all slices are shown, s: without what lies between them layer by layer.
 double light_on_s(const Process& process, double m, double layer_um, int slices);

@@ -52,11 +52,11 @@ class MeshDistance {
 TriangleMesh on_plate(const TriangleMesh& mesh, const Printer& printer,
                       const std::optional<std::array<double, 2>>& center_mm = {});
 
-/// How a mesh that was put `on_plate` lies to what `stack` shows. Throws `InputError` when the stack
+/// How a mesh that was put `on_plate` lies to what `stack` shows, which is `height_mm` high. Throws `InputError` when the stack
 /// can't show that mesh: more than a quarter (and four pixels or slices) too large along an axis, or
 /// beside it, too small along all axes by the same factor of 1.2 or more, or along all axes by more
 /// than 3. Supports may make a stack larger than its design, but not like that.
-void check_design_size(const SliceSource& stack, const TriangleMesh& design);
+void check_design_size(const SliceSource& stack, double height_mm, const TriangleMesh& design);
 
 /// How many triangles a surface will have, before it is made.
 struct SolidSize {

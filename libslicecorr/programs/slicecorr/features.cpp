@@ -114,10 +114,6 @@ std::string features_text() {
     text += "\n" + name_of(feature) + "\n";
     for (const Unsupported& pair : unsupported()) {
       if (pair.a != feature && pair.b != feature) continue;
-      if (pair.a == pair.b) {
-        text += "  not at all\n";
-        continue;
-      }
       const Feature other = pair.a == feature ? pair.b : pair.a;
       const bool left_out = pair.verdict == Verdict::without;
       text += fmt::format("  {} {}\n",

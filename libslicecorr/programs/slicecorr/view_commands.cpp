@@ -253,7 +253,7 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   if (!a.mesh.parts.empty()) {
     const TriangleMesh placed = on_plate(read_parts(a.mesh, context).mesh, setup.printer,
                                          a.mesh.slice_options(Surface::slices).center_mm);
-    check_design_size(stack, placed);
+    check_design_size(stack, stack_height_um(stack.info(), g.layers) * 1e-3, placed);
     design_mesh.emplace(placed);
   }
   nlohmann::ordered_json figures;
@@ -261,8 +261,10 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
     const StackReader target = a.open(design(a.target), folder_of(a.output), context);
     const FittedSlices fitted = FittedSlices::like(stack, target, folder_of(a.output), context);
     check_target(stack, stack.info(), *fitted, a.target, target.pixel_sum(), context);
-    figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
-                                   g.pixel_y_um * g.layer_um * 1e-9;
+    const bool alike = target.info().layer_heights_um.empty();
+    figures["design_volume_mm3"] = !alike ? coverage_mm3(target, context)
+                                          : static_cast<double>(target.pixel_sum()) / 255.0 *
+                                                g.pixel_x_um * g.pixel_y_um * g.layer_um * 1e-9;
   }
   const SolidOptions options{a.reduce > 0 ? a.reduce : handy_reduction(a, stack, models, context),
                              design_mesh ? &*design_mesh : nullptr};

@@ -10,7 +10,9 @@ function sayPlaces() {
   for (const name in controls) {
     const axis = controls[name], { first, last, words } = voxelOf(axis, view[name]);
     const middle = (first + last + 1) / 2;
-    const mm = (axis === 1 ? data.image[1] - middle : middle) * data.voxelUm[axis] / 1000;
+    const um = axis === 2 && data.nodesUm ? (data.nodesUm[first] + data.nodesUm[last + 1]) / 2
+      : (axis === 1 ? data.image[1] - middle : middle) * data.voxelUm[axis];
+    const mm = um / 1000;
     const text = `${words}, ${"xyz"[axis]} = ${mm.toFixed(2)} mm`;
     $(name).value = view[name];
     $(name).setAttribute("aria-valuetext", text);

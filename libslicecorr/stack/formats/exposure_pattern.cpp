@@ -84,7 +84,8 @@ ExposureSummary exposure_summary(const StackInfo& info) {
   ExposureSummary s;
   if (p.mode == ExposureMode::continuous) {
     s.normal_s = s.bottom_s = units::slice_time_s(info.grid.layer_um, p.speed_mm_h);
-    s.uneven = p.ramp == Ramp::lamp_follows || !p.slice_speed_mm_h.empty();
+    s.uneven =
+        p.ramp == Ramp::lamp_follows || !p.slice_speed_mm_h.empty() || !p.layer_heights_um.empty();
     if (s.uneven) s.bottom_s = light_of_layer(info, 0).time_s;
     return s;
   }

@@ -301,6 +301,9 @@ void read_block(const SortedNode& block, ArchiveContents& config) {
     }
   }
   if (info.kind == StackKind::recorded) {
+    if (!info.process->layer_heights_um.empty()) {
+      block["process"]["layer_heights_um"].refuse("is not for recordings, whose slices are alike");
+    }
     config.recording = read_recording_facts(block["recording"], info.grid.layers);
   }
   if (info.kind != StackKind::foreign) {

@@ -123,6 +123,7 @@ class Watched final : public SliceSource {
   const Grid& grid() const override { return source_.grid(); }
   PixelBox bounds() const override { return source_.bounds(); }
   ImageFrame frame() const override { return source_.frame(); }
+  LayerHeights heights() const override { return source_.heights(); }
   const Recording* recording() const override { return source_.recording(); }
   const DoseTarget* doses() const override { return source_.doses(); }
   const SliceSource* left_alone() const override { return source_.left_alone(); }

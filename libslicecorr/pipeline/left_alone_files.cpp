@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <deque>
 #include <limits>
 #include <memory>
@@ -17,15 +18,16 @@
 #include "slicecorr/slice.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/turned.hpp"
+#include "slicecorr/uneven_slices.hpp"
 
 namespace slicecorr {
 
 namespace {
 
 /// A mesh as it lies on the plate, in slices like those of `target`.
-MeshSlices slices_of(const std::string& path, const SliceSource& target,
-                     const MeshesLeftAlone& meshes, const Printer& printer,
-                     const ExecutionContext& context) {
+MeshInLayers slices_of(const std::string& path, const SliceSource& target,
+                       const MeshesLeftAlone& meshes, const Printer& printer,
+                       const ExecutionContext& context) {
   TriangleMesh mesh = read_mesh(path, meshes.placement, context);
   SliceOptions options;
   options.layer_um = target.grid().layer_um;
@@ -47,9 +49,26 @@ MeshSlices slices_of(const std::string& path, const SliceSource& target,
   options.center_mm = {meshes.origin_mm[0] + 0.5 * (low[0] + high[0]),
                        meshes.origin_mm[1] + 0.5 * (low[1] + high[1])};
   try {
-    return {std::move(mesh), printer, options, context};
+    return {std::move(mesh), printer, options, target.heights(), context};
   } catch (const InputError& e) {
     throw InputError(path, "", std::string("what is left alone must fit the target: ") + e.what());
+  }
+}
+
+/// Throws `InputError` where what is left alone has layers at other places than the target.
+void check_same_heights(const SliceSource& target, const SliceSource& left,
+                        const std::string& path) {
+  const LayerHeights ours = target.heights(), theirs = left.heights();
+  if (ours.alike() && theirs.alike()) return;
+  const double usual_um = target.grid().layer_um, their_um = left.grid().layer_um;
+  for (int n = 0; n < target.grid().layers; ++n) {
+    const double um = ours.of(n, usual_um), their = theirs.of(n, their_um);
+    if (std::abs(um - their) <= 0.01 * um) continue;
+    throw InputError(
+        path, "",
+        fmt::format("layer {} is {:g} um high, that of the target {:g} um; expected the "
+                    "same heights",
+                    n, their, um));
   }
 }
 
@@ -93,7 +112,7 @@ std::vector<OutsideParts::Placed> placed_parts(const SliceSource& target, const 
 
 struct LeftAloneFiles::Impl {
   const SliceSource& target;
-  std::deque<MeshSlices> meshes;
+  std::deque<MeshInLayers> meshes;
   std::deque<StackReader> stacks;
   std::deque<FittedSlices> fitted;
   std::optional<OutsideParts> outside;
@@ -111,17 +130,23 @@ LeftAloneFiles::LeftAloneFiles(const SliceSource& target, const std::vector<std:
     const bool mesh = is_mesh_name(path);
     const SliceSource* slices = nullptr;
     if (mesh) {
-      slices = &impl->meshes.emplace_back(slices_of(path, target, meshes, printer, context));
+      slices = &*impl->meshes.emplace_back(slices_of(path, target, meshes, printer, context));
     } else {
       check_design(StackReader::read_info(path), path);
       slices =
           &impl->stacks.emplace_back(path, scratch_folder, context,
                                      MissingFacts{grid.pixel_x_um, grid.pixel_y_um, grid.layer_um});
+      check_same_heights(target, *slices, path);
     }
     impl->fitted.push_back(FittedSlices::like(target, *slices, scratch_folder, context));
     all.push_back({&*impl->fitted.back(), path, mesh});
   }
   if (!inside.files.empty()) {
+    if (!target.heights().alike()) {
+      throw InputError(
+          inside.files[0], "",
+          "is not looked for in layers of different heights; expected layers of one height");
+    }
     impl->outside.emplace(target, placed_parts(target, inside, context), context);
     const double mm3 = impl->outside->volume_mm3();
     context.tell(mm3 > 0 ? fmt::format("{:.4g} mm³ outside of {} are left alone", mm3,

@@ -45,10 +45,10 @@ double thin_slice_um(const LayerHeights& heights) {
   return um / 2;
 }
 
-UnevenSlices::UnevenSlices(const MeshSlices& thin, LayerHeights heights)
+UnevenSlices::UnevenSlices(const MeshSlices& thin, LayerHeights heights, double usual_um)
     : thin_(thin), heights_(std::move(heights)), grid_(thin.grid()) {
   const double thin_um = thin.grid().layer_um;
-  grid_.layer_um = heights_.um().back();
+  grid_.layer_um = usual_um > 0 ? usual_um : heights_.um().back();
   for (int n = 0;; ++n) {
     const auto middle = std::llround(heights_.place_um(n + 0.5, grid_.layer_um) / thin_um);
     if (middle >= thin.grid().layers) break;
@@ -84,6 +84,25 @@ void UnevenSlices::read_slices(const PixelBox& band, int first, int past, const 
   thin_.read_slices(band, begin, end, [&](int slice, const std::uint8_t* rows) {
     if (n < past && slice == cut_[static_cast<std::size_t>(n)]) sink(n++, rows);
   });
+}
+
+MeshInLayers::MeshInLayers(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
+                           const LayerHeights& heights, const ExecutionContext& context,
+                           const EdgeDefects* edge_defects) {
+  SliceOptions how = options;
+  if (!heights.alike()) {
+    how.layer_um = thin_slice_um(heights);
+    how.raised_um = 0.5 * how.layer_um;
+    how.edge_heights = false;
+  }
+  cuts_ = std::make_unique<const MeshSlices>(std::move(mesh), printer, how, context, edge_defects);
+  if (!heights.alike()) {
+    uneven_ = std::make_unique<const UnevenSlices>(*cuts_, heights, options.layer_um);
+  }
+}
+
+const SliceSource& MeshInLayers::operator*() const {
+  return uneven_ ? static_cast<const SliceSource&>(*uneven_) : *cuts_;
 }
 
 LayerHeights adaptive_heights(const TriangleMesh& mesh, double least_um, double most_um) {

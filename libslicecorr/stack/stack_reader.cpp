@@ -194,6 +194,9 @@ class StackReader::Exposures final : public SliceSource {
   PixelBox bounds() const override { return stack_.exposure_index.lit; }
   ImageFrame frame() const override { return image_frame(stack_.config.info); }
   const Recording* recording() const override { return &recording_; }
+  LayerHeights heights() const override {
+    return LayerHeights(process_of_times(stack_.config.info).layer_heights_um);
+  }
   void read_band(const PixelBox& band, const Sink& sink) const override {
     stack_.read_band(stack_.exposure_index, band, sink);
   }
@@ -207,6 +210,10 @@ class StackReader::Exposures final : public SliceSource {
 std::unique_ptr<const SliceSource> StackReader::exposures(double m) const {
   if (impl_->config.info.exposures.empty()) return nullptr;
   return std::make_unique<const Exposures>(*impl_, m);
+}
+
+LayerHeights StackReader::heights() const {
+  return LayerHeights(process_of_times(impl_->config.info).layer_heights_um);
 }
 
 int StackReader::several_images_layer() const { return impl_->several_layer; }

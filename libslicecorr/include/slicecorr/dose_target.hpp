@@ -65,6 +65,7 @@ class GradedTarget final : public SliceSource {
   const Grid& grid() const override { return target_.grid(); }
   PixelBox bounds() const override { return target_.bounds(); }
   ImageFrame frame() const override { return target_.frame(); }
+  LayerHeights heights() const override { return target_.heights(); }
   const Recording* recording() const override { return target_.recording(); }
   void read_band(const PixelBox& band, const Sink& sink) const override {
     target_.read_band(band, sink);

@@ -43,6 +43,7 @@ class LeavingAlone final : public SliceSource {
   const Grid& grid() const override { return target_.grid(); }
   PixelBox bounds() const override { return bounds_; }
   ImageFrame frame() const override { return target_.frame(); }
+  LayerHeights heights() const override { return target_.heights(); }
   void read_band(const PixelBox& band, const Sink& sink) const override;
   const SliceSource* edge_heights() const override { return target_.edge_heights(); }
   bool ends_below_last_node() const override { return target_.ends_below_last_node(); }
@@ -79,6 +80,7 @@ class AsSliced final : public SliceSource {
   const Grid& grid() const override { return target_.grid(); }
   PixelBox bounds() const override { return target_.bounds(); }
   ImageFrame frame() const override { return target_.frame(); }
+  LayerHeights heights() const override { return target_.heights(); }
   void read_band(const PixelBox& band, const Sink& sink) const override;
 
  private:

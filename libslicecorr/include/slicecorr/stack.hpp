@@ -160,6 +160,7 @@ class StackReader final : public SliceSource {
   PixelBox bounds() const override;
   ImageFrame frame() const override;
   const Recording* recording() const override;
+  LayerHeights heights() const override;
   void read_band(const PixelBox& band, const Sink& sink) const override;
   /// The whole image of one slice, row by row, into width_px * height_px bytes. Throws
   /// `std::out_of_range` when there is no such slice.

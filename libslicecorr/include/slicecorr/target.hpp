@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "slicecorr/grid.hpp"
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/orientation.hpp"
 
 namespace slicecorr {
@@ -40,6 +41,8 @@ class SliceSource {
   /// Of a recorded stack, whose images are no slices: which of them was lit in which slice. Null:
   /// image n is shown in slice n.
   virtual const Recording* recording() const { return nullptr; }
+  /// Heights of layers, where the source says that they differ.
+  virtual LayerHeights heights() const { return {}; }
   /// Gives rows [y0, y1) and columns [x0, x1) of every slice to `sink`, from slice 0 on. `rows`
   /// holds (y1 - y0) * (x1 - x0) bytes, row by row: coverage 0..255 of a target, or grey values
   /// 0..255 of a stack. A null pointer stands for a slice that is black there.

@@ -32,6 +32,7 @@ class TurnedSlices final : public SliceSource {
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override;
   ImageFrame frame() const override { return frame_; }
+  LayerHeights heights() const override { return source_.heights(); }
   void read_band(const PixelBox& band, const Sink& sink) const override;
   const SliceSource* edge_heights() const override { return edge_heights_.get(); }
 

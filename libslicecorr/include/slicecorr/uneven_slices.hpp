@@ -8,6 +8,7 @@
 /// Plain values and functions are thread-safe; errors are `InputError`.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "slicecorr/layer_heights.hpp"
@@ -26,12 +27,13 @@ double thin_slice_um(const LayerHeights& heights);
 /// (`SliceOptions::raised_um`).
 class UnevenSlices final : public SliceSource {
  public:
-  /// A layer is there where the part reaches its middle.
-  UnevenSlices(const MeshSlices& thin, LayerHeights heights);
-  /// `layer_um` is the height of the last layers.
+  /// A layer is there where the part reaches its middle. `usual_um`: what the grid says of all layers; 0: the
+  /// height of the last.
+  UnevenSlices(const MeshSlices& thin, LayerHeights heights, double usual_um = 0);
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override { return thin_.bounds(); }
   ImageFrame frame() const override { return thin_.frame(); }
+  LayerHeights heights() const override { return heights_; }
   void read_band(const PixelBox& band, const Sink& sink) const override;
   void read_slices(const PixelBox& band, int first, int past, const Sink& sink) const override;
   bool reads_any_slices() const override { return thin_.reads_any_slices(); }
@@ -41,6 +43,21 @@ class UnevenSlices final : public SliceSource {
   LayerHeights heights_;
   Grid grid_;
   std::vector<int> cut_;  ///< thin slice of each layer
+};
+
+/// A mesh cut into layers of different heights, or, where they are alike, of `SliceOptions::layer_um`. Throws as
+/// `MeshSlices` and `thin_slice_um`.
+class MeshInLayers {
+ public:
+  /// `edge_defects`: as `MeshSlices` takes them.
+  MeshInLayers(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
+               const LayerHeights& heights, const ExecutionContext& context = {},
+               const EdgeDefects* edge_defects = nullptr);
+  const SliceSource& operator*() const;
+
+ private:
+  std::unique_ptr<const MeshSlices> cuts_;
+  std::unique_ptr<const UnevenSlices> uneven_;  ///< null: the cuts are the layers
 };
 
 /// Heights from `least_um` to `most_um`, multiples of `least_um`, each the most with which no slope of the

@@ -124,6 +124,11 @@ WantedDoses::WantedDoses(const DoseOptions& options, const SliceSource& target,
     doses_.scale = DoseScale::even(options.most);
     name_ranges(doses_);
     stack_.emplace(design(options.target), scratch, context, missing);
+    const bool alike = target.heights().alike() && stack_->heights().alike();
+    if (!alike && target.heights() != stack_->heights()) {
+      throw InputError(options.target, "",
+                       "has layers of other heights than the part; expected the same");
+    }
     fitted_.emplace(FittedSlices::like(target, *stack_, scratch, context));
   } else {
     if (options.most > 0) throw InputError("--dose-target-max goes with --dose-target");
@@ -157,7 +162,8 @@ void WantedDoses::read_regions(const DoseOptions& options, const Printer& printe
     place = place_of(box_of(read_parts(all, context).mesh), printer, meshes);
   }
   const Grid& grid = target_->grid();
-  const double layer_mm = grid.layer_um * 1e-3;
+  const LayerHeights heights = target_->heights();
+  const double first_um = heights.of(0, grid.layer_um), layer_mm = first_um * 1e-3;
   std::vector<RegionImages::Region> images;
   doses_.regions = {"outside of all regions"};
   for (const Region& region : regions) {
@@ -184,19 +190,21 @@ void WantedDoses::read_regions(const DoseOptions& options, const Printer& printe
                                    platform_mm - box[0][2]));
     }
     how.platform_z_mm = std::min(platform_mm - under * layer_mm, box[0][2]);
+    std::vector<double> um = heights.um();
+    if (!heights.alike()) um.insert(um.begin(), static_cast<std::size_t>(under), first_um);
     try {
-      slices_.push_back(std::make_unique<const MeshSlices>(std::move(mesh.mesh), printer, how,
-                                                           context, &mesh.edge_defects));
+      slices_.push_back(std::make_unique<const MeshInLayers>(
+          std::move(mesh.mesh), printer, how, LayerHeights(um), context, &mesh.edge_defects));
     } catch (const InputError& e) {
       throw InputError(fmt::format("--region {}: {}", region.path, e.what()));
     }
-    images.push_back({slices_.back().get(), static_cast<int>(under)});
+    images.push_back({&**slices_.back(), static_cast<int>(under)});
     const std::size_t byte = images.size();
     doses_.scale.dose[byte] = region.dose;
     doses_.region_of[byte] = static_cast<std::uint8_t>(byte);
     doses_.regions.push_back(std::filesystem::path(region.path).filename().string());
   }
-  Grid plate = slices_.front()->grid();
+  Grid plate = (**slices_.front()).grid();
   plate.layers = grid.layers;
   images_.emplace(plate, std::move(images));
 }

@@ -14,6 +14,7 @@
 #include "slicecorr/dose_target.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/turned.hpp"
+#include "slicecorr/uneven_slices.hpp"
 
 namespace slicecorr::cli {
 
@@ -50,7 +51,7 @@ class WantedDoses {
 
   const SliceSource* target_;
   std::optional<StackReader> stack_;
-  std::vector<std::unique_ptr<const MeshSlices>> slices_;
+  std::vector<std::unique_ptr<const MeshInLayers>> slices_;
   std::optional<RegionImages> images_;
   std::optional<FittedSlices> fitted_;
   DoseTarget doses_;

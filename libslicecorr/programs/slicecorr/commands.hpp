@@ -29,8 +29,8 @@ struct Arguments {
   std::string input, output, format, target, json, kept;
   std::vector<std::string> leave_alone, inside;  ///< inside: meshes that the archive holds
   double layer_um = 0;
-  std::string layers;               ///< of slice: a table of heights
-  std::vector<double> adaptive_um;  ///< of slice: least and greatest height
+  std::string layers;               ///< of slice and run: a table of heights
+  std::vector<double> adaptive_um;  ///< of slice and run: least and greatest height
   int x = -1, y = -1, reduce = 0;
   double max_height_error_um = -1, max_surface_error_um = -1;
   int max_loose_bodies = -1;  ///< -1: any number

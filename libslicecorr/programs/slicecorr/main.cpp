@@ -63,6 +63,25 @@ int run_program(int argc, char** argv) {
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
   };
+  const auto heights = [&](CLI::App* sub) {
+    CLI::Option* const layer_um = sub->get_option("--layer-um")->required(false);
+    CLI::Option* const layers =
+        sub->add_option(
+               "--layers", a.layers,
+               "Heights of layers that differ, in place of --layer-um. A table with the columns "
+               "slice,layer_um: each row holds from its slice on")
+            ->check(CLI::ExistingFile)
+            ->excludes(layer_um);
+    sub->add_option(
+           "--adaptive-um", a.adaptive_um,
+           "LOW,HIGH: layers as high as slopes allow, in multiples of LOW up to HIGH, in place of "
+           "--layer-um: no slope lies further from its steps than LOW")
+        ->delimiter(',')
+        ->expected(2)
+        ->check(number_in(2, 1000))
+        ->excludes(layer_um)
+        ->excludes(layers);
+  };
   std::string formats;
   for (const FormatInfo& f : archive_formats()) formats += (formats.empty() ? "" : ", ") + f.name;
   const auto stack_output = [&](CLI::App* sub, const char* text) {
@@ -77,23 +96,7 @@ int run_program(int argc, char** argv) {
   a.mesh.add_to(*sub);
   plates(sub);
   a.setup.add_surface_to(*sub);
-  CLI::Option* const layer_um = sub->get_option("--layer-um")->required(false);
-  CLI::Option* const layers =
-      sub->add_option(
-             "--layers", a.layers,
-             "Heights of layers that differ, in place of --layer-um. A table with the columns "
-             "slice,layer_um: each row holds from its slice on")
-          ->check(CLI::ExistingFile)
-          ->excludes(layer_um);
-  sub->add_option(
-         "--adaptive-um", a.adaptive_um,
-         "LOW,HIGH: layers as high as slopes allow, in multiples of LOW up to HIGH, in place of "
-         "--layer-um: no slope lies further from its steps than LOW")
-      ->delimiter(',')
-      ->expected(2)
-      ->check(number_in(2, 1000))
-      ->excludes(layer_um)
-      ->excludes(layers);
+  heights(sub);
   sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
@@ -188,6 +191,7 @@ int run_program(int argc, char** argv) {
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", commands::run);
   a.mesh.add_to(*sub);
   plates(sub);
+  heights(sub);
   add_leave_alone_to(*sub, a.leave_alone);
   a.setup.add_to(*sub, true, true);
   a.uncertain.add_to(*sub, true);

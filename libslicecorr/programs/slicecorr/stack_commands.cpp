@@ -52,19 +52,32 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
 
 namespace {
 
-/// Layers of different heights, out of thin slices.
-int slice_unevenly(const Arguments& a, const Printer& printer, const ExecutionContext& context,
-                   Console& console) {
-  LayerHeights heights;
-  if (!a.layers.empty()) {
-    heights = LayerHeights(read_by_slice(a.layers, "layer_um"));
-  } else {
-    heights = adaptive_heights(read_parts(a.mesh, {}).mesh, a.adaptive_um[0], a.adaptive_um[1]);
+/// The heights that the options ask for; alike where one height is.
+LayerHeights wanted_heights(const Arguments& a) {
+  if (!a.layers.empty()) return LayerHeights(read_by_slice(a.layers, "layer_um"));
+  if (a.adaptive_um.empty()) {
+    if (a.mesh.layer_um > 0) return {};
+    throw InputError("expected the height of layers: --layer-um, --layers or --adaptive-um");
   }
-  MeshOptions thin = a.mesh;
-  thin.layer_um = thin_slice_um(heights);
-  thin.raised_um = 0.5 * thin.layer_um;
-  const MeshSlices cuts = slice_parts(thin, printer, Surface::slices, context);
+  // What is left alone may stand lower than the part: heights count from the platform.
+  MeshOptions all = a.mesh;
+  std::copy_if(a.leave_alone.begin(), a.leave_alone.end(), std::back_inserter(all.parts),
+               is_mesh_name);
+  return adaptive_heights(read_parts(all, {}).mesh, a.adaptive_um[0], a.adaptive_um[1]);
+}
+
+/// How meshes are cut for layers of these heights: layers of different heights are found in thin ones.
+MeshOptions cut_for(const LayerHeights& heights, const MeshOptions& mesh) {
+  MeshOptions cut = mesh;
+  if (heights.alike()) return cut;
+  cut.layer_um = thin_slice_um(heights);
+  cut.raised_um = 0.5 * cut.layer_um;
+  return cut;
+}
+
+int slice_unevenly(const Arguments& a, const LayerHeights& heights, const Printer& printer,
+                   const ExecutionContext& context, Console& console) {
+  const MeshSlices cuts = slice_parts(cut_for(heights, a.mesh), printer, Surface::slices, context);
   const UnevenSlices slices(cuts, heights);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
   const StackInfo info = write_target(*fitted, heights, a.file(), context);
@@ -78,12 +91,8 @@ int slice_unevenly(const Arguments& a, const Printer& printer, const ExecutionCo
 int slice_plate(const Arguments& a, const ExecutionContext& context, Console& console) {
   check_output(a.output, a.mesh.files());
   const Printer printer = load_display(a.setup.printer);
-  if (!a.layers.empty() || !a.adaptive_um.empty()) {
-    return slice_unevenly(a, printer, context, console);
-  }
-  if (!(a.mesh.layer_um > 0)) {
-    throw InputError("expected the height of layers: --layer-um, --layers or --adaptive-um");
-  }
+  const LayerHeights heights = wanted_heights(a);
+  if (!heights.alike()) return slice_unevenly(a, heights, printer, context, console);
   const MeshSlices slices = slice_parts(a.mesh, printer, a.setup.wanted_surface(), context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
   const StackInfo info = write_target(*fitted, a.file(), context);
@@ -135,7 +144,9 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
 
 int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
-  const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, nullptr), a.setup);
+  SetupOptions chosen = a.setup;
+  chosen.layer_heights_um = wanted_heights(a).um();
+  const Setup setup = a.uncertain.put(chosen.resolve(nullptr, nullptr), chosen);
   tell_notices(setup, nullptr, context);
   return each_plate(a, setup.printer, context,
                     [&](const Arguments& one) { return run_plate(one, setup, context, console); });
@@ -153,9 +164,13 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
     check_output(path, a.doses.inputs());
   }
   MeshesLeftAlone place;
-  const MeshSlices slices =
-      slice_parts(a.mesh, setup.printer, setup.process.surface, a.leave_alone, place, context);
-  const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
+  const LayerHeights heights(setup.process.layer_heights_um);
+  const MeshSlices slices = slice_parts(cut_for(heights, a.mesh), setup.printer,
+                                        setup.process.surface, a.leave_alone, place, context);
+  std::optional<UnevenSlices> uneven;
+  if (!heights.alike()) uneven.emplace(slices, heights);
+  const FittedSlices fitted = fit_for_output(
+      uneven ? static_cast<const SliceSource&>(*uneven) : slices, a.file(), setup.printer, context);
   const LeftAloneFiles part(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),
                             context);
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices, a.missing(),

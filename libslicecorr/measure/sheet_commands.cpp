@@ -29,6 +29,7 @@ std::vector<std::string> commands_on(const std::string& part, const std::string&
        {"resinctl import {0} --format flat-field --printer {1} --name my-printer --replace"}},
       {"f", {"slicecorr testpart f --printer {1} -o f-again.uvj"}},
       {"levels", {"resinctl import {0} --format calibration --printer {1} --name my-{2}"}},
+      {"films", {"resinctl calibrate {0} --printer {1} -o my-{2}.toml --resin-out my-resin.toml"}},
       {"spread", {"resinctl fit-spread {0} --printer {1} --plot widths.svg"}}};
   std::vector<std::string> lines;
   const auto found = commands.find(part);
@@ -48,6 +49,7 @@ std::string readers_of(const std::string& part) {
       {"dead-zone", "resinctl fit --model deadzone-steady"},
       {"flat-field", "resinctl import --format flat-field"},
       {"levels", "resinctl import --format calibration"},
+      {"films", "resinctl calibrate"},
       {"spread", "resinctl fit-spread"}};
   const auto found = readers.find(part);
   return found == readers.end() ? "another version of slicecorr" : found->second;

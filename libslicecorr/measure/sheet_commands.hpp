@@ -15,7 +15,7 @@ namespace slicecorr::detail {
 inline constexpr const char* kCorrectWithoutSpread = "slicecorr correct --spread-correction off";
 
 /// The commands that take what was measured on a part ("comb", "staircase", "wedge", "dead-zone",
-/// "flat-field", "levels", "spread") from `form_file`; none for another part.
+/// "flat-field", "levels", "films", "spread") from `form_file`; none for another part.
 std::vector<std::string> commands_on(const std::string& part, const std::string& form_file,
                                      const std::string& printer_file,
                                      const std::string& printer_name);

@@ -13,6 +13,7 @@
 #include "programs/common/make_part.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/file_greys.hpp"
+#include "slicecorr/films_part.hpp"
 #include "slicecorr/letter_part.hpp"
 #include "slicecorr/level_images.hpp"
 #include "slicecorr/load_display.hpp"
@@ -88,20 +89,57 @@ StackFile file_of(const TestPartOptions& o, const ExecutionContext& context) {
   return file;
 }
 
+/// For how long an image is shown, or a plug is lit, where nothing else was asked for.
+double shown_s(const TestPartOptions& o, double otherwise_s = 30) {
+  return o.exposure_s > 0 ? o.exposure_s : otherwise_s;
+}
+
+/// Images that an archive shows as they are, with a table and a sheet.
+template <class Images>
+StackInfo write_measured(const Images& part, const StackFile& file, const Printer& printer,
+                         const TestPartOptions& o, const ExecutionContext& context) {
+  const Beside beside(o);
+  const std::string form = form_text(part.form());
+  beside.check(form);
+  const FittedSlices fitted = fit_for_output(part, file, printer, context);
+  const StackInfo info = write_images(*fitted, part.image_s(), file, context);
+  beside.write(form, part.sheet(beside.form_name(), o.printer));
+  return info;
+}
+
 int level_images(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
   if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   const Printer printer = load_display(o.printer);
   const LevelImages part(printer, greys_of_file(file, plate_grid(printer)),
-                         {.layer_um = o.layer_um, .image_s = o.exposure_s});
-  const std::string form = form_text(part.form());
-  beside.check(form);
-  const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  const StackInfo info = write_images(*fitted, part.image_s(), file, context);
-  beside.write(form, part.sheet(beside.form_name(), o.printer));
+                         {.layer_um = o.layer_um, .image_s = shown_s(o)});
+  const StackInfo info = write_measured(part, file, printer, o, context);
   console.say(fmt::format("{}: {} images of one grey level each, {:g} s each; fill in {}, print {}",
-                          o.output, info.grid.layers, o.exposure_s, beside.form, beside.sheet));
+                          o.output, info.grid.layers, shown_s(o), beside.form, beside.sheet));
+  return kDone;
+}
+
+int films_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
+  if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
+  const StackFile file = file_of(o, context);
+  const Beside beside(o);
+  const Printer printer = load_display(o.printer);
+  const FilmsPart part(printer, greys_of_file(file, plate_grid(printer)),
+                       {.layer_um = o.layer_um, .image_s = shown_s(o, FilmsPart::Ask().image_s)});
+  if (part.greys() == 0) {
+    context.tell(
+        fmt::format("{}: the file shows black and full light alone: the films tell how the "
+                    "resin cures, and nothing of grey levels",
+                    o.output));
+  }
+  const StackInfo info = write_measured(part, file, printer, o, context);
+  console.say(fmt::format(
+      "{}: {} squares of {} grey levels, {:g} to {:g} s, by {} images of {:g} s that add up; fill in "
+      "{}, print {}",
+      o.output, part.squares().size(), part.greys() + 1, part.image_s().front(),
+      part.image_s().front() * FilmsPart::kImages, info.grid.layers, part.image_s().front(),
+      beside.form, beside.sheet));
   return kDone;
 }
 
@@ -114,7 +152,7 @@ int letter_part(const TestPartOptions& o, const ExecutionContext& context, Conso
   check_output(sheet, {o.printer, o.kept, o.output});
   check_output(o.picture, {o.printer, o.kept, o.output, sheet});
   const Printer printer = load_display(o.printer);
-  const LetterPart part(printer, o.layer_um, o.exposure_s);
+  const LetterPart part(printer, o.layer_um, shown_s(o));
   const FittedSlices shown = FittedSlices::for_display(part, printer, folder_of(o.output), context);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
   const StackInfo info = write_images(*fitted, part.image_s(), file, context);
@@ -126,7 +164,7 @@ int letter_part(const TestPartOptions& o, const ExecutionContext& context, Conso
   console.say(
       fmt::format("{}: an F, shown {} times, {:g} s each; how it stands on the screen says "
                   "what {} must say: {}",
-                  o.output, info.grid.layers, o.exposure_s, o.printer, sheet));
+                  o.output, info.grid.layers, shown_s(o), o.printer, sheet));
   return kDone;
 }
 
@@ -162,7 +200,7 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   ask.layer_um = o.layer_um;
   ask.resin = resin ? &*resin : nullptr;
   ask.uv_mw_cm2 = o.uv_mw_cm2;
-  ask.exposure_s = o.exposure_s;
+  ask.exposure_s = shown_s(o);
   const TuningPart part(kind, printer, ask);
   const std::string form = form_text(part.form());
   beside.check(form);
@@ -182,6 +220,7 @@ int test_part(const TestPartOptions& o, const ExecutionContext& context, Console
     if (o.kind == word_of(kind)) return tuning_part(kind, o, context, console);
   }
   if (o.kind == "levels") return level_images(o, context, console);
+  if (o.kind == "films") return films_part(o, context, console);
   if (o.kind == "f") return letter_part(o, context, console);
   const StackFile file = file_of(o, context);
   const Beside beside(o);
@@ -219,9 +258,9 @@ void add_test_part(Program& program, TestPartOptions& o) {
          "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
          "printed), lift-comb (the same, printed layer by layer), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
          "(lines and gaps), flat-field (plugs all over the plate), levels (even images of grey "
-         "levels, for a power meter), f (an F, which shows how the screen turns and mirrors)")
+         "levels, for a power meter), films (squares of times and grey levels, for calipers), f (an F, which shows how the screen turns and mirrors)")
       ->check(CLI::IsMember({"spread", "comb", "lift-comb", "staircase", "wedge", "dead-zone",
-                             "flat-field", "levels", "f"}))
+                             "flat-field", "levels", "films", "f"}))
       ->capture_default_str();
   sub->add_option("--resin", o.resin,
                   "Resin of a staircase, wedge or flat-field: a .toml file or a name");
@@ -239,9 +278,9 @@ void add_test_part(Program& program, TestPartOptions& o) {
   sub->add_option("--uv-mw-cm2", o.uv_mw_cm2, "dead-zone: UV light at the window")
       ->check(number_in(0, 1e6, true));
   sub->add_option("--exposure-s", o.exposure_s,
-                  "dead-zone, levels, f: how long plugs are lit, or an image is shown")
-      ->check(number_in(0, 1e6, true))
-      ->capture_default_str();
+                  "dead-zone, levels, films, f: how long plugs are lit, or an image is shown [30; "
+                  "films: 2]")
+      ->check(number_in(0, 1e6, true));
   sub->add_option(
          "--template", o.kept,
          "File of the same format whose settings and pictures stay, as the printer's slicer "

@@ -14,7 +14,8 @@ namespace slicecorr::cli {
 struct TestPartOptions {
   LightOptions light;
   std::string printer, output, format, form, picture, kind = "spread", resin, sheet, kept;
-  double layer_um = 50, height_um = 500, uv_mw_cm2 = 0, exposure_s = 30;
+  double layer_um = 50, height_um = 500, uv_mw_cm2 = 0;
+  double exposure_s = 0;  ///< 0: not said
 };
 void add_test_part(Program& program, TestPartOptions& options);
 

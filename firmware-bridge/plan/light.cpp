@@ -12,6 +12,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/place_models.hpp"
 
 namespace slicecorr::bridge {
@@ -71,9 +72,9 @@ void check_warm_up(const PrintPlan& plan, const StackInfo& info, const Machine& 
       dose_prime_at(k, plan.black_mw_cm2, 0, 0, machine.blue.warm_up_s) / k.critical_dose_prime;
   if (dose > 0.5) {
     throw InfeasibleError(fmt::format(
-        "the blue lamp warms up for {:g} s behind black, which still gives {:g} mW/cm²: {:.0f} % "
+        "the blue lamp warms up for {:g} s behind black, which still gives {:g} {}: {:.0f} % "
         "of the dose that gels the resin; 50 % are borne",
-        machine.blue.warm_up_s, plan.black_mw_cm2, dose * 100));
+        machine.blue.warm_up_s, plan.black_mw_cm2, light_words(info.resin->unit), dose * 100));
   }
 }
 

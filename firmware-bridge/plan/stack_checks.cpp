@@ -5,6 +5,7 @@
 
 #include "plan/checks.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 
 namespace slicecorr::bridge {
 
@@ -98,12 +99,16 @@ void check_printer(const StackInfo& info, const std::string& path, const Machine
       made.pixel_y_um != here.pixel_y_um) {
     differs("its display has", size(made), size(here));
   }
+  if (made.unit != here.unit) {
+    differs("its light is in units", std::string(light_words(made.unit)),
+            std::string(light_words(here.unit)));
+  }
   if (made.calibration != here.calibration) {
     differs("its calibration ends at",
-            fmt::format("{:g} mW/cm² ({} points)", made.calibration.back().intensity_mw_cm2,
-                        made.calibration.size()),
-            fmt::format("{:g} mW/cm² ({} points, all alike)",
-                        here.calibration.back().intensity_mw_cm2, here.calibration.size()));
+            fmt::format("{:g} {} ({} points)", made.calibration.back().intensity_mw_cm2,
+                        light_words(made.unit), made.calibration.size()),
+            fmt::format("{:g} {} ({} points, all alike)", here.calibration.back().intensity_mw_cm2,
+                        light_words(here.unit), here.calibration.size()));
   }
   if (made.flat_field != here.flat_field) {
     differs("its light is", made.flat_field ? "uneven in another way" : "even",

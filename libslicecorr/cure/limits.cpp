@@ -16,6 +16,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
 #include "support/numbers/bracket.hpp"
@@ -105,6 +106,16 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
              : fmt::format("layer {}, exposed for {:.5g} s,", layer, exposure);
 }
 
+/// "29.7 mW/cm²".
+std::string full_light(const Printer& printer) {
+  return fmt::format("{:g} {}", printer.calibration.back().intensity_mw_cm2,
+                     light_words(printer.unit));
+}
+std::string black_light(const Printer& printer) {
+  return fmt::format("{:g} {}", printer.calibration.front().intensity_mw_cm2,
+                     light_words(printer.unit));
+}
+
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
@@ -169,11 +180,11 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
     const std::string asks =
         model.lifts ? fmt::format(", where {:g} must be", model.lifts->green_strength) : "";
     v.weak = fmt::format(
-        "a layer does not {}: {} full light ({:g} mW/cm²) leaves {:.4g} of the critical "
+        "a layer does not {}: {} full light ({}) leaves {:.4g} of the critical "
         "dose at its far edge{}",
         model.lifts ? "hold when the platform lifts" : "gel through",
-        failing_layer(model, process, weakest_layer(model)),
-        printer.calibration.back().intensity_mw_cm2, left_at_far_edge(model, doses), asks);
+        failing_layer(model, process, weakest_layer(model)), full_light(printer),
+        left_at_far_edge(model, doses), asks);
   }
   if (doses.black >= 1.0) {
     const auto rule = static_cast<int>(model.exposure_ratio.size());
@@ -181,9 +192,9 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
     const int layer =
         as_a_rule ? std::max(0, rule - 1) : most_black(model, model.exposure_ratio).layer;
     v.black = fmt::format(
-        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
+        "black pixels gel the resin: {} the light of black ({}) adds up to {:.4g} of the "
         "critical dose",
-        failing_layer(model, process, layer), printer.calibration.front().intensity_mw_cm2,
+        failing_layer(model, process, layer), black_light(printer),
         as_a_rule ? model.ratio(rule) * alike_black(model) : doses.black);
   }
   return v;
@@ -201,25 +212,23 @@ detail::Verdict continuous_verdict(const CureModel& model, const Printer& printe
   detail::Verdict v;
   if (!gels(model, doses.lit) && model.phi_max() > 1.0) {
     v.weak = fmt::format(
-        "the resin is not deep enough: at {:g} mm/h {:g} um of it let full light ({:g} mW/cm², phi "
+        "the resin is not deep enough: at {:g} mm/h {:g} um of it let full light ({}, phi "
         "{:.4g}) reach {:.4g} of the dose aimed at; it takes at least {:g} um",
-        process.speed_mm_h, model.bath_slices * model.layer_um,
-        printer.calibration.back().intensity_mw_cm2, model.phi_max(), doses.lit,
-        least_depth_um(model));
+        process.speed_mm_h, model.bath_slices * model.layer_um, full_light(printer),
+        model.phi_max(), doses.lit, least_depth_um(model));
   } else if (!gels(model, doses.lit)) {
     v.weak = fmt::format(
-        "the resin never gels: at {:g} mm/h even full light ({:g} mW/cm², phi {:.4g}) stays below "
+        "the resin never gels: at {:g} mm/h even full light ({}, phi {:.4g}) stays below "
         "the critical intensity",
-        process.speed_mm_h, printer.calibration.back().intensity_mw_cm2, doses.lit);
+        process.speed_mm_h, full_light(printer), doses.lit);
   }
   if (doses.black >= 1.0) {
     const bool back = model.mirrored_slices > 0;
     v.black = fmt::format(
-        "black pixels gel the resin{}: at {:g} mm/h the light of black ({:g} mW/cm², {} {:.4g}) "
+        "black pixels gel the resin{}: at {:g} mm/h the light of black ({}, {} {:.4g}) "
         "reaches the critical {}",
         back ? " beside the platform, which sends light back" : "", process.speed_mm_h,
-        printer.calibration.front().intensity_mw_cm2, back ? "dose" : "phi", doses.black,
-        back ? "one" : "intensity");
+        black_light(printer), back ? "dose" : "phi", doses.black, back ? "one" : "intensity");
   }
   return v;
 }
@@ -424,12 +433,12 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   std::string text;
   if (failing.lit) {
     const bool reaches = is_plain_layerwise(*places.front().model);
-    text = fmt::format("with {} {} mW/cm²{}", reaches ? "at least" : "more than", at_least(full),
-                       failing.black ? " of full light" : "");
+    text = fmt::format("with {} {} {}{}", reaches ? "at least" : "more than", at_least(full),
+                       light_words(printer.unit), failing.black ? " of full light" : "");
   }
   if (failing.black) {
-    text +=
-        fmt::format("{}black below {} mW/cm²", text.empty() ? "with " : " and ", at_most(black));
+    text += fmt::format("{}black below {} {}", text.empty() ? "with " : " and ", at_most(black),
+                        light_words(printer.unit));
   }
   return text;
 }

@@ -6,6 +6,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -17,6 +18,7 @@ FlowResin flow_resin(const Resin& resin, const std::string& source) {
         "is missing; resin flow needs the dynamic viscosity of the liquid resin, Pa·s");
   }
   refuse_bleaching(resin, "flowing resin");
+  refuse_relative(resin, "resin flow");
   return {make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,
           resin.dose_diffusion_m2_s, resin.inhibitor_life_s};
 }

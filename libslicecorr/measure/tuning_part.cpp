@@ -15,6 +15,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_map.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -101,6 +102,11 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& a
     throw InputError(
         fmt::format("a part '{}' needs a resin, which says how long its plugs take; expected one",
                     word_of(kind)));
+  }
+  // Their tables are of mW/cm²; films (films_part.hpp) do without.
+  if (!is_comb()) {
+    refuse_relative(printer, fmt::format("a part '{}'", word_of(kind)).c_str());
+    if (ask.resin) check_same_unit(printer, *ask.resin);
   }
   if (ask.resin) refuse_bleaching(*ask.resin, "the times of test parts");
   if (ask.resin && ask.resin->has_gel_time()) {

@@ -12,8 +12,10 @@
 #include "process/flat_field_keys.hpp"
 #include "process/spread_keys.hpp"
 #include "process/tomography_keys.hpp"
+#include "process/unit_key.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
@@ -252,6 +254,25 @@ std::string find_definition(const std::string& name, std::string_view kind) {
 
 namespace {
 
+/// Takes `[blue] unit`, and refuses what needs mW/cm² beside light of another unit.
+void take_unit(const TomlTable& root, const TomlTable& blue, Printer& printer) {
+  printer.unit = detail::unit_key(blue);
+  if (printer.unit == LightUnit::mw_cm2) return;
+  for (const char* table : {"uv", "vial", "optics", "rotation", "beams"}) {
+    if (!root.has(table)) continue;
+    blue.fail(
+        "unit",
+        fmt::format("is \"{}\", and the file has a [{}], which counts light in mW/cm²; expected "
+                    "one of both",
+                    word_of(printer.unit), table));
+  }
+  if (!printer.calibration.empty() && printer.calibration.back().intensity_mw_cm2 != 1) {
+    blue.fail("calibration",
+              fmt::format("ends at {:g}; expected 1, the brightest level, in its own unit",
+                          printer.calibration.back().intensity_mw_cm2));
+  }
+}
+
 bool is_to_be_measured(const TomlTable& blue) {
   const toml::node* node = blue.node("calibration");
   return node && node->is_string() && **node->as_string() == kToBeMeasured;
@@ -317,6 +338,7 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
     blue.fail("calibration", "is " + how_to_measure_light(printer) +
                                  "; expected [[grey level, mW/cm²], ...] or a .csv file");
   }
+  take_unit(root, blue, printer);
   printer.spread.gaussians = detail::spread_keys(blue, printer).gaussians;
   if (const auto uv = root.table("uv")) {
     UvLamp lamp;
@@ -385,7 +407,8 @@ std::string how_to_measure_light(const Printer& printer) {
       "{}: nobody has told yet how bright the display of printer '{}' is at each grey level. Lay a "
       "power meter{} on the display without its vat, show even images of many grey levels, dark ones "
       "close together, 0 and {} among them, and note the mW/cm² of each. slicecorr testpart levels makes "
-      "these images, with a table to fill in, and resinctl import a printer file of the table",
+      "these images, with a table to fill in, and resinctl import a printer file of the table. Who has "
+      "calipers and no power meter takes slicecorr testpart films and resinctl calibrate",
       kToBeMeasured, printer.name,
       printer.wavelength_nm > 0 ? fmt::format(" for {:g} nm", printer.wavelength_nm) : "",
       printer.levels() - 1);

@@ -11,7 +11,9 @@
 #include "process/chemistry_keys.hpp"
 #include "process/spread_keys.hpp"
 #include "process/tomography_keys.hpp"
+#include "process/unit_key.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
@@ -67,6 +69,12 @@ Bleaching bleaching_of(const TomlTable& table, const Resin& resin) {
 }
 
 std::string only_for_m_1(const Resin& resin) {
+  if (is_relative(resin)) {
+    return fmt::format(
+        "is \"{}\"; a dose in mJ/cm³ can't replace one in seconds of full light; expected a dose "
+        "factor, which scales that of any resin",
+        word_of(resin.unit));
+  }
   if (resin.model == CureModelKind::gel_time) {
     return "is \"gel-time\"; a dose in mJ/cm³ can't replace its two numbers; expected a dose factor, "
            "which scales that of any resin";
@@ -171,6 +179,41 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
   }
 }
 
+/// Takes the dose of a resin whose light is told in shares of the brightest level's, and refuses what
+/// needs mW/cm².
+void resolve_relative(const TomlTable& root, const TomlTable& cure, const ResinOverrides& overrides,
+                      Resin& resin) {
+  if (resin.model != CureModelKind::jacobs) {
+    cure.fail("unit",
+              fmt::format("is \"{}\", which goes with model = \"jacobs\" alone; expected that",
+                          word_of(resin.unit)));
+  }
+  for (const char* table : {"inhibition", "bleaching", "chemistry"}) {
+    if (!root.has(table) || (std::string_view(table) == "chemistry" && !root.table(table)))
+      continue;
+    cure.fail(
+        "unit",
+        fmt::format("is \"{}\", and the file has a [{}], which counts light in mW/cm²; expected "
+                    "one of both",
+                    word_of(resin.unit), table));
+  }
+  for (const char* key : {"gel_dose_mj_cm3", "gel_dose_mj_cm2", "critical_dose_mj_cm3",
+                          "critical_dose_mj_cm2", "critical_dose_prime", "dose_factor"}) {
+    if (!cure.has(key)) continue;
+    cure.fail(key, fmt::format("does not go with unit = \"{}\"; expected critical_dose_s alone",
+                               word_of(resin.unit)));
+  }
+  for (const char* key : {"inhibition_dose_mj_cm3", "inhibition_resupply_mj_cm3_s"}) {
+    if (!cure.has(key) && !root.has(key)) continue;
+    cure.fail(cure.has(key) ? key : "unit",
+              fmt::format("does not go with unit = \"{}\" and {}; expected one of both",
+                          word_of(resin.unit), key));
+  }
+  if (overrides.dc_mj_cm3) cure.fail("unit", only_for_m_1(resin));
+  resin.critical_dose_mj_cm3 = units::volumetric_from_areal(
+      cure.required_number("critical_dose_s", 0, 1e9), dose_height_e_um(resin));
+}
+
 /// Gives the resin another absorbance height. What cures goes on absorbing as it did.
 void take_height(Resin& resin, double height10_um) {
   resin.absorbance_height10_um = height10_um;
@@ -237,6 +280,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.model = model == "gel-time"  ? CureModelKind::gel_time
                 : model == "kinetic" ? CureModelKind::kinetic
                                      : CureModelKind::jacobs;
+  resin.unit = detail::unit_key(cure);
   resin.m = cure.number("m", 0, 2).value_or(1.0);
   if (resin.model == CureModelKind::jacobs && resin.m != 1.0) {
     cure.fail("m",
@@ -259,7 +303,13 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.tuned_with = tuned_with(root);
   check_overrides(overrides);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
-  if (resin.model == CureModelKind::gel_time) {
+  if (!is_relative(resin) && cure.has("critical_dose_s")) {
+    cure.fail("critical_dose_s", fmt::format("is for unit = \"{}\"; expected it beside that",
+                                             word_of(LightUnit::brightest)));
+  }
+  if (is_relative(resin)) {
+    resolve_relative(root, cure, overrides, resin);
+  } else if (resin.model == CureModelKind::gel_time) {
     resolve_gel_time(cure, overrides.dc_mj_cm3, resin);
   } else {
     for (const char* key : {"gel_a_mj_cm2", "gel_b_sqrt_mw_cm2_s"}) {
@@ -312,9 +362,13 @@ double dose_height_e_um(const Resin& resin) {
 
 Resin with_overrides(Resin resin, const ResinOverrides& overrides) {
   check_overrides(overrides);
+  const double before_um = dose_height_e_um(resin);
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
+  // Seconds of full light are areal, whatever the height.
+  if (is_relative(resin)) resin.critical_dose_mj_cm3 *= before_um / dose_height_e_um(resin);
   if (overrides.dc_mj_cm3) {
     if (resin.has_gel_time()) throw InputError(resin.name, "model", only_for_m_1(resin));
+    if (is_relative(resin)) throw InputError(resin.name, "unit", only_for_m_1(resin));
     if (resin.m != 1.0) throw InputError(resin.name, "m", only_for_m_1(resin));
     resin.critical_dose_mj_cm3 = *overrides.dc_mj_cm3;
     resin.critical_dose_prime = 0;

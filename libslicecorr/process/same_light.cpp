@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 
 namespace slicecorr {
 
@@ -81,13 +82,14 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
 }
 
 std::string printer_and_light(const Printer& printer) {
-  return fmt::format("{}, {:.4g} to {:.4g} mW/cm2", printer.name,
+  return fmt::format("{}, {:.4g} to {:.4g} {}", printer.name,
                      printer.calibration.front().intensity_mw_cm2,
-                     printer.calibration.back().intensity_mw_cm2);
+                     printer.calibration.back().intensity_mw_cm2, word_of(printer.unit));
 }
 
 void check_same_light(const Printer& printer, const Resin& resin, bool uv, bool take,
                       const std::string& take_it) {
+  check_same_unit(printer, resin);
   if (!resin.tuned_with.empty() && !printer.calibration.empty()) {
     if (const std::string here = printer_and_light(printer); here != resin.tuned_with) {
       throw InputError(fmt::format(

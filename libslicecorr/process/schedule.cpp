@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
 
@@ -166,6 +167,8 @@ std::string dose_in_words(const Resin& resin) {
                                        resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s)
                      : resin.critical_dose_prime > 0
                          ? fmt::format("{:.4g} (mW/cm²)^{:g}·s", resin.critical_dose_prime, resin.m)
+                     : is_relative(resin)
+                         ? fmt::format("{:.4g} {}", critical_dose_s(resin), dose_words(resin.unit))
                          : fmt::format("{:.4g} mJ/cm³", resin.critical_dose_mj_cm3);
   if (resin.gel_dose_mj_cm3 > 0) {
     text += fmt::format(", gels at {:.4g}", resin.gel_dose_mj_cm3);

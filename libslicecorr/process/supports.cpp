@@ -9,6 +9,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_spreads.hpp"
+#include "slicecorr/light_unit.hpp"
 
 namespace slicecorr {
 
@@ -333,10 +334,12 @@ void check_supported(std::span<const Feature> features, const std::string& print
 }
 
 void check_supported(const Printer& printer, const Resin& resin, const Process& process) {
+  check_same_unit(printer, resin);
   check_supported(features_of(printer, resin, process), printer.name, resin.name);
 }
 
 void check_corrected(const Printer& printer, const Resin& resin, const Process& process) {
+  check_same_unit(printer, resin);
   const std::vector<Feature> features = features_of(printer, resin, process);
   check_supported(features, printer.name, resin.name);
   if (const Unsupported* pair = find_unsupported(features, not_corrected)) {

@@ -13,6 +13,7 @@
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/left_alone.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/same_light.hpp"
@@ -196,11 +197,11 @@ Markup summary(const ReportContent& c) {
     }
   }
   html += markup(
-      R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} mW/cm²), resin {} (absorbance height {:g} um base 10, dose aimed at {}).)x",
+      R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} {}), resin {} (absorbance height {:g} um base 10, dose aimed at {}).)x",
       c.setup.printer.name, c.setup.printer.levels(),
       c.setup.printer.calibration.front().intensity_mw_cm2,
-      c.setup.printer.calibration.back().intensity_mw_cm2, c.setup.resin.name,
-      c.setup.resin.absorbance_height10_um, dose_in_words(c.setup.resin));
+      c.setup.printer.calibration.back().intensity_mw_cm2, light_words(c.setup.printer.unit),
+      c.setup.resin.name, c.setup.resin.absorbance_height10_um, dose_in_words(c.setup.resin));
   const auto say = [&](const char* what, const std::string& words) {
     if (!words.empty()) html += fmt::format(" {}: {}.", what, words);
   };

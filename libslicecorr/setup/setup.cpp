@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/setup.hpp"
 
 #include <fmt/format.h>
@@ -564,6 +565,9 @@ Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
   Uncertainty u = parse_uncertainty(
       text, setup.process.mode,
       usual_light_share(setup.process) * setup.printer.calibration.back().intensity_mw_cm2, resin);
+  if (u.sd(UncertainInput::stray) > 0) {
+    refuse_relative(setup.printer, "an error of stray light (uncertain)");
+  }
   if (u.from_fit && (choices.ha_um > 0 || choices.dc_mj_cm3 > 0)) {
     throw InputError(fmt::format(
         "{} fit says how sure the file's own height and dose are, and another is given by {} or {}; "

@@ -100,6 +100,13 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
      .what =
          "grey level and mW/cm² at the window, all levels, never falling; or \"to be measured\""},
     {.table = "blue",
+     .key = "unit",
+     .type = choice,
+     .choices = "mW/cm2|of the brightest level",
+     .what =
+         "of the light of these levels; mW/cm2 without it. Of the brightest level: shares of its "
+         "light, which is 1 (resinctl calibrate); the resin's doses are then seconds of it"},
+    {.table = "blue",
      .key = "spread",
      .type = spread,
      .what = "how its light spreads at the window; not at all without it"},

@@ -95,6 +95,20 @@ constexpr std::array kResinRules = std::to_array<KeyRule>({
      .high = 1e9,
      .what = "D'c of a kinetic fit, (mW/cm²)^m·s; the gel dose when dose_factor stands beside it"},
     {.table = "cure",
+     .key = "unit",
+     .type = choice,
+     .choices = "mW/cm2|of the brightest level",
+     .what =
+         "in what its doses count light; mW/cm2 without it. Of the brightest level: the printer's "
+         "own (resinctl calibrate), with model = \"jacobs\" and critical_dose_s"},
+    {.table = "cure",
+     .key = "critical_dose_s",
+     .type = number,
+     .high = 1e9,
+     .what =
+         "dose aimed at in seconds of the brightest level's light, which gel a surface; with such a "
+         "unit alone"},
+    {.table = "cure",
      .key = "absorption_per_cm",
      .type = number,
      .high = 1e6,

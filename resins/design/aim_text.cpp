@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/record.hpp"
 
@@ -26,6 +27,10 @@ std::string aim_words(const Resin& resin) {
     }
     return fmt::format("Correction aims at the gel dose itself, D′c = {:.4g} {}.", f.aim_prime,
                        unit);
+  }
+  if (is_relative(resin)) {
+    return fmt::format("Correction aims at {:.4g} {}.", critical_dose_s(resin),
+                       dose_words(resin.unit));
   }
   if (!(f.aim_mj_cm3 > 0)) return "The record has no dose that correction could aim at.";
   std::string text = fmt::format("Correction aims at {:.4g} mJ/cm³ ({:.4g} mJ/cm² areal)",

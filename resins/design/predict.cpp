@@ -11,6 +11,7 @@
 #include "design/numbers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/units.hpp"
@@ -25,7 +26,9 @@ namespace {
 /// Limits are named this far inside: what is typed back goes another way to its answer.
 constexpr double kInside = 1e-9;
 
-std::string dose_unit(double m) { return m == 1 ? "mJ/cm²" : fmt::format("(mW/cm²)^{:.3g} s", m); }
+std::string dose_unit(double m, LightUnit unit) {
+  return m == 1 ? std::string(dose_words(unit)) : fmt::format("(mW/cm²)^{:.3g} s", m);
+}
 
 /// Blue light at which passing light gives just the critical dose.
 double critical_intensity(const Kinetics& k, double uv, double speed) {
@@ -95,9 +98,9 @@ void describe_start(const Forecast& f, std::vector<std::string>& s) {
                             q.aim ? "what correction aims at," : "time to gel,",
                             figure(k.gel_time.A), figure(k.gel_time.B)));
   } else {
-    s.push_back(fmt::format("Dose used: {} {} {}{}.",
-                            q.aim ? "what correction aims at," : "gel dose,",
-                            figure(k.critical_dose_prime), dose_unit(k.m), q.aim ? "" : known));
+    s.push_back(
+        fmt::format("Dose used: {} {} {}{}.", q.aim ? "what correction aims at," : "gel dose,",
+                    figure(k.critical_dose_prime), dose_unit(k.m, f.unit), q.aim ? "" : known));
   }
   if (!inhibited(f)) {
     s.push_back(
@@ -164,8 +167,9 @@ void describe_passing(const Forecast& f, std::vector<std::string>& s) {
   const Passing& p = *f.passing;
   s.push_back(
       fmt::format("Continuous printing at {} mm/h: phi = {} (dose inside a long part, over the "
-                  "dose used); phi = 1 takes {} mW/cm².",
-                  figure(q.speed_mm_h), figure(p.phi), figure(p.critical_intensity_mw_cm2)));
+                  "dose used); phi = 1 takes {} {}.",
+                  figure(q.speed_mm_h), figure(p.phi), figure(p.critical_intensity_mw_cm2),
+                  light_words(f.unit)));
   if (p.phi <= 1) {
     s.push_back(
         fmt::format("That is too fast: the resin does not gel. With this light {} mm/h is the "
@@ -190,7 +194,8 @@ void describe_passing(const Forecast& f, std::vector<std::string>& s) {
 /// What a place gets of the calibration's light, and what becomes of it there.
 std::string place_in_words(const char* which, const Forecast& f) {
   const Question& q = f.question;
-  std::string text = fmt::format("At the {} places ({} mW/cm²) ", which, figure(q.blue_mw_cm2));
+  std::string text =
+      fmt::format("At the {} places ({} {}) ", which, figure(q.blue_mw_cm2), light_words(f.unit));
   if (!inhibited(f)) {
     text += fmt::format("the window gels after {} s", figure(f.first.time_s));
   } else {
@@ -251,9 +256,10 @@ Forecast predict(const Resin& resin, const Question& q) {
   if (!(q.blue_mw_cm2 > 0)) throw InputError("blue light is 0; expected an intensity above 0");
   Forecast f;
   f.question = q;
+  f.unit = resin.unit;
   f.kinetics = make_kinetics(resin, q.uv_mw_cm2 > 0, q.aim);
-  f.gel_dose_known =
-      resin.dose_factor > 1 || resin.gel_dose_mj_cm3 > 0 || resin.critical_dose_prime > 0;
+  f.gel_dose_known = resin.dose_factor > 1 || resin.gel_dose_mj_cm3 > 0 ||
+                     resin.critical_dose_prime > 0 || is_relative(resin);
   const Kinetics& k = f.kinetics;
   f.first = first_gel(k, q.blue_mw_cm2, q.uv_mw_cm2);
   f.steady_dead_zone_um = steady_dead_zone_um(k, q.blue_mw_cm2, q.uv_mw_cm2);
@@ -312,6 +318,7 @@ std::string Forecast::to_json() const {
     j["gel_b_sqrt_mw_cm2_s"] = kinetics.gel_time.B;
   } else {
     j["critical_dose_prime"] = kinetics.critical_dose_prime;
+    j["unit"] = word_of(unit);
     j["m"] = kinetics.m;
   }
   j["h_um"] = kinetics.hb_um;

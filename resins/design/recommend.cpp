@@ -13,6 +13,7 @@
 #include "design/numbers.hpp"
 #include "design/recommendation_text.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/units.hpp"
 
@@ -142,6 +143,8 @@ void check_wish(const Printer& printer, const Resin& resin, const Wish& wish) {
 }  // namespace
 
 Recommendation recommend(const Resin& resin, const Printer& printer, const Wish& wish) {
+  refuse_relative(printer, "a resin that is recommended");
+  check_same_unit(printer, resin);
   if (resin.has_gel_time()) {
     throw InputError(resin.name, "cure.model",
                      "is \"gel-time\"; an absorber is chosen for one law of dose: expected a resin "

@@ -8,6 +8,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/csv.hpp"
@@ -33,6 +34,7 @@ std::string to_json(const ResinRecord& r) {
   }
   if (r.wavelength_nm > 0) j["wavelength_nm"] = r.wavelength_nm;
   j["model"] = name_of(r.resin.model);
+  j["unit"] = word_of(r.resin.unit);
   if (r.resin.has_gel_time()) {
     j["gel_time"] = {{"gel_a_mj_cm2", r.resin.gel_a_mj_cm2 / f.dose_factor},
                      {"gel_b_sqrt_mw_cm2_s", r.resin.gel_b_sqrt_mw_cm2_s / f.dose_factor}};
@@ -107,6 +109,7 @@ std::string to_csv(const ResinRecord& r) {
     return at == r.provenance.end() ? "" : at->second;
   };
   refuse_bleaching(r.resin, "tables, which have no column for it");
+  refuse_relative(r.resin, "a table");
   const bool kinetic = r.resin.m != 1.0;
   const bool has_gel = f.gel_prime > 0 || r.resin.has_gel_time();
   cell("resin", r.product.empty() ? r.name : r.product);
@@ -153,6 +156,7 @@ std::string to_prusaslicer(const ResinRecord& r, double layer_um, double intensi
                                  layer_um > 0 ? "--intensity-mw-cm2, that of the printer"
                                               : "--layer-um and --intensity-mw-cm2"));
   }
+  refuse_relative(r.resin, "a PrusaSlicer material");
   const Kinetics k = make_kinetics(r.resin, false, true);
   const double exposure_s = exposure_for_height_s(k, intensity_mw_cm2, layer_um);
   // Median over 463 presets of Prusa Research's SLA profiles (version 1.0.4): 4.4; half of them lie

@@ -10,6 +10,7 @@
 
 #include "picture/fit_text.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/plots.hpp"
 #include "support/chart/chart.hpp"
@@ -44,7 +45,11 @@ Markup figures_table(const ResinRecord& record) {
     table.row("Aim over time to gel", value(factor, ""), "");
     return table;
   }
-  if (m == 1) {
+  if (is_relative(record.resin)) {
+    const std::string unit(dose_words(record.resin.unit));
+    table.row("Gel dose", value(f.gel_mj_cm2, unit), "");
+    table.row("Dose aimed at", value(f.aim_mj_cm2, unit), "");
+  } else if (m == 1) {
     table.row("Gel dose", value(f.gel_mj_cm2, "mJ/cm²"), value(f.gel_mj_cm3, "mJ/cm³"));
     table.row("Dose aimed at", value(f.aim_mj_cm2, "mJ/cm²"), value(f.aim_mj_cm3, "mJ/cm³"));
   }
@@ -85,6 +90,8 @@ Markup fit_section(const FitResult& fit) {
 }
 
 Markup fronts_figures(const ResinRecord& record, const std::vector<FitResult>& fits) {
+  // Fronts under so many mW/cm² say nothing of a resin whose doses are in another unit.
+  if (is_relative(record.resin)) return {};
   const Kinetics k = make_kinetics(record.resin, record.resin.inhibition.has_value(), false);
   // As measured where dead zones were; else round numbers with UV twice as strong as is needed to
   // keep the window free.

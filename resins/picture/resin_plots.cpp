@@ -10,6 +10,7 @@
 
 #include "picture/fit_text.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/plots.hpp"
 #include "slicecorr/units.hpp"
 #include "support/chart/chart.hpp"
@@ -25,13 +26,14 @@ using chart::Picture;
 using chart::Point;
 using chart::Style;
 
-std::string words_of(const Kinetics& k) {
+/// `unit`: of its dose.
+std::string words_of(const Kinetics& k, const std::string& unit) {
   if (k.has_gel_time()) {
     return fmt::format("h {} um (base e), A {} mJ/cm², B {} √(mW/cm²)·s: gels after A/i + B/√i",
                        figure(k.hb_um), figure(k.gel_time.A), figure(k.gel_time.B));
   }
   std::string text = fmt::format("hb {} um, D′c {} {}, m {}", figure(k.hb_um),
-                                 figure(k.critical_dose_prime), prime_unit(k.m), figure(k.m));
+                                 figure(k.critical_dose_prime), unit, figure(k.m));
   if (k.bleaching) {
     text += fmt::format(", bleaches to hb {} um by {} mJ/cm²", figure(1 / k.bleaching->bleached()),
                         figure(k.bleaching->dose()));
@@ -130,7 +132,7 @@ std::string fronts_svg(const Kinetics& k, double blue, double uv, double greates
        !zoom);
   if (zoom) draw({"the same, closer, um", false, 0, 1.25 * first.z_um}, 170, true, true, true);
 
-  picture.note(words_of(k));
+  picture.note(words_of(k, prime_unit(k.m)));
   if (end <= first.time_s) {
     picture.note(
         fmt::format("Nothing gels within {} s: the first gel comes after {} s, {} um above the "
@@ -178,7 +180,7 @@ std::string gel_time_svg(const std::string& name, const Kinetics& gel, const Kin
   Panel below(x, {"exponent m there", false, 0.45, 1.05}, 160);
   below.line(exponent, Style::fit);
   picture.add(below);
-  picture.note(words_of(gel));
+  picture.note(words_of(gel, prime_unit(gel.m)));
   if (further) {
     picture.note(fmt::format("Correction aims at {:.3g} times that time.", aim.gel_time.A / g.A));
   }
@@ -199,12 +201,13 @@ std::string record_svg(const ResinRecord& record) {
   const double gel_dose = gel.critical_dose_prime, aim_dose = aim.critical_dose_prime;
   // A dose without a factor is one to aim at; that the resin gels there is not said.
   const bool gel_known = aim_dose > gel_dose * (1 + 1e-9) || resin.gel_dose_mj_cm3 > 0;
-  const std::string unit = prime_unit(gel.m);
+  const std::string unit =
+      is_relative(resin) ? std::string(dose_words(resin.unit)) : prime_unit(gel.m);
 
   Picture picture(
       titled(record.name, resin.inhibition ? "working curve and dead zone" : "working curve"),
       fmt::format("Cured height over dose, from the parameters of resin {}.", record.name));
-  const Axis x{gel.m == 1 ? "dose D, mJ/cm²" : fmt::format("dose analogue D′ = Iᵐ t, {}", unit),
+  const Axis x{gel.m == 1 ? "dose D, " + unit : fmt::format("dose analogue D′ = Iᵐ t, {}", unit),
                true, gel_dose / 1.6, std::max(2 * aim_dose, 30 * gel_dose)};
   const double top = cured_height_um(gel, 1, x.high);
   Panel panel(x, {"cured height, um", false, 0, 1.04 * top}, 280);
@@ -238,9 +241,9 @@ std::string record_svg(const ResinRecord& record) {
     zone.vertical(1 / k.beta, fmt::format("β Iuv = Ib at {}", figure(1 / k.beta)));
     zone.line(line, Style::fit);
     picture.add(zone);
-    picture.note(words_of(k));
+    picture.note(words_of(k, unit));
   } else {
-    picture.note(words_of(gel));
+    picture.note(words_of(gel, unit));
   }
   picture.note(
       gel_known ? fmt::format("Correction aims at {} {}, {:.3g} times the gel dose.",

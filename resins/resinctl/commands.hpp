@@ -10,6 +10,7 @@ namespace slicecorr::resinctl {
 
 void add_fit(cli::Program& program);          ///< fit
 void add_derive(cli::Program& program);       ///< derive
+void add_calibrate(cli::Program& program);    ///< calibrate
 void add_optics(cli::Program& program);       ///< fit-optics
 void add_spread(cli::Program& program);       ///< fit-spread
 void add_tune(cli::Program& program);         ///< tune

@@ -17,6 +17,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
@@ -47,6 +48,7 @@ struct Range {
 
 /// Light at the window, and how deep below it still counts.
 Range range_of(const DeriveArguments& a, const Resin& resin, cli::Console& console) {
+  refuse_relative(resin, "a law that is derived");
   Range r{a.from, a.to, {}};
   std::optional<Printer> printer;
   if (!a.printer.empty()) {

@@ -13,6 +13,7 @@
 #include "slicecorr/beam_vat.hpp"
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/gel_time.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 #include "slicecorr/vial.hpp"
@@ -40,13 +41,13 @@ std::string four_digits(double value) {
 }
 
 /// A dose analogue in its unit.
-std::string prime(double value, double m) {
-  return m == 1.0 ? four_digits(value) + " mJ/cm²"
+std::string prime(double value, double m, LightUnit unit = LightUnit::mw_cm2) {
+  return m == 1.0 ? fmt::format("{} {}", four_digits(value), dose_words(unit))
                   : fmt::format("{} (mW/cm²)^{:g}·s", four_digits(value), m);
 }
 
 bool gel_is_known(const ResinRecord& r) {
-  if (r.resin.gel_dose_mj_cm3 > 0 || r.resin.has_gel_time()) return true;
+  if (r.resin.gel_dose_mj_cm3 > 0 || r.resin.has_gel_time() || is_relative(r.resin)) return true;
   // Without a factor, a kinetic file gives the dose aimed at.
   return r.resin.critical_dose_prime > 0 && r.text.find("dose_factor") != std::string::npos;
 }
@@ -57,7 +58,12 @@ std::string gel_time_text(const Resin& resin, double times) {
                      four_digits(times * resin.gel_b_sqrt_mw_cm2_s));
 }
 
-std::string dose_line(const char* what, const ResinFigures& f, double m, bool aim) {
+std::string dose_line(const char* what, const ResinFigures& f, const Resin& resin, bool aim) {
+  const double m = resin.m;
+  if (is_relative(resin)) {
+    return line(what, fmt::format("{} {} areal", four_digits(aim ? f.aim_mj_cm2 : f.gel_mj_cm2),
+                                  dose_words(resin.unit)));
+  }
   if (m == 1.0) {
     return line(what, fmt::format("{} mJ/cm² areal, {} mJ/cm³ volumetric",
                                   four_digits(aim ? f.aim_mj_cm2 : f.gel_mj_cm2),
@@ -89,6 +95,13 @@ std::string in_plain_words(const ResinRecord& r, const ResinFigures& f) {
                "  at 1, 10 and 100 mW/cm² m is {:.3f}, {:.3f} and {:.3f}.\n",
                gel_time_text(r.resin, 1 / f.dose_factor), f.dose_factor, even, local_exponent(g, 1),
                local_exponent(g, 10), local_exponent(g, 100));
+  }
+  if (is_relative(r.resin)) {
+    return out +
+           fmt::format(
+               "  {}: the brightest level of the printer gels a surface in that time. Doses are "
+               "in its unit, and go with its file alone.\n",
+               prime(f.aim_prime, m, r.resin.unit));
   }
   if (gel_is_known(r)) {
     out += fmt::format(
@@ -201,13 +214,13 @@ std::string aligned(const std::vector<std::vector<std::string>>& rows) {
 
 std::string gel_dose_text(const ResinRecord& r) {
   if (r.resin.has_gel_time()) return gel_time_text(r.resin, 1 / r.resin.dose_factor);
-  return gel_is_known(r) ? prime(figures_of(r.resin).gel_prime, r.resin.m) : "-";
+  return gel_is_known(r) ? prime(figures_of(r.resin).gel_prime, r.resin.m, r.resin.unit) : "-";
 }
 
 std::string aim_text(const ResinRecord& r) {
   const ResinFigures f = figures_of(r.resin);
   if (r.resin.has_gel_time()) return fmt::format("{:.4g} x gel", f.dose_factor);
-  const std::string dose = prime(f.aim_prime, r.resin.m);
+  const std::string dose = prime(f.aim_prime, r.resin.m, r.resin.unit);
   return gel_is_known(r) ? fmt::format("{} ({:.4g} x gel)", dose, f.dose_factor) : dose;
 }
 
@@ -314,8 +327,8 @@ std::string describe_resin(const ResinRecord& r) {
     out += line("time to gel", gel_time_text(r.resin, 1 / f.dose_factor));
     out += line("time aimed at", gel_time_text(r.resin, 1));
   } else {
-    if (gel_is_known(r)) out += dose_line("gel dose", f, m, false);
-    out += dose_line("dose aimed at", f, m, true);
+    if (gel_is_known(r)) out += dose_line("gel dose", f, r.resin, false);
+    out += dose_line("dose aimed at", f, r.resin, true);
   }
   if (gel_is_known(r)) out += line("dose factor", fmt::format("{:.4g}", f.dose_factor));
   if (r.resin.bleaches()) {
@@ -398,9 +411,9 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
   if (light_is_measured(p)) {
     const double low = p.calibration.front().intensity_mw_cm2;
     const double high = p.calibration.back().intensity_mw_cm2;
-    out +=
-        line("intensity", fmt::format("{:g} to {:g} mW/cm² at the {}, {} calibration points", low,
-                                      high, p.vial ? "axis" : "window", p.calibration.size()));
+    out += line("intensity",
+                fmt::format("{:g} to {:g} {} at the {}, {} calibration points", low, high,
+                            light_words(p.unit), p.vial ? "axis" : "window", p.calibration.size()));
     if (low > 0) {
       out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
     }
@@ -461,6 +474,7 @@ std::string printer_json(const Printer& p, const std::string& path) {
     return list;
   };
   if (light_is_measured(p)) {
+    j["unit"] = word_of(p.unit);
     j["calibration"] = curve(p.calibration);
   } else {
     j["calibration"] = kToBeMeasured;

@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/design.hpp"
 
@@ -45,6 +46,7 @@ void tell(cli::Console& console, const std::string& json, const std::vector<std:
 
 int predict_command(const PredictArguments& a, cli::Console& console) {
   const Resin resin = load_resin(a.resin);
+  if (a.printer.empty()) refuse_relative(resin, "--blue-mw-cm2");
   Question q = a.question;
   q.aim = a.dose == "aim";
   if (!a.printer.empty()) {
@@ -57,10 +59,10 @@ int predict_command(const PredictArguments& a, cli::Console& console) {
       q.blue_mw_cm2 = printer.calibration.back().intensity_mw_cm2;
       q.take_flat_field(printer);
     } else if (printer.flat_field) {
-      console.say(
-          fmt::format("This holds for places that get {:g} mW/cm²; the flat-field of printer '{}' "
-                      "gives {}.",
-                      q.blue_mw_cm2, printer.name, light_in_words(printer)));
+      console.say(fmt::format(
+          "This holds for places that get {:g} {}; the flat-field of printer '{}' "
+          "gives {}.",
+          q.blue_mw_cm2, light_words(printer.unit), printer.name, light_in_words(printer)));
     }
     if (q.black_mw_cm2 <= 0) q.black_mw_cm2 = printer.calibration.front().intensity_mw_cm2;
   }

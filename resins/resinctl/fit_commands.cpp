@@ -12,6 +12,7 @@
 #include "new_resin.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/fit.hpp"
@@ -97,6 +98,7 @@ void take_blue_law(const FitArguments& a, FitModel model, FitOptions& o, Console
                     a.model));
   }
   const Resin resin = load_resin(a.resin);
+  refuse_relative(resin, "a dead zone");
   if (resin.has_gel_time()) {
     throw InputError(resin.name, "cure.model",
                      "is \"gel-time\"; dead zones follow the kinetic law: expected a resin of it");

@@ -19,6 +19,10 @@ namespace slicecorr::resinctl {
 void read_fixed(const std::vector<std::string>& texts, const char* example,
                 std::set<std::string>& held, std::map<std::string, double>& fixed);
 
+/// Files that a printer file names lie beside it: those of a new one in another folder, too, but for a
+/// calibration, which becomes part of it. Throws `InputError` where others of these names are there.
+void copy_its_files(const std::string& from, const std::string& to);
+
 /// Says which version of a definition was written.
 void say_saved(const resins::Saved& saved, cli::Console& console);
 

@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   resinctl::add_optics(program);
   resinctl::add_spread(program);
   resinctl::add_tune(program);
+  resinctl::add_calibrate(program);
   resinctl::add_plot(program);
   resinctl::add_design(program);
   resinctl::add_chemistry(program);

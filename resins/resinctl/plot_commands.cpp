@@ -19,6 +19,7 @@
 
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/plots.hpp"
 #include "support/text/ascii.hpp"
 
@@ -51,6 +52,7 @@ std::string words_of(const FitResult& fit) {
 }
 
 Drawn draw_fronts(const Resin& resin, const std::string& name, const PlotArguments& a) {
+  refuse_relative(resin, "a picture of curing fronts");
   const bool asked_uv = a.uv_mw_cm2 >= 0;
   const bool inhibited = asked_uv ? a.uv_mw_cm2 > 0 : resin.inhibition.has_value();
   const Kinetics k = make_kinetics(resin, inhibited, false);

@@ -14,6 +14,7 @@
 #include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/spread_fit.hpp"
@@ -91,6 +92,8 @@ std::optional<double> dose_of_schedule(const SpreadArguments& a,
     throw InputError(fmt::format(
         "{} needs --resin, and --printer or --blue-mw-cm2, to say which dose light gives", option));
   }
+  if (a.blue_mw_cm2 > 0) refuse_relative(*resin, "--blue-mw-cm2");
+  if (printer && !(a.blue_mw_cm2 > 0)) check_same_unit(*printer, *resin);
   const Kinetics k = make_kinetics(*resin, false, a.dose == "aim");
   const double blue =
       a.blue_mw_cm2 > 0 ? a.blue_mw_cm2 : printer->calibration.back().intensity_mw_cm2;

@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "fitted.hpp"
 #include "programs/common/tune_options.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -79,25 +80,6 @@ std::string printer_output_of(const cli::TuneOptions& a) {
   if (!a.printer_output.empty() || a.output.empty() || a.output == "-") return a.printer_output;
   const fs::path resin(a.output);
   return (resin.parent_path() / (resin.stem().string() + "-printer.toml")).string();
-}
-
-/// Files that a printer file names lie beside it: those of a new one in another folder, too.
-void copy_its_files(const std::string& from, const std::string& to) {
-  const fs::path there = fs::absolute(to).parent_path();
-  std::error_code error;
-  if (fs::equivalent(fs::absolute(from).parent_path(), there, error)) return;
-  for (const Attachment& a : with_its_files(from, "printer").attachments) {
-    // The calibration becomes part of the new file.
-    if (a.table == "blue" && a.key == "calibration") continue;
-    const std::string path = (there / (a.stem + a.extension)).string();
-    if (fs::exists(path, error)) {
-      if (read_text_file(path) == a.bytes) continue;
-      throw InputError(path, "",
-                       "is there already and differs from the file of that name beside the "
-                       "printer's; expected another folder by --printer-output");
-    }
-    cli::write_text_file(path, a.bytes);
-  }
 }
 
 int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,

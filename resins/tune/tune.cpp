@@ -13,6 +13,7 @@
 
 #include "fit/least_squares.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "tune/matrix.hpp"
 
 namespace slicecorr::resins {
@@ -172,6 +173,9 @@ TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, 
                      "resinctl derive made for the intensities of the printer");
   }
   refuse_bleaching(resin, "what parts tell of a resin");
+  // What is known of stray light before is.
+  refuse_relative(printer, "tuning");
+  refuse_relative(resin, "tuning");
   check_prior(prior);
   if (!(sigma_um > 0) || !std::isfinite(sigma_um)) {
     throw InputError(fmt::format("edges are measured to {:g} um; expected more than 0", sigma_um));

@@ -115,9 +115,10 @@ $('new-printer').addEventListener('submit', async (event) => {
 function showResins() {
   const words = $('find').value.toLowerCase().split(/\s+/).filter(Boolean);
   const found = resins.filter((r) => words.every((w) => [r.name, r.maker, r.product, r.colour, r.chemistry].join(' ').toLowerCase().includes(w)));
-  const dose = (d) => (d && d.mj_cm2 !== undefined && d.mj_cm2 !== null ? figure(d.mj_cm2) : '-');
+  // Of calipers alone doses are seconds of the brightest level's light.
+  const dose = (d, unit) => (d && d.mj_cm2 !== undefined && d.mj_cm2 !== null ? figure(d.mj_cm2) + (unit === 'of the brightest level' ? ' s of full light' : '') : '-');
   $('resins').replaceChildren(tableOf([['Name', 'light, nm', 'absorbance height, um', 'gels at, mJ/cm²', 'aims at, mJ/cm²', 'curve'],
-    ...found.map((r) => [r.name, r.wavelength_nm || '-', r.absorbance_height_um ? figure(r.absorbance_height_um.base_e) : '-', dose(r.gel_dose), dose(r.aim), button('show', () => curve(r.name), 'link')])], 'Resins, ' + count(found.length) + ' of ' + count(resins.length)));
+    ...found.map((r) => [r.name, r.wavelength_nm || '-', r.absorbance_height_um ? figure(r.absorbance_height_um.base_e) : '-', dose(r.gel_dose, r.unit), dose(r.aim, r.unit), button('show', () => curve(r.name), 'link')])], 'Resins, ' + count(found.length) + ' of ' + count(resins.length)));
 }
 async function curve(name) {
   calm();
@@ -133,6 +134,6 @@ async function list() {
   resins = r;
   showResins();
   $('printers').replaceChildren(tableOf([['Name', 'pixels', 'pixel, um', 'light, nm', 'brightest, mW/cm²', 'fastest, mm/h'],
-    ...p.map((x) => [x.name, x.width_px + ' x ' + x.height_px, x.pixel_um ? x.pixel_um.map(figure).join(' x ') : '-', x.wavelength_nm || '-', Array.isArray(x.calibration) && x.calibration.length ? figure(x.calibration[x.calibration.length - 1][1]) : 'to be measured', x.max_speed_mm_h ? count(x.max_speed_mm_h) : '-'])], 'Printers'));
+    ...p.map((x) => [x.name, x.width_px + ' x ' + x.height_px, x.pixel_um ? x.pixel_um.map(figure).join(' x ') : '-', x.wavelength_nm || '-', Array.isArray(x.calibration) && x.calibration.length ? figure(x.calibration[x.calibration.length - 1][1]) + (x.unit === 'of the brightest level' ? ' (' + x.unit + ')' : '') : 'to be measured', x.max_speed_mm_h ? count(x.max_speed_mm_h) : '-'])], 'Printers'));
 }
 begin(async () => { $('fit').disabled = !tables.there.length; await list(); });

@@ -163,6 +163,12 @@ inline constexpr double kMostAdhesionKpa = 1e5;
 /// Most that `Printer::resin_depth_um` may be, um.
 inline constexpr double kMostDepthUm = 1e7;
 
+/// In what the curing light is told (light_unit.hpp).
+enum class LightUnit {
+  mw_cm2,     ///< mW/cm² at the window; doses are mJ/cm²
+  brightest,  ///< shares of the brightest level's light; doses are seconds of it
+};
+
 /// A printer file (contract: "Printer file").
 struct Printer {
   std::string name;
@@ -174,6 +180,9 @@ struct Printer {
   double wavelength_nm = 0;  ///< of the curing light; 0 when not given
   /// Levels rise strictly from 0 to 2^bit_depth - 1, intensities never fall and are not negative.
   std::vector<CalibrationPoint> calibration;
+  /// That of `calibration`. Where it is the brightest level's light, that is 1, and there is no UV
+  /// lamp.
+  LightUnit unit = LightUnit::mw_cm2;
   double max_speed_mm_h = 0;  ///< 0 when not given
   double travel_mm = 0;       ///< 0 when not given
   std::optional<UvLamp> uv;
@@ -250,6 +259,9 @@ struct Bleaching {
 struct Resin {
   std::string name;
   CureModelKind model = CureModelKind::jacobs;
+  /// That of all doses; the printer's must be the same. `brightest`: model jacobs, without inhibition,
+  /// bleaching or chemistry.
+  LightUnit unit = LightUnit::mw_cm2;
   double m = 1.0;  ///< exponent of intensity, 0 < m <= 2; 1 where a time to gel counts
   double absorbance_height10_um = 0;  ///< base 10: intensity falls to 1/10
   /// Volumetric dose that the correction aims at, mJ/cm³ (m = 1).

@@ -52,7 +52,8 @@ std::string printer_and_light(const Printer& printer);
 /// What follows it in the note of a tuned resin (`[provenance] tuning`), before the figures.
 inline constexpr std::string_view kTunedFigures = ": ha, light, ";
 
-/// Throws `InputError`, naming both, where resin and light have other wavelengths, unless `take`, and
+/// Throws `InputError`, naming both, where their doses and light have different units (light_unit.hpp),
+/// where resin and light have other wavelengths, unless `take`, and
 /// where the resin was tuned with another printer, or another calibration of it. `take_it`: how people
 /// take a resin of another wavelength, "--other-wavelength".
 void check_same_light(const Printer& printer, const Resin& resin, bool uv, bool take,

@@ -72,7 +72,8 @@ const Unsupported* find_unsupported(std::span<const Feature> features, Verdict v
 /// Throws `InputError` with the words of the table where two of these do not go together.
 void check_supported(std::span<const Feature> features, const std::string& printer = {},
                      const std::string& resin = {});
-/// The same of a print's light.
+/// The same of a print's light; also where printer and resin tell it in different units
+/// (light_unit.hpp).
 void check_supported(const Printer& printer, const Resin& resin, const Process& process);
 /// Of a correction: what is refused in all that is done, and what is not corrected for.
 void check_corrected(const Printer& printer, const Resin& resin, const Process& process);

@@ -15,6 +15,7 @@
 #include "flow_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_report.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/same_light.hpp"
@@ -43,6 +44,7 @@ void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in,
                   const ExecutionContext& context) {
   if (!o.printer.empty()) {
     in.printer = load_printer(o.printer);
+    refuse_relative(in.printer, "resin flow");
   } else if (info && info->printer) {
     in.printer = *info->printer;
   } else {
@@ -50,6 +52,7 @@ void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in,
   }
   if (!o.resin.empty()) {
     in.resin = load_resin(o.resin);
+    refuse_relative(in.resin, "resin flow");
   } else if (info && info->resin) {
     in.resin = *info->resin;
   } else {

@@ -16,6 +16,7 @@
 #include "slicecorr/chemistry_pattern.hpp"
 #include "slicecorr/chemistry_pictures.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/picture.hpp"
 #include "slicecorr/stack.hpp"
@@ -150,6 +151,7 @@ void check_outputs(const PatternOptions& o) {
 int pattern_command(const PatternOptions& o, const ExecutionContext& context, Console& console) {
   check_outputs(o);
   const Resin resin = load_resin(o.resin);
+  refuse_relative(resin, "--intensity-mw-cm2");
   if (!resin.chemistry) {
     throw InputError(o.resin, "chemistry", "missing; expected a resin whose file has [chemistry]");
   }

@@ -14,6 +14,7 @@
 #include <limits>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/turned.hpp"
@@ -210,6 +211,7 @@ int section_of_row(const SimulateOptions& o, const SetupOptions& options,
 int stationary(const SimulateOptions& o, const SetupOptions& options, Console& console) {
   const std::string form = form_of(o.output, {".svg", ".csv"});
   const Resin resin = load_resin(options.resin, resin_overrides(options));
+  refuse_relative(resin, "--blue-mw-cm2");
   const bool inhibited = options.uv_mw_cm2 > 0 || o.uv_ratio > 0;
   if (inhibited && !resin.inhibition) {
     wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",

@@ -10,6 +10,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/vial.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "support/text/base64.hpp"
@@ -178,6 +179,7 @@ Json printer_json(const Printer& p) {
                {"calibration", calibration_json(p.calibration)},
                {"max_speed_mm_h", p.max_speed_mm_h},
                {"travel_mm", p.travel_mm}};
+  if (is_relative(p)) json["unit"] = word_of(p.unit);
   if (p.uv) {
     json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
                   {"kind", p.uv->patterned ? "patterned" : "flood"},
@@ -300,6 +302,7 @@ Json resin_json(const Resin& r) {
   const auto given = [&](const char* key, double value) {
     if (value > 0) json[key] = value;
   };
+  if (is_relative(r)) json["unit"] = word_of(r.unit);
   given("gel_a_mj_cm2", r.gel_a_mj_cm2);
   given("gel_b_sqrt_mw_cm2_s", r.gel_b_sqrt_mw_cm2_s);
   given("active_absorption_per_cm", r.active_absorption_per_cm);
@@ -330,6 +333,17 @@ Json resin_json(const Resin& r) {
   return json;
 }
 
+namespace {
+
+/// A stack says nothing of mW/cm².
+LightUnit read_unit(const Node& node) {
+  if (!node.has("unit")) return LightUnit::mw_cm2;
+  node["unit"].choice({std::string(word_of(LightUnit::brightest))});
+  return LightUnit::brightest;
+}
+
+}  // namespace
+
 Printer read_printer(const Node& node) {
   Printer p;
   p.name = node["name"].string();
@@ -343,6 +357,7 @@ Printer read_printer(const Node& node) {
   if (p.calibration.front().level != 0 || p.calibration.back().level != p.levels() - 1) {
     node["calibration"].fail("points from level 0 to level " + std::to_string(p.levels() - 1));
   }
+  p.unit = read_unit(node);
   p.spread = read_spread(node, p);
   if (node.has("uv")) {
     const Node uv = node["uv"];
@@ -398,6 +413,7 @@ Resin read_resin(const Node& node) {
   constexpr CureModelKind models[] = {CureModelKind::jacobs, CureModelKind::kinetic,
                                       CureModelKind::gel_time};
   r.model = models[node["model"].choice({"jacobs", "kinetic", "gel-time"})];
+  r.unit = read_unit(node);
   r.m = node["m"].positive(2);
   r.absorbance_height10_um = node["absorbance_height10_um"].positive();
   r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, kLargest);

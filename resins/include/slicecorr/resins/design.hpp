@@ -53,6 +53,7 @@ struct Passing {
 
 struct Forecast {
   Question question;
+  LightUnit unit = LightUnit::mw_cm2;  ///< of all that is named for mW; the resin's
   Kinetics kinetics;
   bool gel_dose_known = true;
   /// After `exposure_s`; nothing when nothing has gelled by then. Without UV the front is the

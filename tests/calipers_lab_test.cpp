@@ -1,0 +1,154 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// Labs that have a printer, a resin and calipers, and nothing else: films are measured, printer and
+/// resin files are made of them, columns are corrected with these, and what prints is reckoned with what
+/// was hidden.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "films_lab.hpp"
+#include "models.hpp"
+#include "rounds.hpp"
+#include "slicecorr/correct.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/films_part.hpp"
+#include "slicecorr/measuring_form.hpp"
+#include "slicecorr/resins/films_fit.hpp"
+#include "slicecorr/unmeasured_light.hpp"
+#include "stack_fixture.hpp"
+
+namespace slicecorr::resins {
+namespace {
+
+constexpr double kLayerUm = 50;
+constexpr int kPoints = 100;  ///< of a layer, where prints are looked at
+
+/// The films of a lab, measured by calipers that are up to `off_um` off.
+FilmsFit calibrated(const test::HiddenPrinter& hidden, double off_um, std::mt19937& random,
+                    const test::TemporaryFolder& folder) {
+  const Printer dark = parse_display(test::kUnlitPrinter, "dark.toml");
+  FileGreys greys;
+  for (std::size_t i = 0; i < greys.size(); ++i) greys[i] = static_cast<std::uint8_t>(i);
+  const FilmsPart part(dark, greys, {});
+  MeasuringForm form = part.form();
+  for (std::size_t i = 0; i < form.rows.size(); ++i) {
+    const FilmSquare& s = part.squares()[i];
+    const double um =
+        test::read_by_calipers(hidden.film_um(s.level, part.exposure_s(s)), off_um, random);
+    if (um > 0) form.rows[i].push_back(fmt::format("{:.4f}", um));
+  }
+  test::write_file(folder / "films.csv", test::to_bytes(form_text(form)));
+  return fit_films(read_films(folder / "films.csv", dark), dark);
+}
+
+/// Where the upper edge of a feature lies that begins at node u, um above it, below as negative: points of
+/// the column are followed through all exposures, each lift exchanging `x` of what is liquid.
+double edge_um(const test::HiddenPrinter& hidden, const std::vector<std::uint8_t>& levels,
+               double exposure_s, int u, double x) {
+  const auto gels = [&](double z) {
+    double dose = 0;
+    for (int n = static_cast<int>(std::floor(z + 1e-9)); n < static_cast<int>(levels.size()); ++n) {
+      const double phi =
+          hidden.share[levels[static_cast<std::size_t>(n)]] * exposure_s / hidden.gel_s;
+      dose = (1 - x) * dose + phi * std::pow(10, -(n + 1 - z) * kLayerUm / hidden.ha_um);
+      if (dose >= 1) return true;
+    }
+    return false;
+  };
+  // From well inside the feature towards the platform.
+  int z = (u + 4) * kPoints;
+  while (z > 0 && gels(static_cast<double>(z - 1) / kPoints)) --z;
+  return (u - static_cast<double>(z) / kPoints) * kLayerUm;
+}
+
+struct Part {
+  std::vector<std::uint8_t> coverage;
+  std::vector<int> begins;  ///< nodes where a feature begins over a gap
+};
+
+/// Features of 6 layers and more, 8 and more apart: thicker than what light that lingers reaches.
+Part random_part(std::mt19937& random) {
+  constexpr int layers = 120;
+  Part part;
+  part.coverage.assign(layers, 0);
+  int n = 4 + static_cast<int>(random() % 8);
+  std::fill_n(part.coverage.begin(), n, std::uint8_t{255});
+  while (n < layers - 30) {
+    n += 12 + static_cast<int>(random() % 12);
+    part.begins.push_back(n);
+    const int end = std::min(layers, n + 8 + static_cast<int>(random() % 12));
+    std::fill(part.coverage.begin() + n, part.coverage.begin() + end, std::uint8_t{255});
+    n = end;
+  }
+  return part;
+}
+
+/// How far the worst edge of a random part lies from its place.
+double worst_edge_um(const test::HiddenPrinter& hidden, const FilmsFit& fit, double exposure_s,
+                     double x, std::mt19937& random) {
+  const Printer printer = parse_printer(
+      printer_with_films(test::kUnlitPrinter, "dark.toml", "mine", fit, 0), "mine.toml");
+  const Resin resin = parse_resin(resin_of_films("mine", printer, fit, 0), "mine.toml");
+  Process process;
+  process.mode = ExposureMode::layerwise;
+  process.exposure_s = exposure_s;
+  process.lifts = Lifts::each;
+  process.lift_exchange = x;
+  const CureModel model = make_cure_model(printer, resin, process, kLayerUm);
+  const Part part = random_part(random);
+  const int layers = static_cast<int>(part.coverage.size());
+  const std::vector<std::uint8_t> levels =
+      solve_column(CorrectionPlan{model, process, layers, layers}, part.coverage);
+  double worst = 0;
+  for (const int u : part.begins) {
+    worst = std::max(worst, std::abs(edge_um(hidden, levels, exposure_s, u, x)));
+  }
+  return worst;
+}
+
+struct Labs {
+  int count = 0, good = 0;
+  std::vector<double> edges_um;
+};
+
+/// `off_um`: of calipers.
+Labs labs(int count, double off_um, unsigned seed) {
+  std::mt19937 random(seed);
+  const test::TemporaryFolder folder;
+  Labs all;
+  while (all.count < count) {
+    const auto hidden = test::HiddenPrinter::random(random);
+    const FilmsFit fit = calibrated(hidden, off_um, random, folder);
+    // As bright as people expose: full light has 6 to 12 times what gels a surface.
+    const double exposure_s = hidden.gel_s * std::uniform_real_distribution(6., 12.)(random);
+    const double x = std::array{0.0, 0.3, 1.0}[random() % 3];
+    const double worst = worst_edge_um(hidden, fit, exposure_s, x, random);
+    ++all.count;
+    all.good += worst <= 15;
+    all.edges_um.push_back(worst);
+  }
+  return all;
+}
+
+// What is left without any error of calipers is that of levels between those that were measured, and of
+// grey levels themselves.
+TEST(CalipersLab, ExactFilmsPlaceEdges) {
+  const Labs all = labs(test::rounds(10), 0, 3);
+  for (const double um : all.edges_um) EXPECT_LT(um, 6);
+}
+
+// Calipers that are anywhere within 10 um off, and show steps of 10 um: edges of a part lie within 15 um of
+// their places in 95 % of labs.
+TEST(CalipersLab, EdgesLieWithinFifteenMicrometres) {
+  const Labs all = labs(test::rounds(40), 10, 4);
+  RecordProperty("labs", all.count);
+  RecordProperty("good", all.good);
+  EXPECT_GE(all.good, std::floor(0.95 * all.count));
+}
+
+}  // namespace
+}  // namespace slicecorr::resins

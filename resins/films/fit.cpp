@@ -22,6 +22,8 @@ namespace slicecorr::resins {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// Sets of steps that are tried: there are a few for each level.
+constexpr int kMostSets = 2000;
 
 /// Thickness is linear in its unknowns: ha, -ha log10(t_c), and for each level but the brightest the
 /// thickness by which a film of it is thinner than one of the level above, which is at least 0.
@@ -35,9 +37,6 @@ class FilmProblem final : public LeastSquares {
   std::size_t count() const override { return films_.size(); }
   std::size_t unknowns() const override { return 2 + free_.size(); }
   double step(std::size_t, double value) const override { return 1e-3 * std::max(1.0, value); }
-  double least(std::size_t unknown) const override {
-    return unknown < 2 ? -std::numeric_limits<double>::infinity() : 0;
-  }
   bool residuals(const double* values, double* out) const override {
     for (const FilmReading& film : films_) *out++ = film.thickness_um - found(values, film);
     return true;
@@ -62,13 +61,34 @@ class FilmProblem final : public LeastSquares {
     if (unknown == 1) return 1;
     return film.level <= levels_[free_[unknown - 2]] ? -1 : 0;
   }
-  /// Levels whose step down is 0 are taken to be as bright as the one above.
-  void join(const std::vector<double>& values) {
-    std::vector<std::size_t> left;
+  /// Whether all levels are as bright as the one above or darker, and none that is taken to be as bright
+  /// had better be darker; else changes the step that is furthest from that.
+  bool join_or_part(const std::vector<double>& values) {
+    std::size_t worst = free_.size();
     for (std::size_t i = 0; i < free_.size(); ++i) {
-      if (values[2 + i] > kLeastStepUm) left.push_back(free_[i]);
+      const double least = worst < free_.size() ? values[2 + worst] : 0;
+      if (values[2 + i] < least) worst = i;
     }
-    free_ = left;
+    if (worst < free_.size()) {
+      free_.erase(free_.begin() + static_cast<std::ptrdiff_t>(worst));
+      return false;
+    }
+    double most = kLeastGainUm;
+    std::size_t best = 0;
+    for (std::size_t k = 1; k < levels_.size(); ++k) {
+      if (std::find(free_.begin(), free_.end(), k) != free_.end()) continue;
+      // By how much these films are thinner than what is found of them, in all.
+      double thinner_um = 0;
+      for (const FilmReading& film : films_) {
+        if (film.level <= levels_[k]) thinner_um += found(values.data(), film) - film.thickness_um;
+      }
+      if (thinner_um <= most) continue;
+      most = thinner_um;
+      best = k;
+    }
+    if (best == 0) return true;
+    free_.insert(std::lower_bound(free_.begin(), free_.end(), best), best);
+    return false;
   }
   const std::vector<int>& levels() const { return levels_; }
   /// The levels, by their place among `levels`, that have a step of their own.
@@ -76,8 +96,8 @@ class FilmProblem final : public LeastSquares {
   const std::vector<FilmReading>& films() const { return films_; }
 
  private:
-  /// Below what is found of a step that is not there, far below what can be measured.
-  static constexpr double kLeastStepUm = 1e-6;
+  /// Below what rounding leaves, far below what can be measured.
+  static constexpr double kLeastGainUm = 1e-6;
   std::vector<FilmReading> films_;
   std::vector<int> levels_;
   std::vector<std::size_t> free_;
@@ -97,15 +117,16 @@ struct Solved {
 
 Solved solve(const std::vector<FilmReading>& films, const std::string& source) {
   Solved s{FilmProblem(films, levels_of(films)), {}, {}};
-  s.values.assign(s.problem.unknowns(), 1.0);
-  s.values[0] = 100;
-  bool found = std::isfinite(minimise(s.problem, s.values, kFine, 200));
-  // Once more without the steps that are 0, whose bound would hide in the intervals of others.
-  s.problem.join(s.values);
-  s.values.assign(s.problem.unknowns(), 1.0);
-  s.values[0] = 100;
-  found = found && std::isfinite(minimise(s.problem, s.values, kFine, 200));
-  s.shape = shape_of(s.problem, s.values);
+  bool found = false;
+  // Until nothing is to be changed: then it is the least that there is.
+  for (int tries = 0; tries < kMostSets; ++tries) {
+    s.values.assign(s.problem.unknowns(), 1.0);
+    s.values[0] = 100;
+    found = std::isfinite(minimise(s.problem, s.values, kFine, 200));
+    if (!found || s.problem.join_or_part(s.values)) break;
+    found = false;
+  }
+  if (found) s.shape = shape_of(s.problem, s.values);
   if (!found || !s.shape.holds || s.shape.unscaled.size() == 0) {
     throw InputError(source, "", "leaves something open; expected films of more times");
   }

@@ -85,10 +85,6 @@ double minimise(const LeastSquares& problem, std::vector<double>& values, double
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem solved(ownership);
   solved.AddResidualBlock(&residuals, nullptr, values.data());
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (!std::isfinite(problem.least(i))) continue;
-    solved.SetParameterLowerBound(values.data(), static_cast<int>(i), problem.least(i));
-  }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.logging_type = ceres::SILENT;

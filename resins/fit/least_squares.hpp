@@ -9,7 +9,6 @@
 #pragma once
 
 #include <Eigen/Dense>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -22,8 +21,6 @@ class LeastSquares {
   virtual std::size_t unknowns() const = 0;
   /// By which an unknown of this value is moved for its derivatives, > 0.
   virtual double step(std::size_t unknown, double value) const = 0;
-  /// The least that an unknown may be.
-  virtual double least(std::size_t) const { return -std::numeric_limits<double>::infinity(); }
   /// False where nothing is as these unknowns say.
   virtual bool residuals(const double* values, double* out) const = 0;
 
@@ -36,7 +33,7 @@ class LeastSquares {
 /// Relative, of the sum of squares and of unknowns: as fine as it gets.
 inline constexpr double kFine = 1e-12;
 
-/// From `values`, which are within their bounds, downhill to the least sum of squares, which it returns; infinite where nothing was
+/// From `values` downhill to the least sum of squares, which it returns; infinite where nothing was
 /// found.
 double minimise(const LeastSquares& problem, std::vector<double>& values, double tolerance,
                 int steps);

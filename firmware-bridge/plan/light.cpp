@@ -74,7 +74,7 @@ void check_warm_up(const PrintPlan& plan, const StackInfo& info, const Machine& 
     throw InfeasibleError(fmt::format(
         "the blue lamp warms up for {:g} s behind black, which still gives {:g} {}: {:.0f} % "
         "of the dose that gels the resin; 50 % are borne",
-        machine.blue.warm_up_s, plan.black_mw_cm2, light_words(info.resin->unit), dose * 100));
+        machine.blue.warm_up_s, plan.black_mw_cm2, unit_of_light(info.resin->unit), dose * 100));
   }
 }
 

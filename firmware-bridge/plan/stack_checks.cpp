@@ -100,15 +100,15 @@ void check_printer(const StackInfo& info, const std::string& path, const Machine
     differs("its display has", size(made), size(here));
   }
   if (made.unit != here.unit) {
-    differs("its light is in units", std::string(light_words(made.unit)),
-            std::string(light_words(here.unit)));
+    differs("its light is in units", std::string(unit_of_light(made.unit)),
+            std::string(unit_of_light(here.unit)));
   }
   if (made.calibration != here.calibration) {
     differs("its calibration ends at",
             fmt::format("{:g} {} ({} points)", made.calibration.back().intensity_mw_cm2,
-                        light_words(made.unit), made.calibration.size()),
+                        unit_of_light(made.unit), made.calibration.size()),
             fmt::format("{:g} {} ({} points, all alike)", here.calibration.back().intensity_mw_cm2,
-                        light_words(here.unit), here.calibration.size()));
+                        unit_of_light(here.unit), here.calibration.size()));
   }
   if (made.flat_field != here.flat_field) {
     differs("its light is", made.flat_field ? "uneven in another way" : "even",

@@ -109,11 +109,11 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
 /// "29.7 mW/cm²".
 std::string full_light(const Printer& printer) {
   return fmt::format("{:g} {}", printer.calibration.back().intensity_mw_cm2,
-                     light_words(printer.unit));
+                     unit_of_light(printer.unit));
 }
 std::string black_light(const Printer& printer) {
   return fmt::format("{:g} {}", printer.calibration.front().intensity_mw_cm2,
-                     light_words(printer.unit));
+                     unit_of_light(printer.unit));
 }
 
 /// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
@@ -434,11 +434,11 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   if (failing.lit) {
     const bool reaches = is_plain_layerwise(*places.front().model);
     text = fmt::format("with {} {} {}{}", reaches ? "at least" : "more than", at_least(full),
-                       light_words(printer.unit), failing.black ? " of full light" : "");
+                       unit_of_light(printer.unit), failing.black ? " of full light" : "");
   }
   if (failing.black) {
     text += fmt::format("{}black below {} {}", text.empty() ? "with " : " and ", at_most(black),
-                        light_words(printer.unit));
+                        unit_of_light(printer.unit));
   }
   return text;
 }

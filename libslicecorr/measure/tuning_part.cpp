@@ -103,11 +103,11 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& a
         fmt::format("a part '{}' needs a resin, which says how long its plugs take; expected one",
                     word_of(kind)));
   }
-  // Their tables are of mW/cm²; films (films_part.hpp) do without.
-  if (!is_comb()) {
+  // Fits take their tables for mW/cm²; films (films_part.hpp) do without.
+  if (!is_comb() && kind != flat_field) {
     refuse_relative(printer, fmt::format("a part '{}'", word_of(kind)).c_str());
-    if (ask.resin) check_same_unit(printer, *ask.resin);
   }
+  if (ask.resin) check_same_unit(printer, *ask.resin);
   if (ask.resin) refuse_bleaching(*ask.resin, "the times of test parts");
   if (ask.resin && ask.resin->has_gel_time()) {
     throw InputError(fmt::format(

@@ -264,7 +264,7 @@ void take_unit(const TomlTable& root, const TomlTable& blue, Printer& printer) {
         "unit",
         fmt::format("is \"{}\", and the file has a [{}], which counts light in mW/cm²; expected "
                     "one of both",
-                    word_of(printer.unit), table));
+                    unit_in_files(printer.unit), table));
   }
   if (!printer.calibration.empty() && printer.calibration.back().intensity_mw_cm2 != 1) {
     blue.fail("calibration",

@@ -19,7 +19,7 @@ void refuse(const std::string& name, const char* key, LightUnit unit, const char
       name, key,
       fmt::format("is \"{}\"; {} counts light in mW/cm²: expected light that was measured "
                   "with a power meter (unit \"{}\")",
-                  word_of(unit), what, word_of(LightUnit::mw_cm2)));
+                  unit_in_files(unit), what, unit_in_files(LightUnit::mw_cm2)));
 }
 
 }  // namespace
@@ -27,21 +27,22 @@ void refuse(const std::string& name, const char* key, LightUnit unit, const char
 LightUnit detail::unit_key(const TomlTable& table) {
   const std::string word = table.text("unit", "mW/cm2");
   for (const LightUnit unit : {LightUnit::mw_cm2, LightUnit::brightest}) {
-    if (word == word_of(unit)) return unit;
+    if (word == unit_in_files(unit)) return unit;
   }
-  table.fail("unit", fmt::format("is '{}'; expected \"{}\" or \"{}\"", word,
-                                 word_of(LightUnit::mw_cm2), word_of(LightUnit::brightest)));
+  table.fail("unit",
+             fmt::format("is '{}'; expected \"{}\" or \"{}\"", word,
+                         unit_in_files(LightUnit::mw_cm2), unit_in_files(LightUnit::brightest)));
 }
 
-std::string_view word_of(LightUnit unit) {
+std::string_view unit_in_files(LightUnit unit) {
   return unit == LightUnit::mw_cm2 ? "mW/cm2" : "of the brightest level";
 }
 
-std::string_view light_words(LightUnit unit) {
+std::string_view unit_of_light(LightUnit unit) {
   return unit == LightUnit::mw_cm2 ? "mW/cm²" : "of the brightest level";
 }
 
-std::string_view dose_words(LightUnit unit) {
+std::string_view unit_of_dose(LightUnit unit) {
   return unit == LightUnit::mw_cm2 ? "mJ/cm²" : "s of full light";
 }
 
@@ -58,7 +59,7 @@ void check_same_unit(const Printer& printer, const Resin& resin) {
       "the light of printer '{}' is told in units \"{}\" (blue.unit), the dose of resin '{}' in units "
       "\"{}\" (cure.unit); expected the same of both: the two files that resinctl calibrate wrote, or "
       "two that were measured with a power meter",
-      printer.name, word_of(printer.unit), resin.name, word_of(resin.unit)));
+      printer.name, unit_in_files(printer.unit), resin.name, unit_in_files(resin.unit)));
 }
 
 void refuse_relative(const Printer& printer, const char* what) {

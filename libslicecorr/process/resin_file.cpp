@@ -73,7 +73,7 @@ std::string only_for_m_1(const Resin& resin) {
     return fmt::format(
         "is \"{}\"; a dose in mJ/cm³ can't replace one in seconds of full light; expected a dose "
         "factor, which scales that of any resin",
-        word_of(resin.unit));
+        unit_in_files(resin.unit));
   }
   if (resin.model == CureModelKind::gel_time) {
     return "is \"gel-time\"; a dose in mJ/cm³ can't replace its two numbers; expected a dose factor, "
@@ -186,7 +186,7 @@ void resolve_relative(const TomlTable& root, const TomlTable& cure, const ResinO
   if (resin.model != CureModelKind::jacobs) {
     cure.fail("unit",
               fmt::format("is \"{}\", which goes with model = \"jacobs\" alone; expected that",
-                          word_of(resin.unit)));
+                          unit_in_files(resin.unit)));
   }
   for (const char* table : {"inhibition", "bleaching", "chemistry"}) {
     if (!root.has(table) || (std::string_view(table) == "chemistry" && !root.table(table)))
@@ -195,19 +195,19 @@ void resolve_relative(const TomlTable& root, const TomlTable& cure, const ResinO
         "unit",
         fmt::format("is \"{}\", and the file has a [{}], which counts light in mW/cm²; expected "
                     "one of both",
-                    word_of(resin.unit), table));
+                    unit_in_files(resin.unit), table));
   }
   for (const char* key : {"gel_dose_mj_cm3", "gel_dose_mj_cm2", "critical_dose_mj_cm3",
                           "critical_dose_mj_cm2", "critical_dose_prime", "dose_factor"}) {
     if (!cure.has(key)) continue;
     cure.fail(key, fmt::format("does not go with unit = \"{}\"; expected critical_dose_s alone",
-                               word_of(resin.unit)));
+                               unit_in_files(resin.unit)));
   }
   for (const char* key : {"inhibition_dose_mj_cm3", "inhibition_resupply_mj_cm3_s"}) {
     if (!cure.has(key) && !root.has(key)) continue;
     cure.fail(cure.has(key) ? key : "unit",
               fmt::format("does not go with unit = \"{}\" and {}; expected one of both",
-                          word_of(resin.unit), key));
+                          unit_in_files(resin.unit), key));
   }
   if (overrides.dc_mj_cm3) cure.fail("unit", only_for_m_1(resin));
   resin.critical_dose_mj_cm3 = units::volumetric_from_areal(
@@ -305,7 +305,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   if (!is_relative(resin) && cure.has("critical_dose_s")) {
     cure.fail("critical_dose_s", fmt::format("is for unit = \"{}\"; expected it beside that",
-                                             word_of(LightUnit::brightest)));
+                                             unit_in_files(LightUnit::brightest)));
   }
   if (is_relative(resin)) {
     resolve_relative(root, cure, overrides, resin);

@@ -70,6 +70,12 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
   if (!words.empty()) {
     add(words + ": heights and doses may be off by a factor, and with them all that is predicted");
   }
+  if (is_relative(printer) && is_relative(resin)) {
+    add(fmt::format(
+        "light is counted in shares of the brightest level of printer '{}', and doses in "
+        "seconds of it, also where a name says mW or mJ",
+        printer.name));
+  }
   const std::string of_resin = fmt::format("resin '{}'", resin.name),
                     of_printer = fmt::format("printer '{}'", printer.name);
   add(one_unknown(of_resin, resin.wavelength_nm, "the light of " + of_printer,
@@ -84,7 +90,7 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
 std::string printer_and_light(const Printer& printer) {
   return fmt::format("{}, {:.4g} to {:.4g} {}", printer.name,
                      printer.calibration.front().intensity_mw_cm2,
-                     printer.calibration.back().intensity_mw_cm2, word_of(printer.unit));
+                     printer.calibration.back().intensity_mw_cm2, unit_in_files(printer.unit));
 }
 
 void check_same_light(const Printer& printer, const Resin& resin, bool uv, bool take,

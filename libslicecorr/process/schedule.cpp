@@ -162,14 +162,14 @@ std::string exposures_in_words(const Process& p) {
 }
 
 std::string dose_in_words(const Resin& resin) {
-  std::string text = resin.has_gel_time()
-                         ? fmt::format("{:.4g} mJ/cm² and {:.4g} sqrt(mW/cm²)·s",
-                                       resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s)
-                     : resin.critical_dose_prime > 0
-                         ? fmt::format("{:.4g} (mW/cm²)^{:g}·s", resin.critical_dose_prime, resin.m)
-                     : is_relative(resin)
-                         ? fmt::format("{:.4g} {}", critical_dose_s(resin), dose_words(resin.unit))
-                         : fmt::format("{:.4g} mJ/cm³", resin.critical_dose_mj_cm3);
+  std::string text =
+      resin.has_gel_time() ? fmt::format("{:.4g} mJ/cm² and {:.4g} sqrt(mW/cm²)·s",
+                                         resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s)
+      : resin.critical_dose_prime > 0
+          ? fmt::format("{:.4g} (mW/cm²)^{:g}·s", resin.critical_dose_prime, resin.m)
+      : is_relative(resin)
+          ? fmt::format("{:.4g} {}", critical_dose_s(resin), unit_of_dose(resin.unit))
+          : fmt::format("{:.4g} mJ/cm³", resin.critical_dose_mj_cm3);
   if (resin.gel_dose_mj_cm3 > 0) {
     text += fmt::format(", gels at {:.4g}", resin.gel_dose_mj_cm3);
   } else if (resin.dose_factor != 1.0) {

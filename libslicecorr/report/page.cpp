@@ -200,7 +200,7 @@ Markup summary(const ReportContent& c) {
       R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} {}), resin {} (absorbance height {:g} um base 10, dose aimed at {}).)x",
       c.setup.printer.name, c.setup.printer.levels(),
       c.setup.printer.calibration.front().intensity_mw_cm2,
-      c.setup.printer.calibration.back().intensity_mw_cm2, light_words(c.setup.printer.unit),
+      c.setup.printer.calibration.back().intensity_mw_cm2, unit_of_light(c.setup.printer.unit),
       c.setup.resin.name, c.setup.resin.absorbance_height10_um, dose_in_words(c.setup.resin));
   const auto say = [&](const char* what, const std::string& words) {
     if (!words.empty()) html += fmt::format(" {}: {}.", what, words);

@@ -12,6 +12,7 @@
 #include "database/record_text.hpp"
 #include "database/schema.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
@@ -88,7 +89,7 @@ ResinFigures figures_of(const Resin& resin) {
     f.aim_mj_cm2 = units::areal_from_volumetric(f.aim_mj_cm3, dose_height_um);
     if (resin.gel_dose_mj_cm3 > 0) {
       f.gel_mj_cm3 = resin.gel_dose_mj_cm3;
-    } else if (resin.critical_dose_prime > 0) {
+    } else if (resin.critical_dose_prime > 0 || is_relative(resin)) {
       f.gel_mj_cm3 = f.aim_mj_cm3 / f.dose_factor;
     }
     f.gel_mj_cm2 = units::areal_from_volumetric(f.gel_mj_cm3, dose_height_um);

@@ -30,7 +30,7 @@ std::string aim_words(const Resin& resin) {
   }
   if (is_relative(resin)) {
     return fmt::format("Correction aims at {:.4g} {}.", critical_dose_s(resin),
-                       dose_words(resin.unit));
+                       unit_of_dose(resin.unit));
   }
   if (!(f.aim_mj_cm3 > 0)) return "The record has no dose that correction could aim at.";
   std::string text = fmt::format("Correction aims at {:.4g} mJ/cm³ ({:.4g} mJ/cm² areal)",

@@ -27,7 +27,7 @@ namespace {
 constexpr double kInside = 1e-9;
 
 std::string dose_unit(double m, LightUnit unit) {
-  return m == 1 ? std::string(dose_words(unit)) : fmt::format("(mW/cm²)^{:.3g} s", m);
+  return m == 1 ? std::string(unit_of_dose(unit)) : fmt::format("(mW/cm²)^{:.3g} s", m);
 }
 
 /// Blue light at which passing light gives just the critical dose.
@@ -169,7 +169,7 @@ void describe_passing(const Forecast& f, std::vector<std::string>& s) {
       fmt::format("Continuous printing at {} mm/h: phi = {} (dose inside a long part, over the "
                   "dose used); phi = 1 takes {} {}.",
                   figure(q.speed_mm_h), figure(p.phi), figure(p.critical_intensity_mw_cm2),
-                  light_words(f.unit)));
+                  unit_of_light(f.unit)));
   if (p.phi <= 1) {
     s.push_back(
         fmt::format("That is too fast: the resin does not gel. With this light {} mm/h is the "
@@ -195,7 +195,7 @@ void describe_passing(const Forecast& f, std::vector<std::string>& s) {
 std::string place_in_words(const char* which, const Forecast& f) {
   const Question& q = f.question;
   std::string text =
-      fmt::format("At the {} places ({} {}) ", which, figure(q.blue_mw_cm2), light_words(f.unit));
+      fmt::format("At the {} places ({} {}) ", which, figure(q.blue_mw_cm2), unit_of_light(f.unit));
   if (!inhibited(f)) {
     text += fmt::format("the window gels after {} s", figure(f.first.time_s));
   } else {
@@ -318,7 +318,7 @@ std::string Forecast::to_json() const {
     j["gel_b_sqrt_mw_cm2_s"] = kinetics.gel_time.B;
   } else {
     j["critical_dose_prime"] = kinetics.critical_dose_prime;
-    j["unit"] = word_of(unit);
+    j["unit"] = unit_in_files(unit);
     j["m"] = kinetics.m;
   }
   j["h_um"] = kinetics.hb_um;

@@ -34,7 +34,7 @@ std::string to_json(const ResinRecord& r) {
   }
   if (r.wavelength_nm > 0) j["wavelength_nm"] = r.wavelength_nm;
   j["model"] = name_of(r.resin.model);
-  j["unit"] = word_of(r.resin.unit);
+  j["unit"] = unit_in_files(r.resin.unit);
   if (r.resin.has_gel_time()) {
     j["gel_time"] = {{"gel_a_mj_cm2", r.resin.gel_a_mj_cm2 / f.dose_factor},
                      {"gel_b_sqrt_mw_cm2_s", r.resin.gel_b_sqrt_mw_cm2_s / f.dose_factor}};

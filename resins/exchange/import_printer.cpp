@@ -281,6 +281,8 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
                   std::string_view(lamp) == "uv" ? "Control value" : "Grey level", source.file);
   for (const std::string& a : say) comment += "\n# - " + a;
   edit.set(lamp, "calibration", calibration_array(curve));
+  // What was read is in mW/cm², whatever stood there before.
+  if (std::string_view(lamp) == "blue") edit.remove("blue", "unit");
   edit.set_comment(lamp, "calibration", comment);
   if (options.wavelength_nm > 0) {
     edit.set(lamp, "wavelength_nm", toml_number(options.wavelength_nm));

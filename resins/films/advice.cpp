@@ -19,11 +19,10 @@ namespace {
 /// Films of times that lie closer together tell little of how thickness grows with time.
 constexpr double kTimesApart = 4;
 /// Between two levels a printer's light is taken for straight; of a power g it is off by
-/// g (g - 1) / 8 ln(b/a)² of the light, here 4 % for g = 3.
-constexpr double kLevelsApart = 1.27;
-/// Light that is known less well than this moves an edge by more than a twentieth of the absorbance
-/// height.
-constexpr double kWide = 0.12;
+/// g (g - 1) / 8 ln(b/a)² of the light, here 7 % for g = 3.
+constexpr double kLevelsApart = 1.35;
+/// Light that is known less well than this moves an edge by more than the calipers can tell.
+constexpr double kWideUm = 15;
 
 std::map<int, std::set<double>> times_of(const FilmReadings& readings) {
   std::map<int, std::set<double>> times;
@@ -122,10 +121,9 @@ void advise(const FilmReadings& readings, const Printer& printer, FilmsFit& fit)
   const int top = printer.levels() - 1;
   for (const FilmLevel& l : fit.light) {
     if (l.level < top && l.films < 2) alone.push_back(l.level);
-    const bool known = std::isfinite(l.share.standard_error);
-    if (l.level < top && known && l.share.ci95[1] - l.share.ci95[0] > 2 * kWide * l.share.value) {
-      unsure.push_back(l.level);
-    }
+    const double wide_um =
+        fit.absorbance_height_um.value * std::log10(l.share.value / l.share.ci95[0]);
+    if (l.level < top && wide_um > kWideUm) unsure.push_back(l.level);
   }
   if (!alone.empty()) {
     next(
@@ -134,8 +132,8 @@ void advise(const FilmReadings& readings, const Printer& printer, FilmsFit& fit)
                     levels_word(alone), list_of(alone)));
   }
   if (!unsure.empty()) {
-    next(fmt::format("{} {} again: the light is known to no better than {:.0f} %",
-                     levels_word(unsure), list_of(unsure), 100 * kWide));
+    next(fmt::format("{} {} again: the light is not known well enough to place an edge to {:g} um",
+                     levels_word(unsure), list_of(unsure), kWideUm));
   }
   if (fit.light.size() < 2) {
     next(

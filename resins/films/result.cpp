@@ -64,7 +64,7 @@ std::string FilmsFit::to_json() const {
     return Json{{"value", f.value}, {"ci95", ci_json(f)}};
   };
   Json j;
-  j["unit"] = word_of(LightUnit::brightest);
+  j["unit"] = unit_in_files(LightUnit::brightest);
   j["absorbance_height_um"] = figure_json(absorbance_height_um);
   j["absorbance_base"] = 10;
   j["gel_s"] = figure_json(gel_s);
@@ -96,6 +96,7 @@ std::string printer_with_films(const std::string& text, const std::string& sourc
                                const std::string& name, const FilmsFit& fit, double full_mw_cm2) {
   TomlEdit edit(text, source);
   edit.set("", "name", toml_text(name));
+  edit.set_comment("", "name", "# With the light that films tell (resinctl calibrate).");
   const double full = full_mw_cm2 > 0 ? full_mw_cm2 : 1;
   const LightUnit unit = full_mw_cm2 > 0 ? LightUnit::mw_cm2 : LightUnit::brightest;
   std::string points, comment;
@@ -114,7 +115,7 @@ std::string printer_with_films(const std::string& text, const std::string& sourc
     if (fit.light.front().level > 0) point(0, 0);
     for (const FilmLevel& l : fit.light) point(l.level, l.share.value);
   }
-  edit.set("blue", "unit", toml_text(word_of(unit)));
+  edit.set("blue", "unit", toml_text(unit_in_files(unit)));
   edit.set("blue", "calibration", "[" + points + "]");
   edit.set_comment(
       "blue", "calibration",
@@ -136,7 +137,7 @@ std::string resin_of_films(const std::string& name, const Printer& printer, cons
       "name = {}\nnotes = {}\n\n[cure]\nmodel = \"jacobs\"\nunit = {}\n", toml_text(name),
       toml_text(
           fmt::format("Measured with the printer '{}', whose file goes with it.", printer.name)),
-      toml_text(word_of(relative ? LightUnit::brightest : LightUnit::mw_cm2)));
+      toml_text(unit_in_files(relative ? LightUnit::brightest : LightUnit::mw_cm2)));
   if (printer.wavelength_nm > 0) {
     text += fmt::format("wavelength_nm = {}\n", toml_number(printer.wavelength_nm));
   }

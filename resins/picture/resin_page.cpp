@@ -46,7 +46,7 @@ Markup figures_table(const ResinRecord& record) {
     return table;
   }
   if (is_relative(record.resin)) {
-    const std::string unit(dose_words(record.resin.unit));
+    const std::string unit(unit_of_dose(record.resin.unit));
     table.row("Gel dose", value(f.gel_mj_cm2, unit), "");
     table.row("Dose aimed at", value(f.aim_mj_cm2, unit), "");
   } else if (m == 1) {

@@ -202,7 +202,7 @@ std::string record_svg(const ResinRecord& record) {
   // A dose without a factor is one to aim at; that the resin gels there is not said.
   const bool gel_known = aim_dose > gel_dose * (1 + 1e-9) || resin.gel_dose_mj_cm3 > 0;
   const std::string unit =
-      is_relative(resin) ? std::string(dose_words(resin.unit)) : prime_unit(gel.m);
+      is_relative(resin) ? std::string(unit_of_dose(resin.unit)) : prime_unit(gel.m);
 
   Picture picture(
       titled(record.name, resin.inhibition ? "working curve and dead zone" : "working curve"),

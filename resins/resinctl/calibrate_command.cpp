@@ -55,7 +55,7 @@ int calibrate(const CalibrateArguments& a, cli::Console& console) {
         "{}: the light of its grey levels; {}: absorbance height and dose. They belong together, both "
         "in units {}.",
         a.output, a.resin_output,
-        light_words(a.full_mw_cm2 > 0 ? LightUnit::mw_cm2 : LightUnit::brightest)));
+        unit_of_light(a.full_mw_cm2 > 0 ? LightUnit::mw_cm2 : LightUnit::brightest)));
   }
   if (!a.json.empty()) cli::print_or_write(a.json, fit.to_json());
   if (a.json == "-") {

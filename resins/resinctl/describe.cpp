@@ -42,7 +42,7 @@ std::string four_digits(double value) {
 
 /// A dose analogue in its unit.
 std::string prime(double value, double m, LightUnit unit = LightUnit::mw_cm2) {
-  return m == 1.0 ? fmt::format("{} {}", four_digits(value), dose_words(unit))
+  return m == 1.0 ? fmt::format("{} {}", four_digits(value), unit_of_dose(unit))
                   : fmt::format("{} (mW/cm²)^{:g}·s", four_digits(value), m);
 }
 
@@ -62,7 +62,7 @@ std::string dose_line(const char* what, const ResinFigures& f, const Resin& resi
   const double m = resin.m;
   if (is_relative(resin)) {
     return line(what, fmt::format("{} {} areal", four_digits(aim ? f.aim_mj_cm2 : f.gel_mj_cm2),
-                                  dose_words(resin.unit)));
+                                  unit_of_dose(resin.unit)));
   }
   if (m == 1.0) {
     return line(what, fmt::format("{} mJ/cm² areal, {} mJ/cm³ volumetric",
@@ -411,9 +411,9 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
   if (light_is_measured(p)) {
     const double low = p.calibration.front().intensity_mw_cm2;
     const double high = p.calibration.back().intensity_mw_cm2;
-    out += line("intensity",
-                fmt::format("{:g} to {:g} {} at the {}, {} calibration points", low, high,
-                            light_words(p.unit), p.vial ? "axis" : "window", p.calibration.size()));
+    out += line("intensity", fmt::format("{:g} to {:g} {} at the {}, {} calibration points", low,
+                                         high, unit_of_light(p.unit), p.vial ? "axis" : "window",
+                                         p.calibration.size()));
     if (low > 0) {
       out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
     }
@@ -474,7 +474,7 @@ std::string printer_json(const Printer& p, const std::string& path) {
     return list;
   };
   if (light_is_measured(p)) {
-    j["unit"] = word_of(p.unit);
+    j["unit"] = unit_in_files(p.unit);
     j["calibration"] = curve(p.calibration);
   } else {
     j["calibration"] = kToBeMeasured;

@@ -62,7 +62,7 @@ int predict_command(const PredictArguments& a, cli::Console& console) {
       console.say(fmt::format(
           "This holds for places that get {:g} {}; the flat-field of printer '{}' "
           "gives {}.",
-          q.blue_mw_cm2, light_words(printer.unit), printer.name, light_in_words(printer)));
+          q.blue_mw_cm2, unit_of_light(printer.unit), printer.name, light_in_words(printer)));
     }
     if (q.black_mw_cm2 <= 0) q.black_mw_cm2 = printer.calibration.front().intensity_mw_cm2;
   }

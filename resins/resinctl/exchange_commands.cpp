@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "describe.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
@@ -64,6 +65,7 @@ std::string export_printer(const Located& at, const std::string& format) {
     if (!light_is_measured(printer)) {
       throw InputError(at.path, "blue.calibration", "is " + how_to_measure_light(printer));
     }
+    refuse_relative(printer, "a table");
     std::string text = "grey_level,intensity_mw_cm2\n";
     for (const CalibrationPoint& p : printer.calibration) {
       text += fmt::format("{:g},{:.10g}\n", p.level, p.intensity_mw_cm2);

@@ -15,6 +15,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_map.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/tune.hpp"
@@ -92,6 +93,7 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   cli::check_output(a.output, inputs);
   cli::check_output(printer_output, inputs);
   const Printer printer = load_printer(printer_path);
+  refuse_relative(printer, "what is known of stray light before tuning");
   const std::string text = read_text_file(resin_path);
   const Resin resin = parse_resin(text, resin_path);
   // What it was tuned with before is no matter: it is tuned anew.

@@ -18,11 +18,11 @@
 namespace slicecorr {
 
 /// As files say it (`[blue] unit`, `[cure] unit`): "mW/cm2", "of the brightest level".
-std::string_view word_of(LightUnit unit);
+std::string_view unit_in_files(LightUnit unit);
 /// What follows an intensity in a text: "mW/cm²", "of the brightest level".
-std::string_view light_words(LightUnit unit);
+std::string_view unit_of_light(LightUnit unit);
 /// What follows an areal dose: "mJ/cm²", "s of full light".
-std::string_view dose_words(LightUnit unit);
+std::string_view unit_of_dose(LightUnit unit);
 
 /// Whether the resin's doses are seconds of full light. (Its `critical_dose_mj_cm3` is then their
 /// volumetric counterpart, s/cm, and all fields that are named for mW count light of the brightest

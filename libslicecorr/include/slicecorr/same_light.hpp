@@ -43,7 +43,7 @@ std::optional<OtherWavelength> other_uv_wavelength(const Printer& printer, const
 std::string other_wavelength_in_words(const Printer& printer, const Resin& resin, bool uv);
 
 /// What is to be told of the lights of a print: that they are others, or which of two is not known
-/// where the other one is; each a sentence.
+/// where the other one is, and that light has no absolute unit; each a sentence.
 std::vector<std::string> light_notices(const Printer& printer, const Resin& resin, bool uv);
 
 /// The printer with its least and greatest light, by which tuned resins name it: "my-printer, 0.02 to

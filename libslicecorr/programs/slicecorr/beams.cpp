@@ -14,6 +14,7 @@
 #include "slicecorr/beam_vat.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/beams.hpp"
 #include "slicecorr/tomo/beams_job.hpp"
@@ -255,6 +256,7 @@ Result made(const BeamsArguments& o, const ExecutionContext& context, Console& c
   tomo::BeamSetup& setup = job.setup;
   job.printer = load_printer(o.printer);
   job.resin = load_resin(o.resin);
+  refuse_relative(job.printer, "an exposure by beams");
   for (const std::string& text : o.light.checked(job.printer, job.resin)) context.tell(text);
   const std::optional<BeamVat> of_printer = load_beam_vat(o.printer, job.printer);
   setup.cell_mm = side_of_cell_mm(o, job.printer);

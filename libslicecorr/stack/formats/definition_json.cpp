@@ -179,7 +179,7 @@ Json printer_json(const Printer& p) {
                {"calibration", calibration_json(p.calibration)},
                {"max_speed_mm_h", p.max_speed_mm_h},
                {"travel_mm", p.travel_mm}};
-  if (is_relative(p)) json["unit"] = word_of(p.unit);
+  if (is_relative(p)) json["unit"] = unit_in_files(p.unit);
   if (p.uv) {
     json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
                   {"kind", p.uv->patterned ? "patterned" : "flood"},
@@ -302,7 +302,7 @@ Json resin_json(const Resin& r) {
   const auto given = [&](const char* key, double value) {
     if (value > 0) json[key] = value;
   };
-  if (is_relative(r)) json["unit"] = word_of(r.unit);
+  if (is_relative(r)) json["unit"] = unit_in_files(r.unit);
   given("gel_a_mj_cm2", r.gel_a_mj_cm2);
   given("gel_b_sqrt_mw_cm2_s", r.gel_b_sqrt_mw_cm2_s);
   given("active_absorption_per_cm", r.active_absorption_per_cm);
@@ -338,7 +338,7 @@ namespace {
 /// A stack says nothing of mW/cm².
 LightUnit read_unit(const Node& node) {
   if (!node.has("unit")) return LightUnit::mw_cm2;
-  node["unit"].choice({std::string(word_of(LightUnit::brightest))});
+  node["unit"].choice({std::string(unit_in_files(LightUnit::brightest))});
   return LightUnit::brightest;
 }
 

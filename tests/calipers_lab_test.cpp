@@ -11,6 +11,7 @@
 #include <numeric>
 
 #include "films_lab.hpp"
+#include "lab_columns.hpp"
 #include "models.hpp"
 #include "rounds.hpp"
 #include "slicecorr/correct.hpp"
@@ -25,7 +26,6 @@ namespace slicecorr::resins {
 namespace {
 
 constexpr double kLayerUm = 50;
-constexpr int kPoints = 100;  ///< of a layer, where prints are looked at
 
 /// The films of a lab, measured by calipers that are up to `off_um` off.
 FilmsFit calibrated(const test::HiddenPrinter& hidden, double off_um, std::mt19937& random,
@@ -45,46 +45,12 @@ FilmsFit calibrated(const test::HiddenPrinter& hidden, double off_um, std::mt199
   return fit_films(read_films(folder / "films.csv", dark), dark);
 }
 
-/// Where the upper edge of a feature lies that begins at node u, um above it, below as negative: points of
-/// the column are followed through all exposures, each lift exchanging `x` of what is liquid.
+/// Where the edge above node u comes to lie, um (test::lab_edge_um).
 double edge_um(const test::HiddenPrinter& hidden, const std::vector<std::uint8_t>& levels,
                double exposure_s, int u, double x) {
-  const auto gels = [&](double z) {
-    double dose = 0;
-    for (int n = static_cast<int>(std::floor(z + 1e-9)); n < static_cast<int>(levels.size()); ++n) {
-      const double phi =
-          hidden.share[levels[static_cast<std::size_t>(n)]] * exposure_s / hidden.gel_s;
-      dose = (1 - x) * dose + phi * std::pow(10, -(n + 1 - z) * kLayerUm / hidden.ha_um);
-      if (dose >= 1) return true;
-    }
-    return false;
-  };
-  // From well inside the feature towards the platform.
-  int z = (u + 4) * kPoints;
-  while (z > 0 && gels(static_cast<double>(z - 1) / kPoints)) --z;
-  return (u - static_cast<double>(z) / kPoints) * kLayerUm;
-}
-
-struct Part {
-  std::vector<std::uint8_t> coverage;
-  std::vector<int> begins;  ///< nodes where a feature begins over a gap
-};
-
-/// Features of 6 layers and more, 8 and more apart: thicker than what light that lingers reaches.
-Part random_part(std::mt19937& random) {
-  constexpr int layers = 120;
-  Part part;
-  part.coverage.assign(layers, 0);
-  int n = 4 + static_cast<int>(random() % 8);
-  std::fill_n(part.coverage.begin(), n, std::uint8_t{255});
-  while (n < layers - 30) {
-    n += 12 + static_cast<int>(random() % 12);
-    part.begins.push_back(n);
-    const int end = std::min(layers, n + 8 + static_cast<int>(random() % 12));
-    std::fill(part.coverage.begin() + n, part.coverage.begin() + end, std::uint8_t{255});
-    n = end;
-  }
-  return part;
+  std::vector<double> phi;
+  for (const std::uint8_t g : levels) phi.push_back(hidden.share[g] * exposure_s / hidden.gel_s);
+  return test::lab_edge_um(phi, hidden.ha_um, kLayerUm, u, x);
 }
 
 /// How far the worst edge of a random part lies from its place, and how far it may with films that are exact:
@@ -103,7 +69,7 @@ Edges edges_of(const test::HiddenPrinter& hidden, const FilmsFit& fit, double ex
   process.lifts = Lifts::each;
   process.lift_exchange = x;
   const CureModel model = make_cure_model(printer, resin, process, kLayerUm);
-  const Part part = random_part(random);
+  const test::LabColumn part = test::random_lab_column(random);
   const int layers = static_cast<int>(part.coverage.size());
   const std::vector<std::uint8_t> levels =
       solve_column(CorrectionPlan{model, process, layers, layers}, part.coverage);
@@ -118,7 +84,7 @@ Edges edges_of(const test::HiddenPrinter& hidden, const FilmsFit& fit, double ex
     off = std::max(off, std::abs(taken[g] / hidden.share[g] - 1));
     step = std::max(step, hidden.share[g + 1u] / hidden.share[g] - 1);
   }
-  edges.may_um = hidden.ha_um * std::log10((1 + off) * (1 + step)) + kLayerUm / kPoints;
+  edges.may_um = hidden.ha_um * std::log10((1 + off) * (1 + step)) + kLayerUm / test::kLabPoints;
   return edges;
 }
 

@@ -27,7 +27,6 @@ namespace {
 namespace fs = std::filesystem;
 using namespace slicecorr::test;
 using namespace test;
-using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;

@@ -140,8 +140,8 @@ void expect_edges(const Uneven& u, const CureModel& model, const std::vector<std
     while (top > 0 && column[static_cast<std::size_t>(top) - 1] == 0) --top;
     const double at_um = u.nodes_um[static_cast<std::size_t>(node)];
     const double most_um = at_um - u.nodes_um[static_cast<std::size_t>(top)];
-    const auto prints = [&](double z_um) {
-      int n = node - 1;
+    const auto prints = [&, last = node - 1](double z_um) {
+      int n = last;
       while (n > 0 && u.nodes_um[static_cast<std::size_t>(n)] > z_um) --n;
       return u.dose(z_um, levels, n) >= 1;
     };

@@ -20,7 +20,7 @@ namespace {
 
 using test::Bytes;
 
-constexpr double kPixel_mm = 0.1, kLayer_mm = 0.1;
+constexpr double kPixelMm = 0.1, kLayerMm = 0.1;
 constexpr int kWidth = 60, kHeight = 50;
 
 Printer plate_of_rule() {
@@ -28,7 +28,7 @@ Printer plate_of_rule() {
   p.name = "rule";
   p.width_px = kWidth;
   p.height_px = kHeight;
-  p.pixel_x_um = p.pixel_y_um = kPixel_mm * 1e3;
+  p.pixel_x_um = p.pixel_y_um = kPixelMm * 1e3;
   p.bit_depth = 8;
   return p;
 }
@@ -111,7 +111,7 @@ std::vector<Bytes> sliced(const SliceSource& slices, int layers, int rows) {
 
 MeshSlices slices_of(const Scene& scene, bool antialias = true) {
   SliceOptions options;
-  options.layer_um = kLayer_mm * 1e3;
+  options.layer_um = kLayerMm * 1e3;
   options.antialias = antialias;
   options.edge_heights = true;
   return MeshSlices(scene.mesh(), plate_of_rule(), options);
@@ -125,8 +125,8 @@ struct PlaceInScene {
     bottom = low[2];
   }
   Point3 at(double column, double row, double layer) const {
-    return {middle[0] + (column - 0.5 * kWidth) * kPixel_mm,
-            middle[1] - (row - 0.5 * kHeight) * kPixel_mm, bottom + layer * kLayer_mm};
+    return {middle[0] + (column - 0.5 * kWidth) * kPixelMm,
+            middle[1] - (row - 0.5 * kHeight) * kPixelMm, bottom + layer * kLayerMm};
   }
   double middle[2]{}, bottom = 0;
 };
@@ -180,7 +180,7 @@ double area_of_boxes(const Scene& scene, const PlaceInScene& place, int x, int y
       if (scene.solid(middle)) area += (xs[i + 1] - xs[i]) * (ys[k + 1] - ys[k]);
     }
   }
-  return area / (kPixel_mm * kPixel_mm);
+  return area / (kPixelMm * kPixelMm);
 }
 
 /// A scene of boxes as it lies, and its slices.
@@ -308,7 +308,7 @@ TEST(SolidRule, EdgeHeightsKeepTheSolidLength) {
     std::vector<double> sides;
     for (const Body& body : scene.bodies) {
       for (const Point3& v : body.mesh.vertices) {
-        sides.push_back((v[2] - place.bottom) / kLayer_mm);
+        sides.push_back((v[2] - place.bottom) / kLayerMm);
       }
     }
     std::sort(sides.begin(), sides.end());
@@ -351,7 +351,7 @@ TEST(SolidRule, ResultsAreThoseOfAnyThreadsAndOrder) {
   for (int round = 0; round < 10; ++round) {
     Scene scene = random_boxes(random);
     SliceOptions options;
-    options.layer_um = kLayer_mm * 1e3;
+    options.layer_um = kLayerMm * 1e3;
     ExecutionContext one;
     one.threads = 1;
     const MeshSlices a(scene.mesh(), plate_of_rule(), options, one);
@@ -372,7 +372,7 @@ TEST(SolidRule, WithoutAnythingTakenAwayNothingChanges) {
     for (Body& body : scene.bodies) body.role = SolidRole::added;
     TriangleMesh mesh = scene.mesh();
     SliceOptions options;
-    options.layer_um = kLayer_mm * 1e3;
+    options.layer_um = kLayerMm * 1e3;
     options.edge_heights = true;
     const auto [low, high] = scene.box();
     if (high[0] - low[0] > 5 || high[1] - low[1] > 5) continue;  // beyond the display
@@ -464,7 +464,7 @@ TEST(SolidRule, OpenPartsCloseByThemselves) {
     for (const Bytes& slice : sliced(slices, slices.grid().layers, 16)) {
       for (const std::uint8_t value : slice) sum += value / 255.0;
     }
-    return sum * kPixel_mm * kPixel_mm * kLayer_mm;
+    return sum * kPixelMm * kPixelMm * kLayerMm;
   };
   EXPECT_NEAR(volume(), 24, 1e-9);
   scene.bodies[0].mesh.triangles.erase(scene.bodies[0].mesh.triangles.begin() + 4);
@@ -485,7 +485,7 @@ TEST(SolidRule, AppendedMeshesKeepTheirSolids) {
   for (const Bytes& slice : sliced(slices, slices.grid().layers, 16)) {
     for (const std::uint8_t value : slice) sum += value / 255.0;
   }
-  EXPECT_NEAR(sum * kPixel_mm * kPixel_mm * kLayer_mm, 4, 1e-9);
+  EXPECT_NEAR(sum * kPixelMm * kPixelMm * kLayerMm, 4, 1e-9);
   EXPECT_TRUE(all.adds(0));
   EXPECT_FALSE(all.adds(12));
   EXPECT_FALSE(all.adds(23));

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/uncertain_print.hpp"
@@ -321,6 +322,7 @@ std::string Prediction::to_json() const {
     j["other_wavelength"] = {{"printer_nm", other_wavelength->printer_nm},
                              {"resin_nm", other_wavelength->resin_nm}};
   }
+  if (assumed != AssumedLight::none) j["assumed"] = name_of(assumed);
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);
 }

@@ -168,6 +168,17 @@ const std::vector<Setting>& table() {
        .process = &Process::lift_exchange,
        .block = BlockPart::exposure,
        .changed_only = true},
+      {.name = "assume",
+       .group = kHowItPrints,
+       .chosen = &C::assume,
+       .text =
+           "Where nobody measured the printer's light: that of a typical display, and that exposures are "
+           "2 to 5 times what holds (layerwise). typical: a monochrome LCD, or at 385 nm a DLP "
+           "projector [none: refused]",
+       .words = {"none", "mono-lcd-405", "dlp-385", "dlp-405", "typical"},
+       .process = kWord<&Process::assumed>,
+       .block = BlockPart::exposure,
+       .changed_only = true},
       {.name = "other_wavelength",
        .group = kHowItPrints,
        .chosen = &C::other_wavelength,

@@ -12,6 +12,7 @@
 #include "picture/embed.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/limit.hpp"
@@ -215,6 +216,11 @@ Markup summary(const ReportContent& c) {
   for (const std::string& sentence :
        light_notices(c.setup.printer, c.setup.resin, c.setup.process.uv.kind != UvKind::off)) {
     say("Wavelength", sentence);
+  }
+  if (const std::string words =
+          assumption_in_words(c.setup.printer, c.setup.resin, c.setup.process);
+      !words.empty()) {
+    html += markup(" <strong>{}</strong>.", words);
   }
   const double cap = c.setup.process.omega_max;
   if (!layerwise) {

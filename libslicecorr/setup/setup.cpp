@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "slicecorr/light_unit.hpp"
 #include "slicecorr/setup.hpp"
 
 #include <fmt/format.h>
@@ -9,9 +8,12 @@
 #include <algorithm>
 #include <numeric>
 
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
 #include "slicecorr/light_spreads.hpp"
+#include "slicecorr/light_unit.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
@@ -57,12 +59,22 @@ std::string first_exposure_notice(const Process& p, const StackInfo* times) {
   return "the archive's longer first exposure stays: " + exposures_in_words(p);
 }
 
+/// Figures of a print whose light is assumed say how sure they are, wherever that is counted.
+void assume_errors(Setup& setup) {
+  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
+  features.push_back(Feature::derivatives);
+  if (find_unsupported(features, Verdict::refused)) return;
+  setup.uncertainty =
+      parse_uncertainty(std::string(kAssumedUncertainty), setup.process.mode, 1, {});
+}
+
 class Resolver {
  public:
   Resolver(const SetupChoices& choices, ChoiceNames names) : c_(choices), names_(names) {}
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
   Printer chosen_printer() const;
   Resin chosen_resin() const;
+  bool assumes() const { return !c_.assume.empty() && c_.assume != "none"; }
   void check_light(const Printer& printer, const Resin& resin, bool uv) const {
     check_same_light(printer, resin, uv, c_.other_wavelength == "take", o("other_wavelength"));
   }
@@ -79,6 +91,9 @@ class Resolver {
   void resolve_layers(Process& process, const StackInfo* times, bool recorded) const;
   void resolve_lifts(Setup& setup, bool recorded) const;
   void resolve_uv(Setup& setup) const;
+  /// What is assumed needs lifts, of which nobody knows what they exchange.
+  void check_assumed(const Setup& setup) const;
+  void assume_dose(Setup& setup, double layer_um) const;
   void resolve_even_dead_zone(Setup& setup) const;
   bool any_exposure() const {
     return c_.exposure_s > 0 || c_.bottom_exposure_s > 0 || c_.bottom_layers >= 0 ||
@@ -402,7 +417,49 @@ void check_recorded(const Setup& setup, const StackInfo& info) {
       "that print; expected no others, and no resin with another exponent m");
 }
 
+void Resolver::check_assumed(const Setup& setup) const {
+  const Process& p = setup.process;
+  const std::string option = o("assume");
+  if (p.mode != ExposureMode::layerwise || p.lifts != Lifts::each) {
+    wrong(fmt::format(
+        "{} counts on exposures after which the platform lifts; expected {} layerwise, and {} "
+        "each, with it",
+        option, o("mode"), o("lifts")));
+  }
+  if (p.uv.kind != UvKind::off || p.even_dead_zone != EvenDeadZone::off) {
+    wrong(fmt::format(
+        "{} says no mW/cm², by which UV light inhibits; expected no {}, {} or {} with it", option,
+        o("uv_mw_cm2"), o("dead_zone_um"), o("even_dead_zone")));
+  }
+  if (p.lift_exchange != kUnknownExchange) {
+    wrong(fmt::format(
+        "{} makes layers hold whatever lifts exchange; expected no {} with it, by which first "
+        "layers stay liquid",
+        option, o("lift_exchange")));
+  }
+  if (c_.dc_mj_cm3 > 0 || c_.dose_factor > 0) {
+    wrong(fmt::format("{} takes the dose from the exposure; expected no {} or {} with it", option,
+                      o("dc_mj_cm3"), o("dose_factor")));
+  }
+}
+
+void Resolver::assume_dose(Setup& setup, double layer_um) const {
+  check_assumed(setup);
+  Process& p = setup.process;
+  // The highest layer is the one that holds last.
+  for (const double um : p.layer_heights_um) layer_um = std::max(layer_um, um);
+  const double exposure_s = p.exposure_s * usual_light_share(p);
+  setup.resin = with_assumed_dose(std::move(setup.resin), layer_um, exposure_s, p.green_strength);
+  p.green_strength = assumed_green_strength(p.green_strength);
+}
+
 Printer Resolver::printer() const {
+  if (assumes()) {
+    Printer display = c_.printer_toml.empty() ? load_display(c_.printer)
+                                              : parse_display(c_.printer_toml, o("printer_toml"));
+    const AssumedLight light = assumed_light(c_.assume, display);
+    return with_assumed_light(std::move(display), light);
+  }
   return c_.printer_toml.empty() ? load_printer(c_.printer)
                                  : complete_printer(c_.printer_toml, o("printer_toml"));
 }
@@ -450,6 +507,10 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   const bool resin_given = !c_.resin.empty() || !c_.resin_toml.empty();
   need(printer_given, "printer");
   need(resin_given, "resin");
+  if (assumes() && !(printer_given && resin_given)) {
+    wrong(fmt::format("{} is for {} and {}; expected them with it", o("assume"), o("printer"),
+                      o("resin")));
+  }
   if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed_mm_h");
   setup.printer = printer_given ? printer() : *info->printer;
   if (c_.resin_depth_um > 0) setup.printer.resin_depth_um = c_.resin_depth_um;
@@ -464,6 +525,15 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     resolve_even_dead_zone(setup);
   }
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
+  if (assumes()) {
+    const StackInfo* const sized = info ? info : times;
+    if (!sized)
+      wrong(fmt::format("{} needs the height of layers, which an archive says", o("assume")));
+    setup.process.assumed = assumed_light(c_.assume, setup.printer);
+    assume_dose(setup, sized->grid.layer_um);
+  } else if (printer_given) {
+    setup.process.assumed = AssumedLight::none;
+  }
   // What a stack has of both was taken when it was made.
   if (printer_given || resin_given) {
     check_light(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
@@ -486,6 +556,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
       setup.process.spread_rounds = 0;
     }
   }
+  if (setup.process.assumed != AssumedLight::none) assume_errors(setup);
   if (info && info->recording) check_recorded(setup, *info);
   return setup;
 }
@@ -502,6 +573,10 @@ ResinOverrides resin_overrides(const SetupChoices& choices) {
 
 std::pair<Printer, Resin> chosen_definitions(const SetupChoices& choices, ChoiceNames names) {
   const Resolver resolver(choices, names);
+  if (resolver.assumes()) {
+    wrong(fmt::format("{} is for prints layer by layer: expected light that was measured",
+                      setting_name(names, "assume")));
+  }
   std::pair<Printer, Resin> chosen{resolver.chosen_printer(), resolver.chosen_resin()};
   resolver.check_light(chosen.first, chosen.second, false);
   return chosen;
@@ -521,6 +596,10 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
                                        ChoiceNames names) {
   std::vector<std::string> notices =
       light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
+  if (std::string text = assumption_in_words(setup.printer, setup.resin, setup.process);
+      !text.empty()) {
+    notices.push_back(std::move(text));
+  }
   if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
     notices.push_back(fmt::format(
         "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "

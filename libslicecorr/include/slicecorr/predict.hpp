@@ -242,6 +242,8 @@ struct Prediction {
   /// Where the resin was measured at another wavelength than the printer's light has; not merged, set
   /// for whole stacks.
   std::optional<OtherWavelength> other_wavelength;
+  AssumedLight assumed =
+      AssumedLight::none;  ///< light and dose were; not merged, set for whole stacks
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.
   int worst_x = -1, worst_y = -1;
 

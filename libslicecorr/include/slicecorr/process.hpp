@@ -147,6 +147,8 @@ struct Rotation {
 /// Layer by layer: what happens between exposures (docs/lifts.md). each: the platform lifts, so every
 /// layer must hold by its own exposure; none: it only steps, and doses count at the end alone.
 enum class Lifts { none, each };
+/// Whose light was taken for a printer's that nobody measured (assumed_light.hpp).
+enum class AssumedLight { none, mono_lcd_405, dlp_385, dlp_405 };
 /// What `Process::lift_exchange` is where nobody knows it.
 inline constexpr double kUnknownExchange = -1;
 
@@ -180,9 +182,6 @@ struct Printer {
   double wavelength_nm = 0;  ///< of the curing light; 0 when not given
   /// Levels rise strictly from 0 to 2^bit_depth - 1, intensities never fall and are not negative.
   std::vector<CalibrationPoint> calibration;
-  /// That of `calibration`. Where it is the brightest level's light, that is 1, and there is no UV
-  /// lamp.
-  LightUnit unit = LightUnit::mw_cm2;
   double max_speed_mm_h = 0;  ///< 0 when not given
   double travel_mm = 0;       ///< 0 when not given
   std::optional<UvLamp> uv;
@@ -209,6 +208,9 @@ struct Printer {
   std::optional<LiftMotion> lift_motion{};
   /// Measured pull per lit area with which a layer comes off the window, kPa; 0 when not given.
   double adhesion_kpa = 0;
+  /// That of `calibration`. Where it is the brightest level's light, that is 1, and there is no UV
+  /// lamp.
+  LightUnit unit = LightUnit::mw_cm2;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -259,9 +261,6 @@ struct Bleaching {
 struct Resin {
   std::string name;
   CureModelKind model = CureModelKind::jacobs;
-  /// That of all doses; the printer's must be the same. `brightest`: model jacobs, without inhibition,
-  /// bleaching or chemistry.
-  LightUnit unit = LightUnit::mw_cm2;
   double m = 1.0;  ///< exponent of intensity, 0 < m <= 2; 1 where a time to gel counts
   double absorbance_height10_um = 0;  ///< base 10: intensity falls to 1/10
   /// Volumetric dose that the correction aims at, mJ/cm³ (m = 1).
@@ -306,6 +305,9 @@ struct Resin {
   /// The printer with which it was tuned, as `printer_and_light` (same_light.hpp) names it, and the
   /// only one that it goes with; empty: it was not tuned.
   std::string tuned_with{};
+  /// That of all doses; the printer's must be the same. `brightest`: model jacobs, without inhibition,
+  /// bleaching or chemistry.
+  LightUnit unit = LightUnit::mw_cm2;
   bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;
 };
@@ -450,6 +452,8 @@ struct Process {
   double skin = 0.5;
   /// With lifts: share of the liquid resin that each exchanges, 0 to 1, or `kUnknownExchange`.
   double lift_exchange = kUnknownExchange;
+  /// layerwise: light and dose of the print were assumed, not measured.
+  AssumedLight assumed = AssumedLight::none;
   UvSchedule uv;
   Ramp ramp = Ramp::none;
   double ramp_mm = 0;  ///< distance over which the stage reaches its speed; 0: not said

@@ -11,6 +11,7 @@
 #include <numeric>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
@@ -167,6 +168,10 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
     for (const std::string& sentence : light_notices(*info.printer, *info.resin, uv)) {
       text += "wavelength   " + text::printable(sentence) + "\n";
     }
+  }
+  if (info.printer && info.resin && info.process) {
+    const std::string words = assumption_in_words(*info.printer, *info.resin, *info.process);
+    if (!words.empty()) text += "light        " + text::printable(words) + "\n";
   }
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   if (layerwise) {
@@ -338,6 +343,7 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
     }
   }
   if (info.process) {
+    if (info.process->assumed != AssumedLight::none) j["assumed"] = name_of(info.process->assumed);
     if (info.process->mode == ExposureMode::layerwise) {
       j["mode"] = "layerwise";
       j["exposure_s"] = info.process->exposure_s;

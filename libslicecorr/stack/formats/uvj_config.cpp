@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/light_spreads.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "stack/block_check.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "stack/formats/even_light_json.hpp"
@@ -69,6 +70,9 @@ int block_format(const StackInfo& info) {
       info.printer && (info.printer->resin_depth_um > 0 || info.printer->platform_reflectance > 0);
   const bool spreads = info.printer && info.resin && info.process &&
                        light_spreads(*info.printer, *info.resin, *info.process);
+  const bool relative =
+      (info.printer && is_relative(*info.printer)) || (info.resin && is_relative(*info.resin));
+  if (relative) return 12;
   if (info.process &&
       (!info.process->light_share.empty() || !info.process->layer_heights_um.empty()))
     return 11;

@@ -22,7 +22,7 @@ namespace slicecorr::detail {
 /// else: continuous exposure at one speed, without UV light. 2 has exposure schedules of any kind,
 /// 3 a flat-field, 4 is a recorded stack, 5 a target with edge heights, 6 a bath that ends or light that
 /// spreads, 7 even light, 8 slices with speeds of their own.
-inline constexpr int kUvjBlockFormat = 11;
+inline constexpr int kUvjBlockFormat = 12;
 
 /// Words of the block, in the order of UvKind.
 inline const std::vector<std::string> kNamesOfUv{"off", "constant", "per_slice", "patterned"};

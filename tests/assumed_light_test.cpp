@@ -1,0 +1,212 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// Light that nobody measured, and what is taken in its place.
+#include "slicecorr/assumed_light.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "films_lab.hpp"
+#include "lab_columns.hpp"
+#include "refusal.hpp"
+#include "rounds.hpp"
+#include "slicecorr/correct.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/setup.hpp"
+#include "slicecorr/stack.hpp"
+#include "slicecorr/uncertainty.hpp"
+#include "slicecorr/unmeasured_light.hpp"
+
+namespace slicecorr {
+namespace {
+
+using test::refusal;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr const char* kResin =
+    "name = \"grey\"\nwavelength_nm = 405\n[cure]\nabsorbance_height_um = 150.0\nabsorbance_base = 10\n"
+    "gel_dose_mj_cm2 = 6.0\n";
+
+StackInfo archive(double layer_um, double exposure_s) {
+  StackInfo info;
+  info.grid = {100, 100, 40, 50, 50, layer_um};
+  info.exposure_s = exposure_s;
+  return info;
+}
+
+SetupChoices choices(const char* resin = kResin) {
+  SetupChoices c;
+  c.printer_toml = test::kUnlitPrinter;
+  c.resin_toml = resin;
+  c.mode = "layerwise";
+  c.assume = "typical";
+  return c;
+}
+
+Setup assumed(const SetupChoices& c, const StackInfo& info) {
+  return resolve_setup(c, nullptr, &info, ChoiceNames::options);
+}
+
+// A print of F critical doses at the window has F a at the far edge of each layer, which is the mean multiple
+// of what holds.
+TEST(AssumedLight, ExposuresAreTheMeanMultipleOfWhatHolds) {
+  for (const char* resin :
+       {kResin,
+        "name = \"steep\"\n[cure]\nmodel = \"kinetic\"\nm = 0.9\nabsorbance_height_um = 210.0\n"
+        "absorbance_base = 10\ncritical_dose_prime = 30.0\ndose_factor = 1\n"}) {
+    for (const double layer_um : {25.0, 50.0, 100.0}) {
+      for (const double strength : {0.0, 1.5}) {
+        SetupChoices c = choices(resin);
+        c.green_strength = strength;
+        const Setup setup = assumed(c, archive(layer_um, 2.5));
+        const double holds = strength > 0 ? strength : kDefaultGreenStrength;
+        const double a =
+            std::pow(10, -setup.resin.m * layer_um / setup.resin.absorbance_height10_um);
+        const CureModel model =
+            make_cure_model(setup.printer, setup.resin, setup.process, layer_um);
+        EXPECT_NEAR(model.phi_max() * a / holds, std::sqrt(10), 1e-9) << resin << layer_um;
+        EXPECT_NEAR(setup.process.green_strength, holds * std::sqrt(2.5), 1e-12);
+        EXPECT_EQ(setup.process.assumed, AssumedLight::mono_lcd_405);
+        ASSERT_TRUE(setup.uncertainty);
+        EXPECT_DOUBLE_EQ(setup.uncertainty->sd(UncertainInput::dc), 0.23);
+      }
+    }
+  }
+}
+
+// Layers that get half of the light, as a file says, and higher ones: what holds last decides.
+TEST(AssumedLight, DimmedAndHigherLayersCount) {
+  SetupChoices c = choices();
+  StackInfo info = archive(50, 2);
+  const Resin plain = assumed(c, info).resin;
+  info.light_share = {0.5};
+  EXPECT_NEAR(assumed(c, info).resin.critical_dose_mj_cm3, plain.critical_dose_mj_cm3 / 2, 1e-12);
+  info.light_share.clear();
+  info.layer_heights_um = {50, 100, 50};
+  EXPECT_NEAR(assumed(c, info).resin.critical_dose_mj_cm3,
+              plain.critical_dose_mj_cm3 * std::pow(10, -50.0 / 150), 1e-12);
+}
+
+TEST(AssumedLight, CurvesOfTypicalDisplays) {
+  const Printer display = parse_display(test::kUnlitPrinter, "dark.toml");
+  const Printer lcd = with_assumed_light(display, AssumedLight::mono_lcd_405);
+  ASSERT_EQ(lcd.calibration.size(), 256U);
+  // 236 for 80 % of the light, as was measured (UVtools issue 1104).
+  EXPECT_NEAR(lcd.calibration[236].intensity_mw_cm2, 0.8, 0.01);
+  EXPECT_EQ(lcd.calibration[0].intensity_mw_cm2, 0);
+  EXPECT_EQ(lcd.calibration[255].intensity_mw_cm2, 1);
+  const Printer dlp = with_assumed_light(display, AssumedLight::dlp_405);
+  EXPECT_EQ(dlp.calibration[37].intensity_mw_cm2, 0);
+  EXPECT_NEAR(dlp.calibration[146].intensity_mw_cm2, 0.5, 1e-12);
+  Printer uv = display;
+  uv.wavelength_nm = 385;
+  EXPECT_EQ(assumed_light("typical", uv), AssumedLight::dlp_385);
+  EXPECT_EQ(assumed_light("typical", display), AssumedLight::mono_lcd_405);
+  EXPECT_THAT(refusal([&] { with_assumed_light(uv, AssumedLight::mono_lcd_405); }),
+              AllOf(HasSubstr("385"), HasSubstr("LCD of 405 nm")));
+  EXPECT_THAT(refusal([&] { with_assumed_light(lcd, AssumedLight::mono_lcd_405); }),
+              HasSubstr("is measured"));
+}
+
+TEST(AssumedLight, WhatDoesNotGoWithIt) {
+  const StackInfo info = archive(50, 2.5);
+  const auto refused = [&](const auto& change) {
+    SetupChoices c = choices();
+    change(c);
+    return refusal([&] { assumed(c, info); });
+  };
+  EXPECT_THAT(refused([](SetupChoices& c) { c.mode = "continuous", c.speed_mm_h = 100; }),
+              AllOf(HasSubstr("--assume"), HasSubstr("--mode layerwise")));
+  EXPECT_THAT(refused([](SetupChoices& c) { c.lifts = "none"; }), HasSubstr("--lifts each"));
+  EXPECT_THAT(refused([](SetupChoices& c) { c.lift_exchange = 0.5; }),
+              HasSubstr("--lift-exchange"));
+  EXPECT_THAT(refused([](SetupChoices& c) { c.dose_factor = 2; }), HasSubstr("--dose-factor"));
+  EXPECT_THAT(
+      refused([](SetupChoices& c) {
+        c.resin_toml =
+            "name = \"mine\"\n[cure]\nunit = \"of the brightest level\"\nabsorbance_height_um = "
+            "150.0\nabsorbance_base = 10\ncritical_dose_s = 0.8\n";
+      }),
+      HasSubstr("seconds"));
+  EXPECT_THAT(refused([](SetupChoices& c) {
+                c.resin_toml =
+                    "name = \"other\"\nwavelength_nm = 385\n[cure]\nabsorbance_height_um = "
+                    "150.0\nabsorbance_base = 10\ngel_dose_mj_cm2 = 6.0\n";
+              }),
+              AllOf(HasSubstr("385"), HasSubstr("405")));
+  SetupChoices c = choices();
+  const StackInfo no_time = archive(50, 0);
+  EXPECT_THAT(refusal([&] { assumed(c, no_time); }), HasSubstr("--exposure-s"));
+  c.assume = "none";
+  EXPECT_THAT(refusal([&] { assumed(c, info); }), HasSubstr("to be measured"));
+}
+
+// Labs that measured nothing: displays of powers from 2.2 to 3.5, exposures 2 to 5 times what holds, heights
+// some 10 % from those published. Every layer gels by its own exposure, no edge lies further from its place
+// than as sliced, and edges lie in the band that is told.
+TEST(AssumedLight, LabsThatMeasuredNothing) {
+  std::mt19937 random(11);
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution(low, high)(random);
+  };
+  std::normal_distribution<double> normal;
+  int edges = 0, in_band = 0, nearer = 0;
+  for (int lab = 0; lab < test::rounds(60); ++lab) {
+    SCOPED_TRACE(lab);
+    SetupChoices c = choices();
+    c.ha_um = between(90, 350);
+    const Setup setup = assumed(c, archive(50, 2.5));
+    const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, 50);
+    const test::LabColumn part = test::random_lab_column(random);
+    const int layers = static_cast<int>(part.coverage.size());
+    const std::vector<std::uint8_t> levels =
+        solve_column(CorrectionPlan{model, setup.process, layers, layers}, part.coverage);
+    // What is hidden.
+    const double power = between(2.2, 3.5), x = std::array{0.0, 0.3, 1.0}[random() % 3],
+                 ha_um = c.ha_um * std::exp(std::clamp(0.1 * normal(random), -0.2, 0.2)),
+                 multiple = 2 * std::pow(2.5, between(0, 1)),
+                 full = multiple * kDefaultGreenStrength * std::pow(10, 50 / ha_um);
+    std::vector<double> phi, sliced, told;
+    for (const std::uint8_t g : levels) {
+      phi.push_back(full * std::pow(g / 255.0, power));
+      told.push_back(model.phi_max() * std::pow(g / 255.0, 3));
+    }
+    for (const std::uint8_t covered : part.coverage) sliced.push_back(covered ? full : 0);
+    for (int n = 0; n < layers; ++n) {
+      if (!part.coverage[static_cast<std::size_t>(n)]) continue;
+      // Powers above 3 take 7 % from the least light, published heights and levels little more.
+      EXPECT_GE(phi[static_cast<std::size_t>(n)] * std::pow(10, -50 / ha_um), 1.0) << n;
+    }
+    const auto scaled = [](std::vector<double> doses, double factor) {
+      for (double& d : doses) d *= factor;
+      return doses;
+    };
+    // 1.96 standard deviations of dose and light together; heights by the same to either side.
+    const double off = std::exp(1.96 * std::hypot(0.23, 0.12)), high = 1.96 * 0.1;
+    for (const int u : part.begins) {
+      const double now = test::lab_edge_um(phi, ha_um, 50, u, x),
+                   before = test::lab_edge_um(sliced, ha_um, 50, u, x);
+      EXPECT_GE(now, -50.0 / test::kLabPoints) << "a feature got thinner";
+      const auto at = [&](double factor, double height) {
+        return test::lab_edge_um(scaled(told, factor), c.ha_um * height, 50, u, x);
+      };
+      const double weak = std::min(at(1 / off, 1 - high), at(1 / off, 1 + high)),
+                   strong = std::max(at(off, 1 - high), at(off, 1 + high));
+      ++edges;
+      in_band += now >= weak && now <= strong ? 1 : 0;
+      nearer += now <= before ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(nearer, edges);
+  EXPECT_GE(in_band, 0.95 * edges);
+  RecordProperty("in_band", in_band);
+  RecordProperty("edges", edges);
+}
+
+}  // namespace
+}  // namespace slicecorr

@@ -18,7 +18,7 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/load_printer.hpp"
+#include "slicecorr/load_display.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/stack.hpp"
@@ -262,7 +262,7 @@ std::string layer_png(const std::string& path, std::int64_t layer) {
 }
 
 void write_plate(const PlateJob& job, const ExecutionContext& context) {
-  const Printer printer = load_printer(job.printer);
+  const Printer printer = load_display(job.printer);
   const StackReader stack(job.stack, job.folder, context, {0, 0, job.layer_um});
   if (!stack.info().layer_heights_um.empty()) {
     throw InputError(job.stack, "",

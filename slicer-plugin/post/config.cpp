@@ -12,7 +12,7 @@
 #include <filesystem>
 
 #include "slicecorr/error.hpp"
-#include "slicecorr/load_printer.hpp"
+#include "slicecorr/load_display.hpp"
 #include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -185,7 +185,7 @@ class Reader {
   void check_definition(const toml::node& node, const std::string& key,
                         const std::string& value) const {
     try {
-      if (key == "printer") load_printer(value);
+      if (key == "printer") load_display(value);  // its light may be assumed
       if (key == "resin") load_resin(value);
     } catch (const InputError& e) {
       fail(node, key, e.what());

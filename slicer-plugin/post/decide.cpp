@@ -9,7 +9,7 @@
 #include <cstdlib>
 
 #include "post/profiles.hpp"
-#include "slicecorr/load_printer.hpp"
+#include "slicecorr/load_display.hpp"
 
 namespace slicecorr::post {
 
@@ -121,7 +121,7 @@ class Deciding {
     decision_.printer_from =
         find("printer", setup.printer, profiles_.printer, "printer_profile", 0);
     decision_.resin_from = find("resin", setup.resin, profiles_.material, "material_profile",
-                                load_printer(setup.printer).wavelength_nm);
+                                load_display(setup.printer).wavelength_nm);
   }
 
   void find_facts() {

@@ -422,6 +422,13 @@ TEST_F(BridgePrint, AWrongStackNeverMovesTheStage) {
   config = to_bytes(words.dump());
   make_zip(folder / "dim.uvj", entries);
   refuse(folder / "dim.uvj", printer, 3, "UV light");
+  // The stage goes by even layers.
+  words["slicecorr"]["process"]["layer_heights_um"] = {50, 100};
+  words["slicecorr"].erase(detail::kBlockCrc32Key);
+  words["slicecorr"][detail::kBlockCrc32Key] = detail::block_crc32(words["slicecorr"]);
+  config = to_bytes(words.dump());
+  make_zip(folder / "heights.uvj", entries);
+  refuse(folder / "heights.uvj", printer, 2, "layers of different heights");
 
   sim.child->end(SIGTERM);
   expect_untouched(sim.events);

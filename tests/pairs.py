@@ -378,6 +378,7 @@ class Case:
         r = self.run("slicecorr", "slice", "part.stl", "-o", out, "--printer", "printer.toml", *self.heights(lit),
                      "--antialias", "off", "--surface", lit.surface)
         assert r.returncode == 0, r.stderr
+        self.sliced = r.stdout
 
     @staticmethod
     def heights(lit):
@@ -434,7 +435,7 @@ class Case:
             self.fault(f"correct: exit code {r.returncode}: {r.stderr[-400:]}")
             return "counted", None
         # One reason is enough where there are several.
-        told = " ".join(r.stderr.split())
+        told = " ".join((r.stderr + " " + self.sliced).split())
         for verdict in {v for v, _ in verdicts}:
             reasons = [w for v, w in verdicts if v == verdict]
             for feature in {w.split(":")[0] for w in reasons} if "left out" in verdict else {""}:
@@ -452,6 +453,8 @@ class Case:
         """Without either feature the images are others."""
         made = brute_print.read_images(self.folder / "stack.uvj")
         for f in self.features - TELLS_ONLY:
+            if f == "layer by layer" and len(LAYERWISE & self.features) > 1:
+                continue  # the other says so, too
             if left_out and f in ("edges of the mesh", "a capped dose"):
                 continue
             if alone and f == "light that spreads":

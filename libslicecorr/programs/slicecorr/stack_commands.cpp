@@ -10,6 +10,7 @@
 #include "programs/common/make_part.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/uneven_slices.hpp"
 #include "support/json/read_json.hpp"
@@ -83,8 +84,10 @@ int slice_unevenly(const Arguments& a, const LayerHeights& heights, const Printe
   const StackInfo info = write_target(*fitted, heights, a.file(), context);
   const auto [least, most] =
       std::minmax_element(info.layer_heights_um.begin(), info.layer_heights_um.end());
-  console.say(fmt::format("{}: {} slices of {:g} to {:g} um, {:.4f} ml; edges lie at slices",
-                          a.output, info.grid.layers, *least, *most, info.part_volume_mm3 * 1e-3));
+  console.say(
+      fmt::format("{}: {} slices of {:g} to {:g} um, {:.4f} ml; edges lie at slices: the "
+                  "mesh's own heights are not counted in layers of different heights",
+                  a.output, info.grid.layers, *least, *most, info.part_volume_mm3 * 1e-3));
   return kDone;
 }
 
@@ -168,7 +171,12 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
   const MeshSlices slices = slice_parts(cut_for(heights, a.mesh), setup.printer,
                                         setup.process.surface, a.leave_alone, place, context);
   std::optional<UnevenSlices> uneven;
-  if (!heights.alike()) uneven.emplace(slices, heights);
+  if (!heights.alike()) {
+    uneven.emplace(slices, heights);
+    Process process = setup.process;
+    const char* const why = leave_out_heights(setup.printer, setup.resin, process);
+    if (why && a.setup.wanted_surface() == Surface::mesh) context.tell(why);
+  }
   const FittedSlices fitted = fit_for_output(
       uneven ? static_cast<const SliceSource&>(*uneven) : slices, a.file(), setup.printer, context);
   const LeftAloneFiles part(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),

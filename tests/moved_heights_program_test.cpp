@@ -1,0 +1,129 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Slices of different heights in continuous exposure through the programs: a real mesh in heights that its slopes
+// ask for, times that files say, and what is refused.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "ladder.hpp"
+#include "program_fixture.hpp"
+#include "real_files.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+class MovedProgram : public ProgramFixture {
+ protected:
+  MovedProgram() {
+    write("small.toml", kSmallPrinter);
+    write("resin.toml",
+          "name = \"plain\"\n[cure]\nmodel = \"kinetic\"\nm = 1.0\nabsorbance_height_um = 400\n"
+          "absorbance_base = 10\ncritical_dose_prime = 40.0\n");
+  }
+  static json layers_of(const TemporaryFolder& folder, const std::string& stack) {
+    Entries entries = unzip(folder / stack);
+    return json::parse(to_text(entry(entries, "config.json")))["Layers"];
+  }
+  const Command kWith{"--printer",    "small.toml", "--resin",          "resin.toml",
+                      "--speed-mm-h", "200",        "--one-slice-gaps", "merge"};
+};
+
+TEST_F(MovedProgram, ARealPartIsCorrectedInHeightsThatItsSlopesAskFor) {
+  const std::string mesh = real_file("meshes/clean/ksr_fdmtest_v4.stl");
+  const Command cut{"--fit-mm", "5", "--adaptive-um", "20,100"};
+  good(Command{"run", mesh, "-o", "one.uvj", "--threads", "1"} + cut + kWith);
+  good(Command{"slice", mesh, "-o", "target.uvj", "--printer", "small.toml"} + cut);
+  good(Command{"correct", "target.uvj", "-o", "eight.uvj", "--threads", "8"} + kWith);
+  EXPECT_EQ(read_file(folder_ / "one.uvj"), read_file(folder_ / "eight.uvj"));
+  const json f = figures("one.uvj", "target.uvj");
+  EXPECT_EQ(f["cure_through_voxels"], 0);
+  EXPECT_EQ(f["undercure_voxels"], 0);
+  EXPECT_EQ(f["lost_features"], 0);
+  // Of 256 levels the vernier takes three before an edge: a 25th of a step of one is some 0.1 um here.
+  EXPECT_LT(f["height_error_um"]["mean_abs"].get<double>(), 0.2);
+  const auto heights = f["layer_um"].get<std::vector<double>>();
+  const auto [least, most] = std::minmax_element(heights.begin(), heights.end());
+  EXPECT_EQ(*least, 20);
+  EXPECT_EQ(*most, 100);
+  // 200 mm/h are 1 um in 18 ms.
+  double z_um = 0;
+  const json layers = layers_of(folder_, "one.uvj");
+  ASSERT_EQ(layers.size(), heights.size());
+  for (std::size_t n = 0; n < heights.size(); ++n) {
+    z_um += heights[n];
+    EXPECT_NEAR(layers[n]["Exposure"]["LightOnTime"].get<double>(), 0.018 * heights[n], 1e-6) << n;
+    EXPECT_NEAR(layers[n]["Z"].get<double>(), z_um * 1e-3, 1e-6) << n;
+  }
+  const json told = json::parse(good({"info", "one.uvj", "--json", "-"}).out);
+  EXPECT_NEAR(told["print_time_s"].get<double>(), 0.018 * z_um, 1e-3);
+  EXPECT_EQ(told["layer_um"].size(), heights.size());
+}
+
+TEST_F(MovedProgram, TablesOfHeightsAndSpeedsGoTogether) {
+  TriangleMesh block;
+  add_box(block, {0, 0, 0}, {2, 2, 0.4});
+  add_box(block, {0, 0, 1}, {2, 2, 1.6});
+  write_stl(folder_ / "part.stl", block);
+  write("heights.csv", "slice,layer_um\n0,40\n5,100\n9,20\n");
+  write("speeds.csv", "slice,speed_mm_h\n0,100\n7,200\n");
+  const RunResult r = good(Command{"run", "part.stl", "-o", "part.uvj", "--layers", "heights.csv",
+                                   "--slice-speed-mm-h", "speeds.csv"} +
+                           kWith);
+  EXPECT_THAT(r.err, HasSubstr("edges lie at slices: the mesh's own heights are not counted"));
+  const json layers = layers_of(folder_, "part.uvj");
+  EXPECT_NEAR(layers[0]["Exposure"]["LightOnTime"].get<double>(), 0.036 * 40, 1e-6);
+  EXPECT_NEAR(layers[6]["Exposure"]["LightOnTime"].get<double>(), 0.036 * 100, 1e-6);
+  EXPECT_NEAR(layers[8]["Exposure"]["LightOnTime"].get<double>(), 0.018 * 100, 1e-6);
+  EXPECT_NEAR(layers[20]["Exposure"]["LightOnTime"].get<double>(), 0.018 * 20, 1e-6);
+  // Edges lie at nodes: the lower block ends at one, the upper one begins and ends at one.
+  const json solid = json::parse(good({"solid", "part.uvj", "-o", "print.stl", "--json", "-"}).out);
+  EXPECT_NEAR(solid["lower_mm"][2].get<double>(), 0, 1e-6);
+  EXPECT_NEAR(solid["upper_mm"][2].get<double>(), 1.6, 5e-4);
+  // Half a pixel is missing or too much along each side.
+  EXPECT_NEAR(solid["volume_mm3"].get<double>(), 4.0, 4.0 * 2 * 0.05);
+  bad(2,
+      Command{"run", "part.stl", "-o", "no.uvj", "--layers", "heights.csv", "--layer-um", "50"} +
+          kWith,
+      {"--layers", "--layer-um"});
+  bad(2, Command{"run", "part.stl", "-o", "no.uvj"} + kWith,
+      {"expected the height of layers", "--adaptive-um"});
+}
+
+TEST_F(MovedProgram, WhatIsLeftAloneHasTheTargetsLayers) {
+  TriangleMesh part, post;
+  add_box(part, {0, 0, 0}, {2, 2, 0.4});
+  add_box(post, {3, 0, 0}, {3.5, 0.5, 0.3});
+  write_stl(folder_ / "part.stl", part);
+  write_stl(folder_ / "post.stl", post);
+  write("heights.csv", "slice,layer_um\n0,40\n5,100\n");
+  good(Command{"run", "part.stl", "-o", "part.uvj", "--layers", "heights.csv", "--leave-alone",
+               "post.stl"} +
+       kWith);
+  // 5 layers of 40 um and one of 100 um are 0.3 mm: the post is lit in these, and in no other.
+  std::size_t lit = 0;
+  for (const Bytes& image : images("part.uvj")) {
+    // The post lies right of the part, at the lower edge of both.
+    std::size_t right = 0;
+    for (std::size_t i = 0; i < image.size(); ++i) {
+      right += i % kSmallWidth >= 100 && image[i] == 255;
+    }
+    lit += right > 0;
+  }
+  EXPECT_EQ(lit, 6U);
+  const Command slice{"slice", "part.stl", "--printer", "small.toml"};
+  good(slice + Command{"-o", "even.uvj", "--layer-um", "100"});
+  good(slice + Command{"-o", "uneven.uvj", "--layers", "heights.csv"});
+  bad(2, Command{"correct", "uneven.uvj", "-o", "no.uvj", "--leave-alone", "even.uvj"} + kWith,
+      {"even.uvj", "layer 0 is 100 um high, that of the target 40 um"});
+}
+
+}  // namespace
+}  // namespace slicecorr::test

@@ -148,6 +148,55 @@ std::vector<std::uint8_t> random_column(std::mt19937& random, int thick, int apa
   return test::column(kTarget, test::random_runs(random, 8, kTarget - 1, thick, apart));
 }
 
+// Images that no correction made: voxels that print, and edges, of which all are looked for in steps.
+TEST(MovedHeights, FiguresOfAnyImagesAreThoseOfTheDoses) {
+  std::mt19937 random(17);
+  std::size_t edges = 0, wrong = 0;
+  for (int round = 0; round < test::rounds(20); ++round) {
+    const Moved u = random_moved(random, round % 2 == 1);
+    const CureModel model = u.model();
+    const PixelCurve curve = pixel_curve(model);
+    const std::vector<std::uint8_t> column = random_column(random, 3, 3);
+    std::vector<std::uint8_t> levels = column;
+    for (std::uint8_t& level : levels) {
+      level = static_cast<std::uint8_t>(level == 0 ? random() % 60 : 60 + random() % 196);
+    }
+    BandPredictor predictor(model, curve, kTarget, 1);
+    std::vector<std::pair<int, double>> told;
+    predictor.tell_edges([&](std::size_t, int node, bool upper, double um) {
+      if (upper && um > 0) told.emplace_back(node, um);
+    });
+    for (int n = kTarget; n-- > 0;) {
+      const auto i = static_cast<std::size_t>(n);
+      predictor.add_slice(n, &levels[i], &column[i]);
+    }
+    const Prediction p = predictor.finish([](std::size_t) { return Pixel{0, 0}; });
+    const std::vector<double> light = u.light(levels);
+    std::uint64_t through = 0, under = 0;
+    for (int n = 0; n < kTarget; ++n) {
+      const bool prints = u.dose(0.5 * (u.node_um(n) + u.node_um(n + 1)), light) >= 1;
+      const bool designed = column[static_cast<std::size_t>(n)] != 0;
+      through += prints && !designed;
+      under += !prints && designed;
+    }
+    EXPECT_EQ(p.cure_through_voxels, through) << round;
+    EXPECT_EQ(p.undercure_voxels, under) << round;
+    wrong += through + under;
+    for (const auto& [node, um] : told) {
+      // As far beyond the edge as the print goes, at most to the end of the gap.
+      int top = node;
+      while (top > 0 && column[static_cast<std::size_t>(top) - 1] == 0) --top;
+      const double at_um = u.node_um(node), most_um = at_um - u.node_um(top);
+      double reach = 0;
+      while (reach + 0.1 < most_um && u.dose(at_um - reach - 0.1, light) >= 1) reach += 0.1;
+      EXPECT_NEAR(um, reach, 0.2) << node;
+      ++edges;
+    }
+  }
+  EXPECT_GT(edges, 50u);
+  EXPECT_GT(wrong, 50u);
+}
+
 TEST(MovedHeights, AlikeTheyAreTheSameToTheLastBit) {
   std::mt19937 random(7);
   for (int round = 0; round < test::rounds(10); ++round) {

@@ -378,7 +378,7 @@ class Case:
         r = self.run("slicecorr", "slice", "part.stl", "-o", out, "--printer", "printer.toml", *self.heights(lit),
                      "--antialias", "off", "--surface", lit.surface)
         assert r.returncode == 0, r.stderr
-        self.sliced = r.stdout
+        self.sliced = r.stdout + " " + r.stderr
 
     @staticmethod
     def heights(lit):

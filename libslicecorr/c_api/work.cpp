@@ -248,8 +248,11 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   stack.info.orientation = frame.orientation.value_or(Orientation{});
   stack.info.target_layers = g.layers;
   const std::uint64_t left = source.left_alone() ? sum_of(*source.left_alone(), context) : 0;
-  stack.info.part_volume_mm3 = static_cast<double>(watched.sum() + left) / 255.0 * g.pixel_x_um *
-                               g.pixel_y_um * g.layer_um * 1e-9;
+  // Sums of pixels tell volumes where layers are alike.
+  stack.info.part_volume_mm3 = setup.process.layer_heights_um.empty()
+                                   ? static_cast<double>(watched.sum() + left) / 255.0 *
+                                         g.pixel_x_um * g.pixel_y_um * g.layer_um * 1e-9
+                                   : 0.0;
   stack.info.program = std::string("slicecorr ") + version;
   stack.uv_of_pixel = uv_of_pixel(model);
   stack.info.printer = std::move(setup.printer);

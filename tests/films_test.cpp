@@ -263,6 +263,8 @@ TEST_F(FilmsProgram, NewFilesShowWhatTheTableSays) {
   bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.goo", "--exposure-s", "0"},
       {"--exposure-s"});
   bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.lgs"}, {"template"});
+  bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.goo", "--resin", "figure-2-2"},
+      {"--resin"});
 }
 
 TEST_F(FilmsProgram, FilesOfRealSlicersKeepAllButTheirLayers) {

@@ -18,6 +18,7 @@
 #include "describe.hpp"
 #include "slicecorr/beam_vat.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
@@ -121,8 +122,9 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
                                         : fmt::format("{:g} x {:g}", p.pixel_x_um, p.pixel_y_um),
            p.wavelength_nm > 0 ? fmt::format("{:g}", p.wavelength_nm) : "-",
            light_is_measured(p)
-               ? fmt::format("{:g} to {:g}", p.calibration.front().intensity_mw_cm2,
-                             p.calibration.back().intensity_mw_cm2)
+               ? fmt::format("{:g} to {:g}{}", p.calibration.front().intensity_mw_cm2,
+                             p.calibration.back().intensity_mw_cm2,
+                             is_relative(p) ? fmt::format(" {}", unit_of_light(p.unit)) : "")
                : std::string(kToBeMeasured),
            p.uv ? fmt::format("{:g} to {:g}", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()) : "-",
            p.vial ? fmt::format("{:g}", 2 * p.vial->inner_mm) : "-", d.path});

@@ -13,6 +13,7 @@
 #include "programs/common/program.hpp"
 #include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
@@ -316,6 +317,8 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
   if (info.resin) {
     j["resin"] = info.resin->name;
     j["absorbance_height10_um"] = info.resin->absorbance_height10_um;
+    // Of all light and doses, whatever their keys are called.
+    j["unit"] = unit_in_files(info.resin->unit);
     if (info.resin->has_gel_time()) {
       j["gel_a_mj_cm2"] = info.resin->gel_a_mj_cm2;
       j["gel_b_sqrt_mw_cm2_s"] = info.resin->gel_b_sqrt_mw_cm2_s;

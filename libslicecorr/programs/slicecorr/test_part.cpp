@@ -122,6 +122,11 @@ int level_images(const TestPartOptions& o, const ExecutionContext& context, Cons
 
 int films_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
   if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
+  if (!o.resin.empty() || o.uv_mw_cm2 > 0) {
+    throw InputError(
+        "a part 'films' is for a resin of which nothing is known, without UV light; expected no "
+        "--resin and no --uv-mw-cm2");
+  }
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   const Printer printer = load_display(o.printer);

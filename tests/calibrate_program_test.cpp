@@ -165,8 +165,8 @@ TEST_F(CalibrateProgram, CommandsOfItsPageRun) {
     }
     if (line.starts_with("slicecorr correct") || line.starts_with("slicecorr-post")) {
       // What a slicer exported: four layers, 2.5 s each.
-      good({"testpart", "f", "--printer", "elegoo-saturn", "--exposure-s", "2.5", "-o",
-            "part.ctb"});
+      good(
+          {"testpart", "f", "--printer", "elegoo-saturn", "--exposure-s", "2.5", "-o", "part.ctb"});
     }
     const RunResult r = run_program({"/bin/sh", "-c", path + line}, options_);
     EXPECT_EQ(r.exit_code, 0) << r.err;
@@ -190,6 +190,11 @@ TEST_F(CalibrateProgram, CommandsOfItsPageRun) {
   const RunResult info = good({"info", "corrected.ctb"});
   EXPECT_THAT(info.out, AllOf(HasSubstr("my-saturn"), HasSubstr("s of full light")));
   EXPECT_EQ(info.out.find("mW/cm"), std::string::npos);
+  const RunResult guessed = good({"info", "guessed.ctb"});
+  EXPECT_THAT(guessed.out, AllOf(HasSubstr("assumed, not measured"), HasSubstr("elegoo-saturn"),
+                                 HasSubstr("a typical monochrome LCD of 405 nm")));
+  EXPECT_EQ(json::parse(good({"info", "guessed.ctb", "--json", "-"}).out)["assumed"],
+            "mono-lcd-405");
   // A resin in another unit is refused before the work.
   bad(2,
       {"correct", "films.ctb", "-o", "x.ctb", "--printer", "my-saturn.toml", "--resin",

@@ -21,6 +21,7 @@
 #include "slicecorr/films_part.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/measuring_form.hpp"
+#include "slicecorr/uncertainty.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 #include "stack_fixture.hpp"
@@ -381,6 +382,40 @@ TEST(FilmsFiles, SayTheUnitAndAreReadBack) {
   EXPECT_NEAR(resin.absorbance_height10_um, 150, 0.02);
   EXPECT_EQ(resin.wavelength_nm, 405);
   EXPECT_EQ(resin.dose_factor, 1);
+}
+
+// How sure a print is follows from the films: what other films of the same lab say of height and seconds
+// scatters as the file's covariance says, together, too. A variance of n labs is known to sqrt(2 / n) of
+// itself, a covariance not better; of each four times that is taken, and a tenth more because ln t_c is
+// linear only near by.
+TEST(FilmsFiles, TheCovarianceIsThatOfManyLabs) {
+  std::mt19937 random(6);
+  const int labs = test::rounds(400);
+  double hh = 0, hs = 0, ss = 0, said_hh = 0, said_hs = 0, said_ss = 0;
+  for (int lab = 0; lab < labs; ++lab) {
+    FilmReadings r;
+    int line = 1;
+    for (const double s : {2., 4., 8., 16., 32., 2., 4., 8., 16., 32.}) {
+      r.films.push_back(
+          {++line, 255, s, 150 * std::log10(s / 0.8) + std::normal_distribution(0., 3.)(random)});
+    }
+    const FilmsFit fit = fit_films(r, dark());
+    const Resin resin = parse_resin(resin_of_films("r", dark(), fit, 0), "r.toml");
+    const Uncertainty u = parse_uncertainty("fit", ExposureMode::layerwise, 1,
+                                            {resin_of_films("r", dark(), fit, 0), "r.toml"});
+    using enum UncertainInput;
+    const double h = resin.absorbance_height10_um / 150 - 1, s = critical_dose_s(resin) / 0.8 - 1;
+    hh += h * h;
+    hs += h * s;
+    ss += s * s;
+    said_hh += u.variance(ha, ha);
+    said_hs += u.variance(ha, dc);
+    said_ss += u.variance(dc, dc);
+  }
+  const double to = 4 * std::sqrt(2.0 / labs) + 0.1;
+  EXPECT_NEAR(hh / said_hh, 1, to);
+  EXPECT_NEAR(hs / said_hs, 1, to);
+  EXPECT_NEAR(ss / said_ss, 1, to);
 }
 
 TEST(FilmsFiles, AReadingOfFullLightFixesTheUnit) {

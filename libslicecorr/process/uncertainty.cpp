@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/csv.hpp"
 #include "support/text/display_text.hpp"
@@ -130,6 +131,9 @@ void take_fit(const ResinText& resin, Uncertainty& out) {
     if (name == "dc_mj_cm2" && parsed.gel_dose_mj_cm3 > 0) {
       return std::pair{UncertainInput::dc, units::areal_from_volumetric(parsed.gel_dose_mj_cm3,
                                                                         dose_height_e_um(parsed))};
+    }
+    if (name == "critical_dose_s" && is_relative(parsed)) {
+      return std::pair{UncertainInput::dc, critical_dose_s(parsed)};
     }
     if (const auto prime = cure.number("critical_dose_prime", 0, 1e9);
         name == "critical_dose_prime" && prime) {

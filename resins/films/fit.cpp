@@ -157,6 +157,9 @@ void take_figures(const Solved& s, FilmsFit& fit) {
   slope(0) = units::kLn10 * b / (ha * ha);
   slope(1) = -units::kLn10 / ha;
   fit.gel_s = figure_of(s, -units::kLn10 * b / ha, slope, true);
+  fit.covariance_um =
+      s.shape.unscaled.row(0).dot(slope) * s.shape.residual.squaredNorm() /
+      (static_cast<double>(s.problem.count()) - static_cast<double>(s.problem.unknowns()));
   std::map<int, int> films;
   for (const FilmReading& film : s.problem.films()) ++films[film.level];
   // ln share = -ln 10 (sum of steps) / ha.

@@ -11,6 +11,7 @@
 #include "fit/figure_text.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/films_fit.hpp"
+#include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 #include "support/json/finite.hpp"
 
@@ -36,6 +37,16 @@ std::string summary(const FilmsFit& fit) {
                      fit.used, std::filesystem::path(fit.source).filename().string(), fit.rms_um,
                      fit.absorbance_height_um.value, interval(fit.absorbance_height_um),
                      fit.gel_s.value, interval(fit.gel_s));
+}
+
+/// As errors of a print read it: of the height, base e, and of seconds to gel.
+std::string covariance_of(const FilmsFit& fit) {
+  if (!std::isfinite(fit.gel_s.standard_error)) return "unknown";
+  const double h = units::height_e_from_10(fit.absorbance_height_um.standard_error),
+               s = fit.gel_s.value * fit.gel_s.standard_error,
+               both = fit.gel_s.value * units::height_e_from_10(fit.covariance_um);
+  return fmt::format("h_um, critical_dose_s: [[{:.6g}, {:.6g}], [{:.6g}, {:.6g}]]", h * h, both,
+                     both, s * s);
 }
 
 }  // namespace
@@ -153,6 +164,7 @@ std::string resin_of_films(const std::string& name, const Printer& printer, cons
   text += fmt::format("\n[provenance]\nsource = {}\nfit = {}\n",
                       toml_text("films measured with calipers (resinctl calibrate)"),
                       toml_text(summary(fit)));
+  if (relative) text += fmt::format("covariance = {}\n", toml_text(covariance_of(fit)));
   parse_resin(text, name + ".toml");
   return text;
 }

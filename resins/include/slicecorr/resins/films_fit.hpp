@@ -71,7 +71,9 @@ struct FilmsFit {
   std::string source;
   FilmFigure absorbance_height_um;  ///< base 10
   FilmFigure gel_s;                 ///< at the brightest level
-  std::vector<FilmLevel> light;     ///< rising; the last is the printer's brightest
+  /// Of the absorbance height and of the logarithm of `gel_s`; NaN where no film is left to tell scatter.
+  double covariance_um = 0;
+  std::vector<FilmLevel> light;  ///< rising; the last is the printer's brightest
   std::vector<FilmResidual> residuals;
   std::vector<std::string> warnings;      ///< sentences
   std::vector<std::string> measure_next;  ///< sentences

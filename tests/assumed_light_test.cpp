@@ -48,7 +48,7 @@ SetupChoices choices(const char* resin = kResin) {
   return c;
 }
 
-Setup assumed(const SetupChoices& c, const StackInfo& info) {
+slicecorr::Setup assumed(const SetupChoices& c, const StackInfo& info) {
   return resolve_setup(c, nullptr, &info, ChoiceNames::options);
 }
 
@@ -63,7 +63,7 @@ TEST(AssumedLight, ExposuresAreTheMeanMultipleOfWhatHolds) {
       for (const double strength : {0.0, 1.5}) {
         SetupChoices c = choices(resin);
         c.green_strength = strength;
-        const Setup setup = assumed(c, archive(layer_um, 2.5));
+        const slicecorr::Setup setup = assumed(c, archive(layer_um, 2.5));
         const double holds = strength > 0 ? strength : kDefaultGreenStrength;
         const double a =
             std::pow(10, -setup.resin.m * layer_um / setup.resin.absorbance_height10_um);
@@ -160,7 +160,7 @@ TEST(AssumedLight, LabsThatMeasuredNothing) {
     SCOPED_TRACE(lab);
     SetupChoices c = choices();
     c.ha_um = between(90, 350);
-    const Setup setup = assumed(c, archive(50, 2.5));
+    const slicecorr::Setup setup = assumed(c, archive(50, 2.5));
     const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, 50);
     const test::LabColumn part = test::random_lab_column(random);
     const int layers = static_cast<int>(part.coverage.size());

@@ -105,7 +105,7 @@ std::string assumption_in_words(const Printer& printer, const Resin& resin,
   if (process.assumed == AssumedLight::none) return {};
   return fmt::format(
       "assumed, not measured: grey levels of printer '{}' as bright as those of {}, light that goes "
-      "down to a tenth in {:g} um as published of resin '{}', and exposures of {:g} to {:g} times what "
+      "down to a tenth in {:.4g} um as published of resin '{}', and exposures of {:g} to {:g} times what "
       "holds. Layers are to hold where it is {:g} times; figures are those for {:.2g} times",
       printer.name, words_of(process.assumed), resin.absorbance_height10_um, resin.name,
       kLeastOfHolding, kMostOfHolding, kLeastOfHolding, mean_multiple());

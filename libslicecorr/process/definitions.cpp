@@ -408,7 +408,8 @@ std::string how_to_measure_light(const Printer& printer) {
       "power meter{} on the display without its vat, show even images of many grey levels, dark ones "
       "close together, 0 and {} among them, and note the mW/cm² of each. slicecorr testpart levels makes "
       "these images, with a table to fill in, and resinctl import a printer file of the table. Who has "
-      "calipers and no power meter takes slicecorr testpart films and resinctl calibrate",
+      "calipers and no power meter takes slicecorr testpart films and resinctl calibrate; layer by layer "
+      "what is typical may be assumed (assume)",
       kToBeMeasured, printer.name,
       printer.wavelength_nm > 0 ? fmt::format(" for {:g} nm", printer.wavelength_nm) : "",
       printer.levels() - 1);

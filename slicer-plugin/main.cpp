@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <optional>
 
 #include "post/correct_file.hpp"
@@ -13,6 +14,7 @@
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
 #include "watch/done.hpp"
+#include "watch/install.hpp"
 #include "watch/watch.hpp"
 
 namespace slicecorr::post {
@@ -25,7 +27,53 @@ struct Arguments {
   cli::MeshOptions meshes;
   bool again = false, undo = false, show_rule = false, json_log = false, tell_watcher = false;
   WatchOptions watch;
+  std::string install, uninstall;  ///< folders
 };
+
+/// What the unit's command line needs of the options of watching, so that it watches as was asked for.
+std::vector<std::string> unit_options(const CLI::App& app) {
+  std::vector<std::string> options;
+  for (const char* name : {"--recursive", "--new-only", "--log-json"}) {
+    if (app.get_option(name)->count() > 0) options.emplace_back(name);
+  }
+  for (const char* name : {"--jobs", "--settle-s", "--patience-s", "--threads"}) {
+    const CLI::Option* const option = app.get_option(name);
+    if (option->count() > 0) {
+      options.emplace_back(name);
+      options.push_back(option->results().back());
+    }
+  }
+  // Paths and programs are meant from here, not from where the unit runs.
+  for (const char* name : {"--log", "--on-done", "--on-fail"}) {
+    const CLI::Option* const option = app.get_option(name);
+    if (option->count() == 0) continue;
+    const std::string value = option->results().back();
+    const bool is_path = std::string_view(name) == "--log" || value.find('/') != std::string::npos;
+    options.emplace_back(name);
+    options.push_back(is_path ? std::filesystem::absolute(value).lexically_normal().string()
+                              : value);
+  }
+  return options;
+}
+
+/// Sets the watch of a folder up, or takes it away.
+int install(const Arguments& a, const CLI::App& app, cli::Console& console) {
+  const bool away = !a.uninstall.empty();
+  const char* const name = away ? "--uninstall-watch" : "--install-watch";
+  if (!a.file.empty() || !a.watch.folders.empty() || !a.parts.empty() || a.undo || a.again ||
+      a.show_rule || a.watch.once || (away && !a.install.empty())) {
+    throw InputError(fmt::format(
+        "{} stands without FILE, --watch, --once, --part, --undo, --again and --show-rule", name));
+  }
+  const WatchInstall what{a.install + a.uninstall, a.config, given_on(app), unit_options(app)};
+  const WatchInstalled done = away ? uninstall_watch(what) : install_watch(what);
+  console.say(done.text);
+  if (done.problem.empty()) return cli::kDone;
+  throw DeviceError(fmt::format(
+      "systemd's manager of the user could not be told ({}); {}", done.problem,
+      away ? "a watch that runs goes on until it is stopped or the user signs out"
+           : "the watch starts when the user signs in again, or by systemctl --user restart"));
+}
 
 int correct_one(const Arguments& a, const PostRequest& request, const ExecutionContext& context,
                 cli::Console& console) {
@@ -62,6 +110,7 @@ int correct_one(const Arguments& a, const PostRequest& request, const ExecutionC
 
 int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context,
         cli::Console& console) {
+  if (!a.install.empty() || !a.uninstall.empty()) return install(a, app, console);
   const bool watching = !a.watch.folders.empty();
   if (watching == !a.file.empty()) {
     throw InputError("expected a FILE, as the last argument, or --watch DIR");
@@ -148,10 +197,19 @@ int run_program(int argc, char** argv) {
   grouped(app->add_option("--log", a.log, "Add a line per file to FILE [stderr]"));
   grouped(app->add_flag("--log-json", a.json_log, "Lines of the log as JSON"));
   grouped(app->add_flag("--notify", a.watch.notify, "Desktop notifications through notify-send"));
+  grouped(app->add_flag("--text-beside", a.watch.text_beside,
+                        "Write what became of each file beside it, as FILE.txt"));
   grouped(app->add_option("--on-done", a.watch.on_done,
                           "Program to run with each corrected file as its argument"));
   grouped(app->add_option("--on-fail", a.watch.on_fail,
                           "Program to run with each file that failed as its argument"));
+  grouped(
+      app->add_option("--install-watch", a.install,
+                      "Have systemd watch a folder whenever you are signed in, with the options "
+                      "given here; outcomes are told on the desktop and beside the file")
+          ->type_name("DIR"));
+  grouped(
+      app->add_option("--uninstall-watch", a.uninstall, "Take that away again")->type_name("DIR"));
   return program.run(argc, argv);
 }
 

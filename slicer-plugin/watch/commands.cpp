@@ -14,7 +14,7 @@
 
 namespace slicecorr::post {
 
-std::string Commands::start(const std::vector<std::string>& command) {
+std::string Commands::start(const std::vector<std::string>& command, const std::string& about) {
   std::vector<char*> arguments;
   arguments.reserve(command.size() + 1);
   for (const std::string& text : command) arguments.push_back(const_cast<char*>(text.c_str()));
@@ -40,12 +40,24 @@ std::string Commands::start(const std::vector<std::string>& command) {
   posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&files);
   if (error != 0) return std::generic_category().message(error);
-  running_.push_back(child);
+  running_.push_back({child, command[0], about});
   return {};
 }
 
-void Commands::reap() {
-  std::erase_if(running_, [](pid_t child) { return ::waitpid(child, nullptr, WNOHANG) != 0; });
+bool Commands::runs(const std::string& program) const {
+  return std::any_of(running_.begin(), running_.end(),
+                     [&](const Running& r) { return r.program == program; });
+}
+
+std::vector<Commands::Failed> Commands::reap() {
+  std::vector<Failed> failed;
+  std::erase_if(running_, [&](const Running& r) {
+    int status = 0;
+    const pid_t ended = ::waitpid(r.child, &status, WNOHANG);
+    if (ended == r.child && status != 0) failed.push_back({r.program, r.about});
+    return ended != 0;
+  });
+  return failed;
 }
 
 }  // namespace slicecorr::post

@@ -14,14 +14,25 @@ namespace slicecorr::post {
 /// Starts programs, without a shell and without waiting for them. For one thread.
 class Commands {
  public:
-  /// `command[0]` is looked up in PATH when it has no slash. Gives what went wrong; empty when it
-  /// was started.
-  std::string start(const std::vector<std::string>& command);
+  /// `command[0]` is looked up in PATH when it has no slash. `about`: the file that it is told of.
+  /// Gives what went wrong; empty when it was started.
+  std::string start(const std::vector<std::string>& command, const std::string& about);
+  /// One that has ended in another way than well.
+  struct Failed {
+    std::string program, about;
+  };
   /// Takes leave of those that have ended.
-  void reap();
+  std::vector<Failed> reap();
+  bool any() const { return !running_.empty(); }
+  /// Whether one of this name runs.
+  bool runs(const std::string& program) const;
 
  private:
-  std::vector<pid_t> running_;
+  struct Running {
+    pid_t child;
+    std::string program, about;
+  };
+  std::vector<Running> running_;
 };
 
 }  // namespace slicecorr::post

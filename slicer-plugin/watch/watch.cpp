@@ -24,6 +24,7 @@
 #include "support/text/ascii.hpp"
 #include "watch/commands.hpp"
 #include "watch/folders.hpp"
+#include "watch/text_beside.hpp"
 #include "watch/workers.hpp"
 
 namespace slicecorr::post {
@@ -33,6 +34,8 @@ namespace fs = std::filesystem;
 namespace {
 
 using SteadyTime = std::chrono::steady_clock;
+
+constexpr const char* kNotifier = "notify-send";
 
 SteadyTime::duration seconds(double s) {
   return std::chrono::duration_cast<SteadyTime::duration>(std::chrono::duration<double>(s));
@@ -92,8 +95,9 @@ class Watcher {
       for (const Folders::FileEvent& event : folders_.take()) handle(event);
       for (const Done& done : workers_.take()) finished(done);
       look_at_due();
-      commands_.reap();
+      reap();
     }
+    wait_for_notifications();
     pthread_sigmask(SIG_SETMASK, &before, nullptr);
     return result_;
   }
@@ -118,6 +122,9 @@ class Watcher {
     for (const auto& [path, c] : candidates_) {
       if (!c.in_work && (!next || c.due < *next)) next = c.due;
     }
+    // Nothing else tells when a program that was started ends.
+    const auto soon = SteadyTime::now() + std::chrono::milliseconds(200);
+    if (commands_.any() && (!next || soon < *next)) next = soon;
     timespec timeout{};
     if (next) {
       const auto left = std::max(SteadyTime::duration::zero(), *next - SteadyTime::now());
@@ -270,7 +277,7 @@ class Watcher {
       settled_[done.path] = done.made;
       ++result_.corrected;
       log_.add({"corrected", done.path, done.message, done.seconds, 0});
-      tell(options_.on_done, "Slices corrected", done.path);
+      tell(options_.on_done, "Slices corrected", done.path, done.message);
       if (c.touched) consider(done.path);
       return;
     }
@@ -314,10 +321,30 @@ class Watcher {
     }
   }
 
+  /// A moment, so that one that fails is told: other programs may run for long.
+  void wait_for_notifications() {
+    const auto most = SteadyTime::now() + std::chrono::seconds(5);
+    while (commands_.runs(kNotifier) && SteadyTime::now() < most) {
+      ::poll(nullptr, 0, 10);
+      reap();
+    }
+  }
+
+  /// A notification needs a desktop, which a service may not have.
+  void reap() {
+    for (const Commands::Failed& failed : commands_.reap()) {
+      log_.add({"not-told", failed.about, failed.program + " failed", -1, -1, true});
+    }
+  }
+
   void tell(const std::string& program, const std::string& title, const std::string& path,
-            const std::string& message = {}) {
+            const std::string& message) {
+    if (options_.text_beside) {
+      const std::string problem = write_text_beside(path, title, message);
+      if (!problem.empty()) log_.add({"not-told", path, problem, -1, -1, true});
+    }
     const auto start = [&](const std::vector<std::string>& command) {
-      const std::string problem = commands_.start(command);
+      const std::string problem = commands_.start(command, path);
       if (problem.empty()) return;
       log_.add({"not-told", path, fmt::format("{} can't be run: {}", command[0], problem), -1, -1,
                 true});
@@ -326,7 +353,7 @@ class Watcher {
     if (options_.notify) {
       std::string text = fs::path(path).filename().string();
       if (!message.empty()) text += "\n" + message;
-      start({"notify-send", "--app-name=slicecorr", "--", title, text});
+      start({kNotifier, "--app-name=slicecorr", "--", title, text});
     }
   }
 

@@ -24,6 +24,7 @@ struct WatchOptions {
   /// An archive that does not open is given up when nothing was added to it for so long.
   double patience_s = 10;
   bool notify = false;           ///< through notify-send
+  bool text_beside = false;      ///< what became of a file as FILE.txt beside it
   std::string on_done, on_fail;  ///< programs, called with the file
 };
 

@@ -29,7 +29,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 constexpr const char* kResin =
-    "name = \"grey\"\nwavelength_nm = 405\n[cure]\nabsorbance_height_um = 150.0\nabsorbance_base = 10\n"
+    "name = \"grey\"\n[cure]\nwavelength_nm = 405\nabsorbance_height_um = 150.0\nabsorbance_base = 10\n"
     "gel_dose_mj_cm2 = 6.0\n";
 
 StackInfo archive(double layer_um, double exposure_s) {
@@ -135,7 +135,7 @@ TEST(AssumedLight, WhatDoesNotGoWithIt) {
       HasSubstr("seconds"));
   EXPECT_THAT(refused([](SetupChoices& c) {
                 c.resin_toml =
-                    "name = \"other\"\nwavelength_nm = 385\n[cure]\nabsorbance_height_um = "
+                    "name = \"other\"\n[cure]\nwavelength_nm = 385\nabsorbance_height_um = "
                     "150.0\nabsorbance_base = 10\ngel_dose_mj_cm2 = 6.0\n";
               }),
               AllOf(HasSubstr("385"), HasSubstr("405")));

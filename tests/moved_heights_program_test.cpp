@@ -121,6 +121,9 @@ TEST_F(MovedProgram, WhatIsLeftAloneHasTheTargetsLayers) {
   const Command slice{"slice", "part.stl", "--printer", "small.toml"};
   good(slice + Command{"-o", "even.uvj", "--layer-um", "100"});
   good(slice + Command{"-o", "uneven.uvj", "--layers", "heights.csv"});
+  good(Command{"correct", "even.uvj", "-o", "made.uvj"} + kWith);
+  bad(2, {"verify", "made.uvj", "--target", "uneven.uvj"},
+      {"uneven.uvj", "its layer 0 is 40 um high, that of the stack 100 um"});
   bad(2, Command{"correct", "uneven.uvj", "-o", "no.uvj", "--leave-alone", "even.uvj"} + kWith,
       {"even.uvj", "layer 0 is 100 um high, that of the target 40 um"});
 }

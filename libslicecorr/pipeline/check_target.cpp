@@ -60,6 +60,21 @@ int greatest_values(const SliceSource& source, const PixelBox& band,
   return end;
 }
 
+/// Throws `InputError` where the target says heights of layers that are not those of the stack.
+void check_heights(const StackInfo& info, const SliceSource& target, const std::string& name) {
+  const LayerHeights heights = target.heights();
+  const Grid& grid = target.grid();
+  for (int n = 0; n < grid.layers && !heights.alike(); ++n) {
+    const double um = heights.of(n, grid.layer_um), shown_um = layer_height_um(info, n);
+    if (std::abs(um - shown_um) <= 0.01 * um) continue;
+    throw InputError(
+        name, "",
+        fmt::format("can't be the target of this stack: its layer {} is {:g} um high, that "
+                    "of the stack {:g} um; expected the same heights",
+                    n, um, shown_um));
+  }
+}
+
 SharedVoxels overlap_of(const SliceSource& stack, const SliceSource& target,
                         const ExecutionContext& context) {
   SharedVoxels all;
@@ -95,6 +110,7 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
   const Grid& grid = target.grid();
   check_same_voxels(stack.grid(), grid);
   refuse_recording(target);
+  check_heights(info, target, name);
   if (info.process && info.process->surface == Surface::mesh && !target.edge_heights()) {
     context.tell(name +
                  ": knows no edge heights, to which the stack was corrected: errors are measured "

@@ -65,7 +65,7 @@ std::string folder_pattern(const std::string& folder) {
 std::string folder_of(const std::string& given) {
   std::error_code ec;
   const fs::path folder = fs::weakly_canonical(given, ec);
-  const std::string text = ec ? fs::absolute(given).lexically_normal().string() : folder.string();
+  std::string text = ec ? fs::absolute(given).lexically_normal().string() : folder.string();
   if (std::any_of(text.begin(), text.end(),
                   [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; })) {
     throw InputError(given, "", "has a control character in its name, which no unit can hold");

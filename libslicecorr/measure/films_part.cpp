@@ -66,6 +66,9 @@ std::vector<int> grey_levels(const std::vector<int>& held) {
   return greys;
 }
 
+constexpr const char* kPour =
+    "Pour resin into the vat, 3 mm deep or more, stirred as you always do. Let it stand for a minute, "
+    "at the temperature at which you print.";
 constexpr const char* kNoPlatform =
     "Take off the platform, and let the motor run without it: films cure on the floor of the vat, and "
     "nothing may stir the resin. A printer that does not run without its platform can't make them.";
@@ -212,8 +215,7 @@ std::string FilmsPart::sheet(const std::string& form_file, const std::string& pr
              "Paper towels that leave no lint; gloves, and glasses against the printer's light"};
   s.steps = {
       kNoPlatform,
-      "Pour resin into the vat, 3 mm deep or more, stirred as you always do. Let it stand for a "
-      "minute, at the temperature at which you print.",
+      kPour,
       markup(
           "Print the file: <b>{} images</b>, each lit for <b>{:g} s</b>. A square is lit in the "
           "first of them, as often as its exposure says. Use the file's times for all layers: no "

@@ -102,7 +102,7 @@ StackInfo write_measured(const Images& part, const StackFile& file, const Printe
   const std::string form = form_text(part.form());
   beside.check(form);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
-  const StackInfo info = write_images(*fitted, part.image_s(), file, context);
+  StackInfo info = write_images(*fitted, part.image_s(), file, context);
   beside.write(form, part.sheet(beside.form_name(), o.printer));
   return info;
 }

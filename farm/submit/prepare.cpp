@@ -15,6 +15,7 @@
 
 #include "programs/common/mesh_options.hpp"
 #include "service/commit.hpp"
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/service.hpp"
 #include "slicecorr/farm/store.hpp"
@@ -477,7 +478,9 @@ class Preparation {
       w.spec.center_mm = r.center_mm;
       w.spec.rotate_deg = r.rotate_deg;
       w.spec.plate = r.plate;
-      w.setup = resolve_setup(r.setup, nullptr, nullptr,
+      SetupChoices chosen = r.setup;
+      chosen.layer_um = r.layer_um;
+      w.setup = resolve_setup(chosen, nullptr, nullptr,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     } else {
       const StackInfo info = StackReader::read_info(r.parts[0]);
@@ -497,6 +500,7 @@ class Preparation {
           "in ha=5%,dc=5%",
           r.as_options ? "--robust" : "robust", r.as_options ? "--uncertain" : "uncertain"));
     }
+    if (r.uncertain.empty() && w.setup.uncertainty) w.spec.uncertain = kAssumedUncertainty;
     if (!r.uncertain.empty()) {
       w.setup.uncertainty = chosen_uncertainty(
           r.uncertain, w.setup, r.setup, r.as_options ? ChoiceNames::options : ChoiceNames::fields);

@@ -527,10 +527,14 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   if (assumes()) {
     const StackInfo* const sized = info ? info : times;
-    if (!sized)
-      wrong(fmt::format("{} needs the height of layers, which an archive says", o("assume")));
+    if (!sized && !(c_.layer_um > 0)) {
+      wrong(fmt::format(
+          "{} counts on exposures that print: expected a correction or a prediction, whose "
+          "exposures and layer heights are known",
+          o("assume")));
+    }
     setup.process.assumed = assumed_light(c_.assume, setup.printer);
-    assume_dose(setup, sized->grid.layer_um);
+    assume_dose(setup, sized ? sized->grid.layer_um : c_.layer_um);
   } else if (printer_given) {
     setup.process.assumed = AssumedLight::none;
   }

@@ -62,7 +62,8 @@ struct SetupChoices {
   double platform_reflectance = -1;  ///< in place of the printer's
   double dose_factor = 0;            ///< in place of the resin's (`Resin::dose_factor`)
   std::string other_wavelength;      ///< refuse or take (same_light.hpp)
-  std::string assume;  ///< whose light, in place of what nobody measured (assumed_light.hpp)
+  double layer_um = 0;  ///< height of layers where no archive says one, which `assume` needs
+  std::string assume;   ///< whose light, in place of what nobody measured (assumed_light.hpp)
 };
 
 /// The numbers that a setting takes.

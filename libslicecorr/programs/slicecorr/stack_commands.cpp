@@ -149,6 +149,7 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
   SetupOptions chosen = a.setup;
   chosen.layer_heights_um = wanted_heights(a).um();
+  chosen.layer_um = a.mesh.layer_um;
   const Setup setup = a.uncertain.put(chosen.resolve(nullptr, nullptr), chosen);
   tell_notices(setup, nullptr, context);
   return each_plate(a, setup.printer, context,

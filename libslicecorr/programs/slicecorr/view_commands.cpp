@@ -315,7 +315,9 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
 int compare(const Arguments& a, const ExecutionContext& context, Console& console) {
   check_output(a.json, a.mesh.parts);
   check_output(a.output, a.mesh.parts);
-  Setup setup = a.setup.resolve(nullptr, nullptr);
+  SetupOptions chosen = a.setup;
+  chosen.layer_um = a.mesh.layer_um;
+  Setup setup = chosen.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
   const MeshSlices target = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
   setup.process = schedule_uv(target, setup, context);

@@ -461,15 +461,6 @@ TEST(Bodies, TheSameForAnyNumberOfThreads) {
   EXPECT_EQ(a.cups_in_all, all.cups.size());
 }
 
-void fill(MemorySlices& slices, std::array<int, 3> low, std::array<int, 3> high,
-          std::uint8_t value = 255) {
-  for (int n = low[2]; n < high[2]; ++n) {
-    for (int y = low[1]; y < high[1]; ++y) {
-      for (int x = low[0]; x < high[0]; ++x) slices.at(n, x, y) = value;
-    }
-  }
-}
-
 TEST(Bodies, ABlockThatFloatsIsToldInMillimetres) {
   MemorySlices slices(grid_of(60, 40, 20));
   fill(slices, {5, 5, 0}, {55, 35, 5});

@@ -133,7 +133,9 @@ void expect_edges(const Uneven& u, const CureModel& model, const std::vector<std
   }
   const Prediction p = predictor.finish([](std::size_t) { return Pixel{0, 0}; });
   std::size_t edges = 0;
-  for (const auto& [node, um] : told) {
+  for (const auto& edge : told) {
+    const int node = edge.first;
+    const double um = edge.second;
     ++edges;
     // From the node on towards the platform, as far as the gap goes.
     int top = node;

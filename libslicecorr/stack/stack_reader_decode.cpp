@@ -14,9 +14,6 @@
 
 namespace slicecorr {
 
-using detail::ArchiveContents;
-using detail::Container;
-
 namespace {
 
 std::uint64_t load(const std::uint8_t* p) {

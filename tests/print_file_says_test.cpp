@@ -427,11 +427,25 @@ TEST_F(PrintFileSays, LayersOfTwoHeightsAreCorrectedByTheirOwn) {
     EXPECT_EQ(f32(before, a[n] + kZ), f32(after, b[n] + kZ)) << n;
 }
 
-TEST_F(PrintFileSays, WhatDoesNotCountHeightsRefusesThemByName) {
+TEST_F(PrintFileSays, LayersOfTwoHeightsAreCountedWhileThePlatformMoves) {
   reported("layers_of_two_heights.goo");
   const Command moving{"--printer", "wide.toml", "--resin", "plain.toml", "--speed-mm-h", "20"};
-  bad(2, Command{"correct", "layers_of_two_heights.goo", "-o", "x.goo"} + moving,
-      {"different heights", "continuous"});
+  good(Command{"correct", "layers_of_two_heights.goo", "-o", "moved.goo"} + moving);
+  const json f = figures("moved.goo", "layers_of_two_heights.goo", moving);
+  EXPECT_EQ(f["undercure_voxels"], 0);
+  EXPECT_EQ(f["cure_through_voxels"], 0);
+  EXPECT_EQ(f["layer_um"][19], 50);
+  EXPECT_EQ(f["layer_um"][20], 100);
+  // All heights at 20 mm/h, as the file says, too: 0.18 s for each um.
+  double um = 0;
+  for (const json& height : f["layer_um"]) um += height.get<double>();
+  const json told = info("moved.goo");
+  EXPECT_NEAR(told["print_time_s"].get<double>(), 0.18 * um, 1e-6);
+  EXPECT_NEAR(told["own_print_time_s"].get<double>(), 0.18 * um, 1);
+}
+
+TEST_F(PrintFileSays, WhatDoesNotCountHeightsRefusesThemByName) {
+  reported("layers_of_two_heights.goo");
   bad(2,
       Command{"correct", "layers_of_two_heights.goo", "-o", "x.goo", "--lift-exchange", "0.5"} +
           kWith,

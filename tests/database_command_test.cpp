@@ -77,7 +77,7 @@ TEST_F(Resinctl, ListFindsByWhatIsAsked) {
   EXPECT_EQ(count({"--maker", "liqcreate", "--wavelength-nm", "385"}), 7U);
   EXPECT_EQ(count({"liqcreate", "black"}), 2U);
   EXPECT_EQ(count({"--height-um", "500:"}) + count({"--height-um", ":499.9"}), all);
-  EXPECT_EQ(count({"--printers"}), 35U);
+  EXPECT_EQ(count({"--printers"}), 47U);
   const std::string table = ok({"list", "--maker", "MakerJuice"});
   EXPECT_THAT(table,
               AllOf(HasSubstr("NAME"), HasSubstr("makerjuice-standard-yellow"),
@@ -85,9 +85,69 @@ TEST_F(Resinctl, ListFindsByWhatIsAsked) {
   const auto none = run({"list", "nothing-like-this"});
   EXPECT_EQ(none.exit_code, 0);
   EXPECT_THAT(none.err, HasSubstr("0 resins"));
+  // Makers of printers are none of resins; what helps is told.
+  const auto printers = run({"list", "elegoo"});
+  EXPECT_EQ(printers.exit_code, 0);
+  EXPECT_THAT(printers.err,
+              AllOf(HasSubstr("no resin here has 'elegoo'"),
+                    HasSubstr("7 printers do: resinctl list --printers elegoo"),
+                    HasSubstr("slicecorr testpart films"), HasSubstr("docs/calipers.md")));
+  EXPECT_EQ(count({"--printers", "Elegoo"}), 7U);
+  EXPECT_THAT(run({"list", "liqcreate", "gray"}).err,
+              HasSubstr("'liqcreate' has 14, 'gray' has none"));
+  EXPECT_THAT(run({"list", "liqcraete"}).err, HasSubstr("did you mean 'liqcreate'?"));
+  EXPECT_THAT(run({"list", "--maker", "anycubic"}).err, HasSubstr("--printers anycubic"));
+  EXPECT_THAT(run({"list", "tough", "--wavelength-nm", "300"}).err,
+              HasSubstr("6 resins have these words"));
+  EXPECT_EQ(count({"tough-x"}), 2U);
+  EXPECT_EQ(count({"TOUGHX", "405nm"}), 1U);
   for (const char* heights : {"5", "9:5"}) {
     EXPECT_EQ(run({"list", "--height-um=" + std::string(heights)}).exit_code, 2) << heights;
   }
+}
+
+TEST_F(Resinctl, ListForAPrinter) {
+  const auto names = [&](std::vector<std::string> arguments, std::string* err = nullptr) {
+    arguments.insert(arguments.begin(), {"list", "--json", "-"});
+    const auto result = run(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    if (err) *err = result.err;
+    std::vector<std::string> all;
+    for (const auto& resin : json::parse(result.out)) all.push_back(resin["name"]);
+    return all;
+  };
+  std::string err;
+  const std::size_t all = names({}).size();
+  const auto at405 = names({"--for", "prusa-sl1s"}, &err);
+  EXPECT_THAT(at405, testing::Contains("liqcreate-strong-x-405nm"));
+  EXPECT_THAT(at405, testing::Not(testing::Contains("liqcreate-strong-x-385nm")));
+  // Those that say no wavelength come last, and are told.
+  EXPECT_THAT(
+      std::vector<std::string>(at405.end() - 4, at405.end()),
+      testing::ElementsAre("bis-ema-tpo", "bis-ema-tpo-gel-time", "da-2-ppo", "figure-2-2"));
+  EXPECT_THAT(err, AllOf(HasSubstr(std::to_string(all - at405.size()) +
+                                   " measured at 365, 385, 460 nm, where the light of 'prusa-sl1s' "
+                                   "has 405 nm"),
+                         HasSubstr("4 of them do not say the wavelength")));
+  // Nothing is known of this one's light: none is left out, and that is told.
+  EXPECT_EQ(names({"--for", "elegoo-mars"}, &err).size(), all);
+  EXPECT_THAT(err, AllOf(HasSubstr("does not say the wavelength"), HasSubstr("to be measured")));
+  EXPECT_LT(names({"--for", "elegoo-mars", "--wavelength-nm", "405"}).size(), at405.size());
+  // In units of its brightest level nothing that is shipped goes with it.
+  write("mine.toml",
+        "name = \"mine\"\n[display]\nwidth_px = 100\nheight_px = 80\npixel_um = 50\n[blue]\n"
+        "wavelength_nm = 405\nunit = \"of the brightest level\"\n"
+        "calibration = [[0, 0.0], [255, 1.0]]\n");
+  EXPECT_TRUE(names({"--for", "mine.toml"}, &err).empty());
+  EXPECT_THAT(err, HasSubstr("whose doses count light in another unit"));
+  write("db/goo.toml",
+        "name = \"goo\"\n[cure]\nwavelength_nm = 405\nunit = \"of the brightest level\"\n"
+        "absorbance_height_um = 150\nabsorbance_base = 10\ncritical_dose_s = 0.8\n");
+  EXPECT_THAT(names({"--for", "mine.toml"}), testing::ElementsAre("goo"));
+  EXPECT_THAT(names({"--for", "prusa-sl1s", "goo"}, &err), testing::IsEmpty());
+  EXPECT_THAT(err, HasSubstr("left out: 1 whose doses"));
+  EXPECT_EQ(run({"list", "--for", "egg-resin"}).exit_code, 2);
+  EXPECT_EQ(run({"list", "--printers", "--for", "ember"}).exit_code, 2);
 }
 
 TEST_F(Resinctl, ShowConvertsAndSaysWhatIsAimedAt) {
@@ -310,6 +370,43 @@ TEST_F(Resinctl, MeasurementsOfPrintersAreKeptBesideThem) {
   EXPECT_EQ(ok({"validate"}), "");
   EXPECT_EQ(ok({"export", "my-ember", "--format", "csv"}),
             "grey_level,intensity_mw_cm2\n0,0.1\n128,3\n255,20\n");
+}
+
+TEST_F(Resinctl, ExportForOthers) {
+  write("goo.toml", "# by Jo\n" + goo("5.0") +
+                        "[provenance]\nsource = \"measured\"\n"
+                        "measured_with = \"calipers\"\nmeasurements = \"heights.csv\"\n");
+  write("heights.csv", kHeights);
+  const std::vector<std::string> command = {"export", "--share", "goo.toml", "-o", "acme-goo.toml"};
+  const auto refused = run(command);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.out, AllOf(HasSubstr("goo.toml: product: missing"),
+                                 HasSubstr("goo.toml: provenance.date: says no year")));
+  EXPECT_FALSE(fs::exists(folder_ / "acme-goo.toml") || fs::exists(folder_ / "acme-goo.csv"));
+  write("goo.toml", "product = \"Goo\"\n" + read("goo.toml") + "date = 2026\n");
+  const auto done = run(command);
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_THAT(read("acme-goo.toml"),
+              AllOf(HasSubstr("name = \"acme-goo\""),
+                    HasSubstr("measurements = [\"acme-goo.csv\"]"), testing::Not(HasSubstr("#"))));
+  EXPECT_THAT(read("acme-goo.csv"), HasSubstr("\n80,471,\n"));
+  ok({"validate", "acme-goo.toml"});
+  ok(command);
+  // Somebody's own measurements are not written over.
+  write("acme-goo.csv", "mine");
+  EXPECT_EQ(run(command).exit_code, 2);
+  EXPECT_EQ(read("acme-goo.csv"), "mine");
+  EXPECT_THAT(run({"export", "--share", "goo.toml"}).err, HasSubstr("expected -o FILE.toml"));
+  EXPECT_EQ(run({"export", "--share", "goo.toml", "-o", "goo.toml"}).exit_code, 2);
+  EXPECT_EQ(run({"export", "--share", "goo.toml", "-o", "x.csv"}).exit_code, 2);
+  EXPECT_EQ(run({"export", "--share", "goo.toml", "--format", "json"}).exit_code, 2);
+  // Whose computer it is.
+  ::setenv("USER", "calipers", 1);
+  EXPECT_THAT(run(command).out, HasSubstr("provenance.measured_with: holds 'calipers'"));
+  ::unsetenv("USER");
+  // A display that nobody measured may be handed in, too.
+  ok({"export", "--share", "elegoo-mars", "-o", "elegoo-mars.toml"});
+  EXPECT_THAT(read("elegoo-mars.toml"), HasSubstr("calibration = \"to be measured\""));
 }
 
 TEST_F(Resinctl, UsageErrors) {

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "custom_resin.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
@@ -19,25 +20,13 @@
 namespace slicecorr::resins {
 namespace {
 
+using test::custom_resin_1;
 using test::gamma_printer;
 using test::linear_printer;
 using ::testing::HasSubstr;
 
 /// D figure 2.2: 50 mJ/cm² areal at 2000 um base 10.
 Resin figure_2_2_resin() { return test::resin(576, 2000); }
-
-/// Custom Resin 1, with UV.
-Resin custom_resin_1(double factor = 1) {
-  Resin r;
-  r.name = "custom-resin-1";
-  r.model = CureModelKind::kinetic;
-  r.m = 0.99;
-  r.absorbance_height10_um = units::height10_from_e(408);
-  r.critical_dose_prime = 64 * factor;
-  r.dose_factor = factor;
-  r.inhibition = Inhibition{0.73, units::height10_from_e(37.8), 0.99, 0};
-  return r;
-}
 
 Printer printer_with_lamp(double uv) {
   Printer p = linear_printer(1, 100);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "custom_resin.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/design.hpp"
@@ -19,19 +20,6 @@ namespace {
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-/// Custom Resin 1 of the dissertation, with an aim of five gel doses.
-Resin custom_resin_1() {
-  Resin r;
-  r.name = "custom-resin-1";
-  r.model = CureModelKind::kinetic;
-  r.m = 0.99;
-  r.absorbance_height10_um = units::height10_from_e(408);
-  r.critical_dose_prime = 320;
-  r.dose_factor = 5;
-  r.inhibition = Inhibition{0.73, units::height10_from_e(37.8), 0.99, 0};
-  return r;
-}
 
 Question light(double blue, double uv) {
   Question q;
@@ -45,7 +33,7 @@ TEST(Predict, CustomResinUnderUv) {
   q.exposure_s = 30;
   q.height_um = 300;
   q.speed_mm_h = 1000;
-  const Forecast f = predict(custom_resin_1(), q);
+  const Forecast f = predict(test::custom_resin_1(5), q);
   EXPECT_EQ(f.kinetics.critical_dose_prime, 64);  // the gel dose, without being asked
   EXPECT_NEAR(f.steady_dead_zone_um, 15.766, 5e-4);
   EXPECT_NEAR(f.first.z_um, 114.87, 5e-3);
@@ -70,10 +58,10 @@ TEST(Predict, AimIsTheDoseOfTheCorrection) {
   q.aim = true;
   q.exposure_s = 10;
   q.speed_mm_h = 300;
-  const Forecast aim = predict(custom_resin_1(), q);
+  const Forecast aim = predict(test::custom_resin_1(5), q);
   EXPECT_EQ(aim.kinetics.critical_dose_prime, 320);
   q.aim = false;
-  const Forecast gel = predict(custom_resin_1(), q);
+  const Forecast gel = predict(test::custom_resin_1(5), q);
   // ln 5 / m absorbance heights lie between the two.
   EXPECT_NEAR(gel.fronts->back_um - aim.fronts->back_um, 408 / 0.99 * std::log(5), 1e-9);
   EXPECT_NEAR(gel.passing->phi, 5 * aim.passing->phi, 1e-9);
@@ -106,36 +94,36 @@ TEST(Predict, ContinuousFiguresAreThoseOfTheModel) {
 TEST(Predict, WeakUvIsSaidPlainly) {
   Question q = light(100, 100);  // beta Iuv = 73 < 100
   q.exposure_s = 60;
-  const Forecast f = predict(custom_resin_1(), q);
+  const Forecast f = predict(test::custom_resin_1(5), q);
   EXPECT_EQ(f.steady_dead_zone_um, 0);
   EXPECT_NEAR(f.window_time_s, 64 / std::pow(27, 0.99), 1e-9);
   EXPECT_THAT(f.sentences, Contains(HasSubstr("cures to the window after")));
   EXPECT_EQ(f.fronts->front_um, 0);
-  EXPECT_THAT(predict(custom_resin_1(), light(100, 200)).sentences,
+  EXPECT_THAT(predict(test::custom_resin_1(5), light(100, 200)).sentences,
               Not(Contains(HasSubstr("cures to the window"))));
 }
 
 TEST(Predict, HeightsInTheDeadZoneHaveNoAnswer) {
   Question q = light(100, 200);
   q.height_um = 15.7;
-  const Forecast never = predict(custom_resin_1(), q);
+  const Forecast never = predict(test::custom_resin_1(5), q);
   EXPECT_FALSE(never.unanswered.empty());
   // The UV light that it names is the limit for that height.
   const auto at = never.unanswered.find("below ");
   const double uv = std::stod(never.unanswered.substr(at + 6));
   q.uv_mw_cm2 = uv * 0.999;
-  EXPECT_TRUE(predict(custom_resin_1(), q).unanswered.empty());
+  EXPECT_TRUE(predict(test::custom_resin_1(5), q).unanswered.empty());
   q.uv_mw_cm2 = uv * 1.001;
-  EXPECT_FALSE(predict(custom_resin_1(), q).unanswered.empty());
+  EXPECT_FALSE(predict(test::custom_resin_1(5), q).unanswered.empty());
   q = light(100, 200);
   q.height_um = 15.8;
-  EXPECT_TRUE(predict(custom_resin_1(), q).unanswered.empty());
+  EXPECT_TRUE(predict(test::custom_resin_1(5), q).unanswered.empty());
 }
 
 TEST(Predict, TooShortAnExposureCuresNothing) {
   Question q = light(100, 200);
   q.exposure_s = 0.9;
-  const Forecast f = predict(custom_resin_1(), q);
+  const Forecast f = predict(test::custom_resin_1(5), q);
   EXPECT_FALSE(f.fronts);
   EXPECT_THAT(f.sentences, Contains(HasSubstr("nothing has gelled yet")));
   EXPECT_TRUE(nlohmann::json::parse(f.to_json()).at("cured_height_um").is_null());
@@ -146,7 +134,7 @@ TEST(Predict, JsonHasNoInfinities) {
   q.exposure_s = 30;
   q.height_um = 300;
   q.speed_mm_h = 1000;
-  const auto j = nlohmann::json::parse(predict(custom_resin_1(), q).to_json());
+  const auto j = nlohmann::json::parse(predict(test::custom_resin_1(5), q).to_json());
   EXPECT_TRUE(j.at("window_time_s").is_null());  // never
   EXPECT_EQ(j.at("dose"), "gel");
   EXPECT_NEAR(j.at("dead_zone_um").at("steady"), 15.766, 5e-4);
@@ -156,7 +144,7 @@ TEST(Predict, JsonHasNoInfinities) {
 }
 
 TEST(Predict, RefusesWhatTheResinLacks) {
-  EXPECT_THROW(predict(custom_resin_1(), light(0, 0)), InputError);
+  EXPECT_THROW(predict(test::custom_resin_1(5), light(0, 0)), InputError);
   EXPECT_THROW(predict(test::resin(576, 2000), light(100, 50)), InputError);  // no inhibition
   EXPECT_THROW(predict(Resin{}, light(100, 0)), InputError);
 }

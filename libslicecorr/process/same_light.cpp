@@ -93,17 +93,20 @@ std::string printer_and_light(const Printer& printer) {
                      printer.calibration.back().intensity_mw_cm2, unit_in_files(printer.unit));
 }
 
+bool tuned_with_another(const Printer& printer, const Resin& resin) {
+  return !resin.tuned_with.empty() && !printer.calibration.empty() &&
+         printer_and_light(printer) != resin.tuned_with;
+}
+
 void check_same_light(const Printer& printer, const Resin& resin, bool uv, bool take,
                       const std::string& take_it) {
   check_same_unit(printer, resin);
-  if (!resin.tuned_with.empty() && !printer.calibration.empty()) {
-    if (const std::string here = printer_and_light(printer); here != resin.tuned_with) {
-      throw InputError(fmt::format(
-          "resin '{}' was tuned with the printer '{}' and holds for its light alone; this is the "
-          "printer '{}'; expected the printer file that was written with the resin, or a resin that "
-          "was not tuned",
-          resin.name, resin.tuned_with, here));
-    }
+  if (tuned_with_another(printer, resin)) {
+    throw InputError(fmt::format(
+        "resin '{}' was tuned with the printer '{}' and holds for its light alone; this is the "
+        "printer '{}'; expected the printer file that was written with the resin, or a resin that "
+        "was not tuned",
+        resin.name, resin.tuned_with, printer_and_light(printer)));
   }
   if (take) return;
   if (const std::string words = other_wavelength_in_words(printer, resin, uv); !words.empty()) {

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "database/record_text.hpp"
 #include "database/schema.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -30,17 +31,7 @@ struct CheckedFile {
   static std::string full(std::string_view table, std::string_view key) {
     return table.empty() ? std::string(key) : fmt::format("{}.{}", table, key);
   }
-  /// `name` may be that of a table in a table: "lamps.blue".
-  const toml::table* table(std::string_view name) const {
-    const toml::table* at = &root;
-    while (at && !name.empty()) {
-      const std::size_t dot = name.find('.');
-      const toml::node* node = at->get(name.substr(0, dot));
-      at = node ? node->as_table() : nullptr;
-      name = dot == std::string_view::npos ? "" : name.substr(dot + 1);
-    }
-    return at;
-  }
+  const toml::table* table(std::string_view name) const { return table_at(root, name); }
   std::optional<double> number(std::string_view in, std::string_view key) const {
     const toml::table* t = table(in);
     const toml::node* node = t ? t->get(key) : nullptr;

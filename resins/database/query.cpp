@@ -7,12 +7,12 @@
 #include <cmath>
 #include <filesystem>
 #include <set>
-#include <sstream>
 #include <string_view>
 
 #include "database/schema.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
+#include "slicecorr/resins/search.hpp"
 #include "slicecorr/same_light.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/nearest.hpp"
@@ -26,13 +26,7 @@ bool holds(const std::string& text, const std::string& part) {
 }
 
 bool fits(const ResinRecord& r, const Query& q) {
-  std::istringstream words(q.words);
-  for (std::string word; words >> word;) {
-    if (!holds(r.name, word) && !holds(r.maker, word) && !holds(r.product, word) &&
-        !holds(r.chemistry, word) && !holds(r.colour, word) && !holds(r.notes, word)) {
-      return false;
-    }
-  }
+  if (!words_occur(q.words, searched_texts(r))) return false;
   if (!holds(r.maker, q.maker) || !holds(r.chemistry, q.chemistry)) return false;
   // Lamps of one kind differ by some nanometres: 460 finds a fit made at 458.
   if (q.wavelength_nm && (r.wavelength_nm == 0 || !same_light(r.wavelength_nm, *q.wavelength_nm))) {

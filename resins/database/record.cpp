@@ -44,6 +44,25 @@ std::vector<std::string> csv_names(const toml::node& measurements) {
   return names;
 }
 
+namespace {
+
+/// A list of texts; empty when there is none.
+std::vector<std::string> texts_of(const TomlTable& table, const char* key) {
+  const toml::node* node = table.node(key);
+  if (!node) return {};
+  const toml::array* list = node->as_array();
+  if (!list) table.fail(key, "expected a list of texts");
+  std::vector<std::string> texts;
+  for (const auto& element : *list) {
+    const auto* text = element.as_string();
+    if (!text) table.fail(key, "expected a list of texts");
+    texts.push_back(**text);
+  }
+  return texts;
+}
+
+}  // namespace
+
 ResinRecord parse_record(std::string_view text, const std::string& source) {
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
@@ -57,6 +76,8 @@ ResinRecord parse_record(std::string_view text, const std::string& source) {
       record.resin.chemistry ? record.resin.chemistry->family : root.text("chemistry", "");
   record.colour = root.text("colour", "");
   record.notes = root.text("notes", "");
+  record.aliases = texts_of(root, "aliases");
+  record.tags = texts_of(root, "tags");
   record.wavelength_nm = root.required_table("cure").number("wavelength_nm", 100, 2000).value_or(0);
   if (const auto provenance = root.table("provenance")) {
     for (const auto& [key, node] : provenance->raw()) {

@@ -29,6 +29,8 @@ std::string expected_of(const KeyRule& r) {
   switch (r.type) {
     case text:
       return "text";
+    case texts:
+      return "list of texts";
     case number:
       return "number " + range();
     case whole:

@@ -16,6 +16,7 @@ namespace slicecorr::resins {
 
 enum class KeyType {
   text,
+  texts,        ///< a list of texts
   number,       ///< from `low` (itself only when `low_counts`) to `high`
   whole,        ///< whole number from `low` to `high`
   choice,       ///< one of `choices`

@@ -189,6 +189,12 @@ std::string toml_text(std::string_view text) {
   return out + "\"";
 }
 
+std::string toml_texts(const std::vector<std::string>& texts) {
+  std::string out;
+  for (const std::string& text : texts) out += (out.empty() ? "" : ", ") + toml_text(text);
+  return fmt::format("[{}]", out);
+}
+
 std::string toml_number(double value, int digits) {
   std::string text = fmt::format("{:.{}g}", value, digits);
   if (text.find_first_of(".en") == std::string::npos) text += ".0";

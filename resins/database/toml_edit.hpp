@@ -7,6 +7,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace slicecorr::resins {
 
@@ -34,6 +35,8 @@ class TomlEdit {
 
 /// A text in quotes, escaped.
 std::string toml_text(std::string_view text);
+/// A list of texts in quotes.
+std::string toml_texts(const std::vector<std::string>& texts);
 /// A number with up to `digits` significant digits, so that it reads as one with a fraction.
 std::string toml_number(double value, int digits = 7);
 

@@ -290,6 +290,19 @@ class Checker : private CheckedFile {
     }
   }
 
+  void check_texts(const std::string& key, const toml::node& node) {
+    const auto* list = node.as_array();
+    // Tables have a semicolon between them.
+    const auto text = [](const toml::node& n) {
+      return n.is_string() && !n.as_string()->get().empty() &&
+             n.as_string()->get().find(';') == std::string::npos;
+    };
+    if (!list || !std::all_of(list->begin(), list->end(), text)) {
+      add(node.source().begin.line, key,
+          "expected a list of texts without semicolons, [\"...\", \"...\"]");
+    }
+  }
+
   void check_notes(const std::string& key, const toml::node& node) {
     const auto plain = [](const toml::node& n) { return n.is_value(); };
     if (plain(node)) return;
@@ -307,6 +320,9 @@ class Checker : private CheckedFile {
       case KeyType::text:
       case KeyType::file:
         if (!node.is_string()) add(line, key, "expected a text in quotes");
+        break;
+      case KeyType::texts:
+        check_texts(key, node);
         break;
       case KeyType::number:
         check_number(*r, key, node);

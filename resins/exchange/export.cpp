@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "exchange/import.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_unit.hpp"
@@ -32,6 +33,8 @@ std::string to_json(const ResinRecord& r) {
                                    {"notes", &r.notes}}) {
     if (!value->empty()) j[key] = *value;
   }
+  if (!r.aliases.empty()) j["aliases"] = r.aliases;
+  if (!r.tags.empty()) j["tags"] = r.tags;
   if (r.wavelength_nm > 0) j["wavelength_nm"] = r.wavelength_nm;
   j["model"] = name_of(r.resin.model);
   j["unit"] = unit_in_files(r.resin.unit);
@@ -92,6 +95,10 @@ std::string to_json(const ResinRecord& r) {
   return j.dump(2);
 }
 
+std::string in_one_cell(const std::vector<std::string>& texts) {
+  return fmt::format("{}", fmt::join(texts, std::string(1, kBetweenTexts)));
+}
+
 std::string to_csv(const ResinRecord& r) {
   const ResinFigures f = figures_of(r.resin);
   std::string head, row;
@@ -117,6 +124,8 @@ std::string to_csv(const ResinRecord& r) {
   cell("maker", r.maker);
   cell("chemistry", r.chemistry);
   cell("colour", r.colour);
+  cell("aliases", in_one_cell(r.aliases));
+  cell("tags", in_one_cell(r.tags));
   number("wavelength_nm", r.wavelength_nm);
   number("Dp_um", f.height_e_um);
   number("Ec_mJ_cm2", f.gel_mj_cm2);

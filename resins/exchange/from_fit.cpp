@@ -178,11 +178,7 @@ std::string measurement_list(const std::vector<FitResult>& fits, const ResinReco
   for (const FitResult& fit : fits) {
     for (const std::string& source : fit.sources) add(source, fs::path(source).filename().string());
   }
-  std::string list;
-  for (const std::string& name : names) {
-    list += fmt::format("{}{}", list.empty() ? "" : ", ", toml_text(name));
-  }
-  return "[" + list + "]";
+  return toml_texts(names);
 }
 
 void check_name(const std::string& name) {

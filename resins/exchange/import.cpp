@@ -116,6 +116,9 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   const auto text = [&](const char* key, const std::string& value) {
     if (!value.empty()) out += fmt::format("{} = {}\n", key, toml_text(value));
   };
+  const auto texts = [&](const char* key, const std::vector<std::string>& values) {
+    if (!values.empty()) out += fmt::format("{} = {}\n", key, toml_texts(values));
+  };
   constexpr int digits = 10;
   const auto number = [&](const char* key, double value) {
     if (value != 0) out += fmt::format("{} = {}\n", key, toml_number(value, digits));
@@ -123,6 +126,8 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   text("name", d.name);
   text("maker", d.maker);
   text("product", d.product);
+  texts("aliases", d.aliases);
+  texts("tags", d.tags);
   text("chemistry", d.chemistry);
   text("colour", d.colour);
   text("notes", d.notes);

@@ -13,6 +13,9 @@
 
 namespace slicecorr::resins {
 
+/// Between the texts of a list in one cell of a table.
+inline constexpr char kBetweenTexts = ';';
+
 /// What a reader gets, and where it tells what it had to leave out and why.
 struct ImportSource {
   std::string path;
@@ -50,6 +53,7 @@ std::string printer_profile_in_words(const std::string& text);
 /// A resin file in the making. Texts that are empty and numbers that are 0 are not written.
 struct ResinDraft {
   std::string name, maker, product, chemistry, colour, notes;
+  std::vector<std::string> aliases, tags;
   double wavelength_nm = 0;
   std::string model = "jacobs";
   double m = 1;

@@ -4,12 +4,31 @@
 // Tables of published working curves: Dp (absorbance height, base e) and Ec (areal gel dose).
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "exchange/csv.hpp"
 #include "exchange/import.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::resins {
+
+namespace {
+
+/// What a cell lists.
+std::vector<std::string> parts_of(const std::string& cell) {
+  std::vector<std::string> parts;
+  for (std::size_t at = 0; at < cell.size();) {
+    const std::size_t end = std::min(cell.find(kBetweenTexts, at), cell.size());
+    const auto part = trimmed(std::string_view(cell).substr(at, end - at));
+    if (!part.empty()) parts.emplace_back(part);
+    at = end + 1;
+  }
+  return parts;
+}
+
+}  // namespace
 
 std::vector<Imported> import_table(const ImportSource& source, const ImportOptions& options) {
   const CsvTable table(source.text, source.path);
@@ -49,6 +68,8 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
     d.product = table.has("product") ? table.cell(row, "product") : resin;
     d.chemistry = table.cell(row, "chemistry");
     d.colour = table.cell(row, "colour");
+    d.aliases = parts_of(table.cell(row, "aliases"));
+    d.tags = parts_of(table.cell(row, "tags"));
     d.notes = table.cell(row, "notes");
     d.height_e_um = *height;
     if (gel_a && gel_b) {

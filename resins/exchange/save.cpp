@@ -50,14 +50,11 @@ std::optional<Definition> hidden_by(const std::string& folder, const std::string
 
 /// A list of names for provenance.measurements, each once.
 std::string measurement_list(const std::vector<std::string>& saved) {
-  std::string out;
   std::vector<std::string> all;
   for (const std::string& name : saved) {
-    if (std::find(all.begin(), all.end(), name) != all.end()) continue;
-    all.push_back(name);
-    out += (out.empty() ? "" : ", ") + toml_text(name);
+    if (std::find(all.begin(), all.end(), name) == all.end()) all.push_back(name);
   }
-  return fmt::format("[{}]", out);
+  return toml_texts(all);
 }
 
 /// Saves the attachments and names them in the text.

@@ -21,6 +21,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr std::string_view kMeasuredWith = "calipers";
+
 std::string interval(const FilmFigure& f) {
   if (!std::isfinite(f.ci95[0])) return "unknown";
   return fmt::format("{:.4g} to {:.4g}", f.ci95[0], f.ci95[1]);
@@ -136,6 +138,7 @@ std::string printer_with_films(const std::string& text, const std::string& sourc
               ? fmt::format("mW/cm² at the window: shares of the {:g} mW/cm² given", full)
               : "in shares of the brightest level's",
           fit.used, fit.light.front().level > 0 ? "; black was not measured" : ""));
+  edit.set("provenance", "measured_with", toml_text(kMeasuredWith));
   edit.set("provenance", "measurements", toml_text(summary(fit)));
   parse_printer(edit.text(), source);
   return edit.text();
@@ -161,9 +164,9 @@ std::string resin_of_films(const std::string& name, const Printer& printer, cons
                    : fmt::format(
                          "# {:.5g} s of {:g} mW/cm² gel a surface.\ncritical_dose_mj_cm2 = {}\n",
                          fit.gel_s.value, full_mw_cm2, toml_number(fit.gel_s.value * full_mw_cm2));
-  text += fmt::format("\n[provenance]\nsource = {}\nfit = {}\n",
+  text += fmt::format("\n[provenance]\nsource = {}\nmeasured_with = {}\nmeasurements = {}\n",
                       toml_text("films measured with calipers (resinctl calibrate)"),
-                      toml_text(summary(fit)));
+                      toml_text(kMeasuredWith), toml_text(summary(fit)));
   if (relative) text += fmt::format("covariance = {}\n", toml_text(covariance_of(fit)));
   parse_resin(text, name + ".toml");
   return text;

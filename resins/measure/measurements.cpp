@@ -388,4 +388,29 @@ Measurements parse_measurements(const std::string& text, const std::string& sour
   return data;
 }
 
+std::string measurements_as_csv(const Measurements& measurements) {
+  std::string out;
+  const auto scatter = [](double sigma_um) {
+    return sigma_um > 0 ? fmt::format("{}", sigma_um) : std::string();
+  };
+  if (!measurements.dead_zones.empty()) {
+    out = "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um,sigma_um\n";
+    for (const DeadZone& d : measurements.dead_zones) {
+      out += fmt::format("{},{},{},{},{}\n", d.blue_mw_cm2, d.uv_mw_cm2, d.exposure_s,
+                         d.dead_zone_um, scatter(d.sigma_um));
+    }
+    return out;
+  }
+  const bool doses = std::any_of(measurements.cured.begin(), measurements.cured.end(),
+                                 [](const CuredHeight& c) { return c.blue_mw_cm2 == 0; });
+  out = doses ? "dose_mj_cm2,cured_height_um,sigma_um\n"
+              : "intensity_mw_cm2,exposure_s,cured_height_um,sigma_um\n";
+  for (const CuredHeight& c : measurements.cured) {
+    out += doses ? fmt::format("{}", c.dose_mj_cm2)
+                 : fmt::format("{},{}", c.blue_mw_cm2, c.exposure_s);
+    out += fmt::format(",{},{}\n", c.height_um, scatter(c.sigma_um));
+  }
+  return out;
+}
+
 }  // namespace slicecorr::resins

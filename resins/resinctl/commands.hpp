@@ -14,7 +14,8 @@ void add_calibrate(cli::Program& program);    ///< calibrate
 void add_optics(cli::Program& program);       ///< fit-optics
 void add_spread(cli::Program& program);       ///< fit-spread
 void add_tune(cli::Program& program);         ///< tune
-void add_database(cli::Program& program);     ///< list, show, validate, and the two below
+void add_list(cli::Program& program);         ///< list
+void add_database(cli::Program& program);     ///< show, validate, and the two below
 void add_changes(cli::Program& program);      ///< add, history, diff, restore
 void add_exchange(cli::Program& program);     ///< import, export
 void add_plot(cli::Program& program);         ///< plot

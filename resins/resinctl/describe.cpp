@@ -281,7 +281,9 @@ std::string describe_resin(const ResinRecord& r) {
   const ResinFigures f = figures_of(r.resin);
   const double m = r.resin.m;
   std::string out = fmt::format("{}   resin, version {}\n", r.name, r.version);
-  out += line("maker", r.maker) + line("product", r.product) + line("chemistry", r.chemistry) +
+  out += line("maker", r.maker) + line("product", r.product) +
+         line("also called", fmt::format("{}", fmt::join(r.aliases, ", "))) +
+         line("kind", fmt::format("{}", fmt::join(r.tags, ", "))) + line("chemistry", r.chemistry) +
          line("colour", r.colour) + line("notes", r.notes);
   out += line("file", r.path);
   out += "\nCuring\n";

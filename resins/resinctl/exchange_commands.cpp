@@ -3,7 +3,12 @@
 
 // import, export.
 #include <fmt/format.h>
+#include <pwd.h>
+#include <unistd.h>
 
+#include <array>
+#include <cstdlib>
+#include <filesystem>
 #include <memory>
 
 #include "commands.hpp"
@@ -13,6 +18,7 @@
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
+#include "support/files/text_file.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -20,6 +26,7 @@ namespace {
 
 using namespace resins;
 using cli::Console;
+namespace fs = std::filesystem;
 
 struct ImportArguments {
   std::string file, folder, message;
@@ -55,6 +62,7 @@ int import_file(const ImportArguments& a, Console& console) {
 struct ExportArguments {
   std::string name, format = "toml", output = "-";
   double layer_um = 0, intensity_mw_cm2 = 0;
+  bool share = false;
 };
 
 std::string export_printer(const Located& at, const std::string& format) {
@@ -75,8 +83,87 @@ std::string export_printer(const Located& at, const std::string& format) {
   throw InputError(at.path, "", "is a printer; expected --format toml, json or csv");
 }
 
+/// Names of whoever runs the program and of the computer, which nobody wants to hand in.
+std::vector<std::string> private_names() {
+  std::vector<std::string> names;
+  const auto add = [&](const char* name) {
+    if (name && *name) names.emplace_back(name);
+  };
+  for (const char* variable : {"USER", "LOGNAME"}) add(std::getenv(variable));
+  passwd entry{};
+  passwd* found = nullptr;
+  std::vector<char> buffer(std::size_t{1} << 14);
+  if (::getpwuid_r(::getuid(), &entry, buffer.data(), buffer.size(), &found) == 0 && found) {
+    add(found->pw_name);
+    // The full name; behind commas stand other things.
+    const std::string about = found->pw_gecos ? found->pw_gecos : "";
+    add(about.substr(0, about.find(',')).c_str());
+  }
+  std::array<char, 256> host{};
+  if (::gethostname(host.data(), host.size() - 1) == 0) {
+    const std::string whole = host.data();
+    add(whole.c_str());
+    add(whole.substr(0, whole.find('.')).c_str());
+  }
+  return names;
+}
+
+/// A measurement file beside what is handed in: there already with other bytes, it is somebody's own.
+void must_be_new(const std::string& path, const std::string& bytes) {
+  std::error_code ec;
+  if (!fs::exists(fs::symlink_status(path, ec)) || read_text_file(path) == bytes) return;
+  throw InputError(path, "",
+                   "is there already and holds something else; expected another name for -o, or "
+                   "another folder");
+}
+
+int share(const ExportArguments& a, const Located& at, Console& console) {
+  if (a.format != "toml" || a.layer_um > 0 || a.intensity_mw_cm2 > 0) {
+    throw InputError(
+        "--share makes a .toml file; expected no other --format, no --layer-um and no "
+        "--intensity-mw-cm2 with it");
+  }
+  const bool file = a.output != "-";
+  if (file && !a.output.ends_with(".toml")) {
+    throw InputError(a.output, "", "ends otherwise; expected the name of a .toml file");
+  }
+  const Shared made =
+      share_definition(at.path, file ? fs::path(a.output).stem().string() : "", private_names());
+  if (!made.wrong.empty()) {
+    std::string text;
+    for (const Finding& f : made.wrong) text += f.to_text() + "\n";
+    cli::print_result(text);
+    console.say(fmt::format("{} can't be handed in as it is; docs/sharing.md", at.path));
+    return cli::kInput;
+  }
+  if (!file && !made.attachments.empty()) {
+    throw InputError(at.path, "provenance.measurements",
+                     "names files, which go along; expected -o FILE.toml");
+  }
+  if (!file) {
+    cli::print_result(made.text);
+  } else {
+    cli::check_output(a.output, {at.path});
+    const auto beside = [&](const Attachment& m) {
+      return (fs::path(a.output).parent_path() / (m.stem + m.extension)).string();
+    };
+    for (const Attachment& m : made.attachments) must_be_new(beside(m), m.bytes);
+    // The files first: the text that names them is never without them.
+    for (const Attachment& m : made.attachments) {
+      cli::write_text_file(beside(m), m.bytes);
+      console.say(fmt::format("{}: written", beside(m)));
+    }
+    cli::write_text_file(a.output, made.text);
+    console.say(fmt::format("{}: written; read it, then hand it in (docs/sharing.md)", a.output));
+    for (const Finding& f : validate_definition(a.output)) console.say(f.to_text());
+  }
+  for (const std::string& what : made.left_out) console.say("left out: " + what);
+  return cli::kDone;
+}
+
 int export_definition(const ExportArguments& a, Console& console) {
   const Located at = locate(a.name);
+  if (a.share) return share(a, at, console);
   const std::string text = at.kind == "printer" ? export_printer(at, a.format)
                                                 : export_record(load_record(at.path), a.format,
                                                                 a.layer_um, a.intensity_mw_cm2);
@@ -152,6 +239,10 @@ void add_exchange(cli::Program& program) {
                   "toml, json, csv (a table that import reads), prusaslicer (a material)")
       ->check(CLI::IsMember({"toml", "json", "csv", "prusaslicer"}))
       ->capture_default_str();
+  sub->add_flag(
+      "--share", e->share,
+      "A file for others (docs/sharing.md): checked, with all that a reader needs to judge "
+      "it, without comments, paths, addresses and names of users and computers");
   sub->add_option("--layer-um", e->layer_um, "Slice height, for prusaslicer")
       ->check(cli::number_in(1, 1000));
   sub->add_option("--intensity-mw-cm2", e->intensity_mw_cm2,

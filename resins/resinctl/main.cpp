@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
                        "Keeps the database of resins and printers, and fits cure models to "
                        "measurements.",
                        "resinctl fit heights.csv --model kinetic --json - -o my-resin.toml");
+  resinctl::add_list(program);
   resinctl::add_database(program);
   resinctl::add_fit(program);
   resinctl::add_derive(program);

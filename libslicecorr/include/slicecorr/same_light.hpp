@@ -52,6 +52,10 @@ std::string printer_and_light(const Printer& printer);
 /// What follows it in the note of a tuned resin (`[provenance] tuning`), before the figures.
 inline constexpr std::string_view kTunedFigures = ": ha, light, ";
 
+/// Whether the resin was tuned with another printer, or another calibration of this one. Not known, and
+/// false, where the printer's light is to be measured.
+bool tuned_with_another(const Printer& printer, const Resin& resin);
+
 /// Throws `InputError`, naming both, where their doses and light have different units (light_unit.hpp),
 /// where resin and light have other wavelengths, unless `take`, and
 /// where the resin was tuned with another printer, or another calibration of it. `take_it`: how people

@@ -22,7 +22,7 @@ namespace slicecorr::resins {
 
 /// What `resinctl list` can ask for; empty and unset fields ask for nothing.
 struct Query {
-  /// Words that must all occur in name, maker, product, chemistry, colour or notes.
+  /// Words that must all occur in what is said of the resin (search.hpp).
   std::string words = "";
   std::string maker = "", chemistry = "";
   std::optional<double> wavelength_nm = std::nullopt;  ///< within 10 nm

@@ -79,6 +79,21 @@ Saved save_imported(const Imported& definition, const std::string& folder, Repla
 std::string export_record(const ResinRecord& record, const std::string& format, double layer_um,
                           double intensity_mw_cm2);
 
+/// A definition as it may be handed in: for others, without what is one person's alone.
+struct Shared {
+  std::string text;                     ///< of NAME.toml, without comments
+  std::vector<Attachment> attachments;  ///< measurements; their whole names are stem + extension
+  std::vector<std::string> left_out;    ///< sentences: what the text does not have, and why
+  /// Why it may not be handed in; empty when it may. The rest is then empty.
+  std::vector<Finding> wrong;
+};
+/// Makes one of the definition at `path`, under another name if `name` says one. `private_names`: of
+/// users and computers, which no text may hold. What is wrong is all that `validate_definition` calls an
+/// error, what a reader needs and the provenance lacks, and texts that hold a path, an address or one of
+/// those names: it is the owner who says it in other words. Throws `InputError` where `name` can be none.
+Shared share_definition(const std::string& path, const std::string& name,
+                        const std::vector<std::string>& private_names);
+
 /// Text of a resin file made from fits of the same resin (a cure fit, and maybe a dead-zone fit).
 /// `previous`: a record whose words, comments and other keys are kept. No date is written: the same
 /// fits give the same text. Measurements are named relative to `folder`, where the text will stand;

@@ -55,6 +55,11 @@ Measurements read_measurements(const std::vector<std::string>& paths,
 /// The same from text; `source` names it in messages.
 Measurements parse_measurements(const std::string& text, const std::string& source);
 
+/// The measurements of one file as such a file again: known columns and their numbers, no comments, no
+/// columns of others. What it is read from is the same to the last bit, but for doses of rows that have
+/// intensity and time, which follow from these.
+std::string measurements_as_csv(const Measurements& measurements);
+
 inline constexpr int kMaxMeasurements = 1000000;
 
 }  // namespace slicecorr::resins

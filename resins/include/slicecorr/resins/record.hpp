@@ -22,6 +22,8 @@ struct ResinRecord {
   std::string name;  ///< stable: lower case letters, digits, '-', '.', '_'; the file's stem
   int version = 1;   ///< rises with every change that is saved
   std::string maker, product, chemistry, colour, notes;
+  std::vector<std::string> aliases;               ///< other names of the product
+  std::vector<std::string> tags;                  ///< words that say its kind
   double wavelength_nm = 0;                       ///< of the curing light; 0: not given
   Resin resin;                                    ///< the [cure] and [inhibition] tables, checked
   std::map<std::string, std::string> provenance;  ///< source, date, place, measurements, fit ...

@@ -21,6 +21,7 @@
 
 #include "edge_pictures.hpp"
 #include "ladder.hpp"
+#include "page_commands.hpp"
 #include "run_program.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -40,29 +41,6 @@ std::string text_of(const fs::path& path) {
   std::stringstream text;
   text << in.rdbuf();
   return text.str();
-}
-
-/// Indented lines that begin with one of our programs, continued lines joined.
-/// What follows a program in the background belongs to it, up to the end of its paragraph.
-std::vector<std::string> commands_of(const fs::path& path) {
-  static const std::regex ours(
-      "    (slicecorr |slicecorr-post |resinctl |slicefarm |printer-sim |printbridge ).*");
-  std::istringstream lines(text_of(path));
-  std::vector<std::string> commands;
-  bool open = false, together = false;
-  for (std::string line; std::getline(lines, line);) {
-    const bool begins = std::regex_match(line, ours);
-    together = together && line.rfind("    ", 0) == 0;
-    if (!begins && !open && !together) continue;
-    line.erase(0, line.find_first_not_of(' '));
-    if (together && !open) commands.back() += '\n';
-    if (begins && !together) commands.emplace_back();
-    open = !line.empty() && line.back() == '\\';
-    if (open) line.pop_back();
-    commands.back() += line;
-    if (!line.empty() && line.back() == '&') together = true;
-  }
-  return commands;
 }
 
 /// Of the loopback; free a moment ago.
@@ -101,7 +79,7 @@ TEST(Docs, CommandsOfTheReadmeRun) {
     }
   }
   const int port = free_port();
-  const auto commands = commands_of(kSource / "README.md");
+  const auto commands = test::our_commands(kSource / "README.md");
   ASSERT_GE(commands.size(), 18U);
   test::RunOptions options;
   options.folder = folder.string();

@@ -33,7 +33,6 @@ using test::refusal;
 using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
-using testing::IsEmpty;
 using testing::Not;
 
 Printer dark() { return parse_display(test::kUnlitPrinter, "dark.toml"); }

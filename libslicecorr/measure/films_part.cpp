@@ -69,6 +69,18 @@ std::vector<int> grey_levels(const std::vector<int>& held) {
 constexpr const char* kPour =
     "Pour resin into the vat, 3 mm deep or more, stirred as you always do. Let it stand for a minute, "
     "at the temperature at which you print.";
+constexpr const char* kPeel =
+    "Pour the resin off, or lift the films out of it. Peel each film off the floor with tweezers, "
+    "from an edge on; soft ones come off best after some minutes.";
+constexpr const char* kBlot =
+    "Blot both sides with a paper towel. Do not wash: solvent swells films. Do not cure them "
+    "further.";
+constexpr const char* kMeasure =
+    "Measure the middle of each square, with as little force as the calipers take. The number that "
+    "is cut out says which it is; seen from the other side it is mirrored.";
+constexpr const char* kTwice =
+    "Measure a square twice where you doubt. What has no film, or one too soft to measure, stays "
+    "empty.";
 constexpr const char* kNoPlatform =
     "Take off the platform, and let the motor run without it: films cure on the floor of the vat, and "
     "nothing may stir the resin. A printer that does not run without its platform can't make them.";
@@ -221,14 +233,10 @@ std::string FilmsPart::sheet(const std::string& form_file, const std::string& pr
           "first of them, as often as its exposure says. Use the file's times for all layers: no "
           "bottom layers of another time, no light below full. Keep lifts short, or 0, if you can.",
           kImages, ask_.image_s),
-      "Pour the resin off, or lift the films out of it. Peel each film off the floor with tweezers, "
-      "from an edge on; soft ones come off best after some minutes.",
-      "Blot both sides with a paper towel. Do not wash: solvent swells films. Do not cure them "
-      "further.",
-      "Measure the middle of each square, with as little force as the calipers take. The number that "
-      "is cut out says which it is; seen from the other side it is mirrored.",
-      "Measure a square twice where you doubt. What has no film, or one too soft to measure, stays "
-      "empty."};
+      kPeel,
+      kBlot,
+      kMeasure,
+      kTwice};
   std::vector<detail::SheetBox> boxes;
   for (std::size_t i = 0; i < squares_.size(); ++i) {
     const FilmSquare& q = squares_[i];

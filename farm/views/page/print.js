@@ -1,7 +1,7 @@
 'use strict';
 // From parts to jobs: plate, speed, before and after, queue. Each step asks the server for a study.
 const meshName = /\.(stl|obj|ply|off|3mf)(\.gz)?$/i;
-const partName = /\.(stl|obj|ply|off|3mf|sl1s?|m1|uvj|zip|cws|nanodlp|vdt|vda|ctb|cbddlp|photon|phz|fdg|goo|prz|pws|pw0|pwx|pwc|pwsz|pwm[osxab]|pmsq|pmx2|px6s|pm3[mrn]?|pm4[nu]|pm5s?|m5sp|pm7m?|pp1m?|dlp|dl2p|cxdlp|cxdlpv4|lgs(30|120|4k)?|tar\.gz)(\.gz)?$/i;
+const partName = /\.(stl|obj|ply|off|3mf|sl1s?|m1|uvj|zip|cws|nanodlp|vdt|vda|ctb|cbddlp|photon|phz|fdg|goo|prz|pws|pw0|pwx|pwc|pwsz|pwm[osxab]|pmsq|pmx2|px6s|pm3[mrn]?|pm4[nu]|pm5s?|m5sp|pm7m?|pp1m?|dlp|dl2p|cxdlp|cxdlpv4|lgs(30|120|4k)?|tar\.gz|tgz)(\.gz)?$/i;
 const round = new PlateView($('round'), showPieces, partMoved), layers = new LayerView($('layer-canvas'), $('layer'), $('layer-said'));
 const value = (id) => ($(id).value === '' ? undefined : Number($(id).value));
 let printers = [], plan = null;

@@ -97,8 +97,8 @@ TEST(Shipped, AliasesAndTagsSayNothingNew) {
     with += words.empty() ? 0 : 1;
     for (const std::string& word : words) EXPECT_TRUE(words_occur(word, said)) << r.name << word;
   }
-  EXPECT_EQ(files, 44);
-  EXPECT_EQ(with, 42);
+  EXPECT_GE(files, 44);
+  EXPECT_GE(with, 42);
 }
 
 TEST(Search, WhichResinsGoWithAPrinter) {

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "films_lab.hpp"
+#include "ladder.hpp"
 #include "page_commands.hpp"
 #include "print_file_fixture.hpp"
 #include "program_fixture.hpp"
@@ -193,6 +194,36 @@ TEST_F(CalibrateProgram, CommandsOfItsPageRun) {
       {"correct", "films.ctb", "-o", "x.ctb", "--printer", "my-saturn.toml", "--resin",
        "liqcreate-strong-x-405nm", "--mode", "layerwise"},
       {"my-saturn", "of the brightest level", "liqcreate-strong-x-405nm", "mW/cm2"});
+}
+
+// A part without an archive, on a printer whose light nobody measured.
+TEST_F(CalibrateProgram, RunTellsWhatIsAssumed) {
+  write("dark.toml", kUnlitPrinter);
+  TriangleMesh part;
+  add_box(part, {-2, -1, 0}, {-1, 1, 1.5});
+  add_box(part, {-1, -1, 1}, {1, 1, 1.5});
+  write_stl(folder_ / "part.stl", part);
+  const Command light = {"--printer", "dark.toml", "--resin",  "liqcreate-strong-x-405nm",
+                         "--mode",    "layerwise", "--assume", "typical"};
+  const RunResult run =
+      good(Command{"run", "part.stl", "-o", "part.uvj", "--layer-um", "50", "--exposure-s", "2.5"} +
+           light);
+  EXPECT_THAT(run.err, HasSubstr("assumed, not measured"));
+  const json j = json::parse(text_of("part.json"));
+  EXPECT_EQ(j["assumed"], "mono-lcd-405");
+  EXPECT_EQ(j["joints"]["not_holding_voxels"], 0);
+  EXPECT_TRUE(j.contains("uncertainty"));
+  EXPECT_THAT(text_of("part.html"), HasSubstr("assumed, not measured"));
+  // Another band where one is asked for.
+  good(Command{"run", "part.stl", "-o", "sure.uvj", "--layer-um", "50", "--exposure-s", "2.5",
+               "--uncertain", "ha=1%"} +
+       light);
+  const auto half_um = [](const json& of) {
+    return of["uncertainty"]["upper_edges"]["half_width95_um"]["mean"].get<double>();
+  };
+  EXPECT_LT(half_um(json::parse(text_of("sure.json"))), half_um(j));
+  // What is found, and not said, is no exposure that prints.
+  bad(2, Command{"plan", "part.stl", "--layer-um", "50"} + light, {"--assume", "exposures"});
 }
 
 // Real files of real slicers are corrected by what films tell, and print nearer to the design; by night the

@@ -220,7 +220,7 @@ Markup summary(const ReportContent& c) {
   if (const std::string words =
           assumption_in_words(c.setup.printer, c.setup.resin, c.setup.process);
       !words.empty()) {
-    html += markup(" <strong>{}</strong>.", words);
+    html += markup(" <strong>Light was {}</strong>.", words);
   }
   const double cap = c.setup.process.omega_max;
   if (!layerwise) {

@@ -10,6 +10,8 @@
 #include <limits>
 #include <utility>
 
+#include "support/numbers/release.hpp"
+
 namespace slicecorr::detail {
 
 namespace {
@@ -96,7 +98,7 @@ void VoxelChanges::sort() {
   std::vector<std::uint32_t> next(begins);
   std::vector<Flip> sorted(flips_.size());
   for (const Flip& f : flips_) sorted[next[f.slice()]++] = f;
-  flips_ = {};
+  release(flips_);
   for (std::size_t n = 0; n + 1 < begins.size(); ++n) {
     sort_by_column(std::span(sorted).subspan(begins[n], begins[n + 1] - begins[n]));
   }
@@ -198,7 +200,7 @@ class KeptVoxels::Reader {
     while (at_ == piece_.size()) {
       if (next_ == blobs_.size()) {
         slice_ = kNoSlice;
-        piece_ = {};
+        release(piece_);
         return;
       }
       piece_.clear();

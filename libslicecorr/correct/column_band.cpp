@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
+#include "support/numbers/release.hpp"
 
 namespace slicecorr::detail {
 
@@ -110,7 +111,7 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
       levels.push_back(c);
     }
   }
-  changes_ = {};
+  release(changes_);
   std::stable_sort(levels.begin(), levels.end(),
                    [](const Change& a, const Change& b) { return a.at > b.at; });
   return levels;

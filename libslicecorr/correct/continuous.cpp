@@ -13,6 +13,7 @@
 #include "correct/level_search.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
+#include "support/numbers/release.hpp"
 
 namespace slicecorr::detail {
 
@@ -262,8 +263,8 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
     append(nullptr, n == layers_ && !last_heights_.empty() ? last_heights_.data() : nullptr);
   }
   if (rows_at_hand_ > 0) forward(rows_at_hand_);
-  rows_ = {};
-  heights_ = {};
+  release(rows_);
+  release(heights_);
 
   std::vector<Lanes> lanes(blocks_);
   for (std::size_t b = 0; b < blocks_; ++b) {

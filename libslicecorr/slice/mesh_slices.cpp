@@ -15,6 +15,7 @@
 #include "slice/mesh_slices_parts.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/slice.hpp"
+#include "support/numbers/release.hpp"
 
 namespace slicecorr {
 
@@ -188,8 +189,8 @@ ThinFeatures MeshSlices::thin_features(const ExecutionContext& context) const {
     const int y0 = (first + static_cast<int>(i)) * rows;
     detail::BandEdges edges =
         s.edges_of({s.bounds.x0, y0, s.bounds.x1, std::min(y0 + rows, s.grid.height_px)});
-    edges.edges = {};
-    edges.begin = {};
+    detail::release(edges.edges);
+    detail::release(edges.begin);
     // Of the part's rows.
     edges.thickest_column += static_cast<std::uint32_t>((y0 - s.bounds.y0) * s.bounds.width());
     of_bands[i] = std::move(edges);

@@ -92,6 +92,31 @@ TEST(AssumedLight, DimmedAndHigherLayersCount) {
               plain.critical_dose_mj_cm3 * std::pow(10, -50.0 / 150), 1e-12);
 }
 
+// What the archive says prints; another exposure is so many times as much of it.
+TEST(AssumedLight, TheArchivesExposureIsTheOneThatPrints) {
+  SetupChoices c = choices();
+  const StackInfo info = archive(50, 2.5);
+  const double dose = assumed(c, info).resin.critical_dose_mj_cm3;
+  c.exposure_s = 0.1;
+  const slicecorr::Setup short_one = assumed(c, info);
+  EXPECT_EQ(short_one.resin.critical_dose_mj_cm3, dose);
+  const CureModel model =
+      make_cure_model(short_one.printer, short_one.resin, short_one.process, 50);
+  EXPECT_NEAR(model.phi_max() * std::pow(10, -50.0 / 150),
+              std::sqrt(10) * kDefaultGreenStrength * 0.1 / 2.5, 1e-9);
+  // Without an archive the one that is chosen, of layers as high as is said, each or all.
+  const auto without = [](SetupChoices chosen) {
+    return resolve_setup(chosen, nullptr, nullptr, ChoiceNames::options).resin.critical_dose_mj_cm3;
+  };
+  c.exposure_s = 2.5;
+  EXPECT_THAT(refusal([&] { without(c); }), HasSubstr("exposures and layer heights"));
+  c.layer_um = 50;
+  EXPECT_NEAR(without(c), dose, 1e-12 * dose);
+  c.layer_um = 0;
+  c.layer_heights_um = {25, 50};
+  EXPECT_NEAR(without(c), dose, 1e-12 * dose);
+}
+
 TEST(AssumedLight, CurvesOfTypicalDisplays) {
   const Printer display = parse_display(test::kUnlitPrinter, "dark.toml");
   const Printer lcd = with_assumed_light(display, AssumedLight::mono_lcd_405);

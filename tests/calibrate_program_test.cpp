@@ -226,6 +226,25 @@ TEST_F(CalibrateProgram, RunTellsWhatIsAssumed) {
   bad(2, Command{"plan", "part.stl", "--layer-um", "50"} + light, {"--assume", "exposures"});
 }
 
+// A file that was made from a template is corrected in place, too: what the template said stays.
+TEST_F(CalibrateProgram, FilesOfATemplateAreCorrectedInPlace) {
+  const std::string lgs = real_file("slices/binary/uv3dp_microsupports3.lgs");
+  if (const std::string why = lacks(lgs); !why.empty()) GTEST_SKIP() << why;
+  TriangleMesh part;
+  add_box(part, {-2, -1, 0}, {-1, 1, 1.5});
+  add_box(part, {-1, -1, 1}, {1, 1, 1.5});
+  write_stl(folder_ / "part.stl", part);
+  good(
+      {"slice", "part.stl", "-o", "part.uvj", "--printer", "longer-orange-10", "--layer-um", "50"});
+  good({"convert", "part.uvj", "-o", "part.lgs", "--template", lgs});
+  good({"correct", "part.lgs", "-o", "corrected.lgs", "--printer", "longer-orange-10", "--resin",
+        "liqcreate-strong-x-405nm", "--mode", "layerwise", "--assume", "typical"});
+  const json before = json::parse(good({"info", "part.lgs", "--json", "-"}).out),
+             after = json::parse(good({"info", "corrected.lgs", "--json", "-"}).out);
+  EXPECT_EQ(after["print_time_s"], before["print_time_s"]);
+  EXPECT_EQ(after["assumed"], "mono-lcd-405");
+}
+
 // Real files of real slicers are corrected by what films tell, and print nearer to the design; by night the
 // one of which the page tells.
 TEST_F(CalibrateProgram, RealFilesAreCorrected) {

@@ -266,6 +266,8 @@ TEST(FilmsFit, WhatLeavesSomethingOpenIsRefused) {
   EXPECT_THAT(refused({{128, 8, 50}, {128, 16, 96}}), HasSubstr("brightest level, 255"));
   EXPECT_THAT(refused({{255, 2, 195}, {255, 4, 150}, {255, 8, 105}, {255, 16, 60}}),
               HasSubstr("do not grow"));
+  EXPECT_THAT(refused({{255, 2, 120}, {255, 4, 120}, {255, 8, 120}, {255, 16, 120}}),
+              HasSubstr("do not grow"));
 }
 
 // ---- tables -----------------------------------------------------------------------------------
@@ -308,6 +310,9 @@ TEST_F(FilmTables, BadOnesAreRefusedByFileAndLine) {
   EXPECT_THAT(refused("level,exposure_s\n255,2\n"),
               AllOf(HasSubstr("line 1"), HasSubstr("no column thickness_um")));
   EXPECT_THAT(refused("level,exposure_s,thickness_mm\n255,2,0.06\n"), HasSubstr("thickness_mm"));
+  // In thousandths of an inch.
+  EXPECT_THAT(refused(head + "255,2,2.4\n255,4,4.1\n255,16,7.7\n"),
+              AllOf(HasSubstr("line 4"), HasSubstr("7.7 um thick"), HasSubstr("30 um")));
   EXPECT_THAT(refused("255,2,60\n255,16,195\n"), HasSubstr("line 1"));
   EXPECT_THAT(line_3("255,4,0"), HasSubstr("thickness_um is '0'"));
   EXPECT_THAT(line_3("255,4,-105"), HasSubstr("thickness_um is '-105'"));

@@ -93,7 +93,7 @@ class Resolver {
   void resolve_uv(Setup& setup) const;
   /// What is assumed needs lifts, of which nobody knows what they exchange.
   void check_assumed(const Setup& setup) const;
-  void assume_dose(Setup& setup, double layer_um) const;
+  void assume_dose(Setup& setup, const StackInfo* times, double layer_um) const;
   void resolve_even_dead_zone(Setup& setup) const;
   bool any_exposure() const {
     return c_.exposure_s > 0 || c_.bottom_exposure_s > 0 || c_.bottom_layers >= 0 ||
@@ -443,12 +443,18 @@ void Resolver::check_assumed(const Setup& setup) const {
   }
 }
 
-void Resolver::assume_dose(Setup& setup, double layer_um) const {
+void Resolver::assume_dose(Setup& setup, const StackInfo* times, double layer_um) const {
   check_assumed(setup);
   Process& p = setup.process;
   // The highest layer is the one that holds last.
   for (const double um : p.layer_heights_um) layer_um = std::max(layer_um, um);
-  const double exposure_s = p.exposure_s * usual_light_share(p);
+  // What an archive says prints; what is chosen in its place may not.
+  double exposure_s = p.exposure_s * usual_light_share(p);
+  if (times && times->exposure_s > 0) {
+    Process archive;
+    archive.light_share = times->light_share;
+    exposure_s = times->exposure_s * usual_light_share(archive);
+  }
   setup.resin = with_assumed_dose(std::move(setup.resin), layer_um, exposure_s, p.green_strength);
   p.green_strength = assumed_green_strength(p.green_strength);
 }
@@ -527,14 +533,14 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   if (assumes()) {
     const StackInfo* const sized = info ? info : times;
-    if (!sized && !(c_.layer_um > 0)) {
+    if (!sized && !(c_.layer_um > 0) && setup.process.layer_heights_um.empty()) {
       wrong(fmt::format(
           "{} counts on exposures that print: expected a correction or a prediction, whose "
           "exposures and layer heights are known",
           o("assume")));
     }
     setup.process.assumed = assumed_light(c_.assume, setup.printer);
-    assume_dose(setup, sized ? sized->grid.layer_um : c_.layer_um);
+    assume_dose(setup, times, sized ? sized->grid.layer_um : c_.layer_um);
   } else if (printer_given) {
     setup.process.assumed = AssumedLight::none;
   }

@@ -218,12 +218,12 @@ FilmsFit fit_films(const FilmReadings& readings, const Printer& printer) {
     films.erase(films.begin() + static_cast<std::ptrdiff_t>(*which));
     s = solve(films, readings.source);
   }
-  if (!(s.values[0] > 0)) {
+  take_figures(s, fit);
+  if (!(fit.absorbance_height_um.value > 0 && fit.gel_s.value > 1e-6)) {
     throw InputError(readings.source, "",
                      "has films that do not grow with their exposure; expected thicker ones for "
                      "longer times: look whether times and thicknesses were mixed up");
   }
-  take_figures(s, fit);
   fit.used = static_cast<int>(films.size());
   fit.freedom = fit.used - static_cast<int>(s.problem.unknowns());
   fit.rms_um = std::sqrt(s.shape.residual.squaredNorm() / static_cast<double>(films.size()));

@@ -4,6 +4,7 @@
 // Tables of films that were measured.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "measure/number_table.hpp"
@@ -67,6 +68,14 @@ FilmReadings read_films(const std::string& path, const Printer& printer) {
         }
         all.films.push_back({line, static_cast<int>(values[0]), values[1], values[2]});
       });
+  const auto thickest = std::ranges::max_element(all.films, {}, &FilmReading::thickness_um);
+  if (thickest != all.films.end() && thickest->thickness_um < kThinnestPeeledUm) {
+    throw InputError(
+        path, fmt::format("line {}", thickest->line),
+        fmt::format("the thickest film is {:g} um thick, and none below {:g} um can be "
+                    "peeled; expected thickness_um in um (0.12 mm are 120)",
+                    thickest->thickness_um, kThinnestPeeledUm));
+  }
   return all;
 }
 

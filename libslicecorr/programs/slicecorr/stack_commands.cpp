@@ -116,8 +116,11 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   file.format = format_of(file, times.format);
   const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
   tell_notices(setup, &times, context);
-  // What a slicer wrote besides the slices stays.
-  if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
+  // What a slicer wrote besides the slices stays, also where the file was made from a template.
+  if (times.format == file.format &&
+      (times.kind == StackKind::foreign || !print_file_facts(a.input).empty())) {
+    file.keep_from = a.input;
+  }
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
   const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output), context,

@@ -40,6 +40,8 @@ struct FilmReadings {
 };
 
 /// Limits of what a table may say.
+/// Thinner films tear when they are peeled.
+inline constexpr double kThinnestPeeledUm = 30;
 inline constexpr double kLeastFilmUm = 1, kMostFilmUm = 5000, kLeastFilmS = 1e-3, kMostFilmS = 1e5;
 
 /// A table with the columns level, exposure_s and thickness_um, and `square` for people, in any order;

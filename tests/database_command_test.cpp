@@ -242,6 +242,11 @@ TEST_F(Resinctl, ValidateNamesFileLineAndWhatIsWrong) {
   const auto warned = run({"validate", "goo.toml"});
   EXPECT_EQ(warned.exit_code, 0);
   EXPECT_THAT(warned.out, HasSubstr("goo.toml:8: warning: cure.dose_factor"));
+  // What slicecorr-post reads lies there, too, and is no definition.
+  write("db/post.toml",
+        "[default]\nprinter = \"elegoo-saturn\"\n[[rule]]\nmaterial_profile = \"*\"\n");
+  EXPECT_THAT(ok({"list", "--printers"}), testing::Not(HasSubstr("post")));
+  ok({"validate"});
   write("db/broken.toml", "[cure\n");
   EXPECT_EQ(run({"validate"}).exit_code, 2);
 }

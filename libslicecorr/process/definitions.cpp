@@ -184,6 +184,20 @@ std::string user_definition_folder() {
   return home && *home ? (fs::path(home) / ".config" / "slicecorr").string() : "";
 }
 
+namespace {
+
+/// Whether a file says which printer and resin are for which archives (docs/slicer-plugin.md).
+bool has_rules(const std::string& path) {
+  try {
+    const toml::table table = parse_toml(read_text_file(path), path);
+    return table.contains("rule") || table.contains("default");
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+}  // namespace
+
 std::vector<Definition> list_definitions(std::string_view kind) {
   std::vector<Definition> found;
   for (const std::string& folder : definition_folders(kind)) {
@@ -196,8 +210,9 @@ std::vector<Definition> list_definitions(std::string_view kind) {
           !entry.is_regular_file(no_file)) {
         continue;
       }
-      // A folder may hold both kinds: a printer has a display.
-      if (const auto is = kind_of_definition(path.string()); is && *is != kind) continue;
+      // A folder may hold both kinds: a printer has a display. And rules of slicecorr-post.
+      const auto is = kind_of_definition(path.string());
+      if (is ? *is != kind : has_rules(path.string())) continue;
       here.push_back({path.stem().string(), path.string()});
     }
     std::sort(here.begin(), here.end(),

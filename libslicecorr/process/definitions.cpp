@@ -17,6 +17,7 @@
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/rules_file.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 #include "support/files/shared_object.hpp"
@@ -184,10 +185,7 @@ std::string user_definition_folder() {
   return home && *home ? (fs::path(home) / ".config" / "slicecorr").string() : "";
 }
 
-namespace {
-
-/// Whether a file says which printer and resin are for which archives (docs/slicer-plugin.md).
-bool has_rules(const std::string& path) {
+bool is_rules_file(const std::string& path) {
   try {
     const toml::table table = parse_toml(read_text_file(path), path);
     return table.contains("rule") || table.contains("default");
@@ -195,8 +193,6 @@ bool has_rules(const std::string& path) {
     return false;
   }
 }
-
-}  // namespace
 
 std::vector<Definition> list_definitions(std::string_view kind) {
   std::vector<Definition> found;
@@ -212,7 +208,7 @@ std::vector<Definition> list_definitions(std::string_view kind) {
       }
       // A folder may hold both kinds: a printer has a display. And rules of slicecorr-post.
       const auto is = kind_of_definition(path.string());
-      if (is ? *is != kind : has_rules(path.string())) continue;
+      if (is ? *is != kind : is_rules_file(path.string())) continue;
       here.push_back({path.stem().string(), path.string()});
     }
     std::sort(here.begin(), here.end(),

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/search.hpp"
+#include "slicecorr/rules_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/nearest.hpp"
@@ -87,6 +88,7 @@ std::vector<std::string> all_definition_files() {
       for (const auto& entry : std::filesystem::directory_iterator(folder, ec)) {
         const auto& path = entry.path();
         if (path.extension() != ".toml" || path.filename().string()[0] == '.') continue;
+        if (is_rules_file(path.string())) continue;
         if (paths.insert(std::filesystem::weakly_canonical(path, ec).string()).second) {
           here.insert(path.string());
         }

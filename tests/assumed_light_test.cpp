@@ -138,6 +138,18 @@ TEST(AssumedLight, CurvesOfTypicalDisplays) {
               HasSubstr("is measured"));
 }
 
+// A display of black and white drops a part's greys, which is told.
+TEST(AssumedLight, BlackAndWhiteAloneIsTold) {
+  SetupChoices c = choices();
+  EXPECT_THAT(setup_notices(assumed(c, archive(50, 2)), nullptr, ChoiceNames::options),
+              testing::Not(testing::Contains(HasSubstr("black and white"))));
+  std::string two = test::kUnlitPrinter;
+  two.insert(two.find("[blue]"), "bit_depth = 1\n");
+  c.printer_toml = two;
+  EXPECT_THAT(setup_notices(assumed(c, archive(50, 2)), nullptr, ChoiceNames::options),
+              testing::Contains(AllOf(HasSubstr("'dark'"), HasSubstr("black and white alone"))));
+}
+
 TEST(AssumedLight, WhatDoesNotGoWithIt) {
   const StackInfo info = archive(50, 2.5);
   const auto refused = [&](const auto& change) {

@@ -610,6 +610,11 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
       !text.empty()) {
     notices.push_back(std::move(text));
   }
+  if (setup.printer.levels() == 2) {
+    notices.push_back(fmt::format(
+        "printer '{}' shows black and white alone (bit_depth = 1): greys of the slices become one of both",
+        setup.printer.name));
+  }
   if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
     notices.push_back(fmt::format(
         "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "

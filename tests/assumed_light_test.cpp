@@ -143,6 +143,9 @@ TEST(AssumedLight, BlackAndWhiteAloneIsTold) {
   SetupChoices c = choices();
   EXPECT_THAT(setup_notices(assumed(c, archive(50, 2)), nullptr, ChoiceNames::options),
               testing::Not(testing::Contains(HasSubstr("black and white"))));
+  // Nor whose display films were made with: there were none.
+  EXPECT_THAT(setup_notices(assumed(c, archive(50, 2)), nullptr, ChoiceNames::options),
+              testing::Not(testing::Contains(HasSubstr("its films were made"))));
   std::string two = test::kUnlitPrinter;
   two.insert(two.find("[blue]"), "bit_depth = 1\n");
   c.printer_toml = two;

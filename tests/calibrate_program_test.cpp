@@ -170,6 +170,9 @@ TEST_F(CalibrateProgram, CommandsOfItsPageRun) {
     }
     const RunResult r = run_program({"/bin/sh", "-c", path + line}, options_);
     EXPECT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_EQ(r.err.find("its films were made") != std::string::npos,
+              line.find("--resin my-resin.toml") != std::string::npos)
+        << r.err;
     if (line.find("-o films.ctb") != std::string::npos) fill_in("films.csv", 0);
     ++run;
   }

@@ -240,6 +240,19 @@ TEST(FilmsFit, OutliersAreNamedAndLeftOut) {
   EXPECT_EQ(fit.used, 8);
 }
 
+// Two that were mixed up hide each other: none is an outlier, and the whole is told not to go together.
+TEST(FilmsFit, FilmsThatContradictEachOtherAreTold) {
+  std::vector<std::array<double, 3>> rows;
+  for (const double s : {2.0, 4.0, 8.0, 16.0, 32.0, 32.0, 32.0, 32.0}) {
+    rows.push_back({255, s, 150 * std::log10(s / 0.8)});
+  }
+  EXPECT_THAT(fit_films(films(rows), dark()).warnings,
+              testing::Not(Contains(HasSubstr("contradict"))));
+  std::swap(rows[1][2], rows[3][2]);
+  EXPECT_THAT(fit_films(films(rows), dark()).warnings,
+              Contains(AllOf(HasSubstr("contradict each other"), HasSubstr("level 255"))));
+}
+
 TEST(FilmsFit, SaysWhatToMeasureNext) {
   const auto next = [](const std::vector<std::array<double, 3>>& rows) {
     return fit_films(films(rows), dark()).measure_next;

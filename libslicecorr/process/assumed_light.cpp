@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/same_light.hpp"
+#include "slicecorr/settings.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 
@@ -20,16 +21,16 @@ namespace slicecorr {
 namespace {
 
 struct Kind {
-  std::string_view name, words;
+  std::string_view words;
   double wavelength_nm;
   double power;        ///< of the level
   double dark_to_255;  ///< levels of 255 up to this show nothing
 };
 /// By `AssumedLight`.
-constexpr std::array kKinds{Kind{"none", "nothing", 0, 1, 0},
-                            Kind{"mono-lcd-405", "a typical monochrome LCD of 405 nm", 405, 3, 0},
-                            Kind{"dlp-385", "a typical DLP projector of 385 nm", 385, 1, 37},
-                            Kind{"dlp-405", "a typical DLP projector of 405 nm", 405, 1, 37}};
+constexpr std::array kKinds{Kind{"nothing", 0, 1, 0},
+                            Kind{"a typical monochrome LCD of 405 nm", 405, 3, 0},
+                            Kind{"a typical DLP projector of 385 nm", 385, 1, 37},
+                            Kind{"a typical DLP projector of 405 nm", 405, 1, 37}};
 
 const Kind& kind_of(AssumedLight light) { return kKinds[static_cast<std::size_t>(light)]; }
 
@@ -39,12 +40,14 @@ double mean_multiple() { return std::sqrt(kLeastOfHolding * kMostOfHolding); }
 
 std::string_view words_of(AssumedLight light) { return kind_of(light).words; }
 
-std::string_view name_of(AssumedLight light) { return kind_of(light).name; }
+std::string_view name_of(AssumedLight light) {
+  return find_setting("assume")->words[static_cast<std::size_t>(light)];
+}
 
 AssumedLight assumed_light(std::string_view word, const Printer& printer) {
   if (word.empty()) return AssumedLight::none;
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
-    if (word == kKinds[i].name) return static_cast<AssumedLight>(i);
+    if (word == name_of(static_cast<AssumedLight>(i))) return static_cast<AssumedLight>(i);
   }
   // Panels of liquid crystals let little of 385 nm through.
   const bool known = printer.wavelength_nm > 0;

@@ -73,9 +73,8 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
   if (is_relative(printer) && is_relative(resin)) {
     add(fmt::format(
         "light is counted in shares of the brightest level of printer '{}', and doses in "
-        "seconds of it, also where a name says mW or mJ; those of resin '{}' hold for the display with "
-        "which they were found, or one as bright",
-        printer.name, resin.name));
+        "seconds of it, also where a name says mW or mJ",
+        printer.name));
   }
   const std::string of_resin = fmt::format("resin '{}'", resin.name),
                     of_printer = fmt::format("printer '{}'", printer.name);

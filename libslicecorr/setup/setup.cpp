@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "setup/exposures.hpp"
 #include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
@@ -22,42 +23,12 @@
 
 namespace slicecorr {
 
+using detail::has_first_exposure;
+using detail::trimmed;
+
 namespace {
 
 [[noreturn]] void wrong(const std::string& message) { throw InputError(message); }
-
-/// The times without a repeated end: the last entry holds for later layers.
-std::vector<double> trimmed(std::vector<double> times) {
-  while (times.size() > 1 && times.back() == times[times.size() - 2]) times.pop_back();
-  return times;
-}
-
-/// Whether an archive says a first exposure.
-bool has_first_exposure(const StackInfo* times) {
-  return times && times->layer_exposure_s.empty() && times->bottom_layers > 0 &&
-         times->bottom_exposure_s > 0;
-}
-
-/// What became of an archive's first exposure when another one follows it; empty when nothing is
-/// to be said.
-std::string first_exposure_notice(const Process& p, const StackInfo* times) {
-  const bool changed = p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() &&
-                       has_first_exposure(times) && times->exposure_s > 0 &&
-                       p.exposure_s != times->exposure_s;
-  if (!changed) return {};
-  if (p.bottom_layers + p.fade_layers == 0) {
-    if (times->bottom_exposure_s > p.exposure_s) return {};  // as was asked
-    return fmt::format(
-        "the archive's first exposure of {:g} s is not longer than the new one: layers get {:g} s "
-        "from the first on",
-        times->bottom_exposure_s, p.exposure_s);
-  }
-  if (p.bottom_exposure_s != times->bottom_exposure_s || p.bottom_layers != times->bottom_layers ||
-      p.fade_layers != times->fade_layers) {
-    return {};
-  }
-  return "the archive's longer first exposure stays: " + exposures_in_words(p);
-}
 
 /// Figures of a print whose light is assumed say how sure they are, wherever that is counted.
 void assume_errors(Setup& setup) {
@@ -600,76 +571,6 @@ void check_chosen_light(const Printer& printer, const Resin& resin, bool uv,
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
                     ChoiceNames names) {
   return Resolver(choices, names).resolve(info, times);
-}
-
-std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
-                                       ChoiceNames names) {
-  std::vector<std::string> notices =
-      light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
-  if (std::string text = assumption_in_words(setup.printer, setup.resin, setup.process);
-      !text.empty()) {
-    notices.push_back(std::move(text));
-  }
-  if (setup.printer.levels() == 2) {
-    notices.push_back(fmt::format(
-        "printer '{}' shows black and white alone (bit_depth = 1): greys of the slices become one of both",
-        setup.printer.name));
-  }
-  if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
-    notices.push_back(fmt::format(
-        "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "
-        "is not considered",
-        setup.printer.name, setting_name(names, "uv_mw_cm2"), setting_name(names, "dead_zone_um"),
-        setup.resin.name));
-  }
-  if (setup.printer.suction_limit_pa > 0 && !(setup.resin.viscosity_pa_s > 0) &&
-      setup.process.mode == ExposureMode::continuous) {
-    notices.push_back(fmt::format(
-        "printer '{}' says what suction it bears (suction_limit_pa); without the viscosity of resin "
-        "'{}' (viscosity_pa_s) nobody knows how much there is",
-        setup.printer.name, setup.resin.name));
-  }
-  const double depth_um = setup.printer.resin_depth_um;
-  if (depth_um > 0 && depth_um < 2 * setup.resin.absorbance_height10_um) {
-    notices.push_back(fmt::format(
-        "the resin is {:g} um deep, less than two absorbance heights ({:g} um): light goes out at "
-        "its far side",
-        depth_um, 2 * setup.resin.absorbance_height10_um));
-  }
-  if (std::string text = light_share_in_words(setup.process); !text.empty()) {
-    notices.push_back("layers are lit with " + text +
-                      (times && trimmed(times->light_share) == setup.process.light_share
-                           ? ", as the archive says"
-                           : "") +
-                      ": doses are those of that light");
-  }
-  if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
-    notices.push_back(std::move(text));
-  }
-  return notices;
-}
-
-Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
-                               const SetupChoices& choices, ChoiceNames names) {
-  ResinText resin{choices.resin_toml, "the resin"};
-  if (resin.text.empty() && !choices.resin.empty()) {
-    resin.source = find_definition(choices.resin, "resin");
-    resin.text = read_text_file(resin.source);
-  }
-  Uncertainty u = parse_uncertainty(
-      text, setup.process.mode,
-      usual_light_share(setup.process) * setup.printer.calibration.back().intensity_mw_cm2, resin);
-  if (u.sd(UncertainInput::stray) > 0) {
-    refuse_relative(setup.printer, "an error of stray light (uncertain)");
-  }
-  if (u.from_fit && (choices.ha_um > 0 || choices.dc_mj_cm3 > 0)) {
-    throw InputError(fmt::format(
-        "{} fit says how sure the file's own height and dose are, and another is given by {} or {}; "
-        "expected its error by hand, as in ha=8%",
-        setting_name(names, "uncertain"), setting_name(names, "ha_um"),
-        setting_name(names, "dc_mj_cm3")));
-  }
-  return u;
 }
 
 void check_design(const StackInfo& info, const std::string& path) {

@@ -23,6 +23,8 @@ constexpr double kTimesApart = 4;
 constexpr double kLevelsApart = 1.35;
 /// Light that is known less well than this moves an edge by more than the calipers can tell.
 constexpr double kWideUm = 15;
+/// Calipers tell a film to this.
+constexpr double kCalipersUm = 10;
 
 std::map<int, std::set<double>> times_of(const FilmReadings& readings) {
   std::map<int, std::set<double>> times;
@@ -95,6 +97,18 @@ void advise(const FilmReadings& readings, const Printer& printer, FilmsFit& fit)
     warn(fmt::format(
         "level {} came out no darker than the next brighter one: both get the same light",
         l.level));
+  }
+  if (fit.rms_um > kCalipersUm) {
+    const auto off_um = [](const FilmResidual& r) {
+      return r.left_out ? 0 : std::abs(r.film.thickness_um - r.found_um);
+    };
+    const FilmResidual& worst = *std::ranges::max_element(fit.residuals, {}, off_um);
+    warn(fmt::format(
+        "films lie {:.3g} um from what was found, more than calipers are off: some contradict each other, "
+        "most of all line {} (level {}, {:g} s: {:g} um, found {:.4g}). Look whether squares were mixed up, "
+        "and measure these again before anything is printed with it",
+        fit.rms_um, worst.film.line, worst.film.level, worst.film.exposure_s,
+        worst.film.thickness_um, worst.found_um));
   }
   double shortest = kMostFilmS, longest = 0;
   for (const FilmResidual& r : fit.residuals) {

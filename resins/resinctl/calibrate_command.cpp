@@ -57,12 +57,7 @@ int calibrate(const CalibrateArguments& a, cli::Console& console) {
         a.output, a.resin_output,
         unit_of_light(a.full_mw_cm2 > 0 ? LightUnit::mw_cm2 : LightUnit::brightest)));
   }
-  if (!a.json.empty()) cli::print_or_write(a.json, fit.to_json());
-  if (a.json == "-") {
-    console.say(fit.to_text());
-  } else {
-    cli::print_result(fit.to_text());
-  }
+  tell_fit(fit, a.json, console);
   return cli::kDone;
 }
 

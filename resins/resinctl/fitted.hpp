@@ -23,6 +23,17 @@ void read_fixed(const std::vector<std::string>& texts, const char* example,
 /// calibration, which becomes part of it. Throws `InputError` where others of these names are there.
 void copy_its_files(const std::string& from, const std::string& to);
 
+/// A fit as JSON, where `json` asks for it, and as text: on stderr where JSON goes to stdout.
+template <class Fit>
+void tell_fit(const Fit& fit, const std::string& json, cli::Console& console) {
+  if (!json.empty()) cli::print_or_write(json, fit.to_json());
+  if (json == "-") {
+    console.say(fit.to_text());
+  } else {
+    cli::print_result(fit.to_text());
+  }
+}
+
 /// Says which version of a definition was written.
 void say_saved(const resins::Saved& saved, cli::Console& console);
 

@@ -61,12 +61,7 @@ int fit_optics_command(const OpticsArguments& a, cli::Console& console) {
   if (!a.plot.empty()) cli::write_text_file(a.plot, optics_fit_svg(fit));
   if (!a.wobble.empty()) cli::write_text_file(a.wobble, fit.wobble_csv());
   if (!a.write.empty()) write_printer(a, fit, console);
-  if (!a.json.empty()) cli::print_or_write(a.json, fit.to_json());
-  if (a.json == "-") {
-    console.say(fit.to_text());
-  } else {
-    cli::print_result(fit.to_text());
-  }
+  tell_fit(fit, a.json, console);
   return cli::kDone;
 }
 

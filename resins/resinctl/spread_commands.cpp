@@ -160,12 +160,7 @@ int fit_spread_command(const SpreadArguments& a, cli::Console& console) {
   if (!a.plot.empty()) cli::write_text_file(a.plot, spread_fit_svg(fit));
   if (!a.write.empty()) write(a.write, printer_text, "printer", fit, console);
   if (!a.write_resin.empty()) write(a.write_resin, resin_text, "resin", fit, console);
-  if (!a.json.empty()) cli::print_or_write(a.json, fit.to_json());
-  if (a.json == "-") {
-    console.say(fit.to_text());
-  } else {
-    cli::print_result(fit.to_text());
-  }
+  tell_fit(fit, a.json, console);
   return cli::kDone;
 }
 

@@ -1,0 +1,98 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// What the user should know of a setup.
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "setup/exposures.hpp"
+#include "slicecorr/assumed_light.hpp"
+#include "slicecorr/light_unit.hpp"
+#include "slicecorr/same_light.hpp"
+#include "slicecorr/settings.hpp"
+#include "slicecorr/setup.hpp"
+
+namespace slicecorr {
+
+using detail::has_first_exposure;
+using detail::trimmed;
+
+namespace {
+
+/// What became of an archive's first exposure when another one follows it; empty when nothing is
+/// to be said.
+std::string first_exposure_notice(const Process& p, const StackInfo* times) {
+  const bool changed = p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() &&
+                       has_first_exposure(times) && times->exposure_s > 0 &&
+                       p.exposure_s != times->exposure_s;
+  if (!changed) return {};
+  if (p.bottom_layers + p.fade_layers == 0) {
+    if (times->bottom_exposure_s > p.exposure_s) return {};  // as was asked
+    return fmt::format(
+        "the archive's first exposure of {:g} s is not longer than the new one: layers get {:g} s "
+        "from the first on",
+        times->bottom_exposure_s, p.exposure_s);
+  }
+  if (p.bottom_exposure_s != times->bottom_exposure_s || p.bottom_layers != times->bottom_layers ||
+      p.fade_layers != times->fade_layers) {
+    return {};
+  }
+  return "the archive's longer first exposure stays: " + exposures_in_words(p);
+}
+
+}  // namespace
+
+std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
+                                       ChoiceNames names) {
+  std::vector<std::string> notices =
+      light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
+  if (std::string text = assumption_in_words(setup.printer, setup.resin, setup.process);
+      !text.empty()) {
+    notices.push_back(std::move(text));
+  } else if (is_relative(setup.resin)) {
+    notices.push_back(fmt::format(
+        "the dose of resin '{}' holds for the display with which its films were made, or "
+        "one as bright",
+        setup.resin.name));
+  }
+  if (setup.printer.levels() == 2) {
+    notices.push_back(fmt::format(
+        "printer '{}' shows black and white alone (bit_depth = 1): greys of the slices become one of both",
+        setup.printer.name));
+  }
+  if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
+    notices.push_back(fmt::format(
+        "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "
+        "is not considered",
+        setup.printer.name, setting_name(names, "uv_mw_cm2"), setting_name(names, "dead_zone_um"),
+        setup.resin.name));
+  }
+  if (setup.printer.suction_limit_pa > 0 && !(setup.resin.viscosity_pa_s > 0) &&
+      setup.process.mode == ExposureMode::continuous) {
+    notices.push_back(fmt::format(
+        "printer '{}' says what suction it bears (suction_limit_pa); without the viscosity of resin "
+        "'{}' (viscosity_pa_s) nobody knows how much there is",
+        setup.printer.name, setup.resin.name));
+  }
+  const double depth_um = setup.printer.resin_depth_um;
+  if (depth_um > 0 && depth_um < 2 * setup.resin.absorbance_height10_um) {
+    notices.push_back(fmt::format(
+        "the resin is {:g} um deep, less than two absorbance heights ({:g} um): light goes out at "
+        "its far side",
+        depth_um, 2 * setup.resin.absorbance_height10_um));
+  }
+  if (std::string text = light_share_in_words(setup.process); !text.empty()) {
+    notices.push_back("layers are lit with " + text +
+                      (times && trimmed(times->light_share) == setup.process.light_share
+                           ? ", as the archive says"
+                           : "") +
+                      ": doses are those of that light");
+  }
+  if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
+    notices.push_back(std::move(text));
+  }
+  return notices;
+}
+
+}  // namespace slicecorr

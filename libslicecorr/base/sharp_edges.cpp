@@ -22,14 +22,8 @@ SharpEdges::SharpEdges(const CodedBand& heights, Sink sink, bool sharpen)
   for (Row& r : rows_) {
     r.coverage.assign(words_ * kRowWord, 0);
     r.greys.assign(words_, 0);
+    r.height_at.assign(words_ * kRowWord, 0);
   }
-}
-
-std::uint8_t SharpEdges::Row::height_at(std::size_t column) const {
-  const auto found =
-      std::lower_bound(heights.begin(), heights.end(), column,
-                       [](const NonZero& height, std::size_t at) { return height.at < at; });
-  return found != heights.end() && found->at == column ? found->value : std::uint8_t{0};
 }
 
 void SharpEdges::add(const std::uint8_t* rows) {
@@ -65,7 +59,9 @@ void SharpEdges::take(const std::uint8_t* rows) {
     std::fill(r.coverage.begin(), r.coverage.end(), std::uint8_t{0});
     r.black = true;
   }
+  for (const NonZero& height : r.heights) r.height_at[height.at] = 0;
   heights_.read_nonzero(taken_, r.heights);
+  for (const NonZero& height : r.heights) r.height_at[height.at] = height.value;
   ++taken_;
   end_runs();
 }
@@ -99,7 +95,7 @@ void SharpEdges::resolve(std::size_t column) {
   if (before == after) return;
   int edge = -1;
   for (int node = first; node <= past; ++node) {
-    if (row(node).height_at(column) == 0) continue;
+    if (row(node).height_at[column] == 0) continue;
     if (edge >= 0) return;
     edge = node;
   }

@@ -52,7 +52,7 @@ class SharpEdges {
     std::vector<std::uint8_t> coverage;  ///< 0 when `black`
     std::vector<std::uint64_t> greys;    ///< of the coverage that was taken, when `grey`
     std::vector<NonZero> heights;
-    std::uint8_t height_at(std::size_t column) const;
+    std::vector<std::uint8_t> height_at;  ///< the same, by column
   };
   /// Slices from -1 on, as long as they are needed: two more than the longest run has.
   static constexpr int kRows = kLongestRun + 2;

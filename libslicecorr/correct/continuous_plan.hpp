@@ -40,6 +40,10 @@ struct DoseRange {
   double lo = 0, hi = 0;
   bool operator==(const DoseRange&) const = default;
 };
+/// What two ranges have in common.
+inline DoseRange common(DoseRange a, DoseRange b) {
+  return {std::max(a.lo, b.lo), std::min(a.hi, b.hi)};
+}
 
 /// The corner (see above) of a point at a distance from its layer's lower node.
 struct Corner {

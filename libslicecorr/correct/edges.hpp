@@ -13,18 +13,36 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <map>
-#include <unordered_map>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "correct/continuous_plan.hpp"
+#include "correct/edge_keys.hpp"
 
 namespace slicecorr::detail {
 
 /// Doses at a node from which some sequence of levels prints everything above it: intervals that
 /// rise and don't touch.
 using DoseSet = std::vector<DoseRange>;
+
+/// Doses at an edge of one rung: at the edge itself, where the run below is a gap of one slice
+/// (`at_slit`), and one node further down, where the run below goes on.
+struct RungDoses {
+  DoseRange at, at_slit, inside;
+};
+
+/// Where rungs are so narrow that levels matter: the doses from which some sequence of levels leads
+/// on, at an edge, at an edge above a gap of one slice, and at the nodes further down until they are
+/// one interval again, which is `inside`.
+struct EdgeLevels {
+  DoseSet at, at_slit;
+  std::vector<DoseSet> below;
+  DoseRange inside{};
+};
 
 struct Edge {
   static constexpr std::int32_t kNone = -1;
@@ -37,10 +55,11 @@ struct Edge {
   std::uint8_t height = kEdgeAtNode;        ///< its edge height
   bool platform = false;                    ///< the run below lies on the platform: node 0
   bool endless = false;  ///< no real edge: the inside of a run whose upper end is too far to matter
-  /// Doses at the edge, per rung; `at_slit`: where the run below is a gap of one slice.
-  std::array<DoseRange, kRungs> at{}, at_slit{};
-  /// Doses one node further down, where the run below goes on, per rung.
-  std::array<DoseRange, kRungs> inside{};
+  /// Of rung 0 and of the last one. The others, for which hardly an edge is asked, are worked out when
+  /// it is, and have this place in Edges.
+  RungDoses finest{}, widest{};
+  mutable std::int32_t between = kNone;
+  std::int32_t levels = kNone;  ///< place of its EdgeLevels in Edges; kNone: levels do not matter
   /// Rung 0 from `together` nodes further down on: the greatest dose of a feature, the least of a
   /// gap there.
   double reserved = 0;
@@ -52,15 +71,10 @@ struct Edge {
   /// (`dark_from`). `kNever`: nowhere.
   std::int32_t bright_from = kNever, falls_from = kNever, dark_from = kNever;
   std::int32_t capped_from = kNever;  ///< from there on the falling curve is above the cap
-  /// Where rungs are so narrow that levels matter: the doses from which some sequence of levels
-  /// leads on, at the edge, at the edge above a gap of one slice, and at the nodes further down
-  /// until they are one interval again, which is `levels_inside`.
-  bool has_levels = false;
-  DoseSet levels_at, levels_slit;
-  std::vector<DoseSet> levels_below;
-  DoseRange levels_inside{};
-  /// From so many slices below on, all doses of rung 0 are among these.
+  /// From so many slices below on, all doses of rung 0 are among those for which there are levels.
   std::int32_t levels_until = 0;
+
+  bool has_levels() const { return levels != kNone; }
 
   static constexpr std::int32_t kNever = std::numeric_limits<std::int32_t>::max();
 };
@@ -109,7 +123,7 @@ class Edges {
   /// Whether some sequence of levels prints everything above, given `dose` at the node `j` below
   /// the edge. True also where `doses` alone ensures it.
   bool levels_allow(const Edge& edge, int j, double dose, bool slit = false) const {
-    return !edge.has_levels || levels_allow_kept(edge, j, dose, slit);
+    return !edge.has_levels() || levels_allow_kept(edge, j, dose, slit);
   }
 
   /// The rule of a layer. `upper`, `lower`: what the edges at its ends ask of it, at which a feature
@@ -125,22 +139,6 @@ class Edges {
  private:
   /// As back(), where not all layers above can print as designed: features do, gaps may close.
   DoseRange for_features(LayerRule layer, int slice, DoseRange above, DoseRange limits) const;
-  struct Key {
-    std::int32_t edge, slices;
-    std::uint8_t below, height;
-    std::int32_t node;  ///< 0 where slices are alike
-    bool operator==(const Key&) const = default;
-  };
-  struct Hash {
-    std::size_t operator()(const Key& k) const {
-      std::uint64_t x = (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.edge)) << 32) ^
-                        (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.slices)) << 8) ^
-                        k.below ^ (static_cast<std::uint64_t>(k.height ^ kEdgeAtNode) << 24) ^
-                        (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.node)) << 40);
-      x *= 0x9E3779B97F4A7C15ULL;
-      return static_cast<std::size_t>(x ^ (x >> 29));
-    }
-  };
   static constexpr std::int32_t kGreyPair = 1 << 30;
   /// What an endless run had above it.
   enum class Hidden { nothing, platform, under_full };
@@ -148,17 +146,33 @@ class Edges {
   /// Least dose at the lower node of a grey run that its own layers ask for; `slice`: its last, which counts
   /// under a full layer.
   double grey_least(int slice, std::uint8_t grey, bool under_full, std::uint8_t below) const;
-  std::int32_t keep(const Key& key);
-  std::int32_t make(const Edge& above, const Key& key);
+  std::int32_t keep(const EdgeKey& key);
+  std::int32_t make(const Edge& above, const EdgeKey& key);
   /// back() of a layer with corners of both kinds.
   bool back_both_ways(const LayerRule& rule, int slice, DoseRange above, DoseRange& below) const;
-  /// Fills `at` and `at_slit` of an edge below `above`.
+  /// Fills the doses of an edge below `above`, of rung 0 and of the last.
   void set_edge(Edge& edge, const Edge& above) const;
-  /// Fills all that follows from `at`.
+  /// Fills the doses of an edge that has these at itself, of all rungs.
+  void set_edge(Edge& edge, std::span<const DoseRange> at) const;
+  /// Fills all that follows from the doses.
   void set_inside(Edge& edge) const;
-  void set_levels(Edge& edge, const Edge* above) const;
+  void set_levels(Edge& edge, const Edge* above);
+  /// Doses of a rung; the narrower ones are among the `wider`, and these where there are none. True:
+  /// there are.
+  bool narrow(const Edge& edge, const Edge& above, int rung, const RungDoses& wider,
+              RungDoses& to) const;
+  std::optional<DoseRange> at_edge(const Edge& edge, const Edge& above, int rung, bool slit) const;
+  std::optional<DoseRange> at_inside(const Edge& edge, int rung, DoseRange at) const;
+  const RungDoses& of_rung(const Edge& edge, int rung) const {
+    return rung == 0 ? edge.finest : rung + 1 == kRungs ? edge.widest : of_rung_between(edge, rung);
+  }
+  const RungDoses& of_rung_between(const Edge& edge, int rung) const;
+  void set_between(const Edge& edge) const;
+  const EdgeLevels& levels_of(const Edge& edge) const {
+    return levels_[static_cast<std::size_t>(edge.levels)];
+  }
   bool levels_allow_kept(const Edge& edge, int j, double dose, bool slit) const;
-  DoseSet levels_of(const Edge& edge, int j, bool slit) const;
+  DoseSet levels_at(const Edge& edge, int j, bool slit) const;
   /// levels_allow() further down than sets are kept: the doses are one interval there.
   DoseRange levels_inside(const Edge& edge, int j) const;
   DoseSet levels_back(const LayerRule& rule, int slice, const DoseSet& above,
@@ -178,13 +192,12 @@ class Edges {
   };
   std::map<Through, std::int32_t> through_;
   std::vector<Edge> edges_;
-  std::unordered_map<Key, std::int32_t, Hash> ids_;
+  /// Of rungs 1 to kRungs - 2.
+  using Between = std::array<RungDoses, static_cast<std::size_t>(kRungs) - 2>;
+  mutable std::deque<Between> between_;
+  std::deque<EdgeLevels> levels_;
+  EdgeIds ids_;
   std::array<std::array<std::int32_t, 256>, 3> endless_;
-  struct Recent {
-    Key key{-2, 0, 0, 0, 0};
-    std::int32_t id = 0;
-  };
-  std::array<Recent, 1024> recent_;
 };
 
 /// Whether a full layer borders on an empty one.

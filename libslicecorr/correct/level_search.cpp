@@ -22,8 +22,6 @@ constexpr int kCells = 128, kTries = 1024, kLeastTries = 16;
 /// Tolerances that differ by less than this factor count as equally good.
 constexpr double kSameTolerance = 1.2;
 
-bool is_grey(std::uint8_t coverage) { return coverage != 0 && coverage != kFull; }
-
 }  // namespace
 
 RunAt run_above(const Edges& edges, const RunAt& run) {
@@ -159,7 +157,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   // above it need.
   const LayerRule rule = rule_of(run, n, kRungs - 1);
   const DoseRange target = edges_.doses(edge, j, kRungs - 1, slit);
-  if (edge.has_levels && edge.below == 0) {
+  if (edge.has_levels() && edge.below == 0) {
     LayerRule none;
     const LevelRange range = levels(light_rule(f, none, target), below, ratio);
     for (int l = range.first; l <= range.last; ++l) {
@@ -299,22 +297,36 @@ bool LevelSearch::aim(const EdgeCorners& usual) {
   return true;
 }
 
-bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_t* out) const {
+template <class Step>
+bool LevelSearch::depth_first(const Step* steps, double below, std::uint8_t* out) const {
+  const LevelTable& table = plan_.levels;
   double dose[kMost + 1];
-  LevelRange range[kMost];
+  Light range[kMost];
   int at[kMost];
   int looks = 0;
   int k = 0;
   dose[0] = below;
+  // Gaps take their levels from the darkest up, features from the brightest down: the other end of the
+  // range is asked for where it is come to.
   const auto enter = [&](int depth) {
-    const SearchStep& s = steps[depth];
-    range[depth] = levels(s.light, dose[depth], s.ratio, taken_at(depth));
-    at[depth] = s.coverage == 0 ? range[depth].first : range[depth].last;
+    const Step& s = steps[depth];
+    Light& l = range[depth];
+    l = of_levels(s.light, dose[depth], s.ratio, taken_at(depth));
+    if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) {
+      at[depth] = -1;
+    } else {
+      at[depth] = s.coverage == 0 ? table.at_least(l.least) : table.at_most(l.most);
+    }
+  };
+  const auto in_range = [&](int depth) {
+    if (at[depth] < 0 || at[depth] >= table.size()) return false;
+    const double phi = table.phi(at[depth]);
+    return phi >= range[depth].least && phi <= range[depth].most;
   };
   enter(0);
   while (k >= 0) {
-    const SearchStep& s = steps[k];
-    if (at[k] < range[k].first || at[k] > range[k].last) {
+    const Step& s = steps[k];
+    if (!in_range(k)) {
       if (--k < 0) return false;
       at[k] += steps[k].coverage == 0 ? 1 : -1;
       continue;
@@ -411,19 +423,26 @@ bool LevelSearch::search(double below, std::uint8_t* levels, std::size_t from) {
   return false;
 }
 
-const LevelSearch::Prepared& LevelSearch::prepared(const RunAt& run, int n) {
+const LevelSearch::LevelStep* LevelSearch::prepared(const RunAt& run, int n) {
   const auto id = static_cast<std::size_t>(run.edge);
-  if (id >= prepared_.size()) prepared_.resize(id + 1);
-  std::unique_ptr<Prepared>& one = prepared_[id];
-  if (!one) {
-    one = std::make_unique<Prepared>();
-    if (gather(run, n) == plan_.together + 1 && !cut_ && count_ <= Prepared::kSlices &&
-        aim(plan_.ladder[0])) {
-      one->ready = true;
-      std::copy_n(steps_.begin(), count_, one->steps.begin());
+  const auto steps = static_cast<std::size_t>(plan_.together) + 1;
+  const std::size_t piece = 256 * steps;
+  if (id >= prepared_of_.size()) prepared_of_.resize(id + 1, kNotYet);
+  std::int32_t& place = prepared_of_[id];
+  if (place == kNotYet) {
+    place = kUnusual;
+    if (gather(run, n) == plan_.together + 1 && !cut_ && aim(plan_.ladder[0])) {
+      if (prepared_.empty() || prepared_.back().size() == piece) {
+        prepared_.emplace_back().reserve(piece);
+      }
+      place =
+          static_cast<std::int32_t>(256 * (prepared_.size() - 1) + prepared_.back().size() / steps);
+      prepared_.back().insert(prepared_.back().end(), steps_.begin(), steps_.begin() + count_);
     }
   }
-  return *one;
+  if (place == kUnusual) return nullptr;
+  const auto at = static_cast<std::size_t>(place);
+  return &prepared_[at / 256][at % 256 * steps];
 }
 
 int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* levels,
@@ -456,10 +475,9 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* lev
   bool found = false;
   std::size_t tried = 0;
   if (j + 1 == plan_.together && !bottom) {
-    const Prepared& usual = prepared(run, n);
-    if (usual.ready) {
+    if (const LevelStep* const usual = prepared(run, n)) {
       count_ = chosen = plan_.together + 1;
-      found = depth_first(usual.steps.data(), below, levels);
+      found = depth_first(usual, below, levels);
       tried = 2;
     }
   }

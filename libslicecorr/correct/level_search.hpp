@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <memory>
+#include <deque>
 #include <vector>
 
 #include "correct/edges.hpp"
@@ -91,18 +91,22 @@ class LevelSearch {
       return {one, std::min(std::min(other(0), other(1)), std::min(other(2), other(3)))};
     }
   };
-  /// One of the slices that are chosen together.
-  struct SearchStep {
+  /// What levels of a slice are chosen by.
+  struct LevelStep {
+    LightRule light;
+    double ratio = 1;  ///< what the slice counts for over a normal one
+    const LayerFactors* layer = nullptr;
     std::int32_t edge;
     int j;  ///< nodes below that edge
     std::uint8_t coverage;
-    bool upper, lower, slit_below, slit;
+    bool slit;
+  };
+  /// One of the slices that are chosen together.
+  struct SearchStep : LevelStep {
+    bool upper, lower, slit_below;
     std::uint8_t upper_height, lower_height;
     LayerRule rule;
     DoseRange target;  ///< of its upper node
-    double ratio = 1;  ///< what its slice counts for over a normal one
-    const LayerFactors* layer = nullptr;
-    LightRule light;
   };
   struct LevelRange {
     int first, last;
@@ -131,7 +135,7 @@ class LevelSearch {
     return l;
   }
   /// Dose after the gathered slice `k` shows `level`.
-  double after(const SearchStep& step, int k, int level, double below) const {
+  double after(const LevelStep& step, int k, int level, double below) const {
     return step.layer->step(step.ratio * plan_.levels.phi(level) - taken_at(k), below);
   }
   /// What is taken from slice `k` of those that are chosen together.
@@ -156,7 +160,8 @@ class LevelSearch {
   bool hold_below(SearchStep& step, int k) const;
   /// Finds levels of the gathered slices; false: no sequence of levels is right.
   bool search(double below, std::uint8_t* levels, std::size_t from);
-  bool depth_first(const SearchStep* steps, double below, std::uint8_t* out) const;
+  template <class Step>
+  bool depth_first(const Step* steps, double below, std::uint8_t* out) const;
   bool survivors(double below, std::uint8_t* out);
 
   const Edges& edges_;
@@ -171,14 +176,11 @@ class LevelSearch {
   int first_edge_ = 0;  ///< slices up to the first edge
   bool cut_ = false;
   /// The steps of the usual case, at the tolerance aimed at: slices that begin `together` before an
-  /// edge, with no other edge near.
-  struct Prepared {
-    static constexpr int kSlices = 7;
-    bool ready = false;
-    std::array<SearchStep, static_cast<std::size_t>(kSlices)> steps;
-  };
-  const Prepared& prepared(const RunAt& run, int n);
-  std::vector<std::unique_ptr<Prepared>> prepared_;  ///< by edge
+  /// edge, with no other edge near. Null: it is not the usual case.
+  const LevelStep* prepared(const RunAt& run, int n);
+  static constexpr std::int32_t kNotYet = -1, kUnusual = -2;
+  std::vector<std::int32_t> prepared_of_;        ///< by edge: where its steps are
+  std::deque<std::vector<LevelStep>> prepared_;  ///< in pieces that stay where they are
   /// Levels that were found, by what they follow from.
   struct Known {
     static constexpr int kSlices = 8;

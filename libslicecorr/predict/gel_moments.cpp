@@ -52,6 +52,10 @@ GelMoments::GelMoments(const CureModel& model, const PixelCurve& curve, std::siz
   pixels_.resize(blocks * ring_ * kLanes);
   active_.resize(blocks, 0);
   last_.resize(blocks, -1);
+  same_light_.resize(curve.size());
+  if (model.is_plain()) {
+    for (double left = 1.0; left > 1e-18; left *= model.a) faded_.push_back(left);
+  }
   const std::vector<double>& ratio = model.exposure_ratio;
   equally_long_.resize(ratio.size());
   for (std::size_t n = ratio.size(); n-- > 0;) {
@@ -67,21 +71,78 @@ int GelMoments::equally_long(int slice) const {
   return n < equally_long_.size() ? equally_long_[n] : std::numeric_limits<int>::max();
 }
 
+const GelMoments::SameLight& GelMoments::same_light(std::uint8_t pixel) {
+  SameLight& same = same_light_[pixel];
+  if (!same.sums.empty()) return same;
+  const double phi = curve_[pixel];
+  double sum = 0;
+  same.sums.push_back(sum);
+  for (const double weight : weights_) {
+    sum = keeps_ * sum + weight * phi;
+    same.sums.push_back(sum);
+    same.gels = sum >= 1.0;
+    if (same.gels || sum + brightest_ * rest_[same.sums.size() - 1] < 1.0) {
+      same.known_after = static_cast<int>(same.sums.size()) - 1;
+      return same;
+    }
+  }
+  same.known_after = std::numeric_limits<int>::max();
+  return same;
+}
+
+double GelMoments::middle(std::size_t column, int slice) {
+  Column& c = columns_[column];
+  const std::size_t block = column / kLanes, lane = column % kLanes;
+  if (const int passed = c.node - slice - 1; c.node >= 0 && passed > 0) {
+    // Slices that were not looked at show what the last of them does.
+    const auto k = static_cast<std::size_t>(passed);
+    const double phi = curve_[row(block, slice + 1)[lane]];
+    c.dose = phi + (c.dose - phi) * (k < faded_.size() ? faded_[k] : 0.0);
+  }
+  const double phi = curve_[row(block, slice)[lane]];
+  const double middle = (1.0 - model_.root_a) * phi + model_.root_a * c.dose;
+  c.dose = model_.one_minus_a * phi + model_.a * c.dose;
+  c.node = slice;
+  return middle;
+}
+
 bool GelMoments::look(std::size_t column, int slice) {
   Column& c = columns_[column];
   const std::size_t block = column / kLanes, lane = column % kLanes;
+  if (!faded_.empty()) {
+    // What never gels needs no moment; with the same light the slices before it do not either where that
+    // light alone would not do.
+    const double least = 1.0 - kSameDose - brightest_ * rest_.back();
+    if (middle(column, slice) < least) return curve_[row(block, slice)[lane]] >= least;
+  }
   const int last = last_[block];
   // Light from the platform makes doses greater, so that the rest may be, too.
   const double returned = model_.returned(slice + 0.5);
   double sum = 0;
-  bool gels = false;
+  bool gels = false, known = false;
   int j = 0;
-  for (; j <= longest_ && slice + j <= last; ++j) {
-    const auto k = static_cast<std::size_t>(j);
-    const double phi = model_.ratio(slice + j) * curve_[row(block, slice + j)[lane]];
-    sum = keeps_ * sum + weights_[k] * phi;
-    gels = sum * returned >= 1.0;
-    if (gels || (sum + brightest_ * rest_[k + 1]) * returned < 1.0) break;
+  if (slice >= model_.mirrored_slices && model_.ratio(slice) == 1.0) {
+    const SameLight& same = same_light(row(block, slice)[lane]);
+    const int alike = std::min({static_cast<int>(c.alike), last - slice + 1, equally_long(slice),
+                                static_cast<int>(same.sums.size()) - 1});
+    known = same.known_after <= alike;
+    gels = known && same.gels;
+    j = known ? same.known_after - 1 : alike;
+    sum = same.sums[static_cast<std::size_t>(alike)];
+  }
+  const auto sum_up = [&](const auto& shown) {
+    for (; !known && j <= longest_ && slice + j <= last; ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      const double phi = shown(slice + j) * curve_[row(block, slice + j)[lane]];
+      sum = keeps_ * sum + weights_[k] * phi;
+      gels = sum * returned >= 1.0;
+      if (gels || (sum + brightest_ * rest_[k + 1]) * returned < 1.0) break;
+    }
+  };
+  if (faded_.empty()) {
+    sum_up([&](int n) { return model_.ratio(n); });
+  } else {
+    sum_up([](int) { return 1.0; });
   }
   // What does so at last, by less than what doses are compared to.
   const bool late = j > longest_;

@@ -36,6 +36,8 @@ class GelMoments {
   struct Column {
     std::uint16_t alike = 0;  ///< slices with the same light from the one at hand on, at least
     std::uint16_t delay = 0;  ///< as told last
+    std::int32_t node = -1;   ///< where `dose` is the column's; -1: it has not been looked at
+    double dose = 0;
   };
   static constexpr std::size_t kLanes = 64;
   std::uint8_t* row(std::size_t block, int slice) {
@@ -46,6 +48,17 @@ class GelMoments {
   bool look(std::size_t column, int slice);
   /// From a slice on so many are shown equally long.
   int equally_long(int slice) const;
+  /// What a pixel sums up to that shows the same light in all slices: after j of them, and after how many it
+  /// is known whether the layer gels. Most columns most often do, so it is worked out once.
+  struct SameLight {
+    std::vector<double> sums;  ///< empty: not worked out yet
+    int known_after = 0;       ///< looks; more than `sums` has: never
+    bool gels = false;
+  };
+  const SameLight& same_light(std::uint8_t pixel);
+  /// Brings the column's dose to the node of `slice`; what the middle of its layer gets in the end. Where
+  /// slices count alike.
+  double middle(std::size_t column, int slice);
 
   const CureModel& model_;
   const PixelCurve& curve_;
@@ -58,7 +71,9 @@ class GelMoments {
   double keeps_ = 1;             ///< share of liquid resin that a lift leaves in its place
   std::size_t ring_ = 1;         ///< slices kept, a power of two
   std::vector<std::uint8_t> pixels_;
-  std::vector<int> equally_long_;  ///< of slices whose exposures are listed
+  std::vector<SameLight> same_light_;  ///< by pixel
+  std::vector<double> faded_;          ///< a^j, by j, where slices count alike; later ones are 0
+  std::vector<int> equally_long_;      ///< of slices whose exposures are listed
   std::vector<Column> columns_;
   /// Per block of lanes.
   std::vector<std::uint64_t> active_;  ///< columns whose delay may change

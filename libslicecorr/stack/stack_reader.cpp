@@ -24,7 +24,7 @@ using detail::Container;
 
 namespace {
 
-constexpr std::size_t kReaderMemory = std::size_t{128} << 20;
+constexpr std::size_t kReaderMemory = std::size_t{32} << 20;
 
 std::vector<std::string> others_of(const Container& archive, const ArchiveContents& contents) {
   std::vector<std::string> images = contents.images, others;

@@ -27,7 +27,7 @@ using detail::PixelCode;
 
 /// Memory for all pieces together, bytes. Beyond it a piece costs two system calls, some
 /// microseconds.
-constexpr std::size_t kWriterMemory = std::size_t{64} << 20;
+constexpr std::size_t kWriterMemory = std::size_t{32} << 20;
 
 }  // namespace
 

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
-#include <unordered_map>
 #include <utility>
 
+#include "correct/solved_columns.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
 #include "support/numbers/release.hpp"
@@ -17,17 +17,49 @@ namespace slicecorr::detail {
 
 namespace {
 
+/// A number of few bytes where it is small.
+void put(std::string& bytes, std::uint32_t number) {
+  for (; number >= 128; number >>= 7U) bytes.push_back(static_cast<char>(number | 128U));
+  bytes.push_back(static_cast<char>(number));
+}
+std::uint32_t take(const std::string& bytes, std::size_t& at) {
+  std::uint32_t number = 0;
+  for (unsigned shift = 0;; shift += 7) {
+    const auto byte = static_cast<std::uint8_t>(bytes[at++]);
+    number |= (byte & 127U) << shift;
+    if (byte < 128) return number;
+  }
+}
+
 /// Equal for columns of equal coverage and edge heights, and for no others.
 std::string key_of(const std::vector<CoverageRun>& runs) {
   std::string key;
+  std::int32_t before = 0;
   for (const CoverageRun& r : runs) {
-    key.append(reinterpret_cast<const char*>(&r.first), sizeof r.first);
-    key.append(reinterpret_cast<const char*>(&r.end), sizeof r.end);
+    put(key, static_cast<std::uint32_t>(r.first - before));
+    put(key, static_cast<std::uint32_t>(r.end - r.first));
     for (const std::uint8_t byte : {r.coverage, r.upper_height, r.lower_height}) {
       key.push_back(static_cast<char>(byte));
     }
+    before = r.end;
   }
   return key;
+}
+
+/// Where the levels of a column change, from the last slice on.
+std::string changes_of(const std::vector<Level>& levels, int slices) {
+  std::string bytes;
+  Level before = 0;
+  int last = slices;
+  for (int n = slices; n-- > 0;) {
+    const Level level = levels[static_cast<std::size_t>(n)];
+    if (level == before) continue;
+    put(bytes, static_cast<std::uint32_t>(last - n));
+    bytes.push_back(static_cast<char>(level));
+    before = level;
+    last = n;
+  }
+  return bytes;
 }
 
 }  // namespace
@@ -80,11 +112,10 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
   // By column; within a column they stay in the order of layers.
   std::stable_sort(changes_.begin(), changes_.end(),
                    [](const Change& a, const Change& b) { return a.column < b.column; });
-  // Neighbours are often alike: of columns that are alike one is solved.
-  std::unordered_map<std::string, std::vector<Change>> known;
   std::vector<Change> levels;
   std::vector<CoverageRun> runs;
   std::vector<std::uint8_t> most(most_ ? static_cast<std::size_t>(facts_.all_layers) : 0);
+  std::string found;
   for (std::size_t i = 0; i < changes_.size();) {
     const std::uint32_t column = changes_[i].column;
     i = read_runs(i, runs);
@@ -93,22 +124,15 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
       most_(column, most.data());
       key.append(most.begin(), most.end());
     }
-    auto found = known.find(key);
-    if (found == known.end()) {
-      if (known.size() >= facts_.kept_columns) known.clear();
-      const std::vector<Level>& shown = solver_->solve(runs, {{}, {most.begin(), most.end()}});
-      std::vector<Change> list;
-      std::uint8_t before = 0;
-      for (int n = facts_.all_layers; n-- > 0;) {
-        const Level level = shown[static_cast<std::size_t>(n)];
-        if (level != before) list.push_back({0, n, level});
-        before = level;
-      }
-      found = known.emplace(std::move(key), std::move(list)).first;
+    // Of columns that are alike, as neighbours often are, one is solved.
+    if (!facts_.solved || !facts_.solved->find(key, found)) {
+      found = changes_of(solver_->solve(runs, {{}, {most.begin(), most.end()}}), facts_.all_layers);
+      if (facts_.solved) facts_.solved->keep(key, found);
     }
-    for (Change c : found->second) {
-      c.column = column;
-      levels.push_back(c);
+    std::int32_t n = facts_.all_layers;
+    for (std::size_t at = 0; at < found.size(); ++at) {
+      n -= static_cast<std::int32_t>(take(found, at));
+      levels.push_back({column, n, static_cast<std::uint8_t>(found[at])});
     }
   }
   release(changes_);

@@ -11,6 +11,8 @@
 
 namespace slicecorr::detail {
 
+class SolvedColumns;
+
 /// A grey level.
 using Level = std::uint8_t;
 
@@ -43,7 +45,8 @@ struct ColumnFacts {
   int layers = 0, all_layers = 0;
   bool lower_at_window = false;  ///< lower edges lie at the window: their heights count for nothing
   double height_steps = 1;       ///< edge heights are rounded to this part of a slice
-  std::size_t kept_columns = 4096;  ///< solved ones that are kept for those that are alike
+  /// Solved ones that are kept for those that are alike; null: none are.
+  std::shared_ptr<SolvedColumns> solved;
 };
 
 /// The edge height of a run's end as the solve takes it: rounded, so that neighbours on a slope are

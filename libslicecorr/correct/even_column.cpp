@@ -39,8 +39,8 @@ EvenColumn::EvenColumn(const InhibitedPlan& plan)
 double EvenColumn::one(int n, int level, int distance) const {
   const ExtraLight& light = plan_.node_light;
   const int s = plan_.setting_of(n), last = plan_.near - 1;
-  if (distance <= last) return plan_.ratio_of(n) * light.row(s, distance)[level];
-  return plan_.ratio_of(n) * light.row(s, last)[level] *
+  if (distance <= last) return plan_.ratio_of(n) * light.close(s, level, distance);
+  return plan_.ratio_of(n) * light.close(s, level, last) *
          powers_[static_cast<std::size_t>(distance - last)];
 }
 

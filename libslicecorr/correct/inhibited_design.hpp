@@ -38,6 +38,8 @@ class ColumnDesign {
   int coverage(int layer) const {
     return layer >= 0 && layer < plan_.layers ? coverage_[static_cast<std::size_t>(layer)] : 0;
   }
+  /// The same of layers from `first` on, 0 <= first <= the plan's slices.
+  const std::uint8_t* coverage_from(int first) const { return coverage_.data() + first; }
   bool full(int layer) const { return coverage(layer) == 255; }
 
   std::vector<double> demand;  ///< relative dose, per node; 0: none

@@ -5,28 +5,38 @@
 
 namespace slicecorr::detail {
 
-ColumnDoses::ColumnDoses(const InhibitedPlan& plan) : plan_(plan) {
+ColumnDoses::ColumnDoses(const InhibitedPlan& plan)
+    : plan_(plan), reach_(static_cast<std::size_t>(plan.node_light.reach())) {
   const std::size_t count = static_cast<std::size_t>(plan.all_layers) + 1;
   levels_.resize(count);
-  near_node_.resize(count);
-  near_middle_.resize(count);
-  far_node_.resize(count + 1);
-  far_middle_.resize(count + 1);
+  near_node_.resize(reach_ + count);
+  near_middle_.resize(reach_ + count);
+  const std::size_t looked_at = count + 1 + static_cast<std::size_t>(plan.near);
+  far_node_.resize(looked_at);
+  far_middle_.resize(looked_at);
   for (int i = 0; i < kSamples; ++i) {
     fade_[i] =
         static_cast<float>(std::pow(plan.kernel->a(), static_cast<double>(i + 1) / kSamples - 1.0));
   }
 }
 
-void ColumnDoses::blacken() {
-  std::fill(near_node_.begin(), near_node_.end(), 0.0);
-  std::fill(near_middle_.begin(), near_middle_.end(), 0.0);
-  std::fill(far_node_.begin(), far_node_.end(), 0.0);
-  std::fill(far_middle_.begin(), far_middle_.end(), 0.0);
-  if (sampled_) near_fine_.assign(levels_.size() * kSamples, 0.0F);
+/// Takes all light away; slices after `last` will not get any.
+void ColumnDoses::blacken(int last) {
+  const auto used = static_cast<std::ptrdiff_t>(last_) + 1;
+  const auto reach = static_cast<std::ptrdiff_t>(reach_);
+  for (auto* near : {&near_node_, &near_middle_}) {
+    std::fill(near->begin(), near->begin() + reach + used, 0.0);
+  }
+  for (auto* far : {&far_node_, &far_middle_}) std::fill(far->begin(), far->begin() + used, 0.0);
+  last_ = last;
+  if (!sampled_) return;
+  near_fine_.resize(levels_.size() * kSamples);
+  std::fill(near_fine_.begin(), near_fine_.begin() + (last_sampled_ + 1) * kSamples, 0.0F);
+  last_sampled_ = last;
 }
 
 void ColumnDoses::set_floors(const std::vector<Level>& floors) {
+  if (!floors_.empty() || !floors.empty()) std::fill(levels_.begin(), levels_.end(), Level{0});
   floors_ = floors;
   for (auto* dose : {&floor_node_, &floor_middle_, &floor_far_}) dose->clear();
   floor_fine_.clear();
@@ -43,8 +53,8 @@ void ColumnDoses::set_floors(const std::vector<Level>& floors) {
     if (const int n = k + plan_.near; n < plan_.all_layers && floor(n) > 0) {
       const double r = a * plan_.ratio_of(n);
       const int s = plan_.setting_of(n);
-      far_node += r * plan_.node_light.row(s, plan_.near - 1)[floor(n)];
-      far_middle += r * plan_.middle_light.row(s, plan_.near - 1)[floor(n)];
+      far_node += r * plan_.node_light.close(s, floor(n), plan_.near - 1);
+      far_middle += r * plan_.middle_light.close(s, floor(n), plan_.near - 1);
     }
     const auto i = static_cast<std::size_t>(k);
     floor_far_[i] += far_node;
@@ -53,8 +63,8 @@ void ColumnDoses::set_floors(const std::vector<Level>& floors) {
     for (int j = 0; j < plan_.near && k + j < plan_.all_layers; ++j) {
       const int n = k + j, s = plan_.setting_of(n);
       if (floor(n) == 0) continue;
-      floor_node_[i] += plan_.ratio_of(n) * plan_.node_light.row(s, j)[floor(n)];
-      floor_middle_[i] += plan_.ratio_of(n) * plan_.middle_light.row(s, j)[floor(n)];
+      floor_node_[i] += plan_.ratio_of(n) * plan_.node_light.close(s, floor(n), j);
+      floor_middle_[i] += plan_.ratio_of(n) * plan_.middle_light.close(s, floor(n), j);
     }
     if (floor_fine_.empty()) continue;
     float* const out = &floor_fine_[i * kSamples];
@@ -62,9 +72,10 @@ void ColumnDoses::set_floors(const std::vector<Level>& floors) {
     for (int j = 0; j < plan_.near && k + j < plan_.all_layers; ++j) {
       const int n = k + j;
       if (floor(n) == 0) continue;
-      const float* const table = plan_.kernel->fine(plan_.setting_of(n)) +
-                                 static_cast<std::size_t>(j * plan_.levels) * kSamples;
-      const float* const more = table + static_cast<std::ptrdiff_t>(floor(n)) * kSamples;
+      const float* const table =
+          plan_.kernel->fine(plan_.setting_of(n)) + static_cast<std::ptrdiff_t>(j) * kSamples;
+      const float* const more =
+          table + static_cast<std::ptrdiff_t>(floor(n) * plan_.near) * kSamples;
       for (int t = 0; t < kSamples; ++t) {
         out[t] += static_cast<float>(plan_.ratio_of(n)) * (more[t] - table[t]);
       }
@@ -74,9 +85,10 @@ void ColumnDoses::set_floors(const std::vector<Level>& floors) {
 
 void ColumnDoses::clear() {
   sampled_ = false;
-  blacken();
-  std::fill(levels_.begin(), levels_.end(), Level{0});
+  // Levels of slices after the last one lit are those of their floors already.
+  std::fill_n(levels_.begin(), last_ + 1, Level{0});
   std::copy(floors_.begin(), floors_.end(), levels_.begin());
+  blacken(-1);
 }
 
 void ColumnDoses::take(const std::vector<Level>& levels, bool sampled) {
@@ -86,8 +98,10 @@ void ColumnDoses::take(const std::vector<Level>& levels, bool sampled) {
 }
 
 void ColumnDoses::rebuild() {
-  blacken();
-  for (int n = plan_.all_layers; n-- > 0;) add(n, level(n));
+  int last = plan_.all_layers - 1;
+  while (last >= 0 && level(last) == floor(last)) --last;
+  blacken(last);
+  for (int n = last; n >= 0; --n) add(n, level(n));
 }
 
 void ColumnDoses::add(int n, int level) {
@@ -96,15 +110,28 @@ void ColumnDoses::add(int n, int level) {
   far_node_[i] = a * far_node_[i + 1];
   far_middle_[i] = a * far_middle_[i + 1];
   levels_[i] = static_cast<Level>(level);
+  last_ = std::max(last_, n);
   const int least = floor(n);
   if (level == least) return;
-  const int s = plan_.setting_of(n);
-  const double *const node_row = plan_.node_light.row(s, plan_.near - 1),
-                      *const middle_row = plan_.middle_light.row(s, plan_.near - 1);
+  const int s = plan_.setting_of(n), last = plan_.near - 1;
   // Extra light of level 0 is 0.
-  far_node_[i] += r * (node_row[level] - node_row[least]);
-  far_middle_[i] += r * (middle_row[level] - middle_row[least]);
+  far_node_[i] +=
+      r * (plan_.node_light.close(s, level, last) - plan_.node_light.close(s, least, last));
+  far_middle_[i] +=
+      r * (plan_.middle_light.close(s, level, last) - plan_.middle_light.close(s, least, last));
   move_light(n, least, level);
+}
+
+void ColumnDoses::end(int n) {
+  if (n < 0 || (far_node_[static_cast<std::size_t>(n) + 1] == 0 &&
+                far_middle_[static_cast<std::size_t>(n) + 1] == 0))
+    return;
+  const double a = plan_.kernel->a();
+  for (auto i = static_cast<std::size_t>(n + 1); i-- > 0;) {
+    far_node_[i] = a * far_node_[i + 1];
+    far_middle_[i] = a * far_middle_[i + 1];
+  }
+  last_ = std::max(last_, n);
 }
 
 /// Replaces the light that slice n gives the layers within reach of the tables: that of level
@@ -112,22 +139,20 @@ void ColumnDoses::add(int n, int level) {
 void ColumnDoses::move_light(int n, int from, int to) {
   const int s = plan_.setting_of(n);
   const double r = plan_.ratio_of(n);
-  const int end = std::min(plan_.near, n + 1);
-  for (int j = 0; j < end; ++j) {
-    const auto k = static_cast<std::size_t>(n - j);
-    const double* node_row = plan_.node_light.row(s, j);
-    const double* middle_row = plan_.middle_light.row(s, j);
-    near_node_[k] += r * (node_row[to] - node_row[from]);
-    near_middle_[k] += r * (middle_row[to] - middle_row[from]);
-  }
+  const ExtraLight &node = plan_.node_light, &middle = plan_.middle_light;
+  // The slice's own layer is the last of those that are changed; what passes the first is lost.
+  const auto first = static_cast<std::size_t>(n) + 1;
+  last_ = std::max(last_, n);
+  change_light({node.upwards(s, from), middle.upwards(s, from), node.upwards(s, to),
+                middle.upwards(s, to), r, reach_},
+               near_node_.data() + first, near_middle_.data() + first);
   if (!sampled_) return;
+  last_sampled_ = std::max(last_sampled_, n);
   const float* const table = plan_.kernel->fine(s);
-  for (int j = 0; j < end; ++j) {
-    const float* const more = table + static_cast<std::size_t>(j * plan_.levels + to) * kSamples;
-    const float* const less = table + static_cast<std::size_t>(j * plan_.levels + from) * kSamples;
-    float* const out = &near_fine_[static_cast<std::size_t>(n - j) * kSamples];
-    for (int i = 0; i < kSamples; ++i) out[i] += static_cast<float>(r) * (more[i] - less[i]);
-  }
+  const auto row = static_cast<std::ptrdiff_t>(plan_.near) * kSamples;
+  change_samples({table + from * row, table + to * row, static_cast<float>(r),
+                  static_cast<std::size_t>(std::min(plan_.near, n + 1))},
+                 &near_fine_[static_cast<std::size_t>(n) * kSamples]);
 }
 
 }  // namespace slicecorr::detail

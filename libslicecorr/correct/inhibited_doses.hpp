@@ -11,7 +11,9 @@
 #include <limits>
 #include <vector>
 
+#include "correct/inhibited_loops.hpp"
 #include "correct/inhibited_plan.hpp"
+#include "cure/margin.hpp"
 
 namespace slicecorr::detail {
 
@@ -28,8 +30,11 @@ class ColumnDoses {
   void set_floors(const std::vector<Level>& floors);
   /// Gives all slices the light of their floors.
   void clear();
-  /// Gives slice n its level; slices are added from the last to the first, after clear().
+  /// Gives slice n its level; slices are added from the last to the first, after clear(). Those after
+  /// the first that is added keep the light of their floors.
   void add(int n, int level);
+  /// Adds slices n .. 0 with the light of their floors.
+  void end(int n);
   /// All of a column's levels. `sampled`: doses inside layers are kept, too, for least_sampled().
   void take(const std::vector<Level>& levels, bool sampled);
   /// Sums all doses anew, after changes.
@@ -43,6 +48,8 @@ class ColumnDoses {
 
   const std::vector<Level>& levels() const { return levels_; }
   int level(int n) const { return levels_[static_cast<std::size_t>(n)]; }
+  /// No slice after this one has more than the light of its floor.
+  int last_lit() const { return last_; }
   bool has_floors() const { return !floors_.empty(); }
   int floor(int n) const { return has_floors() ? floors_[static_cast<std::size_t>(n)] : 0; }
   /// What a level of slice n adds at the node j layers above it, beyond the light of the slice's
@@ -62,12 +69,12 @@ class ColumnDoses {
 
   double node(int k) const {
     const auto i = static_cast<std::size_t>(k);
-    return floor_node(k) + near_node_[i] + far_at(far_node_, k);
+    return floor_node(k) + near_node_[i + reach_] + far_at(far_node_, k);
   }
   /// Dose in the middle of layer k.
   double middle(int k) const {
     const auto i = static_cast<std::size_t>(k);
-    return floor_middle(k) + near_middle_[i] + far_at(far_middle_, k);
+    return floor_middle(k) + near_middle_[i + reach_] + far_at(far_middle_, k);
   }
   /// Dose `below` slices below node k, at most half a slice to either side: by a straight line from
   /// the node to the middle there.
@@ -83,20 +90,45 @@ class ColumnDoses {
     if (n - k < plan_.near) return node(k);
     // All of these slices lie further away than the tables reach.
     const int next = n + 1;
-    return floor_node(k) + far_node_[static_cast<std::size_t>(next)] *
-                               std::pow(plan_.kernel->a(), next - k - plan_.near + 1);
+    const int away = next - k - plan_.near + 1;
+    const double power = plan_.promises.has_power(away) ? *plan_.promises.powers(away)
+                                                        : std::pow(plan_.kernel->a(), away);
+    return floor_node(k) + far_node_[static_cast<std::size_t>(next)] * power;
   }
   /// The least dose at the samples of layer k; only while sampled().
   double least_sampled(int k) const {
     const auto at = static_cast<std::size_t>(k) * kSamples;
-    const auto beyond = static_cast<float>(far_at(far_node_, k));
     const float* const dark = (floor_fine_.empty() ? plan_.dark_fine : floor_fine_).data() + at;
-    float least = std::numeric_limits<float>::infinity();
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      const float dose = dark[i] + near_fine_[at + i] + beyond * fade_[i];
-      least = std::min(least, dose);
+    return static_cast<double>(least_sample(dark, near_fine_.data() + at, fade_,
+                                            static_cast<float>(far_at(far_node_, k))));
+  }
+  /// What nodes `first` and after it have of slices after n, and are to have, for `last_asking`: all
+  /// within reach of the tables (`near`), or all beyond. Without what can still come.
+  NodesAsking asking(const std::vector<double>& demand, int first, int n, bool within) const {
+    const auto k = static_cast<std::size_t>(first);
+    NodesAsking nodes{demand.data() + k,
+                      plan_.dark_node.data() + k,
+                      nullptr,
+                      nullptr,
+                      0,
+                      nullptr,
+                      nullptr,
+                      kMargin};
+    if (within) {
+      nodes.added = near_node_.data() + k + reach_;
+      nodes.far = far_node_.data() + first + plan_.near;
+      nodes.far_times = plan_.kernel->a();
+    } else {
+      nodes.far_times = far_node_[static_cast<std::size_t>(n) + 1];
+      nodes.powers = plan_.promises.powers(n + 2 - first - plan_.near);
     }
-    return static_cast<double>(least);
+    return nodes;
+  }
+  MiddleDoses middles(int first) const {
+    const auto k = static_cast<std::size_t>(first);
+    return {(floor_middle_.empty() ? plan_.dark_middle : floor_middle_).data() + k,
+            near_middle_.data() + k + reach_, far_middle_.data() + first + plan_.near,
+            plan_.kernel->a()};
   }
 
  private:
@@ -104,10 +136,9 @@ class ColumnDoses {
     return (own.empty() ? of_plan : own)[static_cast<std::size_t>(k)];
   }
   double far_at(const std::vector<double>& f, int k) const {
-    const auto at = static_cast<std::size_t>(k + plan_.near);
-    return at < f.size() ? plan_.kernel->a() * f[at] : 0.0;
+    return plan_.kernel->a() * f[static_cast<std::size_t>(k + plan_.near)];
   }
-  void blacken();
+  void blacken(int last);
   void move_light(int n, int from, int to);
 
   const InhibitedPlan& plan_;
@@ -115,9 +146,13 @@ class ColumnDoses {
   std::vector<Level> floors_;
   std::vector<double> floor_node_, floor_middle_, floor_far_;  ///< empty: those of the plan
   std::vector<float> floor_fine_;
-  std::vector<double> near_node_, near_middle_;  ///< per layer, from slices nearer than near
-  std::vector<double> far_node_, far_middle_;    ///< F, per slice
-  std::vector<float> near_fine_;                 ///< per layer and sample, while sampled()
+  /// Per layer, from slices nearer than near; before the first layer, room for what passes it.
+  std::vector<double> near_node_, near_middle_;
+  std::vector<double> far_node_, far_middle_;  ///< F, per slice, and 0 as far as any layer looks
+  std::vector<float> near_fine_;               ///< per layer and sample, while sampled()
+  std::size_t reach_;                          ///< layers to which the loops give light
+  int last_ = -1;                              ///< slices after it add nothing to any of these
+  int last_sampled_ = -1;                      ///< the same of near_fine_
   bool sampled_ = false;
   float fade_[kSamples];  ///< of far light, from a layer's upper end to its samples
 };

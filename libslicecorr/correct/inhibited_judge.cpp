@@ -21,18 +21,7 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
     if (um > (edge.below == 0 ? t.tolerance_um : t.height_tolerance_um)) s.perfect = false;
     s.um += std::min(um, t.most_edge_layers * plan_.layer_um);
   }
-  // Grey layers count neither as right nor as wrong.
-  const int end = std::min(plan_.layers + plan_.reach, plan_.all_layers);
-  for (int n = 0; n < end; ++n) {
-    const int c = design_.coverage(n);
-    if (c != 0 && c != 255) continue;
-    if ((doses_.middle(n) >= 1.0) == (c == 255)) continue;
-    // What others fill the column can't help.
-    if (c == 0 && doses_.has_floors() && doses_.floor_middle(n) >= 1.0) continue;
-    s.perfect = false;
-    ++s.wrong_voxels;
-    s.um += (c == 255 ? t.lost_voxel_layers : t.grown_voxel_layers) * plan_.layer_um;
-  }
+  count_wrong_voxels(s);
   // Looking through features takes most of the time: not for levels that are worse already.
   if (s.um >= most_um) {
     s.um = std::numeric_limits<double>::infinity();
@@ -44,6 +33,34 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
     s.um += (t.split_layers + std::min(t.most_split_depth_layers, depth)) * plan_.layer_um;
   }
   return s;
+}
+
+void ColumnJudge::count_wrong_voxels(Score& s) const {
+  const InhibitedTuning& t = plan_.tuning;
+  int end = std::min(plan_.layers + plan_.reach, plan_.all_layers);
+  // Beyond the last light and the last feature nothing prints, and nothing is to.
+  if (!doses_.has_floors() && plan_.most_dark < 1.0) {
+    end = std::min(end, std::max(doses_.last_lit(), design_.last_node) + 1);
+  }
+  constexpr int at_once = 64;
+  for (int first = 0; first < end; first += at_once) {
+    const int past = std::min(first + at_once, end);
+    if (count_wrong(design_.coverage_from(first), doses_.middles(first),
+                    static_cast<std::size_t>(past - first)) == 0) {
+      continue;
+    }
+    for (int n = first; n < past; ++n) {
+      // Grey layers count neither as right nor as wrong.
+      const int c = design_.coverage(n);
+      if (c != 0 && c != 255) continue;
+      if ((doses_.middle(n) >= 1.0) == (c == 255)) continue;
+      // What others fill the column can't help.
+      if (c == 0 && doses_.has_floors() && doses_.floor_middle(n) >= 1.0) continue;
+      s.perfect = false;
+      ++s.wrong_voxels;
+      s.um += (c == 255 ? t.lost_voxel_layers : t.grown_voxel_layers) * plan_.layer_um;
+    }
+  }
 }
 
 /// Distance of the printed edge from the designed one, um, by straight lines between nodes and
@@ -84,7 +101,8 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
 /// Finds the dips of all features; see Prediction::split_features.
 void ColumnJudge::look_through() {
   dips_.clear();
-  for (int n = plan_.layers; n-- > 0;) {
+  run_first_ = -1;
+  for (int n = std::min(design_.last_node, plan_.layers); n-- > 0;) {
     if (design_.full(n)) look_through_feature(n);
   }
 }
@@ -128,11 +146,19 @@ void ColumnJudge::look_inside(int k) {
   const double beyond = (doses_.floor_far(k) + doses_.far(k)) / kernel.a();
   // Where all near slices show one level, the layer's least dose follows from that level alone.
   const int level = doses_.level(k);
-  bool same = plan_.uniform && inside_.least >= 1.0 && end == k + plan_.near;
-  for (int n = k + 1; n < end && same; ++n) same = doses_.level(n) == level;
+  if (run_first_ != k + 1 || doses_.level(run_first_) != level) {
+    for (run_end_ = k + 1; run_end_ < end && doses_.level(run_end_) == level;) ++run_end_;
+  }
+  run_first_ = k;
+  const bool same = plan_.uniform && inside_.least >= 1.0 && run_end_ >= k + plan_.near;
   if (same && layer_.steady_above(0, level, 1.0, beyond, 0.0)) return;
   layer_.begin(beyond);
-  for (int n = k; n < end; ++n) {
+  int n = k;
+  if (plan_.uniform) {
+    n = std::min(run_end_, end);
+    layer_.add(0, n - 1 - k, 0, level, 1.0);
+  }
+  for (; n < end; ++n) {
     layer_.add(n - k, plan_.setting_of(n), doses_.level(n), plan_.ratio_of(n));
   }
   // The layer's own slice adds nothing at the window, unless resin cures there.

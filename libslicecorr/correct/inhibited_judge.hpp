@@ -17,7 +17,7 @@ namespace slicecorr::detail {
 class ColumnJudge {
  public:
   ColumnJudge(const InhibitedPlan& plan, const ColumnDesign& design, const ColumnDoses& doses)
-      : plan_(plan), design_(design), doses_(doses), layer_(*plan.kernel) {}
+      : plan_(plan), design_(design), doses_(doses), layer_(*plan.kernel, false) {}
 
   struct Score {
     double um = 0;        ///< the sum of what is wrong, see InhibitedTuning
@@ -36,6 +36,7 @@ class ColumnJudge {
   const std::vector<Dip>& dips() const { return dips_; }
 
  private:
+  void count_wrong_voxels(Score& s) const;
   double edge_error_um(const ColumnDesign::Edge& edge) const;
   void look_through();
   void look_through_feature(int& layer);
@@ -47,6 +48,8 @@ class ColumnJudge {
   InhibitedLayer layer_;
   InsideLayer inside_;
   std::vector<Dip> dips_;
+  // Slices run_first_ .. run_end_ - 1 show one level.
+  int run_first_ = -1, run_end_ = 0;
 };
 
 }  // namespace slicecorr::detail

@@ -14,17 +14,29 @@
 
 namespace slicecorr::detail {
 
+namespace {
+
+/// `near` up to a whole number of vector registers.
+int whole_registers(int near) { return (near + 7) / 8 * 8; }
+
+}  // namespace
+
 ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosition place)
-    : near_(kernel.near()), levels_(kernel.levels()), a_(kernel.a()) {
+    : near_(kernel.near()),
+      levels_(kernel.levels()),
+      reach_(whole_registers(near_)),
+      a_(kernel.a()) {
   for (int s = 0; s < kernel.settings(); ++s) {
     const double* from = kernel.table(s, place);
-    std::vector<double> table(static_cast<std::size_t>(near_ * levels_));
+    std::vector<double> table(static_cast<std::size_t>(reach_ * levels_), 0.0);
     std::vector<double> sums(static_cast<std::size_t>((near_ + 1) * levels_), 0.0);
-    for (int j = 0; j < near_; ++j) {
-      for (int l = 0; l < levels_; ++l) {
-        const auto at = static_cast<std::size_t>(j * levels_ + l);
-        table[at] = std::max(0.0, from[at] - from[static_cast<std::size_t>(j * levels_)]);
-        sums[at + static_cast<std::size_t>(levels_)] = sums[at] + table[at];
+    for (int l = 0; l < levels_; ++l) {
+      double* const sum = &sums[static_cast<std::size_t>(l * (near_ + 1))];
+      for (int j = 0; j < near_; ++j) {
+        const double light = std::max(0.0, from[static_cast<std::size_t>(j * levels_ + l)] -
+                                               from[static_cast<std::size_t>(j * levels_)]);
+        table[static_cast<std::size_t>(l * reach_ + reach_ - 1 - j)] = light;
+        sum[j + 1] = sum[j] + light;
       }
     }
     tables_.push_back(std::move(table));
@@ -34,20 +46,18 @@ ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosi
 }
 
 double ExtraLight::one(int setting, int l, int j) const {
-  const std::vector<double>& t = tables_[static_cast<std::size_t>(setting)];
-  if (j < near_) return t[static_cast<std::size_t>(j * levels_ + l)];
+  if (j < near_) return close(setting, l, j);
   const auto beyond = static_cast<std::size_t>(j - near_ + 1);
   const double power = beyond < powers_.size() ? powers_[beyond] : std::pow(a_, beyond);
-  return t[static_cast<std::size_t>((near_ - 1) * levels_ + l)] * power;
+  return close(setting, l, near_ - 1) * power;
 }
 
 double ExtraLight::sum(int setting, int l, int j) const {
-  const std::vector<double>& s = sums_[static_cast<std::size_t>(setting)];
-  const auto at = static_cast<std::size_t>(std::min(j, near_) * levels_ + l);
-  if (j <= near_) return s[at];
-  const double last = tables_[static_cast<std::size_t>(setting)]
-                             [static_cast<std::size_t>((near_ - 1) * levels_ + l)];
-  return s[at] + last * a_ * (1.0 - std::pow(a_, j - near_)) / (1.0 - a_);
+  const double* const sums = sums_[static_cast<std::size_t>(setting)].data() +
+                             static_cast<std::ptrdiff_t>(l) * (near_ + 1);
+  if (j <= near_) return sums[j];
+  const double last = close(setting, l, near_ - 1);
+  return sums[near_] + last * a_ * (1.0 - std::pow(a_, j - near_)) / (1.0 - a_);
 }
 
 int ExtraLight::peak(int setting, int l) const {
@@ -58,9 +68,30 @@ int ExtraLight::peak(int setting, int l) const {
   return peak;
 }
 
+Promises::Promises(const ExtraLight& light, int levels, const Lengths& lengths)
+    : lengths_(lengths) {
+  sums_.resize(at(levels, 0));
+  for (int l = 0; l < levels; ++l) {
+    for (int j = 0; j <= lengths_.distances; ++j) sums_[at(l, j)] = light.sum(0, l, j);
+  }
+}
+
+void Promises::add_rest(const ExtraLight& light, int cap, int steady) {
+  rests_.resize(at(lengths_.longest_lag + 1, 0), 0.0);
+  for (int lag = 1; lag <= lengths_.longest_lag; ++lag) {
+    for (int j = lag; j <= lengths_.distances; ++j) {
+      double& rest = rests_[at(lag, lengths_.distances - j)];
+      rest = light.sum(0, cap, lag, j);
+      rest += light.sum(0, steady, 0, lag);
+    }
+  }
+  for (int e = lengths_.distances; e >= 0; --e) powers_.push_back(std::pow(light.a(), e));
+}
+
 InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices,
                              const InhibitedTuning& numbers)
     : tuning(numbers),
+      solved(std::make_shared<SolvedColumns>(numbers.kept_bytes)),
       kernel(std::get<UnderUv>(model.law).kernel),
       node_light(*kernel, InhibitedKernel::upper_end),
       middle_light(*kernel, InhibitedKernel::middle),
@@ -83,6 +114,7 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   }
   find_levels();
   find_lags();
+  if (uniform) tabulate_promises();
   sum_dark(model);
   if (model.lifts) find_holding(model);
 }
@@ -148,8 +180,8 @@ double InhibitedPlan::ripple() const {
   double sum[samples] = {};
   for (int j = 0; j < near; ++j) {
     for (int i = 0; i < samples; ++i) {
-      const double light = fine[static_cast<std::size_t>(j * levels + steady) * samples +
-                                static_cast<std::size_t>(i)];
+      const double light =
+          fine[static_cast<std::size_t>(steady * near + j) * samples + static_cast<std::size_t>(i)];
       sum[i] += j + 1 < near ? light : light / (1.0 - kernel->a());
     }
   }
@@ -164,10 +196,21 @@ void InhibitedPlan::find_lags() {
   }
 }
 
+void InhibitedPlan::tabulate_promises() {
+  const int longest = *std::max_element(lags.begin(), lags.end());
+  // No node asks for light of slices further away; a plan that reaches so far does without tables.
+  const int distances = reach + longest + tuning.spare_slices + 2;
+  constexpr int most = 1000;
+  if (distances > most || longest >= near) return;
+  promises = Promises(node_light, levels, {distances, longest});
+  promises.add_rest(node_light, caps.front(), steady);
+}
+
 void InhibitedPlan::sum_dark(const CureModel& model) {
   dark_far.resize(static_cast<std::size_t>(all_layers));
   dark_node = dark_at(model, InhibitedKernel::upper_end);
   dark_middle = dark_at(model, InhibitedKernel::middle);
+  for (const double dose : dark_middle) most_dark = std::max(most_dark, dose);
   if (kernel->layer_by_layer()) sample_dark(model);
 }
 
@@ -205,7 +248,7 @@ void InhibitedPlan::sample_dark(const CureModel& model) {
       double sum = dark_far[static_cast<std::size_t>(k)] * std::pow(kernel->a(), t - 1.0);
       for (int j = 0; j < near && k + j < all_layers; ++j) {
         sum += model.ratio(k + j) * kernel->fine(kernel->setting_of_slice(
-                                        k + j))[static_cast<std::size_t>(j * levels) * samples + i];
+                                        k + j))[static_cast<std::size_t>(j) * samples + i];
       }
       out[i] = static_cast<float>(sum);
     }

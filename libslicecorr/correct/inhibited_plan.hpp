@@ -11,22 +11,30 @@
 
 #include "correct/column_solver.hpp"
 #include "correct/inhibited_tuning.hpp"
+#include "correct/solved_columns.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/inhibited.hpp"
 
 namespace slicecorr::detail {
 
 /// Light that black does not give: entries of the kernel's tables less those of level 0, per UV
-/// setting, with running sums over the distance.
+/// setting, with running sums over the distance. What belongs to one level lies together.
 class ExtraLight {
  public:
   ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosition place);
   /// What a slice of level l adds j layers above its own.
   double one(int setting, int l, int j) const;
-  const double* row(int setting, int j) const {
+  /// The same of j < near.
+  double close(int setting, int l, int j) const { return upwards(setting, l)[reach_ - 1 - j]; }
+  /// What it adds to each of the `reach()` layers up to its own, the farthest first; 0 to those that
+  /// are `near` and more layers away.
+  const double* upwards(int setting, int l) const {
     return tables_[static_cast<std::size_t>(setting)].data() +
-           static_cast<std::ptrdiff_t>(j) * levels_;
+           static_cast<std::ptrdiff_t>(l) * reach_;
   }
+  /// `near` and some more, so that loops have no rest.
+  int reach() const { return reach_; }
+  double a() const { return a_; }
   /// Sum of one(l, i) over i < j.
   double sum(int setting, int l, int j) const;
   /// Sum of one(l, i) over first <= i < end.
@@ -38,10 +46,11 @@ class ExtraLight {
   int peak(int setting, int l) const;
 
  private:
-  int near_, levels_;
+  int near_, levels_, reach_;
   double a_;
-  std::vector<std::vector<double>> tables_, sums_;
-  std::vector<double> powers_;  ///< of a, down to where nothing is left
+  std::vector<std::vector<double>> tables_;  ///< [setting][level][reach_ - 1 - j]
+  std::vector<std::vector<double>> sums_;    ///< [setting][level][j]
+  std::vector<double> powers_;               ///< of a, down to where nothing is left
 };
 
 /// Stands for the highest levels of a column that has none of its own.
@@ -51,6 +60,44 @@ inline const std::vector<Level> kCapsOfPlan;
 inline int lag_of(const InhibitedTuning::Fraction& share, int peak) {
   return std::max(share.times * peak / share.over, 1);
 }
+
+/// What the rule asks again and again, by distance: where all slices have one UV setting and one
+/// exposure.
+class Promises {
+ public:
+  Promises() = default;
+  /// Of distances up to `distances`, and of lags up to the longest of `lags`.
+  struct Lengths {
+    int distances, longest_lag;
+  };
+  Promises(const ExtraLight& light, int levels, const Lengths& lengths);
+  /// Adds what can still come: `cap` down to the lag, the level `steady` after it.
+  void add_rest(const ExtraLight& light, int cap, int steady);
+
+  bool hold(int distance, int lag) const {
+    return distance <= lengths_.distances && lag <= lengths_.longest_lag;
+  }
+  /// `ExtraLight::sum(0, level, j)` of j = 0 .. distances.
+  const double* of_level(int level) const { return &sums_[at(level, 0)]; }
+  /// The most that slices nearer than `distance` can give a node whose own light begins at once,
+  /// beyond the lag. Distances fall from entry to entry.
+  const double* rest(int lag, int distance) const {
+    return &rests_[at(lag, lengths_.distances - distance)];
+  }
+  bool has_power(int exponent) const { return exponent <= lengths_.distances; }
+  /// Powers of a; exponents fall from entry to entry.
+  const double* powers(int exponent) const {
+    return &powers_[static_cast<std::size_t>(lengths_.distances - exponent)];
+  }
+
+ private:
+  std::size_t at(int row, int i) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(lengths_.distances + 1) +
+           static_cast<std::size_t>(i);
+  }
+  Lengths lengths_{-1, -1};
+  std::vector<double> sums_, rests_, powers_;
+};
 
 /// Immutable once made; may be shared between threads. Doses are relative: 1 gels the resin.
 struct InhibitedPlan {
@@ -75,10 +122,11 @@ struct InhibitedPlan {
   }
 
   ColumnFacts facts() const {
-    return {layers, all_layers, kernel->layer_by_layer(), tuning.height_steps, tuning.kept_columns};
+    return {layers, all_layers, kernel->layer_by_layer(), tuning.height_steps, solved};
   }
 
   InhibitedTuning tuning;
+  std::shared_ptr<SolvedColumns> solved;
   std::shared_ptr<const InhibitedKernel> kernel;
   ExtraLight node_light, middle_light;
   std::vector<double> ratio;  ///< per slice; empty: all 1
@@ -98,8 +146,10 @@ struct InhibitedPlan {
   bool even = false;
   bool uniform = true;                         ///< one UV setting and one exposure for all slices
   std::vector<int> lags;                       ///< slices; to be tried in this order
+  Promises promises;                           ///< where `uniform`
   std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer
   std::vector<double> dark_far;  ///< the part of dark_node from slices `near` and more layers away
+  double most_dark = 0;          ///< the greatest of dark_middle
   /// Dose of black slices at InhibitedKernel::kSamples places of each layer; layer by layer only.
   std::vector<float> dark_fine;
 
@@ -107,6 +157,7 @@ struct InhibitedPlan {
   void find_levels();
   double ripple() const;
   void find_lags();
+  void tabulate_promises();
   void find_holding(const CureModel& model);
   void sum_dark(const CureModel& model);
   std::vector<double> dark_at(const CureModel& model, InhibitedKernel::LayerPosition place);

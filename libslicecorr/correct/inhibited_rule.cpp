@@ -13,10 +13,15 @@ bool LevelRule::choose_all(bool again) {
   doses_.clear();
   other_light_ = false;
   edge_ = -1;
+  by_tables_ = plan_.uniform && caps_.empty() && !doses_.has_floors();
   int first_feature = static_cast<int>(design_.features.size()) - 1;
   int before = 0, same = 0, deep_until = plan_.all_layers;
   const int settled = plan_.tuning.settled_lengths * plan_.near;
-  for (int n = plan_.all_layers; n-- > 0;) {
+  // Slices that no node asks for show their floors, as all do before a level is chosen.
+  const int last = doses_.has_floors() ? plan_.all_layers - 1 : last_asked();
+  same = plan_.all_layers - 1 - last;
+  const int first = doses_.has_floors() || design_.features.empty() ? 0 : design_.features[0].upper;
+  for (int n = last; n >= first; --n) {
     // A settled level stays until the upper edge comes near. But a level that is too dim by itself
     // may stand for long on the light of a burst, and must be looked at all the same.
     if (deep_until < n && same > settled && before >= plan_.holding) {
@@ -34,6 +39,7 @@ bool LevelRule::choose_all(bool again) {
       doses_.add(n, before);
       continue;
     }
+    hint_ = before;
     Slice slice = level_of(n, first_feature, again);
     deep_until = slice.deep_until;
     if (slice.deep && before > 0 && slice.level < before &&
@@ -44,8 +50,26 @@ bool LevelRule::choose_all(bool again) {
     before = slice.level;
     doses_.add(n, slice.level);
   }
+  if (last >= 0) doses_.end(first - 1);
   return other_light_;
 }
+
+/// The last slice that a node asks for.
+int LevelRule::last_asked() const {
+  int last = -1;
+  for (const Feature& f : design_.features) {
+    last = std::max(last, f.lower + plan_.reach + f.lag + plan_.tuning.spare_slices);
+  }
+  return std::min(last, plan_.all_layers - 1);
+}
+
+/// A feature's nodes first .. last, asked for light of slice n.
+struct LevelRule::Asked {
+  const Feature& feature;
+  int n, own;  ///< `own`: its own light ends here
+  int first, last;
+  bool again;
+};
 
 /// The least level of slice n with which all nodes that can ask for its light get their doses.
 LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
@@ -65,22 +89,116 @@ LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
       if (plan_.uniform && !doses_.has_floors() && slice.level == 0)
         slice.deep_until = own + plan_.near;
     }
-    for (int k = end; k >= begin; --k) {
-      const double wanted = design_.demand[static_cast<std::size_t>(k)];
-      if (wanted <= 0) continue;
-      const int from = feature.platform ? k : std::max(k, own);
-      double others = 0;
-      if (again && from > k) {
-        others = expected(n, k, from);
-        other_light_ = other_light_ || others > 0;
-      }
-      const double need = wanted + kMargin - doses_.so_far(k, n) - others;
-      if (need <= 0) continue;
-      slice.level = level_for_node(n, k, from, feature.lag, need, slice.level);
-      if (slice.level >= cap) break;
+    Asked by{feature, n, own, begin, end, again};
+    if (by_tables_ && slice.level < cap && plan_.promises.hold(n - begin, feature.lag)) {
+      // Where the cap is reached, no other node is asked.
+      by.first = std::max(begin, own);
+      slice.level = level_by_tables(by, slice.level);
+      by.first = begin;
+      by.last = slice.level < cap ? std::min(end, own - 1) : begin - 1;
     }
+    slice.level = level_for_nodes(by, slice.level);
   }
   return slice;
+}
+
+/// The least level, at least `level`, with which the nodes get their doses.
+int LevelRule::level_for_nodes(const Asked& by, int level) {
+  const int n = by.n, cap = cap_of(n);
+  for (int k = by.last; k >= by.first; --k) {
+    const double wanted = design_.demand[static_cast<std::size_t>(k)];
+    if (wanted <= 0) continue;
+    const int from = by.feature.platform ? k : std::max(k, by.own);
+    double others = 0;
+    if (by.again && from > k) {
+      others = expected(n, k, from);
+      other_light_ = other_light_ || others > 0;
+    }
+    const double need = wanted + kMargin - doses_.so_far(k, n) - others;
+    if (need <= 0) continue;
+    level = level_for_node(n, k, from, by.feature.lag, need, level);
+    if (level >= cap) break;
+  }
+  return level;
+}
+
+/// The same of nodes whose feature's own light goes on up to them, where all slices are alike.
+int LevelRule::level_by_tables(const Asked& by, int level) const {
+  const int n = by.n, lag = by.feature.lag;
+  // Up to the lag: the slice and those to come at its level.
+  const int nearest = std::max(by.first, n - lag);
+  const double* promise = plan_.promises.of_level(level);
+  for (int k = by.last; k >= nearest; --k) {
+    const double wanted = design_.demand[static_cast<std::size_t>(k)];
+    if (wanted <= 0) continue;
+    const double need = wanted + kMargin - doses_.so_far(k, n);
+    if (need <= 0 || promise[n - k + 1] >= need) continue;
+    level = least_level_above(level, n - k + 1, need, 0);
+    promise = plan_.promises.of_level(level);
+  }
+  // Further away: only what can't come later, from slices that the tables know and from others.
+  const int known = n - plan_.near + 1;
+  for (const bool within : {true, false}) {
+    const int first = within ? std::max(by.first, known) : by.first;
+    const int last = std::min(by.last, within ? nearest - 1 : known - 1);
+    if (first > last) continue;
+    NodesAsking nodes = doses_.asking(design_.demand, first, n, within);
+    nodes.rest = plan_.promises.rest(lag, n - first);
+    for (auto left = static_cast<std::size_t>(last - first + 1); left > 0;) {
+      left = last_asking(nodes, left);
+      if (left == 0) break;
+      --left;
+      const int distance = n - first - static_cast<int>(left);
+      const double need = asked_by(nodes, left) - nodes.rest[left];
+      if (promise[distance + 1] - promise[distance] >= need) continue;
+      level = least_level_above(level, distance + 1, need, distance);
+      promise = plan_.promises.of_level(level);
+    }
+  }
+  return level;
+}
+
+/// Least level above `level` whose slices from the distance `first` up to `end` give a node `need`; the
+/// cap when there is none. Looks near to the level of the slice before.
+int LevelRule::least_level_above(int level, int end, double need, int first) const {
+  const auto does = [&](int l) {
+    const double* const sums = plan_.promises.of_level(l);
+    return (first > 0 ? sums[end] - sums[first] : sums[end]) >= need;
+  };
+  int low = level + 1, high = plan_.caps.front();
+  if (low >= high) return high;
+  // What does lies at `high` or above, what does not below `low`.
+  int at = std::clamp(hint_, low, high);
+  if (at == high || does(at)) {
+    high = at;
+    for (int step = 1; low < high; step *= 4) {
+      at = std::max(low, high - step);
+      if (!does(at)) {
+        low = at + 1;
+        break;
+      }
+      high = at;
+    }
+  } else {
+    low = at + 1;
+    for (int step = 1; low < high; step *= 4) {
+      at = std::min(high - 1, low + step - 1);
+      if (does(at)) {
+        high = at;
+        break;
+      }
+      low = at + 1;
+    }
+  }
+  while (low < high) {
+    const int l = (low + high) / 2;
+    if (does(l)) {
+      high = l;
+    } else {
+      low = l + 1;
+    }
+  }
+  return low;
 }
 
 /// Whether slice n lies in a feature that gets even light, and its edge towards the platform takes

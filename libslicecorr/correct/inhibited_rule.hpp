@@ -42,11 +42,16 @@ class LevelRule {
     int deep_until = 0;  ///< no edge comes near before this slice
   };
   bool choose_all(bool again);
+  int last_asked() const;
   Slice level_of(int n, int first_feature, bool again);
+  struct Asked;
+  int level_by_tables(const Asked& by, int level) const;
+  int level_for_nodes(const Asked& by, int level);
   int level_for_node(int n, int k, int from, int lag, double need, int level) const;
   double expected(int n, int k, int from) const;
   double promised(int n, int level, int k, int from) const;
   int least_level(int n, int k, double need, int from) const;
+  int least_level_above(int level, int end, double need, int first) const;
   double can_still_come(int n, int k, int from, int lag) const;
   bool even_light_fits(int n, int first_feature);
   double borne_by_edge(const Feature& feature) const;
@@ -62,6 +67,8 @@ class LevelRule {
   const std::vector<Level>& caps_;
   std::vector<Level> before_;  ///< levels that choose_again() expects
   bool other_light_ = false;   ///< a node gets light of a feature nearer to the platform
+  bool by_tables_ = false;     ///< all slices are alike, and the column has no bounds of its own
+  int hint_ = 0;               ///< level of the slice before
   int edge_ = -1;              ///< towards the platform, that was looked at last
   double edge_bears_ = 0;      ///< what even light may give it
 };

@@ -11,6 +11,8 @@
 #include <array>
 #include <cstddef>
 
+#include "correct/solved_columns.hpp"
+
 namespace slicecorr::detail {
 
 struct InhibitedTuning {
@@ -148,9 +150,9 @@ struct InhibitedTuning {
 
   // Memory.
 
-  /// Solved columns that are kept for neighbours that are alike, per band: a few megabytes. Changes
+  /// Bytes of solved columns that are kept for those that are alike, in all bands together. Changes
   /// the time, never the levels.
-  std::size_t kept_columns = 4096;
+  std::size_t kept_bytes = SolvedColumns::kMostBytes;
 };
 
 }  // namespace slicecorr::detail

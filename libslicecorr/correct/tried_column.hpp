@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "correct/column_solver.hpp"
+#include "correct/solved_columns.hpp"
 #include "slicecorr/correct.hpp"
 
 namespace slicecorr::detail {
@@ -40,6 +41,7 @@ struct TriedPlan {
   int together = 0;      ///< slices before an upper edge whose levels are moved to place it
   double shortfall = 0;  ///< of edges above gaps of one slice, slices
   double edge_dose = 0;  ///< an edge whose dose is this near to 1 is right
+  std::shared_ptr<SolvedColumns> solved = std::make_shared<SolvedColumns>();
 };
 
 /// The solver of the plan's law.

@@ -336,7 +336,7 @@ const float* InhibitedKernel::fine(int setting) const {
       double last[kSamples];
       std::fill_n(last, kSamples, layer_by_layer() ? 0.0 : rest(setting, level, 0));
       for (std::size_t j = 0; j < rows; ++j) {
-        float* const out = &table[(j * count + l) * kSamples];
+        float* const out = &table[(l * rows + j) * kSamples];
         for (std::size_t i = 0; i < kSamples; ++i) {
           const double d = static_cast<double>(j * kSamples + i + 1) * step;
           if (layer_by_layer()) {

@@ -21,10 +21,12 @@ constexpr double kSampleError = 1e-6;
 
 }  // namespace
 
-InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel)
+InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel, bool places)
     : kernel_(kernel),
       fall_(-std::log(kernel.a())),
-      precision_(std::min(kPrecisionUm / kernel.layer_um(), 1e-3)) {
+      precision_(std::min(kPrecisionUm / kernel.layer_um(), 1e-3)),
+      places_(places),
+      fine_(static_cast<std::size_t>(kernel.settings()), nullptr) {
   steady_.resize(static_cast<std::size_t>(kernel.settings()));
   for (int i = 0; i < kSamples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / kSamples);
 }
@@ -72,12 +74,14 @@ double InhibitedLayer::at(double t) const {
 
 void InhibitedLayer::sample(double lower, double middle, double upper) {
   float sum[kSamples] = {};
-  const int levels = kernel_.levels();
+  const int near = kernel_.near();
   for (const Light& light : lights_) {
-    const float* const fine = kernel_.fine(light.setting);
+    const float*& table = fine_[static_cast<std::size_t>(light.setting)];
+    if (!table) table = kernel_.fine(light.setting);
+    const float* const fine = table + static_cast<std::size_t>(light.level * near) * kSamples;
     const auto weight = static_cast<float>(light.weight);
     for (int j = light.first; j <= light.last; ++j) {
-      const float* const row = fine + static_cast<std::size_t>(j * levels + light.level) * kSamples;
+      const float* const row = fine + static_cast<std::size_t>(j) * kSamples;
       for (int i = 0; i < kSamples; ++i) sum[i] += weight * row[i];
     }
   }
@@ -118,6 +122,7 @@ double InhibitedLayer::turn(double from, double to, bool least) const {
 }
 
 double InhibitedLayer::crossing(double low, double high, bool rises) const {
+  if (!places_) return low;
   FalsePosition root{low, high, at(low) - 1.0, at(high) - 1.0};
   while (root.high - root.low > precision_) {
     double t = 0.5 * (root.low + root.high);
@@ -150,7 +155,8 @@ void InhibitedLayer::sharpen(double known) {
 /// The place of a light's front in this layer; below 0 if it has none there.
 double InhibitedLayer::front(const Light& light) const {
   const double x = kernel_.source(light.setting, light.level).front_um / kernel_.layer_um();
-  return x <= light.first || x >= light.last + 1 ? -1.0 : x - std::floor(x);
+  return x <= light.first || x >= light.last + 1 ? -1.0
+                                                 : x - static_cast<double>(static_cast<int>(x));
 }
 
 /// Marks the cells between samples in which something may happen: the dose passes 1, or is less

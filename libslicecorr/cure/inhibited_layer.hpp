@@ -35,7 +35,8 @@ class InhibitedLayer {
  public:
   static constexpr int kSamples = InhibitedKernel::kSamples;
 
-  explicit InhibitedLayer(const InhibitedKernel& kernel);
+  /// `places`: where the dose crosses 1 is asked for, not only how often.
+  explicit InhibitedLayer(const InhibitedKernel& kernel, bool places = true);
 
   /// Begins a layer; `far`: dose at its lower end from slices `near()` and more layers away.
   void begin(double far);
@@ -84,10 +85,12 @@ class InhibitedLayer {
   const InhibitedKernel& kernel_;
   const double fall_;       ///< of the logarithm of light in a slice
   const double precision_;  ///< of crossings, in slices
+  const bool places_;
   double far_ = 0;
   std::vector<Light> lights_;
   double dose_[kSamples + 1] = {};
   bool marked_[kSamples] = {};
+  std::vector<const float*> fine_;           ///< the kernel's, per setting
   std::vector<std::vector<Steady>> steady_;  ///< [setting][level], made when it is asked for
   std::vector<Point> points_;
   double fade_[kSamples];  ///< of what comes from far

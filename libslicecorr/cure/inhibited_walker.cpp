@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/kernels.hpp"
 #include "cure/inhibited_layer.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -12,6 +13,38 @@
 namespace slicecorr::detail {
 
 namespace {
+
+// Loops over columns of a block, compiled for each instruction set with the same bits.
+
+/// What columns that show `levels` get.
+struct ShownLight {
+  const double* by_level;
+  const std::uint16_t* levels;
+  double times;
+};
+SLICECORR_CLONES
+void fade_alike(double* tail, double light, double a, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) tail[i] = (tail[i] + light) * a;
+}
+SLICECORR_CLONES
+void fade_each(double* tail, const ShownLight& light, double a, std::size_t n) {
+  const double* __restrict const by_level = light.by_level;
+  const std::uint16_t* __restrict const levels = light.levels;
+  const double times = light.times;
+  for (std::size_t i = 0; i < n; ++i) tail[i] = (tail[i] + times * by_level[levels[i]]) * a;
+}
+SLICECORR_CLONES
+void sum_alike(double* __restrict out, const double* __restrict tail, double light, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = light + tail[i];
+}
+SLICECORR_CLONES
+void sum_each(double* __restrict out, const double* __restrict tail, const ShownLight& light,
+              std::size_t n) {
+  const double* __restrict const by_level = light.by_level;
+  const std::uint16_t* __restrict const levels = light.levels;
+  const double times = light.times;
+  for (std::size_t i = 0; i < n; ++i) out[i] = times * by_level[levels[i]] + tail[i];
+}
 
 /// The dose as the sum over the nearest slices by the kernel's tables; slices further away are
 /// recursed. Most pixels have shown one level for long: running sums of the tables stand for these
@@ -22,11 +55,14 @@ class InhibitedWalker final : public DoseWalker {
       : model_(model),
         kernel_(*model.inhibited()),
         near_(static_cast<std::size_t>(kernel_.near())),
-        stride_(static_cast<std::size_t>(kernel_.levels()) + 1),
+        stride_(stride_of(static_cast<std::size_t>(kernel_.levels()) + 1)),
         columns_(columns),
+        blocks_((columns + kBlock - 1) / kBlock),
         slots_(near_),
         root_a_(std::sqrt(kernel_.a())),
         same_(columns, 0),
+        settled_(blocks_, std::uint8_t{0}),
+        plain_(near_),
         layer_(kernel_) {
     turning.assign(columns, 0);
     lower.assign(columns, 0.0);
@@ -36,8 +72,11 @@ class InhibitedWalker final : public DoseWalker {
     for (int v = 0; v < 256; ++v) {
       level_of_[v] = static_cast<std::uint16_t>((v * (kernel_.levels() - 1) + 127) / 255);
     }
-    for (Slot& slot : slots_)
+    for (Slot& slot : slots_) {
       slot.shown.push_back({0, 0, std::vector<std::uint16_t>(columns, off()), {}});
+      slot.alike.assign(blocks_, std::uint8_t{1});
+    }
+    near_light_.resize(near_);
     table_.resize(static_cast<std::size_t>(kernel_.settings() * InhibitedKernel::kPlaces));
     sums_.resize(table_.size());
   }
@@ -68,33 +107,38 @@ class InhibitedWalker final : public DoseWalker {
         continue;
       }
       shown.amounts.clear();
-      for (std::size_t i = 0; i < columns_; ++i) shown.levels[i] = level_of_[showing.pixels[i]];
+      take_levels(showing.pixels, shown.levels, slot.alike);
     }
     Shown& now = slot.shown[0];
     if (showings.empty()) {
       now.weight = 0;
+      now.amounts.clear();
       std::fill(now.levels.begin(), now.levels.end(), off());
+      std::fill(slot.alike.begin(), slot.alike.end(), std::uint8_t{1});
     }
+    if (!slot.is_plain()) std::fill(slot.alike.begin(), slot.alike.end(), std::uint8_t{0});
     // Running sums hold only while each slice shows one image with the same setting and weight.
     const Shown& last = before.shown[0];
     const bool jump = !any_ || slot.count > 1 || before.count > 1 || now.setting != last.setting ||
                       now.weight != last.weight;
-    for (std::size_t i = 0; i < columns_; ++i) {
-      const bool same = !jump && now.levels[i] == last.levels[i] && now.of(i) == last.of(i);
-      same_[i] = same ? static_cast<std::uint16_t>(std::min<std::size_t>(same_[i] + 1U, near_))
-                      : std::uint16_t{1};
-      // After the same light for `near_` slices the dose can't turn: continuous exposure only
-      // approaches its steady dose, and without light the dose only fades.
-      turning[i] =
-          same_[i] < near_ || (model_.mode == ExposureMode::layerwise && now.levels[i] != off());
+    for (std::size_t b = 0; b < blocks_; ++b) {
+      const std::size_t first = b * kBlock;
+      if (settled_[b] && !jump && slot.alike[b] && before.alike[b] &&
+          now.levels[first] == last.levels[first]) {
+        continue;
+      }
+      count_same(b, now, last, jump);
     }
     any_ = true;
 
-    if (model_.mode == ExposureMode::continuous) {
-      lower.swap(upper);
-    } else {
-      gather(InhibitedKernel::lower_end, tail_[0].data(), lower.data());
+    plain_ = slot.is_plain() ? plain_ + 1 : 0;
+    const bool continuous = model_.mode == ExposureMode::continuous;
+    if (continuous) lower.swap(upper);
+    if (plain_ >= near_) {
+      gather_plain(continuous);
+      return;
     }
+    if (!continuous) gather(InhibitedKernel::lower_end, tail_[0].data(), lower.data());
     gather(InhibitedKernel::middle, tail_[1].data(), middle.data());
     gather(InhibitedKernel::upper_end, tail_[2].data(), upper.data());
   }
@@ -145,7 +189,23 @@ class InhibitedWalker final : public DoseWalker {
   };
   struct Slot {
     std::vector<Shown> shown;
-    std::size_t count = 1;  ///< images in use; more are kept for their memory
+    std::size_t count = 1;            ///< images in use; more are kept for their memory
+    std::vector<std::uint8_t> alike;  ///< whether all columns of a block show one level
+    /// One image of grey levels, or none.
+    bool is_plain() const { return count == 1 && shown[0].amounts.empty(); }
+  };
+  /// Where the doses of a place in the layer come from and go to.
+  struct Place {
+    const double* sums;  ///< null: no light so far
+    int place;
+    const double* tail;
+    double* out;
+  };
+  /// The image of a near slice, with the tables of each place.
+  struct NearLight {
+    const std::uint16_t* levels;
+    double weight;
+    const double* by_level[3];
   };
   /// The positions in a layer whose doses are kept, each with the recursed rest of its own.
   struct Kept {
@@ -156,7 +216,38 @@ class InhibitedWalker final : public DoseWalker {
                                     {1, InhibitedKernel::middle},
                                     {2, InhibitedKernel::upper_end}};
 
-  std::uint16_t off() const { return static_cast<std::uint16_t>(stride_ - 1); }
+  std::uint16_t off() const { return static_cast<std::uint16_t>(kernel_.levels()); }
+  /// An odd number of cache lines, so that the entries of one level lie in different sets.
+  static std::size_t stride_of(std::size_t entries) { return ((entries + 7) / 8 | 1) * 8; }
+  std::size_t block_size(std::size_t b) const { return std::min(kBlock, columns_ - b * kBlock); }
+
+  void take_levels(const std::uint8_t* pixels, std::vector<std::uint16_t>& levels,
+                   std::vector<std::uint8_t>& alike) const {
+    for (std::size_t b = 0; b < blocks_; ++b) {
+      const std::size_t first = b * kBlock, n = block_size(b);
+      alike[b] = n == kBlock && uniform(pixels + first);
+      if (alike[b]) {
+        std::fill_n(&levels[first], kBlock, level_of_[pixels[first]]);
+      } else {
+        for (std::size_t i = first; i < first + n; ++i) levels[i] = level_of_[pixels[i]];
+      }
+    }
+  }
+  void count_same(std::size_t b, const Shown& now, const Shown& last, bool jump) {
+    const std::size_t first = b * kBlock, end = first + block_size(b);
+    bool settled = true;
+    for (std::size_t i = first; i < end; ++i) {
+      const bool same = !jump && now.levels[i] == last.levels[i] && now.of(i) == last.of(i);
+      same_[i] = same ? static_cast<std::uint16_t>(std::min<std::size_t>(same_[i] + 1U, near_))
+                      : std::uint16_t{1};
+      settled = settled && same_[i] >= near_;
+      // After the same light for `near_` slices the dose can't turn: continuous exposure only
+      // approaches its steady dose, and without light the dose only fades.
+      turning[i] =
+          same_[i] < near_ || (model_.mode == ExposureMode::layerwise && now.levels[i] != off());
+    }
+    settled_[b] = settled;
+  }
 
   /// Makes the tables of a setting, with one more level for light off, and their running sums.
   void prepare(int setting) {
@@ -169,8 +260,9 @@ class InhibitedWalker final : public DoseWalker {
       table.assign(near_ * stride_, 0.0);
       sums.assign((near_ + 1) * stride_, 0.0);
       for (std::size_t j = 0; j < near_; ++j) {
-        for (std::size_t l = 0; l + 1 < stride_; ++l) {
-          table[j * stride_ + l] = from[j * (stride_ - 1) + l];
+        const std::size_t levels = off();
+        for (std::size_t l = 0; l < levels; ++l) {
+          table[j * stride_ + l] = from[j * levels + l];
           sums[(j + 1) * stride_ + l] = sums[j * stride_ + l] + table[j * stride_ + l];
         }
       }
@@ -185,6 +277,12 @@ class InhibitedWalker final : public DoseWalker {
   void fade(Slot& slot) {
     const double a = kernel_.a();
     for (const Kept& kept : kKept) {
+      // Only layer by layer the light at a layer's lower end is not that of the layer before.
+      if (kept.index == 0 && model_.mode == ExposureMode::continuous) continue;
+      if (slot.is_plain()) {
+        fade_plain(slot, kept);
+        continue;
+      }
       double* const tail = tail_[kept.index].data();
       for (std::size_t k = 0; k < slot.count; ++k) {
         const Shown& shown = slot.shown[k];
@@ -197,6 +295,99 @@ class InhibitedWalker final : public DoseWalker {
         }
       }
       for (std::size_t i = 0; i < columns_; ++i) tail[i] *= a;
+    }
+  }
+
+  void fade_plain(const Slot& slot, const Kept& kept) {
+    const double a = kernel_.a();
+    const Shown& shown = slot.shown[0];
+    // Of light that was off in all slices so far there is no table yet.
+    const bool dark = shown.weight == 0;
+    const double* const last =
+        dark ? nullptr : table(shown.setting, kept.place) + (near_ - 1) * stride_;
+    for (std::size_t b = 0; b < blocks_; ++b) {
+      const std::size_t first = b * kBlock, n = block_size(b);
+      double* const tail = &tail_[kept.index][first];
+      if (dark || slot.alike[b]) {
+        fade_alike(tail, dark ? 0.0 : shown.weight * last[shown.levels[first]], a, n);
+      } else {
+        fade_each(tail, {last, &shown.levels[first], shown.weight}, a, n);
+      }
+    }
+  }
+
+  /// The doses of all places, where each near slice shows one image of grey levels, or none.
+  void gather_plain(bool continuous) {
+    const Shown& now = slots_[newest_].shown[0];
+    Place places[3];
+    std::size_t count = 0;
+    for (const Kept& kept : kKept) {
+      if (kept.index == 0 && continuous) continue;
+      const bool dark = now.weight == 0 && table_[index(now.setting, kept.place)].empty();
+      places[count++] = {dark ? nullptr : sums_[index(now.setting, kept.place)].data(), kept.place,
+                         tail_[kept.index].data(),
+                         (kept.index == 0   ? lower
+                          : kept.index == 1 ? middle
+                                            : upper)
+                             .data()};
+    }
+    for (std::size_t j = 0; j < near_; ++j) {
+      const Shown& shown = slots_[(newest_ + j) % near_].shown[0];
+      NearLight& light = near_light_[j];
+      light = {shown.levels.data(), shown.weight, {}};
+      for (std::size_t p = 0; p < count; ++p) {
+        const std::vector<double>& table = table_[index(shown.setting, places[p].place)];
+        light.by_level[p] = table.empty() ? nullptr : table.data() + j * stride_;
+      }
+    }
+    const Slot& newest = slots_[newest_];
+    for (std::size_t b = 0; b < blocks_; ++b) {
+      const std::size_t first = b * kBlock, n = block_size(b);
+      if (!settled_[b]) {
+        if (count == 2) {
+          sum_unsettled<2>(places, first, n);
+        } else {
+          sum_unsettled<3>(places, first, n);
+        }
+        continue;
+      }
+      for (std::size_t p = 0; p < count; ++p) {
+        const double* const sums = places[p].sums;
+        double* const out = places[p].out + first;
+        const double* const tail = places[p].tail + first;
+        if (!sums) {
+          sum_alike(out, tail, 0.0, n);
+        } else if (newest.alike[b]) {
+          sum_alike(out, tail, now.weight * sums[near_ * stride_ + now.levels[first]], n);
+        } else {
+          sum_each(out, tail, {sums + near_ * stride_, &now.levels[first], now.weight}, n);
+        }
+      }
+    }
+  }
+  /// Columns first .. first + n - 1, one by one.
+  template <std::size_t kPlacesKept>
+  void sum_unsettled(const Place* places, std::size_t first, std::size_t n) const {
+    const Shown& now = slots_[newest_].shown[0];
+    for (std::size_t i = first; i < first + n; ++i) {
+      const std::size_t same = same_[i];
+      double sum[kPlacesKept] = {};
+      if (now.levels[i] != off()) {
+        for (std::size_t p = 0; p < kPlacesKept; ++p) {
+          sum[p] = now.weight * places[p].sums[same * stride_ + now.levels[i]];
+        }
+      }
+      for (std::size_t j = same; j < near_; ++j) {
+        const NearLight& light = near_light_[j];
+        const std::uint16_t level = light.levels[i];
+        if (level == off()) continue;
+        for (std::size_t p = 0; p < kPlacesKept; ++p) {
+          sum[p] += light.weight * light.by_level[p][level];
+        }
+      }
+      for (std::size_t p = 0; p < kPlacesKept; ++p) {
+        places[p].out[i] = sum[p] + places[p].tail[i];
+      }
     }
   }
 
@@ -228,12 +419,15 @@ class InhibitedWalker final : public DoseWalker {
 
   const CureModel& model_;
   const InhibitedKernel& kernel_;
-  std::size_t near_, stride_, columns_;
+  std::size_t near_, stride_, columns_, blocks_;
   std::vector<Slot> slots_;  ///< the last `near_` slices
   std::size_t newest_ = 0;
   bool any_ = false;
   double root_a_;
-  std::vector<std::uint16_t> same_;  ///< slices for which a column has shown its level
+  std::vector<std::uint16_t> same_;    ///< slices for which a column has shown its level
+  std::vector<std::uint8_t> settled_;  ///< whether all columns of a block have done so for `near_`
+  std::vector<NearLight> near_light_;
+  std::size_t plain_;  ///< slices since one that showed more than one image of grey levels
   std::vector<double> tail_[3];
   mutable InhibitedLayer layer_;
   std::vector<std::vector<double>> table_, sums_;

@@ -11,7 +11,7 @@ import subprocess
 
 from . import parts
 
-JOBS = ("slice", "slice centres", "decode", "convert", "correct", "verify", "run")
+JOBS = ("slice", "slice centres", "decode", "convert", "correct", "verify", "run", "run uv")
 
 
 class Wrong(Exception):
@@ -51,11 +51,22 @@ def count(counter, command, environment, profile):
     return int(match[1])
 
 
+UV_LAMP = """[uv]
+wavelength_nm = 365
+kind = "flood"
+calibration = [[0, 0.0], [255, 275.0]]
+"""
+
+
 def jobs(program, mesh, folder, resin):
     """Name, command and inputs (made beforehand, not counted) of each job."""
     display = parts.Display("guard", 640, 400, 40)
     printer = folder / "printer.toml"
     printer.write_text(display.printer_toml())
+    # A lattice has columns of all kinds: a coarser display for the solve under UV light.
+    uv_printer = folder / "uv-printer.toml"
+    uv_printer.write_text(parts.Display("guard-uv", 160, 100, 160).printer_toml() + UV_LAMP)
+    uv_resin = resin.parent / "custom-resin-1.toml"
     start = [str(program), "--threads", "1", "--quiet"]
     slicing = ["--printer", str(printer), "--layer-um", "50"]
     how = ["--resin", str(resin), "--speed-mm-h", "400"]
@@ -72,6 +83,10 @@ def jobs(program, mesh, folder, resin):
         "correct": [*start, "correct", target, "-o", out, *slicing[:2], *how],
         "verify": [*start, "verify", corrected, "--target", target],
         "run": [*start, "run", mesh, "-o", out, *slicing, *how],
+        "run uv": [
+            *[*start, "run", mesh, "-o", out, "--printer", str(uv_printer), "--layer-um", "50"],
+            *["--resin", str(uv_resin), "--speed-mm-h", "200", "--uv-mw-cm2", "200"],
+        ],
     }
 
 

@@ -311,9 +311,9 @@ void print_table(const CureModel& model, const std::vector<std::vector<Column>>&
 }
 
 /// Seconds of a band of all of a part's columns: what keeping solved columns saves.
-double band_s(const CureModel& model, const SliceSource& part, std::size_t kept_columns) {
+double band_s(const CureModel& model, const SliceSource& part, std::size_t kept_bytes) {
   InhibitedTuning tuning;
-  tuning.kept_columns = kept_columns;
+  tuning.kept_bytes = kept_bytes;
   const int layers = part.grid().layers;
   const int slices = detail::InhibitedPlan(model, false, 1, 1).slices_for(layers, layers - 1);
   const detail::InhibitedPlan plan(model, false, layers, slices, tuning);
@@ -353,9 +353,9 @@ int main(int argc, char** argv) {
   quarter.scale = 0.25;
   const MeshSlices boat(read_mesh(SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl", quarter),
                         printer, {kLayerUm, false, {}, {}});
-  const std::size_t kept = InhibitedTuning{}.kept_columns;
-  for (const std::size_t columns : {kept, kept / 2, kept * 2, std::size_t{1}}) {
-    fmt::print("kept_columns {}: {:.2f} s\n", columns, band_s(continuous, boat, columns));
+  const std::size_t kept = InhibitedTuning{}.kept_bytes;
+  for (const std::size_t bytes : {kept, kept / 16, kept / 256, std::size_t{1}}) {
+    fmt::print("kept_bytes {}: {:.2f} s\n", bytes, band_s(continuous, boat, bytes));
   }
   return 0;
 }

@@ -93,7 +93,7 @@ class InhibitedKernel {
   const double* table(int setting, LayerPosition place) const {
     return tables_[static_cast<std::size_t>(setting * kPlaces + place)].data();
   }
-  /// The same at x = j + (i + 1) / kSamples: fine[(j * levels() + level) * kSamples + i]; made
+  /// The same at x = j + (i + 1) / kSamples: fine[(level * near() + j) * kSamples + i]; made
   /// when it is first asked for.
   const float* fine(int setting) const;
   /// Memory of all tables together, bytes.

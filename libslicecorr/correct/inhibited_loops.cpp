@@ -1,0 +1,115 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "correct/inhibited_loops.hpp"
+
+#include <algorithm>
+
+#include "base/kernels.hpp"
+
+namespace slicecorr::detail {
+
+SLICECORR_CLONES
+void change_light(const ChangedLight& light, double* node, double* middle) {
+  const double* __restrict const from_node = light.from_node;
+  const double* __restrict const from_middle = light.from_middle;
+  const double* __restrict const to_node = light.to_node;
+  const double* __restrict const to_middle = light.to_middle;
+  const double times = light.times;
+  constexpr std::size_t lanes = 8;
+  for (std::size_t b = 0; b < light.reach; b += lanes) {
+    for (std::size_t i = b; i < b + lanes; ++i) {
+      node[i] += times * (to_node[i] - from_node[i]);
+    }
+    for (std::size_t i = b; i < b + lanes; ++i) {
+      middle[i] += times * (to_middle[i] - from_middle[i]);
+    }
+  }
+}
+
+SLICECORR_CLONES
+void change_samples(const ChangedSamples& light, float* last) {
+  constexpr std::size_t samples = 16;
+  const float times = light.times;
+  for (std::size_t j = 0; j < light.rows; ++j) {
+    const float* __restrict const to = light.to + j * samples;
+    const float* __restrict const from = light.from + j * samples;
+    float* __restrict const out = last - j * samples;
+    for (std::size_t i = 0; i < samples; ++i) out[i] += times * (to[i] - from[i]);
+  }
+}
+
+namespace {
+
+SLICECORR_CLONES
+std::int64_t count_asking_near(const NodesAsking& nodes, std::size_t count) {
+  const double* __restrict const demand = nodes.demand;
+  const double* __restrict const dark = nodes.dark;
+  const double* __restrict const added = nodes.added;
+  const double* __restrict const far = nodes.far;
+  const double* __restrict const rest = nodes.rest;
+  const double margin = nodes.margin, times = nodes.far_times;
+  std::int64_t asking = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double need = demand[i] + margin - (dark[i] + added[i] + times * far[i]);
+    asking += static_cast<std::int64_t>(demand[i] > 0) & static_cast<std::int64_t>(need > rest[i]);
+  }
+  return asking;
+}
+
+SLICECORR_CLONES
+std::int64_t count_asking_far(const NodesAsking& nodes, std::size_t count) {
+  const double* __restrict const demand = nodes.demand;
+  const double* __restrict const dark = nodes.dark;
+  const double* __restrict const powers = nodes.powers;
+  const double* __restrict const rest = nodes.rest;
+  const double margin = nodes.margin, times = nodes.far_times;
+  std::int64_t asking = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double need = demand[i] + margin - (dark[i] + times * powers[i]);
+    asking += static_cast<std::int64_t>(demand[i] > 0) & static_cast<std::int64_t>(need > rest[i]);
+  }
+  return asking;
+}
+
+}  // namespace
+
+std::size_t last_asking(const NodesAsking& nodes, std::size_t count) {
+  if (count == 0) return 0;
+  const std::int64_t asking =
+      nodes.powers ? count_asking_far(nodes, count) : count_asking_near(nodes, count);
+  if (asking == 0) return 0;
+  while (!(nodes.demand[count - 1] > 0 && asked_by(nodes, count - 1) > nodes.rest[count - 1])) {
+    --count;
+  }
+  return count;
+}
+
+SLICECORR_CLONES
+std::int64_t count_wrong(const std::uint8_t* coverage, const MiddleDoses& doses,
+                         std::size_t count) {
+  const double* __restrict const dark = doses.dark;
+  const double* __restrict const added = doses.added;
+  const double* __restrict const far = doses.far;
+  const double a = doses.a;
+  std::int64_t wrong = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double dose = dark[i] + added[i] + a * far[i];
+    const std::int64_t full = coverage[i] == 255, empty = coverage[i] == 0, prints = dose >= 1.0;
+    wrong += (full & (1 - prints)) | (empty & prints);
+  }
+  return wrong;
+}
+
+SLICECORR_CLONES
+float least_sample(const float* dark, const float* added, const float* fade, float far) {
+  constexpr std::size_t samples = 16;
+  float dose[samples];
+  for (std::size_t i = 0; i < samples; ++i) dose[i] = dark[i] + added[i] + far * fade[i];
+  for (std::size_t n = samples / 2; n > 0; n /= 2) {
+    for (std::size_t i = 0; i < n; ++i) dose[i] = dose[i + n] < dose[i] ? dose[i + n] : dose[i];
+  }
+  return dose[0];
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,202 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// What stands for doing the same again under UV light: columns that are alike, tables of the rule,
+// blocks of pixels that show one level.
+
+#include "correct/solved_columns.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "correct/column_band.hpp"
+#include "correct/inhibited_column.hpp"
+#include "correct/inhibited_rule.hpp"
+#include "slicecorr/dose.hpp"
+#include "uv_models.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using namespace test::uv;
+
+TEST(SolvedColumns, ForgetWhatWasNotAskedForAndNeverMistake) {
+  std::mt19937 random(1);
+  // Room for some hundred of two thousand keys.
+  SolvedColumns solved(100 * 200);
+  const auto value_of = [](int i) { return "value " + std::to_string(i * 7); };
+  int known = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const std::string key = std::to_string(i);
+    solved.keep(key, value_of(i));
+    std::string value;
+    // The last one is there always: nothing else asked for its room since.
+    ASSERT_TRUE(solved.find(key, value));
+    EXPECT_EQ(value, value_of(i));
+    const int other = static_cast<int>(random() % 2000U);
+    if (solved.find(std::to_string(other), value)) {
+      EXPECT_EQ(value, value_of(other));
+      EXPECT_LE(other, i);
+      ++known;
+    }
+  }
+  EXPECT_GT(known, 0);
+  std::string value;
+  int kept = 0;
+  for (int i = 0; i < 2000; ++i) kept += solved.find(std::to_string(i), value) ? 1 : 0;
+  EXPECT_GT(kept, 20);
+  EXPECT_LT(kept, 200);
+}
+
+/// Runs of covered layers, some of them grey, with and without edge heights.
+std::vector<CoverageRun> random_runs(std::mt19937& random, int layers) {
+  const auto below = [&](int most) {
+    return static_cast<int>(random() % static_cast<unsigned>(most));
+  };
+  std::vector<CoverageRun> runs;
+  for (int at = below(8); at < layers;) {
+    CoverageRun run;
+    run.first = at;
+    run.end = std::min(layers, at + 1 + below(below(3) == 0 ? 60 : 12));
+    run.coverage = below(5) == 0 ? static_cast<std::uint8_t>(1 + below(254)) : std::uint8_t{255};
+    runs.push_back(run);
+    at = run.end + (below(6) == 0 ? 0 : 1 + below(20));
+  }
+  return runs;
+}
+
+Process layerwise_process() {
+  Process p = uv_process(0, 200);
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = 5;
+  return p;
+}
+
+TEST(LevelRule, ByTablesIsTheRule) {
+  // A column whose highest levels are given, and are those of the plan, goes without tables.
+  std::mt19937 random(2);
+  constexpr int layers = 150;
+  for (const Process& process :
+       {uv_process(200, 200), uv_process(1000, 200), layerwise_process()}) {
+    const CureModel model = model_of(resin_1(), process, 50);
+    const InhibitedPlan plan(model, false, layers, slices_with_burst(model, layers, layers - 1));
+    ColumnDesign design(plan);
+    ColumnDoses doses(plan);
+    const std::vector<Level> caps(static_cast<std::size_t>(plan.all_layers),
+                                  static_cast<Level>(plan.cap_of(0)));
+    LevelRule by_tables(plan, design, doses), plain(plan, design, doses, caps);
+    ASSERT_TRUE(plan.promises.hold(plan.reach, plan.lags.front()));
+    int lit = 0;
+    for (int round = 0; round < 60; ++round) {
+      design.read(random_runs(random, layers));
+      for (ColumnDesign::Feature& f : design.features)
+        f.lag = plan.lags[random() % plan.lags.size()];
+      by_tables.choose();
+      const std::vector<Level> first = doses.levels();
+      const bool again = by_tables.choose_again();
+      const std::vector<Level> second = doses.levels();
+      plain.choose();
+      EXPECT_EQ(doses.levels(), first);
+      EXPECT_EQ(plain.choose_again(), again);
+      EXPECT_EQ(doses.levels(), second);
+      lit += static_cast<int>(
+          std::count_if(first.begin(), first.end(), [](Level l) { return l > 0; }));
+    }
+    EXPECT_GT(lit, 1000);
+  }
+}
+
+TEST(InhibitedDoses, OfBlocksAreThoseOfTheirColumns) {
+  // Three blocks and a part of one: alike, alike for a while, and never.
+  constexpr std::size_t columns = 110;
+  constexpr int slices = 120;
+  std::mt19937 random(3);
+  for (const Process& process : {uv_process(200, 200), layerwise_process()}) {
+    const CureModel model = model_of(resin_1(), process, 50);
+    std::vector<std::vector<std::uint8_t>> shown(columns, std::vector<std::uint8_t>(slices, 0));
+    for (std::size_t i = 0; i < columns; ++i) {
+      std::mt19937 own(i < 32 ? 0U : static_cast<unsigned>(i));
+      std::mt19937& its = i < 64 ? own : random;
+      std::mt19937 alike(99);
+      std::uint8_t level = 0;
+      for (int n = slices; n-- > 0;) {
+        // Blocks are alike but in the middle third, in which the second one is not.
+        std::mt19937& next = i < 64 && n % 60 < 40 ? alike : its;
+        if (next() % 25U == 0) level = static_cast<std::uint8_t>(next() % 256U);
+        if (i < 32) {
+          alike.seed(static_cast<unsigned>(n / 30));
+          level = static_cast<std::uint8_t>(alike() % 256U);
+        }
+        shown[i][static_cast<std::size_t>(n)] = level;
+      }
+    }
+    BandDose band(model, columns);
+    std::vector<ColumnDose> alone;
+    alone.reserve(columns);
+    for (const auto& column : shown) alone.push_back(column_dose(model, column));
+    std::vector<std::uint8_t> row(columns);
+    for (int n = slices; n-- > 0;) {
+      const auto at = static_cast<std::size_t>(n);
+      for (std::size_t i = 0; i < columns; ++i) row[i] = shown[i][at];
+      band.add_slice(n, row.data());
+      for (std::size_t i = 0; i < columns; ++i) {
+        ASSERT_EQ(band.lower()[i], alone[i].lower[at]) << i << ' ' << n;
+        ASSERT_EQ(band.middle()[i], alone[i].middle[at]) << i << ' ' << n;
+        ASSERT_EQ(band.upper()[i], alone[i].upper[at]) << i << ' ' << n;
+      }
+    }
+  }
+}
+
+TEST(ColumnBand, LevelsAreThoseWithoutWhatWasKept) {
+  // Two bands of one plan: what the first has solved stands in the second.
+  std::mt19937 random(4);
+  constexpr int layers = 80;
+  constexpr std::size_t columns = 40;
+  const CureModel model = model_of(resin_1(), uv_process(200, 200), 50);
+  const InhibitedPlan plan(model, false, layers, slices_with_burst(model, layers, layers - 1));
+  std::vector<std::vector<std::uint8_t>> coverage(columns, std::vector<std::uint8_t>(layers, 0));
+  for (std::size_t i = 0; i < columns; ++i) {
+    if (i % 3 == 2) {
+      coverage[i] = coverage[i / 3];
+      continue;
+    }
+    for (const CoverageRun& run : random_runs(random, layers)) {
+      std::fill(coverage[i].begin() + run.first, coverage[i].begin() + run.end, run.coverage);
+    }
+  }
+  const auto solved = [&](bool kept) {
+    ColumnFacts facts = plan.facts();
+    if (!kept) facts.solved.reset();
+    ColumnBand band(std::make_unique<InhibitedColumn>(plan), facts, columns);
+    std::vector<std::uint8_t> row(columns);
+    for (std::size_t n = 0; n < layers; ++n) {
+      for (std::size_t i = 0; i < columns; ++i) row[i] = coverage[i][n];
+      band.add_layer(row.data(), nullptr, nullptr);
+    }
+    std::vector<std::uint8_t> levels;
+    band.solve([&](int, const std::uint8_t* pixels, const std::uint8_t*,
+                   bool) { levels.insert(levels.end(), pixels, pixels + columns); },
+               {});
+    return levels;
+  };
+  const std::vector<std::uint8_t> alone = solved(false);
+  EXPECT_EQ(solved(true), alone);
+  EXPECT_EQ(solved(true), alone);
+  for (std::size_t i = 0; i < columns; ++i) {
+    InhibitedColumn column(plan);
+    const std::vector<std::uint8_t> own = solve_alone(column, plan.facts(), coverage[i], {});
+    for (std::size_t n = 0; n < own.size(); ++n) {
+      ASSERT_EQ(alone[(own.size() - 1 - n) * columns + i], own[n]) << i << ' ' << n;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace slicecorr::detail

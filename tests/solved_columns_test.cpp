@@ -154,6 +154,44 @@ TEST(InhibitedDoses, OfBlocksAreThoseOfTheirColumns) {
   }
 }
 
+TEST(ColumnBand, ColumnsAreTheSameAtAnyHeight) {
+  std::mt19937 random(5);
+  constexpr int layers = 700, part = 120;
+  for (const Process& process :
+       {uv_process(200, 200), uv_process(1000, 200), layerwise_process()}) {
+    const CureModel model = model_of(resin_1(), process, 50);
+    const InhibitedPlan plan(model, false, layers, slices_with_burst(model, layers, layers - 1));
+    const ColumnFacts facts = plan.facts();
+    ASSERT_GT(facts.begin_at, 0);
+    InhibitedColumn column(plan);
+    int moved = 0;
+    for (int round = 0; round < 12; ++round) {
+      const int by = facts.begin_at + 1 + static_cast<int>(random() % 200U);
+      std::vector<CoverageRun> runs = random_runs(random, part);
+      for (CoverageRun& run : runs) {
+        run.first += by;
+        run.end += by;
+      }
+      const std::vector<Level> own = column.solve(runs);
+      std::vector<CoverageRun> there = runs;
+      const int back = move_to_begin(facts, there);
+      ASSERT_EQ(there.front().first + back, runs.front().first);
+      EXPECT_EQ(there.front().first, facts.begin_at);
+      const std::vector<Level>& levels = column.solve(there);
+      for (std::size_t n = 0; n < own.size(); ++n) {
+        const auto shift = static_cast<std::size_t>(back);
+        ASSERT_EQ(own[n], n < shift ? 0 : levels[n - shift]) << round << ' ' << n;
+      }
+      ++moved;
+    }
+    EXPECT_EQ(moved, 12);
+    // Near to the last slice black slices give less, and near to the platform prints have no room.
+    std::vector<CoverageRun> end{{layers - 20, layers, 255}}, begin{{2, 9, 255}};
+    EXPECT_EQ(move_to_begin(facts, end), 0);
+    EXPECT_EQ(move_to_begin(facts, begin), 0);
+  }
+}
+
 TEST(ColumnBand, LevelsAreThoseWithoutWhatWasKept) {
   // Two bands of one plan: what the first has solved stands in the second.
   std::mt19937 random(4);

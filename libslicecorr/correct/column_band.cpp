@@ -71,6 +71,19 @@ std::uint8_t taken_height(const ColumnFacts& facts, std::uint8_t height) {
   return below == 0 ? std::uint8_t{0} : edge_height_byte(below);
 }
 
+int move_to_begin(const ColumnFacts& facts, std::vector<CoverageRun>& runs) {
+  if (facts.begin_at == 0 || runs.empty() || runs.front().first <= facts.begin_at ||
+      runs.back().end + facts.clear_after > facts.all_layers) {
+    return 0;
+  }
+  const int by = runs.front().first - facts.begin_at;
+  for (CoverageRun& run : runs) {
+    run.first -= by;
+    run.end -= by;
+  }
+  return by;
+}
+
 ColumnBand::ColumnBand(std::unique_ptr<ColumnSolver> solver, const ColumnFacts& facts,
                        std::size_t columns)
     : solver_(std::move(solver)),
@@ -119,6 +132,7 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
   for (std::size_t i = 0; i < changes_.size();) {
     const std::uint32_t column = changes_[i].column;
     i = read_runs(i, runs);
+    const int moved = most_ ? 0 : move_to_begin(facts_, runs);
     std::string key = key_of(runs);
     if (most_) {
       most_(column, most.data());
@@ -129,7 +143,7 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
       found = changes_of(solver_->solve(runs, {{}, {most.begin(), most.end()}}), facts_.all_layers);
       if (facts_.solved) facts_.solved->keep(key, found);
     }
-    std::int32_t n = facts_.all_layers;
+    std::int32_t n = facts_.all_layers + moved;
     for (std::size_t at = 0; at < found.size(); ++at) {
       n -= static_cast<std::int32_t>(take(found, at));
       levels.push_back({column, n, static_cast<std::uint8_t>(found[at])});
@@ -187,8 +201,11 @@ std::vector<std::uint8_t> solve_alone(ColumnSolver& solver, const ColumnFacts& f
     }
     runs.back().lower_height = height(n + 1);
   }
+  const int moved = move_to_begin(facts, runs);
   const std::vector<Level>& levels = solver.solve(runs, {});
-  return {levels.begin(), levels.begin() + facts.all_layers};
+  std::vector<std::uint8_t> own(static_cast<std::size_t>(facts.all_layers), 0);
+  std::copy_n(levels.begin(), facts.all_layers - moved, own.begin() + moved);
+  return own;
 }
 
 }  // namespace slicecorr::detail

@@ -45,9 +45,16 @@ struct ColumnFacts {
   int layers = 0, all_layers = 0;
   bool lower_at_window = false;  ///< lower edges lie at the window: their heights count for nothing
   double height_steps = 1;       ///< edge heights are rounded to this part of a slice
+  /// Columns that begin beyond layer `begin_at` and end `clear_after` slices and more before the last
+  /// are solved as if they began there, so that those that differ in their height alone are solved
+  /// once. 0: none are.
+  int begin_at = 0, clear_after = 0;
   /// Solved ones that are kept for those that are alike; null: none are.
   std::shared_ptr<SolvedColumns> solved;
 };
+
+/// Moves the runs of a column to where it is solved; returns by how many layers.
+int move_to_begin(const ColumnFacts& facts, std::vector<CoverageRun>& runs);
 
 /// The edge height of a run's end as the solve takes it: rounded, so that neighbours on a slope are
 /// alike and are solved once; none at the node where it is so near that rounding makes it 0.

@@ -122,6 +122,29 @@ void ColumnDoses::add(int n, int level) {
   move_light(n, least, level);
 }
 
+void ColumnDoses::add_same(int n, int end) {
+  const int level = this->level(n + 1), last = plan_.near - 1;
+  const double a = plan_.kernel->a(), r = plan_.ratio_of(n);
+  const double node =
+      r * (plan_.node_light.close(0, level, last) - plan_.node_light.close(0, 0, last));
+  const double middle =
+      r * (plan_.middle_light.close(0, level, last) - plan_.middle_light.close(0, 0, last));
+  for (int k = n; k >= end; --k) {
+    const auto i = static_cast<std::size_t>(k);
+    far_node_[i] = a * far_node_[i + 1] + node;
+    far_middle_[i] = a * far_middle_[i + 1] + middle;
+  }
+  std::fill(levels_.begin() + end, levels_.begin() + n + 1, static_cast<Level>(level));
+  // The layers that these slices reach beyond the last of them have what those beyond slice n + 1 had;
+  // the others have all of it.
+  for (auto* near : {&near_node_, &near_middle_}) {
+    const auto at = near->begin() + static_cast<std::ptrdiff_t>(reach_);
+    kept_.assign(at + n + 2 - plan_.near, at + n + 1);
+    std::fill(at + end, at + n + 1, at[n + 1]);
+    std::copy(kept_.begin(), kept_.end(), at + end + 1 - plan_.near);
+  }
+}
+
 void ColumnDoses::end(int n) {
   if (n < 0 || (far_node_[static_cast<std::size_t>(n) + 1] == 0 &&
                 far_middle_[static_cast<std::size_t>(n) + 1] == 0))

@@ -33,6 +33,9 @@ class ColumnDoses {
   /// Gives slice n its level; slices are added from the last to the first, after clear(). Those after
   /// the first that is added keep the light of their floors.
   void add(int n, int level);
+  /// Adds slices n .. end, from the last on, that show the level of the `near` slices after them: where
+  /// all slices are alike and have no floors.
+  void add_same(int n, int end);
   /// Adds slices n .. 0 with the light of their floors.
   void end(int n);
   /// All of a column's levels. `sampled`: doses inside layers are kept, too, for least_sampled().
@@ -149,6 +152,7 @@ class ColumnDoses {
   /// Per layer, from slices nearer than near; before the first layer, room for what passes it.
   std::vector<double> near_node_, near_middle_;
   std::vector<double> far_node_, far_middle_;  ///< F, per slice, and 0 as far as any layer looks
+  std::vector<double> kept_;                   ///< by add_same()
   std::vector<float> near_fine_;               ///< per layer and sample, while sampled()
   std::size_t reach_;                          ///< layers to which the loops give light
   int last_ = -1;                              ///< slices after it add nothing to any of these

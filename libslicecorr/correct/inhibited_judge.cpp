@@ -153,13 +153,13 @@ void ColumnJudge::look_inside(int k) {
   const bool same = plan_.uniform && inside_.least >= 1.0 && run_end_ >= k + plan_.near;
   if (same && layer_.steady_above(0, level, 1.0, beyond, 0.0)) return;
   layer_.begin(beyond);
-  int n = k;
-  if (plan_.uniform) {
-    n = std::min(run_end_, end);
-    layer_.add(0, n - 1 - k, 0, level, 1.0);
-  }
-  for (; n < end; ++n) {
-    layer_.add(n - k, plan_.setting_of(n), doses_.level(n), plan_.ratio_of(n));
+  for (int n = k; n < end;) {
+    int past = n + 1;
+    if (plan_.uniform) {
+      while (past < end && doses_.level(past) == doses_.level(n)) ++past;
+    }
+    layer_.add(n - k, past - 1 - k, plan_.setting_of(n), doses_.level(n), plan_.ratio_of(n));
+    n = past;
   }
   // The layer's own slice adds nothing at the window, unless resin cures there.
   const double own =

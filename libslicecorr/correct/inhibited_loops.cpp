@@ -102,6 +102,25 @@ std::int64_t count_wrong(const std::uint8_t* coverage, const MiddleDoses& doses,
 }
 
 SLICECORR_CLONES
+void cost_of_layers(const std::uint8_t* coverage, const MiddleDoses& doses, const LayerCosts& costs,
+                    std::span<double> cost) {
+  const double* __restrict const dark = doses.dark;
+  const double* __restrict const added = doses.added;
+  const double* __restrict const far = doses.far;
+  double* __restrict const out = cost.data();
+  const double a = doses.a;
+  const LayerCosts c = costs;
+  for (std::size_t i = 0; i < cost.size(); ++i) {
+    const double m = dark[i] + added[i] + a * far[i];
+    const double lacks = std::max(0.0, c.core_dose - m), excess = std::max(0.0, m - c.excess_dose),
+                 over = std::max(0.0, m - c.gap_dose);
+    const double full = c.core_weight * lacks * lacks + c.excess_weight * excess * excess,
+                 empty = c.gap_weight * over * over;
+    out[i] = coverage[i] == 255 ? full : coverage[i] == 0 ? empty : 0.0;
+  }
+}
+
+SLICECORR_CLONES
 float least_sample(const float* dark, const float* added, const float* fade, float far) {
   constexpr std::size_t samples = 16;
   float dose[samples];

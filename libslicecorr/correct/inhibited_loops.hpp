@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 namespace slicecorr::detail {
 
@@ -57,6 +58,14 @@ struct MiddleDoses {
 };
 /// How many of `count` layers are full and don't print, or empty and do.
 std::int64_t count_wrong(const std::uint8_t* coverage, const MiddleDoses& doses, std::size_t count);
+
+/// What doses in the middles of layers cost (InhibitedTuning).
+struct LayerCosts {
+  double core_dose, core_weight, excess_dose, excess_weight, gap_dose, gap_weight;
+};
+/// What each of `count` layers costs, to `cost`.
+void cost_of_layers(const std::uint8_t* coverage, const MiddleDoses& doses, const LayerCosts& costs,
+                    std::span<double> cost);
 
 /// The least of 16 sums dark + added + far * fade.
 float least_sample(const float* dark, const float* added, const float* fade, float far);

@@ -255,6 +255,29 @@ void InhibitedPlan::sample_dark(const CureModel& model) {
   }
 }
 
+ColumnFacts InhibitedPlan::facts() const {
+  ColumnFacts facts;
+  facts.layers = layers;
+  facts.all_layers = all_layers;
+  facts.lower_at_window = kernel->layer_by_layer();
+  facts.height_steps = tuning.height_steps;
+  facts.solved = solved;
+  if (!uniform || even || !holding_own.empty()) return facts;
+  // What a column is at one height it is at any, but for the dose of black slices, which near to the
+  // last one is less by `most_dark` a^distance: that is to be a tenth of the margin for rounding. What
+  // prints beyond a feature's edge towards the platform ends where it has room above it: 100 gel doses
+  // fall to one in less.
+  const double fall = -std::log(kernel->a());
+  constexpr double most_dose = 100;
+  facts.begin_at = near + static_cast<int>(std::ceil(std::log(most_dose) / fall));
+  const double dark = std::max(1.0, 10 * most_dark / kMargin);
+  const int longest = *std::max_element(lags.begin(), lags.end());
+  facts.clear_after = std::max(static_cast<int>(std::ceil(std::log(dark) / fall)),
+                               reach + longest + tuning.spare_slices) +
+                      near;
+  return facts;
+}
+
 int InhibitedPlan::slices_for(int target_layers, int last_lit) const {
   return std::max(target_layers, last_lit + 1 + reach + lags.front() + tuning.spare_slices);
 }

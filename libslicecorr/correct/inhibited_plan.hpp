@@ -121,9 +121,7 @@ struct InhibitedPlan {
     return of_column.empty() ? cap : std::min<int>(cap, of_column[static_cast<std::size_t>(slice)]);
   }
 
-  ColumnFacts facts() const {
-    return {layers, all_layers, kernel->layer_by_layer(), tuning.height_steps, solved};
-  }
+  ColumnFacts facts() const;
 
   InhibitedTuning tuning;
   std::shared_ptr<SolvedColumns> solved;

@@ -68,30 +68,30 @@ void ColumnPolish::try_pair(int n, int level, int previous, Best& best) {
 
 /// The weighted squares of what is wrong in the layers within reach of slice n's tables, where the
 /// light of the slice counts most.
-double ColumnPolish::cost_around(int n) const {
+double ColumnPolish::cost_around(int n) {
   const InhibitedTuning& t = plan_.tuning;
   const int low = n - plan_.near + 1, high = n + 1;
   double cost = 0;
-  for (const ColumnDesign::Edge& edge : design_.edges) {
-    if (edge.node < low || edge.node >= high) continue;
-    const double d = doses_.beside(edge.node, edge.aim) - 1.0;
+  // Edges are sorted by their nodes.
+  const auto& edges = design_.edges;
+  const auto first = std::lower_bound(edges.begin(), edges.end(), low,
+                                      [](const auto& edge, int node) { return edge.node < node; });
+  for (auto edge = first; edge != edges.end() && edge->node < high; ++edge) {
+    const double d = doses_.beside(edge->node, edge->aim) - 1.0;
     cost += t.edge_weight * d * d;
   }
-  const int end = std::min(high, plan_.all_layers);
-  for (int k = std::max(low, 0); k < end; ++k) {
-    const int c = design_.coverage(k);
-    const double m = doses_.middle(k);
-    if (c == 255) {
-      const double dip =
-          doses_.sampled() ? std::max(0.0, t.dip_dose - doses_.least_sampled(k)) : 0.0;
+  const int begin = std::max(low, 0), end = std::min(high, plan_.all_layers);
+  costs_.resize(static_cast<std::size_t>(std::max(0, end - begin)));
+  cost_of_layers(
+      design_.coverage_from(begin), doses_.middles(begin),
+      {t.core_dose, t.core_weight, t.excess_dose, t.excess_weight, t.gap_dose, t.gap_weight},
+      costs_);
+  for (int k = begin; k < end; ++k) {
+    if (doses_.sampled() && design_.full(k)) {
+      const double dip = std::max(0.0, t.dip_dose - doses_.least_sampled(k));
       cost += dip_weight_ * dip * dip;
-      const double lacks = std::max(0.0, t.core_dose - m);
-      const double excess = std::max(0.0, m - t.excess_dose);
-      cost += t.core_weight * lacks * lacks + t.excess_weight * excess * excess;
-    } else if (c == 0) {
-      const double over = std::max(0.0, m - t.gap_dose);
-      cost += t.gap_weight * over * over;
     }
+    cost += costs_[static_cast<std::size_t>(k - begin)];
   }
   return cost;
 }

@@ -5,6 +5,8 @@
 /// leaves with wrong voxels: features and gaps thinner than the light can draw.
 #pragma once
 
+#include <vector>
+
 #include "correct/inhibited_design.hpp"
 #include "correct/inhibited_doses.hpp"
 
@@ -37,13 +39,14 @@ class ColumnPolish {
   }
   void try_level(int n, int level, Best& best);
   void try_pair(int n, int level, int previous, Best& best);
-  double cost_around(int n) const;
+  double cost_around(int n);
 
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
   ColumnDoses& doses_;
   const std::vector<Level>& caps_;
   double dip_weight_ = 0;
+  std::vector<double> costs_;
 };
 
 }  // namespace slicecorr::detail

@@ -25,7 +25,13 @@ bool LevelRule::choose_all(bool again) {
     // A settled level stays until the upper edge comes near. But a level that is too dim by itself
     // may stand for long on the light of a burst, and must be looked at all the same.
     if (deep_until < n && same > settled && before >= plan_.holding) {
-      doses_.add(n, before);
+      if (by_tables_) {
+        const int end = std::max(deep_until + 1, first);
+        doses_.add_same(n, end);
+        n = end;
+      } else {
+        doses_.add(n, before);
+      }
       continue;
     }
     // The features that can ask for light of this slice have nodes above it, within reach.
@@ -36,6 +42,13 @@ bool LevelRule::choose_all(bool again) {
     if (plan_.even && even_light_fits(n, first_feature)) {
       same = 0;
       before = cap_of(n);
+      doses_.add(n, before);
+      continue;
+    }
+    if (by_tables_ && stays(n, first_feature, before)) {
+      const Feature& feature = design_.features[static_cast<std::size_t>(first_feature)];
+      deep_until = own_until(feature) + plan_.near;
+      ++same;
       doses_.add(n, before);
       continue;
     }
@@ -58,7 +71,7 @@ bool LevelRule::choose_all(bool again) {
 int LevelRule::last_asked() const {
   int last = -1;
   for (const Feature& f : design_.features) {
-    last = std::max(last, f.lower + plan_.reach + f.lag + plan_.tuning.spare_slices);
+    last = std::max(last, f.lower + reach_of(f));
   }
   return std::min(last, plan_.all_layers - 1);
 }
@@ -71,6 +84,48 @@ struct LevelRule::Asked {
   bool again;
 };
 
+/// Whether slice n lies deep inside a feature that alone asks for its light, and its least level is the
+/// one of the slice before, or so little below it that it stays.
+bool LevelRule::stays(int n, int first_feature, int before) const {
+  const int less = before - plan_.tuning.calm_levels - 1;
+  if (first_feature < 0 || less < 0) return false;
+  const Feature& feature = design_.features[static_cast<std::size_t>(first_feature)];
+  const int lag = feature.lag, reach = reach_of(feature), own = own_until(feature);
+  const int first = std::max(feature.upper, n - reach), nearest = n - lag;
+  if (!feature.full || n <= own + plan_.near || n + plan_.near >= feature.lower || first < own ||
+      !plan_.promises.hold(n - first, lag)) {
+    return false;
+  }
+  if (first_feature > 0) {
+    const Feature& other = design_.features[static_cast<std::size_t>(first_feature) - 1];
+    if (other.lower >= n - reach_of(other)) return false;
+  }
+  const double *const same = plan_.promises.of_level(before), *const dimmer =
+                                                                  plan_.promises.of_level(less);
+  bool dimmer_does = true;
+  for (int k = n; k >= nearest; --k) {
+    // A full feature's nodes all have demands.
+    const double need = design_.demand[static_cast<std::size_t>(k)] + kMargin - doses_.so_far(k, n);
+    if (need > 0 && same[n - k + 1] < need) return false;
+    dimmer_does = dimmer_does && !(need > 0 && dimmer[n - k + 1] < need);
+  }
+  return !dimmer_does && !asks_now(feature, first, nearest, n);
+}
+
+/// Whether a node first .. nearest - 1 needs more than slices to come can give.
+bool LevelRule::asks_now(const Feature& feature, int first, int nearest, int n) const {
+  const int known = n - plan_.near + 1;
+  for (const bool within : {true, false}) {
+    const int begin = within ? std::max(first, known) : first;
+    const int end = within ? nearest : std::min(known, nearest);
+    if (begin >= end) continue;
+    NodesAsking nodes = doses_.asking(design_.demand, begin, n, within);
+    nodes.rest = plan_.promises.rest(feature.lag, n - begin);
+    if (last_asking(nodes, static_cast<std::size_t>(end - begin)) > 0) return true;
+  }
+  return false;
+}
+
 /// The least level of slice n with which all nodes that can ask for its light get their doses.
 LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
   Slice slice;
@@ -79,10 +134,9 @@ LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
   slice.level = doses_.floor(n);
   for (int f = first_feature; f >= 0; --f) {
     const Feature& feature = design_.features[static_cast<std::size_t>(f)];
-    const int reach = plan_.reach + feature.lag + plan_.tuning.spare_slices;
+    const int reach = reach_of(feature);
     if (feature.lower < n - reach) break;
-    // The feature's own light ends here: slices nearer to the platform are black, or light others.
-    const int own = feature.platform ? 0 : feature.upper + feature.lag;
+    const int own = own_until(feature);
     const int begin = std::max(feature.upper, n - reach), end = std::min(feature.lower, n);
     if (feature.full && n > own + plan_.near && n + plan_.near < feature.lower) {
       slice.deep = true;

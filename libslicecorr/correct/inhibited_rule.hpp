@@ -43,6 +43,12 @@ class LevelRule {
   };
   bool choose_all(bool again);
   int last_asked() const;
+  /// Slices beyond a node of the feature that it asks for light.
+  int reach_of(const Feature& f) const { return plan_.reach + f.lag + plan_.tuning.spare_slices; }
+  /// The feature's own light ends here: slices nearer to the platform are black, or light others.
+  static int own_until(const Feature& f) { return f.platform ? 0 : f.upper + f.lag; }
+  bool stays(int n, int first_feature, int before) const;
+  bool asks_now(const Feature& feature, int first, int nearest, int n) const;
   Slice level_of(int n, int first_feature, bool again);
   struct Asked;
   int level_by_tables(const Asked& by, int level) const;

@@ -480,7 +480,7 @@ TriedPlan::TriedPlan(const CureModel& cure_model, const Process& process, int ta
 ColumnFacts TriedPlan::facts() const {
   // Edges are placed to a part of this.
   constexpr double height_steps = 64;
-  return {layers, all_layers, layerwise, height_steps, solved};
+  return {layers, all_layers, layerwise, height_steps, 0, 0, solved};
 }
 
 std::unique_ptr<ColumnSolver> make_tried_column(const TriedPlan& plan) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/kernels.hpp"
 #include "cure/front_profile.hpp"
 #include "support/numbers/bracket.hpp"
 
@@ -18,6 +19,51 @@ namespace {
 constexpr double kPrecisionUm = 0.002;
 /// Samples are single numbers: they are right to this share of the dose.
 constexpr double kSampleError = 1e-6;
+
+// Loops over the samples of a layer, compiled for each instruction set with the same bits.
+
+constexpr int kRow = InhibitedKernel::kSamples;
+
+/// Adds rows of samples to `sum`.
+SLICECORR_CLONES
+void add_rows(const float* rows, int count, float weight, float* sum) {
+  float now[kRow];
+  for (int i = 0; i < kRow; ++i) now[i] = sum[i];
+  for (int j = 0; j < count; ++j) {
+    for (int i = 0; i < kRow; ++i) now[i] += weight * rows[j * kRow + i];
+  }
+  for (int i = 0; i < kRow; ++i) sum[i] = now[i];
+}
+
+/// What may happen in the cells between samples that have no kink.
+struct Bends {
+  double fall;   ///< of light in a cell
+  double least;  ///< dose below which something happens
+};
+/// `dose`: kRow + 1 samples; `kink`: of each cell, 0: none, with one more cell at either end that
+/// has one. `marked`: 1 where the dose may pass 1 or be less than the least, of cells without a kink.
+SLICECORR_CLONES
+void mark_straight(const double* dose, const double* kink, const Bends& bends,
+                   std::int64_t* marked) {
+  double rise[kRow + 2] = {};
+  for (int i = 0; i < kRow; ++i) rise[i + 1] = dose[i + 1] - dose[i];
+  for (int i = 0; i < kRow; ++i) {
+    const double a = dose[i], b = dose[i + 1];
+    const double error = kSampleError * (a + b);
+    double low = a < b ? a : b, high = a < b ? b : a;
+    const bool before = kink[i] == 0, after = kink[i + 2] == 0;
+    const double from_before = before ? std::abs(rise[i + 1] - rise[i]) : 0.0,
+                 to_after = after ? std::abs(rise[i + 2] - rise[i + 1]) : 0.0;
+    const double sides = (before & after ? 1.0 : 2.0) * (from_before + to_after) + error;
+    const double bend = before | after ? sides : bends.fall * high;
+    const bool turns = std::abs(b - a) <= bend;
+    low -= turns ? bend : 0.0;
+    high += turns ? bend : 0.0;
+    const double near = 2.0 * kSampleError;
+    const bool passes = (low < 1.0 + near) & (high >= 1.0 - near);
+    marked[i] = (passes | (turns & (low < bends.least))) & (kink[i + 1] == 0);
+  }
+}
 
 }  // namespace
 
@@ -80,10 +126,8 @@ void InhibitedLayer::sample(double lower, double middle, double upper) {
     if (!table) table = kernel_.fine(light.setting);
     const float* const fine = table + static_cast<std::size_t>(light.level * near) * kSamples;
     const auto weight = static_cast<float>(light.weight);
-    for (int j = light.first; j <= light.last; ++j) {
-      const float* const row = fine + static_cast<std::size_t>(j) * kSamples;
-      for (int i = 0; i < kSamples; ++i) sum[i] += weight * row[i];
-    }
+    add_rows(fine + static_cast<std::ptrdiff_t>(light.first) * kSamples,
+             light.last - light.first + 1, weight, sum);
   }
   for (int i = 0; i < kSamples; ++i) dose_[i + 1] = static_cast<double>(sum[i]) + far_ * fade_[i];
   dose_[0] = lower;
@@ -164,55 +208,52 @@ double InhibitedLayer::front(const Light& light) const {
 bool InhibitedLayer::mark_cells(double known) {
   const double least = std::min(known, *std::min_element(dose_, dose_ + kSamples + 1));
   // How far into a cell its last kink lies, in slices; before it light falls by a in a slice at
-  // most.
-  double kink[kSamples] = {};
+  // most. The cells beyond either end of the layer are unknown.
+  double kinks[kSamples + 2] = {};
+  double* const kink = kinks + 1;
+  kinks[0] = kinks[kSamples + 1] = 1;
+  bool any_kink = false;
   if (kernel_.layer_by_layer()) {
     for (const Light& light : lights_) {
       const double t = front(light);
       if (t < 0) continue;
       const int i = cell(t);
       kink[i] = std::max(kink[i], t - static_cast<double>(i) / kSamples + 1e-9);
+      any_kink = true;
     }
   }
-  const auto rise = [&](int i) { return dose_[i + 1] - dose_[i]; };
-  const auto straight = [&](int i) { return i >= 0 && i < kSamples && kink[i] == 0; };
-  // How far the dose may bend in cell i, judged by the two cells beside it.
-  const auto bend = [&](int i, int step) {
-    return straight(i + step) && straight(i + 2 * step)
-               ? 2.0 * std::abs(rise(i + step) - rise(i + 2 * step))
-               : fall_ / kSamples * std::max(dose_[i], dose_[i + 1]);
-  };
+  std::int64_t marked[kSamples];
+  mark_straight(dose_, kinks, {fall_ / kSamples, least}, marked);
   bool any = false;
   for (int i = 0; i < kSamples; ++i) {
+    marked_[i] = marked[i] != 0;
+    any = any || marked_[i];
+  }
+  if (!any_kink) return any;
+  const auto rise = [&](int i) { return dose_[i + 1] - dose_[i]; };
+  const auto straight = [&](int i) { return kink[i] == 0; };
+  // How far the dose may bend in cell i, judged by the two cells beside it.
+  const auto bend = [&](int i, int step) {
+    const int next = i + 2 * step;
+    return straight(i + step) && next >= 0 && next < kSamples && straight(next)
+               ? 2.0 * std::abs(rise(i + step) - rise(next))
+               : fall_ / kSamples * std::max(dose_[i], dose_[i + 1]);
+  };
+  for (int i = 0; i < kSamples; ++i) {
+    if (kink[i] == 0) continue;
     const double a = dose_[i], b = dose_[i + 1];
     const double error = kSampleError * (a + b);
     double low = std::min(a, b), high = std::max(a, b);
-    bool turns = true;
-    if (kink[i] > 0) {
-      // Before the kink the dose goes on as in the cell before, behind it as in the cell after.
-      const double share = kink[i] * kSamples;
-      double least_there = a * (1.0 - fall_ * kink[i]);
-      if (straight(i - 1)) {
-        least_there = std::max(least_there, a + share * (rise(i - 1) - bend(i, -1)));
-      }
-      low = std::min(low, least_there) - bend(i, 1) - error;
-      high += fall_ / kSamples * high + error;
-    } else {
-      const bool before = straight(i - 1), after = straight(i + 1);
-      const double bends =
-          before || after
-              ? (before && after ? 1.0 : 2.0) * ((before ? std::abs(rise(i) - rise(i - 1)) : 0.0) +
-                                                 (after ? std::abs(rise(i + 1) - rise(i)) : 0.0)) +
-                    error
-              : fall_ / kSamples * high;
-      turns = std::abs(b - a) <= bends;
-      if (turns) {
-        low -= bends;
-        high += bends;
-      }
+    // Before the kink the dose goes on as in the cell before, behind it as in the cell after.
+    const double share = kink[i] * kSamples;
+    double least_there = a * (1.0 - fall_ * kink[i]);
+    if (straight(i - 1)) {
+      least_there = std::max(least_there, a + share * (rise(i - 1) - bend(i, -1)));
     }
+    low = std::min(low, least_there) - bend(i, 1) - error;
+    high += fall_ / kSamples * high + error;
     const double near = 2.0 * kSampleError;
-    marked_[i] = (low < 1.0 + near && high >= 1.0 - near) || (turns && low < least);
+    marked_[i] = (low < 1.0 + near && high >= 1.0 - near) || low < least;
     any = any || marked_[i];
   }
   return any;

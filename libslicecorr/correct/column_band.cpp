@@ -62,6 +62,17 @@ std::string changes_of(const std::vector<Level>& levels, int slices) {
   return bytes;
 }
 
+/// Sorts by keys below `keys`; what has the same key stays in its order.
+template <class T, class Key>
+void sort_by(std::vector<T>& values, std::size_t keys, const Key& key) {
+  std::vector<std::size_t> next(keys + 1, 0);
+  for (const T& value : values) ++next[key(value) + 1];
+  for (std::size_t k = 0; k < keys; ++k) next[k + 1] += next[k];
+  std::vector<T> sorted(values.size());
+  for (const T& value : values) sorted[next[key(value)]++] = value;
+  values = std::move(sorted);
+}
+
 }  // namespace
 
 std::uint8_t taken_height(const ColumnFacts& facts, std::uint8_t height) {
@@ -123,8 +134,7 @@ void ColumnBand::solve(const BandCorrector::Sink& sink, const BandCorrector::Til
 /// The levels of all columns, as changes from the last slice on.
 std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
   // By column; within a column they stay in the order of layers.
-  std::stable_sort(changes_.begin(), changes_.end(),
-                   [](const Change& a, const Change& b) { return a.column < b.column; });
+  sort_by(changes_, columns_, [](const Change& c) { return static_cast<std::size_t>(c.column); });
   std::vector<Change> levels;
   std::vector<CoverageRun> runs;
   std::vector<std::uint8_t> most(most_ ? static_cast<std::size_t>(facts_.all_layers) : 0);
@@ -150,8 +160,8 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
     }
   }
   release(changes_);
-  std::stable_sort(levels.begin(), levels.end(),
-                   [](const Change& a, const Change& b) { return a.at > b.at; });
+  sort_by(levels, static_cast<std::size_t>(facts_.all_layers),
+          [&](const Change& c) { return static_cast<std::size_t>(facts_.all_layers - 1 - c.at); });
   return levels;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <limits>
 
 #include "slicecorr/dose.hpp"
@@ -134,6 +135,14 @@ void ColumnJudge::look_through_feature(int& layer) {
   }
 }
 
+/// Where what is known of layer k's levels stands; `wanted` gets these.
+ColumnJudge::Window& ColumnJudge::window_of(int k, Window& wanted) {
+  std::memcpy(wanted.levels, doses_.levels().data() + k, static_cast<std::size_t>(plan_.near));
+  const std::uint64_t mixed =
+      (wanted.levels[0] * 0x9E3779B97F4A7C15ULL ^ wanted.levels[1]) * 0xD6E8FEB86659FD93ULL;
+  return safe_[static_cast<std::size_t>(mixed >> 40U) % kSafe];
+}
+
 /// Finds the least dose inside layer k of a feature, and where it crosses 1.
 void ColumnJudge::look_inside(int k) {
   const double above = doses_.node(k), half = doses_.middle(k), below = doses_.node(k + 1);
@@ -152,6 +161,15 @@ void ColumnJudge::look_inside(int k) {
   run_first_ = k;
   const bool same = plan_.uniform && inside_.least >= 1.0 && run_end_ >= k + plan_.near;
   if (same && layer_.steady_above(0, level, 1.0, beyond, 0.0)) return;
+  Window wanted;
+  Window* safe = nullptr;
+  if (!safe_.empty() && inside_.least >= 1.0 && end == k + plan_.near) {
+    safe = &window_of(k, wanted);
+    if (safe->levels[0] == wanted.levels[0] && safe->levels[1] == wanted.levels[1] &&
+        beyond >= safe->beyond) {
+      return;
+    }
+  }
   layer_.begin(beyond);
   for (int n = k; n < end;) {
     int past = n + 1;
@@ -166,6 +184,10 @@ void ColumnJudge::look_inside(int k) {
       steps ? plan_.ratio_of(k) * kernel.exact(plan_.setting_of(k), level, 0.0) : 0.0;
   layer_.sample(below + own, half, above);
   layer_.find(0.0, inside_);
+  if (safe && inside_.crossings.empty() && inside_.least >= 1.0) {
+    wanted.beyond = beyond;
+    *safe = wanted;
+  }
 }
 
 }  // namespace slicecorr::detail

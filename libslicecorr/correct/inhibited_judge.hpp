@@ -4,6 +4,9 @@
 /// How far a column under inhibiting UV light is from its design.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "correct/inhibited_design.hpp"
@@ -17,7 +20,9 @@ namespace slicecorr::detail {
 class ColumnJudge {
  public:
   ColumnJudge(const InhibitedPlan& plan, const ColumnDesign& design, const ColumnDoses& doses)
-      : plan_(plan), design_(design), doses_(doses), layer_(*plan.kernel, false) {}
+      : plan_(plan), design_(design), doses_(doses), layer_(*plan.kernel, false) {
+    if (plan.uniform && plan.near <= static_cast<int>(sizeof(Window::levels))) safe_.resize(kSafe);
+  }
 
   struct Score {
     double um = 0;        ///< the sum of what is wrong, see InhibitedTuning
@@ -37,6 +42,14 @@ class ColumnJudge {
 
  private:
   void count_wrong_voxels(Score& s) const;
+  /// The levels of the slices that the tables know at a layer, and the least dose from beyond them with
+  /// which it was found to gel all through: more can't part it.
+  struct Window {
+    std::uint64_t levels[2] = {};
+    double beyond = std::numeric_limits<double>::infinity();
+  };
+  static constexpr std::size_t kSafe = 4096;
+  Window& window_of(int k, Window& wanted);
   double edge_error_um(const ColumnDesign::Edge& edge) const;
   void look_through();
   void look_through_feature(int& layer);
@@ -48,6 +61,7 @@ class ColumnJudge {
   InhibitedLayer layer_;
   InsideLayer inside_;
   std::vector<Dip> dips_;
+  std::vector<Window> safe_;  ///< by a hash of the levels; empty: not kept
   // Slices run_first_ .. run_end_ - 1 show one level.
   int run_first_ = -1, run_end_ = 0;
 };

@@ -17,6 +17,7 @@
 
 #include "correct/column_band.hpp"
 #include "correct/inhibited_column.hpp"
+#include "correct/inhibited_judge.hpp"
 #include "correct/inhibited_rule.hpp"
 #include "slicecorr/dose.hpp"
 #include "uv_models.hpp"
@@ -105,10 +106,65 @@ TEST(LevelRule, ByTablesIsTheRule) {
       EXPECT_EQ(doses.levels(), first);
       EXPECT_EQ(plain.choose_again(), again);
       EXPECT_EQ(doses.levels(), second);
+      // Another try of the column: the tables' rule takes over what no difference reaches.
+      for (int next = 0; next < 4 && !design.features.empty(); ++next) {
+        ColumnDesign::Feature& f = design.features[random() % design.features.size()];
+        if (next % 2 == 0) f.lag = plan.lags[random() % plan.lags.size()];
+        design.demand[static_cast<std::size_t>(next < 2 ? f.upper : f.lower)] +=
+            0.01 * static_cast<double>(random() % 3U);
+        by_tables.choose();
+        const std::vector<Level> tried = doses.levels();
+        const double dose = doses.node(f.upper);
+        const bool more = next == 1 && by_tables.choose_again();
+        const std::vector<Level> tried_again = doses.levels();
+        plain.choose();
+        EXPECT_EQ(doses.levels(), tried);
+        EXPECT_EQ(doses.node(f.upper), dose);
+        if (next == 1) {
+          EXPECT_EQ(plain.choose_again(), more);
+        }
+        EXPECT_EQ(doses.levels(), tried_again);
+      }
       lit += static_cast<int>(
           std::count_if(first.begin(), first.end(), [](Level l) { return l > 0; }));
     }
     EXPECT_GT(lit, 1000);
+  }
+}
+
+TEST(InhibitedJudge, WhatIsKnownToGelChangesNoScore) {
+  std::mt19937 random(6);
+  constexpr int layers = 150;
+  for (const Process& process : {uv_process(200, 200), layerwise_process()}) {
+    const CureModel model = model_of(resin_1(), process, 50);
+    const InhibitedPlan plan(model, false, layers, slices_with_burst(model, layers, layers - 1));
+    ColumnDesign design(plan);
+    ColumnDoses doses(plan);
+    LevelRule rule(plan, design, doses);
+    ColumnJudge knowing(plan, design, doses);
+    std::size_t dips = 0;
+    for (int round = 0; round < 150; ++round) {
+      design.read(random_runs(random, layers));
+      rule.choose();
+      // Dimmer for some slices: features come apart, some by little.
+      std::vector<Level> levels = doses.levels();
+      for (Level& level : levels) {
+        if (random() % 12U == 0) level = static_cast<Level>(level * (random() % 10U) / 10U);
+      }
+      if (round % 3 != 0) doses.take(levels, false);
+      const ColumnJudge::Score known = knowing.score(1e300);
+      ColumnJudge fresh(plan, design, doses);
+      const ColumnJudge::Score score = fresh.score(1e300);
+      EXPECT_EQ(known.um, score.um);
+      EXPECT_EQ(known.perfect, score.perfect);
+      ASSERT_EQ(knowing.dips().size(), fresh.dips().size());
+      for (std::size_t i = 0; i < fresh.dips().size(); ++i) {
+        EXPECT_EQ(knowing.dips()[i].layer, fresh.dips()[i].layer);
+        EXPECT_EQ(knowing.dips()[i].least, fresh.dips()[i].least);
+      }
+      dips += fresh.dips().size();
+    }
+    EXPECT_GT(dips, 20U);
   }
 }
 

@@ -26,6 +26,7 @@ class ColumnDesign {
     bool platform = false;  ///< begins at the platform
     bool full = true;       ///< all of its demands are those of full layers
     int lag = 1;            ///< slices; see inhibited_column.hpp
+    bool operator==(const Feature&) const = default;
   };
   /// Where full layers and a gap meet: a node, whether the gap is on the platform's side of it, and
   /// how far below the node the edge belongs, and is aimed at, in slices (target.hpp).

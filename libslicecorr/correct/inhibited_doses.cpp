@@ -145,16 +145,18 @@ void ColumnDoses::add_same(int n, int end) {
   }
 }
 
-void ColumnDoses::end(int n) {
-  if (n < 0 || (far_node_[static_cast<std::size_t>(n) + 1] == 0 &&
-                far_middle_[static_cast<std::size_t>(n) + 1] == 0))
-    return;
+void ColumnDoses::add_dark(int n, int end) {
+  if (n < end) return;
   const double a = plan_.kernel->a();
-  for (auto i = static_cast<std::size_t>(n + 1); i-- > 0;) {
-    far_node_[i] = a * far_node_[i + 1];
-    far_middle_[i] = a * far_middle_[i + 1];
-  }
+  auto i = static_cast<std::size_t>(n) + 1;
+  double node = far_node_[i], middle = far_middle_[i];
+  if (node == 0 && middle == 0) return;
   last_ = std::max(last_, n);
+  for (const auto stop = static_cast<std::size_t>(end); i > stop;) {
+    --i;
+    far_node_[i] = node = a * node;
+    far_middle_[i] = middle = a * middle;
+  }
 }
 
 /// Replaces the light that slice n gives the layers within reach of the tables: that of level

@@ -36,8 +36,8 @@ class ColumnDoses {
   /// Adds slices n .. end, from the last on, that show the level of the `near` slices after them: where
   /// all slices are alike and have no floors.
   void add_same(int n, int end);
-  /// Adds slices n .. 0 with the light of their floors.
-  void end(int n);
+  /// Adds slices n .. end with the light of their floors.
+  void add_dark(int n, int end);
   /// All of a column's levels. `sampled`: doses inside layers are kept, too, for least_sampled().
   void take(const std::vector<Level>& levels, bool sampled);
   /// Sums all doses anew, after changes.

@@ -19,15 +19,36 @@ bool LevelRule::choose_all(bool again) {
   const int settled = plan_.tuning.settled_lengths * plan_.near;
   // Slices that no node asks for show their floors, as all do before a level is chosen.
   const int last = doses_.has_floors() ? plan_.all_layers - 1 : last_asked();
-  same = plan_.all_layers - 1 - last;
   const int first = doses_.has_floors() || design_.features.empty() ? 0 : design_.features[0].upper;
-  for (int n = last; n >= first; --n) {
+  int begin = last;
+  const bool remembers = by_tables_ && !plan_.even;
+  if (remembers) {
+    begin = std::min(last, std::max(first_affected(again), first - 1));
+    if (begin < last) {
+      take_over(last, begin + 1);
+      before = doses_.level(begin + 1);
+      // Of black slices it does not matter how many there are.
+      for (int n = begin + 1; before > 0 && n < plan_.all_layers && doses_.level(n) == before;
+           ++n) {
+        ++same;
+      }
+      deep_until = deep_until_[static_cast<std::size_t>(begin + 1)];
+    }
+    deep_until_.resize(static_cast<std::size_t>(plan_.all_layers));
+    std::fill(deep_until_.begin() + last + 1, deep_until_.end(), plan_.all_layers);
+  }
+  const auto keep_deep = [&](int end, int n) {
+    if (!remembers) return;
+    std::fill(deep_until_.begin() + end, deep_until_.begin() + n + 1, deep_until);
+  };
+  for (int n = begin; n >= first; --n) {
     // A settled level stays until the upper edge comes near. But a level that is too dim by itself
     // may stand for long on the light of a burst, and must be looked at all the same.
     if (deep_until < n && same > settled && before >= plan_.holding) {
       if (by_tables_) {
         const int end = std::max(deep_until + 1, first);
         doses_.add_same(n, end);
+        keep_deep(end, n);
         n = end;
       } else {
         doses_.add(n, before);
@@ -39,6 +60,18 @@ bool LevelRule::choose_all(bool again) {
            design_.features[static_cast<std::size_t>(first_feature)].upper > n) {
       --first_feature;
     }
+    if (by_tables_) {
+      const Feature& feature = design_.features[static_cast<std::size_t>(first_feature)];
+      if (const int end = feature.lower + reach_of(feature) + 1; n >= end) {
+        // No node asks for light of these slices.
+        before = same = 0;
+        deep_until = plan_.all_layers;
+        doses_.add_dark(n, end);
+        keep_deep(end, n);
+        n = end;
+        continue;
+      }
+    }
     if (plan_.even && even_light_fits(n, first_feature)) {
       same = 0;
       before = cap_of(n);
@@ -48,6 +81,7 @@ bool LevelRule::choose_all(bool again) {
     if (by_tables_ && stays(n, first_feature, before)) {
       const Feature& feature = design_.features[static_cast<std::size_t>(first_feature)];
       deep_until = own_until(feature) + plan_.near;
+      keep_deep(n, n);
       ++same;
       doses_.add(n, before);
       continue;
@@ -55,6 +89,7 @@ bool LevelRule::choose_all(bool again) {
     hint_ = before;
     Slice slice = level_of(n, first_feature, again);
     deep_until = slice.deep_until;
+    keep_deep(n, n);
     if (slice.deep && before > 0 && slice.level < before &&
         slice.level >= before - plan_.tuning.calm_levels) {
       slice.level = within(n, before);
@@ -63,8 +98,62 @@ bool LevelRule::choose_all(bool again) {
     before = slice.level;
     doses_.add(n, slice.level);
   }
-  if (last >= 0) doses_.end(first - 1);
+  if (last >= 0) doses_.add_dark(first - 1, 0);
+  chosen_.features.clear();
+  if (remembers) {
+    chosen_.levels = doses_.levels();
+    chosen_.demand = design_.demand;
+    chosen_.features = design_.features;
+    chosen_.again = again;
+  }
   return other_light_;
+}
+
+/// The last slice that may come out otherwise than when levels were chosen last; those after it are
+/// asked for the same by the same nodes.
+int LevelRule::first_affected(bool again) const {
+  const std::vector<Feature>& features = design_.features;
+  if (features.empty() || chosen_.features.size() != features.size()) return plan_.all_layers;
+  // The last node that asks otherwise, and the farthest slice that it asks.
+  int node = -1, reach = 0;
+  for (std::size_t f = 0; f < features.size(); ++f) {
+    Feature old = chosen_.features[f];
+    reach = std::max({reach, reach_of(old), reach_of(features[f])});
+    if (old == features[f]) continue;
+    old.lag = features[f].lag;
+    // Only lags differ from try to try in a column.
+    if (!(old == features[f])) return plan_.all_layers;
+    node = features[f].lower;
+  }
+  // The light that nodes before the end of their feature's own light get from others.
+  if (again || chosen_.again) node = std::max(node, own_until(features.back()));
+  for (int k = features.back().lower; k > node; --k) {
+    const auto i = static_cast<std::size_t>(k);
+    if (design_.demand[i] != chosen_.demand[i]) node = k;
+  }
+  return node + reach;
+}
+
+/// Shows the levels that were chosen before in slices last .. end.
+void LevelRule::take_over(int last, int end) {
+  int same = 0;  // slices after n that show its level
+  for (int n = last; n >= end;) {
+    const Level level = chosen_.levels[static_cast<std::size_t>(n)];
+    same = n < last && doses_.level(n + 1) == level ? same + 1 : 0;
+    int until = n;
+    if (level == 0 || same >= plan_.near) {
+      while (until > end && chosen_.levels[static_cast<std::size_t>(until) - 1] == level) --until;
+    }
+    if (level == 0) {
+      doses_.add_dark(n, until);
+    } else if (until < n) {
+      doses_.add_same(n, until);
+    } else {
+      doses_.add(n, level);
+    }
+    same += n - until;
+    n = until - 1;
+  }
 }
 
 /// The last slice that a node asks for.

@@ -42,6 +42,8 @@ class LevelRule {
     int deep_until = 0;  ///< no edge comes near before this slice
   };
   bool choose_all(bool again);
+  int first_affected(bool again) const;
+  void take_over(int last, int end);
   int last_asked() const;
   /// Slices beyond a node of the feature that it asks for light.
   int reach_of(const Feature& f) const { return plan_.reach + f.lag + plan_.tuning.spare_slices; }
@@ -71,12 +73,21 @@ class LevelRule {
   const ColumnDesign& design_;
   ColumnDoses& doses_;
   const std::vector<Level>& caps_;
-  std::vector<Level> before_;  ///< levels that choose_again() expects
-  bool other_light_ = false;   ///< a node gets light of a feature nearer to the platform
-  bool by_tables_ = false;     ///< all slices are alike, and the column has no bounds of its own
-  int hint_ = 0;               ///< level of the slice before
-  int edge_ = -1;              ///< towards the platform, that was looked at last
-  double edge_bears_ = 0;      ///< what even light may give it
+  /// What was chosen last, and for what: slices that no difference reaches are taken over. Only where
+  /// the rule goes by tables.
+  struct Chosen {
+    std::vector<Level> levels;
+    std::vector<double> demand;
+    std::vector<Feature> features;
+    bool again = false;
+  } chosen_;
+  std::vector<int> deep_until_;  ///< per slice, as it stood after the slice was chosen
+  std::vector<Level> before_;    ///< levels that choose_again() expects
+  bool other_light_ = false;     ///< a node gets light of a feature nearer to the platform
+  bool by_tables_ = false;       ///< all slices are alike, and the column has no bounds of its own
+  int hint_ = 0;                 ///< level of the slice before
+  int edge_ = -1;                ///< towards the platform, that was looked at last
+  double edge_bears_ = 0;        ///< what even light may give it
 };
 
 }  // namespace slicecorr::detail

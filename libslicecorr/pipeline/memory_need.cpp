@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "correct/solved_columns.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -56,6 +57,9 @@ double all_tables_bytes(const MemoryFacts& f) {
 /// there is: 340 bytes a column.
 constexpr double kBodiesMb = 32, kBodiesBytesPerVoxel = 0.05, kBodiesColumnBytes = 384;
 
+/// A solved column that is kept; most take some hundred.
+constexpr double kSolvedBytes = 2048;
+
 /// Where columns are corrected together: 64 MB of what is kept while rounds go on, the rest of which
 /// waits on the disk, and the patches of a thread.
 constexpr double kTogetherMb = 80;
@@ -93,6 +97,10 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
     models += 2 * f.lights * (kPlanBytes + kPlanBytesPerSlice * f.slices) / kMb;
     thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
   }
+  if (f.solved_whole) {
+    const double columns = static_cast<double>(f.voxels) / std::max(f.slices, 1);
+    models += std::min<double>(detail::SolvedColumns::kMostBytes, kSolvedBytes * columns) / kMb;
+  }
   if (f.together) models += kTogetherMb;
   return {static_cast<std::int64_t>(1.5 * (kProgramMb + mesh + pieces + bodies + models + thread)),
           static_cast<std::int64_t>(1.5 * thread)};
@@ -113,6 +121,7 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
   facts.mirrored_slices = continuous ? std::min(plan.model.mirrored_slices, plan.all_layers) : 0;
   if (plan.model.gel_time())
     facts.cut_slices = std::min(plan.model.gel_time()->reach(), facts.slices);
+  facts.solved_whole = plan.inhibited || plan.tried;
   if (!plan.model.inhibited()) return;
   facts.tables_bytes = plan.model.inhibited()->table_bytes();
   const UvSchedule& uv = process.uv;

@@ -23,16 +23,17 @@ struct Setup;
 struct MemoryFacts {
   std::size_t triangles = 0;
   int width_px = 0;
-  int slices = 0;           ///< shown
-  std::int64_t voxels = 0;  ///< of the part's box
-  int lights = 1;           ///< different values of light over the part's box
-  double tables_bytes = 0;  ///< of a value's model under UV light; 0 without
-  bool left_alone = false;  ///< something is left alone beside the part
-  bool stepwise = false;    ///< columns are solved slice by slice: not plain, continuous
-  int bath_slices = 0;      ///< of resin above the window; 0: without end
-  int cut_slices = 0;       ///< slices in which cuts of light are looked for, with a time to gel
-  int mirrored_slices = 0;  ///< below the platform, with plans of their own
-  bool together = false;    ///< light spreads: columns are corrected together
+  int slices = 0;             ///< shown
+  std::int64_t voxels = 0;    ///< of the part's box
+  int lights = 1;             ///< different values of light over the part's box
+  double tables_bytes = 0;    ///< of a value's model under UV light; 0 without
+  bool left_alone = false;    ///< something is left alone beside the part
+  bool stepwise = false;      ///< columns are solved slice by slice: not plain, continuous
+  int bath_slices = 0;        ///< of resin above the window; 0: without end
+  int cut_slices = 0;         ///< slices in which cuts of light are looked for, with a time to gel
+  int mirrored_slices = 0;    ///< below the platform, with plans of their own
+  bool solved_whole = false;  ///< columns are solved whole, and kept for those that are alike
+  bool together = false;      ///< light spreads: columns are corrected together
 };
 
 /// Whether columns are corrected together: light spreads, and nobody said to leave them alone.

@@ -45,10 +45,9 @@ ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosi
   for (double power = 1; power > 1e-12; power *= a_) powers_.push_back(power);
 }
 
-double ExtraLight::one(int setting, int l, int j) const {
-  if (j < near_) return close(setting, l, j);
-  const auto beyond = static_cast<std::size_t>(j - near_ + 1);
-  const double power = beyond < powers_.size() ? powers_[beyond] : std::pow(a_, beyond);
+double ExtraLight::beyond(int setting, int l, int j) const {
+  const auto away = static_cast<std::size_t>(j - near_ + 1);
+  const double power = away < powers_.size() ? powers_[away] : std::pow(a_, away);
   return close(setting, l, near_ - 1) * power;
 }
 

@@ -23,7 +23,9 @@ class ExtraLight {
  public:
   ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosition place);
   /// What a slice of level l adds j layers above its own.
-  double one(int setting, int l, int j) const;
+  double one(int setting, int l, int j) const {
+    return j < near_ ? close(setting, l, j) : beyond(setting, l, j);
+  }
   /// The same of j < near.
   double close(int setting, int l, int j) const { return upwards(setting, l)[reach_ - 1 - j]; }
   /// What it adds to each of the `reach()` layers up to its own, the farthest first; 0 to those that
@@ -46,6 +48,8 @@ class ExtraLight {
   int peak(int setting, int l) const;
 
  private:
+  double beyond(int setting, int l, int j) const;
+
   int near_, levels_, reach_;
   double a_;
   std::vector<std::vector<double>> tables_;  ///< [setting][level][reach_ - 1 - j]

@@ -62,7 +62,7 @@ class InhibitedWalker final : public DoseWalker {
         root_a_(std::sqrt(kernel_.a())),
         same_(columns, 0),
         settled_(blocks_, std::uint8_t{0}),
-        plain_(near_),
+        single_(near_),
         layer_(kernel_) {
     turning.assign(columns, 0);
     lower.assign(columns, 0.0);
@@ -131,11 +131,11 @@ class InhibitedWalker final : public DoseWalker {
     }
     any_ = true;
 
-    plain_ = slot.is_plain() ? plain_ + 1 : 0;
+    single_ = slot.count == 1 ? single_ + 1 : 0;
     const bool continuous = model_.mode == ExposureMode::continuous;
     if (continuous) lower.swap(upper);
-    if (plain_ >= near_) {
-      gather_plain(continuous);
+    if (single_ >= near_) {
+      gather_single(continuous);
       return;
     }
     if (!continuous) gather(InhibitedKernel::lower_end, tail_[0].data(), lower.data());
@@ -204,8 +204,12 @@ class InhibitedWalker final : public DoseWalker {
   /// The image of a near slice, with the tables of each place.
   struct NearLight {
     const std::uint16_t* levels;
+    const float* amounts;  ///< null: of grey levels
     double weight;
     const double* by_level[3];
+    double of(std::size_t i) const {
+      return amounts ? weight * static_cast<double>(amounts[i]) : weight;
+    }
   };
   /// The positions in a layer whose doses are kept, each with the recursed rest of its own.
   struct Kept {
@@ -316,8 +320,8 @@ class InhibitedWalker final : public DoseWalker {
     }
   }
 
-  /// The doses of all places, where each near slice shows one image of grey levels, or none.
-  void gather_plain(bool continuous) {
+  /// The doses of all places, where each near slice shows one image, or none.
+  void gather_single(bool continuous) {
     const Shown& now = slots_[newest_].shown[0];
     Place places[3];
     std::size_t count = 0;
@@ -334,7 +338,10 @@ class InhibitedWalker final : public DoseWalker {
     for (std::size_t j = 0; j < near_; ++j) {
       const Shown& shown = slots_[(newest_ + j) % near_].shown[0];
       NearLight& light = near_light_[j];
-      light = {shown.levels.data(), shown.weight, {}};
+      light = {shown.levels.data(),
+               shown.amounts.empty() ? nullptr : shown.amounts.data(),
+               shown.weight,
+               {}};
       for (std::size_t p = 0; p < count; ++p) {
         const std::vector<double>& table = table_[index(shown.setting, places[p].place)];
         light.by_level[p] = table.empty() ? nullptr : table.data() + j * stride_;
@@ -343,7 +350,7 @@ class InhibitedWalker final : public DoseWalker {
     const Slot& newest = slots_[newest_];
     for (std::size_t b = 0; b < blocks_; ++b) {
       const std::size_t first = b * kBlock, n = block_size(b);
-      if (!settled_[b]) {
+      if (!settled_[b] || !now.amounts.empty()) {
         if (count == 2) {
           sum_unsettled<2>(places, first, n);
         } else {
@@ -373,16 +380,18 @@ class InhibitedWalker final : public DoseWalker {
       const std::size_t same = same_[i];
       double sum[kPlacesKept] = {};
       if (now.levels[i] != off()) {
+        const double times = now.of(i);
         for (std::size_t p = 0; p < kPlacesKept; ++p) {
-          sum[p] = now.weight * places[p].sums[same * stride_ + now.levels[i]];
+          sum[p] = times * places[p].sums[same * stride_ + now.levels[i]];
         }
       }
       for (std::size_t j = same; j < near_; ++j) {
         const NearLight& light = near_light_[j];
         const std::uint16_t level = light.levels[i];
         if (level == off()) continue;
+        const double times = light.of(i);
         for (std::size_t p = 0; p < kPlacesKept; ++p) {
-          sum[p] += light.weight * light.by_level[p][level];
+          sum[p] += times * light.by_level[p][level];
         }
       }
       for (std::size_t p = 0; p < kPlacesKept; ++p) {
@@ -427,7 +436,7 @@ class InhibitedWalker final : public DoseWalker {
   std::vector<std::uint16_t> same_;    ///< slices for which a column has shown its level
   std::vector<std::uint8_t> settled_;  ///< whether all columns of a block have done so for `near_`
   std::vector<NearLight> near_light_;
-  std::size_t plain_;  ///< slices since one that showed more than one image of grey levels
+  std::size_t single_;  ///< slices since one that showed more than one image
   std::vector<double> tail_[3];
   mutable InhibitedLayer layer_;
   std::vector<std::vector<double>> table_, sums_;

@@ -31,7 +31,8 @@ void ColumnDoses::blacken(int last) {
   last_ = last;
   if (!sampled_) return;
   near_fine_.resize(levels_.size() * kSamples);
-  std::fill(near_fine_.begin(), near_fine_.begin() + (last_sampled_ + 1) * kSamples, 0.0F);
+  const auto samples = (static_cast<std::ptrdiff_t>(last_sampled_) + 1) * kSamples;
+  std::fill(near_fine_.begin(), near_fine_.begin() + samples, 0.0F);
   last_sampled_ = last;
 }
 

@@ -75,11 +75,17 @@ int install(const Arguments& a, const CLI::App& app, cli::Console& console) {
            : "the watch starts when the user signs in again, or by systemctl --user restart"));
 }
 
+/// A line of what an earlier run wrote beside a file that is another one now.
+std::string taken_away(const std::string& path) {
+  return fmt::format("\n  taken away: {}, of the earlier correction", path);
+}
+
 int correct_one(const Arguments& a, const PostRequest& request, const ExecutionContext& context,
                 cli::Console& console) {
   if (a.undo) {
-    undo(a.file, request, context);
-    console.say(fmt::format("{}: is the slicer's file again", a.file));
+    std::string text = fmt::format("{}: is the slicer's file again", a.file);
+    for (const std::string& gone : undo(a.file, request, context)) text += taken_away(gone);
+    console.say(text);
     return cli::kDone;
   }
   if (a.show_rule) {
@@ -104,6 +110,7 @@ int correct_one(const Arguments& a, const PostRequest& request, const ExecutionC
       in_one_line(outcome.setup.printer, outcome.setup.resin, *outcome.correction.info.process),
       outcome.rule.empty() ? "" : "; " + outcome.rule);
   for (const std::string& written : outcome.written) text += "  also written: " + written + "\n";
+  for (const std::string& gone : outcome.removed) text += taken_away(gone).substr(1) + "\n";
   console.say(text + cli::summary(outcome.correction.after, outcome.correction.before));
   return cli::kDone;
 }

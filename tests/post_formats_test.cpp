@@ -67,7 +67,9 @@ TEST_F(PostFormats, EachInPlaceAndBack) {
                     options_);
     ASSERT_EQ(converted.exit_code, 0) << converted.err;
     const Bytes before = bytes(name);
-    good(setup + Command{"--exposure-s", "0.1", "--backup", name});
+    const RunResult told = good(setup + Command{"--exposure-s", "0.1", "--backup", name});
+    EXPECT_THAT(told.err, Not(HasSubstr(".slicecorr-post-")))
+        << "where it is made tells nobody anything";
     EXPECT_EQ(bytes(name + ".orig"), before);
     const StackInfo info = StackReader::read_info(folder_ / name);
     EXPECT_EQ(info.kind, StackKind::corrected);

@@ -253,6 +253,49 @@ TEST_F(Post, Reports) {
             figures["uncorrected"]["height_error_um"]["mean_abs"]);
 }
 
+TEST_F(Post, WhatLiesBesideIsOfTheFileAsItIs) {
+  good(kSmall + Command{"--backup", "--report=both", "part.sl1"});
+  const std::string page = text("part.sl1.html"), figures = text("part.sl1.json");
+  write("part.sl1.txt", "slicecorr-post: Slices corrected\npart.sl1\n");
+  // Corrected anew: what is made anew is replaced, what is not goes.
+  const RunResult again =
+      good(kSmall + Command{"--again", "--exposure-s", "0.15", "--report=json", "part.sl1"});
+  EXPECT_NE(text("part.sl1.json"), figures);
+  EXPECT_FALSE(there("part.sl1.html"));
+  EXPECT_FALSE(there("part.sl1.txt"));
+  EXPECT_THAT(again.err, AllOf(HasSubstr("also written: " + (folder_ / "part.sl1.json")),
+                               HasSubstr("taken away: " + (folder_ / "part.sl1.html")),
+                               HasSubstr("taken away: " + (folder_ / "part.sl1.txt"))));
+  EXPECT_THAT(good({"--undo", "part.sl1"}).err,
+              HasSubstr("taken away: " + (folder_ / "part.sl1.json")));
+  EXPECT_FALSE(there("part.sl1.json"));
+  // What somebody else wrote stays, whatever it is called; so does what a refused run does not touch.
+  for (const char* ending : {".html", ".json", ".txt"}) {
+    write(std::string("part.sl1") + ending, "{\"mine\": \"<html>\"}");
+  }
+  good(kSmall + Command{"--backup", "part.sl1"});
+  bad(2, kSmall + Command{"part.sl1"}, {"already corrected"});
+  good({"--undo", "part.sl1"});
+  for (const char* ending : {".html", ".json", ".txt"}) {
+    EXPECT_EQ(text(std::string("part.sl1") + ending), "{\"mine\": \"<html>\"}");
+  }
+  // An export over the corrected file takes its old page along.
+  write("part.sl1.html", page);
+  good(kSmall + Command{"part.sl1"});
+  EXPECT_FALSE(there("part.sl1.html"));
+}
+
+TEST_F(Post, WorkFoldersAreNamedToNobody) {
+  const auto without = [](const char* text) { return post::WorkFolder::without(text); };
+  EXPECT_EQ(without("/a/.slicecorr-post-Ab12cD/x.ctb: holds /a/.slicecorr-post-Ab12cD/y"),
+            "/a/x.ctb: holds /a/y");
+  EXPECT_EQ(without(".slicecorr-post-Ab12cD/x.ctb"), "x.ctb");
+  for (const char* text : {"", "/a/x.ctb", "/a/.slicecorr-post-", "/a/.slicecorr-post-Ab12c/x",
+                           "/a/.slicecorr-post-Ab12cD", "/a/my.slicecorr-post-Ab12cD/x"}) {
+    EXPECT_EQ(without(text), text);
+  }
+}
+
 TEST_F(Post, WrongUse) {
   bad(2, {}, {"expected a FILE"});
   bad(2, kSmall + Command{"none.sl1"}, {"none.sl1: is not a file"});

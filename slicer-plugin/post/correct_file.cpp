@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "post/beside.hpp"
 #include "post/files.hpp"
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
@@ -51,7 +52,8 @@ std::string backup_of(const std::string& real, const PostRequest& request) {
 /// What the library says of a setup does not tell of which file.
 template <typename Body>
 auto naming(const std::string& path, const Body& body) {
-  const auto named = [&](const std::string& text) {
+  const auto named = [&](const std::string& what) {
+    const std::string text = WorkFolder::without(what);
     return text.find(path) != std::string::npos ? text : path + ": " + text;
   };
   try {
@@ -220,7 +222,12 @@ Decision preview(const std::string& path, const PostRequest& request) {
 }
 
 PostOutcome correct_file(const std::string& path, const PostRequest& request,
-                         const ExecutionContext& context) {
+                         const ExecutionContext& given) {
+  // The archive is made in a work folder; who reads of it knows the file.
+  ExecutionContext context = given;
+  if (given.notice) {
+    context.notice = [&given](const std::string& text) { given.notice(WorkFolder::without(text)); };
+  }
   const std::string real = real_path(path);
   // Not where scratch may lie instead: what can't be put in place is not begun.
   const std::string folder = detail::path_parts(real).folder;
@@ -281,14 +288,16 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     reports.publish(outcome.written);
     outcome.identity = identity_of(made).value();
     rename_with_record(made, real);
+    outcome.removed = remove_beside(name, outcome.written);
     detail::sync_folder(folder);
     return outcome;
   });
 }
 
-void undo(const std::string& path, const PostRequest& request, const ExecutionContext& context) {
+std::vector<std::string> undo(const std::string& path, const PostRequest& request,
+                              const ExecutionContext& context) {
   const std::string real = real_path(path);
-  naming(path, [&] {
+  return naming(path, [&] {
     const Lock lock = lock_of(real);
     const StackInfo info = read_archive(real);
     if (info.kind != StackKind::corrected) {
@@ -297,7 +306,9 @@ void undo(const std::string& path, const PostRequest& request, const ExecutionCo
     const std::string backup = backup_of(real, request);
     check_belongs(info, real, backup, context);
     rename_with_record(backup, real);
+    std::vector<std::string> removed = remove_beside(name_for_user(real, request), {});
     detail::sync_folder(detail::path_parts(real).folder);
+    return removed;
   });
 }
 

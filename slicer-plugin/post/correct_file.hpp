@@ -25,7 +25,9 @@ struct PostOutcome {
   Setup setup;
   Correction correction;
   std::vector<std::string> written;  ///< backup and reports
-  FileIdentity identity;             ///< of the new file
+  /// What an earlier run wrote beside the file, of what it was then; taken away.
+  std::vector<std::string> removed;
+  FileIdentity identity;  ///< of the new file
 };
 
 /// Corrects `path`: at any moment the file is either the old or the new one, whole. Throws
@@ -37,9 +39,11 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
 /// How `correct_file` would go about it. Changes nothing.
 Decision preview(const std::string& path, const PostRequest& request);
 
-/// Puts the backup of a corrected file in its place. Throws `InputError` when there is none, or it
-/// is not what the file was made from.
-void undo(const std::string& path, const PostRequest& request, const ExecutionContext& context);
+/// Puts the backup of a corrected file in its place, and takes away what was written beside the
+/// corrected one: gives the names of that. Throws `InputError` when there is no backup, or it is not
+/// what the file was made from.
+std::vector<std::string> undo(const std::string& path, const PostRequest& request,
+                              const ExecutionContext& context);
 
 /// The figures of an outcome, as reports have them.
 std::string figures_json(const PostOutcome& outcome);

@@ -4,6 +4,7 @@
 #include "post/files.hpp"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <stdlib.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -13,6 +14,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <string_view>
 
 #include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
@@ -25,7 +27,9 @@ using detail::errno_message;
 
 namespace {
 
-constexpr const char* kPrefix = ".slicecorr-post-";
+constexpr std::string_view kPrefix = ".slicecorr-post-";
+/// What follows it, as of mkdtemp.
+constexpr std::string_view kAnyName = "XXXXXX";
 
 [[noreturn]] void fail(const std::string& path, const std::string& what) {
   throw DeviceError(errno_message(path, what));
@@ -68,7 +72,7 @@ Lock::~Lock() {
 WorkFolder::WorkFolder(const std::string& folder) {
   // Another run may take the new folder for a stale one before it is locked.
   for (int attempt = 0; attempt < 100; ++attempt) {
-    std::string name = folder + "/" + kPrefix + "XXXXXX";
+    std::string name = fmt::format("{}/{}{}", folder, kPrefix, kAnyName);
     if (::mkdtemp(name.data()) == nullptr) fail(folder, "nothing can be written in this folder");
     lock_ = Lock::try_take(name);
     if (lock_) {
@@ -88,7 +92,21 @@ bool WorkFolder::is_one(const std::string& name) { return name.rfind(kPrefix, 0)
 
 bool WorkFolder::is_named_in(const std::string& message) {
   const std::string path = message.substr(0, message.find(": "));
-  return path.find(std::string("/") + kPrefix) != std::string::npos;
+  return path.find(fmt::format("/{}", kPrefix)) != std::string::npos;
+}
+
+std::string WorkFolder::without(std::string text) {
+  const std::size_t length = kPrefix.size() + kAnyName.size();
+  for (std::size_t at = 0; (at = text.find(kPrefix, at)) != std::string::npos;) {
+    const bool whole =
+        (at == 0 || text[at - 1] == '/') && at + length < text.size() && text[at + length] == '/';
+    if (whole) {
+      text.erase(at, length + 1);
+    } else {
+      at += kPrefix.size();
+    }
+  }
+  return text;
 }
 
 std::vector<std::string> WorkFolder::remove_stale(const std::string& folder) {

@@ -58,6 +58,8 @@ class WorkFolder {
   static bool is_one(const std::string& name);
   /// Whether a message, "PATH: WHAT", is about a path in such a folder.
   static bool is_named_in(const std::string& message);
+  /// The text with files in such folders named as if they lay beside them.
+  static std::string without(std::string text);
   /// Removes those of killed runs in `folder`; gives the names of the files that were in work.
   static std::vector<std::string> remove_stale(const std::string& folder);
 

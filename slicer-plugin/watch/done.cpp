@@ -48,6 +48,11 @@ Done correct_and_tell(const std::string& path, const PostRequest& request,
       became(Kind::left_alone, cli::kDone, outcome.rule);
     } else {
       done.made = outcome.identity;
+      std::string gone;
+      for (const std::string& path : outcome.removed) {
+        // A text is written anew where it is asked for.
+        if (!path.ends_with(".txt")) gone += "; taken away: " + path;
+      }
       const Correction& c = outcome.correction;
       const auto mean = [](const Prediction& p) {
         return p.height_error_um.count() ? fmt::format("{:.3g}", p.height_error_um.mean()) : "-";
@@ -57,7 +62,7 @@ Done correct_and_tell(const std::string& path, const PostRequest& request,
                          c.info.grid.layers,
                          in_one_line(outcome.setup.printer, outcome.setup.resin, *c.info.process),
                          mean(c.after), c.before ? mean(*c.before) : "-",
-                         outcome.rule.empty() ? "" : "; " + outcome.rule, remarks));
+                         outcome.rule.empty() ? "" : "; " + outcome.rule, remarks + gone));
     }
   } catch (const AlreadyCorrected&) {
     became(Kind::already, cli::kDone, {});

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "post/beside.hpp"
 #include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
@@ -20,7 +21,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kFirstWords = "slicecorr-post: ";
 constexpr std::size_t kMostBytes = std::size_t{1} << 20;
 
 }  // namespace
@@ -32,9 +32,9 @@ std::string write_text_beside(const std::string& path, const std::string& title,
   if (fs::symlink_status(to, ec).type() != fs::file_type::not_found) {
     const auto old = fs::is_regular_file(fs::symlink_status(to, ec)) ? text_of_file(to, kMostBytes)
                                                                      : std::nullopt;
-    if (!old || !old->starts_with(kFirstWords)) return to + " is a file of somebody else";
+    if (!old || !old->starts_with(kTextFirstWords)) return to + " is a file of somebody else";
   }
-  std::string text = kFirstWords + title + "\n" + fs::path(path).filename().string() + "\n\n";
+  std::string text = kTextFirstWords + title + "\n" + fs::path(path).filename().string() + "\n\n";
   std::size_t at = 0;
   while (at < message.size()) {
     const std::size_t end = std::min(message.find("; ", at), message.size());

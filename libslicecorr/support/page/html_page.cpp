@@ -57,8 +57,8 @@ std::string style(std::initializer_list<std::string_view> more) {
 
 Page::Page(std::string_view title, std::initializer_list<std::string_view> styles)
     : main_(markup(
-          R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}</style></head><body><main><h1>{0}</h1>)",
-          title, Markup::raw(style(styles)))) {}
+          R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">{2}<title>{0}</title><style>{1}</style></head><body><main><h1>{0}</h1>)",
+          title, Markup::raw(style(styles)), Markup::raw(kGenerator))) {}
 
 void Page::scripts(std::string_view id, std::string_view json,
                    std::initializer_list<std::string_view> sources) {

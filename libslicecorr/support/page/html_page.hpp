@@ -28,6 +28,9 @@ namespace slicecorr::page {
 extern const std::string_view page_page_css, page_tiles_css, page_inflate_js, page_round_js;
 // NOLINTEND(readability-identifier-naming)
 
+/// What every page says of who made it, in its head.
+inline constexpr std::string_view kGenerator = R"(<meta name="generator" content="slicecorr">)";
+
 /// A piece of HTML.
 class Markup {
  public:

@@ -35,13 +35,15 @@ TEST(Personal, PathsAndAddresses) {
         "\\\\server\\share", "file:///goo", "file=/srv/goo", "../goo.csv", "./goo", "/root"}) {
     EXPECT_THAT(path_or_address_in(text), HasSubstr("a path")) << text;
   }
-  for (const char* text : {"jo@example.org", "Jo <jo.m+x@mail.example.org>", "by ü@example.de;"}) {
+  for (const char* text : {"jo@example.org", "Jo <jo.m+x@mail.example.org>", "by ü@example.de;",
+                           "jo@lab-pc", "a@b.de", "x@y"}) {
     EXPECT_THAT(path_or_address_in(text), HasSubstr("an e-mail address")) << text;
   }
   for (const char* text :
        {"", "mW/cm²", "1 / 2", "and/or", "KB-101/104", "https://example.org/a/b?c=d",
         "github.com/umag/resinsim docs/kb", "PrusaSlicer @0.05", "resin@0.05", "Strong-X @0.05 mm",
-        "a: /", "R² 0.99, n 12", "[[0, 1], [255, 4]]", "@example.org", "jo@home", "5 µm"}) {
+        "a: /", "R² 0.99, n 12", "[[0, 1], [255, 4]]", "@example.org", "jo@", "5 µm",
+        "at @50 um"}) {
     EXPECT_THAT(path_or_address_in(text), IsEmpty()) << text;
   }
 }
@@ -52,7 +54,21 @@ TEST(Personal, Names) {
                            "films of Jo Miller", "on LAB-PC"}) {
     EXPECT_THAT(name_in(text, names), Not(IsEmpty())) << text;
   }
-  for (const char* text : {"", "jo", "root", "jmillers", "ajmiller", "Jo", "Miller", "lab pc"}) {
+  for (const char* text : {"jo", "JO's films", "by jo", "(Jo)", "jo-2", "films of jo_"}) {
+    EXPECT_EQ(name_in(text, names), "jo") << text;
+  }
+  EXPECT_EQ(name_in("films by k, dried", {"k"}), "k");
+  EXPECT_EQ(name_in("Ed measured", {"in", "a", "ed"}), "ed");
+  EXPECT_EQ(name_in("made in a lab, n = 12, 3 x 5 mm, x: 3", {"in", "a", "n", "x", "mm", "lab"}),
+            "x");
+  for (const char* text : {"in a lab, n = 12, n 12, 3 x 5 mm", "I did it"}) {
+    EXPECT_THAT(name_in(text, {"in", "a", "n", "x", "mm", "lab", "i", "it"}), IsEmpty()) << text;
+  }
+  EXPECT_EQ(names_of_person("Jo M. Miller-Röß"),
+            (std::vector<std::string>{"Jo M. Miller-Röß", "Jo", "Miller", "Röß"}));
+  EXPECT_EQ(names_of_person(""), std::vector<std::string>{""});
+  for (const char* text :
+       {"", "joe", "root", "jmillers", "ajmiller", "banjo", "Miller", "lab pc"}) {
     EXPECT_THAT(name_in(text, names), IsEmpty()) << text;
   }
   EXPECT_THAT(name_in("raspberrypi and user", {"raspberrypi", "user"}), IsEmpty());

@@ -97,8 +97,13 @@ std::vector<std::string> private_names() {
     add(found->pw_name);
     // The full name; behind commas stand other things.
     const std::string about = found->pw_gecos ? found->pw_gecos : "";
-    add(about.substr(0, about.find(',')).c_str());
+    const std::string full_name = about.substr(0, about.find(','));
+    for (const std::string& name : names_of_person(full_name)) add(name.c_str());
+    add(fs::path(found->pw_dir ? found->pw_dir : "").filename().c_str());
   }
+  const char* const home = std::getenv("HOME");
+  // Without the slash that it may end with.
+  add(fs::path(home ? home : "").lexically_normal().append("").parent_path().filename().c_str());
   std::array<char, 256> host{};
   if (::gethostname(host.data(), host.size() - 1) == 0) {
     const std::string whole = host.data();

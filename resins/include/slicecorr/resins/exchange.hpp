@@ -79,6 +79,9 @@ Saved save_imported(const Imported& definition, const std::string& folder, Repla
 std::string export_record(const ResinRecord& record, const std::string& format, double layer_um,
                           double intensity_mw_cm2);
 
+/// A full name and each of its words: "Jo Miller", "Jo", "Miller".
+std::vector<std::string> names_of_person(const std::string& full_name);
+
 /// A definition as it may be handed in: for others, without what is one person's alone.
 struct Shared {
   std::string text;                     ///< of NAME.toml, without comments

@@ -4,6 +4,8 @@
 // Supports through the C interface: given by themselves, or as what lies outside of a part in an archive.
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include "c_abi.hpp"
 #include "slicecorr/left_alone.hpp"
 
@@ -129,6 +131,52 @@ TEST_F(CAbiSupports, PartsInside) {
       EXPECT_LT(left + std::uint64_t{4 * 4 * 10}, left_before);
     }
     left_before = left;
+  }
+  // The same part in centimetres, lying on its side: turned and scaled it is the same, in a unit or by its
+  // longest side; as it stands it is not there.
+  TriangleMesh aside = raised;
+  for (Point3& v : aside.vertices) v = {v[0] / 10, v[2] / 10, -v[1] / 10};
+  const std::string lying = file("lying.stl", aside);
+  Placement placed;
+  placed.scale = 10;
+  placed.rotate_deg = {90, 0, 0};
+  const LeftAloneFiles turned(target, {}, {}, setup.printer, folder_.path(), {}, {{lying}, placed});
+  const Correction of_turned =
+      correct_stack(*turned, setup, folder_ / "expected.uvj", {.before = true});
+  ASSERT_GT(of_turned.after.left_alone_voxels, 3U * 88 * 50);
+  const double about_xyz[] = {90, 0, 0};
+  double longest = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto [low, high] =
+        std::minmax_element(raised.vertices.begin(), raised.vertices.end(),
+                            [k](const Point3& a, const Point3& b) { return a[k] < b[k]; });
+    longest = std::max(longest, (*high)[k] - (*low)[k]);
+  }
+  for (const auto& [name, value] : {std::pair("scale", 10.0), std::pair("fit_mm", longest)}) {
+    SCOPED_TRACE(name);
+    Settings settings = ladder_settings(printer_);
+    settings.emplace_back("part_inside", lying);
+    const SetupHandle s = c_setup(settings);
+    ASSERT_EQ(slicecorr_setup_set_number(s.get(), name, value), SLICECORR_OK);
+    EXPECT_EQ(slicecorr_check(t.get(), s.get(), nullptr), SLICECORR_BAD_INPUT)
+        << "lies on its side";
+    ASSERT_EQ(slicecorr_setup_set_numbers(s.get(), "rotate_deg", about_xyz, 3), SLICECORR_OK);
+    expect_as_in_cpp(t.get(), s.get(), of_turned);
+    ASSERT_EQ(slicecorr_setup_set_text(s.get(), "units", "inch"), SLICECORR_OK);
+    if (std::string(name) == "scale") {
+      EXPECT_EQ(slicecorr_check(t.get(), s.get(), nullptr), SLICECORR_BAD_INPUT);
+    }
+    const auto refused = [&](const char* words) {
+      EXPECT_EQ(slicecorr_check(t.get(), s.get(), nullptr), SLICECORR_BAD_INPUT);
+      EXPECT_THAT(slicecorr_error_text(), ::testing::HasSubstr(words));
+    };
+    ASSERT_EQ(slicecorr_setup_set_numbers(s.get(), "rotate_deg", about_xyz, 2), SLICECORR_OK);
+    refused("rotate_deg has 2 numbers; expected three");
+    ASSERT_EQ(slicecorr_setup_set_number(s.get(), "scale", 10), SLICECORR_OK);
+    ASSERT_EQ(slicecorr_setup_set_number(s.get(), "fit_mm", 10), SLICECORR_OK);
+    refused("exclude each other");
+    ASSERT_EQ(slicecorr_setup_set_text(s.get(), "part_inside", ""), SLICECORR_OK);
+    refused("expected part_inside");
   }
   // A mesh that the archive does not hold, or that is not there.
   TriangleMesh other;

@@ -85,6 +85,62 @@ TEST(DoseFactor, ADoseInMjCm3IsForMOf1FromFilesAndStacksAlike) {
                InputError);
 }
 
+/// As a stack records it and is read again.
+Resin as_recorded(const Resin& resin) {
+  const Printer printer = parse_printer(
+      "name = \"p\"\n[display]\nwidth_px = 8\nheight_px = 8\npixel_um = 50.0\n[blue]\n"
+      "calibration = [[0, 1.0], [255, 100.0]]\n",
+      "p.toml");
+  return parse_definitions_json(definitions_json(printer, resin), "block").second;
+}
+
+// What changes a resin changes its file and what was read of it alike; a dose stays as it was told.
+TEST(DoseFactor, AnotherHeightIsTheSameToFilesAndStacks) {
+  struct Case {
+    std::string file;
+    bool areal_aim, areal_gel;
+  };
+  const std::string jacobs = "model = \"jacobs\"\n", kinetic = "model = \"kinetic\"\n";
+  for (const Case& c :
+       {Case{jacobs + "gel_dose_mj_cm3 = 100.0\ndose_factor = 3.0", false, false},
+        Case{jacobs + "gel_dose_mj_cm2 = 10.0", true, true},
+        Case{jacobs + "critical_dose_mj_cm3 = 576.0\ngel_dose_mj_cm2 = 5.0", false, true},
+        Case{jacobs + "critical_dose_mj_cm2 = 20.0\ngel_dose_mj_cm3 = 115.2", true, false},
+        Case{kinetic + "m = 1.0\ncritical_dose_prime = 64.0\ngel_dose_mj_cm2 = 3.0", true, true},
+        Case{kinetic + "m = 0.8\ncritical_dose_prime = 64.0", true, false}}) {
+    SCOPED_TRACE(c.file);
+    const Resin plain = parsed(c.file);
+    for (const ResinOverrides& o : {ResinOverrides{{}, 60.0, {}}, ResinOverrides{{}, 900.0, 2.0},
+                                    ResinOverrides{99.0, 60.0, {}}}) {
+      if (o.dc_mj_cm3 && plain.m != 1) continue;
+      const Resin read = parsed(c.file, o), changed = with_overrides(plain, o);
+      EXPECT_EQ(read, changed);
+      EXPECT_EQ(changed.absorbance_height10_um, *o.ha_um);
+      // A stack's own copy, changed later, is the same again.
+      EXPECT_EQ(with_overrides(as_recorded(plain), o), changed);
+      const double volume = dose_height_e_um(plain) / dose_height_e_um(changed);
+      EXPECT_NEAR(changed.gel_dose_mj_cm3, plain.gel_dose_mj_cm3 * (c.areal_gel ? volume : 1),
+                  1e-12 * changed.gel_dose_mj_cm3);
+      EXPECT_EQ(changed.critical_dose_prime,
+                o.dc_mj_cm3
+                    ? 0
+                    : plain.critical_dose_prime * (o.dose_factor ? 2 / plain.dose_factor : 1));
+      if (plain.critical_dose_mj_cm3 == 0) continue;
+      if (o.dc_mj_cm3) {
+        EXPECT_EQ(changed.critical_dose_mj_cm3, 99);
+      } else if (!o.dose_factor) {
+        EXPECT_NEAR(changed.critical_dose_mj_cm3,
+                    plain.critical_dose_mj_cm3 * (c.areal_aim ? volume : 1),
+                    1e-12 * changed.critical_dose_mj_cm3);
+      }
+      if (changed.gel_dose_mj_cm3 > 0 && plain.critical_dose_prime == 0) {
+        EXPECT_NEAR(changed.critical_dose_mj_cm3 / changed.gel_dose_mj_cm3, changed.dose_factor,
+                    1e-12 * changed.dose_factor);
+      }
+    }
+  }
+}
+
 TEST(DoseFactor, SetupsSayIt) {
   SetupChoices c;
   c.printer_toml =

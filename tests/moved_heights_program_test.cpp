@@ -124,8 +124,74 @@ TEST_F(MovedProgram, WhatIsLeftAloneHasTheTargetsLayers) {
   good(Command{"correct", "even.uvj", "-o", "made.uvj"} + kWith);
   bad(2, {"verify", "made.uvj", "--target", "uneven.uvj"},
       {"uneven.uvj", "its layer 0 is 40 um high, that of the stack 100 um"});
+  good(Command{"correct", "uneven.uvj", "-o", "moved.uvj"} + kWith);
+  bad(2, {"verify", "moved.uvj", "--target", "even.uvj"},
+      {"even.uvj", "its layer 0 is 100 um high, that of the stack 40 um"});
   bad(2, Command{"correct", "uneven.uvj", "-o", "no.uvj", "--leave-alone", "even.uvj"} + kWith,
       {"even.uvj", "layer 0 is 100 um high, that of the target 40 um"});
+}
+
+TEST_F(MovedProgram, JobsOfTheFarmTakeHeights) {
+  TriangleMesh block;
+  add_box(block, {0, 0, 0}, {2, 2, 0.4});
+  add_box(block, {0, 0, 1}, {2, 2, 1.6});
+  write_stl(folder_ / "part.stl", block);
+  write("heights.csv", "slice,layer_um\n0,40\n5,100\n9,20\n");
+  const auto farm = [&](Command words, int code = 0) {
+    words.insert(words.begin(), SLICECORR_BIN_DIR "/slicefarm");
+    RunResult r = run_program(words + Command{"--dir", "farm"}, options_);
+    EXPECT_EQ(r.exit_code, code) << ::testing::PrintToString(words) << r.out << r.err;
+    return r.out + r.err;
+  };
+  const std::string defaults =
+      "[defaults]\nprinter = \"small.toml\"\nresin = \"resin.toml\"\nspeed_mm_h = 200\n"
+      "one_slice_gaps = \"merge\"\nlayer_um = 50\nout = \"out\"\n";
+  write("jobs.toml",
+        defaults +
+            "[[job]]\npart = \"part.stl\"\nname = \"each\"\n"
+            "layer_heights_um = [40, 40, 40, 40, 40, 100, 100, 100, 100, 20]\n"
+            "[[job]]\npart = \"part.stl\"\nname = \"slopes\"\nadaptive_um = [20, 100]\n"
+            "[[job]]\npart = \"part.stl\"\nname = \"alike\"\n");
+  farm({"submit", "jobs.toml"});
+  farm(Command{"submit", "part.stl", "--layers", "heights.csv", "--name", "by-table", "--out",
+               "out"} +
+       kWith);
+  EXPECT_THAT(farm({"run", "--until-empty"}), HasSubstr("4"));
+  // Byte for byte what `run` makes.
+  for (const auto& [name, heights] :
+       {std::pair<std::string, Command>("each", {"--layers", "heights.csv"}),
+        {"by-table", {"--layers", "heights.csv"}},
+        {"slopes", {"--adaptive-um", "20,100"}},
+        {"alike", {"--layer-um", "50"}}}) {
+    SCOPED_TRACE(name);
+    good(Command{"run", "part.stl", "-o", "by-run.uvj"} + heights + kWith);
+    EXPECT_EQ(read_file(folder_ / ("out/" + name + ".uvj")), read_file(folder_ / "by-run.uvj"));
+    EXPECT_EQ(StackReader::read_info(folder_ / "by-run.uvj").process->layer_heights_um.empty(),
+              name == "alike");
+  }
+  // Heights are said once, and by a mesh alone.
+  good({"slice", "part.stl", "-o", "part.uvj", "--printer", "small.toml", "--layer-um", "50"});
+  const auto refused = [&](const std::string& job, const char* words) {
+    const bool says = job.find("part = ") != std::string::npos;
+    write("wrong.toml",
+          defaults + "[[job]]\n" + (says ? "" : "part = \"part.stl\"\n") + job + "\n");
+    EXPECT_THAT(farm({"submit", "wrong.toml"}, 2), HasSubstr(words)) << job;
+  };
+  refused("layer_um = 20\nadaptive_um = [20, 100]", "layer_um and adaptive_um are both said");
+  refused("layer_heights_um = [20]\nadaptive_um = [20, 100]",
+          "layer_heights_um and adaptive_um are both said");
+  refused("part = \"part.uvj\"\nadaptive_um = [20, 100]", "expected no adaptive_um with it");
+  refused("part = \"part.uvj\"\nlayer_heights_um = [20]", "expected no layer_heights_um with it");
+  refused("adaptive_um = [20]", "adaptive_um");
+  refused("layer_heights_um = [0.5]", "from 1 to 1000");
+  refused("layer_heights_um = [2000]", "layer_heights_um");
+  EXPECT_THAT(farm(Command{"submit", "part.stl"} + kWith, 2),
+              HasSubstr("--layer-um is missing; expected it, --layers or --adaptive-um"));
+  farm(Command{"submit", "part.stl", "--layer-um", "50", "--layers", "heights.csv"} + kWith, 2);
+  EXPECT_THAT(farm(Command{"submit", "part.stl", "--layers", "heights.csv", "--mode", "tomography",
+                           "--printer", "small.toml", "--resin", "resin.toml"},
+                   2),
+              HasSubstr("--layers has no place in a tomographic print"));
 }
 
 }  // namespace

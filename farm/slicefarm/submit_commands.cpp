@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "programs/common/mesh_options.hpp"
+#include "programs/common/part_slices.hpp"
 #include "programs/common/setup_options.hpp"
 #include "programs/common/tomo_options.hpp"
 #include "slicecorr/farm/submit.hpp"
@@ -28,7 +29,7 @@ struct SubmitArguments {
   cli::TomoPrintOptions tomo;  ///< with the options of meshes
   const CLI::App* app = nullptr;
   JobRequest request;
-  std::string store, json;
+  std::string store, json, layers;
   bool dry_run = false, skip_bad = false;
 };
 
@@ -40,6 +41,7 @@ std::map<std::string, SaidField> said_options(const CLI::App& app) {
     if (option->count() == 0) continue;
     for (std::string name : option->get_lnames()) {
       std::replace(name.begin(), name.end(), '-', '_');
+      if (name == "layers") name = detail::kLayerHeights;
       if (std::find(fields.begin(), fields.end(), name) == fields.end()) continue;
       said[name] = {"command line", false};
     }
@@ -56,6 +58,10 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   common.setup = a.setup.choices();
   const cli::MeshOptions& mesh = a.tomo.mesh;
   common.layer_um = mesh.layer_um;
+  common.adaptive_um = a.request.adaptive_um;
+  if (!a.layers.empty()) {
+    common.setup.layer_heights_um = cli::read_by_slice(a.layers, "layer_um");
+  }
   common.antialias = mesh.antialias;
   common.units = mesh.units;
   common.scale = mesh.scale;
@@ -244,6 +250,7 @@ void add_submit_commands(cli::Program& program) {
   cli::MeshOptions& mesh = a->tomo.mesh;
   sub->add_option("--layer-um", mesh.layer_um, "Slice height, 1 to 1000")
       ->check(cli::number_in(1, 1000));
+  cli::add_heights_to(*sub, a->layers, a->request.adaptive_um);
   sub->add_option("--antialias", mesh.antialias,
                   "Area coverage in 256 levels, or the pixel-centre rule")
       ->check(CLI::IsMember({"on", "off"}))

@@ -336,7 +336,7 @@ const Fields& fields() {
   static const Fields table = [] {
     Fields t;
     for (const Setting& s : settings()) {
-      if (s.said_by == SaidBy::all) t.emplace(s.name, setting_field(s));
+      if (s.said_by != SaidBy::library) t.emplace(s.name, setting_field(s));
     }
     const auto add = [&](const char* name, Field field, const char* words) {
       t.emplace(name, std::move(field).of(words));
@@ -347,6 +347,9 @@ const Fields& fields() {
         "Meshes that share the plate; over HTTP uploads");
     add("layer_um", number(SLICEFARM_FIELD(layer_um), 1, 1000),
         "Height of slices; an archive says it itself");
+    add("adaptive_um", numbers(SLICEFARM_FIELD(adaptive_um), 2),
+        "LOW and HIGH: layers of a mesh as high as slopes allow, in multiples of LOW up to HIGH, in "
+        "place of layer_um");
     add("antialias", word(SLICEFARM_FIELD(antialias), {"on", "off"}),
         "Grey pixels where an outline goes through them");
     add("units", word(SLICEFARM_FIELD(units), {"auto", "mm", "inch", "m"}), "Unit of the meshes");

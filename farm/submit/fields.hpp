@@ -29,6 +29,9 @@ struct Value {
 /// Sets what `key` says. Gives the error, empty when there is none.
 std::string set_field(JobRequest& request, const std::string& key, const Value& value);
 
+/// The setting of heights of layers, which command lines say by a table (`--layers`).
+inline constexpr const char* kLayerHeights = "layer_heights_um";
+
 /// What kind of job a request is for.
 enum class JobKind { slices, tomographic_mesh, tomographic_volume };
 JobKind kind_of(const JobRequest& request);

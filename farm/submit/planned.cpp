@@ -28,6 +28,11 @@ std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& set
                                            const std::string& scratch_folder,
                                            const ExecutionContext& context) {
   if (std::all_of(r.parts.begin(), r.parts.end(), is_mesh_name)) {
+    if (!r.setup.layer_heights_um.empty() || !r.adaptive_um.empty()) {
+      throw InputError(fmt::format(
+          "layers of different heights, for which nothing is planned; expected {} alone with {}",
+          named(r, "layer_um"), named(r, "plan")));
+    }
     if (r.layer_um <= 0) throw InputError(named(r, "layer_um") + " is missing");
     cli::MeshOptions o;
     o.parts = r.parts;

@@ -14,6 +14,7 @@
 #include <tuple>
 
 #include "programs/common/mesh_options.hpp"
+#include "programs/common/part_slices.hpp"
 #include "service/commit.hpp"
 #include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
@@ -157,8 +158,7 @@ void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
   look_at_light(slices, setup.printer, setup.process, plan, c.memory);
 }
 
-void check_meshes(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
-                  const ExecutionContext& context, Checked& c) {
+cli::MeshOptions mesh_options_of(const JobRequest& r) {
   cli::MeshOptions o;
   o.parts = r.parts;
   o.layer_um = r.layer_um;
@@ -168,13 +168,66 @@ void check_meshes(const JobRequest& r, const Setup& setup, const std::string& sc
   o.scale = r.scale;
   o.rotate_deg = r.rotate_deg;
   o.plate = r.plate;
-  MeshesLeftAlone place;
+  return o;
+}
+
+enum class HeightsBy { alike, each, slopes };
+
+/// Heights of layers are said once, of meshes: what a job says comes before defaults. An archive says
+/// its own.
+HeightsBy check_heights(const JobRequest& r, bool mesh) {
+  struct Way {
+    HeightsBy by;
+    const char *key, *option;
+    bool is;
+  };
+  const Way ways[] = {
+      {HeightsBy::alike, "layer_um", "--layer-um", r.layer_um > 0},
+      {HeightsBy::each, detail::kLayerHeights, "--layers", !r.setup.layer_heights_um.empty()},
+      {HeightsBy::slopes, "adaptive_um", "--adaptive-um", !r.adaptive_um.empty()}};
+  const auto name = [&](const Way& way) { return r.as_options ? way.option : way.key; };
+  std::vector<const Way*> said;
+  for (const Way& way : ways) {
+    if (way.is) said.push_back(&way);
+  }
+  const auto is_default = [&](const Way* way) {
+    const auto found = r.said.find(way->key);
+    return found != r.said.end() && found->second.default_;
+  };
+  if (!std::all_of(said.begin(), said.end(), is_default)) std::erase_if(said, is_default);
+  if (!mesh) {
+    for (const Way* way : said) {
+      if (way->by == HeightsBy::alike || is_default(way)) continue;
+      throw InputError(r.parts[0], "",
+                       fmt::format("is an archive, whose slices have their heights; expected no {} "
+                                   "with it",
+                                   name(*way)));
+    }
+    return HeightsBy::alike;
+  }
+  if (said.empty()) {
+    throw InputError(fmt::format("{} is missing; expected it, {} or {}", name(ways[0]),
+                                 name(ways[1]), name(ways[2])));
+  }
+  if (said.size() > 1) {
+    throw InputError(fmt::format("{} and {} are both said; expected one of them", name(*said[0]),
+                                 name(*said[1])));
+  }
+  return said.front()->by;
+}
+
+void check_meshes(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
+                  const ExecutionContext& context, Checked& c) {
+  const cli::MeshOptions o = mesh_options_of(r);
   cli::PartFacts facts;
-  const MeshSlices slices =
-      cli::slice_parts(o, setup.printer, Surface::slices, r.leave_alone, place, context, &facts);
+  const cli::PartSlices slices(
+      o, setup.printer,
+      {LayerHeights(setup.process.layer_heights_um), Surface::slices, r.leave_alone}, context,
+      &facts);
   c.memory.triangles = facts.triangles;
-  plan(slices, setup, !r.leave_alone.empty(), context, c);
-  const LeftAloneFiles target(slices, r.leave_alone, place, setup.printer, scratch_folder, context);
+  plan(*slices, setup, !r.leave_alone.empty(), context, c);
+  const LeftAloneFiles target(*slices, r.leave_alone, slices.place(), setup.printer, scratch_folder,
+                              context);
   const PixelBox box = (*target).bounds();
   c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();
 }
@@ -385,11 +438,15 @@ class Preparation {
     }
   }
 
-  /// That a resin is of another wavelength, once for each pair of resin and printer.
+  /// That a resin is of another wavelength, or its seconds of another display's light, once for each
+  /// pair of resin and printer.
   void tell_light(const Setup& setup) {
-    const std::string words =
-        other_wavelength_in_words(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
-    if (!words.empty() && told_.insert(words).second) context_.tell(words);
+    for (const std::string& words :
+         {other_wavelength_in_words(setup.printer, setup.resin,
+                                    setup.process.uv.kind != UvKind::off),
+          other_display_in_words(setup.printer, setup.resin)}) {
+      if (!words.empty() && told_.insert(words).second) context_.tell(words);
+    }
   }
 
   /// Refuses what was said for another kind of job, where it stands; a default for other jobs is
@@ -401,6 +458,7 @@ class Preparation {
     for (const auto& [key, said] : r.said) {
       std::string name = key;
       if (r.as_options) {
+        if (key == detail::kLayerHeights) name = "layers";
         std::replace(name.begin(), name.end(), '_', '-');
         name.insert(0, "--");
       }
@@ -469,9 +527,8 @@ class Preparation {
       if (!is_mesh_name(part)) throw InputError(part, "", "is no mesh; expected one");
     }
     w.spec.layer_um = r.layer_um;
+    const HeightsBy heights = check_heights(r, w.mesh);
     if (w.mesh) {
-      if (r.layer_um <= 0)
-        throw InputError(r.as_options ? "--layer-um is required" : "layer_um is missing");
       w.spec.antialias = r.antialias;
       w.spec.units = r.units;
       w.spec.scale = r.scale;
@@ -480,6 +537,11 @@ class Preparation {
       w.spec.plate = r.plate;
       SetupChoices chosen = r.setup;
       chosen.layer_um = r.layer_um;
+      if (heights != HeightsBy::each) chosen.layer_heights_um.clear();
+      if (heights == HeightsBy::slopes) {
+        chosen.layer_heights_um =
+            cli::adaptive_heights_of(mesh_options_of(r), r.leave_alone, r.adaptive_um).um();
+      }
       w.setup = resolve_setup(chosen, nullptr, nullptr,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     } else {
@@ -491,7 +553,9 @@ class Preparation {
         w.spec.scale = r.scale;
         w.spec.rotate_deg = r.rotate_deg;
       }
-      w.setup = resolve_setup(r.setup, nullptr, &info,
+      SetupChoices chosen = r.setup;
+      chosen.layer_heights_um.clear();  // a default for meshes
+      w.setup = resolve_setup(chosen, nullptr, &info,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     }
     if (r.robust && r.uncertain.empty()) {

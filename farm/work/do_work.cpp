@@ -17,14 +17,18 @@
 
 #include "programs/common/make_part.hpp"
 #include "programs/common/mesh_options.hpp"
+#include "programs/common/part_slices.hpp"
 #include "programs/common/program.hpp"
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/same_light.hpp"
 #include "slicecorr/setup.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
 #include "support/process/memory_limit.hpp"
@@ -134,18 +138,24 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   file.format = spec.format;
   const std::string title = detail::title_stand_in(order.key);
 
-  std::optional<MeshSlices> mesh;
+  std::optional<cli::PartSlices> mesh;
   std::optional<StackReader> archive;
   const std::ptrdiff_t inside_at = std::ssize(paths) - spec.inside,
                        parts = inside_at - spec.left_alone;
   const std::vector<std::string> left_alone(paths.begin() + parts, paths.begin() + inside_at),
       inside(paths.begin() + inside_at, paths.end());
-  MeshesLeftAlone place;
   cli::PartFacts facts;
   if (spec.kind == "run") {
-    mesh.emplace(
-        cli::slice_parts(detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}),
-                         setup.printer, setup.process.surface, left_alone, place, context, &facts));
+    mesh.emplace(detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}), setup.printer,
+                 cli::LayersWanted{LayerHeights(setup.process.layer_heights_um),
+                                   setup.process.surface, left_alone},
+                 context, &facts);
+    if (mesh->uneven()) {
+      Process process = setup.process;
+      if (const char* const why = leave_out_heights(setup.printer, setup.resin, process)) {
+        context.tell(why);
+      }
+    }
     for (const std::string& text : facts.defects) {
       outcome.message += (outcome.message.empty() ? "" : "; ") + text;
     }
@@ -162,10 +172,10 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
     facts.pixel_y_um = setup.printer.pixel_y_um;
     archive.emplace(paths[0], folder, context, facts);
   }
-  const SliceSource& slices =
-      mesh ? static_cast<const SliceSource&>(*mesh) : static_cast<const SliceSource&>(*archive);
+  const SliceSource& slices = mesh ? **mesh : static_cast<const SliceSource&>(*archive);
   const FittedSlices fitted = cli::fit_for_output(slices, file, setup.printer, context);
-  const LeftAloneFiles leaving(*fitted, left_alone, place, setup.printer, folder, context,
+  const LeftAloneFiles leaving(*fitted, left_alone, mesh ? mesh->place() : MeshesLeftAlone{},
+                               setup.printer, folder, context,
                                cli::parts_inside(inside, detail::mesh_options(spec, {})));
   const SliceSource& target = *leaving;
   const Grid& g = target.grid();
@@ -177,7 +187,13 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const Correction result =
       cli::make_part(target, setup, file, base, title, context, [&] { reporter.begin(2); });
   fill_figures(outcome.figures, result.after);
-  // It ends well, but with a warning.
+  // It ends well, but with warnings: of light that is not this printer's, and of bodies.
+  for (const std::string& text :
+       {other_wavelength_in_words(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off),
+        other_display_in_words(setup.printer, setup.resin),
+        assumption_in_words(setup.printer, setup.resin, setup.process)}) {
+    if (!text.empty()) outcome.message += (outcome.message.empty() ? "" : "; ") + text;
+  }
   if (result.after.bodies) {
     for (const std::string& text : warnings_of(*result.after.bodies)) {
       outcome.message += (outcome.message.empty() ? "" : "; ") + text;

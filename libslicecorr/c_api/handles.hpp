@@ -24,6 +24,10 @@ namespace slicecorr::c_api {
 struct Choices : SetupChoices {
   std::string leave_alone;  ///< path of what is shown as it is sliced; empty: nothing
   std::string part_inside;  ///< paths of meshes, one a line (`PartsInside`)
+  /// How these meshes are turned and scaled, as programs have it (`Placement`).
+  std::string units;
+  double scale = 0, fit_mm = 0;
+  std::vector<double> rotate_deg;
   double voxel_mm = 0;
   int angles = -1, iterations = -1;
   std::string method, window;

@@ -35,6 +35,7 @@ struct Named {
   std::string what, takes;
   std::vector<std::string_view> words = {};  ///< texts that are accepted; empty: all
   const Setting* setting = nullptr;          ///< of `settings()`
+  bool any_number = false;                   ///< negative ones and 0, too
 };
 
 const std::vector<Named>& all_settings() {
@@ -68,6 +69,15 @@ const std::vector<Named>& all_settings() {
         "part_inside", &C::part_inside,
         "paths of meshes, one a line, that the archive was sliced from: they are found there, and what it "
         "lights outside of them, supports and rafts, is left alone");
+    text("units", &C::units, "unit of the meshes of part_inside", {"auto", "mm", "inch", "m"});
+    number("scale", &C::scale, "factor of the size of the meshes of part_inside");
+    number("fit_mm", &C::fit_mm,
+           "longest side of all meshes of part_inside together, in place of scale");
+    list.push_back(
+        {"rotate_deg", &C::rotate_deg,
+         "by how much the meshes of part_inside are turned about x, y and z, in this order",
+         "three numbers"});
+    list.back().any_number = true;
     text("uncertain", &C::uncertain,
          "by how much inputs may be off: ha=5%,dc=5%, or fit for what the resin's file says");
     text("robust", &C::robust, "keep features and gaps for all that uncertain names: on or off",
@@ -118,7 +128,8 @@ double number_of(const Named& s, std::string_view text) {
 }
 
 double checked(const Named& s, double value) {
-  const bool fits = s.setting ? takes_number(*s.setting, value)
+  const bool fits = s.any_number ? std::isfinite(value)
+                    : s.setting  ? takes_number(*s.setting, value)
                     : std::holds_alternative<Count>(s.member)
                         ? value >= 0 && value <= 1e6 && value == std::floor(value)
                         : value > 0 && std::isfinite(value);

@@ -65,6 +65,32 @@ struct Beside {
   PartsInside inside;
   bool empty() const { return files.empty() && inside.files.empty(); }
 };
+
+/// How the meshes of parts are turned and scaled.
+Placement placement_of(const Choices& choices, const std::vector<std::string>& files) {
+  Placement p;
+  const bool said = !choices.units.empty() || choices.scale > 0 || choices.fit_mm > 0 ||
+                    !choices.rotate_deg.empty();
+  if (!said) return p;
+  if (files.empty()) {
+    throw InputError("units, scale, fit_mm and rotate_deg are for a part; expected part_inside");
+  }
+  if (choices.scale > 0 && choices.fit_mm > 0) {
+    throw InputError("fit_mm and scale exclude each other; expected one of them");
+  }
+  if (!choices.units.empty()) p.units = units_named(choices.units);
+  if (choices.scale > 0) p.scale = choices.scale;
+  if (!choices.rotate_deg.empty()) {
+    if (choices.rotate_deg.size() != 3) {
+      throw InputError(fmt::format("rotate_deg has {} numbers; expected three, about x, y and z",
+                                   choices.rotate_deg.size()));
+    }
+    std::copy(choices.rotate_deg.begin(), choices.rotate_deg.end(), p.rotate_deg.begin());
+  }
+  if (choices.fit_mm > 0) p.scale *= fit_scale(files, p, choices.fit_mm);
+  return p;
+}
+
 Beside left_alone(const slicecorr_setup* setup) {
   Beside beside;
   if (!setup) return beside;
@@ -74,6 +100,7 @@ Beside left_alone(const slicecorr_setup* setup) {
   for (std::string path; std::getline(lines, path);) {
     if (!path.empty()) beside.inside.files.push_back(path);
   }
+  beside.inside.placement = placement_of(choices, beside.inside.files);
   return beside;
 }
 

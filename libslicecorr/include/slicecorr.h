@@ -123,6 +123,9 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *                        their supports: they are found there in all their copies, and what it lights
  *                        outside of them, supports and rafts, is left alone. A mesh that is not there
  *                        is SLICECORR_BAD_INPUT, also of slicecorr_check()
+ *  units                 auto, mm, inch, m: unit of these meshes
+ *  scale, fit_mm         factor of their size, or longest side of all of them together
+ *  rotate_deg            three numbers: by how much they are turned about x, y and z, in this order
  *  uncertain             by how much inputs may be off, as standard deviations: ha=5%,dc=5%, or fit
  *                        for what the resin's file says; predictions then say how sure they are
  *  robust                on, off: corrections keep features and gaps for all that uncertain names

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <numbers>
 
@@ -256,6 +257,36 @@ TriangleMesh read_mesh(const std::string& path, const Placement& placement,
   if (notes) notes->insert(notes->end(), own_notes.begin(), own_notes.end());
   place(mesh, placement, file_unit_mm, path, context);
   return mesh;
+}
+
+Units units_named(std::string_view name) {
+  if (name == "mm") return Units::mm;
+  if (name == "inch") return Units::inch;
+  if (name == "m") return Units::m;
+  return Units::automatic;
+}
+
+double fit_scale(const std::vector<std::string>& files, const Placement& placement,
+                 double longest_mm) {
+  constexpr double inf = std::numeric_limits<double>::infinity();
+  Point3 low{inf, inf, inf}, high{-inf, -inf, -inf};
+  for (const std::string& path : files) {
+    const TriangleMesh mesh = read_mesh(path, placement);
+    for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+      if (!mesh.adds(i)) continue;
+      for (const std::uint32_t v : mesh.triangles[i]) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          low[k] = std::min(low[k], mesh.vertices[v][k]);
+          high[k] = std::max(high[k], mesh.vertices[v][k]);
+        }
+      }
+    }
+  }
+  const double longest = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+  if (!(longest > 0)) {
+    throw InputError(files.empty() ? "" : files.front(), "", "has no size that could be scaled");
+  }
+  return longest_mm / longest;
 }
 
 }  // namespace slicecorr

@@ -418,6 +418,7 @@ Correction StackCorrection::result() {
   describe(result.info);
   result.after = of_whole_image(after_, plans_.all_layers());
   result.after.other_wavelength = other_wavelength(setup_.printer, setup_.resin);
+  result.after.other_display = other_display(setup_.printer, setup_.resin);
   result.after.assumed = setup_.process.assumed;
   result.after.dead_zones = std::move(dead_zones);
   if (setup_.process.even_light) {

@@ -391,6 +391,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   verification.predict_bands();
   Prediction p = verification.result();
   p.other_wavelength = other_wavelength(setup.printer, setup.resin);
+  p.other_display = other_display(setup.printer, setup.resin);
   p.assumed = setup.process.assumed;
   if (target.doses()) {
     const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),

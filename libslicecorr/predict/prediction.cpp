@@ -322,6 +322,9 @@ std::string Prediction::to_json() const {
     j["other_wavelength"] = {{"printer_nm", other_wavelength->printer_nm},
                              {"resin_nm", other_wavelength->resin_nm}};
   }
+  if (other_display) {
+    j["other_display"] = other_display->empty() ? ordered_json() : ordered_json(*other_display);
+  }
   if (assumed != AssumedLight::none) j["assumed"] = name_of(assumed);
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);

@@ -131,6 +131,7 @@ void resolve_gel_time(const TomlTable& cure, std::optional<double> dose_override
   }
   resin.model = CureModelKind::jacobs;
   resin.gel_dose_mj_cm3 = units::volumetric_from_areal(a, dose_height_e_um(resin));
+  resin.areal_gel_dose = resin.areal_critical_dose = true;
   resin.critical_dose_mj_cm3 = dose_override.value_or(resin.gel_dose_mj_cm3 * factor);
   resin.dose_factor = resin.critical_dose_mj_cm3 / resin.gel_dose_mj_cm3;
 }
@@ -150,6 +151,7 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
   const auto critical = areal_or_volumetric("critical_dose_mj_cm3", "critical_dose_mj_cm2");
   const auto prime = cure.number("critical_dose_prime", 0, 1e9);
   if (gel) resin.gel_dose_mj_cm3 = *gel;
+  resin.areal_gel_dose = cure.has("gel_dose_mj_cm2");
   if (resin.m != 1.0) {
     // Intensity times time says nothing here: D'c alone counts.
     if (dose_override) cure.fail("m", only_for_m_1(resin));
@@ -161,6 +163,7 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
     resin.critical_dose_mj_cm3 = *dose_override;
   } else if (critical) {
     resin.critical_dose_mj_cm3 = *critical;
+    resin.areal_critical_dose = cure.has("critical_dose_mj_cm2");
   } else if (prime && resin.model == CureModelKind::kinetic) {
     resin.critical_dose_prime = *prime * factor.value_or(1.0);
     resin.critical_dose_mj_cm3 =
@@ -168,6 +171,7 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
   } else if (gel) {
     // Correcting with the gel dose itself loses features (dissertation §2.3.2).
     resin.critical_dose_mj_cm3 = *gel * factor.value_or(kDefaultDoseFactor);
+    resin.areal_critical_dose = resin.areal_gel_dose;
   } else {
     cure.fail("critical_dose_mj_cm3",
               "missing; expected a critical dose, or gel_dose_mj_cm3 with its dose_factor");
@@ -210,6 +214,7 @@ void resolve_relative(const TomlTable& root, const TomlTable& cure, const ResinO
                           unit_in_files(resin.unit), key));
   }
   if (overrides.dc_mj_cm3) cure.fail("unit", only_for_m_1(resin));
+  resin.display = cure.text("display", "");
   resin.critical_dose_mj_cm3 = units::volumetric_from_areal(
       cure.required_number("critical_dose_s", 0, 1e9), dose_height_e_um(resin));
 }
@@ -302,10 +307,10 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.wavelength_nm = cure.number("wavelength_nm", 0, 1e5).value_or(0);
   resin.tuned_with = tuned_with(root);
   check_overrides(overrides);
-  if (overrides.ha_um) take_height(resin, *overrides.ha_um);
-  if (!is_relative(resin) && cure.has("critical_dose_s")) {
-    cure.fail("critical_dose_s", fmt::format("is for unit = \"{}\"; expected it beside that",
-                                             unit_in_files(LightUnit::brightest)));
+  for (const char* key : {"critical_dose_s", "display"}) {
+    if (is_relative(resin) || !cure.has(key)) continue;
+    cure.fail(key, fmt::format("is for unit = \"{}\"; expected it beside that",
+                               unit_in_files(LightUnit::brightest)));
   }
   if (is_relative(resin)) {
     resolve_relative(root, cure, overrides, resin);
@@ -317,7 +322,6 @@ Resin parse_resin(std::string_view text, const std::string& source,
     }
     resolve_dose(cure, overrides.dc_mj_cm3, resin);
   }
-  if (overrides.dose_factor) scale_dose(resin, *overrides.dose_factor);
   if (const auto table = root.table("inhibition")) {
     if (model == "gel-time") {
       cure.fail("model",
@@ -335,7 +339,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
     resin.bleaching = bleaching_of(*table, resin);
   }
   resin.chemistry = detail::chemistry_keys(root, cure, resin.viscosity_pa_s);
-  return resin;
+  return with_overrides(std::move(resin), overrides);
 }
 
 void refuse_bleaching(const Resin& resin, const char* what) {
@@ -362,15 +366,26 @@ double dose_height_e_um(const Resin& resin) {
 
 Resin with_overrides(Resin resin, const ResinOverrides& overrides) {
   check_overrides(overrides);
-  const double before_um = dose_height_e_um(resin);
-  if (overrides.ha_um) take_height(resin, *overrides.ha_um);
-  // Seconds of full light are areal, whatever the height.
-  if (is_relative(resin)) resin.critical_dose_mj_cm3 *= before_um / dose_height_e_um(resin);
+  if (overrides.ha_um) {
+    const double before_um = dose_height_e_um(resin);
+    take_height(resin, *overrides.ha_um);
+    // What was told of a surface stays so: D'c and seconds of full light always.
+    const double change = before_um / dose_height_e_um(resin);
+    const bool areal =
+        resin.areal_critical_dose || is_relative(resin) || resin.critical_dose_prime > 0;
+    if (areal) resin.critical_dose_mj_cm3 *= change;
+    if (resin.areal_gel_dose) resin.gel_dose_mj_cm3 *= change;
+    if (areal != resin.areal_gel_dose && resin.gel_dose_mj_cm3 > 0 &&
+        resin.critical_dose_mj_cm3 > 0 && resin.critical_dose_prime == 0) {
+      resin.dose_factor = resin.critical_dose_mj_cm3 / resin.gel_dose_mj_cm3;
+    }
+  }
   if (overrides.dc_mj_cm3) {
     if (resin.has_gel_time()) throw InputError(resin.name, "model", only_for_m_1(resin));
     if (is_relative(resin)) throw InputError(resin.name, "unit", only_for_m_1(resin));
     if (resin.m != 1.0) throw InputError(resin.name, "m", only_for_m_1(resin));
     resin.critical_dose_mj_cm3 = *overrides.dc_mj_cm3;
+    resin.areal_critical_dose = false;
     resin.critical_dose_prime = 0;
     resin.dose_factor =
         resin.gel_dose_mj_cm3 > 0 ? resin.critical_dose_mj_cm3 / resin.gel_dose_mj_cm3 : 1;

@@ -75,6 +75,7 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
         "light is counted in shares of the brightest level of printer '{}', and doses in "
         "seconds of it, also where a name says mW or mJ",
         printer.name));
+    add(other_display_in_words(printer, resin));
   }
   const std::string of_resin = fmt::format("resin '{}'", resin.name),
                     of_printer = fmt::format("printer '{}'", printer.name);
@@ -85,6 +86,22 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
                     "the UV light of " + of_printer, printer.uv->wavelength_nm, "measured"));
   }
   return told;
+}
+
+std::optional<std::string> other_display(const Printer& printer, const Resin& resin) {
+  if (!is_relative(resin) || resin.display == printer.name) return std::nullopt;
+  return resin.display;
+}
+
+std::string other_display_in_words(const Printer& printer, const Resin& resin) {
+  if (!other_display(printer, resin)) return {};
+  return fmt::format(
+      "the dose of resin '{}' is in seconds of the full light of {}, not of printer '{}': it holds "
+      "where both are as bright, and what is predicted is off by what they differ",
+      resin.name,
+      resin.display.empty() ? "a display that its file does not name (cure.display)"
+                            : fmt::format("printer '{}'", resin.display),
+      printer.name);
 }
 
 std::string printer_and_light(const Printer& printer) {

@@ -125,7 +125,7 @@ const std::vector<Setting>& table() {
        .text = "Height of each layer, where they differ [as the archive says]",
        .range = up_to(1000),
        .column = "layer_um",
-       .said_by = SaidBy::library,
+       .said_by = SaidBy::jobs,
        .process = &Process::layer_heights_um,
        .block = BlockPart::exposure,
        .changed_only = true},

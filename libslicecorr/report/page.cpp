@@ -215,7 +215,7 @@ Markup summary(const ReportContent& c) {
   say("UV light", uv_in_words(c.setup.process.uv));
   for (const std::string& sentence :
        light_notices(c.setup.printer, c.setup.resin, c.setup.process.uv.kind != UvKind::off)) {
-    say("Wavelength", sentence);
+    say("Light", sentence);
   }
   if (const std::string words =
           assumption_in_words(c.setup.printer, c.setup.resin, c.setup.process);

@@ -50,11 +50,6 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
   if (std::string text = assumption_in_words(setup.printer, setup.resin, setup.process);
       !text.empty()) {
     notices.push_back(std::move(text));
-  } else if (is_relative(setup.resin)) {
-    notices.push_back(fmt::format(
-        "the dose of resin '{}' holds for the display with which its films were made, or "
-        "one as bright",
-        setup.resin.name));
   }
   if (setup.printer.levels() == 2) {
     notices.push_back(fmt::format(

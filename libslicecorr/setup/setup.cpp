@@ -427,6 +427,7 @@ void Resolver::assume_dose(Setup& setup, const StackInfo* times, double layer_um
     exposure_s = times->exposure_s * usual_light_share(archive);
   }
   setup.resin = with_assumed_dose(std::move(setup.resin), layer_um, exposure_s, p.green_strength);
+  setup.resin.display = setup.printer.name;
   p.green_strength = assumed_green_strength(p.green_strength);
 }
 

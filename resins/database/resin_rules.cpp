@@ -113,6 +113,10 @@ constexpr std::array kResinRules = std::to_array<KeyRule>({
          "dose aimed at in seconds of the brightest level's light, which gel a surface; with such a "
          "unit alone"},
     {.table = "cure",
+     .key = "display",
+     .type = text,
+     .what = "name of the printer whose full light these are; another one is told of"},
+    {.table = "cure",
      .key = "absorption_per_cm",
      .type = number,
      .high = 1e6,

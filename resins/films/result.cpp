@@ -159,8 +159,10 @@ std::string resin_of_films(const std::string& name, const Printer& printer, cons
                       toml_number(fit.absorbance_height_um.value));
   text += relative ? fmt::format(
                          "# Seconds of the brightest level's light that gel a surface.\n"
-                         "critical_dose_s = {}\n",
-                         toml_number(fit.gel_s.value))
+                         "critical_dose_s = {}\n"
+                         "# Whose full light that is.\n"
+                         "display = {}\n",
+                         toml_number(fit.gel_s.value), toml_text(printer.name))
                    : fmt::format(
                          "# {:.5g} s of {:g} mW/cm² gel a surface.\ncritical_dose_mj_cm2 = {}\n",
                          fit.gel_s.value, full_mw_cm2, toml_number(fit.gel_s.value * full_mw_cm2));

@@ -102,6 +102,8 @@ struct MeshReport {
 };
 
 enum class Units { automatic, mm, inch, m };  ///< `automatic`: the file's own, else mm
+/// "mm", "inch", "m"; `automatic` of all others ("auto").
+Units units_named(std::string_view name);
 
 /// How a mesh is turned and scaled before slicing: units, then scale, then rotation about x, y and
 /// z (fixed axes, in that order, degrees).
@@ -122,6 +124,11 @@ bool is_mesh_name(const std::string& path);
 TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
                        const ExecutionContext& context = {},
                        std::vector<std::string>* notes = nullptr);
+
+/// The factor with which the longest side of all files together, as `placement` turns and scales them,
+/// is `longest_mm` > 0. Throws as `read_mesh`, and where they have no size.
+double fit_scale(const std::vector<std::string>& files, const Placement& placement,
+                 double longest_mm);
 
 /// Counts triangles, bodies and defects; O(triangles). Writes to `edge_defects`, when it is not
 /// null, which edges are open and which triangles are turned.

@@ -242,6 +242,9 @@ struct Prediction {
   /// Where the resin was measured at another wavelength than the printer's light has; not merged, set
   /// for whole stacks.
   std::optional<OtherWavelength> other_wavelength;
+  /// Of which display the seconds of full light are that doses are told in, where it is not that of the
+  /// printer; "" where nobody says. Not merged, set for whole stacks.
+  std::optional<std::string> other_display;
   AssumedLight assumed =
       AssumedLight::none;  ///< light and dose were; not merged, set for whole stacks
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.

@@ -274,6 +274,9 @@ struct Resin {
   bool has_gel_time() const { return model == CureModelKind::gel_time; }
   /// Measured gel dose, mJ/cm³, kept beside the dose aimed at; 0 when not given.
   double gel_dose_mj_cm3 = 0;
+  /// Whether they were told per area (mJ/cm²): then another height changes them, not what they are at
+  /// a surface. Seconds of full light and D'c are of a surface always.
+  bool areal_critical_dose = false, areal_gel_dose = false;
   /// Dose aimed at over gel dose; 1 when the file gives the dose aimed at.
   double dose_factor = 1;
   std::optional<Inhibition> inhibition;
@@ -305,6 +308,8 @@ struct Resin {
   /// The printer with which it was tuned, as `printer_and_light` (same_light.hpp) names it, and the
   /// only one that it goes with; empty: it was not tuned.
   std::string tuned_with{};
+  /// The printer whose full light the seconds of `unit` `brightest` are; empty where nobody says.
+  std::string display{};
   /// That of all doses; the printer's must be the same. `brightest`: model jacobs, without inhibition,
   /// bleaching or chemistry.
   LightUnit unit = LightUnit::mw_cm2;
@@ -554,7 +559,8 @@ struct ResinOverrides {
   std::optional<double> ha_um;        ///< base 10
   std::optional<double> dose_factor;  ///< as `Resin::dose_factor`; for all resins
 };
-/// The resin with these changes. Throws `InputError` when a
+/// The resin with these changes, the same whether they are made to a file or to what it was read to.
+/// Another height leaves doses as they were told, per area or per volume. Throws `InputError` when a
 /// value is out of range, two of them set the dose, or a dose in mJ/cm³ is given for an m other
 /// than 1.
 Resin with_overrides(Resin resin, const ResinOverrides& overrides);

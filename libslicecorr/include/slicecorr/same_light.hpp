@@ -42,8 +42,15 @@ std::optional<OtherWavelength> other_uv_wavelength(const Printer& printer, const
 /// the same. `uv`: the print has UV light, whose wavelength counts, too.
 std::string other_wavelength_in_words(const Printer& printer, const Resin& resin, bool uv);
 
+/// The display whose seconds of full light the resin's doses are in, where it is another than the
+/// printer's; "" where nobody names it, nothing where it is the same or doses are absolute.
+std::optional<std::string> other_display(const Printer& printer, const Resin& resin);
+/// The same as a sentence.
+std::string other_display_in_words(const Printer& printer, const Resin& resin);
+
 /// What is to be told of the lights of a print: that they are others, or which of two is not known
-/// where the other one is, and that light has no absolute unit; each a sentence.
+/// where the other one is, that light has no absolute unit, and that its unit is of another display; each
+/// a sentence.
 std::vector<std::string> light_notices(const Printer& printer, const Resin& resin, bool uv);
 
 /// The printer with its least and greatest light, by which tuned resins name it: "my-printer, 0.02 to

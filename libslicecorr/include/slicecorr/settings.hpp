@@ -89,6 +89,7 @@ enum class BlockPart { none, correction, exposure, stage };
 /// Who can say a setting.
 enum class SaidBy {
   all,
+  jobs,     ///< C, C++ and jobs of a farm; command lines have options of their own
   library,  ///< C and C++ only
 };
 

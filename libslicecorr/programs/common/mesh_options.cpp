@@ -22,13 +22,6 @@ namespace {
 
 constexpr int kMostCopies = 1000;
 
-Units units_named(const std::string& name) {
-  if (name == "mm") return Units::mm;
-  if (name == "inch") return Units::inch;
-  if (name == "m") return Units::m;
-  return Units::automatic;
-}
-
 struct Box {
   Point3 low, high;
   Box() {
@@ -47,9 +40,6 @@ struct Box {
     }
   }
   double middle(std::size_t k) const { return 0.5 * (low[k] + high[k]); }
-  double longest_side() const {
-    return std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
-  }
 };
 
 }  // namespace
@@ -173,13 +163,7 @@ Placement MeshOptions::placement() const {
   p.scale = scale;
   if (!rotate_deg.empty()) p.rotate_deg = {rotate_deg[0], rotate_deg[1], rotate_deg[2]};
   if (fit_mm <= 0 || parts.empty()) return p;
-  if (fit_factor_ == 0) {
-    Box box;
-    for (const std::string& path : files()) box.add(read_mesh(path, p));
-    const double longest = box.longest_side();
-    if (!(longest > 0)) throw InputError(parts.front(), "", "has no size that could be scaled");
-    fit_factor_ = fit_mm / longest;
-  }
+  if (fit_factor_ == 0) fit_factor_ = fit_scale(files(), p, fit_mm);
   p.scale *= fit_factor_;
   return p;
 }

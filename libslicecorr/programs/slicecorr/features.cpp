@@ -143,6 +143,12 @@ std::string settings_json() {
   return json.dump(1);
 }
 
+const char* said_by(const Setting& s) {
+  return s.said_by == SaidBy::all    ? ""
+         : s.said_by == SaidBy::jobs ? "; C, C++ and jobs only"
+                                     : "; C and C++ only";
+}
+
 /// By heading each setting with what it takes and is.
 std::string settings_text() {
   std::string text =
@@ -154,8 +160,7 @@ std::string settings_text() {
       if (s.group != heading) continue;
       text +=
           fmt::format("  {}: {}{}{}\n      {}\n", s.name, s.column.empty() ? "" : "a list, each ",
-                      setting_takes(s), s.said_by == SaidBy::library ? "; C and C++ only" : "",
-                      setting_text(ChoiceNames::fields, s));
+                      setting_takes(s), said_by(s), setting_text(ChoiceNames::fields, s));
     }
   }
   return text;

@@ -14,6 +14,7 @@
 #include "hologram.hpp"
 #include "pattern.hpp"
 #include "plan.hpp"
+#include "programs/common/part_slices.hpp"
 #include "test_part.hpp"
 #include "whole_parts.hpp"
 
@@ -64,23 +65,8 @@ int run_program(int argc, char** argv) {
         ->capture_default_str();
   };
   const auto heights = [&](CLI::App* sub) {
-    CLI::Option* const layer_um = sub->get_option("--layer-um")->required(false);
-    CLI::Option* const layers =
-        sub->add_option(
-               "--layers", a.layers,
-               "Heights of layers that differ, in place of --layer-um. A table with the columns "
-               "slice,layer_um: each row holds from its slice on")
-            ->check(CLI::ExistingFile)
-            ->excludes(layer_um);
-    sub->add_option(
-           "--adaptive-um", a.adaptive_um,
-           "LOW,HIGH: layers as high as slopes allow, in multiples of LOW up to HIGH, in place of "
-           "--layer-um: no slope lies further from its steps than LOW")
-        ->delimiter(',')
-        ->expected(2)
-        ->check(number_in(2, 1000))
-        ->excludes(layer_um)
-        ->excludes(layers);
+    sub->get_option("--layer-um")->required(false);
+    add_heights_to(*sub, a.layers, a.adaptive_um);
   };
   std::string formats;
   for (const FormatInfo& f : archive_formats()) formats += (formats.empty() ? "" : ", ") + f.name;

@@ -167,7 +167,7 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   if (info.printer && info.resin) {
     const bool uv = info.process && info.process->uv.kind != UvKind::off;
     for (const std::string& sentence : light_notices(*info.printer, *info.resin, uv)) {
-      text += "wavelength   " + text::printable(sentence) + "\n";
+      text += "light        " + text::printable(sentence) + "\n";
     }
   }
   if (info.printer && info.resin && info.process) {
@@ -343,6 +343,10 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
   if (info.printer && info.resin) {
     if (const auto other = other_wavelength(*info.printer, *info.resin)) {
       j["other_wavelength"] = {{"printer_nm", other->printer_nm}, {"resin_nm", other->resin_nm}};
+    }
+    if (const auto other = other_display(*info.printer, *info.resin)) {
+      j["other_display"] =
+          other->empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(*other);
     }
   }
   if (info.process) {

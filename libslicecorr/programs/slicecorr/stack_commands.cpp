@@ -8,11 +8,11 @@
 
 #include "commands.hpp"
 #include "programs/common/make_part.hpp"
+#include "programs/common/part_slices.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/turned.hpp"
-#include "slicecorr/uneven_slices.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/display_text.hpp"
 
@@ -60,27 +60,13 @@ LayerHeights wanted_heights(const Arguments& a) {
     if (a.mesh.layer_um > 0) return {};
     throw InputError("expected the height of layers: --layer-um, --layers or --adaptive-um");
   }
-  // What is left alone may stand lower than the part: heights count from the platform.
-  MeshOptions all = a.mesh;
-  std::copy_if(a.leave_alone.begin(), a.leave_alone.end(), std::back_inserter(all.parts),
-               is_mesh_name);
-  return adaptive_heights(read_parts(all, {}).mesh, a.adaptive_um[0], a.adaptive_um[1]);
-}
-
-/// How meshes are cut for layers of these heights: layers of different heights are found in thin ones.
-MeshOptions cut_for(const LayerHeights& heights, const MeshOptions& mesh) {
-  MeshOptions cut = mesh;
-  if (heights.alike()) return cut;
-  cut.layer_um = thin_slice_um(heights);
-  cut.raised_um = 0.5 * cut.layer_um;
-  return cut;
+  return adaptive_heights_of(a.mesh, a.leave_alone, a.adaptive_um);
 }
 
 int slice_unevenly(const Arguments& a, const LayerHeights& heights, const Printer& printer,
                    const ExecutionContext& context, Console& console) {
-  const MeshSlices cuts = slice_parts(cut_for(heights, a.mesh), printer, Surface::slices, context);
-  const UnevenSlices slices(cuts, heights);
-  const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
+  const PartSlices slices(a.mesh, printer, {heights}, context);
+  const FittedSlices fitted = fit_for_output(*slices, a.file(), printer, context);
   const StackInfo info = write_target(*fitted, heights, a.file(), context);
   const auto [least, most] =
       std::minmax_element(info.layer_heights_um.begin(), info.layer_heights_um.end());
@@ -170,22 +156,19 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
     check_output(path, a.with_left_alone(a.mesh.files()));
     check_output(path, a.doses.inputs());
   }
-  MeshesLeftAlone place;
-  const LayerHeights heights(setup.process.layer_heights_um);
-  const MeshSlices slices = slice_parts(cut_for(heights, a.mesh), setup.printer,
-                                        setup.process.surface, a.leave_alone, place, context);
-  std::optional<UnevenSlices> uneven;
-  if (!heights.alike()) {
-    uneven.emplace(slices, heights);
+  const PartSlices slices(
+      a.mesh, setup.printer,
+      {LayerHeights(setup.process.layer_heights_um), setup.process.surface, a.leave_alone},
+      context);
+  if (slices.uneven()) {
     Process process = setup.process;
     const char* const why = leave_out_heights(setup.printer, setup.resin, process);
     if (why && a.setup.wanted_surface() == Surface::mesh) context.tell(why);
   }
-  const FittedSlices fitted = fit_for_output(
-      uneven ? static_cast<const SliceSource&>(*uneven) : slices, a.file(), setup.printer, context);
-  const LeftAloneFiles part(*fitted, a.leave_alone, place, setup.printer, folder_of(a.output),
-                            context);
-  const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices, a.missing(),
+  const FittedSlices fitted = fit_for_output(*slices, a.file(), setup.printer, context);
+  const LeftAloneFiles part(*fitted, a.leave_alone, slices.place(), setup.printer,
+                            folder_of(a.output), context);
+  const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices.cuts(), a.missing(),
                            folder_of(a.output), context);
   const Correction result = with_dose_words(setup, [&] {
     return make_part(*wanted, setup, a.file(), base, title_of(a.output), context);

@@ -315,6 +315,9 @@ Json resin_json(const Resin& r) {
   given("green_strength", r.green_strength);
   given("wavelength_nm", r.wavelength_nm);
   if (!r.tuned_with.empty()) json["tuned_with"] = r.tuned_with;
+  if (!r.display.empty()) json["display"] = r.display;
+  if (r.areal_critical_dose) json["areal_critical_dose"] = true;
+  if (r.areal_gel_dose) json["areal_gel_dose"] = true;
   if (std::isfinite(r.inhibitor_life_s)) json["inhibitor_life_s"] = r.inhibitor_life_s;
   if (r.inhibition) {
     json["inhibition"] = {{"beta", r.inhibition->beta},
@@ -440,6 +443,9 @@ Resin read_resin(const Node& node) {
   r.green_strength = given("green_strength", 1, 10);
   r.wavelength_nm = given("wavelength_nm", 0, kLargest);
   if (node.has("tuned_with")) r.tuned_with = node["tuned_with"].string();
+  if (node.has("display")) r.display = node["display"].string();
+  r.areal_critical_dose = node.has("areal_critical_dose") && node["areal_critical_dose"].flag();
+  r.areal_gel_dose = node.has("areal_gel_dose") && node["areal_gel_dose"].flag();
   if (node.has("inhibitor_life_s")) {
     r.inhibitor_life_s = node["inhibitor_life_s"].number(0, kMostLifeS);
   }

@@ -38,6 +38,9 @@ struct JobRequest {
   /// tomographically.
   std::vector<std::string> parts;
   double layer_um = 0;  ///< 0: the archive says it
+  /// Least and greatest height of layers that follow slopes; empty: all are alike, or said by
+  /// `setup.layer_heights_um`.
+  std::vector<double> adaptive_um;
   std::string antialias = "on", units = "auto";
   double scale = 1;   ///< of the mesh, a factor > 0
   double fit_mm = 0;  ///< longest side of all parts together, in place of `scale`; 0: not given

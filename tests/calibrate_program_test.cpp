@@ -170,9 +170,12 @@ TEST_F(CalibrateProgram, CommandsOfItsPageRun) {
     }
     const RunResult r = run_program({"/bin/sh", "-c", path + line}, options_);
     EXPECT_EQ(r.exit_code, 0) << r.err;
-    EXPECT_EQ(r.err.find("its films were made") != std::string::npos,
-              line.find("--resin my-resin.toml") != std::string::npos)
+    // The seconds are of this display's light: that they may be of another's is not told.
+    EXPECT_EQ(
+        r.err.find("shares of the brightest level of printer 'my-saturn'") != std::string::npos,
+        line.find("--resin my-resin.toml") != std::string::npos)
         << r.err;
+    EXPECT_EQ(r.err.find("in seconds of the full light"), std::string::npos) << r.err;
     if (line.find("-o films.ctb") != std::string::npos) fill_in("films.csv", 0);
     ++run;
   }
@@ -192,11 +195,77 @@ TEST_F(CalibrateProgram, CommandsOfItsPageRun) {
                                  HasSubstr("a typical monochrome LCD of 405 nm")));
   EXPECT_EQ(json::parse(good({"info", "guessed.ctb", "--json", "-"}).out)["assumed"],
             "mono-lcd-405");
+  EXPECT_EQ(resin.display, "my-saturn");
   // A resin in another unit is refused before the work.
   bad(2,
       {"correct", "films.ctb", "-o", "x.ctb", "--printer", "my-saturn.toml", "--resin",
        "liqcreate-strong-x-405nm", "--mode", "layerwise"},
       {"my-saturn", "of the brightest level", "liqcreate-strong-x-405nm", "mW/cm2"});
+}
+
+TEST_F(CalibrateProgram, SecondsOfAnotherDisplayAreToldEverywhere) {
+  write("dark.toml", kUnlitPrinter);
+  write("films.csv", kKnown);
+  ASSERT_EQ(resinctl({"calibrate", "films.csv", "--printer", "dark.toml", "-o", "mine.toml",
+                      "--resin-out", "r.toml"})
+                .exit_code,
+            0);
+  const auto changed = [&](const char* from, const char* to, const std::string& was,
+                           const std::string& now) {
+    std::string text = text_of(from);
+    const std::size_t at = text.find(was);
+    ASSERT_NE(at, std::string::npos) << text;
+    write(to, text.replace(at, was.size(), now));
+  };
+  changed("mine.toml", "twin.toml", "name = \"mine\"", "name = \"twin\"");
+  changed("r.toml", "nameless.toml", "display = \"mine\"\n", "");
+  good({"testpart", "f", "--printer", "dark.toml", "--exposure-s", "2.5", "-o", "part.uvj"});
+  struct Case {
+    const char *printer, *resin, *words;
+    json named;
+  };
+  for (const Case& c :
+       {Case{"mine.toml", "r.toml", "", {}},
+        Case{"twin.toml", "r.toml", "printer 'mine', not of printer 'twin'", "mine"},
+        Case{"mine.toml", "nameless.toml", "its file does not name", {}}}) {
+    SCOPED_TRACE(c.words);
+    const bool told = *c.words != 0;
+    const auto says = [&](const std::string& text) {
+      EXPECT_EQ(text.find(told ? c.words : "of the full light of") != std::string::npos, told)
+          << text;
+    };
+    const auto has = [&](const json& j) {
+      EXPECT_EQ(j.contains("other_display"), told);
+      if (told) {
+        EXPECT_EQ(j["other_display"], c.named);
+      }
+    };
+    const Command with{"--printer", c.printer, "--resin", c.resin, "--mode", "layerwise"};
+    says(good(Command{"correct", "part.uvj", "-o", "out.uvj", "--json", "out.json"} + with).err);
+    has(json::parse(text_of("out.json")));
+    says(good({"info", "out.uvj"}).out);
+    has(json::parse(good({"info", "out.uvj", "--json", "-"}).out));
+    says(good({"verify", "out.uvj", "--target", "part.uvj", "--json", "out.json"}).err);
+    has(json::parse(text_of("out.json")));
+    good({"report", "out.uvj", "--target", "part.uvj", "-o", "out.html"});
+    std::string page = text_of("out.html");
+    for (std::size_t at = 0; (at = page.find("&#39;", at)) != std::string::npos;)
+      page.replace(at, 5, "'");
+    says(page);
+    if (c.named.is_null()) continue;
+    // A job of the farm ends well, with that as a warning; who submits is told, too.
+    const auto slicefarm = [&](Command words) {
+      words.insert(words.begin(), SLICECORR_BIN_DIR "/slicefarm");
+      words.insert(words.end(), {"--dir", "farm"});
+      RunResult r = run_program(words, options_);
+      EXPECT_EQ(r.exit_code, 0) << r.err;
+      return r;
+    };
+    says(slicefarm(Command{"submit", "part.uvj"} + with).err);
+    slicefarm({"run", "--until-empty"});
+    const json jobs = json::parse(slicefarm({"status", "--json", "-"}).out);
+    says(jobs.dump());
+  }
 }
 
 // A part without an archive, on a printer whose light nobody measured.

@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <numeric>
 #include <set>
 #include <sstream>
@@ -21,6 +22,7 @@
 #include "slicecorr/films_part.hpp"
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/measuring_form.hpp"
+#include "slicecorr/stack.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -265,6 +267,84 @@ TEST_F(FilmsProgram, NewFilesShowWhatTheTableSays) {
   bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.lgs"}, {"template"});
   bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.goo", "--resin", "figure-2-2"},
       {"--resin"});
+}
+
+// An option of other kinds is no option of this one, whichever it is: nothing that was asked for is dropped.
+TEST_F(FilmsProgram, OptionsOfOtherKindsAreRefused) {
+  const std::vector<std::string> kinds = {"spread", "comb",      "lift-comb",  "staircase",
+                                          "wedge",  "dead-zone", "flat-field", "levels",
+                                          "films",  "f"};
+  const std::map<std::string, std::set<std::string>> of = {
+      {"--resin=egg-resin", {"staircase", "wedge", "flat-field"}},
+      {"--other-wavelength", {"staircase", "wedge", "flat-field"}},
+      {"--height-um=100", {"spread"}},
+      {"--uv-mw-cm2=5", {"dead-zone"}},
+      {"--exposure-s=3", {"dead-zone", "levels", "films", "f"}},
+      {"--picture=q.png", {"spread", "f"}},
+      {"--form=q.csv",
+       {"spread", "comb", "lift-comb", "staircase", "wedge", "dead-zone", "flat-field", "levels",
+        "films"}}};
+  // No printer: what an option is of is looked at before.
+  for (const std::string& kind : kinds) {
+    for (const auto& [option, some] : of) {
+      SCOPED_TRACE(kind + " " + option);
+      const RunResult r = call({"testpart", kind, "--printer", "nobody", "-o", "x.uvj", option});
+      EXPECT_EQ(r.exit_code, 2);
+      const std::string name = option.substr(0, option.find('='));
+      EXPECT_THAT(r.err, some.contains(kind)
+                             ? HasSubstr("no printer 'nobody'")
+                             : HasSubstr(name + ": a part '" + kind + "' does not take it"));
+    }
+  }
+}
+
+TEST_F(FilmsProgram, FormatsThatThePrinterDoesNotReadAreRefused) {
+  const auto printer = [&](const std::string& reads) {
+    write("dark.toml",
+          "name = \"dark\"\n" + reads +
+              "[display]\nwidth_px = 700\nheight_px = 500\npixel_um = 50.0\nmirror = \"x\"\n"
+              "[blue]\ncalibration = \"to be measured\"\n");
+  };
+  printer("reads = [\".ctb\", \".prz\"]\n");
+  for (const char* kind : {"films", "levels", "f"}) {
+    bad(2, {"testpart", kind, "--printer", "dark.toml", "-o", "x.goo"},
+        {"x.goo", "the format goo", "reads .ctb, .prz"});
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "x.html"));
+  }
+  // UVJ is converted; another name of a format that it reads does.
+  good({"testpart", "films", "--printer", "dark.toml", "-o", "films.uvj"});
+  good({"testpart", "films", "--printer", "dark.toml", "-o", "films.prz"});
+  good({"testpart", "films", "--printer", "dark.toml", "-o", "films.dat", "--format", "goo"});
+  bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "films.dat", "--format", "sl1"},
+      {"the format sl1"});
+  printer("");
+  good({"testpart", "films", "--printer", "dark.toml", "-o", "films.goo"});
+  for (const char* wrong :
+       {"reads = \".ctb\"\n", "reads = []\n", "reads = [\"ctb\"]\n", "reads = [5]\n"}) {
+    printer(wrong);
+    bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "films.ctb"},
+        {"dark.toml", "reads"});
+  }
+}
+
+// Heights of a file whose settings stay are kept: test parts take them, and others are refused.
+TEST_F(FilmsProgram, HeightsAreThoseOfTheTemplate) {
+  write("dark.toml",
+        "name = \"dark\"\n[display]\nwidth_px = 700\nheight_px = 500\npixel_um = 50.0\nmirror = "
+        "\"x\"\n[blue]\ncalibration = \"to be measured\"\n");
+  good({"testpart", "films", "--printer", "dark.toml", "-o", "old.goo", "--layer-um", "30"});
+  good({"testpart", "films", "--printer", "dark.toml", "-o", "films.goo", "--template", "old.goo"});
+  EXPECT_EQ(StackReader::read_info(folder_ / "films.goo").grid.layer_um, 30);
+  for (const char* kind : {"films", "levels", "f", "spread"}) {
+    SCOPED_TRACE(kind);
+    bad(2,
+        {"testpart", kind, "--printer", "dark.toml", "-o", "x.goo", "--template", "old.goo",
+         "--layer-um", "50"},
+        {"old.goo", "layer 0 is 30 um high, that of the part 50 um"});
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "x.goo"));
+  }
+  good({"testpart", "levels", "--printer", "dark.toml", "-o", "new.uvj"});
+  EXPECT_EQ(StackReader::read_info(folder_ / "new.uvj").grid.layer_um, 50);
 }
 
 TEST_F(FilmsProgram, FilesOfRealSlicersKeepAllButTheirLayers) {

@@ -300,6 +300,45 @@ TEST_F(PrintFileRefusals, CorrectionsWithMoreLevelsThanAFileHas) {
   EXPECT_EQ(fitted(small_photon(1)), printer);
 }
 
+TEST_F(PrintFileRefusals, OtherHeightsThanAFileHasAreRefusedBeforeAnythingIsComputed) {
+  const auto goo = small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false));
+  for (const SmallFile& small :
+       {small_cxdlp(3), small_lgs(), small_workshop(true), small_photon(4), goo}) {
+    SCOPED_TRACE(small.name);
+    const std::string path = folder_ / small.name;
+    write_file(path, small.bytes);
+    StackInfo info = StackReader::read_info(path);
+    const double um = info.grid.layer_um;
+    StackFile file(folder_ / ("out" + small.name.substr(small.name.rfind('.'))));
+    file.format = small.format;
+    file.keep_from = path;
+    check_file_times(file, info);
+    const auto refused = [&](double kept_um, double part_um) {
+      EXPECT_THAT(test::refusal([&] { check_file_times(file, info); }),
+                  AllOf(HasSubstr(path), HasSubstr(fmt::format("is {:g} um high", kept_um)),
+                        HasSubstr(fmt::format("that of the part {:g} um", part_um))));
+    };
+    // Within what a file rounds they are the same.
+    info.grid.layer_um = um * (1 + 0.9e-3);
+    check_file_times(file, info);
+    info.grid.layer_um = um * (1 + 1.1e-3);
+    EXPECT_THROW(check_file_times(file, info), InputError);
+    info.grid.layer_um = 0.6 * um;
+    refused(um, 0.6 * um);
+    // More layers than the file has are as high as its last.
+    info.grid.layers = 1000;
+    info.grid.layer_um = um;
+    check_file_times(file, info);
+    info.layer_heights_um.assign(1000, um);
+    info.layer_heights_um.back() = 2 * um;
+    EXPECT_THAT(test::refusal([&] { check_file_times(file, info); }), HasSubstr("its layer 999"));
+    // Of a file that does not say it nobody knows.
+    info.layer_heights_um.clear();
+    info.grid.layer_um = 0;
+    check_file_times(file, info);
+  }
+}
+
 TEST_F(PrintFileRefusals, TimesThatAFileCannotSayAreRefusedBeforeAnythingIsComputed) {
   struct Case {
     SmallFile file;
@@ -310,6 +349,9 @@ TEST_F(PrintFileRefusals, TimesThatAFileCannotSayAreRefusedBeforeAnythingIsCompu
   const auto goo = small_new("goo", *detail::goo_code(kFileWidth, kFileHeight, false));
   for (const Case& c :
        {Case{small_cxdlp(3), 2.53, 40, 1, 0, "tenths of a second"},
+        Case{small_cxdlp(3), 7000, 7000, 1, 0, "at most 6553.5 s"},
+        Case{small_cxdlp(3), 6553, 65536, 1, 0, "65535 s of bottom layers"},
+        Case{small_cxdlp(3), 6553.5, 65535, 1, 0, nullptr},
         Case{small_cxdlp(3), 2.5, 40, 1, 2, "fade"}, Case{small_cxdlp(3), 2.6, 41, 1, 0, nullptr},
         Case{small_lgs(), 6.1, 40, 1, 2, "fade"}, Case{small_lgs(), 6.123, 40, 3, 0, nullptr},
         Case{small_workshop(true), 2.2, 40, 1, 2, "fade"},

@@ -59,8 +59,8 @@ StackInfo write(const SliceSource& target, const std::vector<double>& image_s,
     const bool even =
         std::all_of(image_s.begin(), image_s.end(), [&](double s) { return s == info.exposure_s; });
     if (!even) info.layer_exposure_s = image_s;
-    check_file_times(file, info);
   }
+  check_file_times(file, info);
   StackWriter writer(file, grid, context);
   const SliceSource* edges = target.edge_heights();
   if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;

@@ -36,6 +36,13 @@ std::string record_beside(const std::string& path);
 /// one that lay beside the old file of that name goes.
 void rename_with_record(const std::string& from, const std::string& to);
 
+/// The endings of the files that a printer says it reads (`reads` of its file, a name or a path), with
+/// their points; empty where it does not say. Throws `InputError` as `load_display`.
+std::vector<std::string> endings_read_by(const std::string& printer);
+/// Throws `InputError` where the printer says that it reads others than `file`. UVJ, which is
+/// converted, and a file whose settings stay (`keep_from`), which its slicer made, are no others.
+void check_read_by(const std::string& printer, const StackFile& file);
+
 /// The printer as a file of its format can show it: where a binary format holds fewer grey levels than
 /// the printer has, one with fewer, at the intensities of those that the file shows, as `context` is
 /// told. Throws `InputError` where only black and white are left.

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <fstream>
@@ -34,6 +35,36 @@ namespace fs = std::filesystem;
 constexpr std::array kKinds = {TuningPartKind::comb,       TuningPartKind::staircase,
                                TuningPartKind::wedge,      TuningPartKind::dead_zone,
                                TuningPartKind::flat_field, TuningPartKind::lift_comb};
+
+/// Options of some kinds alone: given to another kind they would be dropped.
+struct OfSomeKinds {
+  const char* option;
+  std::vector<std::string_view> kinds;
+};
+
+const std::vector<OfSomeKinds>& options_of_some() {
+  static const std::vector<OfSomeKinds> options = {
+      {"--resin", {"staircase", "wedge", "flat-field"}},
+      {"--other-wavelength", {"staircase", "wedge", "flat-field"}},
+      {"--form",
+       {"staircase", "comb", "lift-comb", "wedge", "dead-zone", "spread", "flat-field", "levels",
+        "films"}},
+      {"--height-um", {"spread"}},
+      {"--uv-mw-cm2", {"dead-zone"}},
+      {"--exposure-s", {"dead-zone", "levels", "films", "f"}},
+      {"--picture", {"spread", "f"}},
+  };
+  return options;
+}
+
+void refuse_ignored(const CLI::App& sub, const std::string& kind) {
+  for (const OfSomeKinds& of : options_of_some()) {
+    if (sub.get_option(of.option)->count() == 0) continue;
+    if (std::find(of.kinds.begin(), of.kinds.end(), kind) != of.kinds.end()) continue;
+    throw InputError(fmt::format("{}: a part '{}' does not take it; it is of: {}", of.option, kind,
+                                 fmt::join(of.kinds, ", ")));
+  }
+}
 
 /// One slice as the display shows it.
 GreyImage slice_picture(const SliceSource& slices) {
@@ -86,6 +117,7 @@ StackFile file_of(const TestPartOptions& o, const ExecutionContext& context) {
     file.keep_from = o.kept;
     context.tell(o.kept + ": its settings and pictures stay, its layers become those of the part");
   }
+  check_read_by(o.printer, file);
   return file;
 }
 
@@ -108,7 +140,6 @@ StackInfo write_measured(const Images& part, const StackFile& file, const Printe
 }
 
 int level_images(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
-  if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   const Printer printer = load_display(o.printer);
@@ -121,12 +152,6 @@ int level_images(const TestPartOptions& o, const ExecutionContext& context, Cons
 }
 
 int films_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
-  if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
-  if (!o.resin.empty() || o.uv_mw_cm2 > 0) {
-    throw InputError(
-        "a part 'films' is for a resin of which nothing is known, without UV light; expected no "
-        "--resin and no --uv-mw-cm2");
-  }
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   const Printer printer = load_display(o.printer);
@@ -150,7 +175,6 @@ int films_part(const TestPartOptions& o, const ExecutionContext& context, Consol
 
 /// Nothing is measured: there is a sheet, and no table.
 int letter_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
-  if (!o.form.empty()) throw InputError("--form: the part 'f' has no table; expected --sheet");
   const StackFile file = file_of(o, context);
   const std::string sheet = o.sheet.empty() ? Beside::beside(o, ".html") : o.sheet;
   check_output(o.output, {o.printer, o.kept});
@@ -175,7 +199,6 @@ int letter_part(const TestPartOptions& o, const ExecutionContext& context, Conso
 
 int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionContext& context,
                 Console& console) {
-  if (!o.picture.empty()) throw InputError("--picture is of the part 'spread'; expected --sheet");
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   Printer printer = load_printer(o.printer);
@@ -220,7 +243,19 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   return kDone;
 }
 
-int test_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
+/// Layers are as high as those of the file that gets them, where nothing else was asked for.
+void take_layer_height(TestPartOptions& o) {
+  constexpr double kUsualUm = 50;
+  if (o.layer_um > 0) return;
+  o.layer_um = kUsualUm;
+  if (o.kept.empty()) return;
+  const double um = StackReader::read_info(o.kept).grid.layer_um;
+  if (um > 0) o.layer_um = um;
+}
+
+int test_part(const TestPartOptions& asked, const ExecutionContext& context, Console& console) {
+  TestPartOptions o = asked;
+  take_layer_height(o);
   for (const TuningPartKind kind : kKinds) {
     if (o.kind == word_of(kind)) return tuning_part(kind, o, context, console);
   }
@@ -256,8 +291,10 @@ void add_test_part(Program& program, TestPartOptions& o) {
       "testpart",
       "Make a part to print and measure, with a sheet that says how and a table to fill in",
       [&o](const ExecutionContext& context, Console& console) {
+        refuse_ignored(*o.app, o.kind);
         return test_part(o, context, console);
       });
+  o.app = sub;
   sub->add_option(
          "KIND", o.kind,
          "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
@@ -274,9 +311,8 @@ void add_test_part(Program& program, TestPartOptions& o) {
   sub->add_option("-o,--output", o.output, "Stack to write (.uvj, or another format)")->required();
   sub->add_option("--form", o.form, "The table to fill in (.csv) [beside the stack]");
   sub->add_option("--sheet", o.sheet, "What to measure where, to print (.html) [beside the stack]");
-  sub->add_option("--layer-um", o.layer_um, "Height of the layers")
-      ->check(number_in(1, 1000))
-      ->capture_default_str();
+  sub->add_option("--layer-um", o.layer_um, "Height of the layers [50; those of --template]")
+      ->check(number_in(1, 1000));
   sub->add_option("--height-um", o.height_um, "spread: height of the part; one layer: a thin film")
       ->check(number_in(1, 1e5))
       ->capture_default_str();

@@ -12,9 +12,11 @@
 namespace slicecorr::cli {
 
 struct TestPartOptions {
+  const CLI::App* app = nullptr;  ///< what was said, set by `add_test_part`
   LightOptions light;
   std::string printer, output, format, form, picture, kind = "spread", resin, sheet, kept;
-  double layer_um = 50, height_um = 500, uv_mw_cm2 = 0;
+  double height_um = 500, uv_mw_cm2 = 0;
+  double layer_um = 0;    ///< 0: not said
   double exposure_s = 0;  ///< 0: not said
 };
 void add_test_part(Program& program, TestPartOptions& options);

@@ -41,6 +41,10 @@ std::uint32_t BinaryBlock::number(std::size_t at, int count) const {
 }
 
 void BinaryBlock::set_number(std::size_t at, std::uint32_t value, int count) {
+  const int bits = 8 * count;
+  if (bits < 32 && value >> bits != 0) {
+    fail(at, fmt::format("can't hold {}; expected at most {}", value, (1u << bits) - 1));
+  }
   for (int i = 0; i < count; ++i) {
     const int k = order_ == ByteOrder::big ? count - 1 - i : i;
     bytes_.at(at + static_cast<std::size_t>(k)) = static_cast<std::uint8_t>(value >> (8 * i));

@@ -189,6 +189,13 @@ void change_cxdlp(const ArchiveRequest& r, BinaryOutput& output) {
                       "seconds, so it can't say {:g} and {:g} s",
                       s.normal_s, s.bottom_s));
     }
+    constexpr double most = 65535;
+    if (tenths > most || bottom_s > most || s.bottom_layers > most) {
+      throw InputError(file.path(), "",
+                       fmt::format("says exposures of at most {:g} s, {:g} s of bottom layers, and "
+                                   "{:g} of these; so it can't say {:g} s, {:g} s and {}",
+                                   most / 10, most, most, s.normal_s, s.bottom_s, s.bottom_layers));
+    }
     c.settings.set_u16(std::size_t{2} * exposure_tenths, static_cast<std::uint32_t>(tenths));
     c.settings.set_u16(std::size_t{2} * bottom_exposure_s, static_cast<std::uint32_t>(bottom_s));
     c.settings.set_u16(std::size_t{2} * bottom_layers, static_cast<std::uint32_t>(s.bottom_layers));

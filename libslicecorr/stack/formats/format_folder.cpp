@@ -10,6 +10,7 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
+#include "stack/formats/exposure_pattern.hpp"
 #include "stack/formats/format_times.hpp"
 
 namespace slicecorr::detail {
@@ -96,6 +97,10 @@ class Folder final : public ArchiveFormat {
     if (r.kept != nullptr) return continued_names(r, kSuffix);
     if (r.info.kind == StackKind::foreign) {
       warn(r, "a folder of images has no exposure times: these are lost");
+    } else if (const double s = exposure_summary(r.info).normal_s;
+               s > 0 && r.info.kind == StackKind::target) {
+      warn(r,
+           fmt::format("a folder of images holds no exposure times: set {:g} s at the printer", s));
     }
     std::vector<std::string> names;
     names.reserve(static_cast<std::size_t>(r.info.grid.layers));

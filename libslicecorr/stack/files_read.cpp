@@ -1,0 +1,61 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Which files a printer reads, as its own file says.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/print_file.hpp"
+#include "slicecorr/process.hpp"
+#include "stack/formats/archive_format.hpp"
+#include "support/files/text_file.hpp"
+#include "support/text/ascii.hpp"
+#include "support/toml/toml_table.hpp"
+
+namespace slicecorr {
+
+std::vector<std::string> endings_read_by(const std::string& printer) {
+  const std::string path = find_definition(printer, "printer");
+  const toml::table table = parse_toml(read_text_file(path), path);
+  const TomlTable root(table, path);
+  const toml::node* const reads = table.get("reads");
+  if (!reads) return {};
+  const auto wrong = [&] { root.fail("reads", "expected endings of files, as [\".ctb\"]"); };
+  const toml::array* const list = reads->as_array();
+  if (!list || list->empty()) wrong();
+  std::vector<std::string> endings;
+  for (const toml::node& one : *list) {
+    const auto ending = one.value<std::string>();
+    if (!ending || ending->size() < 2 || ending->front() != '.') wrong();
+    endings.push_back(lower_case(*ending));
+  }
+  return endings;
+}
+
+void check_read_by(const std::string& printer, const StackFile& file) {
+  const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
+  if (&format == &detail::uvj_format() || !file.keep_from.empty()) return;
+  const std::vector<std::string> read = endings_read_by(printer);
+  if (read.empty()) return;
+  const std::string name = lower_case(std::filesystem::path(file.path).filename().string());
+  const auto ends = [&](std::string_view ending) { return name.ends_with(ending); };
+  if (std::any_of(read.begin(), read.end(), ends)) return;
+  const std::vector<std::string_view> of_format = format.endings();
+  // A name without an ending of the format may be given one of the printer's.
+  const bool named_otherwise = std::none_of(of_format.begin(), of_format.end(), ends);
+  const bool same_format = std::any_of(read.begin(), read.end(), [&](const std::string& ending) {
+    return std::find(of_format.begin(), of_format.end(), ending) != of_format.end();
+  });
+  if (named_otherwise && same_format) return;
+  throw InputError(
+      file.path, "",
+      fmt::format("is a file of the format {}, and printer '{}' reads {} (reads); "
+                  "expected one of these, UVJ to be converted, or a file of its slicer "
+                  "whose settings stay",
+                  format.name(), printer, fmt::join(read, ", ")));
+}
+
+}  // namespace slicecorr

@@ -9,7 +9,9 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <sstream>
+#include <string_view>
 
 #include "films_lab.hpp"
 #include "ladder.hpp"
@@ -19,6 +21,7 @@
 #include "rounds.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/stack.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -317,28 +320,67 @@ TEST_F(CalibrateProgram, FilesOfATemplateAreCorrectedInPlace) {
   EXPECT_EQ(after["assumed"], "mono-lcd-405");
 }
 
-// Real files of real slicers are corrected by what films tell, and print nearer to the design; by night the
-// one of which the page tells.
+/// How many layers of two files of the same part show something else.
+int changed_layers(const std::string& a, const std::string& b, const std::string& scratch) {
+  const auto sums = [&](const std::string& path) {
+    const StackReader stack(path, scratch);
+    const Grid& g = stack.grid();
+    std::vector<std::size_t> of(static_cast<std::size_t>(g.layers));
+    constexpr int rows_at_once = 64;
+    for (int y = 0; y < g.height_px; y += rows_at_once) {
+      const PixelBox band{0, y, g.width_px, std::min(g.height_px, y + rows_at_once)};
+      const std::size_t count =
+          static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
+      stack.read_band(band, [&](int layer, const std::uint8_t* rows) {
+        const std::string_view bytes(reinterpret_cast<const char*>(rows), rows ? count : 0);
+        std::size_t& sum = of[static_cast<std::size_t>(layer)];
+        sum = sum * 31 + std::hash<std::string_view>{}(bytes);
+      });
+    }
+    return of;
+  };
+  const std::vector<std::size_t> was = sums(a), is = sums(b);
+  int changed = 0;
+  for (std::size_t n = 0; n < was.size(); ++n) changed += was[n] != is.at(n);
+  return changed;
+}
+
+// The way of the page with real files of real slicers: films, what they tell, the part corrected into a new
+// file and in place. It prints nearer to the design; by night the two of which the page tells.
 TEST_F(CalibrateProgram, RealFilesAreCorrected) {
   if (const std::string why = lacks(real_file("slices/binary")); !why.empty()) GTEST_SKIP() << why;
   struct File {
     const char *printer, *name, *ending;
   };
   std::vector<File> files = {{"longer-orange-10", "uv3dp_microsupports3.lgs", ".lgs"}};
-  if (by_night()) files.push_back({"elegoo-mars-4-max", "msla_mars4max.goo.gz", ".goo"});
+  if (by_night()) {
+    files.push_back({"elegoo-saturn", "msla_saturn.v4.ctb", ".ctb"});
+    files.push_back({"elegoo-mars-4-max", "msla_mars4max.goo.gz", ".goo"});
+  }
   for (const File& f : files) {
     SCOPED_TRACE(f.name);
     const std::string part = std::string("part") + f.ending, out = std::string("out") + f.ending,
                       films = std::string("films") + f.ending;
     write_file(folder_ / part, real_print_file(f.name));
     std::filesystem::remove(folder_ / "films.csv");
-    good({"testpart", "films", "--printer", f.printer, "-o", films, "--template", part});
+    Command make{"testpart", "films", "--printer", f.printer, "-o", films};
+    // Those of the page are made new; LGS files only from another one.
+    if (f.ending == std::string(".lgs")) make = make + Command{"--template", part};
+    good(make);
     fill_in("films.csv", 10);
     const RunResult r = resinctl({"calibrate", "films.csv", "--printer", f.printer, "-o", "my.toml",
                                   "--resin-out", "resin.toml"});
     ASSERT_EQ(r.exit_code, 0) << r.err;
     const Command with{"--printer", "my.toml", "--resin", "resin.toml", "--mode", "layerwise"};
     good(Command{"correct", part, "-o", out} + with);
+    const int layers = StackReader::read_info(folder_ / part).grid.layers;
+    EXPECT_GT(changed_layers(folder_ / part, folder_ / out, folder_.path()), 0.9 * layers);
+    const std::string in_place = std::string("in-place") + f.ending;
+    std::filesystem::copy_file(folder_ / part, folder_ / in_place);
+    const RunResult post = run_program(
+        Command{SLICECORR_BIN_DIR "/slicecorr-post"} + with + Command{in_place}, options_);
+    ASSERT_EQ(post.exit_code, 0) << post.err;
+    EXPECT_EQ(read_file(folder_ / in_place), read_file(folder_ / out)) << "in place as beside";
     const json before = figures(part, part, with), after = figures(out, part);
     EXPECT_LT(after["height_error_um"]["mean_abs"].get<double>(),
               before["height_error_um"]["mean_abs"].get<double>());

@@ -264,6 +264,12 @@ TEST_F(FilmsProgram, NewFilesShowWhatTheTableSays) {
       {"films.csv", "not written over"});
   bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.goo", "--exposure-s", "0"},
       {"--exposure-s"});
+  for (const auto& [time, words] :
+       {std::pair("0.0123", "expected 0.012 s"), std::pair("0.0001", "expected 0.001 s"),
+        std::pair("90000", "at most 86400 s")}) {
+    bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.goo", "--exposure-s", time},
+        {words});
+  }
   bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.lgs"}, {"template"});
   bad(2, {"testpart", "films", "--printer", "dark.toml", "-o", "f.goo", "--resin", "figure-2-2"},
       {"--resin"});

@@ -183,7 +183,7 @@ TEST_F(MovedProgram, JobsOfTheFarmTakeHeights) {
   refused("part = \"part.uvj\"\nadaptive_um = [20, 100]", "expected no adaptive_um with it");
   refused("part = \"part.uvj\"\nlayer_heights_um = [20]", "expected no layer_heights_um with it");
   refused("adaptive_um = [20]", "adaptive_um");
-  refused("layer_heights_um = [0.5]", "from 1 to 1000");
+  refused("layer_heights_um = [0.5]", "layer 0 is 0.5 um high; expected 1 to 1000 um");
   refused("layer_heights_um = [2000]", "layer_heights_um");
   EXPECT_THAT(farm(Command{"submit", "part.stl"} + kWith, 2),
               HasSubstr("--layer-um is missing; expected it, --layers or --adaptive-um"));

@@ -94,6 +94,14 @@ FilmsPart::FilmsPart(const Printer& printer, const FileGreys& greys, const Ask& 
       grid_(plate_grid(printer)) {
   if (!(ask.layer_um > 0)) throw InputError("layers are 0 um high; expected more");
   if (!(ask.image_s > 0)) throw InputError("images are shown for 0 s; expected more");
+  // Some formats round to milliseconds, and the table would say another time than the print has.
+  const double ms = std::max(1.0, std::round(ask.image_s * 1e3));
+  if (std::abs(ms - ask.image_s * 1e3) > 1e-6 * ms) {
+    throw InputError(fmt::format(
+        "images are shown for {:g} s; files say thousandths of a second: expected {:g} s, or another "
+        "whole number of them",
+        ask.image_s, ms * 1e-3));
+  }
   const std::vector<int> held = held_levels(printer, greys), shown = grey_levels(held);
   const int top = held.back();
   greys_ = static_cast<int>(shown.size());

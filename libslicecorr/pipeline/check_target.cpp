@@ -60,11 +60,15 @@ int greatest_values(const SliceSource& source, const PixelBox& band,
   return end;
 }
 
-/// Throws `InputError` where the target says heights of layers that are not those of the stack.
+/// Throws `InputError` where target or stack have layers of different heights, and the other one's are
+/// not the same.
 void check_heights(const StackInfo& info, const SliceSource& target, const std::string& name) {
   const LayerHeights heights = target.heights();
   const Grid& grid = target.grid();
-  for (int n = 0; n < grid.layers && !heights.alike(); ++n) {
+  const bool alike =
+      info.layer_heights_um.empty() && (!info.process || info.process->layer_heights_um.empty());
+  if (heights.alike() && alike) return;
+  for (int n = 0; n < grid.layers; ++n) {
     const double um = heights.of(n, grid.layer_um), shown_um = layer_height_um(info, n);
     if (std::abs(um - shown_um) <= 0.01 * um) continue;
     throw InputError(

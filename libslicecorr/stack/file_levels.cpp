@@ -50,6 +50,10 @@ detail::LayerCodecPtr codec_of(const StackFile& file, const detail::ArchiveForma
   if (file.keep_from.empty()) return format.new_codec(grid);
   const auto kept =
       detail::open_container(file.keep_from, std::filesystem::temp_directory_path().string());
+  if (format.container() != kept->kind() || !format.recognises(*kept)) {
+    throw InputError(file.keep_from, "",
+                     "is no archive of the format " + std::string(format.name()));
+  }
   return format.read(*kept).codec;
 }
 

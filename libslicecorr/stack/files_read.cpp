@@ -35,27 +35,32 @@ std::vector<std::string> endings_read_by(const std::string& printer) {
   return endings;
 }
 
-void check_read_by(const std::string& printer, const StackFile& file) {
+std::string not_read_in_words(const std::string& printer, const StackFile& file) {
   const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
-  if (&format == &detail::uvj_format() || !file.keep_from.empty()) return;
+  if (&format == &detail::uvj_format() || !file.keep_from.empty()) return {};
   const std::vector<std::string> read = endings_read_by(printer);
-  if (read.empty()) return;
+  if (read.empty()) return {};
   const std::string name = lower_case(std::filesystem::path(file.path).filename().string());
   const auto ends = [&](std::string_view ending) { return name.ends_with(ending); };
-  if (std::any_of(read.begin(), read.end(), ends)) return;
+  if (std::any_of(read.begin(), read.end(), ends)) return {};
   const std::vector<std::string_view> of_format = format.endings();
   // A name without an ending of the format may be given one of the printer's.
   const bool named_otherwise = std::none_of(of_format.begin(), of_format.end(), ends);
   const bool same_format = std::any_of(read.begin(), read.end(), [&](const std::string& ending) {
     return std::find(of_format.begin(), of_format.end(), ending) != of_format.end();
   });
-  if (named_otherwise && same_format) return;
-  throw InputError(
-      file.path, "",
-      fmt::format("is a file of the format {}, and printer '{}' reads {} (reads); "
-                  "expected one of these, UVJ to be converted, or a file of its slicer "
-                  "whose settings stay",
-                  format.name(), printer, fmt::join(read, ", ")));
+  if (named_otherwise && same_format) return {};
+  return fmt::format("is a file of the format {}, and printer '{}' reads {}", format.name(),
+                     printer, fmt::join(read, ", "));
+}
+
+void check_read_by(const std::string& printer, const StackFile& file) {
+  const std::string words = not_read_in_words(printer, file);
+  if (words.empty()) return;
+  throw InputError(file.path, "",
+                   words +
+                       " (reads); expected one of these, UVJ to be converted, or a file of its "
+                       "slicer whose settings stay");
 }
 
 }  // namespace slicecorr

@@ -39,8 +39,11 @@ void rename_with_record(const std::string& from, const std::string& to);
 /// The endings of the files that a printer says it reads (`reads` of its file, a name or a path), with
 /// their points; empty where it does not say. Throws `InputError` as `load_display`.
 std::vector<std::string> endings_read_by(const std::string& printer);
-/// Throws `InputError` where the printer says that it reads others than `file`. UVJ, which is
-/// converted, and a file whose settings stay (`keep_from`), which its slicer made, are no others.
+/// That the printer says it reads others than `file`, as a sentence without the file's name; empty
+/// where it does not. UVJ, which is converted, and a file whose settings stay (`keep_from`), which its
+/// slicer made, are no others.
+std::string not_read_in_words(const std::string& printer, const StackFile& file);
+/// Throws `InputError` with that sentence.
 void check_read_by(const std::string& printer, const StackFile& file);
 
 /// The printer as a file of its format can show it: where a binary format holds fewer grey levels than

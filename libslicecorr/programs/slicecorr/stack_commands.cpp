@@ -38,6 +38,13 @@ int each_plate(const Arguments& a, const Printer& printer, const ExecutionContex
   return kDone;
 }
 
+/// Tells that the printer that was named does not read what is written.
+void tell_not_read(const Arguments& a, const StackFile& file, const ExecutionContext& context) {
+  if (a.setup.printer.empty()) return;
+  const std::string words = not_read_in_words(a.setup.printer, file);
+  if (!words.empty()) context.tell(fmt::format("{}: {}", file.path, words));
+}
+
 int slice_plate(const Arguments& a, const ExecutionContext& context, Console& console);
 int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& context,
               Console& console);
@@ -47,6 +54,7 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
 int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
   const Printer printer = load_display(a.setup.printer);
+  tell_not_read(a, a.file(), context);
   return each_plate(a, printer, context,
                     [&](const Arguments& one) { return slice_plate(one, context, console); });
 }
@@ -107,6 +115,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
       (times.kind == StackKind::foreign || !print_file_facts(a.input).empty())) {
     file.keep_from = a.input;
   }
+  tell_not_read(a, file, context);
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
   const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output), context,
@@ -141,6 +150,7 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   chosen.layer_um = a.mesh.layer_um;
   const Setup setup = a.uncertain.put(chosen.resolve(nullptr, nullptr), chosen);
   tell_notices(setup, nullptr, context);
+  tell_not_read(a, a.file(), context);
   return each_plate(a, setup.printer, context,
                     [&](const Arguments& one) { return run_plate(one, setup, context, console); });
 }
@@ -197,6 +207,7 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
   Printer printer;
   if (!a.setup.printer.empty()) {
     printer = load_display(a.setup.printer);
+    tell_not_read(a, file, context);
   } else if (stack.info().printer) {
     printer = *stack.info().printer;
   }

@@ -186,8 +186,9 @@ void change_cxdlp(const ArchiveRequest& r, BinaryOutput& output) {
       throw InputError(
           file.path(), "",
           fmt::format("says exposures in tenths of a second and those of bottom layers in "
-                      "seconds, so it can't say {:g} and {:g} s",
-                      s.normal_s, s.bottom_s));
+                      "seconds, so it can't say {:g} and {:g} s{}",
+                      s.normal_s, s.bottom_s,
+                      s.normal_s == s.bottom_s ? "; expected whole seconds of layers alike" : ""));
     }
     constexpr double most = 65535;
     if (tenths > most || bottom_s > most || s.bottom_layers > most) {

@@ -410,7 +410,7 @@ TEST(Docs, EverySettingIsAnOption) {
     command.emplace_back("--help");
     const std::string help = test::run_program(command).out;
     for (const auto& s : settings) {
-      if (s["library_only"].get<bool>()) continue;
+      if (!s["is_option"].get<bool>()) continue;
       std::string option = "--" + s["name"].get<std::string>();
       std::replace(option.begin(), option.end(), '_', '-');
       EXPECT_TRUE(help.find(option + " ") != help.npos || help.find(option + "\n") != help.npos)

@@ -80,6 +80,13 @@ TEST(Routes, TheDescriptionIsServedAndWhole) {
       EXPECT_TRUE(schemas[study]["properties"].contains(name)) << study << " " << name;
     }
   }
+  // Layers of different heights are of jobs alone.
+  for (const char* key : {"layer_heights_um", "adaptive_um"}) {
+    EXPECT_TRUE(job.contains(key) && job[key].contains("x-group")) << key;
+    for (const char* study : {"PlateStudy", "PlanStudy", "CheckStudy"}) {
+      EXPECT_FALSE(schemas[study]["properties"].contains(key)) << study << " " << key;
+    }
+  }
   EXPECT_TRUE(schemas["PlateStudy"]["properties"].contains("fit_mm"));
   EXPECT_FALSE(schemas["PlateStudy"]["properties"].contains("speed_mm_h"));
 }

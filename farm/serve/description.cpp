@@ -20,12 +20,15 @@ using Json = nlohmann::ordered_json;
 bool belongs(const std::string& key, const std::string& group) {
   if (group == "all") return true;
   if (group == "placing") {
-    return key == "layer_um" || key == "adaptive_um" || key == "units" || key == "scale" ||
-           key == "fit_mm" || key == "rotate_deg" || key == "center_mm" || key == "antialias" ||
-           key == "overlap" || key == "arrange" || key == "spacing_mm" || key == "turn_about_z" ||
-           key == "places_mm" || key == "quarter_turns";
+    return key == "layer_um" || key == "units" || key == "scale" || key == "fit_mm" ||
+           key == "rotate_deg" || key == "center_mm" || key == "antialias" || key == "overlap" ||
+           key == "arrange" || key == "spacing_mm" || key == "turn_about_z" || key == "places_mm" ||
+           key == "quarter_turns";
   }
-  if (group == "process") return find_setting(key) && key != "printer" && key != "resin";
+  if (group == "process") {
+    const Setting* const setting = find_setting(key);
+    return setting && setting->said_by == SaidBy::all && key != "printer" && key != "resin";
+  }
   return key == group;
 }
 

@@ -347,7 +347,7 @@ const Fields& fields() {
         "Meshes that share the plate; over HTTP uploads");
     add("layer_um", number(SLICEFARM_FIELD(layer_um), 1, 1000),
         "Height of slices; an archive says it itself");
-    add("adaptive_um", numbers(SLICEFARM_FIELD(adaptive_um), 2),
+    add("adaptive_um", numbers(SLICEFARM_FIELD(adaptive_um), 2).in(kMade),
         "LOW and HIGH: layers of a mesh as high as slopes allow, in multiples of LOW up to HIGH, in "
         "place of layer_um");
     add("antialias", word(SLICEFARM_FIELD(antialias), {"on", "off"}),

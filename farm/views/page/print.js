@@ -150,12 +150,18 @@ function showSettings() {
   }
   $('settings').replaceChildren(...[...groups].flatMap(([group, labels]) => { const form = el('div', undefined, 'form'); form.append(...labels); return [el('h3', group), form]; }));
 }
+// Layers of different heights, in place of layer_um.
+const ownHeights = ['layer_heights_um', 'adaptive_um'];
 // Values of those that are said and that this kind of request takes.
 function moreSettings(kind) {
   const said = {};
   for (const [key, {schema, input}] of Object.entries(settings)) {
     const text = input.value.trim();
-    if (!text || !(key in schemas[kinds[kind]].properties)) continue;
+    if (!text) continue;
+    if (!(key in schemas[kinds[kind]].properties)) {
+      if (ownHeights.includes(key)) throw new Error(key + ': for jobs alone; what is looked at and planned has layers of one height.');
+      continue;
+    }
     const number = Number(text);
     if (input.validity && !input.validity.valid) throw new Error(key + ': ' + input.validationMessage);
     if (isList(schema)) said[key] = numbers(text, key);
@@ -243,6 +249,7 @@ $('queue').addEventListener('click', () => during('queue', async () => {
   const labels = $('labels').value.split(',').map((l) => l.trim()).filter(Boolean);
   if (labels.length) more.labels = labels;
   const jobs = prints.map((list) => ({parts: list.map((p) => p.part), ...setup(list), ...more}));
+  if (ownHeights.some((key) => key in more)) for (const job of jobs) delete job.layer_um;
   $('queue-said').textContent = 'reading and checking ' + (jobs.length === 1 ? 'the part' : count(jobs.length) + ' parts');
   let r;
   try { r = await change('api/v1/jobs', {jobs}); } catch (e) { $('queue-said').textContent = ''; throw e; }

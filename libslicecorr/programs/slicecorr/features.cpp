@@ -137,6 +137,7 @@ std::string settings_json() {
                     {"list", !s.column.empty()},
                     {"text", setting_text(ChoiceNames::fields, s)},
                     {"only_where_corrected", s.corrects},
+                    {"is_option", s.said_by == SaidBy::all},
                     {"library_only", s.said_by == SaidBy::library}});
     if (!s.words.empty()) json.back()["words"] = s.words;
   }

@@ -167,7 +167,7 @@ TEST_F(LetterProgram, APlateWithAnFAndASheetThatSaysWhatItMeans) {
   EXPECT_EQ(info["light_s"], 48.0);
   // There is no table to fill in, and a picture that is not there is no F.
   bad(2, {"testpart", "f", "--printer", "turned.toml", "-o", "x.uvj", "--form", "x.csv"},
-      {"--form", "no table"});
+      {"--form", "does not take it"});
   bad(2, {"testpart", "f", "--printer", "turned.toml", "-o", "x.uvj", "--picture", "turned.toml"},
       {"turned.toml"});
 }

@@ -12,6 +12,7 @@
 #include "slicecorr/plan.hpp"
 #include "slicecorr/stack.hpp"
 #include "submit/fields.hpp"
+#include "submit/heights.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -34,17 +35,8 @@ std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& set
           named(r, "layer_um"), named(r, "plan")));
     }
     if (r.layer_um <= 0) throw InputError(named(r, "layer_um") + " is missing");
-    cli::MeshOptions o;
-    o.parts = r.parts;
-    o.layer_um = r.layer_um;
-    o.antialias = r.antialias;
-    o.center_mm = r.center_mm;
-    o.units = r.units;
-    o.scale = r.scale;
-    o.rotate_deg = r.rotate_deg;
-    o.plate = r.plate;
     return std::make_unique<const MeshSlices>(
-        cli::slice_parts(o, setup.printer, setup.process.surface, context));
+        cli::slice_parts(mesh_options_of(r), setup.printer, setup.process.surface, context));
   }
   if (r.parts.size() != 1) throw InputError("expected meshes, or one archive of slices");
   const StackInfo info = StackReader::read_info(r.parts[0]);

@@ -26,6 +26,7 @@
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/same_light.hpp"
 #include "submit/fields.hpp"
+#include "submit/heights.hpp"
 #include "submit/planned.hpp"
 #include "submit/tomographic.hpp"
 #include "support/toml/toml_table.hpp"
@@ -158,67 +159,9 @@ void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
   look_at_light(slices, setup.printer, setup.process, plan, c.memory);
 }
 
-cli::MeshOptions mesh_options_of(const JobRequest& r) {
-  cli::MeshOptions o;
-  o.parts = r.parts;
-  o.layer_um = r.layer_um;
-  o.antialias = r.antialias;
-  o.center_mm = r.center_mm;
-  o.units = r.units;
-  o.scale = r.scale;
-  o.rotate_deg = r.rotate_deg;
-  o.plate = r.plate;
-  return o;
-}
-
-enum class HeightsBy { alike, each, slopes };
-
-/// Heights of layers are said once, of meshes: what a job says comes before defaults. An archive says
-/// its own.
-HeightsBy check_heights(const JobRequest& r, bool mesh) {
-  struct Way {
-    HeightsBy by;
-    const char *key, *option;
-    bool is;
-  };
-  const Way ways[] = {
-      {HeightsBy::alike, "layer_um", "--layer-um", r.layer_um > 0},
-      {HeightsBy::each, detail::kLayerHeights, "--layers", !r.setup.layer_heights_um.empty()},
-      {HeightsBy::slopes, "adaptive_um", "--adaptive-um", !r.adaptive_um.empty()}};
-  const auto name = [&](const Way& way) { return r.as_options ? way.option : way.key; };
-  std::vector<const Way*> said;
-  for (const Way& way : ways) {
-    if (way.is) said.push_back(&way);
-  }
-  const auto is_default = [&](const Way* way) {
-    const auto found = r.said.find(way->key);
-    return found != r.said.end() && found->second.default_;
-  };
-  if (!std::all_of(said.begin(), said.end(), is_default)) std::erase_if(said, is_default);
-  if (!mesh) {
-    for (const Way* way : said) {
-      if (way->by == HeightsBy::alike || is_default(way)) continue;
-      throw InputError(r.parts[0], "",
-                       fmt::format("is an archive, whose slices have their heights; expected no {} "
-                                   "with it",
-                                   name(*way)));
-    }
-    return HeightsBy::alike;
-  }
-  if (said.empty()) {
-    throw InputError(fmt::format("{} is missing; expected it, {} or {}", name(ways[0]),
-                                 name(ways[1]), name(ways[2])));
-  }
-  if (said.size() > 1) {
-    throw InputError(fmt::format("{} and {} are both said; expected one of them", name(*said[0]),
-                                 name(*said[1])));
-  }
-  return said.front()->by;
-}
-
 void check_meshes(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
                   const ExecutionContext& context, Checked& c) {
-  const cli::MeshOptions o = mesh_options_of(r);
+  const cli::MeshOptions o = detail::mesh_options_of(r);
   cli::PartFacts facts;
   const cli::PartSlices slices(
       o, setup.printer,
@@ -527,7 +470,7 @@ class Preparation {
       if (!is_mesh_name(part)) throw InputError(part, "", "is no mesh; expected one");
     }
     w.spec.layer_um = r.layer_um;
-    const HeightsBy heights = check_heights(r, w.mesh);
+    const detail::HeightsBy heights = detail::check_heights(r, w.mesh);
     if (w.mesh) {
       w.spec.antialias = r.antialias;
       w.spec.units = r.units;
@@ -537,10 +480,10 @@ class Preparation {
       w.spec.plate = r.plate;
       SetupChoices chosen = r.setup;
       chosen.layer_um = r.layer_um;
-      if (heights != HeightsBy::each) chosen.layer_heights_um.clear();
-      if (heights == HeightsBy::slopes) {
+      if (heights != detail::HeightsBy::each) chosen.layer_heights_um.clear();
+      if (heights == detail::HeightsBy::slopes) {
         chosen.layer_heights_um =
-            cli::adaptive_heights_of(mesh_options_of(r), r.leave_alone, r.adaptive_um).um();
+            cli::adaptive_heights_of(detail::mesh_options_of(r), r.leave_alone, r.adaptive_um).um();
       }
       w.setup = resolve_setup(chosen, nullptr, nullptr,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);

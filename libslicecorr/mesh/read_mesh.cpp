@@ -266,21 +266,24 @@ Units units_named(std::string_view name) {
   return Units::automatic;
 }
 
+void widen_box(const TriangleMesh& mesh, Point3& low, Point3& high) {
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (!mesh.adds(i)) continue;
+    for (const std::uint32_t v : mesh.triangles[i]) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], mesh.vertices[v][k]);
+        high[k] = std::max(high[k], mesh.vertices[v][k]);
+      }
+    }
+  }
+}
+
 double fit_scale(const std::vector<std::string>& files, const Placement& placement,
                  double longest_mm) {
   constexpr double inf = std::numeric_limits<double>::infinity();
   Point3 low{inf, inf, inf}, high{-inf, -inf, -inf};
   for (const std::string& path : files) {
-    const TriangleMesh mesh = read_mesh(path, placement);
-    for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-      if (!mesh.adds(i)) continue;
-      for (const std::uint32_t v : mesh.triangles[i]) {
-        for (std::size_t k = 0; k < 3; ++k) {
-          low[k] = std::min(low[k], mesh.vertices[v][k]);
-          high[k] = std::max(high[k], mesh.vertices[v][k]);
-        }
-      }
-    }
+    widen_box(read_mesh(path, placement), low, high);
   }
   const double longest = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
   if (!(longest > 0)) {

@@ -125,6 +125,9 @@ TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
                        const ExecutionContext& context = {},
                        std::vector<std::string>* notes = nullptr);
 
+/// Widens a box, from `low` to `high`, by the triangles of a mesh that add material.
+void widen_box(const TriangleMesh& mesh, Point3& low, Point3& high);
+
 /// The factor with which the longest side of all files together, as `placement` turns and scales them,
 /// is `longest_mm` > 0. Throws as `read_mesh`, and where they have no size.
 double fit_scale(const std::vector<std::string>& files, const Placement& placement,

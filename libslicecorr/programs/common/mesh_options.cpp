@@ -28,17 +28,7 @@ struct Box {
     low.fill(std::numeric_limits<double>::infinity());
     high.fill(-std::numeric_limits<double>::infinity());
   }
-  void add(const TriangleMesh& mesh) {
-    for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-      if (!mesh.adds(i)) continue;
-      for (const std::uint32_t v : mesh.triangles[i]) {
-        for (std::size_t k = 0; k < 3; ++k) {
-          low[k] = std::min(low[k], mesh.vertices[v][k]);
-          high[k] = std::max(high[k], mesh.vertices[v][k]);
-        }
-      }
-    }
-  }
+  void add(const TriangleMesh& mesh) { widen_box(mesh, low, high); }
   double middle(std::size_t k) const { return 0.5 * (low[k] + high[k]); }
 };
 

@@ -223,6 +223,9 @@ TEST_F(CalibrateProgram, SecondsOfAnotherDisplayAreToldEverywhere) {
   changed("mine.toml", "twin.toml", "name = \"mine\"", "name = \"twin\"");
   changed("r.toml", "nameless.toml", "display = \"mine\"\n", "");
   good({"testpart", "f", "--printer", "dark.toml", "--exposure-s", "2.5", "-o", "part.uvj"});
+  // Who forgets the mode has a file with times.
+  bad(2, {"correct", "part.uvj", "-o", "x.uvj", "--printer", "mine.toml", "--resin", "r.toml"},
+      {"--speed-mm-h is required: without --mode the print is continuous", "--mode layerwise"});
   struct Case {
     const char *printer, *resin, *words;
     json named;

@@ -183,6 +183,16 @@ TEST_F(MovedProgram, JobsOfTheFarmTakeHeights) {
   refused("part = \"part.uvj\"\nadaptive_um = [20, 100]", "expected no adaptive_um with it");
   refused("part = \"part.uvj\"\nlayer_heights_um = [20]", "expected no layer_heights_um with it");
   refused("adaptive_um = [20]", "adaptive_um");
+  // What can't be written is refused before the night, and by `run` and `slice` before the work.
+  refused("adaptive_um = [20, 100]\nformat = \"sl1\"",
+          "can't say that layers are of different heights; expected a format that can");
+  refused("format = \"lgs\"", "only changed, not made from nothing");
+  for (const Command& command : {Command{"run", "part.stl"} + kWith,
+                                 Command{"slice", "part.stl", "--printer", "small.toml"}}) {
+    bad(2, command + Command{"-o", "x.sl1", "--layers", "heights.csv"},
+        {"x.sl1", "can't say that layers are of different heights"});
+    bad(2, command + Command{"-o", "x.lgs", "--layer-um", "50"}, {"x.lgs", "made from nothing"});
+  }
   refused("layer_heights_um = [0.5]", "layer 0 is 0.5 um high; expected 1 to 1000 um");
   refused("layer_heights_um = [2000]", "layer_heights_um");
   EXPECT_THAT(farm(Command{"submit", "part.stl"} + kWith, 2),

@@ -24,6 +24,7 @@
 #include "slicecorr/farm/work.hpp"
 #include "slicecorr/memory_need.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "submit/fields.hpp"
 #include "submit/heights.hpp"
@@ -123,6 +124,14 @@ void choose_format(const JobRequest& r, const std::string& input_format, WorkSpe
   }
   spec.ending = wanted;
   spec.format = format_of(StackFile("out." + wanted));
+}
+
+/// What can't be written is refused before the night.
+void check_format(const Resolved& w, const std::string& input_format) {
+  if (w.spec.tomo || (w.spec.kind == "correct" && w.spec.format == input_format)) return;
+  StackFile file("out." + w.spec.ending);
+  file.format = w.spec.format;
+  check_can_be_made(file, !w.setup.process.layer_heights_um.empty());
 }
 
 std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
@@ -369,6 +378,7 @@ class Preparation {
         }
         w.ready_by_ms = parse_ready_by(r.ready_by, now);
         choose_format(r, input_format_[r.parts[0]], w.spec);
+        check_format(w, input_format_[r.parts[0]]);
       } catch (const Error& e) {
         refuse(r, e.what());
         w.setup_json.clear();

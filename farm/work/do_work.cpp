@@ -163,7 +163,7 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);
     // What a slicer wrote besides the slices stays, as with `slicecorr correct`.
-    if (info.kind == StackKind::foreign && info.format == spec.format) file.keep_from = paths[0];
+    if (info.format == spec.format && keeps_settings(paths[0], info)) file.keep_from = paths[0];
     // What the archive says of lifts counts before the printer's; a job's setup has only that.
     if (info.lift_times) setup.lift_times = info.lift_times;
     MissingFacts facts;

@@ -20,6 +20,7 @@
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/plan.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::c_api {
@@ -379,7 +380,7 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     const slicecorr_stack& t = need(target, "target");
     // Ours hold nothing else.
     const slicecorr::StackFile file =
-        output_file(t, path, t.info.kind == slicecorr::StackKind::foreign);
+        output_file(t, path, !t.path.empty() && slicecorr::keeps_settings(t.path, t.info));
     const slicecorr::ExecutionContext context = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
     tell_notices(s, t, context);

@@ -113,6 +113,14 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
   if (layerwise) {
     resolve_layerwise(process, times);
   } else {
+    // Who has a file with times of layers, or assumes light, prints layer by layer.
+    const bool by_layer = (times && times->exposure_s > 0) || !c_.assume.empty();
+    if (by_layer && c_.mode.empty() && !(c_.speed_mm_h > 0) && !(process.speed_mm_h > 0)) {
+      wrong(
+          fmt::format("{} is required: without {} the print is continuous; expected a speed, or {} "
+                      "layerwise, which takes the archive's exposure times",
+                      o("speed_mm_h"), o("mode"), o("mode")));
+    }
     resolve_continuous(process);
   }
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Which files a printer reads, as its own file says.
+// Which files can be made, and which of them a printer reads, as its own file says.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,6 +16,28 @@
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr {
+
+bool keeps_settings(const std::string& path, const StackInfo& info) {
+  return info.kind == StackKind::foreign || !print_file_facts(path).empty();
+}
+
+void check_can_be_made(const StackFile& file, bool uneven) {
+  if (!file.keep_from.empty()) return;
+  const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
+  const std::string of_format = fmt::format("files of the format {}", format.name());
+  if (!format.made_new()) {
+    throw InputError(file.path, "",
+                     of_format +
+                         " are only changed, not made from nothing; expected a file of the "
+                         "same printer as the template, or a format that can be made new");
+  }
+  if (uneven && !format.says_heights()) {
+    throw InputError(file.path, "",
+                     of_format +
+                         " can't say that layers are of different heights; expected a format "
+                         "that can, as GOO, CTB or UVJ");
+  }
+}
 
 std::vector<std::string> endings_read_by(const std::string& printer) {
   const std::string path = find_definition(printer, "printer");

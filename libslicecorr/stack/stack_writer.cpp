@@ -50,13 +50,8 @@ StackWriter::Impl::Impl(const StackFile& f, const Grid& g, const ExecutionContex
   } else if (format.packs_rgb()) {
     code = {1, 0, 8, 2, true, format.packs_bgr()};
   } else if (format.codes_layers()) {
+    check_can_be_made(f, false);
     codec = format.new_codec(g);
-    if (!codec) {
-      throw InputError(f.path, "",
-                       "files of the format " + std::string(format.name()) +
-                           " are only changed, not made from nothing; expected a file of the "
-                           "same printer as the template, or a format that can be made new");
-    }
   }
   if (!code.is_plain()) grey_adlers.resize(bands.size());
 }

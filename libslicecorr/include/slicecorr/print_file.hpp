@@ -25,9 +25,16 @@ struct FormatLimits {
 };
 /// Throws `InputError` when there is no format of this name.
 FormatLimits limits_of_format(const std::string& name);
+/// Throws `InputError` where `file` is of a format whose archives are not made from nothing and changes
+/// none (`keep_from`), or of one that has no place for `uneven` heights of layers.
+void check_can_be_made(const StackFile& file, bool uneven);
 
 /// What else a print file says, for people: name and value. Empty for other archives.
 std::vector<std::pair<std::string, std::string>> print_file_facts(const std::string& path);
+
+/// Whether an archive that is corrected into the same format keeps what it says besides its slices: what
+/// other programs wrote, and print files, also such as were made from a template.
+bool keeps_settings(const std::string& path, const StackInfo& info);
 
 /// Where the record of a stack lies that is written into a format of one binary file, which has no
 /// place for it: "part.ctb.slicecorr", a zip. It counts only as long as the file is the one it is of.

@@ -54,6 +54,7 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
 int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
   const Printer printer = load_display(a.setup.printer);
+  check_can_be_made(a.file(), !a.layers.empty() || !a.adaptive_um.empty());
   tell_not_read(a, a.file(), context);
   return each_plate(a, printer, context,
                     [&](const Arguments& one) { return slice_plate(one, context, console); });
@@ -111,10 +112,10 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
   tell_notices(setup, &times, context);
   // What a slicer wrote besides the slices stays, also where the file was made from a template.
-  if (times.format == file.format &&
-      (times.kind == StackKind::foreign || !print_file_facts(a.input).empty())) {
+  if (times.format == file.format && keeps_settings(a.input, times)) {
     file.keep_from = a.input;
   }
+  check_can_be_made(file, !times.layer_heights_um.empty());
   tell_not_read(a, file, context);
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
@@ -144,7 +145,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
 }
 
 int run(const Arguments& a, const ExecutionContext& context, Console& console) {
-  format_of(a.file());
+  check_can_be_made(a.file(), !a.layers.empty() || !a.adaptive_um.empty());
   SetupOptions chosen = a.setup;
   chosen.layer_heights_um = wanted_heights(a).um();
   chosen.layer_um = a.mesh.layer_um;
@@ -203,6 +204,7 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
     context.tell(a.kept + ": its settings and pictures stay, its layers become those of " +
                  a.input);
   }
+  check_can_be_made(file, !stack.info().layer_heights_um.empty());
   // For a printer whose display is known the images are turned to it.
   Printer printer;
   if (!a.setup.printer.empty()) {

@@ -378,9 +378,10 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     if (after) *after = nullptr;
     if (before) *before = nullptr;
     const slicecorr_stack& t = need(target, "target");
-    // Ours hold nothing else.
-    const slicecorr::StackFile file =
-        output_file(t, path, !t.path.empty() && slicecorr::keeps_settings(t.path, t.info));
+    // Ours hold nothing else, but for those that a template made. What is in memory needs no file.
+    const bool keeps = t.info.kind == slicecorr::StackKind::foreign ||
+                       (!t.slices && slicecorr::keeps_settings(t.path, t.info));
+    const slicecorr::StackFile file = output_file(t, path, keeps);
     const slicecorr::ExecutionContext context = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
     tell_notices(s, t, context);

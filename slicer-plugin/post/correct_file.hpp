@@ -34,7 +34,7 @@ struct PostOutcome {
 /// `AlreadyCorrected`, `NotReadable`, `InUse`, `InputError`, `InfeasibleError`, `DeviceError`,
 /// `Cancelled`; the file is as it was then.
 PostOutcome correct_file(const std::string& path, const PostRequest& request,
-                         const ExecutionContext& context);
+                         const ExecutionContext& given);
 
 /// How `correct_file` would go about it. Changes nothing.
 Decision preview(const std::string& path, const PostRequest& request);

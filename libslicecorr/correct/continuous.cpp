@@ -324,7 +324,10 @@ ContinuousSolver::Certain ContinuousSolver::certain_light(const RunAt& run, int 
   if (j >= edge.falls_from && j < edge.capped_from && n != run.lower - 1) {
     const double darkest = p.phi_min * p.b + p.a * dose;
     const double room = edges_.doses(edge, j, 0).hi - darkest;
-    if (darkest >= p.prints && room >= 0 && room < p.close) return {edge.falls_from, false};
+    if (darkest >= p.prints && room >= 0 && room < p.close) {
+      // Above a shelf the curve falls from a greater dose.
+      return {j > edge.shelf ? std::max(edge.falls_from, edge.shelf + 1) : edge.falls_from, false};
+    }
   }
   return {};
 }

@@ -212,6 +212,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   tolerance.back() = kWidest;
   together = exact ? 0 : count >= kMany ? 3 : count >= 48 ? 4 : 6;
   const int kept = std::min(std::max(1, static_cast<int>(std::lround(0.04 * count))), count - 1);
+  shelves = !exact && process.overhangs == Overhangs::early;
   feature_reserve = exact ? 0 : (levels.phi(kept) - phi_min) * b * together / 2;
   gap_reserve = exact ? 0 : (phi_max - levels.phi(count - 1 - kept)) * b * together / 2;
 

@@ -137,6 +137,7 @@ struct ContinuousPlan : LayerFactors {
   /// Range of dose that rung 0 keeps free `together` slices before an edge, so that the levels
   /// after that can raise the dose as well as lower it.
   double feature_reserve, gap_reserve;
+  bool shelves;                   ///< whether features over gaps gel a shelf early
   std::span<const double> grown;  ///< a^-j, by j
   /// Where light from the platform multiplies doses: what a node of a feature must have, `j` nodes
   /// from the edge for which the plan is made, by j; empty: `prints`.

@@ -8,6 +8,16 @@
 
 namespace slicecorr::detail {
 
+namespace {
+
+/// A shelf (docs/kernels/continuous.md) ends where the falling curve is so many times the dose at the
+/// edge. Full light makes it in one slice for each so many above it, else it gains nothing. What goes on
+/// below it has so much dose at least.
+constexpr double kShelfFall = 1 / 0.15, kBelowShelf = 1.4;
+constexpr int kShelfSlices = 5;
+
+}  // namespace
+
 DoseRange Edges::inside_of(const Edge& edge, int rung) const {
   if (edge.below == kFull) return {plan_.prints, cap(edge, rung)};
   if (edge.below == 0) return {0.0, plan_.open};
@@ -32,6 +42,12 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
       d.hi = black + (edge.reserved - p.black_from(node + p.together)) * since;
     } else {
       d.lo = full - (p.full_from(node + p.together) - edge.reserved) * since;
+    }
+    if (edge.shelf > 0 && j > edge.shelf) {
+      const int after = edge.shelf + 1;
+      const double fallen = (edge.below_shelf - p.black_from(node + after)) *
+                            p.grown_through(node + after, j - after);
+      d.hi = std::min(d.hi, black + fallen);
     }
   }
   DoseRange bounds = inside_of(edge, rung);
@@ -166,6 +182,30 @@ void Edges::set_between(const Edge& edge) const {
   }
 }
 
+void Edges::set_shelf(Edge& edge) const {
+  const ContinuousPlan& p = plan_;
+  const int last = static_cast<int>(p.grown.size()) - 1;
+  int top = p.together + 1;  // the node up to which the dose falls in black
+  while (top < last && p.grown_through(edge.node, top) < kShelfFall) ++top;
+  if (top >= last) return;
+  const double most = doses(edge, top, 0).hi;
+  if (most >= edge.cap) return;
+  // So many slices of full light lead from what goes on below the shelf to the falling curve.
+  int slices = 0;
+  double dose = kBelowShelf;
+  for (; dose < most; ++slices) {
+    if (slices * kShelfSlices >= top || top + slices >= last) return;
+    const int slice = edge.node + top + slices;
+    dose = p.of(slice).step(p.ratio(slice) * p.phi_max, dose);
+  }
+  const DoseRange below = doses(edge, top + slices, 0);
+  if (slices == 0 || kBelowShelf <= below.lo || kBelowShelf >= below.hi) return;
+  // The falling curve further down is one that prints with the level next to black, too.
+  if (kBelowShelf - p.close < p.prints) return;
+  edge.shelf = top + slices - 1;
+  edge.below_shelf = kBelowShelf;
+}
+
 void Edges::set_inside(Edge& edge) const {
   const ContinuousPlan& p = plan_;
   const bool feature = edge.below == kFull, gap = edge.below == 0;
@@ -183,6 +223,8 @@ void Edges::set_inside(Edge& edge) const {
       edge.has_reserve = true;
     }
   }
+
+  if (feature && edge.has_reserve && shelves_) set_shelf(edge);
 
   // Where slices differ each edge has a place of its own: none is the same as another.
   if (p.uneven()) {
@@ -206,7 +248,8 @@ void Edges::set_inside(Edge& edge) const {
   const double dark = p.phi_min * p.b;
   const double reached = p.phi_max * p.b + p.a * p.edge_most[kRungs - 1];
   const int near = std::max(p.together, 1);
-  const int hidden = first_of(near, [&](int j) {
+  const int far = std::max(near, edge.shelf + 1);  // where doses only rise
+  const int hidden = first_of(far, [&](int j) {
     // Doses of the rungs between are among those of the last, and have those of rung 0 among them.
     for (const int r : {0, kRungs - 1}) {
       const DoseRange d = doses(edge, j, r);
@@ -219,8 +262,8 @@ void Edges::set_inside(Edge& edge) const {
   if (gap) {
     edge.dark_from = first_of(near, [&](int j) { return doses(edge, j, 0).lo <= dark; });
   } else if (feature) {
-    edge.bright_from = first_of(near, [&](int j) { return doses(edge, j, 0).hi >= p.most; });
-    edge.capped_from = first_of(near, [&](int j) { return doses(edge, j, 0).hi >= edge.cap; });
+    edge.bright_from = first_of(far, [&](int j) { return doses(edge, j, 0).hi >= p.most; });
+    edge.capped_from = first_of(far, [&](int j) { return doses(edge, j, 0).hi >= edge.cap; });
     edge.falls_from = first_of(near, [&](int j) {
       const DoseRange d = doses(edge, j, 0);
       return d.lo <= p.prints && d.hi - p.close >= p.prints;

@@ -18,7 +18,8 @@ constexpr std::uint8_t kAnyGrey = 128;
 
 }  // namespace
 
-Edges::Edges(const ContinuousPlan& plan) : plan_(plan) {
+Edges::Edges(const ContinuousPlan& plan, bool shelves)
+    : plan_(plan), shelves_(shelves && plan.shelves) {
   for (auto& kind : endless_) kind.fill(Edge::kNone);
 }
 

@@ -64,7 +64,10 @@ struct Edge {
   /// gap there.
   double reserved = 0;
   bool has_reserve = false;
-  double cap = 0;        ///< of the run below, if it is a feature
+  /// Beyond so many nodes further down rung 0 leaves room for the light of a shelf; 0: none.
+  std::int32_t shelf = 0;
+  double below_shelf = 0;  ///< rung 0: the greatest dose at the node after `shelf`
+  double cap = 0;          ///< of the run below, if it is a feature
   std::int32_t far = 0;  ///< if the run below has so many slices, nothing below it depends on this
   /// Slices below the edge from which on full light always fits (`bright_from`), black light fits
   /// while it keeps the dose close to the falling curve (`falls_from`), and black light always fits
@@ -82,7 +85,8 @@ struct Edge {
 /// All edges of a band's columns. Not thread-safe.
 class Edges {
  public:
-  explicit Edges(const ContinuousPlan& plan);
+  /// `shelves`: as the plan says; false: none.
+  explicit Edges(const ContinuousPlan& plan, bool shelves = true);
 
   /// The platform above a run of this coverage. `node`: where the run begins, if what lies above it does
   /// not matter any more.
@@ -154,6 +158,8 @@ class Edges {
   void set_edge(Edge& edge, const Edge& above) const;
   /// Fills the doses of an edge that has these at itself, of all rungs.
   void set_edge(Edge& edge, std::span<const DoseRange> at) const;
+  /// Sets the shelf of a feature over a gap.
+  void set_shelf(Edge& edge) const;
   /// Fills all that follows from the doses.
   void set_inside(Edge& edge) const;
   void set_levels(Edge& edge, const Edge* above);
@@ -182,6 +188,7 @@ class Edges {
   DoseRange inside_of(const Edge& edge, int rung) const;
 
   const ContinuousPlan& plan_;
+  const bool shelves_;
   struct Through {
     std::int32_t edge, slices;
     double light, of_one;

@@ -33,7 +33,7 @@ class GradedColumn final : public GradedColumns {
       : plan_(plan),
         p_(*plan.continuous),
         scale_(scale),
-        edges_(p_),
+        edges_(p_, false),  // doses are wanted: none is given up
         search_(edges_),
         all_(static_cast<std::size_t>(std::max(plan.all_layers, 0))),
         cover_(all_ + 1),

@@ -280,6 +280,17 @@ const std::vector<Setting>& table() {
        .corrects = true,
        .process = kPlatformFeatures,
        .block = BlockPart::correction},
+      {.name = "overhangs",
+       .group = kHowItIsCorrected,
+       .chosen = &C::overhangs,
+       .text = "What features over gaps do: gel a shelf of theirs early, so that little hangs on "
+               "nothing while it prints (early), or be as bright everywhere as their edges leave "
+               "(bright) (continuous)",
+       .words = {"early", "bright"},
+       .corrects = true,
+       .process = kWord<&Process::overhangs>,
+       .block = BlockPart::correction,
+       .changed_only = true},
       {.name = "spread_correction",
        .group = kHowItIsCorrected,
        .chosen = &C::spread_correction,

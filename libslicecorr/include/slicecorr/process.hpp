@@ -342,6 +342,10 @@ double dose_height_e_um(const Resin& resin);
 
 enum class OneSliceGaps { open, merge };
 
+/// What features over gaps do, continuous: gel early a shelf of theirs, so that little hangs on nothing
+/// while it prints, or be as bright as their edges leave everywhere.
+enum class Overhangs { early, bright };
+
 /// Where the edges of a design lie whose target knows their heights (target.hpp): at the nodes of
 /// its slices, or at these heights.
 enum class Surface { slices, mesh };
@@ -425,6 +429,7 @@ struct Process {
   /// without much search, some 0.05 um. Levels that place edges more finely leave the light of low gaps
   /// less free: aimed at less finely, gaps of two and three slices are darker.
   double edge_aim_um = 0;
+  Overhangs overhangs = Overhangs::early;
   /// Of a corrected stack: what its edges were aimed at, and so what its height errors are measured
   /// from. Without edge heights always `slices`.
   Surface surface = Surface::slices;

@@ -18,6 +18,7 @@
 #include "real_files.hpp"
 #include "run_program.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/process.hpp"
 #include "stack_fixture.hpp"
 
@@ -150,6 +151,29 @@ TEST_F(DocsLcd, PrintFiles) {
   fs::rename(folder_ / "part.ctb", folder_ / "old.ctb");
   shell(with_template);
   EXPECT_THAT(shell("slicecorr info part.ctb").out, HasSubstr("ctb"));
+}
+
+// The page and the printers' files say the same of what they read.
+TEST_F(DocsLcd, EndingsOfFilesAreThoseOfThePrinters) {
+  std::istringstream lines(page("print-files.md"));
+  int printers = 0;
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t name_end = line.find("` |");
+    if (!line.starts_with("| `") || name_end == std::string::npos) continue;
+    const std::string path =
+        fmt::format("{}/{}.toml", SLICECORR_PRINTERS_DIR, line.substr(3, name_end - 3));
+    if (!fs::exists(path)) continue;
+    std::vector<std::string> cells, endings;
+    std::istringstream row(line);
+    for (std::string cell; std::getline(row, cell, '|');) cells.push_back(cell);
+    std::istringstream words(cells.at(4));
+    for (std::string word; words >> word;) {
+      if (word.front() == '.') endings.push_back(word);
+    }
+    EXPECT_EQ(endings_read_by(path), endings) << line;
+    ++printers;
+  }
+  EXPECT_EQ(printers, 37);
 }
 
 TEST_F(DocsLcd, SlicerPlugin) {

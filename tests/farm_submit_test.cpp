@@ -314,7 +314,7 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
   differs("supports", [&](JobRequest& r) { r.leave_alone = {part}; });
   differs("other supports", [&](JobRequest& r) { r.leave_alone = {part, part}; });
   differs("features", [](JobRequest& r) { r.setup.platform_features = "uncapped"; });
-  differs("overhangs", [](JobRequest& r) { r.setup.overhangs = "bright"; });
+  differs("overhangs", [](JobRequest& r) { r.setup.overhangs = "early"; });
   differs("dose", [](JobRequest& r) { r.setup.dc_mj_cm3 = 231; });
   differs("height", [](JobRequest& r) { r.setup.ha_um = 1501; });
   differs("ramp", [](JobRequest& r) {

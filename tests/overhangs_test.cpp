@@ -14,7 +14,9 @@
 #include "models.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/correct.hpp"
+#include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/setup.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -128,6 +130,17 @@ TEST(Overhangs, AreLeftAsBrightWhereAShelfGainsNothing) {
     EXPECT_EQ(Overhang(brightest, run, Overhangs::early).first_gelled(),
               Overhang(brightest, run, Overhangs::bright).first_gelled());
   }
+}
+
+TEST(Overhangs, AreRefusedWhereNoShelfIsMade) {
+  slicecorr::Setup setup{linear_printer(1, 100), resin(576, 2000), process(1000)};
+  setup.process.overhangs = Overhangs::early;
+  EXPECT_NO_THROW(check_correction(setup, {}));
+  EXPECT_THROW(check_correction(setup, {.doses = true}), InputError);
+  setup.process.mode = ExposureMode::layerwise;
+  EXPECT_THROW(check_correction(setup, {}), InputError);
+  setup.process.overhangs = Overhangs::bright;
+  EXPECT_NO_THROW(check_correction(setup, {}));
 }
 
 /// What hangs on nothing, in voxels times slices.

@@ -283,10 +283,11 @@ const std::vector<Setting>& table() {
       {.name = "overhangs",
        .group = kHowItIsCorrected,
        .chosen = &C::overhangs,
-       .text = "What features over gaps do: gel a shelf of theirs early, so that little hangs on "
-               "nothing while it prints (early), or be as bright everywhere as their edges leave "
-               "(bright) (continuous)",
-       .words = {"early", "bright"},
+       .text =
+           "What features over gaps do: be as bright everywhere as their edges leave (bright), or "
+           "gel a shelf of theirs early, so that less hangs on nothing while it prints (early) "
+           "(continuous)",
+       .words = {"bright", "early"},
        .corrects = true,
        .process = kWord<&Process::overhangs>,
        .block = BlockPart::correction,

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <span>
 #include <vector>
 
 #include "slicecorr/error.hpp"
@@ -35,6 +37,21 @@ void check_exchange(const Setup& setup) {
         "lifts exchange a share of {:g}, which is off by {:g}; expected an error of {:g} at most, "
         "the share itself: near 0 doses fall at once, and nothing can be said to first order",
         process.lift_exchange, sd, process.lift_exchange));
+  }
+}
+
+/// Shelves are made column by column, of doses that are sums of the slices' light.
+void check_overhangs(const Process& process, std::span<const Feature> features) {
+  if (process.overhangs == Overhangs::bright) return;
+  for (const Feature other : {Feature::layerwise, Feature::even_dead_zone, Feature::uv_constant,
+                              Feature::uv_per_slice, Feature::uv_patterned, Feature::gel_time,
+                              Feature::bleaching, Feature::spread, Feature::wanted_doses}) {
+    if (std::find(features.begin(), features.end(), other) == features.end()) continue;
+    throw InputError(
+        fmt::format("features over gaps gel early (overhangs early) in continuous exposure, where "
+                    "doses are sums of light and columns stand alone: not with {}; expected "
+                    "overhangs bright",
+                    name_of(other)));
   }
 }
 
@@ -76,6 +93,7 @@ void check_correction(const Setup& setup, const DesignHas& design) {
     features.push_back(Feature::wanted_doses);
   }
   if (design.left_alone) features.push_back(Feature::left_alone);
+  check_overhangs(setup.process, features);
   if (setup.uncertainty) check_uncertain(setup);
   const bool robust = setup.uncertainty && setup.uncertainty->robust;
   if (robust) features.push_back(Feature::robust);

@@ -274,9 +274,6 @@ struct Resin {
   bool has_gel_time() const { return model == CureModelKind::gel_time; }
   /// Measured gel dose, mJ/cm³, kept beside the dose aimed at; 0 when not given.
   double gel_dose_mj_cm3 = 0;
-  /// Whether they were told per area (mJ/cm²): then another height changes them, not what they are at
-  /// a surface. Seconds of full light and D'c are of a surface always.
-  bool areal_critical_dose = false, areal_gel_dose = false;
   /// Dose aimed at over gel dose; 1 when the file gives the dose aimed at.
   double dose_factor = 1;
   std::optional<Inhibition> inhibition;
@@ -313,6 +310,9 @@ struct Resin {
   /// That of all doses; the printer's must be the same. `brightest`: model jacobs, without inhibition,
   /// bleaching or chemistry.
   LightUnit unit = LightUnit::mw_cm2;
+  /// Whether they were told per area (mJ/cm²): then another height changes them, not what they are at
+  /// a surface. Seconds of full light and D'c are of a surface always.
+  bool areal_critical_dose = false, areal_gel_dose = false;
   bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;
 };
@@ -344,7 +344,7 @@ enum class OneSliceGaps { open, merge };
 
 /// What features over gaps do, continuous: gel early a shelf of theirs, so that little hangs on nothing
 /// while it prints, or be as bright as their edges leave everywhere.
-enum class Overhangs { early, bright };
+enum class Overhangs { bright, early };
 
 /// Where the edges of a design lie whose target knows their heights (target.hpp): at the nodes of
 /// its slices, or at these heights.
@@ -429,7 +429,7 @@ struct Process {
   /// without much search, some 0.05 um. Levels that place edges more finely leave the light of low gaps
   /// less free: aimed at less finely, gaps of two and three slices are darker.
   double edge_aim_um = 0;
-  Overhangs overhangs = Overhangs::early;
+  Overhangs overhangs = Overhangs::bright;
   /// Of a corrected stack: what its edges were aimed at, and so what its height errors are measured
   /// from. Without edge heights always `slices`.
   Surface surface = Surface::slices;

@@ -52,7 +52,7 @@ struct SetupChoices {
   double gap_shortfall = 0;
   double edge_aim_um = 0;
   std::string platform_features = "capped";
-  std::string overhangs = "early";
+  std::string overhangs = "bright";
   std::string surface = "mesh";
   std::string spread_correction = "on";  ///< off: no rounds, each column alone
   std::string loose;                     ///< `Setup::refuse_loose`: tell or refuse

@@ -164,7 +164,7 @@ TEST(Overhangs, HoldWhatIsThinBesideThem) {
     const int upper = static_cast<int>(std::lround(kRadius - half));
     fill(design, {x, 0, upper}, {x + 1, 2, 2 * kRadius - upper});
   }
-  double hang[2] = {};
+  double hang_early = 0, hang_bright = 0;
   for (const Overhangs overhangs : {Overhangs::early, Overhangs::bright}) {
     slicecorr::Setup setup{linear_printer(1, 100), resin(230, 1500), process(400)};
     setup.printer.pixel_x_um = setup.printer.pixel_y_um = 50;
@@ -177,13 +177,13 @@ TEST(Overhangs, HoldWhatIsThinBesideThem) {
     EXPECT_TRUE(p.bodies->printed.in_time);
     EXPECT_EQ(p.bodies->printed.loose_bodies, 0U);
     EXPECT_EQ(p.undercure_voxels, 0U);
-    hang[static_cast<int>(overhangs)] = hanging(p.bodies->printed);
+    (overhangs == Overhangs::early ? hang_early : hang_bright) = hanging(p.bodies->printed);
   }
   // The sides are bodies on their own by either light. They grow until what is thick beside them gels,
   // log10(39) absorbance heights or the shelf's height late: 48 slices or 26, of which they are on
   // their own for about the half, and in this time grow as its square. So less than a third is left.
-  EXPECT_GT(hang[1], 1000);
-  EXPECT_LT(hang[0], hang[1] / 3);
+  EXPECT_GT(hang_bright, 1000);
+  EXPECT_LT(hang_early, hang_bright / 3);
 }
 
 }  // namespace

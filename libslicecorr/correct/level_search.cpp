@@ -297,8 +297,8 @@ bool LevelSearch::aim(const EdgeCorners& usual) {
   return true;
 }
 
-template <class Step>
-bool LevelSearch::depth_first(const Step* steps, double below, std::uint8_t* out) const {
+template <class AnyStep>
+bool LevelSearch::depth_first(const AnyStep* steps, double below, std::uint8_t* out) const {
   const LevelTable& table = plan_.levels;
   double dose[kMost + 1];
   Light range[kMost];
@@ -309,7 +309,7 @@ bool LevelSearch::depth_first(const Step* steps, double below, std::uint8_t* out
   // Gaps take their levels from the darkest up, features from the brightest down: the other end of the
   // range is asked for where it is come to.
   const auto enter = [&](int depth) {
-    const Step& s = steps[depth];
+    const AnyStep& s = steps[depth];
     Light& l = range[depth];
     l = of_levels(s.light, dose[depth], s.ratio, taken_at(depth));
     if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) {
@@ -325,7 +325,7 @@ bool LevelSearch::depth_first(const Step* steps, double below, std::uint8_t* out
   };
   enter(0);
   while (k >= 0) {
-    const Step& s = steps[k];
+    const AnyStep& s = steps[k];
     if (!in_range(k)) {
       if (--k < 0) return false;
       at[k] += steps[k].coverage == 0 ? 1 : -1;

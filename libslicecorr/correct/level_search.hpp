@@ -160,8 +160,8 @@ class LevelSearch {
   bool hold_below(SearchStep& step, int k) const;
   /// Finds levels of the gathered slices; false: no sequence of levels is right.
   bool search(double below, std::uint8_t* levels, std::size_t from);
-  template <class Step>
-  bool depth_first(const Step* steps, double below, std::uint8_t* out) const;
+  template <class AnyStep>
+  bool depth_first(const AnyStep* steps, double below, std::uint8_t* out) const;
   bool survivors(double below, std::uint8_t* out);
 
   const Edges& edges_;

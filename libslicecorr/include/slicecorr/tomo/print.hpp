@@ -118,8 +118,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
                   const ExecutionContext& context = {});
 
 /// The doses that a job's frames leave, mJ/cm³ of the whole print, by a direct sum over angles in
-/// double precision apart from the solver's operators, with which it shares the law of refraction, what
-/// an insert shades and how large a share of a square lies below a line: [z][y][x], 0 outside of the
+/// double precision that shares nothing with the solver's operators: [z][y][x], 0 outside of the
 /// resin and in inserts. Behind an insert a voxel is dark when the line from its middle against the
 /// light meets an opaque voxel's square.
 /// In resin that changes they are effective doses: where inhibitor comes back, what light has brought

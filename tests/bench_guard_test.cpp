@@ -180,6 +180,9 @@ TEST_F(BenchGuard, WrongUse) {
                                          {"a", "b", "--repeats", "0"},
                                          {"a", "b", "--only", "knit"},
                                          {"--programs", kGuard, kGuard},
+                                         {"--kept", "a.json", "--counts", "b", "c"},
+                                         {"--write", "b", "c"},
+                                         {"--kept", "a.json", folder_ / "no-program"},
                                          {"no-such-commit", "--only", "slice"}});
   for (const RunResult& r : results) EXPECT_EQ(r.exit_code, 2) << r.err;
   // A program of which its make_part is not built.
@@ -189,6 +192,31 @@ TEST_F(BenchGuard, WrongUse) {
   // As people call them.
   EXPECT_EQ(run_program({kGuard, "--help"}).exit_code, 0);
   EXPECT_EQ(run_program({kBench, "--help"}).exit_code, 0);
+}
+
+/// Counts of another compiler say nothing; files that hold none are refused by name.
+TEST_F(BenchGuard, KeptCounts) {
+  if (run_program({"/usr/bin/env", "valgrind", "--version"}).exit_code != 0) {
+    GTEST_SKIP() << "valgrind is not installed";
+  }
+  const std::string program = SLICECORR_BIN_DIR "/slicecorr";
+  const auto guard = [&](const std::string& kept) {
+    write_file(folder_ / "kept.json", to_bytes(kept));
+    return Command{"--kept", folder_ / "kept.json", program};
+  };
+  std::vector<RunResult> results;
+  for (const std::string& kept :
+       {R"({"built_with": {"compiler": "another"}, "counts": {"slice": [10]}})",
+        R"({"slice": [10]})", R"({"built_with": {}, "counts": {"slice": [0]}})",
+        R"({"built_with": 3, "counts": {}})", "{"}) {
+    results.push_back(run_each(kGuard, {guard(kept)}).front());
+  }
+  EXPECT_EQ(results[0].exit_code, 77) << results[0].err;
+  EXPECT_NE(results[0].err.find("another"), std::string::npos) << results[0].err;
+  for (std::size_t i = 1; i < results.size(); ++i) {
+    EXPECT_EQ(results[i].exit_code, 2) << i << results[i].err;
+    EXPECT_NE(results[i].err.find("kept.json"), std::string::npos) << results[i].err;
+  }
 }
 
 Json measurement(const std::string& job, bool antialias, int threads,

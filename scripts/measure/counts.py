@@ -113,12 +113,42 @@ def measure(program, make_part, resin, folder, counter, repeats, only, say):
     return found
 
 
+def built_with(program):
+    """What decides, beside our sources, how many instructions a built program takes in callgrind."""
+    cache = pathlib.Path(program).resolve().parent.parent / "CMakeCache.txt"
+    match = re.search(r"^CMAKE_CXX_COMPILER:\w+=(.+)$", cache.read_text(), re.MULTILINE) if cache.exists() else None
+    if not match:
+        raise Wrong(f"{program}: no compiler in {cache}")
+    flags = pathlib.Path("/proc/cpuinfo").read_text()
+    return {
+        "compiler": run([match[1], "--version"], None).stdout.splitlines()[0],
+        "valgrind": run(["valgrind", "--version"], None).stdout.strip(),
+        "avx2": re.search(r"^flags.* avx2( |$)", flags, re.MULTILINE) is not None,
+    }
+
+
+def read_kept(path):
+    """Counts kept in a file with what they were built with: (counts, built with)."""
+    try:
+        kept = json.loads(pathlib.Path(path).read_text())
+    except (OSError, ValueError) as error:
+        raise Wrong(f"{path}: {error}") from error
+    if not isinstance(kept, dict) or set(kept) != {"built_with", "counts"} or not isinstance(kept["built_with"], dict):
+        raise Wrong(f'{path}: expected {{"built_with": {{...}}, "counts": {{"job": [count, ...], ...}}}}')
+    return checked(kept["counts"], path), kept["built_with"]
+
+
 def read(path):
     """Counts as `measure` gives them, from JSON."""
     try:
         counts = json.loads(pathlib.Path(path).read_text())
     except (OSError, ValueError) as error:
         raise Wrong(f"{path}: {error}") from error
+    return checked(counts, path)
+
+
+def checked(counts, path):
+    """The counts, if they are such."""
     good = isinstance(counts, dict) and counts
     for name, runs in counts.items() if good else ():
         if not isinstance(runs, list) or not runs or not all(type(n) is int and n > 0 for n in runs):

@@ -205,7 +205,7 @@ TEST_F(BenchGuard, KeptCounts) {
     return Command{"--kept", folder_ / "kept.json", program};
   };
   std::vector<RunResult> results;
-  for (const std::string& kept :
+  for (const char* const kept :
        {R"({"built_with": {"compiler": "another"}, "counts": {"slice": [10]}})",
         R"({"slice": [10]})", R"({"built_with": {}, "counts": {"slice": [0]}})",
         R"({"built_with": 3, "counts": {}})", "{"}) {

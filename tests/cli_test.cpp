@@ -602,7 +602,7 @@ TEST_F(Cli, WrongUsageAndInput) {
   write_text("empty.stl", "");
   bad(2, Command{"run", "empty.stl", "-o", "x.uvj"} + layer + setup(), {"empty.stl"});
   bad(2, Command{"correct", "nowhere.uvj"} + correct + setup(), {"nowhere.uvj"});
-  bad(2, Command{"correct", "ladder.stl"} + correct + setup(), {"ladder.stl", "zip"});
+  bad(2, Command{"correct", "ladder.stl"} + correct + setup(), {"ladder.stl", "is a mesh"});
   bad(2, {"verify", "out.uvj", "--target", "nowhere.uvj"}, {"nowhere.uvj"});
 
   // A design is wanted, and its size.

@@ -69,6 +69,48 @@ TEST_F(FirstDay, AStackWithSupportsMayBeLargerThanItsDesign) {
   good({"solid", "part.uvj", "-o", "printed.stl", "--design", "ladder.stl"});
 }
 
+TEST_F(FirstDay, WordsWithASlipAreNamed) {
+  const auto farm = [&](const Command& arguments) {
+    return run_program(Command{SLICECORR_BIN_DIR "/slicefarm"} + arguments, options_);
+  };
+  bad(2, {"slise"}, {"'slise' is no command; did you mean 'slice'?"});
+  // The right list: `solve` is a command of another.
+  bad(2, {"solve"}, {"'solve' is no command; did you mean 'tomo solve'?"});
+  bad(2, {"tomo", "slove"},
+      {"'slove' is no command; did you mean 'solve'?", "See slicecorr tomo --help"});
+  const RunResult unlike = call({"qwertyuiop"});
+  EXPECT_EQ(unlike.exit_code, 2);
+  EXPECT_NE(unlike.err.find("expected one of slice, correct,"), std::string::npos) << unlike.err;
+  EXPECT_NE(unlike.err.find(", tomo, "), std::string::npos) << unlike.err;
+  EXPECT_EQ(unlike.err.find("solve"), std::string::npos) << unlike.err;
+  // What is not for people is not offered.
+  const RunResult of_the_farm = farm({"qwertyuiop"});
+  EXPECT_EQ(of_the_farm.err.find("worker"), std::string::npos) << of_the_farm.err;
+  EXPECT_EQ(of_the_farm.err.find("plate"), std::string::npos) << of_the_farm.err;
+  // The slip comes before what is missing because of it.
+  bad(2, {"slice", "ladder.stl", "--printr", "small.toml"},
+      {"'--printr' is no option of slice; did you mean '--printer'?"});
+  bad(2, {"slice", "--qwertyuiop=3"}, {"'--qwertyuiop' is no option of slice\n"});
+  bad(2, Command{"slice", "ladder.stl", "-o", "t.uvj", "--thread", "3"} + kPrinter + kLayers,
+      {"'--thread' is no option of slice; did you mean '--threads'?"});
+  bad(2, {"slice"}, {"is required"});
+  EXPECT_EQ(good({"help"}).out, good({"--help"}).out);
+  EXPECT_EQ(good({"help", "tomo", "solve"}).out, good({"tomo", "solve", "--help"}).out);
+}
+
+TEST_F(FirstDay, WhatWasMeantIsSaid) {
+  const Command slice = Command{"slice", "ladder.stl", "-o", "t.uvj"} + kPrinter;
+  bad(2, slice + Command{"--layer-um", "0.05"}, {"--layer-um", "0.05 mm is 50"});
+  bad(2, Command{"correct", "ladder.stl", "-o", "part.uvj"} + kPrinter + kLight,
+      {"ladder.stl: is a mesh; expected a slice archive, which slicing a mesh makes"});
+  // The ladder has 4 x 2 x 2.5 mm, the display 8 x 6 mm.
+  bad(2, slice + kLayers + Command{"--scale", "3"},
+      {"at 0.666 times this size, a longest side of 7.9 mm, it fits"});
+  bad(2, slice + kLayers + Command{"--center-mm", "0,0"}, {"; in the middle it fits"});
+  // What is told fits.
+  good(slice + kLayers + Command{"--scale", "1.998"});
+}
+
 TEST_F(FirstDay, ALargeSurfaceIsReducedUnlessSomebodyAsksForAll) {
   make_stack();
   // A small part is not reduced: the same bytes as all of it.

@@ -67,6 +67,24 @@ Placing placing_of(const Grid& plate, const SliceOptions& options) {
   return {display_x, display_y, cx, cy};
 }
 
+/// What a part that is too large can be made to fit by; empty where only its place is wrong.
+std::string what_fits(const PartBox& box, double display_x, double display_y) {
+  const auto share = [&](double x, double y) { return std::min(display_x / x, display_y / y); };
+  const double as_it_is = share(box.size(0), box.size(1));
+  const double turned = share(box.size(1), box.size(0));
+  if (as_it_is >= 1) return "; in the middle it fits";
+  if (turned >= 1) return "; turned by 90 degrees about z it fits";
+  // Rounded down, so that what is told fits.
+  const double most = std::floor(std::max(as_it_is, turned) * 1000) / 1000;
+  const double longest = std::max({box.size(0), box.size(1), box.size(2)});
+  std::string text =
+      fmt::format("; at {:g} times this size, a longest side of {:.1f} mm, it fits{}", most,
+                  std::floor(most * longest * 10) / 10,
+                  turned > as_it_is ? ", turned by 90 degrees about z" : "");
+  if (most < 0.02) text += ". Is the file in micrometres?";
+  return text;
+}
+
 void check_fits(const PartBox& box, const Placing& at, const Grid& plate, const Printer& printer) {
   const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
   const auto [display_x, display_y, cx, cy] = at;
@@ -81,8 +99,9 @@ void check_fits(const PartBox& box, const Placing& at, const Grid& plate, const 
     }
     throw InputError(fmt::format(
         "the part of {:.3f} x {:.3f} mm, centred at {:.3f}, {:.3f} mm, reaches{} beyond the "
-        "display of '{}' ({:.3f} x {:.3f} mm)",
-        box.size(0), box.size(1), cx, cy, text, printer.name, display_x, display_y));
+        "display of '{}' ({:.3f} x {:.3f} mm){}",
+        box.size(0), box.size(1), cx, cy, text, printer.name, display_x, display_y,
+        what_fits(box, display_x, display_y)));
   }
 }
 

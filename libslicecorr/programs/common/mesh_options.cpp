@@ -39,7 +39,7 @@ void MeshOptions::add_to(CLI::App& app) {
       ->required();
   app.add_option("--layer-um", layer_um, "Slice height, 1 to 1000")
       ->required()
-      ->check(number_in(1, 1000));
+      ->check(layer_height());
   add_antialias_to(app);
   add_placement_to(app);
   add_plate_to(app);

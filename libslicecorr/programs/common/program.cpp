@@ -5,11 +5,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdint>
@@ -27,6 +29,8 @@
 #include "slicecorr/version.hpp"
 #include "support/files/temporary.hpp"
 #include "support/text/display_text.hpp"
+#include "support/text/nearest.hpp"
+#include "support/text/wrapped_text.hpp"
 
 namespace hwy::platform {
 /// Highway's shared library asks for it whenever it is loaded and measures for 13 ms, twice what a
@@ -66,10 +70,39 @@ void occupy_standard_files() {
   }
 }
 
+/// How long a long command that is piped says nothing.
+constexpr std::chrono::seconds kQuietTime{5};
+
 constexpr const char* kFooter =
     "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
     "infeasible; 4 disk or device failed; 5 a tolerance was missed, or jobs failed; 130 "
     "interrupted.";
+
+/// Helps as wide as the terminal; elsewhere as they are. What goes on stands below where it began.
+std::string wrapped(const std::string& text) {
+  struct winsize size {};
+  if (::isatty(STDOUT_FILENO) != 1 || ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0) return text;
+  return wrapped_text(text, size.ws_col);
+}
+
+/// Commands that are for people.
+bool is_command(const CLI::App* app) {
+  return !app->get_name().empty() && !app->get_group().empty();
+}
+
+std::string commands_of(const CLI::App& group) {
+  std::string names;
+  for (const CLI::App* const command : group.get_subcommands(is_command)) {
+    names += (names.empty() ? "" : ", ") + command->get_name();
+  }
+  return names;
+}
+
+/// The closest of these, empty where none is close.
+std::string nearest(const std::string& word, const std::vector<std::string>& names) {
+  const std::vector<std::string_view> views(names.begin(), names.end());
+  return slicecorr::nearest(word, views);
+}
 
 }  // namespace
 
@@ -110,6 +143,12 @@ void Console::progress(std::string_view stage, double done) {
     if (ended) clear();
   } else if (ended && (stage != stage_ || percent_ < 100)) {
     write_stderr(fmt::format("{}: done\n", stage));
+    told_ = std::chrono::steady_clock::now();
+  } else if (const auto now = std::chrono::steady_clock::now();
+             !ended && now - told_ > kQuietTime) {
+    // Nobody who waits at the end of a pipe is left to wonder.
+    write_stderr(fmt::format("{}: {} %\n", stage, percent));
+    told_ = now;
   }
   stage_ = stage;
   percent_ = percent;
@@ -176,20 +215,59 @@ CLI::App* Program::only(Action action) {
 }
 
 std::string Program::failure_message(const CLI::Error& e) const {
-  std::string text = e.what();
-  if (e.get_name() == "RequiredError" && !only_ && app_.get_subcommands().empty()) {
-    std::string names;
-    for (const auto& [command, act] : actions_) {
-      names += (names.empty() ? "" : ", ") + command->get_name();
-    }
-    const auto unknown = app_.remaining();
-    text = unknown.empty()
-               ? "expected a command: " + names
-               : fmt::format("'{}' is no command; expected one of {}", unknown.front(), names);
+  const CLI::App* called = &app_;
+  std::string words;  // as they were called
+  while (!called->get_subcommands().empty()) {
+    called = called->get_subcommands().front();
+    words += called->get_name() + " ";
   }
-  const auto called = app_.get_subcommands();
-  return fmt::format("{0}: {1}\nSee {0} {2}--help\n", app_.get_name(), text,
-                     called.empty() ? "" : called.front()->get_name() + " ");
+  const std::vector<std::string> left = app_.remaining(true);
+  const auto option = std::find_if(left.begin(), left.end(), [](const std::string& word) {
+    return word.size() > 1 && word[0] == '-' && !number_of(word);
+  });
+  std::string text = e.what();
+  // CLI11 says what is missing before it looks at what it does not know.
+  const bool required = e.get_name() == "RequiredError";
+  const bool extra = e.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError);
+  if (required && !only_ && !called->get_subcommands(is_command).empty()) {
+    text = left.empty() ? "expected a command: " + commands_of(*called)
+                        : no_command(*called, left.front());
+  } else if ((required || extra) && option != left.end()) {
+    text = no_option(*called, option->substr(0, option->find('=')));
+  }
+  return fmt::format("{0}: {1}\nSee {0} {2}--help\n", app_.get_name(), text, words);
+}
+
+std::string Program::no_command(const CLI::App& group, const std::string& word) const {
+  // Who forgets `tomo` before `solve` is told.
+  for (const CLI::App* const command : app_.get_subcommands(is_command)) {
+    for (const CLI::App* const below : command->get_subcommands(is_command)) {
+      if (below->get_name() == word) {
+        return fmt::format("'{0}' is no command; did you mean '{1} {0}'?", word,
+                           command->get_name());
+      }
+    }
+  }
+  std::vector<std::string> names;
+  for (const CLI::App* const command : group.get_subcommands(is_command)) {
+    names.push_back(command->get_name());
+  }
+  const std::string near = nearest(word, names);
+  if (!near.empty()) return fmt::format("'{}' is no command; did you mean '{}'?", word, near);
+  return fmt::format("'{}' is no command; expected one of {}", word, commands_of(group));
+}
+
+std::string Program::no_option(const CLI::App& command, const std::string& word) const {
+  std::vector<std::string> names;
+  for (const CLI::App* const from : {&command, &app_}) {
+    for (const CLI::Option* const option : from->get_options()) {
+      if (option->get_group().empty()) continue;
+      for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    }
+  }
+  const std::string near = nearest(word, names);
+  return fmt::format("'{}' is no option of {}{}", word, command.get_name(),
+                     near.empty() ? "" : fmt::format("; did you mean '{}'?", near));
 }
 
 int Program::run(int argc, char** argv) {
@@ -208,12 +286,19 @@ int Program::run(int argc, char** argv) {
     std::fwrite(names.data(), 1, names.size(), stdout);
     return finish(kDone);
   }
+  // "help run" is "run --help".
+  std::vector<char*> words(argv, argv + argc);
+  std::string help = "--help";
+  if (argc > 1 && std::string_view(argv[1]) == "help" && !only_) {
+    words.erase(words.begin() + 1);
+    words.push_back(help.data());
+  }
   try {
-    app_.parse(argc, argv);
+    app_.parse(static_cast<int>(words.size()), words.data());
   } catch (const CLI::ParseError& e) {
     std::ostringstream out, err;
     const int code = app_.exit(e, out, err) == 0 ? kDone : kInput;
-    const std::string text = printed_ + out.str();
+    const std::string text = printed_ + wrapped(out.str());
     std::fwrite(text.data(), 1, text.size(), stdout);
     write_stderr(err.str());
     return finish(code);
@@ -275,6 +360,16 @@ CLI::Validator number_in(double least, double most, bool above) {
     const auto value = number_of(text);
     if (value && *value <= most && (above ? *value > least : *value >= least)) return {};
     return fmt::format("is {}, expected {}", text, expected);
+  };
+  return {check, "", "number"};
+}
+
+CLI::Validator layer_height() {
+  const auto check = [number = number_in(1, 1000)](std::string& text) -> std::string {
+    const std::string wrong = number(text);
+    const auto value = number_of(text);
+    if (wrong.empty() || !value || *value < 1e-3 || *value >= 1) return wrong;
+    return fmt::format("{}; {:g} mm is {:g}", wrong, *value, *value * 1000);
   };
   return {check, "", "number"};
 }

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -55,6 +56,7 @@ class Console {
   bool quiet_, terminal_, line_ = false;
   std::string stage_;
   int percent_ = -1;
+  std::chrono::steady_clock::time_point told_ = std::chrono::steady_clock::now();
 };
 
 /// To stderr, with what could move a terminal's cursor or is no UTF-8 as "?". Where stderr can't be
@@ -89,6 +91,9 @@ class Program {
  private:
   void add_completion();
   std::string failure_message(const CLI::Error& error) const;
+  /// What is said of a word that is no command of this group, or no option of this command.
+  std::string no_command(const CLI::App& group, const std::string& word) const;
+  std::string no_option(const CLI::App& command, const std::string& word) const;
 
   CLI::App app_;
   std::string example_;
@@ -118,6 +123,8 @@ class OptionGroup {
 /// Accepts finite numbers only, from `least` to `most`; `above`: `least` itself is not accepted.
 CLI::Validator number_in(double least, double most, bool above = false);
 CLI::Validator number_above_zero();
+/// Heights of layers in micrometres, 1 to 1000. Says so where millimetres were meant.
+CLI::Validator layer_height();
 /// The whole text as a finite number.
 std::optional<double> number_of(const std::string& text);
 

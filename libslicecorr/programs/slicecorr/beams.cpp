@@ -387,7 +387,7 @@ void add_beams(Program& program, BeamsArguments& o) {
   sub->add_option("--voxel-mm", o.voxel_mm, "Side of a cell [--layer-um, else the pixel's pitch]")
       ->check(number_above_zero());
   sub->add_option("--layer-um", o.mesh.layer_um, "Side of a cell in micrometres")
-      ->check(number_in(1, 1000));
+      ->check(layer_height());
   o.mesh.add_placement_to(*sub);
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name, best with [beams]")
       ->required();

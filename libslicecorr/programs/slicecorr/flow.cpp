@@ -311,7 +311,7 @@ void add_flow(Program& program, FlowOptions& o) {
       ->required();
   sub->add_option("--layer-um", o.mesh.layer_um,
                   "Slice height, 1 to 1000; of a stack where it says none")
-      ->check(number_in(1, 1000));
+      ->check(layer_height());
   o.mesh.add_antialias_to(*sub);
   o.mesh.add_placement_to(*sub);
   o.mesh.add_plate_to(*sub);

@@ -312,7 +312,7 @@ void add_test_part(Program& program, TestPartOptions& o) {
   sub->add_option("--form", o.form, "The table to fill in (.csv) [beside the stack]");
   sub->add_option("--sheet", o.sheet, "What to measure where, to print (.html) [beside the stack]");
   sub->add_option("--layer-um", o.layer_um, "Height of the layers [50; those of --template]")
-      ->check(number_in(1, 1000));
+      ->check(layer_height());
   sub->add_option("--height-um", o.height_um, "spread: height of the part; one layer: a thin film")
       ->check(number_in(1, 1e5))
       ->capture_default_str();

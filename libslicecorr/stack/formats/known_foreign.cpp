@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/mesh.hpp"
 #include "stack/container/binary_file.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/ascii.hpp"
@@ -138,6 +139,10 @@ void refuse_known_file(const std::string& path) {
                        "is " + std::string(closed.what) +
                            ", and is not opened; expected another: " + std::string(closed.instead));
     }
+  }
+  // A .3mf is a zip archive itself.
+  if (is_mesh_name(path) && (ending == ".3mf" || !bytes.starts_with("PK"))) {
+    throw InputError(path, "", "is a mesh; expected a slice archive, which slicing a mesh makes");
   }
   // These are recognised by their contents, whatever their names end in.
   if (is_binary_print_file(bytes)) return;

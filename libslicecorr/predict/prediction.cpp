@@ -9,6 +9,7 @@
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/uncertain_print.hpp"
+#include "slicecorr/verdict.hpp"
 #include "support/json/finite.hpp"
 #include "support/json/read_json.hpp"
 
@@ -326,6 +327,9 @@ std::string Prediction::to_json() const {
     j["other_display"] = other_display->empty() ? ordered_json() : ordered_json(*other_display);
   }
   if (assumed != AssumedLight::none) j["assumed"] = name_of(assumed);
+  const PrintVerdict verdict = verdict_of(*this);
+  j["outcome"] = name_of(verdict.outcome);
+  j["verdict"] = verdict.words;
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);
 }

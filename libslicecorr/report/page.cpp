@@ -13,12 +13,14 @@
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/assumed_light.hpp"
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
+#include "slicecorr/verdict.hpp"
 #include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
 
@@ -42,11 +44,50 @@ CureModel brightest_model(const ReportContent& c) {
                          {factor, factor});
 }
 
-Markup figures_table(const ReportContent& c) {
+/// What all of it comes to, with the worst place before and after.
+Markup verdict_section(const ReportContent& c, const std::vector<Markup>& figures) {
+  const PrintVerdict verdict = verdict_of(c.after);
+  Markup html = markup(R"(<p class="verdict {}">{}</p>)", name_of(verdict.outcome), verdict.words);
+  if (figures.empty()) return html;
+  const std::size_t at = 4 * c.worst_section;
+  return html + markup(R"(<div class="pair">{}{}</div><p class="dim">Section at {}.</p>)",
+                       figures[at], figures[at + 1], c.sections[c.worst_section].place);
+}
+
+Table table_of_figures(const ReportContent& c) {
   Table table("figures");
   table.column("Figure");
   if (c.before) table.column("uncorrected");
   table.column("this stack");
+  return table;
+}
+
+/// The figures that decide.
+Markup deciding_figures(const ReportContent& c) {
+  Table table = table_of_figures(c);
+  const auto row = [&](const char* name, auto figure) {
+    table.row(name);
+    if (c.before) table.cell(figure(*c.before));
+    table.cell(figure(c.after));
+  };
+  row("95 % of edges within", [](const Prediction& p) {
+    const Histogram& errors = p.design_error_um();
+    return errors.count() > 0 ? text::figure(errors.quantile(0.95)) + " um" : std::string("-");
+  });
+  row("Voxels that stay liquid in the part",
+      [](const Prediction& p) { return counted(p.undercure_voxels); });
+  row("Voxels that gel in gaps",
+      [](const Prediction& p) { return counted(p.cure_through_voxels); });
+  row("Gaps that close, by column",
+      [](const Prediction& p) { return counted(p.merged_features) + " of " + counted(p.gaps); });
+  row("Bodies that hang on nothing", [](const Prediction& p) {
+    return p.bodies ? counted(p.bodies->printed.loose_bodies) : std::string("-");
+  });
+  return table;
+}
+
+Markup figures_table(const ReportContent& c) {
+  Table table = table_of_figures(c);
   const auto row = [&](const char* name, auto figure) {
     table.row(name);
     if (c.before) table.cell(figure(*c.before));
@@ -254,26 +295,8 @@ Markup surfaces(const ReportContent& c) {
   return html;
 }
 
-}  // namespace
-
-std::string make_report(const ReportContent& c, const ExecutionContext& context) {
-  const Grid& g = c.info.grid;
-  const CureModel model =
-      make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
-  Page page(c.title);
-  page += summary(c);
-  page += detail::uncertainty_section(c);
-  page += markup("<h2>What will print</h2>{}", figures_table(c));
-  page += detail::bodies_section(c.after);
-  page += detail::dose_tables(c);
-  page += detail::flow_charts(c);
-  if (c.comparison) page += detail::comparison_table(*c.comparison);
-  const bool moving = c.volume && c.volume->cells() > 0;
-  if (moving) page += Markup::raw(detail::page_explorer_html);
-  page += detail::histograms(c);
-  page += detail::feature_lists(c);
-  page += markup(
-      R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)");
+/// Four pictures of each section: what prints before and after, then the grey values.
+std::vector<Markup> section_figures(const ReportContent& c, const ExecutionContext& context) {
   std::vector<Markup> figures(4 * c.sections.size());
   parallel_for(detail::silent(context), "", figures.size(), [&](std::size_t i) {
     const auto& s = c.sections[i / 4];
@@ -284,11 +307,40 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
         {s.grey_after, "This stack: grey values shown"}};
     figures[i] = detail::captioned_image(kinds[i % 4].first, kinds[i % 4].second);
   });
+  return figures;
+}
+
+}  // namespace
+
+std::string make_report(const ReportContent& c, const ExecutionContext& context) {
+  const Grid& g = c.info.grid;
+  const CureModel model =
+      make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
+  Page page(c.title);
+  const std::vector<Markup> figures = section_figures(c, context);
+  page += verdict_section(c, figures);
+  page += deciding_figures(c);
+  page += summary(c);
+  page += detail::uncertainty_section(c);
+  page += markup("<h2>What will print</h2><details><summary>All figures</summary>{}</details>",
+                 figures_table(c));
+  page += detail::bodies_section(c.after);
+  page += detail::dose_tables(c);
+  page += detail::flow_charts(c);
+  if (c.comparison) page += detail::comparison_table(*c.comparison);
+  const bool moving = c.volume && c.volume->cells() > 0;
+  if (moving) page += Markup::raw(detail::page_explorer_html);
+  page += detail::histograms(c);
+  page += detail::feature_lists(c);
+  page += markup(
+      R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)");
   page += surfaces(c);
   for (std::size_t i = 0; i < figures.size(); i += 4) {
-    page +=
-        markup(R"(<h3>Section at {}</h3><div class="pair">{}{}{}{}</div>)", c.sections[i / 4].place,
-               figures[i], figures[i + 1], figures[i + 2], figures[i + 3]);
+    const bool above = i / 4 == c.worst_section;  // what prints there is shown first
+    page += markup(R"(<h3>Section at {}{}</h3><div class="pair">{}{}{}{}</div>)",
+                   c.sections[i / 4].place, above ? "; what prints there is above" : "",
+                   above ? Markup() : figures[i], above ? Markup() : figures[i + 1], figures[i + 2],
+                   figures[i + 3]);
   }
   if (!c.column_after.empty()) {
     double top = 1;
@@ -377,13 +429,17 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   const Prediction& worst = before ? *before : after;
   if (worst.worst_x >= 0) {
     if (worst.worst_y != middle) add_section(worst.worst_y);
+    c.worst_section = c.sections.size() - 1;
     c.column_x = worst.worst_x;
     c.column_y = worst.worst_y;
     c.column_before = probe_stack(uncorrected, &target, setup, c.column_x, c.column_y);
     c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
   }
   const int hanging = detail::row_of_bodies(after);
-  if (hanging >= 0 && hanging != middle && hanging != worst.worst_y) add_section(hanging);
+  if (hanging >= 0 && hanging != middle && hanging != worst.worst_y) {
+    add_section(hanging);
+    if (after.bodies->printed.loose_bodies > 0) c.worst_section = c.sections.size() - 1;
+  }
   // What can be moved through computes with one image per slice.
   if (!volume && !stack.recording()) {
     volume =

@@ -86,6 +86,7 @@ struct ReportContent {
   /// What can be moved through; null: still pictures only.
   std::shared_ptr<const ReducedVolume> volume;
   std::optional<ComparisonTable> comparison;  ///< when the caller has one
+  std::size_t worst_section = 0;              ///< of `sections`: that which is shown first
 };
 
 /// One self-contained HTML page: no network. Without scripts it still shows figures and pictures of

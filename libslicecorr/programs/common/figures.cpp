@@ -11,6 +11,7 @@
 
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/uncertain_print.hpp"
+#include "slicecorr/verdict.hpp"
 #include "support/json/read_json.hpp"
 
 namespace slicecorr::cli {
@@ -241,7 +242,7 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
                                       "slice {}",
                                       zones->cured_pixels, zones->cured_slice));
   }
-  return text;
+  return text + verdict_of(after).words + "\n";
 }
 
 }  // namespace slicecorr::cli

@@ -1,0 +1,165 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "slicecorr/verdict.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "slicecorr/bodies.hpp"
+#include "slicecorr/predict.hpp"
+#include "support/text/display_text.hpp"
+
+namespace slicecorr {
+namespace {
+
+std::string counted(std::uint64_t n) { return text::count(static_cast<std::int64_t>(n)); }
+
+std::string with_noun(std::uint64_t n, const char* one, const char* more) {
+  return counted(n) + " " + (n == 1 ? one : more);
+}
+
+double share(std::uint64_t part, std::uint64_t whole) {
+  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+/// Of a whole; shares that round to nothing or to all are still not that.
+std::string percent(double of_one) {
+  if (of_one > 0.99 && of_one < 1) return "over 99 %";
+  return fmt::format("{:.2g} %", 100 * of_one);
+}
+
+/// Where to look first; empty where nothing is off by a micrometre.
+std::string place(const Prediction& p) {
+  if (p.worst_x < 0 || p.design_error_um().greatest() < 1) return {};
+  return fmt::format(" The worst edge is {:.3g} um off, in pixel {}, {}.",
+                     p.design_error_um().greatest(), p.worst_x, p.worst_y);
+}
+
+std::string edges(const Prediction& p) {
+  if (p.design_error_um().count() == 0) return {};
+  return fmt::format(" 95 % of edges lie within {:.2g} um.", p.design_error_um().quantile(0.95));
+}
+
+/// Why it does not hold on the platform, or holds on the window.
+std::string falls_or_sticks(const Prediction& p) {
+  if (p.bodies && p.bodies->printed.loose_bodies > 0) {
+    const Bodies& b = p.bodies->printed;
+    std::string words = fmt::format("Will not hold: {} on nothing",
+                                    with_noun(b.loose_bodies, "body hangs", "bodies hang"));
+    const auto loose = std::find_if(b.islands.begin(), b.islands.end(),
+                                    [](const Island& i) { return i.until < 0; });
+    if (loose != b.islands.end()) {
+      words += fmt::format(", {}from {:.0f} um on", b.loose_bodies == 1 ? "" : "the largest ",
+                           b.slice_um(loose->first));
+    }
+    return words + ".";
+  }
+  if (p.dead_zones && p.dead_zones->cured_pixels > 0) {
+    return fmt::format("Will stick: resin gels down to the window over {}.",
+                       with_noun(p.dead_zones->cured_pixels, "pixel", "pixels"));
+  }
+  if (p.joints && share(p.joints->not_holding_voxels, p.target_voxels) >= kAnotherPart) {
+    return fmt::format("Will not hold: {} of the voxels come loose when the platform lifts.",
+                       percent(share(p.joints->not_holding_voxels, p.target_voxels)));
+  }
+  return {};
+}
+
+/// What makes it another part: the greatest share first.
+std::string another_part(const Prediction& p) {
+  struct Found {
+    double share;
+    const char* words;
+  };
+  std::vector<Found> all{
+      {share(p.merged_features, p.gaps), "{} of the gaps by column close"},
+      {share(p.lost_features, p.runs), "{} of the features by column are lost"},
+      {share(p.cure_through_voxels, p.target_voxels), "what gels in gaps is {} of the part"},
+      {share(p.undercure_voxels, p.target_voxels), "{} of its voxels stay liquid"}};
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Found& a, const Found& b) { return a.share > b.share; });
+  if (all.front().share < kAnotherPart) return {};
+  std::string words = "Does not print as designed: ";
+  for (std::size_t i = 0; i < 2 && all[i].share >= kAnotherPart; ++i) {
+    words += (i > 0 ? ", " : "") + fmt::format(fmt::runtime(all[i].words), percent(all[i].share));
+  }
+  return words + ".";
+}
+
+/// Single places that are otherwise than designed.
+std::vector<std::string> to_look_at(const Prediction& p) {
+  std::vector<std::string> found;
+  const auto add = [&](std::uint64_t n, const std::string& words) {
+    if (n > 0) found.push_back(words);
+  };
+  add(p.undercure_voxels, fmt::format("{} of {} voxels stay liquid", counted(p.undercure_voxels),
+                                      counted(p.target_voxels)));
+  add(p.cure_through_voxels,
+      fmt::format("{} in gaps", with_noun(p.cure_through_voxels, "voxel gels", "voxels gel")));
+  add(p.merged_features,
+      fmt::format("{} of {} gaps by column close", counted(p.merged_features), counted(p.gaps)));
+  add(p.lost_features, fmt::format("{} of {} features by column are lost", counted(p.lost_features),
+                                   counted(p.runs)));
+  if (p.joints) {
+    add(p.joints->not_holding_voxels,
+        fmt::format("{} loose when the platform lifts",
+                    with_noun(p.joints->not_holding_voxels, "voxel comes", "voxels come")));
+  }
+  if (p.bodies) {
+    const Bodies& b = p.bodies->printed;
+    const double largest_mm3 = b.islands.empty() ? 0 : b.voxels_mm3(b.islands.front().voxels);
+    add(b.islands_in_all,
+        fmt::format("{} while it prints, until the rest reaches {}{}",
+                    with_noun(b.islands_in_all, "body hangs on nothing", "bodies hang on nothing"),
+                    b.islands_in_all == 1 ? "it" : "them",
+                    largest_mm3 > 0
+                        ? fmt::format(" ({}{:.2g} mm³)",
+                                      b.islands_in_all == 1 ? "" : "the largest ", largest_mm3)
+                        : ""));
+    add(b.sealed_in_all,
+        fmt::format("{} resin", with_noun(b.sealed_in_all, "cavity traps", "cavities trap")));
+  }
+  return found;
+}
+
+}  // namespace
+
+const char* name_of(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::look:
+      return "look";
+    case Outcome::fails:
+      return "fails";
+    default:
+      return "as-designed";
+  }
+}
+
+PrintVerdict verdict_of(const Prediction& p) {
+  if (p.target_voxels == 0)
+    return {Outcome::look, "Nothing is designed: no voxel is covered whole."};
+  if (p.printed_voxels == 0) {
+    return {Outcome::fails, "Nothing prints: no voxel reaches the dose that gels."};
+  }
+  const std::string falls = falls_or_sticks(p), another = another_part(p);
+  if (!falls.empty() || !another.empty()) {
+    return {
+        Outcome::fails,
+        (falls.empty() || another.empty() ? falls + another : falls + " " + another) + place(p)};
+  }
+  const std::vector<std::string> found = to_look_at(p);
+  if (found.empty()) return {Outcome::as_designed, "Prints as designed." + edges(p)};
+  std::string words = "Prints as designed but for what to look at: ";
+  // The gravest come first; the figures have all.
+  constexpr std::size_t kMost = 3;
+  for (std::size_t i = 0; i < std::min(found.size(), kMost); ++i) {
+    words += (i > 0 ? "; " : "") + found[i];
+  }
+  return {Outcome::look, words + "." + place(p)};
+}
+
+}  // namespace slicecorr

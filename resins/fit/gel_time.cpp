@@ -110,7 +110,85 @@ void read_times(const std::string& path, std::optional<double> wanted, TimesToGe
 /// Sums of the normal equations: relative residuals p A + q B - 1.
 struct Sums {
   double pp = 0, pq = 0, qq = 0, p = 0, q = 0;
+
+  explicit Sums(const std::vector<TimeToGel>& times) {
+    for (const TimeToGel& t : times) {
+      const double by_a = 1 / (t.intensity_mw_cm2 * t.time_s),
+                   by_b = 1 / (std::sqrt(t.intensity_mw_cm2) * t.time_s);
+      pp += by_a * by_a;
+      pq += by_a * by_b;
+      qq += by_b * by_b;
+      p += by_a;
+      q += by_b;
+    }
+  }
+  double determinant() const { return pp * qq - pq * pq; }
+  /// The sum of squares is convex: where a figure would be below 0, it is 0 in the best of what is
+  /// allowed.
+  GelTime best() const {
+    const double a = (p * qq - q * pq) / determinant(), b = (q * pp - p * pq) / determinant();
+    if (!(a > 0)) return {0.0, q / qq};
+    if (!(b > 0)) return {p / pp, 0.0};
+    return {a, b};
+  }
 };
+
+/// The one power of intensity that is nearest, of ln t over ln i.
+struct Power {
+  double exponent = 0, mean_i = 0, mean_t = 0;
+
+  explicit Power(const std::vector<TimeToGel>& times) {
+    const double n = static_cast<double>(times.size());
+    for (const TimeToGel& t : times) {
+      mean_i += std::log(t.intensity_mw_cm2) / n;
+      mean_t += std::log(t.time_s) / n;
+    }
+    double both = 0, square = 0;
+    for (const TimeToGel& t : times) {
+      const double off = std::log(t.intensity_mw_cm2) - mean_i;
+      both += off * (std::log(t.time_s) - mean_t);
+      square += off * off;
+    }
+    exponent = -both / square;
+  }
+  double time_s(double intensity_mw_cm2) const {
+    return std::exp(mean_t - exponent * (std::log(intensity_mw_cm2) - mean_i));
+  }
+};
+
+int intensities_of(const std::vector<TimeToGel>& times) {
+  std::vector<double> ln_i;
+  ln_i.reserve(times.size());
+  for (const TimeToGel& t : times) ln_i.push_back(std::log(t.intensity_mw_cm2));
+  return count_different(ln_i);
+}
+
+// The work grows with the square; more times than these are of a machine, and tell all by themselves.
+constexpr std::size_t kMostTimesLeftOut = 2000;
+
+/// Both laws at intensities that they were not fitted to, one at a time.
+std::vector<GelTimeFit::LeftOutTime> times_left_out(const std::vector<TimeToGel>& times) {
+  std::vector<GelTimeFit::LeftOutTime> all;
+  if (times.size() > kMostTimesLeftOut) return all;
+  for (const TimeToGel& left : times) {
+    std::vector<TimeToGel> rest;
+    for (const TimeToGel& t : times) {
+      // Rounding of a product is no intensity of its own.
+      if (std::abs(std::log(t.intensity_mw_cm2 / left.intensity_mw_cm2)) > 1e-9) rest.push_back(t);
+    }
+    if (intensities_of(rest) < 3) return {};
+    all.push_back({gel_time_s(Sums(rest).best(), left.intensity_mw_cm2) / left.time_s - 1,
+                   Power(rest).time_s(left.intensity_mw_cm2) / left.time_s - 1});
+  }
+  return all;
+}
+
+double rms_of(const std::vector<GelTimeFit::LeftOutTime>& all,
+              double GelTimeFit::LeftOutTime::*error) {
+  double sum = 0;
+  for (const auto& one : all) sum += one.*error * (one.*error);
+  return std::sqrt(sum / static_cast<double>(all.size()));
+}
 
 }  // namespace
 
@@ -131,33 +209,19 @@ GelTimeFit fit_gel_time(const TimesToGel& data) {
   fit.sources = data.sources;
   fit.times = data.times;
   fit.conversion = data.conversion;
-  Sums s;
-  std::vector<double> ln_i;
-  for (const TimeToGel& t : data.times) {
-    const double p = 1 / (t.intensity_mw_cm2 * t.time_s),
-                 q = 1 / (std::sqrt(t.intensity_mw_cm2) * t.time_s);
-    s.pp += p * p;
-    s.pq += p * q;
-    s.qq += q * q;
-    s.p += p;
-    s.q += q;
-    ln_i.push_back(std::log(t.intensity_mw_cm2));
-  }
   const double n = static_cast<double>(data.times.size());
-  const int different = count_different(ln_i);
+  const int different = intensities_of(data.times);
   if (different < 2) {
     throw InputError(
         fmt::format("{} times at {} intensities; expected two intensities or more, that "
                     "differ by a factor of 10 better",
                     data.times.size(), different));
   }
-  const double determinant = s.pp * s.qq - s.pq * s.pq;
-  double a = (s.p * s.qq - s.q * s.pq) / determinant, b = (s.q * s.pp - s.p * s.pq) / determinant;
-  // The sum is convex: where a figure would be below 0, it is 0 in the best of what is allowed.
-  fit.a.at_bound = !(a > 0);
-  fit.b.at_bound = !fit.a.at_bound && !(b > 0);
-  if (fit.a.at_bound) std::tie(a, b) = std::pair(0.0, s.q / s.qq);
-  if (fit.b.at_bound) std::tie(a, b) = std::pair(s.p / s.pp, 0.0);
+  const Sums s(data.times);
+  const double determinant = s.determinant();
+  const auto [a, b] = s.best();
+  fit.a.at_bound = a == 0;
+  fit.b.at_bound = b == 0;
   fit.a.value = a;
   fit.b.value = b;
   double squares = 0;
@@ -180,22 +244,13 @@ GelTimeFit fit_gel_time(const TimesToGel& data) {
   known(fit.b, one ? 1 / s.qq : s.pp / determinant);
   fit.covariance = one ? kUnknown : -variance * s.pq / determinant;
 
-  // The one power that is nearest, of ln t over ln i.
-  double mean_i = 0, mean_t = 0, both = 0, square = 0;
-  for (std::size_t k = 0; k < ln_i.size(); ++k) {
-    mean_i += ln_i[k] / n;
-    mean_t += std::log(data.times[k].time_s) / n;
-  }
-  for (std::size_t k = 0; k < ln_i.size(); ++k) {
-    both += (ln_i[k] - mean_i) * (std::log(data.times[k].time_s) - mean_t);
-    square += std::pow(ln_i[k] - mean_i, 2);
-  }
-  fit.exponent = -both / square;
-  for (std::size_t k = 0; k < ln_i.size(); ++k) {
-    const double power = mean_t - fit.exponent * (ln_i[k] - mean_i);
+  const Power power(data.times);
+  fit.exponent = power.exponent;
+  for (const TimeToGel& t : data.times) {
     fit.exponent_error =
-        std::max(fit.exponent_error, std::abs(std::expm1(power - std::log(data.times[k].time_s))));
+        std::max(fit.exponent_error, std::abs(power.time_s(t.intensity_mw_cm2) / t.time_s - 1));
   }
+  fit.left_out = times_left_out(data.times);
   const auto warn = [&](std::string text) { fit.warnings.push_back(std::move(text)); };
   if (fit.a.at_bound) {
     warn("A came out at 0: no inhibition is seen, and the kinetic law with m = 1/2 says the same");
@@ -234,6 +289,17 @@ std::string GelTimeFit::to_json() const {
   j["worst_error"] = finite_or_null(worst_error);
   j["exponent"] = finite_or_null(exponent);
   j["exponent_worst_error"] = finite_or_null(exponent_error);
+  if (!left_out.empty()) {
+    Json& left = j["left_out"] = {{"rms_error", rms_of(left_out, &LeftOutTime::error)},
+                                  {"power_rms_error", rms_of(left_out, &LeftOutTime::power_error)},
+                                  {"errors", Json::array()},
+                                  {"power_errors", Json::array()}};
+    for (const LeftOutTime& one : left_out) {
+      left["errors"].push_back(one.error);
+      left["power_errors"].push_back(one.power_error);
+    }
+    left["trust"] = left["rms_error"] <= left["power_rms_error"] ? "gel-time" : "power";
+  }
   j["outliers"] = Json::array();
   j["warnings"] = warnings;
   j["covariance"] = {{"names", {"gel_a_mj_cm2", "gel_b_sqrt_mw_cm2_s"}},
@@ -272,6 +338,14 @@ std::string GelTimeFit::to_text() const {
       "Times to gel within {:.2g} % ({:.2g} % as a rule); the one power nearest to them, "
       "i^-{:.3f}, is off by up to {:.2g} %.\n",
       100 * worst_error, 100 * rms_error, exponent, 100 * exponent_error);
+  if (!left_out.empty()) {
+    const double ours = rms_of(left_out, &LeftOutTime::error),
+                 of_power = rms_of(left_out, &LeftOutTime::power_error);
+    text += fmt::format(
+        "Intensities that were left out of the fit are predicted to {:.2g} % (rms), by one power to "
+        "{:.2g} %: trust {}.\n",
+        100 * ours, 100 * of_power, ours <= of_power ? "gel-time" : "the power");
+  }
   for (const std::string& w : warnings) text += "Warning: " + w + "\n";
   text.pop_back();
   return text;

@@ -111,6 +111,24 @@ Json point_json(const FitPoint& p) {
   return q;
 }
 
+Json left_out_json(const LeftOut& l) {
+  Json laws = Json::array();
+  for (const LeftOutLaw& law : l.laws) {
+    laws.push_back({{"model", std::string(name_of(law.model))},
+                    {"parameters", law.parameters},
+                    {"left_out_rmse_um", finite_or_null(law.left_out_rmse_um)},
+                    {"left_out_bias_um", finite_or_null(law.left_out_bias_um)}});
+    if (law.other_files_rmse_um) {
+      laws.back()["other_files_rmse_um"] = finite_or_null(*law.other_files_rmse_um);
+    }
+  }
+  return Json{{"settings", l.settings},
+              {"laws", std::move(laws)},
+              {"not_compared", l.not_compared},
+              {"trust", std::string(name_of(l.trust))},
+              {"verdict", l.verdict}};
+}
+
 /// A matrix of `width` rows.
 Json square_json(const std::vector<double>& values, std::size_t width) {
   Json rows = Json::array();
@@ -213,6 +231,7 @@ std::string FitResult::to_json() const {
                         {"aicc_kinetic", finite_or_null(r.aic_kinetic)},
                         {"verdict", r.verdict}};
   }
+  if (left_out) j["left_out"] = left_out_json(*left_out);
   Json rows = square_json(covariance, free.size());
   j["covariance"] = {{"names", std::move(free)}, {"matrix", std::move(rows)}};
   j["sources"] = sources;
@@ -264,6 +283,7 @@ std::string FitResult::to_text() const {
                 "multiple.\n"
               : "Heights are base e.\n";
   if (reciprocity) text += reciprocity->verdict + "\n";
+  if (left_out) text += left_out->verdict + "\n";
   for (const Outlier& o : outliers) text += "Outlier: " + o.reason + "\n";
   for (const std::string& w : warnings) text += "Warning: " + w + "\n";
   text.pop_back();

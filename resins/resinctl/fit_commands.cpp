@@ -238,7 +238,11 @@ int run_fit(const FitArguments& a, const ExecutionContext& context, Console& con
   }
   for (const std::string& output : {a.output, a.json}) cli::check_output(output, a.data);
   take_blue_law(a, model, options, console);
-  const FitResult result = fit(read_measurements(a.data, context), model, options, context);
+  const Measurements measurements = read_measurements(a.data, context);
+  FitResult result = fit(measurements, model, options, context);
+  if (!kind_of(model).dead_zones) {
+    result.left_out = compare_left_out(measurements, options, context);
+  }
   if (!a.output.empty()) write_record(a, result, console);
   if (!a.json.empty()) cli::print_or_write(a.json, result.to_json());
   if (a.json == "-") {

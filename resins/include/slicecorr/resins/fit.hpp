@@ -137,6 +137,27 @@ struct Reciprocity {
   std::string verdict;  ///< one or two sentences
 };
 
+/// One law at settings (or files) that it was not fitted to.
+struct LeftOutLaw {
+  FitModel model = FitModel::jacobs;
+  int parameters = 0;           ///< that were fitted
+  double left_out_rmse_um = 0;  ///< of heights at settings left out, one setting at a time
+  double left_out_bias_um = 0;  ///< predicted minus measured, mean of these
+  /// The same, one file at a time: what another print adds. Nothing where all is from one file.
+  std::optional<double> other_files_rmse_um;
+};
+/// Laws of cured heights compared by what they predict.
+struct LeftOut {
+  std::size_t settings = 0;               ///< different exposures
+  std::vector<LeftOutLaw> laws;           ///< one or more
+  std::vector<std::string> not_compared;  ///< "law: why"
+  /// That with the fewest parameters of which the mean square is above the least one by no more than
+  /// the standard error of the least one (Hastie, Tibshirani, Friedman, The Elements of Statistical
+  /// Learning, 7.10).
+  FitModel trust = FitModel::jacobs;
+  std::string verdict;  ///< one or two sentences
+};
+
 /// How well one kind of measurement is met.
 struct KindFit {
   int n = 0;
@@ -165,6 +186,7 @@ struct FitResult {
   std::vector<std::string> sources;
   int iterations = 0;
   double seconds = 0;
+  std::optional<LeftOut> left_out;  ///< as `compare_left_out`, where somebody asked for it
 
   const Parameter* find(std::string_view name) const;
   /// Value of a parameter; throws `InputError` when the model does not have it.
@@ -180,6 +202,13 @@ struct FitResult {
 /// seed, whatever the number of threads.
 FitResult fit(const Measurements& data, FitModel model, const FitOptions& options = {},
               const ExecutionContext& context = {});
+
+/// Fits all laws of cured heights to all settings but one, and looks how well they predict that one, for
+/// each setting. Of more than 60 settings several are left out at a time, always the same ones. Nothing
+/// where there are less than four settings or more than 20,000 heights, and where parameters are held or
+/// bounded. Options as of `fit`.
+std::optional<LeftOut> compare_left_out(const Measurements& data, const FitOptions& options = {},
+                                        const ExecutionContext& context = {});
 
 /// Time after which a sample reached a state (a conversion, gelation) at an intensity.
 struct TimeToState {

@@ -57,6 +57,13 @@ struct GelTimeFit {
   double exponent = 0;  ///< of the one power of intensity nearest to the times: -d ln t / d ln i
   double exponent_error = 0;  ///< the worst error of that power
   std::vector<std::string> warnings;
+  /// Predicted over measured time, less 1, by a fit to all other intensities.
+  struct LeftOutTime {
+    double error = 0;        ///< of A/i + B/sqrt(i)
+    double power_error = 0;  ///< of the one power that is nearest
+  };
+  /// Of each time; empty where there are less than four intensities, or more than 2000 times.
+  std::vector<LeftOutTime> left_out;
 
   GelTime gel_time() const { return {a.value, b.value}; }
   std::string to_json() const;

@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+"""Forces that pull a part off its window, and cylinders that stuck or came off."""
+import math
+
+from draw import Panel, Picture
+from page import Section, Table, figure
+from programs import prism, write_stl
+from reckon import BadInput, Line, disagree, groups_of, mean, read_table, rms
+
+AREA_MM2, GAP_UM, VISCOSITY_PA_S, SPEED_MM_S = 314.0, 100.0, 0.2, 1.0
+
+
+def regular(corners, area):
+    r = math.sqrt(2 * area / (corners * math.sin(2 * math.pi / corners)))
+    return [(r * math.cos(2 * math.pi * k / corners), r * math.sin(2 * math.pi * k / corners)) for k in range(corners)]
+
+
+def rigid_forces(programs):
+    """Force of discs, hexagons and triangles of equal area over a rigid window, by `slicecorr flow`."""
+    resin = programs.write("pull.toml", f"""name = "pull"
+viscosity_pa_s = {VISCOSITY_PA_S}
+[cure]
+model = "jacobs"
+absorbance_height_um = 100
+absorbance_base = "e"
+gel_dose_mj_cm2 = 10
+""")
+    printer = programs.printer("pull-printer", 100.0, (800, 800))
+    forces = {}
+    for name, corners in (("cylinder", 256), ("hexagon", 6), ("triangle", 3)):
+        part = write_stl(programs.work / f"{name}.stl", prism(regular(corners, AREA_MM2), 0.4))
+        told = programs.json("slicecorr", "flow", part, "--layer-um", 100, "--printer", printer, "--resin", resin, "--speed-mm-h",
+                             3600 * SPEED_MM_S, "--gap-um", GAP_UM, "--pitch-um", 125)
+        forces[name] = told["slices"][-1]["force_n"]
+    # Three times the torsion constant: area² / (2 pi) of a disc, sqrt(3) area² / 15 of an equilateral triangle.
+    scale = 3 * VISCOSITY_PA_S * SPEED_MM_S * 1e-3 / (GAP_UM * 1e-6) ** 3 * (AREA_MM2 * 1e-6) ** 2
+    for name, torsion in (("cylinder", 1 / (2 * math.pi)), ("triangle", math.sqrt(3) / 15)):
+        # Cells of 125 um under 20 mm.
+        disagree(f"force of the {name}", scale * torsion, forces[name], 0.005 * scale * torsion)
+    return forces
+
+
+def power_of(points):
+    """Exponent of force over speed, with its standard error."""
+    return Line([(math.log(v), math.log(f)) for v, f in points])
+
+
+def pdms(programs, data):
+    _, rows = read_table(data / "05_pan2017_separation_force.csv")
+    measured = {r["shape"]: r.above_zero("force_n") for r in rows if r["series"] == "shape"}
+    forces = rigid_forces(programs)
+    shapes = Table(["shape, 314 mm²", "force to the disc's, measured", "rigid window, `slicecorr flow`", "off"], [])
+    figures = {"shapes": {}, "speeds": {}}
+    for name in ("hexagon", "triangle"):
+        m, told = measured[name] / measured["cylinder"], forces[name] / forces["cylinder"]
+        figures["shapes"][name] = {"measured": m, "rigid": told}
+        shapes.rows.append([name, figure(m), figure(told), f"{100 * (told / m - 1):+.1f} %"])
+    shapes.rows.append(["star", figure(measured["star"] / measured["cylinder"]), "its outline is not stated", "-"])
+    speeds = Table(["window", "exponent of speed, measured", "rigid window", "slowest speed predicts the others: rms, bias"], [])
+    panel = Panel("force over speed", "speed, mm/s", "force, N", log_x=True, log_y=True)
+    for k, thick in enumerate(("2", "4")):
+        points = sorted((r.above_zero("speed_mm_s"), r.above_zero("force_n")) for r in rows if r["series"] == "speed" and r["pdms_mm"] == thick)
+        line = power_of(points)
+        v0, f0 = points[0]
+        errors = [f0 * v / v0 / f - 1 for v, f in points[1:]]
+        figures["speeds"][f"pdms_{thick}_mm"] = {"exponent": line.slope, "error": line.slope_error, "rigid_rms": rms(errors), "rigid_bias": mean(errors)}
+        speeds.rows.append([f"PDMS {thick} mm", f"{line.slope:.2f} ± {line.slope_error:.2f}", "1",
+                            f"{100 * rms(errors):.0f} %, {100 * mean(errors):+.0f} %"])
+        panel.dots(points, f"measured, PDMS {thick} mm", k)
+        panel.line([(v, f0 * v / v0) for v in (points[0][0], points[-1][0])], "rigid window, from the slowest speed" if k == 0 else "", k, dashed=True)
+    return Section(
+        "forces", "Forces that pull a layer off PDMS",
+        source="Pan et al., Rapid Prototyping Journal 23 (2017) 353, as transcribed in github.com/umag/resinsim (facts; second hand)",
+        known="areas, shapes, speeds, thickness of PDMS; viscosity and the gap at the start are not stated",
+        fitted="nothing for the shapes; the force at the slowest speed for the others",
+        predicted="how forces of shapes of equal area stand to each other, and how force grows with speed, over a rigid window",
+        proves="order of shapes, and a hexagon's force to a per cent",
+        proves_not="a rigid window tells a triangle too little force and too steep a growth with speed: soft windows peel from the outline. "
+                   "Sizes of forces can't be told without viscosity and gap, and thickness of PDMS does more than any law here says",
+        tables=[shapes, speeds], pictures=[Picture("forces", "Measured forces over speed, and what a rigid window would pull", [panel])],
+        figures=figures)
+
+
+def cylinders(programs, data):
+    _, rows = read_table(data / "06_pritchard_print_outcomes.csv")
+    resin = programs.resin("custom-resin-1", viscosity_pa_s=0.3, dose_diffusion_m2_s=1e-10)
+    printer = programs.printer("cylinder-printer", 200.0, (800, 800))
+    part = write_stl(programs.work / "disc.stl", prism(regular(256, math.pi * 100), 0.4))
+    table = Table(["UV, blue, mW/cm²", "measured", "greatest dose at the window", "told", "greatest dose that gels"], [])
+    figures, right, asked = [], 0, 0
+    for r in rows:
+        blue, uv = r.above_zero("blue_mw_cm2"), r.above_zero("uv_mw_cm2")
+        lights = f"{uv:g}, {blue:g}{'' if r['blue_pattern'] == 'uniform' else ' at most, ' + r['blue_pattern']}"
+        if r["blue_pattern"] != "uniform":
+            table.rows.append([lights, r["outcome"], "-", "not told: the pattern is not published", "-"])
+            continue
+        told = programs.json("slicecorr", "flow", part, "--layer-um", 100, "--printer", printer, "--resin", resin, "--speed-mm-h",
+                             r.above_zero("speed_mm_h"), "--uv-mw-cm2", uv, "--blue-mw-cm2", blue, "--pitch-um", 250, "--every", 3)
+        last = told["slices"][-1]
+        sticks, stuck = last["window_dose"] >= 1, "stuck" in r["outcome"]
+        asked, right = asked + 1, right + (sticks == stuck)
+        figures.append({"blue_mw_cm2": blue, "window_dose": last["window_dose"], "sticks": sticks, "stuck": stuck})
+        table.rows.append([lights, r["outcome"], figure(last["window_dose"]), "sticks" if sticks else "comes off", figure(last["dose"]["max"])])
+    return Section(
+        "cylinders", "The dissertation's six cylinders",
+        source="Z. D. Pritchard, dissertation, Michigan 2020, figure 4.5 and text (facts)",
+        known="light, diameter, resin (shipped as custom-resin-1); speed is that of the chapter's model, 300 mm/h",
+        fitted="nothing. Dose diffuses as the dissertation took it, 1e-10 m²/s",
+        predicted="whether resin at the window gels, in a gap that no longer changes",
+        proves=f"{right} of {asked} even prints; the dose at the window rises with blue light, as prints stuck",
+        proves_not="the print at 130 came off with a large void in its middle, while its window is told to gel by a little; the gap that `flow` takes "
+                   "for these lights is its greatest, 300 um, since resin at rest never has its gel dose in the mean",
+        tables=[table], figures={"prints": figures, "right": right, "asked": asked})
+
+
+def lab(_programs, path, _options):
+    _, rows = read_table(path)
+    table = Table(["series", "points", "exponent of speed", "rigid window", "slowest predicts others: rms"], [])
+    panel, figures = Panel("force over speed", "speed, mm/s", "force, N", log_x=True, log_y=True), {}
+    for k, (name, group) in enumerate(groups_of(rows, "series").items()):
+        points = sorted((r.above_zero("speed_mm_s"), r.above_zero("force_n")) for r in group)
+        if len({v for v, _ in points}) < 3:
+            raise BadInput(f"{path}: series '{name}' has {len({v for v, _ in points})} speeds; expected three or more")
+        line, (v0, f0) = power_of(points), points[0]
+        errors = [f0 * v / v0 / f - 1 for v, f in points if v > v0]
+        figures[name or "all"] = {"exponent": line.slope, "error": line.slope_error, "rigid_rms": rms(errors)}
+        table.rows.append([name or "all", len(points), f"{line.slope:.2f} ± {line.slope_error:.2f}", "1", f"{100 * rms(errors):.0f} %"])
+        panel.dots(points, f"measured{': ' + name if name else ''}", k)
+        panel.line([(v, f0 * v / v0) for v in (v0, points[-1][0])], "rigid window, from the slowest speed" if k == 0 else "", k, dashed=True)
+    return [Section("forces", "Forces over speed", source=str(path), known="speeds and forces", fitted="the slowest speed's force",
+                    predicted="forces at the other speeds over a rigid window, where they grow as speed",
+                    proves="how soft the window is: an exponent of 1 is a rigid one, 1/2 a soft arm, 1/4 to 1/2 a film",
+                    proves_not="sizes of forces: they need viscosity and gap",
+                    tables=[table], pictures=[Picture("forces", "Forces over speed", [panel])], figures=figures)]

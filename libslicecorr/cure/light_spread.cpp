@@ -234,9 +234,21 @@ LightBlur::LightBlur(const LightSpread& spread, double pixel_x_um, double pixel_
     }
   }
   for (double& w : weights) w /= sum;
+  take(std::move(weights));
+}
+
+void LightBlur::take(std::vector<double> weights) {
   // A pixel takes from the one at +i what that one sends to -i.
-  measured_transposed_ = weights;
   measured_.assign(weights.rbegin(), weights.rend());
+  measured_transposed_ = std::move(weights);
+}
+
+LightBlur LightBlur::of_weights(std::vector<double> weights, int reach_x, int reach_y) {
+  LightBlur blur;
+  blur.reach_x_ = reach_x;
+  blur.reach_y_ = reach_y;
+  blur.take(std::move(weights));
+  return blur;
 }
 
 void LightBlur::apply(const double* in, const PixelBox& from, double* out,

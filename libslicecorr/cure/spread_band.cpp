@@ -11,6 +11,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
 
@@ -60,8 +61,11 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
   const CureModel& model = models.brightest();
   if (!model.inhibited() && printer.spread.none() && resin.scatter_um2_per_um == 0) return;
   const Grid images = images_of(printer, frame);
-  blur_ = LightBlur(printer.spread, images.pixel_x_um, images.pixel_y_um,
-                    turn_to_display(frame, printer));
+  blur_ = scattering_blur(
+      printer.spread,
+      {resin.scatter_um2_per_um, model.layer_um / (model.eta * units::kLn10), model.layer_um,
+       model.mode == ExposureMode::layerwise, images.pixel_x_um, images.pixel_y_um},
+      turn_to_display(frame, printer));
   scatter_ =
       SliceScatter(resin.scatter_um2_per_um, model.layer_um, images.pixel_x_um, images.pixel_y_um);
   if (model.inhibited()) {
@@ -331,8 +335,8 @@ void SpreadBand::scatter(int slice) {
   scattered_ = dose_;
   light_.scatter_.apply(scattered_.data(), field_);
   const bool layerwise = model.mode == ExposureMode::layerwise;
-  const double gain = layerwise ? 1.0 / model.ratio(slice) : model.a / model.one_minus_a;
-  const double per_phi = layerwise ? model.a * model.ratio(slice) : model.one_minus_a;
+  const double gain = (layerwise ? 1.0 : model.a / model.one_minus_a) / model.ratio(slice);
+  const double per_phi = (layerwise ? model.a : model.one_minus_a) * model.ratio(slice);
   gained_.resize(dose_.size());
   for (std::size_t i = 0; i < dose_.size(); ++i) {
     gained_[i] = gain * (scattered_[i] - dose_[i]);

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/place_models.hpp"
 
 namespace slicecorr::bridge {
@@ -40,9 +41,9 @@ void check_ramps(const PrintPlan& plan, const Machine& machine, double uv_least_
   throw InfeasibleError(fmt::format(
       "the lamps of printer '{}' can't follow the stage below {:g} % of their light: {:.1f} um "
       "would stay dark at both ends, {:g} um are borne (max_late_um); correct the part with --ramp "
-      "outside, or with a ramp of {:.4g} mm or less",
+      "outside, or with a ramp of {} mm or less",
       machine.printer.name, least * 100, dark_um, machine.limits.max_late_um,
-      plan.ramp_um * machine.limits.max_late_um / dark_um * 1e-3));
+      at_most(plan.ramp_um * machine.limits.max_late_um / dark_um * 1e-3)));
 }
 
 /// Layer by layer: light of black outside of the exposures.

@@ -9,6 +9,7 @@
 #include "plan/checks.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/limit.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -88,10 +89,11 @@ void plan_slice_speeds(PrintPlan& plan, const Process& process, const Machine& m
   throw InfeasibleError(fmt::format(
       "slice {} goes at {:.4g} mm/h, {:.3g} % of the {:g} mm/h that the light is for, and the blue "
       "lamp of printer '{}' is dark below {:g} % of its light (min_share); correct the part for at "
-      "least {:.4g} mm/h there, or for a lower speed",
+      "least {} mm/h there, or for a lower speed",
       slowest - plan.slice_speed_um_s.begin(), *slowest * kMmHFromUmS,
       100 * *slowest / plan.speed_um_s, process.speed_mm_h, machine.printer.name,
-      100 * machine.blue.min_share, process.speed_mm_h * std::pow(machine.blue.min_share, plan.m)));
+      100 * machine.blue.min_share,
+      at_least(process.speed_mm_h * std::pow(machine.blue.min_share, plan.m))));
 }
 
 /// Time from the first slice to the last: the stage changes its speed so that none is faster than
@@ -138,11 +140,11 @@ void check_speed(const PrintPlan& plan, const Machine& machine) {
   if (slice_s < kCyclesPerSlice * limits.cycle_s) {
     throw InfeasibleError(
         fmt::format("a slice of {:g} um passes in {:.3g} ms at {:g} mm/h, with exchanges every "
-                    "{:g} ms (cycle_s) it must take {:g} ms; print at {:.5g} mm/h or slower, or "
+                    "{:g} ms (cycle_s) it must take {:g} ms; print at {} mm/h or slower, or "
                     "with higher slices",
                     plan.layer_um, slice_s * 1e3, v * kMmHFromUmS, limits.cycle_s * 1e3,
                     kCyclesPerSlice * limits.cycle_s * 1e3,
-                    plan.layer_um / (kCyclesPerSlice * limits.cycle_s) * kMmHFromUmS));
+                    at_most(plan.layer_um / (kCyclesPerSlice * limits.cycle_s) * kMmHFromUmS)));
   }
 }
 
@@ -154,9 +156,9 @@ void plan_ramps(PrintPlan& plan, const Process& process, const Machine& machine)
   if (process.ramp_mm > 0 && asked_um < plan.ramp_um * (1 - 1e-9)) {
     throw InfeasibleError(fmt::format(
         "the stack's ramps are {:g} mm long, the stage of printer '{}' takes {:.4g} mm to {:g} "
-        "mm/h; correct the part with --ramp-mm {:.4g} or more",
+        "mm/h; correct the part with --ramp-mm {} or more",
         process.ramp_mm, machine.printer.name, plan.ramp_um * 1e-3, process.speed_mm_h,
-        plan.ramp_um * 1e-3));
+        at_least(plan.ramp_um * 1e-3)));
   }
   plan.ramp = process.ramp == Ramp::lamp_follows ? Ramp::lamp_follows : Ramp::outside;
   if (process.ramp_mm > 0) {
@@ -198,9 +200,9 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
       plan.run_up_um > kUnaskedRunUp * info.resin->absorbance_height10_um) {
     throw InfeasibleError(fmt::format(
         "the stage of printer '{}' takes {:.0f} um to reach {:g} mm/h, and the stack does not say "
-        "what happens meanwhile; correct the part with --ramp lamp-follows --ramp-mm {:.4g}, or "
+        "what happens meanwhile; correct the part with --ramp lamp-follows --ramp-mm {}, or "
         "with --ramp outside, which leaves a gap of that height above the first slice",
-        machine.printer.name, plan.run_up_um, process.speed_mm_h, plan.ramp_um * 1e-3));
+        machine.printer.name, plan.run_up_um, process.speed_mm_h, at_least(plan.ramp_um * 1e-3)));
   }
   plan.start_um += plan.run_up_um;
   plan.end_um = plan.start_um + height_um(plan);

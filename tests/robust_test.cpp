@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Corrections that hold although inputs are off, judged by the models of prints that are.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,6 +14,7 @@
 #include "memory_slices.hpp"
 #include "models.hpp"
 #include "rounds.hpp"
+#include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/units.hpp"
@@ -86,10 +88,11 @@ TEST(Robust, DosesOfFigure22InTheCorners) {
   EXPECT_NEAR(*std::min_element(strong.begin() + 21, strong.begin() + 32), 0.723, 6e-4);
 }
 
-/// Columns of 60 slices, runs and gaps of 2 to 12.
-std::vector<std::vector<std::uint8_t>> random_columns(std::size_t count, unsigned seed) {
+/// Columns of 60 slices, runs and gaps of `least` to `most`.
+std::vector<std::vector<std::uint8_t>> random_columns(std::size_t count, unsigned seed,
+                                                      int least = 2, int most = 12) {
   std::mt19937 random(seed);
-  std::uniform_int_distribution<int> length(2, 12);
+  std::uniform_int_distribution<int> length(least, most);
   std::vector<std::vector<std::uint8_t>> columns;
   while (columns.size() < count) {
     std::vector<std::uint8_t> c(static_cast<std::size_t>(length(random)), 0);
@@ -179,6 +182,66 @@ TEST(Robust, FeaturesAndGapsOfRandomColumnsHold) {
   EXPECT_EQ(made.figures.lost, static_cast<std::uint64_t>(robust.lost));
   EXPECT_EQ(made.figures.filled, static_cast<std::uint64_t>(robust.filled));
   EXPECT_GT(made.figures.moved_edges, 0U);
+}
+
+// Runs and gaps of a slice and more: not all can hold. Another program, which knows nothing of edges, finds
+// the least that any light loses and fills.
+TEST(Robust, WhatCannotHoldIsFew) {
+  const test::RunResult scipy =
+      test::run_program({"/usr/bin/python3", "-c",
+                         "import importlib.util, sys\n"
+                         "sys.exit(importlib.util.find_spec('scipy') is None)"});
+  if (scipy.exit_code != 0) GTEST_SKIP() << "SciPy is not installed (scripts/setup --all)";
+  const auto columns = random_columns(12, 53, 1, 6);
+  CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 60);
+  plan = CorrectionPlan(plan.model, plan.process, 60,
+                        plan.all_layers + detail::robust_slices(plan.model));
+  const detail::CodedDesign design = design_of(columns);
+  const detail::RobustLevels made =
+      detail::robust_levels(plan, robustly_off_by("ha=5%,dc=5%"), design, {});
+  const Failures plain = failures(made.plain, columns, plan, 0.05);
+  const Failures robust = failures(made.levels, columns, plan, 0.05);
+  EXPECT_EQ(made.figures.lost, static_cast<std::uint64_t>(robust.lost));
+  EXPECT_EQ(made.figures.filled, static_cast<std::uint64_t>(robust.filled));
+
+  const test::TemporaryFolder folder;
+  std::string text;
+  for (const auto& column : columns) {
+    for (const std::uint8_t cover : column) text += cover ? '1' : '0';
+    text += '\n';
+  }
+  test::write_file(folder / "columns.txt", test::to_bytes(text));
+  const auto as_text = [](const CureModel& m) {
+    return fmt::format("{:.17g},{:.17g},{:.17g}", m.phi_min(), m.phi_max(), m.a);
+  };
+  const test::RunResult fewest = test::run_program(
+      {"/usr/bin/python3", SLICECORR_SOURCE_DIR "/tests/robust_milp.py", folder / "columns.txt",
+       std::to_string(plan.all_layers), as_text(plan.model),
+       as_text(case_of_figure_2_2(0.05, true)), as_text(case_of_figure_2_2(0.05, false))});
+  ASSERT_EQ(fewest.exit_code, 0) << fewest.err;
+  const int least = std::stoi(fewest.out);
+  RecordProperty("plain", plain.lost + plain.filled);
+  RecordProperty("robust", robust.lost + robust.filled);
+  RecordProperty("least", least);
+  EXPECT_GT(least, 0);
+  EXPECT_GE(robust.lost + robust.filled, least);
+  // Levels and edges that are moved lose some more than the best light.
+  EXPECT_LE(robust.lost + robust.filled, 2 * least);
+  EXPECT_LE(robust.lost + robust.filled, (plain.lost + plain.filled) / 4);
+}
+
+// What a column gives up for others still prints with inputs as said.
+TEST(Robust, WhatIsGivenUpPrintsAsSaid) {
+  const auto columns = random_columns(40, 59, 1, 6);
+  CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 60);
+  plan = CorrectionPlan(plan.model, plan.process, 60,
+                        plan.all_layers + detail::robust_slices(plan.model));
+  const detail::RobustLevels made =
+      detail::robust_levels(plan, robustly_off_by("ha=5%,dc=5%"), design_of(columns), {});
+  const Failures as_said = failures(made.levels, columns, plan, 0.0);
+  const Failures plain = failures(made.plain, columns, plan, 0.0);
+  EXPECT_LE(as_said.lost, plain.lost);
+  EXPECT_LE(as_said.filled, plain.filled);
 }
 
 // A fit's errors go by the first order: nothing fails in the cases of the same box, each apart.

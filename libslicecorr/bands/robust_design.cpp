@@ -10,9 +10,11 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "bands/pixels_of_levels.hpp"
+#include "bands/robust_edges.hpp"
 #include "bands/uncertain_walk.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/supports.hpp"
@@ -23,10 +25,8 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// Two neighbours that each fail when the other is mended let the edges beyond them move on, pass by pass.
-constexpr int kPasses = 60;
-constexpr double kAimStep = 0.01;
-constexpr int kMostSteps = 15;
+/// How often a column is corrected at most.
+constexpr int kPasses = 500;
 /// Columns that are corrected again and again at once: their slices are not coded meanwhile.
 constexpr std::size_t kTogether = 1024;
 
@@ -35,11 +35,6 @@ constexpr std::size_t kTogether = 1024;
 double chi_of(std::size_t inputs) {
   constexpr std::array<double, 8> chi = {1.960, 2.448, 2.796, 3.080, 3.327, 3.548, 3.751, 3.938};
   return chi[std::clamp<std::size_t>(inputs, 1, chi.size()) - 1];
-}
-
-/// Greatest dose that an edge may aim at.
-double most_aim(const CureModel& model) {
-  return std::min(1.0 + kMostSteps * kAimStep, 0.5 * (1.0 + model.phi_max()));
 }
 
 /// Doses of a band in both cases, at the nodes of each layer.
@@ -94,116 +89,72 @@ class CaseDoses {
   std::array<std::vector<double>, 2> weak_, strong_;
 };
 
-enum class Kind : std::uint8_t { gap, run, grey };
-Kind kind_of(std::uint8_t coverage) {
-  return coverage == 0 ? Kind::gap : coverage == 255 ? Kind::run : Kind::grey;
-}
-
-/// A feature that is lost in the weak case, or a gap that fills in the strong one: the layers
-/// between two nodes.
-struct Trouble {
-  std::size_t column;
-  bool gap;
-  int top, bottom;
-};
-
-/// Finds what fails in the cases, slices from the last to the first.
+/// Finds what fails in the cases, and with inputs as said, slices from the last to the first.
 class Watch {
  public:
   Watch(const CorrectionPlan& plan, const Uncertainty& u, std::size_t columns)
-      : merged_(plan.merge_one_slice_gaps), doses_(plan.model, u, columns), columns_(columns) {
+      : merged_(plan.merge_one_slice_gaps),
+        doses_(plan.model, u, columns),
+        as_said_(plan.model, columns),
+        columns_(columns) {
     for (Column& c : columns_) c.bottom = plan.all_layers;
   }
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
     doses_.add_slice(slice, pixels);
+    as_said_.add_slice(slice, pixels);
+    const double* const said[2] = {as_said_.lower(), as_said_.upper()};
     const double* const weak[2] = {doses_.weak_lower(), doses_.weak_upper()};
     const double* const strong[2] = {doses_.strong_lower(), doses_.strong_upper()};
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       Column& c = columns_[i];
-      const Kind kind = kind_of(coverage[i]);
+      const CoverKind kind = cover_kind(coverage[i]);
       if (kind != c.kind) {
         close(i, slice + 1);
-        c.run_below = kind == Kind::gap && c.kind == Kind::run;
+        c.run_below = kind == CoverKind::gap && c.kind == CoverKind::run;
         c.kind = kind;
         c.bottom = slice + 1;
-        c.extreme = kind == Kind::run ? 0.0 : std::numeric_limits<double>::infinity();
+        c.extreme = c.as_said =
+            kind == CoverKind::run ? 0.0 : std::numeric_limits<double>::infinity();
       }
-      if (kind == Kind::run) c.extreme = std::max({c.extreme, weak[0][i], weak[1][i]});
-      if (kind == Kind::gap) c.extreme = std::min({c.extreme, strong[0][i], strong[1][i]});
+      if (kind == CoverKind::run) {
+        c.extreme = std::max({c.extreme, weak[0][i], weak[1][i]});
+        c.as_said = std::max({c.as_said, said[0][i], said[1][i]});
+      }
+      if (kind == CoverKind::gap) {
+        c.extreme = std::min({c.extreme, strong[0][i], strong[1][i]});
+        c.as_said = std::min({c.as_said, said[0][i], said[1][i]});
+      }
     }
   }
-  std::vector<Trouble> finish() {
+  std::vector<RobustTrouble> finish() {
     for (std::size_t i = 0; i < columns_.size(); ++i) close(i, 0);
     return std::move(troubles_);
   }
 
  private:
   struct Column {
-    Kind kind = Kind::gap;
+    CoverKind kind = CoverKind::gap;
     bool run_below = false;
     int bottom = 0;
     double extreme = std::numeric_limits<double>::infinity();
+    double as_said = std::numeric_limits<double>::infinity();
   };
   void close(std::size_t i, int top) {
     const Column& c = columns_[i];
-    if (c.kind == Kind::run && c.extreme < 1) troubles_.push_back({i, false, top, c.bottom});
+    const double miss = std::abs(std::log(std::max(c.extreme, 1e-9)));
+    if (c.kind == CoverKind::run && c.extreme < 1) {
+      troubles_.push_back({i, false, top, c.bottom, miss, c.as_said < 1});
+    }
     const bool meant = merged_ && c.bottom - top == 1;
-    if (c.kind == Kind::gap && c.run_below && c.extreme >= 1 && !meant) {
-      troubles_.push_back({i, true, top, c.bottom});
+    if (c.kind == CoverKind::gap && c.run_below && c.extreme >= 1 && !meant) {
+      troubles_.push_back({i, true, top, c.bottom, miss, c.as_said >= 1});
     }
   }
   const bool merged_;  ///< gaps of one slice are to fill
   CaseDoses doses_;
+  BandDose as_said_;
   std::vector<Column> columns_;
-  std::vector<Trouble> troubles_;
-};
-
-/// Where the coverage of a column changes, or may not: from the platform on.
-struct Boundary {
-  int node = 0;             ///< of the design
-  std::uint8_t height = 0;  ///< its edge height there; 0: none
-  bool movable = false;     ///< between a full layer and an empty one
-  bool upper = false;       ///< the full layer is the one below
-  std::uint8_t below = 0;   ///< coverage below it; of greys that of the design counts
-  int aim = 0;              ///< dose to aim at, less 1, in steps
-  int at_node = 0;          ///< where it is put
-  std::uint8_t at_height = 0;
-};
-using Column = std::vector<Boundary>;
-
-/// Moves edges for what they aim at.
-class Mover {
- public:
-  explicit Mover(const CureModel& model) : model_(model), most_(most_aim(model)) {}
-  /// Tries another aim of a boundary; false: there is no room for it.
-  bool aim(Column& column, std::size_t k, int steps) const {
-    Boundary b = column[k];
-    b.aim = steps;
-    const double dose = 1.0 + kAimStep * steps;
-    if (dose > most_ || dose <= 0.5 * (1.0 + model_.phi_min())) return false;
-    b.at_node = b.node;
-    b.at_height = b.height;
-    if (steps != 0) {
-      const double own = b.height ? edge_height_slices(b.height) : 0.0;
-      const double per_slice = model_.eta * units::kLn10;
-      const double p0 = model_.phi_min(), p1 = model_.phi_max();
-      const double at = b.node + own +
-                        (b.upper ? -std::log((dose - p0) / (1 - p0)) / per_slice
-                                 : std::log((p1 - 1) / (p1 - dose)) / per_slice);
-      b.at_node = static_cast<int>(std::lround(at));
-      b.at_height = edge_height_byte(at - b.at_node);
-    }
-    const int above = k > 0 ? column[k - 1].at_node : 0;
-    const int below =
-        k + 1 < column.size() ? column[k + 1].at_node : std::numeric_limits<int>::max();
-    if (b.at_node <= above || b.at_node >= below) return false;
-    column[k] = b;
-    return true;
-  }
-
- private:
-  const CureModel& model_;
-  const double most_;
+  std::vector<RobustTrouble> troubles_;
 };
 
 /// A design of columns that are moved: coverage and edge heights, slice by slice.
@@ -211,13 +162,13 @@ class MovedColumns {
  public:
   /// `read`: writes a row of the design's coverage for these columns.
   using ReadRow = std::function<void(int slice, std::uint8_t* out)>;
-  MovedColumns(const std::vector<const Column*>& columns, ReadRow read)
+  MovedColumns(const std::vector<const MovedEdges*>& columns, ReadRow read)
       : columns_(columns), next_(columns.size(), 0), read_(std::move(read)) {}
   /// Slices rise.
   void row(int slice, std::uint8_t* coverage, std::uint8_t* heights) {
     read_(slice, coverage);
     for (std::size_t i = 0; i < columns_.size(); ++i) {
-      const Column& c = *columns_[i];
+      const MovedEdges& c = *columns_[i];
       std::size_t& k = next_[i];
       heights[i] = 0;
       while (k < c.size() && c[k].at_node <= slice) {
@@ -225,12 +176,12 @@ class MovedColumns {
         ++k;
       }
       const std::uint8_t cover = k > 0 ? c[k - 1].below : std::uint8_t{0};
-      if (kind_of(cover) != Kind::grey) coverage[i] = cover;
+      if (cover_kind(cover) != CoverKind::grey) coverage[i] = cover;
     }
   }
 
  private:
-  const std::vector<const Column*>& columns_;
+  const std::vector<const MovedEdges*>& columns_;
   std::vector<std::size_t> next_;
   ReadRow read_;
 };
@@ -264,7 +215,15 @@ class RobustBand {
         design_(design),
         context_(context),
         pixels_(plan.levels.size()),
-        mover_(plan.model) {}
+        mover_(plan.model) {
+    // Errors of a fit go together in all directions; a cap leaves the peaks of features to the levels.
+    if (u.from_fit || plan.process.omega_max < kNoCap || plan.merge_one_slice_gaps) return;
+    const auto light = [](const CureModel& m) {
+      return EdgeCases::Light{m.phi_min(), m.phi_max(), m.eta * units::kLn10};
+    };
+    plan_cases_ = EdgeCases{light(plan.model), light(case_model(plan.model, u, true)),
+                            light(case_model(plan.model, u, false)), plan.all_layers};
+  }
 
   RobustLevels run();
 
@@ -277,24 +236,25 @@ class RobustBand {
   }
   /// Levels of the last slices first, and what fails with them.
   template <typename Rows, typename Cover, typename Keep>
-  std::vector<Trouble> try_columns(std::size_t columns, Rows rows, Cover cover, Keep keep) const;
-  void load(const std::vector<std::size_t>& which, std::vector<Column>& columns) const;
+  std::vector<RobustTrouble> try_columns(std::size_t columns, Rows rows, Cover cover,
+                                         Keep keep) const;
+  void load(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns) const;
   /// Finds aims for some columns of the band.
-  void repair(const std::vector<std::size_t>& which, std::vector<Column>& columns,
+  void repair(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns,
               RobustFigures& counts) const;
-  bool change_aims(Column& column, const std::vector<Trouble>& troubles) const;
 
   const CorrectionPlan& plan_;
   const Uncertainty& uncertainty_;
   const CodedDesign& design_;
   const ExecutionContext& context_;
   const PixelsOfLevels pixels_;
-  const Mover mover_;
+  const EdgeMover mover_;
+  std::optional<EdgeCases> plan_cases_;  ///< nothing: edges are not planned
 };
 
 template <typename Rows, typename Cover, typename Keep>
-std::vector<Trouble> RobustBand::try_columns(std::size_t columns, Rows rows, Cover cover,
-                                             Keep keep) const {
+std::vector<RobustTrouble> RobustBand::try_columns(std::size_t columns, Rows rows, Cover cover,
+                                                   Keep keep) const {
   Watch watch(plan_, uncertainty_, columns);
   std::vector<std::uint8_t> shown(columns), coverage(columns);
   solve(
@@ -311,7 +271,8 @@ std::vector<Trouble> RobustBand::try_columns(std::size_t columns, Rows rows, Cov
 }
 
 /// The boundaries of some columns of the design.
-void RobustBand::load(const std::vector<std::size_t>& which, std::vector<Column>& columns) const {
+void RobustBand::load(const std::vector<std::size_t>& which,
+                      std::vector<MovedEdges>& columns) const {
   const std::size_t all = design_.coverage.columns();
   std::vector<std::uint8_t> coverage(all), heights(all), before(which.size(), 0);
   columns.assign(which.size(), {});
@@ -319,92 +280,67 @@ void RobustBand::load(const std::vector<std::size_t>& which, std::vector<Column>
     read_design(n, coverage.data(), heights.data());
     for (std::size_t i = 0; i < which.size(); ++i) {
       const std::uint8_t now = coverage[which[i]];
-      const Kind kind = kind_of(now), last = kind_of(before[i]);
+      const CoverKind kind = cover_kind(now), last = cover_kind(before[i]);
       before[i] = now;
       if (n > 0 && kind == last) continue;
-      Boundary b;
+      MovedEdge b;
       b.node = b.at_node = n;
       b.height = b.at_height = n > 0 ? heights[which[i]] : std::uint8_t{0};
-      b.below = kind == Kind::grey ? std::uint8_t{1} : now;
-      b.movable = n > 0 && kind != Kind::grey && last != Kind::grey;
-      b.upper = kind == Kind::run;
+      b.below = kind == CoverKind::grey ? std::uint8_t{1} : now;
+      b.movable = n > 0 && kind != CoverKind::grey && last != CoverKind::grey;
+      b.upper = kind == CoverKind::run;
       columns[i].push_back(b);
     }
   }
 }
 
-bool RobustBand::change_aims(Column& column, const std::vector<Trouble>& troubles) const {
-  std::vector<int> up(column.size(), 0), down(column.size(), 0);
-  for (const Trouble& t : troubles) {
-    for (std::size_t k = 0; k < column.size(); ++k) {
-      if (!column[k].movable || (column[k].node != t.top && column[k].node != t.bottom)) continue;
-      ++(t.gap ? down : up)[k];
-    }
-  }
-  bool changed = false;
-  for (std::size_t k = 0; k < column.size(); ++k) {
-    if ((up[k] > 0) == (down[k] > 0)) continue;  // neither, or wanted both ways
-    changed = mover_.aim(column, k, column[k].aim + (up[k] > 0 ? 1 : -1)) || changed;
-  }
-  return changed;
-}
-
-void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<Column>& columns,
+void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns,
                         RobustFigures& counts) const {
   load(which, columns);
   const std::size_t all = design_.coverage.columns();
-  std::vector<Column> best = columns;
-  struct Score {
-    std::size_t lost = std::numeric_limits<std::size_t>::max() / 2, filled = 0;
-    std::size_t sum() const { return lost + filled; }
-  };
-  std::vector<Score> score(which.size());
+  std::vector<AimSearch> searches;
+  searches.reserve(which.size());
+  for (MovedEdges& c : columns) {
+    searches.emplace_back(mover_, plan_cases_ ? &*plan_cases_ : nullptr, std::move(c));
+  }
   std::vector<std::size_t> active(which.size());
   for (std::size_t i = 0; i < which.size(); ++i) active[i] = i;
   std::vector<std::uint8_t> whole(all);
   for (int pass = 0; pass <= kPasses && !active.empty(); ++pass) {
-    std::vector<const Column*> moved;
+    std::vector<const MovedEdges*> moved;
     moved.reserve(active.size());
-    for (const std::size_t i : active) moved.push_back(&columns[i]);
+    for (const std::size_t i : active) moved.push_back(&searches[i].tried());
     const auto design_row = [&](int n, std::uint8_t* out) {
       design_.coverage.read(n, whole.data());
       for (std::size_t k = 0; k < active.size(); ++k) out[k] = whole[which[active[k]]];
     };
     MovedColumns rows(moved, design_row);
-    const std::vector<Trouble> troubles = try_columns(
+    const std::vector<RobustTrouble> troubles = try_columns(
         active.size(),
         [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
           rows.row(n, coverage, heights);
         },
         design_row, [](const std::uint8_t*) {});
-    std::vector<std::vector<Trouble>> of(active.size());
-    for (const Trouble& t : troubles) of[t.column].push_back(t);
+    std::vector<std::vector<RobustTrouble>> of(active.size());
+    for (const RobustTrouble& t : troubles) of[t.column].push_back(t);
     std::vector<std::size_t> left;
     for (std::size_t k = 0; k < active.size(); ++k) {
-      const std::size_t i = active[k];
-      Score now{0, 0};
-      for (const Trouble& t : of[k]) ++(t.gap ? now.filled : now.lost);
-      if (now.sum() < score[i].sum()) {
-        score[i] = now;
-        best[i] = columns[i];
-      }
-      if (now.sum() > 0 && change_aims(columns[i], of[k])) left.push_back(i);
+      if (searches[active[k]].go_on(std::move(of[k]))) left.push_back(active[k]);
     }
     active = std::move(left);
   }
   for (std::size_t i = 0; i < which.size(); ++i) {
-    counts.lost += score[i].lost;
-    counts.filled += score[i].filled;
-    for (const Boundary& b : best[i]) counts.moved_edges += b.aim != 0;
+    for (const RobustTrouble& t : searches[i].troubles()) ++(t.gap ? counts.filled : counts.lost);
+    columns[i] = searches[i].best();
+    for (const MovedEdge& b : columns[i]) counts.moved_edges += b.moved();
   }
-  columns = std::move(best);
 }
 
 RobustLevels RobustBand::run() {
   const std::size_t all = design_.coverage.columns();
   CodedBand plain(all);
   std::vector<std::uint8_t> room(all);
-  const std::vector<Trouble> troubles = try_columns(
+  const std::vector<RobustTrouble> troubles = try_columns(
       all,
       [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
         read_design(n, coverage, heights);
@@ -413,7 +349,7 @@ RobustLevels RobustBand::run() {
       [&](const std::uint8_t* levels) { plain.append(levels); });
   RobustFigures own;
   std::vector<std::size_t> which;
-  for (const Trouble& t : troubles) {
+  for (const RobustTrouble& t : troubles) {
     ++(t.gap ? own.gaps : own.features);
     which.push_back(t.column);
   }
@@ -428,11 +364,11 @@ RobustLevels RobustBand::run() {
     parts.emplace_back(which.begin() + static_cast<std::ptrdiff_t>(from),
                        which.begin() + static_cast<std::ptrdiff_t>(to));
     const std::vector<std::size_t>& part = parts.back();
-    std::vector<Column> columns;
+    std::vector<MovedEdges> columns;
     repair(part, columns, own);
-    std::vector<const Column*> moved;
+    std::vector<const MovedEdges*> moved;
     moved.reserve(columns.size());
-    for (const Column& c : columns) moved.push_back(&c);
+    for (const MovedEdges& c : columns) moved.push_back(&c);
     MovedColumns rows(moved, [&](int n, std::uint8_t* out) {
       design_.coverage.read(n, room.data());
       for (std::size_t k = 0; k < part.size(); ++k) out[k] = room[part[k]];
@@ -500,7 +436,7 @@ void check_cases(const CureModel& model, const Uncertainty& u) {
 }
 
 int robust_slices(const CureModel& model) {
-  const double most = most_aim(model), p1 = model.phi_max();
+  const double most = EdgeMover::most_aim(model), p1 = model.phi_max();
   // The edge lies further down, and the burst after it begins there.
   const double slices = std::log((p1 - 1) / (p1 - most)) / (model.eta * units::kLn10);
   return static_cast<int>(std::ceil(slices)) + 1;

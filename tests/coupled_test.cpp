@@ -723,17 +723,6 @@ TEST(Coupled, LeftAloneStaysAndTheRestIsCorrectedAroundIt) {
   EXPECT_LT(coupled->best().wrong() * 3, coupled->columns_alone().wrong());
 }
 
-TEST(Coupled, RefusesOtherModels) {
-  const LightBlur blur(spread_of(0.8), kPixelUm, kPixelUm);
-  const SliceScatter scatter;
-  for (const bool mirrored : {false, true}) {
-    CureModel model = test::figure_2_2();
-    (mirrored ? model.mirrored_slices : model.bath_slices) = 3;
-    const CorrectionPlan plan(model, test::process(1000), 4, 4);
-    EXPECT_THROW(CoupledCorrection(plan, blur, scatter, {0, 0, 4, 4}, {0, 0, 4, 4}), InputError);
-  }
-}
-
 TEST(Coupled, StopsWhenCancelled) {
   const Design design = block();
   const CureModel model = test::figure_2_2();

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <vector>
 
 #include "bands/correct_group.hpp"
@@ -26,7 +27,8 @@ CoupledOptions options_of(int rounds, const PlaceModels& models,
     const LightMap& map = models.map();
     std::vector<std::uint8_t> values(columns_of(box));
     map.values(box, values.data());
-    for (std::size_t k = 0; k < values.size(); ++k) shares[k] = map.factor(values[k]);
+    const double m = models.brightest().m;
+    for (std::size_t k = 0; k < values.size(); ++k) shares[k] = std::pow(map.factor(values[k]), m);
   };
   return options;
 }

@@ -243,16 +243,33 @@ class PlaceCheck {
 
  private:
   /// Slices that the edges of the last layer ask for where columns are corrected together.
-  int slices_for_edges() const {
+  int slices_for_edges() {
     const CureModel& model = models_.brightest();
-    if (!spreads(setup_) || setup_.process.spread_rounds == 0 || !map_.even() ||
-        target_.left_alone()) {
-      return 0;
-    }
-    if (can_couple_under_uv(model)) return slices_to_gel_at_edges_under_uv(model);
-    if (!model.is_plain()) return 0;
-    const SpreadLight light(models_, target_.grid(), target_.frame());
-    return slices_to_gel_at_edges(model, light.blur(), light.scatter());
+    if (!spreads(setup_) || setup_.process.spread_rounds == 0 || target_.left_alone()) return 0;
+    if (!can_couple(model)) return 0;
+    // Layer by layer each layer cures by its own light; under UV light its kernel has the slices.
+    if (!model.inhibited() && model.mode == ExposureMode::layerwise) return 0;
+    std::optional<SpreadLight> light;
+    if (!want_their_light(model)) light.emplace(models_, target_.grid(), target_.frame());
+    const auto slices = [&](CureModel of) {
+      if (want_their_light(of)) return slices_to_gel_at_edges_by_columns(of);
+      // Slices after the end may count for less than others.
+      double least = of.ratio(std::numeric_limits<int>::max());
+      const int layers = target_.grid().layers;
+      for (std::size_t n = static_cast<std::size_t>(layers); n < of.exposure_ratio.size(); ++n) {
+        least = std::min(least, of.exposure_ratio[n]);
+      }
+      for (double& phi : of.level_phi) phi *= least;
+      of.exposure_ratio.clear();
+      return slices_to_gel_at_edges(of, light->blur(), light->scatter());
+    };
+    if (map_.even()) return slices(model);
+    // The dimmest place that is lit asks for the most.
+    const LitPlaces& lit = lit_now();
+    const auto dimmest = std::find_if(lit.columns.begin() + 1, lit.columns.end(),
+                                      [](std::uint64_t columns) { return columns > 0; });
+    if (dimmest == lit.columns.end()) return 0;
+    return slices(models_.model(static_cast<std::uint8_t>(dimmest - lit.columns.begin())));
   }
   Verdict verdict_at(std::uint8_t value, bool lit) const {
     return verdict({&models_.model(value), map_.factor(value), lit}, models_.printer_at(value),

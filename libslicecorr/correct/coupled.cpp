@@ -76,7 +76,7 @@ struct CoupledCorrection::Tile {
   PixelBox box;
   KeptTile coverage, columns, now, best;
   KeptTile left_alone;  ///< black where nothing is
-  // Under UV light only.
+  // Where columns want their light only.
   KeptTile heights;               ///< of edges, at nodes
   KeptTile wanted;                ///< the light that is to reach columns, as levels
   Figures figures, best_figures;  ///< of `now` and of `best`
@@ -161,7 +161,7 @@ void CoupledCorrection::solve_tiles(Tile* tiles, std::size_t count, const Column
       if ((layer & 63) == 0) context.check_cancelled();
       if (corrector) corrector->add_layer(cover, heights, left);
       // Heights of the node after the last layer come with a layer more.
-      if (plan_.uv && layer < plan_.slices) put(heights, edges);
+      if (plan_.wants && layer < plan_.slices) put(heights, edges);
       if (layer >= plan_.layers) return;
       put(cover, coverage);
       if (columns.leaves_alone) put(left, left_alone);
@@ -224,7 +224,7 @@ void CoupledCorrection::judge(const std::vector<std::size_t>& which,
                               const ExecutionContext& context) {
   parallel_for(context, "judge", which.size(), [&](std::size_t i) {
     Tile& tile = tiles_[which[i]];
-    const PatchFigures found = (plan_.uv ? judge_patch_under_uv : judge_patch)(
+    const PatchFigures found = (plan_.wants ? judge_patch_by_columns : judge_patch)(
         plan_, tile.box, sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)),
         kMostMisses);
     Figures& figures = tile.figures;
@@ -271,7 +271,7 @@ PatchTask CoupledCorrection::task_of(const Tile& tile) const {
   task.free = bounds_;
   // Where too much is wrong to be mended voxel by voxel, it is as in the first round.
   task.first = now_.round == 0 || !tile.figures.all_misses;
-  if (task.first || plan_.uv) return task;
+  if (task.first || plan_.wants) return task;
   const PixelBox watched = PatchPlace::grown(tile.box, plan_.overlap_x, plan_.overlap_y);
   std::vector<Miss> misses;
   for (const std::size_t k : tiles_in(watched)) {
@@ -303,11 +303,11 @@ std::vector<std::size_t> CoupledCorrection::seen_from(
   return seen;
 }
 
-/// Under UV light, after the first round: has columns with wrong voxels want other light. What all
+/// Where columns want their light, after the first round: has columns with wrong voxels want other light. What all
 /// tiles wanted before; empty where nothing is changed.
-std::vector<KeptTile> CoupledCorrection::want_again_under_uv(const std::vector<std::size_t>& which,
-                                                             const ExecutionContext& context) {
-  if (!plan_.uv || now_.round == 0) return {};
+std::vector<KeptTile> CoupledCorrection::want_again_of_columns(
+    const std::vector<std::size_t>& which, const ExecutionContext& context) {
+  if (!plan_.wants || now_.round == 0) return {};
   std::vector<KeptTile> before;
   before.reserve(tiles_.size());
   for (const Tile& tile : tiles_) before.push_back(tile.wanted);
@@ -341,14 +341,14 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   if (solved.empty()) return false;
   std::vector<KeptTile> next(solved.size());
   const ExecutionContext quiet = silent(context);
-  const std::vector<KeptTile> wanted_before = want_again_under_uv(solved, quiet);
+  const std::vector<KeptTile> wanted_before = want_again_of_columns(solved, quiet);
   parallel_for(quiet, "round", solved.size(), [&](std::size_t i) {
     const PatchTask task = task_of(tiles_[solved[i]]);
     const PixelBox watched = PatchPlace::grown(task.box, plan_.overlap_x, plan_.overlap_y);
-    if (plan_.uv) {
+    if (plan_.wants) {
       PatchSources from = sources_of(watched);
       from.columns = sources(watched, &Tile::wanted);
-      next[i] = solve_patch_under_uv(plan_, task, from, *store_);
+      next[i] = solve_patch_for_columns(plan_, task, from, *store_);
     } else if (!task.first && task.requests.empty()) {
       next[i] = *task.before;
     } else {

@@ -15,7 +15,7 @@
 /// the levels as they are; from the second round on only patches with wrong voxels are solved again,
 /// and what is wrong asks the slices below it for more or less light.
 ///
-/// Under UV light patches are solved in another way (coupled_uv.hpp); the rest is the same.
+/// Under UV light patches are solved in another way (coupled_columns.hpp); the rest is the same.
 ///
 /// A round reads what the one before it left, and sums are taken in a fixed order: results do not
 /// depend on the number of threads. Levels are those of the best round so far, by the number of
@@ -137,8 +137,8 @@ class CoupledCorrection {
   /// Whether a tile is to be solved in the next round.
   bool is_wanted(const Tile& tile) const;
   PatchTask task_of(const Tile& tile) const;
-  std::vector<KeptTile> want_again_under_uv(const std::vector<std::size_t>& which,
-                                            const ExecutionContext& context);
+  std::vector<KeptTile> want_again_of_columns(const std::vector<std::size_t>& which,
+                                              const ExecutionContext& context);
   void keep_best();
 
   CoupledPlan plan_;

@@ -14,6 +14,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <deque>
+#include <memory>
 #include <vector>
 
 #include "correct/coupled_kernels.hpp"
@@ -65,6 +67,24 @@ struct PatchPlace {
   Pixel origin{};
   std::size_t stride = 0, rows = 0;
 };
+
+/// Shares of intensity that the pixels of a box get, in the arrays of a patch, 1 elsewhere; empty where
+/// light is even.
+inline std::vector<double> intensity_shares(const CoupledPlan& plan, const PatchPlace& place,
+                                            const PixelBox& lit) {
+  std::vector<double> of_pixels;
+  if (!plan.shares || lit.empty()) return of_pixels;
+  of_pixels.assign(place.size(), 1);
+  std::vector<double> shares(pixels_of(lit));
+  plan.shares(lit, shares.data());
+  std::size_t k = 0;
+  for (int y = lit.y0; y < lit.y1; ++y) {
+    for (int x = lit.x0; x < lit.x1; ++x, ++k) {
+      of_pixels[place.at(x, y)] = plan.m == 1 ? shares[k] : std::pow(shares[k], 1 / plan.m);
+    }
+  }
+  return of_pixels;
+}
 
 /// Bytes of a patch, of one slice at a time, from the tiles around it.
 class PatchBytes {
@@ -160,11 +180,11 @@ class PatchField {
         light_(place_.size()),
         shine_(place_.size(), 0),
         dose_(place_.size(), 0),
-        seen_(plan.m == 1 ? 0 : place_.size(), 0),
+        seen_(plan.m == 1 && plan.bath == 0 ? 0 : place_.size(), 0),
         scattered_(plan.scatter.none() ? 0 : place_.size(), 0),
         levels_(place_.size(), 0) {
     const PixelBox lit = PatchPlace::common(place_.shown, plan.display);
-    find_shares(lit);
+    share_ = intensity_shares(plan, place_, lit);
     for (int y = lit.y0; y < lit.y1; ++y) {
       for (int x = lit.x0; x < lit.x1; ++x) {
         shine_[place_.at(x, y)] = shine_of(0, place_.at(x, y));
@@ -236,8 +256,13 @@ class PatchField {
 
   /// To be called first for each slice. Scatter takes place here.
   void begin(int slice) {
+    if (plan_.bath > 0) pass_bath(slice);
     slice_ = slice;
     guides_stepped_ = false;
+    // From here on each slice has factors of its own.
+    if (plan_.mirrored(slice) && !plan_.mirrored(slice + 1)) {
+      for (const int k : watched_) rouse(k);
+    }
     expose(plan_.ratio(slice));
     if (scattered_.empty()) return;
     const auto width = static_cast<std::size_t>(place_.watched.width());
@@ -323,7 +348,19 @@ class PatchField {
     square(k).asleep = true;
     square(k).since = slice_;
   }
-  /// Light as the dose takes it: raised to m. All of the arrays; what of them is up to date is the
+  /// Whether doses of squares that are asleep can be told without looking at each slice.
+  bool may_sleep() const {
+    return scattered_.empty() && plan_.bath == 0 && !plan_.mirrored(slice_);
+  }
+  /// What of the light of a slice is taken from that of this one, since it leaves the bath, as the dose
+  /// takes light.
+  Real taken(std::size_t at) const {
+    if (!leaving_) return 0;
+    const Real far = (*leaving_)[at];
+    return static_cast<Real>(plan_.beyond) *
+           (plan_.m == 1 ? far : std::pow(std::max(far, Real{0}), static_cast<Real>(plan_.m)));
+  }
+  /// Light as the dose takes it: raised to m, without what leaves the bath. All of the arrays; what of them is up to date is the
   /// square.
   const Real* seen_light(int k) {
     if (seen_.empty()) return light_.data();
@@ -331,8 +368,11 @@ class PatchField {
     for (int y = 0; y < kSquare; ++y) {
       const std::size_t at = first + static_cast<std::size_t>(y) * place_.stride;
       for (std::size_t i = at; i < at + kSquare; ++i) {
-        seen_[i] = std::pow(std::max(light_[i], Real{0}), static_cast<Real>(plan_.m));
+        seen_[i] = plan_.m == 1
+                       ? light_[i]
+                       : std::pow(std::max(light_[i], Real{0}), static_cast<Real>(plan_.m));
       }
+      for (std::size_t i = at; leaving_ && i < at + kSquare; ++i) seen_[i] -= taken(i);
     }
     return seen_.data();
   }
@@ -368,28 +408,27 @@ class PatchField {
   std::vector<std::uint8_t> levels_;
   double ratio_ = 1, scale_ = 1;  ///< of the slice's light, and of what shines, to normal ones
   bool guides_stepped_ = false;   ///< guides of squares that are awake are at the node above
+  /// Light of the slice that leaves the bath; null: none does.
+  std::shared_ptr<const std::vector<Real>> leaving_;
 
  private:
   const Real* taps() const;
-  void find_shares(const PixelBox& lit) {
-    if (!plan_.shares || lit.empty()) return;
-    share_.assign(place_.size(), 1);
-    std::vector<double> shares(static_cast<std::size_t>(lit.width()) *
-                               static_cast<std::size_t>(lit.height()));
-    plan_.shares(lit, shares.data());
-    std::size_t k = 0;
-    for (int y = lit.y0; y < lit.y1; ++y) {
-      for (int x = lit.x0; x < lit.x1; ++x, ++k) {
-        share_[place_.at(x, y)] = plan_.m == 1 ? shares[k] : std::pow(shares[k], 1 / plan_.m);
-      }
-    }
-  }
   void towards(Real* field, const Real* goal, int steps) const {
     if (steps <= 0) return;
     const Real left = kept_[static_cast<std::size_t>(steps)];
     for (int y = 0; y < kSquare; ++y, field += place_.stride, goal += place_.stride) {
       for (int i = 0; i < kSquare; ++i) field[i] = goal[i] + (field[i] - goal[i]) * left;
     }
+  }
+  /// Keeps the light of the slice before `slice` while it is in the bath, and finds the light that leaves
+  /// it.
+  void pass_bath(int slice) {
+    if (slice + 1 == plan_.slices) return;
+    const auto bath = static_cast<std::size_t>(plan_.bath);
+    const bool same = !held_.empty() && *held_.front() == light_;
+    held_.push_front(same ? held_.front() : std::make_shared<const std::vector<Real>>(light_));
+    if (held_.size() > bath) held_.pop_back();
+    if (held_.size() == bath) leaving_ = held_.back();
   }
   void blur_all() {
     const auto width = static_cast<std::size_t>(place_.shown.width());
@@ -420,6 +459,8 @@ class PatchField {
   std::vector<int> watched_;
   std::vector<std::uint8_t> matters_;  ///< squares whose light may reach watched ones; empty: all
   std::vector<Real> kept_;             ///< a^k
+  /// Where the bath ends: the light of the slices that are in it, the last one first.
+  std::deque<std::shared_ptr<const std::vector<Real>>> held_;
   std::vector<double> field_;
 };
 

@@ -20,9 +20,8 @@ class PatchJudge : public PatchField<double> {
       : PatchField(plan, PatchPlace::grown(box, plan.halo_x, plan.halo_y)),
         box_(box),
         most_misses_(most_misses),
-        middle_{plan.middle_below, plan.middle_norm},
         near_(1 - plan.margin),
-        near_at_nodes_(near_ * plan.middle_norm / (1 + plan.middle_below)),
+        near_at_nodes_(near_ * plan.norm / (1 + plan.below)),
         levels_at_(place(), place().shown, sources.levels),
         coverage_(place(), box, sources.coverage),
         above_(place(), box, sources.coverage),
@@ -52,6 +51,8 @@ class PatchJudge : public PatchField<double> {
  private:
   void judge(int n) {
     begin(n);
+    middle_ = {plan_.middle_below(n), plan_.middle_norm(n)};
+    const double gain = plan_.gain(n), kept = plan_.kept(n);
     changes_.clear();
     levels_at_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
       changes_.push_back({at, is});
@@ -82,10 +83,10 @@ class PatchJudge : public PatchField<double> {
       if (square(k).asleep) continue;
       const std::size_t first = first_of(k), stride = place().stride;
       const double* const seen = seen_light(k);
-      step_square(next_.data() + first, seen + first, below() + first, stride, plan_.b, plan_.a);
+      step_square(next_.data() + first, seen + first, below() + first, stride, gain, kept);
       if (plan_.joint > 0) {
-        step_square(guide_.data() + first, own_.data() + first, guide_.data() + first, stride,
-                    plan_.b, plan_.a);
+        step_square(guide_.data() + first, own_.data() + first, guide_.data() + first, stride, gain,
+                    kept);
         judge_lifted(n, first, seen);
       } else if (judge_square(next_.data() + first, dose_.data() + first, kind_.data() + first,
                               stride, middle_, near_, sums_)) {
@@ -95,7 +96,7 @@ class PatchJudge : public PatchField<double> {
         std::copy_n(next_.data() + first + y * stride, kSquare, dose_.data() + first + y * stride);
       }
       const int calm = square(k).touched_at - n;
-      if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 && !lacks_ &&
+      if (may_sleep() && calm >= kCalm && calm % 4 == 3 && !lacks_ &&
           stays_right(seen + first, dose_.data() + first, kind_.data() + first, stride,
                       near_at_nodes_)) {
         sleep(k);
@@ -133,7 +134,7 @@ class PatchJudge : public PatchField<double> {
         sums_.loss += lacks * lacks / 2;
         sums_.under += middle < 1;
         if (lacks > 0) miss(k, -lacks, middle < 1, false);
-        const double held = plan_.b * (seen[k] - plan_.least_own(own_[k]));
+        const double held = plan_.gain(n) * (seen[k] - plan_.least_own(n, own_[k]));
         if (held >= -kMargin) continue;
         sums_.loss += held * held / 2;
         ++sums_.parted;
@@ -166,8 +167,8 @@ class PatchJudge : public PatchField<double> {
 
   PixelBox box_;
   std::size_t most_misses_;
-  MiddleRule middle_;
-  double near_;           ///< of the middles of gaps
+  MiddleRule middle_{0, 1};  ///< of the slice at hand
+  double near_;              ///< of the middles of gaps
   double near_at_nodes_;  ///< where both nodes of a gap's layer are below it, its middle is near_
   PatchBytes levels_at_, coverage_, above_, left_, columns_;
   bool lacks_ = false;  ///< with lifts: something of the square that was judged last does not hold

@@ -41,15 +41,15 @@ struct PatchSources {
   /// What is left alone, not 0, the first slice first: it is shown as columns show it, and nothing
   /// is asked of its doses. Empty where nothing is.
   std::vector<PatchBytes::Source> left_alone;
-  std::vector<PatchBytes::Source> heights;  ///< of edges, at nodes; under UV light only
+  std::vector<PatchBytes::Source> heights;  ///< of edges, at nodes; where columns want their light
 };
 
 /// Judges the voxels of `box`, in double precision, and keeps some `most_misses` of their misses.
 PatchFigures judge_patch(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
                          std::size_t most_misses);
-/// The same under UV light. The loss is that of the middles of layers and of edges.
-PatchFigures judge_patch_under_uv(const CoupledPlan& plan, const PixelBox& box,
-                                  const PatchSources& sources, std::size_t most_misses);
+/// The same where columns want their light (coupled_columns.hpp). The loss is that of the middles of layers and of edges.
+PatchFigures judge_patch_by_columns(const CoupledPlan& plan, const PixelBox& box,
+                                    const PatchSources& sources, std::size_t most_misses);
 
 /// Light that is asked for at a slice: by so much less (below 0: more).
 struct Request {
@@ -75,11 +75,11 @@ struct PatchTask {
 /// Levels of `task.box`, kept in `store`.
 KeptTile solve_patch(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources,
                      BlobStore& store);
-/// The same under UV light, for the light that columns want: `PatchSources::columns`. `first` and
+/// The same for the light that columns want: `PatchSources::columns`. `first` and
 /// `requests` are not looked at.
-KeptTile solve_patch_under_uv(const CoupledPlan& plan, const PatchTask& task,
-                              const PatchSources& sources, BlobStore& store);
-/// Under UV light: what the columns of `box` want, which is `wanted`, but that the columns at `wrong`
+KeptTile solve_patch_for_columns(const CoupledPlan& plan, const PatchTask& task,
+                                 const PatchSources& sources, BlobStore& store);
+/// Where they do: what the columns of `box` want, which is `wanted`, but that the columns at `wrong`
 /// are solved again among neighbours that show `PatchSources::levels`.
 KeptTile want_again(const CoupledPlan& plan, const PixelBox& box, const KeptTile& wanted,
                     const std::vector<Pixel>& wrong, const PatchSources& sources, BlobStore& store);

@@ -55,7 +55,10 @@ class LitPart {
     const std::size_t middle = light.size() / 2;
     if (light[middle] <= 1) return 0;
     dose.assign(light.size(), 0.0);
+    // Light of slices beyond the bath's end does nothing more.
+    const int bath = model_.bath_slices;
     for (int k = 1; k < most; ++k) {
+      if (bath > 0 && k > bath) return 0;
       if (!scatter_.none()) scatter_.apply(dose.data(), box_);
       for (std::size_t i = 0; i < dose.size(); ++i) {
         dose[i] = model_.one_minus_a * light[i] + model_.a * dose[i];
@@ -76,10 +79,7 @@ int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 
 }  // namespace
 
-bool can_couple(const CureModel& model) {
-  return (!model.inhibited() || can_couple_under_uv(model)) && model.adds_up() &&
-         model.bath_slices == 0 && model.mirrored_slices == 0;
-}
+bool can_couple(const CureModel& model) { return !model.inhibited() || can_couple_under_uv(model); }
 
 int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
                            const SliceScatter& scatter) {
@@ -114,18 +114,20 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
       a(column_plan.model.a),
       b(column_plan.model.one_minus_a),
       m(column_plan.model.m),
-      middle_below(layerwise ? 0 : column_plan.model.root_a),
-      middle_norm(layerwise ? column_plan.model.root_a : 1 + column_plan.model.root_a),
+      below(layerwise ? 0 : column_plan.model.root_a),
+      norm(layerwise ? column_plan.model.root_a : 1 + column_plan.model.root_a),
+      bath(column_plan.model.bath_slices),
+      beyond(column_plan.model.beyond),
       unit(layerwise ? a / b : 1),
       joint(columns.model.lifts ? columns.model.lifts->green_strength : 0),
       reach_x(light_blur.reach_x()),
       reach_y(light_blur.reach_y()) {
   if (!can_couple(columns.model)) {
     throw InputError(
-        "light that spreads is corrected without patterned UV light, time to gel and a resin that bleaches, in a bath without a depth and "
-        "before a platform that sends no light back: leave these out, or correct columns alone");
+        "light that spreads is corrected without patterned UV light: leave it out, or correct columns "
+        "alone");
   }
-  if (columns.model.inhibited()) uv = std::make_shared<const CoupledUv>(columns);
+  if (want_their_light(columns.model)) wants = std::make_shared<const CoupledColumns>(columns);
   top = columns.levels.size() - 1;
   shine_step = 0;
   double light_step = 0;
@@ -156,7 +158,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
   }
   taps_single.assign(taps.begin(), taps.end());
 
-  hands_on = !uv && columns.levels.size() <= kFewLevels && is_wide(blur);
+  hands_on = !wants && columns.levels.size() <= kFewLevels && is_wide(blur);
   const double most = *std::max_element(weights.begin(), weights.end());
   near_x = std::min(1, reach_x);
   near_y = std::min(1, reach_y);

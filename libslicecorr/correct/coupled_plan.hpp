@@ -10,32 +10,32 @@
 #include <memory>
 #include <vector>
 
-#include "correct/coupled_uv.hpp"
+#include "correct/coupled_columns.hpp"
 #include "cure/light_spread.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/grid.hpp"
 
 namespace slicecorr::detail {
 
-/// Whether columns can be corrected together: where doses of a model add up from slice to slice, and
-/// under UV light that is not patterned.
+/// Whether columns can be corrected together: not under patterned UV light.
 bool can_couple(const CureModel& model);
 
-/// Shares of light that the pixels of a box get, of that of the plan, row by row.
+/// Shares of light that the pixels of a box get, of that of the plan, row by row: of phi, the m-th power of
+/// those of intensity.
 using LightShares = std::function<void(const PixelBox& box, double* shares)>;
 
 struct CoupledPlan {
-  /// `column_plan`: with UV light that is not patterned or without, in a bath that does not end,
-  /// before a platform that sends no light back; throws `InputError` for others. Under UV light no
-  /// light may scatter, nor be uneven. `display_box`: beyond it it is dark. `dose_margin`: how far from 1
-  /// doses are aimed at; 0: as levels ask. `light_shares`: empty where light is even. All but the
-  /// last three must outlive the plan.
+  /// `column_plan`: with UV light that is not patterned or without; throws `InputError` for others. Where
+  /// doses are no sums of light none may scatter. `display_box`: beyond it it is dark.
+  /// `dose_margin`: how far from 1 doses are aimed at; 0: as levels ask. `light_shares`: empty where
+  /// light is even. All but the last three must outlive the plan.
   CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
               const SliceScatter& slice_scatter, const PixelBox& display_box, double dose_margin,
               LightShares light_shares);
 
   const CorrectionPlan& columns;
-  std::shared_ptr<const CoupledUv> uv;  ///< null without UV light
+  /// Where columns say which light they want; null where doses are sums of light.
+  std::shared_ptr<const CoupledColumns> wants;
   const LightBlur& blur;
   const SliceScatter& scatter;
   PixelBox display;
@@ -43,9 +43,22 @@ struct CoupledPlan {
   int slices, layers;
   bool layerwise;
   double a, b, m;
-  /// Dose in the middle of a layer: that of its upper node and `middle_below` times that of the
-  /// lower one, over `middle_norm`. Layer by layer nodes are seen from inside their layer.
-  double middle_below, middle_norm;
+  /// Doses are as they gel, with the light that the platform sends back: that of node n is `gain` times
+  /// the light of slice n and `kept` times the dose of node n + 1.
+  double gain(int slice) const { return back(slice) * b; }
+  double kept(int slice) const { return a * back(slice) / back(slice + 1); }
+  /// Dose in the middle of layer n: that of its upper node and `middle_below` times that of the lower
+  /// one, over `middle_norm`. Layer by layer nodes are seen from inside their layer.
+  double middle_below(int slice) const { return below * back(slice) / back(slice + 1); }
+  double middle_norm(int slice) const { return norm * back(slice) / back(slice + 0.5); }
+  /// Whether slices up to this one have factors of their own, so that doses follow no common law.
+  bool mirrored(int slice) const { return slice <= columns.model.mirrored_slices; }
+  double back(double zeta) const { return columns.model.returned(zeta); }
+  double below, norm;  ///< `middle_below` and `middle_norm` far from the platform
+  /// Slices that the bath holds, and what of the light of the one that leaves it is taken from that of
+  /// a slice; 0: the bath has no end.
+  int bath;
+  double beyond;
   /// Light of phi = 1, so that doses are (1 - a) light + a below in both modes.
   double unit;
   /// Light of a slice over that of `light_of`.
@@ -54,8 +67,9 @@ struct CoupledPlan {
   double joint;
   /// The least light of a slice's own exposure in a feature whose column alone gets `own`: it holds, or is
   /// the film that the column has there. 0: it is liquid on purpose, or nothing is lifted.
-  double least_own(double own) const {
-    return joint > 0 && own >= unit * (1 - 1e-6) ? std::min(joint / b, own) : 0;
+  double least_own(int slice, double own) const {
+    if (!(joint > 0) || own * back(slice + 1) < unit * (1 - 1e-6)) return 0;
+    return std::min(joint / gain(slice), own);
   }
   double margin;
   std::array<double, 256> shine_of;  ///< by grey level: what is blurred, light^(1/m)

@@ -12,6 +12,8 @@ namespace {
 
 /// Doses are single: where they pass a bound by less, rounding may have done it.
 constexpr float kSlack = 2e-5F;
+/// Changes of what bounds ask of the middles of layers that are noticed: a part of the least margin.
+constexpr double kNoticedRule = 2e-5;
 /// Changes of light that are noticed.
 constexpr float kNoticed = 1e-4F;
 /// Of these the first look at the nearest pixels only.
@@ -91,6 +93,13 @@ void PatchSolver::note_coverage(int n) {
     }
     to_classify_.push_back(at);
   });
+  // What bounds ask of the middles of layers changes below a platform that sends light back.
+  const double below = plan_.middle_below(n), norm = plan_.middle_norm(n);
+  if (std::abs(below - below_) + std::abs(norm - norm_) > kNoticedRule) {
+    below_ = below;
+    norm_ = norm;
+    to_classify_ = asked_;
+  }
   for (const std::size_t at : to_classify_) {
     if (!square(square_of(at)).watched || !is_asked(at)) continue;
     wake(square_of(at));
@@ -119,8 +128,8 @@ void PatchSolver::classify(std::size_t at) {
       soft_[at] = std::max(soft_[at], static_cast<float>(kRimOfHeld * plan_.joint / plan_.b));
     }
   } else if (cover == 0) {
-    most_[at] = (1 - margin) * static_cast<float>(plan_.middle_norm);
-    share_[at] = static_cast<float>(plan_.middle_below);
+    most_[at] = (1 - margin) * static_cast<float>(norm_);
+    share_[at] = static_cast<float>(below_);
     if (above == 255) {
       if (!plan_.layerwise) least_[at] = 1;
     } else if (level > 0) {
@@ -145,7 +154,7 @@ void PatchSolver::find_aims(int n) {
   requests_from_ = next_request_;
   while (next_request_ != task_.requests.end() && next_request_->slice == n) ++next_request_;
   requests_to_ = next_request_;
-  const auto gain = static_cast<float>(plan_.b), kept = static_cast<float>(plan_.a);
+  const auto gain = static_cast<float>(plan_.gain(n)), kept = static_cast<float>(plan_.kept(n));
   const std::size_t stride = place().stride;
   for (auto r = requests_from_; r != requests_to_; ++r) {
     const std::size_t at = place().at(r->x, r->y);
@@ -188,8 +197,8 @@ void PatchSolver::aim(int k) {
   aimed_.push_back(k);
   rouse(k);
   const std::size_t first = first_of(k), stride = place().stride;
-  const AimRule rule{static_cast<float>(plan_.b),
-                     static_cast<float>(plan_.a),
+  const AimRule rule{static_cast<float>(plan_.gain(slice())),
+                     static_cast<float>(plan_.kept(slice())),
                      static_cast<float>(plan_.light_of[255] * ratio_),
                      0.5F * static_cast<float>(plan_.margin / plan_.b),
                      kEdgeWeight,
@@ -216,6 +225,14 @@ void PatchSolver::aim(int k) {
   for (std::size_t y = 0; y < kSquare; ++y) {
     const std::size_t from = first + y * stride;
     std::fill_n(looked_at_.begin() + static_cast<std::ptrdiff_t>(from), kSquare, kFree);
+    if (leaving_) {
+      // What leaves the bath is to be shown, too.
+      for (std::size_t at = from; at < from + kSquare; ++at) {
+        for (auto* field : {&lo_, &hi_, &raw_lo_, &raw_hi_}) {
+          if (std::abs((*field)[at]) < kFree / 2) (*field)[at] += taken(at);
+        }
+      }
+    }
     if (plan_.m == 1) continue;
     // From what doses take to what is blurred.
     for (std::size_t at = from; at < from + kSquare; ++at) {
@@ -348,14 +365,14 @@ void PatchSolver::solve(int n) {
     }
   }
   give(n);
-  const auto gain = static_cast<float>(plan_.b), kept = static_cast<float>(plan_.a);
+  const auto gain = static_cast<float>(plan_.gain(n)), kept = static_cast<float>(plan_.kept(n));
   for (const int k : watched()) {
     if (square(k).asleep) continue;
     const std::size_t first = first_of(k);
     const float* const seen = seen_light(k);
     step_square(dose_.data() + first, seen + first, below() + first, place().stride, gain, kept);
     const int calm = square(k).touched_at - n;
-    if (scattered_.empty() && calm >= kCalm && calm % 4 == 3 &&
+    if (may_sleep() && calm >= kCalm && calm % 4 == 3 &&
         stays_inside(seen + first, dose_.data() + first, guide_.data() + first, own_.data() + first,
                      bounds_of(first), place().stride) &&
         !lacks_own(first, seen + first)) {

@@ -141,7 +141,7 @@ class PatchSolver : public PatchField<float> {
   /// With lifts: the least light that reaches a pixel by its slice's own exposure; 0: none is asked.
   float least_own(std::size_t at) const {
     if (here_[at] != 255 || left_[at] != 0) return 0;
-    return static_cast<float>(plan_.least_own(static_cast<double>(own_[at])));
+    return static_cast<float>(plan_.least_own(slice(), static_cast<double>(own_[at])));
   }
   /// Whether some of a square gets less; `seen`: as of `seen_light`.
   bool lacks_own(std::size_t first, const float* seen) const;
@@ -171,7 +171,8 @@ class PatchSolver : public PatchField<float> {
   std::vector<int> flagged_, aimed_;
   /// In later rounds, by square: the slice down to which doses are held against their bounds.
   std::vector<int> check_until_;
-  std::vector<int> aimed_at_;  ///< by square: the slice of its last aims
+  std::vector<int> aimed_at_;      ///< by square: the slice of its last aims
+  double below_ = -1, norm_ = -1;  ///< of the middles of layers, as bounds have them
   bool shown_changed_ = true;
   int fades_ = 0;  ///< slices after which little is left of a change of dose
 };

@@ -24,6 +24,8 @@ constexpr double kInside = 1.003;
 /// Edges are aimed at no further from their nodes, in slices: beyond, the middle of a layer would give
 /// way.
 constexpr double kFarthest = 0.43;
+/// The same where light may be off, and by how much more than 1 features are to have then.
+constexpr double kFarthestOff = 0.2, kMarginOff = 0.01;
 /// Edges that are off by less, um, are right.
 constexpr double kRightUm = 0.05;
 /// With so many levels or more the last three slices before an edge place it; with fewer, more.
@@ -151,6 +153,14 @@ class TriedColumn final : public ColumnSolver {
   void find_asks(int n);
 
   void set(int n, int level);
+  int floor(int n) const {
+    return bounds_->floors.empty() ? 0 : bounds_->floors[static_cast<std::size_t>(n)];
+  }
+  int cap(int n) const {
+    return bounds_->caps.empty()
+               ? plan_.highest
+               : std::min<int>(bounds_->caps[static_cast<std::size_t>(n)], plan_.highest);
+  }
   double dose(int layer, double up) const { return doses_.dose(layer, up); }
   double upper(int layer) const { return doses_.upper(layer); }
   double middle(int layer) const { return doses_.middle(layer); }
@@ -179,6 +189,7 @@ class TriedColumn final : public ColumnSolver {
   void place_edge(int n);
 
   const TriedPlan& plan_;
+  const ColumnBounds* bounds_ = nullptr;  ///< of the column at hand
   Doses doses_;
   std::vector<Level> levels_;
   std::vector<std::uint8_t> cover_;
@@ -201,8 +212,9 @@ template <typename Doses>
 void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs) {
   std::fill(cover_.begin(), cover_.end(), std::uint8_t{0});
   std::fill(below_.begin(), below_.end(), 0.0);
-  const auto farthest = [](std::uint8_t height) {
-    return height != 0 ? std::clamp(edge_height_slices(height), -kFarthest, kFarthest) : 0.0;
+  const auto farthest = [&](std::uint8_t height) {
+    return height != 0 ? std::clamp(edge_height_slices(height), -plan_.farthest(), plan_.farthest())
+                       : 0.0;
   };
   for (const CoverageRun& run : runs) {
     std::fill(cover_.begin() + run.first, cover_.begin() + run.end, run.coverage);
@@ -227,7 +239,7 @@ double TriedColumn<Doses>::at_upper_edge(int n) {
   const double below = edge_below(n);
   if (below >= 0) return dose(n, 1.0 - below);
   // In the layer above, a gap's, which gets black light.
-  set(n - 1, 0);
+  set(n - 1, floor(n - 1));
   return dose(n - 1, -below);
 }
 
@@ -237,22 +249,24 @@ double TriedColumn<Doses>::lower_edge_up(int n) const {
   const double below = edge_below(n + 1);
   // A gap of one slice keeps dark, and the feature above it gives way.
   const bool slit = cover(n + 2) == kFull;
-  return std::clamp(slit ? plan_.shortfall - below : -below, 0.0, kFarthest);
+  return std::clamp(slit ? plan_.shortfall - below : -below, 0.0, plan_.farthest());
 }
 
 template <typename Doses>
 bool TriedColumn<Doses>::prints(int n) const {
-  if (middle(n) < 1.0 + kMargin) return false;
+  if (middle(n) < 1.0 + plan_.margin()) return false;
   const double up = lower_edge_up(n);
-  if (up > 0 && dose(n, up) < 1.0 + kMargin) return false;
+  if (up > 0 && dose(n, up) < 1.0 + plan_.margin()) return false;
   if (edge_above(n)) return true;
-  return upper(n) >= (cover(n - 1) == kFull ? kInside : 1.0 + kMargin);
+  return upper(n) >=
+         (cover(n - 1) == kFull ? std::max(kInside, 1.0 + plan_.margin()) : 1.0 + plan_.margin());
 }
 
 template <typename Doses>
 template <typename Enough>
 int TriedColumn<Doses>::least_level(int n, int least, int guess, Enough enough) {
-  int low = least, high = plan_.highest;
+  const int high_most = cap(n);
+  int low = std::clamp(least, floor(n), high_most), high = high_most;
   const auto holds = [&](int level) {
     set(n, level);
     return enough();
@@ -298,7 +312,7 @@ int TriedColumn<Doses>::least_level(int n, int least, int guess, Enough enough) 
 
 template <typename Doses>
 int TriedColumn<Doses>::level_to_edge(int n, int least, int guess) {
-  return least_level(n, least, guess, [&] { return at_upper_edge(n) >= 1.0 + kMargin; });
+  return least_level(n, least, guess, [&] { return at_upper_edge(n) >= 1.0 + plan_.margin(); });
 }
 
 template <typename Doses>
@@ -317,9 +331,9 @@ void TriedColumn<Doses>::find_asks(int n) {
       const double below = grey || inside > 0 ? 0.0 : std::max(0.0, edge_below(u + 1));
       const bool slit = !grey && cover(u + 2) == kFull;
       if (below > 0 && !slit) {
-        asks_.push_back({u + 1, 1.0 - below, 1.0 + kMargin});
+        asks_.push_back({u + 1, 1.0 - below, 1.0 + plan_.margin()});
       } else {
-        asks_.push_back({u, inside, 1.0 + kMargin});
+        asks_.push_back({u, inside, 1.0 + plan_.margin()});
       }
       return;
     }
@@ -332,7 +346,10 @@ template <typename Doses>
 bool TriedColumn<Doses>::can_do(int n) {
   int lit = n;
   for (const Ask& ask : asks_) {
-    while (lit > ask.layer) set(--lit, plan_.highest);
+    while (lit > ask.layer) {
+      --lit;
+      set(lit, cap(lit));
+    }
     if (dose(ask.layer, ask.up) < ask.dose) return false;
   }
   return true;
@@ -342,7 +359,7 @@ template <typename Doses>
 int TriedColumn<Doses>::gap_level(int n) {
   // What is further away can wait.
   const bool waits = asks_.empty() || n - asks_.front().layer > plan_.burst;
-  const int level = waits ? 0 : least_level(n, 0, 0, [&] { return can_do(n); });
+  const int level = waits ? floor(n) : least_level(n, 0, 0, [&] { return can_do(n); });
   set(n, level);
   return level;
 }
@@ -352,7 +369,7 @@ int TriedColumn<Doses>::grey_level(int n) {
   const double aim = aim_of(static_cast<std::uint8_t>(cover(n)));
   int level = least_level(n, 0, before_, [&] { return middle(n) >= aim; });
   const double over = middle(n);
-  if (level > 0) {
+  if (level > floor(n)) {
     set(n, level - 1);
     if (over >= 1.0 || aim - middle(n) < over - aim) --level;
   }
@@ -370,19 +387,20 @@ int TriedColumn<Doses>::grey_level(int n) {
 template <typename Doses>
 int TriedColumn<Doses>::layerwise_level(int n) {
   const int c = cover(n);
-  if (c == 0) return 0;
+  if (c == 0) return floor(n);
   if (c != kFull) {
     const double aim = aim_of(static_cast<std::uint8_t>(c));
     const int level = least_level(n, 0, before_, [&] { return middle(n) >= aim; });
     const double over = middle(n);
-    if (level == 0) return level;
+    if (level == floor(n)) return level;
     set(n, level - 1);
     return over >= 1.0 || aim - middle(n) < over - aim ? level - 1 : level;
   }
   if (!edge_above(n) || edge_below(n) == 0) {
-    return least_level(n, 0, before_, [&] { return upper(n) >= 1.0 + kMargin; });
+    return least_level(n, 0, before_, [&] { return upper(n) >= 1.0 + plan_.margin(); });
   }
-  const int printing = least_level(n, 0, before_, [&] { return middle(n) >= 1.0 + kMargin; });
+  const int printing =
+      least_level(n, 0, before_, [&] { return middle(n) >= 1.0 + plan_.margin(); });
   return level_to_edge(n, printing, printing);
 }
 
@@ -428,9 +446,10 @@ void TriedColumn<Doses>::place_edge(int n) {
     const int at = first[static_cast<std::size_t>(slice - n)];
     for (int k = 0; k <= 2 * kMoves; ++k) {
       const int level = at + (k % 2 ? (k + 1) / 2 : -k / 2);
-      if (level < 0 || level > plan_.highest) continue;
+      if (level < floor(slice) || level > cap(slice)) continue;
       set(slice, level);
-      const bool fits = middle(slice) >= 1.0 + kMargin && upper(slice) >= 1.0 + kMargin;
+      const bool fits =
+          middle(slice) >= 1.0 + plan_.margin() && upper(slice) >= 1.0 + plan_.margin();
       if (fits && self(self, slice - 1)) return true;
     }
     return false;
@@ -443,7 +462,8 @@ void TriedColumn<Doses>::place_edge(int n) {
 
 template <typename Doses>
 const std::vector<Level>& TriedColumn<Doses>::solve(const std::vector<CoverageRun>& runs,
-                                                    const ColumnBounds&) {
+                                                    const ColumnBounds& bounds) {
+  bounds_ = &bounds;
   read(runs);
   doses_.clear();
   before_ = 0;
@@ -476,6 +496,9 @@ TriedPlan::TriedPlan(const CureModel& cure_model, const Process& process, int ta
       model.bleaching() ? model.bleaching()->absorbed(1.0) : 0.5 * model.eta * units::kLn10;
   edge_dose = std::max(kRightUm, process.edge_aim_um) * (fall / model.layer_um);
 }
+
+double TriedPlan::margin() const { return careful ? kMarginOff : kMargin; }
+double TriedPlan::farthest() const { return careful ? kFarthestOff : kFarthest; }
 
 ColumnFacts TriedPlan::facts() const {
   // Edges are placed to a part of this.

@@ -41,6 +41,11 @@ struct TriedPlan {
   int together = 0;      ///< slices before an upper edge whose levels are moved to place it
   double shortfall = 0;  ///< of edges above gaps of one slice, slices
   double edge_dose = 0;  ///< an edge whose dose is this near to 1 is right
+  /// Light may be off by about a per cent, as where it spreads: features get so much more, and edges lie
+  /// so near to their nodes that voxels beside them stay right.
+  bool careful = false;
+  double margin() const;
+  double farthest() const;  ///< that edges are aimed at from their nodes, slices
   std::shared_ptr<SolvedColumns> solved = std::make_shared<SolvedColumns>();
 };
 

@@ -497,11 +497,9 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
   std::vector<Feature> features = features_of(model);
   features.push_back(Feature::spread);
   const Unsupported* const pair = find_unsupported(features, Verdict::alone);
-  const char* const alone = pair                 ? pair->words
-                            : !model.inhibited() ? nullptr
-                            : !plans_->even()    ? "the display's light is uneven under UV light"
-                            : !detail::can_couple_under_uv(model) ? "UV light is patterned"
-                                                                  : nullptr;
+  const char* const alone = pair                         ? pair->words
+                            : !detail::can_couple(model) ? "UV light is patterned"
+                                                         : nullptr;
   if (alone == nullptr) {
     together_ = std::make_unique<const detail::TogetherCorrected>(
         target_, *plans_, setup.process.spread_rounds, scratch_folder, context);

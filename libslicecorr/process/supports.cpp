@@ -117,9 +117,6 @@ constexpr Unsupported kTable[] = {
     {lamps_stay, layerwise, refused,
      "more light for slower slices is for continuous exposure: layer by layer the stage stands still; "
      "expected continuous exposure"},
-    {lamps_stay, spread, refused,
-     "slices that get more light where they go slower are not computed where light spreads from pixel "
-     "to pixel; expected lamps that follow the speed"},
     {lamps_stay, gel_time, refused,
      "slices that get more light where they go slower are not computed with a resin of model "
      "\"gel-time\"; expected lamps that follow the speed"},
@@ -259,10 +256,6 @@ constexpr Unsupported kTable[] = {
     {lifts, bleaching, without,
      "whether layers hold at each lift is not looked at with a resin that bleaches: doses count at the "
      "end alone"},
-    {spread, vat_depth, alone, "the resin ends"},
-    {spread, reflectance, alone, "the platform sends light back"},
-    {spread, gel_time, alone, "the resin has a time to gel"},
-    {spread, bleaching, alone, "the resin bleaches"},
 };
 
 #undef UNDER_UV

@@ -25,11 +25,11 @@ constexpr double kEnough = 1e-4;
 /// Share of its light that a column may lack: columns want a little more than gels.
 constexpr double kMayLack = 1e-3;
 
-class UvPlane {
+class ColumnsPlane {
  public:
-  UvPlane(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources)
+  ColumnsPlane(const CoupledPlan& plan, const PatchTask& task, const PatchSources& sources)
       : plan_(plan),
-        uv_(*plan.uv),
+        wants_(*plan.wants),
         task_(task),
         place_(plan, PatchPlace::grown(task.box, plan.overlap_x, plan.overlap_y)),
         solved_(PatchPlace::common(place_.watched, task.free)),
@@ -41,8 +41,9 @@ class UvPlane {
         light_(place_.size(), 0),
         listed_(place_.size(), -1) {
     const PixelBox lit = PatchPlace::common(place_.shown, plan.display);
+    share_ = intensity_shares(plan, place_, lit);
     for (int y = lit.y0; y < lit.y1; ++y) {
-      for (int x = lit.x0; x < lit.x1; ++x) shine(place_.at(x, y), uv_.blue.front());
+      for (int x = lit.x0; x < lit.x1; ++x) shine(place_.at(x, y), light_of(place_.at(x, y), 0));
     }
     own_ = plan.taps[static_cast<std::size_t>(plan.reach_y * plan.taps_width + plan.reach_x)];
   }
@@ -75,17 +76,22 @@ class UvPlane {
                  static_cast<std::size_t>(plan_.reach_x),
              place_.stride, plan_.taps.data(), plan_.taps_rows, plan_.taps_width, change);
   }
+  double share_at(std::size_t at) const { return share_.empty() ? 1 : share_[at]; }
+  /// Of a level at a pixel.
+  double light_of(std::size_t at, int level) const {
+    return share_at(at) * wants_.light[static_cast<std::size_t>(level)];
+  }
   void show(std::size_t at, int level) {
     level_[at] = static_cast<std::uint8_t>(level);
-    shine(at, uv_.blue[static_cast<std::size_t>(level)]);
+    shine(at, light_of(at, level));
   }
   bool is_chosen(const Pixel& p, std::size_t at) const {
-    return PatchPlace::holds(solved_, p) && left_[at] == 0;
+    return PatchPlace::holds(solved_, p) && left_[at] == 0 && share_at(at) > 0;
   }
 
   /// The pixels of slice n, from those of the slice after it; false: they stay.
   bool choose(int n) {
-    cap_ = uv_.plan.cap_of(n);
+    cap_ = wants_.cap_of(n);
     list_.clear();
     bool any = false;
     left_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t) { list_around(n, at); });
@@ -97,7 +103,7 @@ class UvPlane {
       any = true;
     });
     wanted_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t) { list_around(n, at); });
-    if (n + 1 < plan_.slices && cap_ != uv_.plan.cap_of(n + 1)) {
+    if (n + 1 < plan_.slices && cap_ != wants_.cap_of(n + 1)) {
       for (int y = solved_.y0; y < solved_.y1; ++y) {
         for (int x = solved_.x0; x < solved_.x1; ++x) list(n, {x, y});
       }
@@ -105,7 +111,9 @@ class UvPlane {
     if (list_.empty()) return any;
     std::sort(list_.begin(), list_.end());
     for (int pass = 0; pass < kSweeps; ++pass) descend(pass % 2 == 0);
-    for (const std::size_t at : list_) show(at, std::min(cap_, uv_.level_of(shine_[at])));
+    for (const std::size_t at : list_) {
+      show(at, std::min(cap_, wants_.level_of(shine_[at] / share_at(at))));
+    }
     for (int pass = 0; pass < kRaises; ++pass) raise();
     for (int pass = 0; pass < kLowers; ++pass) lower();
     return true;
@@ -127,17 +135,16 @@ class UvPlane {
     }
   }
 
-  double want(std::size_t at) const { return uv_.blue[wanted_[at]]; }
+  double want(std::size_t at) const { return light_of(at, wanted_[at]); }
 
   /// Moves each pixel by what its column lacks or has too much.
   void descend(bool forward) {
-    const double enough = kEnough * uv_.full(), dark = uv_.blue.front(),
-                 most = uv_.blue[static_cast<std::size_t>(cap_)];
+    const double enough = kEnough * wants_.full();
     for (std::size_t i = 0; i < list_.size(); ++i) {
       const std::size_t at = list_[forward ? i : list_.size() - 1 - i];
       const double lacks = want(at) - light_[at];
       if (std::abs(lacks) < enough) continue;
-      shine(at, std::clamp(shine_[at] + lacks / own_, dark, most));
+      shine(at, std::clamp(shine_[at] + lacks / own_, light_of(at, 0), light_of(at, cap_)));
     }
   }
   /// Features get their light, even if others get more of it then.
@@ -146,9 +153,10 @@ class UvPlane {
       if (wanted_[at] == 0) continue;
       const double lacks = want(at) - light_[at];
       if (lacks < kMayLack * want(at)) continue;
-      const double light = shine_[at] + lacks / own_;
-      const auto end = uv_.blue.begin() + cap_;
-      show(at, static_cast<int>(std::lower_bound(uv_.blue.begin(), end, light) - uv_.blue.begin()));
+      const double light = (shine_[at] + lacks / own_) / share_at(at);
+      const auto end = wants_.light.begin() + cap_;
+      show(at, static_cast<int>(std::lower_bound(wants_.light.begin(), end, light) -
+                                wants_.light.begin()));
     }
   }
 
@@ -158,8 +166,7 @@ class UvPlane {
       const std::size_t at = list_[i];
       const int level = level_[at];
       if (level == 0 || light_[at] - want(at) < kMayLack * want(at)) continue;
-      const double less =
-          uv_.blue[static_cast<std::size_t>(level)] - uv_.blue[static_cast<std::size_t>(level) - 1];
+      const double less = light_of(at, level) - light_of(at, level - 1);
       if (is_needed(at, less)) continue;
       show(at, level - 1);
     }
@@ -180,13 +187,14 @@ class UvPlane {
   }
 
   const CoupledPlan& plan_;
-  const CoupledUv& uv_;
+  const CoupledColumns& wants_;
   const PatchTask& task_;
   PatchPlace place_;
   PixelBox solved_;
   PatchBytes before_, wanted_, left_;
   std::vector<std::uint8_t> level_;
-  std::vector<double> shine_, light_;  ///< of pixels, and what reaches their columns, mW/cm²
+  std::vector<double> share_;          ///< of intensity; empty where light is even
+  std::vector<double> shine_, light_;  ///< of pixels, and what reaches their columns
   std::vector<int> listed_;            ///< slice at which a pixel was listed last
   std::vector<std::size_t> list_;      ///< pixels to be chosen
   double own_ = 1;                     ///< weight of a pixel in its own column
@@ -195,9 +203,9 @@ class UvPlane {
 
 }  // namespace
 
-KeptTile solve_patch_under_uv(const CoupledPlan& plan, const PatchTask& task,
-                              const PatchSources& sources, BlobStore& store) {
-  return UvPlane(plan, task, sources).run(store);
+KeptTile solve_patch_for_columns(const CoupledPlan& plan, const PatchTask& task,
+                                 const PatchSources& sources, BlobStore& store) {
+  return ColumnsPlane(plan, task, sources).run(store);
 }
 
 }  // namespace slicecorr::detail

@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 #include <vector>
 
 #include "correct/coupled_patch.hpp"
-#include "correct/inhibited_column.hpp"
 
 namespace slicecorr::detail {
 
@@ -65,14 +65,15 @@ class WantedLight {
   WantedLight(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
               const std::vector<Pixel>& wrong)
       : plan_(plan),
-        uv_(*plan.uv),
+        wants_(*plan.wants),
         wrong_(wrong),
         place_(plan, box),
         shown_(PatchPlace::common(place_.shown, plan.display)),
         runs_(pixels_of(box)),
         levels_(place_, shown_, sources.levels, lit_around(), plan.slices),
         alone_(place_, shown_, sources.columns, lit_around(), plan.slices),
-        column_(uv_.careful),
+        column_(wants_.solver()),
+        share_(intensity_shares(plan, place_, shown_)),
         light_(static_cast<std::size_t>(plan.slices)),
         bright_(light_.size()) {
     read_design(box, sources);
@@ -85,10 +86,10 @@ class WantedLight {
     for (const Pixel& p : wrong_) {
       if (runs_[index_in(box, p)].empty()) continue;
       find_bounds(p);
-      const std::vector<Level>& wanted = column_.solve(runs_[index_in(box, p)], bounds_);
+      const std::vector<Level>& wanted = column_->solve(runs_[index_in(box, p)], bounds_);
       for (std::size_t n = 0; n < levels.size(); ++n) {
-        levels[n] =
-            wanted[n] > bounds_.floors[n] ? static_cast<std::uint8_t>(wanted[n]) : std::uint8_t{0};
+        levels[n] = wanted[n] > bounds_.floors[n] ? own_level(p, static_cast<int>(n), wanted[n])
+                                                  : std::uint8_t{0};
       }
       sink(p, levels);
     }
@@ -103,6 +104,15 @@ class WantedLight {
     return marks;
   }
 
+  double share_at(const Pixel& p) const { return share_.empty() ? 1 : share_[place_.at(p.x, p.y)]; }
+  /// The least level of a pixel that has at least the light of `level` where all light comes.
+  std::uint8_t own_level(const Pixel& p, int n, Level level) const {
+    const double share = share_at(p);
+    if (share_.empty() || !(share > 0)) return level;
+    const auto end = wants_.light.begin() + wants_.cap_of(n);
+    const auto least = std::lower_bound(wants_.light.begin(), end, wants_.light[level] / share);
+    return static_cast<std::uint8_t>(least - wants_.light.begin());
+  }
   /// Calls `visit` with each pixel that shines on `p`, and its weight there.
   template <class Visit>
   void around(const Pixel& p, const Visit& visit) const {
@@ -121,7 +131,7 @@ class WantedLight {
     PatchBytes coverage(place_, box, sources.coverage), heights(place_, box, sources.heights);
     const auto turn = [&](std::size_t at, std::uint8_t was, std::uint8_t is, int node) {
       std::vector<CoverageRun>& runs = runs_[index_in(box, place_.pixel(at))];
-      const std::uint8_t height = taken_height(uv_.plan.facts(), heights[at]);
+      const std::uint8_t height = taken_height(wants_.facts, heights[at]);
       if (was != 0) {
         runs.back().first = node;
         runs.back().upper_height = height;
@@ -159,36 +169,38 @@ class WantedLight {
     around(p, [&](const Pixel& from, double weight) {
       const std::uint8_t *const shown = levels_.of(from), *const alone = alone_.of(from);
       const bool own = from.x == p.x && from.y == p.y;
+      const double share = weight * share_at(from);
       for (std::size_t n = 0; n < slices; ++n) {
-        const double light = weight * uv_.blue[own ? 0 : shown[n]];
+        const double light = share * wants_.light[own ? 0 : shown[n]];
         light_[n] += light;
-        bright_[n] += own || alone[n] != 0 ? weight * brightest(n) : light;
+        bright_[n] += own || alone[n] != 0 ? share * brightest(n) : light;
       }
     });
     const std::uint8_t* const alone = alone_.of(p);
     bounds_.floors.resize(slices);
     bounds_.caps.resize(slices);
     for (std::size_t n = 0; n < slices; ++n) {
-      bounds_.floors[n] = static_cast<Level>(alone[n] == 0 ? uv_.level_of(light_[n]) : 0);
-      const int cap = uv_.plan.cap_of(static_cast<int>(n));
-      bounds_.caps[n] =
-          std::max(bounds_.floors[n], static_cast<Level>(std::min(cap, uv_.level_of(bright_[n]))));
+      bounds_.floors[n] = static_cast<Level>(alone[n] == 0 ? wants_.level_of(light_[n]) : 0);
+      const int cap = wants_.cap_of(static_cast<int>(n));
+      bounds_.caps[n] = std::max(bounds_.floors[n],
+                                 static_cast<Level>(std::min(cap, wants_.level_of(bright_[n]))));
     }
   }
   double brightest(std::size_t n) const {
-    return uv_.blue[static_cast<std::size_t>(uv_.plan.cap_of(static_cast<int>(n)))];
+    return wants_.light[static_cast<std::size_t>(wants_.cap_of(static_cast<int>(n)))];
   }
 
   const CoupledPlan& plan_;
-  const CoupledUv& uv_;
+  const CoupledColumns& wants_;
   const std::vector<Pixel>& wrong_;
   PatchPlace place_;
   PixelBox shown_;  ///< what shines on the patch
   std::vector<std::vector<CoverageRun>> runs_;
   ByColumn levels_, alone_;
-  InhibitedColumn column_;
+  std::unique_ptr<ColumnSolver> column_;
   ColumnBounds bounds_;
-  /// By slice, mW/cm²: of a column's neighbours and its own black, and the most that can be.
+  std::vector<double> share_;  ///< of intensity; empty where light is even
+  /// By slice: of a column's neighbours and its own black, and the most that can be.
   std::vector<double> light_, bright_;
 };
 

@@ -8,6 +8,7 @@
 
 #include "correct/coupled_patch.hpp"
 #include "slicecorr/dose.hpp"
+#include "slicecorr/gel_time.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
@@ -18,13 +19,13 @@ namespace {
 /// counts at most: it is no wrong voxel.
 constexpr double kEdgeCounts = 0.1, kMostEdge = 0.25;
 
-class UvPatchJudge {
+class ColumnsJudge {
  public:
-  UvPatchJudge(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
+  ColumnsJudge(const CoupledPlan& plan, const PixelBox& box, const PatchSources& sources,
                std::size_t most_misses)
       : plan_(plan),
-        uv_(*plan.uv),
-        kernel_(*uv_.by_front.inhibited()),
+        wants_(*plan.wants),
+        kernel_(wants_.judged.inhibited()),
         box_(box),
         most_misses_(most_misses),
         place_(plan, box),
@@ -33,14 +34,19 @@ class UvPatchJudge {
         coverage_(place_, box, sources.coverage),
         left_(place_, box, sources.left_alone),
         heights_(place_, box, sources.heights),
-        shine_(pixels_of(lit_), uv_.blue.front()),
+        shine_(pixels_of(lit_), wants_.light.front()),
         light_(pixels_of(box)),
-        fronts_(pixels_of(box)),
-        dose_(uv_.by_front, pixels_of(box)),
+        fronts_(kernel_ ? pixels_of(box) : 0),
+        phi_(kernel_ ? 0 : pixels_of(box)),
+        dose_(wants_.judged, pixels_of(box)),
         cover_(pixels_of(box), 0),
         middle_(pixels_of(box), 0) {}
 
   PatchFigures run() {
+    share_ = intensity_shares(plan_, place_, lit_);
+    for (int y = lit_.y0; y < lit_.y1; ++y) {
+      for (int x = lit_.x0; x < lit_.x1; ++x) shine_[index_in(lit_, x, y)] *= share_at({x, y});
+    }
     blur();
     for (int n = plan_.slices; n-- > 0;) judge(n);
     return std::move(figures_);
@@ -51,15 +57,25 @@ class UvPatchJudge {
     before_.swap(light_);
     light_.resize(before_.size());
     plan_.blur.apply(shine_.data(), lit_, light_.data(), box_);
+    if (!kernel_) return take_light();
     const double uv = kernel_uv();
     for (std::size_t i = 0; i < light_.size(); ++i) {
       if (light_[i] != before_[i] || uv != uv_before_) {
-        fronts_[i] = kernel_.front_light(light_[i], uv);
+        fronts_[i] = kernel_->front_light(light_[i], uv);
       }
     }
     uv_before_ = uv;
   }
+  double share_at(const Pixel& p) const { return share_.empty() ? 1 : share_[place_.at(p.x, p.y)]; }
+  void take_light() {
+    const GelTimeKernel* const gel_time = wants_.judged.gel_time();
+    for (std::size_t i = 0; i < light_.size(); ++i) {
+      if (light_[i] == before_[i]) continue;
+      phi_[i] = gel_time ? gel_time->phi(light_[i]) : light_[i];
+    }
+  }
   double kernel_uv() const {
+    if (!kernel_) return uv_before_;
     return plan_.columns.model.inhibited()->uv_mw_cm2(std::max(0, slice_), 0);
   }
 
@@ -69,12 +85,16 @@ class UvPatchJudge {
     levels_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
       const Pixel p = place_.pixel(at);
       if (!PatchPlace::holds(lit_, p)) return;
-      shine_[index_in(lit_, p)] = uv_.blue[is];
+      shine_[index_in(lit_, p)] = share_at(p) * wants_.light[is];
       changed = true;
     });
     if (changed) blur();
     ImageShowing showing;
-    showing.fronts = fronts_.data();
+    if (kernel_) {
+      showing.fronts = fronts_.data();
+    } else {
+      showing.phi = phi_.data();
+    }
     dose_.add_slice(n, {&showing, 1});
     coverage_.go_to(n, [](std::size_t, std::uint8_t, std::uint8_t) {});
     left_.go_to(n, [](std::size_t, std::uint8_t, std::uint8_t) {});
@@ -115,15 +135,17 @@ class UvPatchJudge {
   }
 
   const CoupledPlan& plan_;
-  const CoupledUv& uv_;
-  const InhibitedKernel& kernel_;
+  const CoupledColumns& wants_;
+  const InhibitedKernel* kernel_;  ///< null without UV light
   PixelBox box_;
   std::size_t most_misses_;
   PatchPlace place_;
   PixelBox lit_;  ///< what shines on the box
   PatchBytes levels_, coverage_, left_, heights_;
-  std::vector<double> shine_, light_, before_;  ///< mW/cm²; the light that reaches the box
+  std::vector<double> share_;                   ///< of intensity; empty where light is even
+  std::vector<double> shine_, light_, before_;  ///< of pixels; the light that reaches the box
   std::vector<FrontLight> fronts_;
+  std::vector<double> phi_;
   BandDose dose_;
   std::vector<std::uint8_t> cover_;  ///< of the layer before
   std::vector<double> middle_;       ///< its doses
@@ -134,9 +156,9 @@ class UvPatchJudge {
 
 }  // namespace
 
-PatchFigures judge_patch_under_uv(const CoupledPlan& plan, const PixelBox& box,
-                                  const PatchSources& sources, std::size_t most_misses) {
-  return UvPatchJudge(plan, box, sources, most_misses).run();
+PatchFigures judge_patch_by_columns(const CoupledPlan& plan, const PixelBox& box,
+                                    const PatchSources& sources, std::size_t most_misses) {
+  return ColumnsJudge(plan, box, sources, most_misses).run();
 }
 
 }  // namespace slicecorr::detail

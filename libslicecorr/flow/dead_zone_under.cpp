@@ -40,6 +40,13 @@ FlowSection for_fixed_point(const FlowSection& fine) {
   return fine;
 }
 
+/// What resin gains from `low_um` to `high_um`, relative dose times speed.
+double risen(const Kinetics& k, const FlowLight& light, double low_um, double high_um) {
+  if (low_um >= high_um) return 0;
+  return disc::dose_integral(k, light.blue_mw_cm2, light.uv_mw_cm2, low_um, high_um) /
+         k.critical_dose_prime;
+}
+
 }  // namespace
 
 DeadZoneRange dead_zone_under(const FlowSection& section, const FlowResin& resin, double speed_mm_h,
@@ -83,10 +90,15 @@ DeadZoneRange dead_zone_under(const FlowSection& section, const FlowResin& resin
       for (const std::size_t k : part) first_um.push_back(first_step_to(dose.front[k]));
     }
     settled = true;
+    zone.max_window = 0;
     for (const std::size_t k : part) {
-      const double step = detail::front_step_um(resin.kinetics, speed_um_s, felt_um[k],
-                                                light.blue_mw_cm2, light.uv_mw_cm2, dose.front[k]);
-      const double next = std::clamp(felt_um[k] + step, kLeastGapUm, kThickestGapUm);
+      zone.max_window = std::max(zone.max_window, dose.window[k]);
+      // Between the gap that is felt and the front resin rises with the part, in full light.
+      const double front =
+          dose.front[k] + risen(resin.kinetics, light, felt_um[k], gap_um[k]) / speed_um_s;
+      const double step = detail::front_step_um(resin.kinetics, speed_um_s, gap_um[k],
+                                                light.blue_mw_cm2, light.uv_mw_cm2, front);
+      const double next = std::clamp(gap_um[k] + step, kLeastGapUm, kThickestGapUm);
       settled = settled && std::abs(next - gap_um[k]) < kSettledUm;
       gap_um[k] = next;
       if (zone.rounds < kMostRounds - kWatchedRounds) continue;
@@ -111,7 +123,7 @@ DeadZoneRange dead_zone_under(const FlowSection& section, const FlowResin& resin
     if (!zone.at_rest) {
       found.push_back(first_um[i]);
     } else if (rests(k)) {
-      found.push_back(felt_um[k]);
+      found.push_back(gap_um[k]);
     }
   }
   std::sort(found.begin(), found.end());

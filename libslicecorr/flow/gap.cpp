@@ -11,6 +11,19 @@
 
 namespace slicecorr {
 
+namespace {
+
+/// Fits tell an exponent to a hundredth or less; one so near to 1 is 1, with the gel dose that takes the
+/// same time at the net light of a front, some 10 mW/cm².
+void take_exponent(Kinetics& k) {
+  constexpr double kNear = 0.0101, kFrontLight = 10;
+  if (k.m == 1 || std::abs(k.m - 1) > kNear) return;
+  k.critical_dose_prime *= std::pow(kFrontLight, 1 - k.m);
+  k.m = 1;
+}
+
+}  // namespace
+
 FlowResin flow_resin(const Resin& resin, const std::string& source) {
   if (!(resin.viscosity_pa_s > 0)) {
     throw InputError(
@@ -19,8 +32,10 @@ FlowResin flow_resin(const Resin& resin, const std::string& source) {
   }
   refuse_bleaching(resin, "flowing resin");
   refuse_relative(resin, "resin flow");
-  return {make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,
-          resin.dose_diffusion_m2_s, resin.inhibitor_life_s};
+  FlowResin flowing{make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,
+                    resin.dose_diffusion_m2_s, resin.inhibitor_life_s};
+  take_exponent(flowing.kinetics);
+  return flowing;
 }
 
 double flow_share(double q) { return q * q * (3 - 2 * q); }

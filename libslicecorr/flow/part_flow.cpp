@@ -56,6 +56,8 @@ SliceFlow flow_of(const FlowPart& part, std::size_t mask, const FlowPull& pull,
       dead_zone_under(section, *pull.resin, pull.speed_mm_h, pull.gap_um, *pull.light, context);
   flow.dead_zone_min_um = zone.min_um;
   flow.dead_zone_max_um = zone.max_um;
+  flow.zone_at_rest = zone.at_rest;
+  flow.zone_window = zone.max_window;
   return flow;
 }
 

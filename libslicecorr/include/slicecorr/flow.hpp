@@ -29,7 +29,9 @@ struct FlowResin {
 };
 
 /// What a resin file says of its flow. Throws `InputError` naming `source`, where the resin comes from
-/// (empty: its name alone), and the key where the viscosity is missing or the resin has no dose.
+/// (empty: its name alone), and the key where the viscosity is missing or the resin has no dose. An
+/// exponent within 0.01 of 1 counts as 1, with the gel dose of the same time at 10 mW/cm²: from 1 to
+/// 100 mW/cm² that is within 2.4 %.
 FlowResin flow_resin(const Resin& resin, const std::string& source = {});
 
 /// F(q), q in 0..1: 0 at the window, 1 at the part.

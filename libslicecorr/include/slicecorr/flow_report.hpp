@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// @file flow_report.hpp
-/// Pictures and a page of what a part does to the resin under it.
+/// Pictures and pages of what a part does to the resin under it, and of prints followed in time.
 ///
 /// Plain values; all functions are thread-safe and throw nothing of their own. The same input gives
 /// the same bytes.
@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/flow_in_time.hpp"
 #include "slicecorr/flow_suction.hpp"
 
 namespace slicecorr {
@@ -38,5 +39,18 @@ std::string flow_svg(const FlowPicture& picture);
 std::string flow_png(const FlowPicture& picture);
 /// A page with the picture, the notes and a table of all slices.
 std::string flow_page(const FlowPicture& picture);
+
+struct InTimePicture {
+  std::string title, words;  ///< what is shown; lights, speed and how it ends
+  double layer_um = 0;
+  PrintInTime print;               ///< at least one slice
+  std::vector<std::string> notes;  ///< a sentence each
+};
+
+/// Fronts along the radius (of parts along a row of cells) for some slices, then over the slices dead
+/// zone, dose at the window and suction.
+std::string in_time_svg(const InTimePicture& picture);
+/// A page with it, the notes and a table of all slices.
+std::string in_time_page(const InTimePicture& picture);
 
 }  // namespace slicecorr

@@ -101,6 +101,8 @@ struct SliceFlow {
   double area_mm2 = 0;
   std::optional<DoseSummary> dose;
   double dead_zone_min_um = 0, dead_zone_max_um = 0;  ///< with `dose`
+  bool zone_at_rest = false;                          ///< `DeadZoneRange::at_rest`
+  double zone_window = 0;  ///< with it: the window's greatest dose under that dead zone
 };
 
 /// What the resin between platform and window does in the first slices, where beside the part the
@@ -134,6 +136,7 @@ struct DeadZoneRange {
   /// Fronts came to rest. Else, as where much of a section would be void, gaps are those of the first
   /// step: from the even gap to where the dose is 1 at the rate that holds at its front.
   bool at_rest = true;
+  double max_window = 0;  ///< greatest relative dose at the window under these gaps, where at rest
 };
 DeadZoneRange dead_zone_under(const FlowSection& section, const FlowResin& resin, double speed_mm_h,
                               double start_um, const FlowLight& light,

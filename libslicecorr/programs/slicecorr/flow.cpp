@@ -12,6 +12,8 @@
 #include <limits>
 #include <memory>
 
+#include "flow_in_time.hpp"
+#include "flow_input.hpp"
 #include "flow_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_report.hpp"
@@ -24,109 +26,6 @@
 namespace slicecorr::cli {
 
 namespace {
-
-/// The slices to look at, and what is said of how they are printed.
-struct FlowInput {
-  std::unique_ptr<const SliceSource> slices;
-  FlowPixels pixels = FlowPixels::coverage;
-  Printer printer;
-  Resin resin;
-  double speed_mm_h = 0;
-  std::optional<double> uv_mw_cm2;
-  std::optional<Process> process;  ///< that a corrected stack was made for
-};
-
-[[noreturn]] void missing(const char* option) {
-  throw InputError(fmt::format("the input does not say how it is printed; expected {}", option));
-}
-
-void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in,
-                  const ExecutionContext& context) {
-  if (!o.printer.empty()) {
-    in.printer = load_printer(o.printer);
-    refuse_relative(in.printer, "resin flow");
-  } else if (info && info->printer) {
-    in.printer = *info->printer;
-  } else {
-    missing("--printer");
-  }
-  if (!o.resin.empty()) {
-    in.resin = load_resin(o.resin);
-    refuse_relative(in.resin, "resin flow");
-  } else if (info && info->resin) {
-    in.resin = *info->resin;
-  } else {
-    missing("--resin");
-  }
-  in.speed_mm_h = o.speed_mm_h;
-  if (in.speed_mm_h <= 0 && info && info->process &&
-      info->process->mode == ExposureMode::continuous) {
-    in.speed_mm_h = info->process->speed_mm_h;
-  }
-  if (!(in.speed_mm_h > 0)) missing("--speed-mm-h");
-  in.uv_mw_cm2 = o.uv_mw_cm2;
-  if (info && info->process && info->process->mode == ExposureMode::continuous) {
-    in.process = info->process;
-    in.process->speed_mm_h = in.speed_mm_h;
-  }
-  if (!in.uv_mw_cm2 && info && info->process && info->process->uv.kind == UvKind::constant) {
-    in.uv_mw_cm2 = info->process->uv.uv_mw_cm2;
-  }
-  const bool uv = in.uv_mw_cm2 || (in.process && in.process->uv.kind != UvKind::off);
-  // What a stack has of both was taken when it was made.
-  const std::vector<std::string> told = o.printer.empty() && o.resin.empty()
-                                            ? light_notices(in.printer, in.resin, uv)
-                                            : o.light.checked(in.printer, in.resin, uv);
-  for (const std::string& text : told) context.tell(text);
-}
-
-FlowInput read_input(const FlowOptions& o, const ExecutionContext& context) {
-  FlowInput in;
-  const std::vector<std::string>& parts = o.mesh.parts;
-  const bool meshes = std::all_of(parts.begin(), parts.end(), is_mesh_name);
-  if (meshes) {
-    if (!(o.mesh.layer_um > 0)) throw InputError("--layer-um is required with meshes");
-    take_process(o, nullptr, in, context);
-    in.slices = std::make_unique<const MeshSlices>(
-        slice_parts(o.mesh, in.printer, Surface::slices, context));
-    return in;
-  }
-  if (parts.size() != 1) throw InputError("expected meshes, or one stack");
-  const StackInfo info = StackReader::read_info(parts[0]);
-  if (info.kind == StackKind::recorded) {
-    throw InputError(parts[0], "",
-                     "is a recording of a print; expected the stack that was printed");
-  }
-  const bool own_heights =
-      !info.layer_heights_um.empty() || (info.process && !info.process->layer_heights_um.empty());
-  if (own_heights || !info.exposures.empty()) {
-    throw InputError(
-        parts[0], "",
-        fmt::format("has layers {}, under which flow is not counted; expected layers of one "
-                    "height, each exposed once",
-                    own_heights ? "of different heights" : "that are exposed more than once"));
-  }
-  take_process(o, &info, in, context);
-  MissingFacts facts;
-  facts.layer_um = o.mesh.layer_um;
-  facts.pixel_x_um = in.printer.pixel_x_um;
-  facts.pixel_y_um = in.printer.pixel_y_um;
-  in.slices = std::make_unique<const StackReader>(parts[0], folder_of(parts[0]), context, facts);
-  if (info.kind == StackKind::corrected) in.pixels = FlowPixels::light;
-  return in;
-}
-
-void check_uv_lamp(const Printer& printer, double uv_mw_cm2) {
-  if (!printer.uv) {
-    throw InputError(fmt::format("--uv-mw-cm2: printer '{}' has no [uv] lamp", printer.name));
-  }
-  if (uv_mw_cm2 > printer.uv->max_mw_cm2()) {
-    throw InfeasibleError(
-        fmt::format("the UV lamp of printer '{}' gives at most {} mW/cm²; {:g} "
-                    "are asked for",
-                    printer.name, at_most(printer.uv->max_mw_cm2()), uv_mw_cm2));
-  }
-}
 
 /// Lights, gap and limits.
 void plan_pull(const FlowOptions& o, const FlowInput& in, FlowFindings& f) {
@@ -161,12 +60,7 @@ void plan_pull(const FlowOptions& o, const FlowInput& in, FlowFindings& f) {
   }
   const double full = in.printer.calibration.back().intensity_mw_cm2;
   const FlowLight light{o.blue_mw_cm2.value_or(full), in.uv_mw_cm2.value_or(0)};
-  if (light.blue_mw_cm2 > full) {
-    throw InfeasibleError(
-        fmt::format("printer '{}' gives at most {} mW/cm² of blue light; {:g} are "
-                    "asked for",
-                    in.printer.name, at_most(full), light.blue_mw_cm2));
-  }
+  check_blue_lamp(in.printer, light.blue_mw_cm2);
   if (light.uv_mw_cm2 > 0 && in.resin.inhibition) check_uv_lamp(in.printer, light.uv_mw_cm2);
   pull.resin = flow_resin(in.resin);
   // Refuses lights that leave no dead zone.
@@ -224,6 +118,16 @@ FlowPicture picture_of(const FlowPart& part, const FlowFindings& f, const std::s
   return p;
 }
 
+/// Fronts come to rest on cells that are fine against the part, even where the gap is wider.
+double pitch_for_dose_um(const SliceSource& slices) {
+  constexpr double kCellsAcross = 24;
+  const PixelBox box = slices.bounds();
+  const Grid& grid = slices.grid();
+  const double side_um = std::min(box.width() * grid.pixel_x_um, box.height() * grid.pixel_y_um);
+  return std::clamp(side_um / kCellsAcross, std::max(grid.pixel_x_um, grid.pixel_y_um),
+                    kMostFlowPitchUm);
+}
+
 void check_outputs(const FlowOptions& o) {
   std::vector<std::string> taken = o.mesh.parts;
   for (const std::string& output : {o.json, o.output, o.profile}) {
@@ -250,11 +154,14 @@ void write_picture(const FlowPicture& picture, const std::string& path) {
 int flow(const FlowOptions& o, const ExecutionContext& context, Console& console) {
   const auto start = std::chrono::steady_clock::now();
   check_outputs(o);
-  const FlowInput in = read_input(o, context);
+  if (o.in_time) return flow_in_time(o, context, console);
+  refuse_in_time_options(o);
+  const FlowInput in = read_flow_input(o, context);
   FlowFindings f;
   plan_pull(o, in, f);
-  const FlowPart part(
-      *in.slices, {.pitch_um = o.pitch_um, .gap_um = f.pull.gap_um, .pixels = in.pixels}, context);
+  FlowPartOptions cells{.pitch_um = o.pitch_um, .gap_um = f.pull.gap_um, .pixels = in.pixels};
+  if (f.pull.light) cells.most_pitch_um = pitch_for_dose_um(*in.slices);
+  const FlowPart part(*in.slices, cells, context);
   if (part.masks() == 0) {
     throw InputError(fmt::format(
         "no cell of {:g} um is lit by half; expected a part that is wider, or a finer --pitch-um",
@@ -307,8 +214,24 @@ void add_flow(Program& program, FlowOptions& o) {
         return flow(o, context, console);
       });
   sub->add_option("PART", o.mesh.parts,
-                  "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate, or one stack")
-      ->required();
+                  "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate, or one stack");
+  sub->add_flag(
+      "--in-time", o.in_time,
+      "Follow the print from its first instant, slice by slice: the curing front, the dead "
+      "zone, what flows in and the dose at the window");
+  sub->add_option("--disc-radius-mm", o.disc_radius_mm,
+                  "With --in-time: a disc of this radius in place of a part")
+      ->check(number_above_zero());
+  sub->add_option("--strip-half-width-mm", o.strip_half_width_mm,
+                  "With --in-time: a long strip of twice this width in place of a part")
+      ->check(number_above_zero());
+  sub->add_option(
+         "--slices", o.slices,
+         "With --in-time: follow so many slices [those of the part; 60 of a disc or strip]")
+      ->check(CLI::Range(1, 1000000));
+  sub->add_option("--first-gap-um", o.first_gap_um,
+                  "With --in-time: gap between window and platform at the first instant [25]")
+      ->check(number_above_zero());
   sub->add_option("--layer-um", o.mesh.layer_um,
                   "Slice height, 1 to 1000; of a stack where it says none")
       ->check(layer_height());

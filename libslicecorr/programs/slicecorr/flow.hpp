@@ -22,6 +22,10 @@ struct FlowOptions {
   std::optional<double> uv_mw_cm2, blue_mw_cm2;
   std::vector<double> platform_mm;
   int every = 1;
+  bool in_time = false;
+  double disc_radius_mm = 0, strip_half_width_mm = 0;  ///< in place of a part, in time
+  double first_gap_um = 0;
+  int slices = 0;  ///< followed in time; 0: not said
 };
 
 /// Adds `flow`, which keeps what it is told in `options`.

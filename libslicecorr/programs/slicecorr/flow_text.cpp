@@ -42,6 +42,54 @@ std::string blind_in_words(const FlowFindings& f, const BlindVoid& v) {
                      v.vented ? ", open to the bath after that" : "");
 }
 
+/// What the figures take for granted.
+std::string steady_in_words(const FlowFindings& f) {
+  return fmt::format(
+      "taken as steady: each slice as if its section were printed for ever; suction, dose and window's "
+      "dose in a gap of {:.4g} um everywhere, the dead zone where each front comes to rest (~: it does "
+      "not, a first step). --in-time follows the print from its first instant",
+      f.pull.gap_um);
+}
+
+/// Slices that stick, the first of them.
+struct Sticking {
+  std::size_t count = 0;
+  int first = -1;
+  void add(const SliceFlow& s) {
+    if (count++ == 0) first = s.slice;
+  }
+};
+
+/// By the dead zone that the light leaves where it is known; else by the even gap, which says less.
+void warn_of_sticking(const FlowFindings& f, std::vector<std::string>& all) {
+  constexpr double kSticks = 0.98;
+  Sticking known, assumed, restless;
+  for (const SliceFlow& s : f.slices) {
+    if (!s.dose) continue;
+    if (!s.zone_at_rest) restless.add(s);
+    if (s.zone_at_rest && s.zone_window >= kSticks) known.add(s);
+    if (!s.zone_at_rest && s.dose->max_window >= kSticks) assumed.add(s);
+  }
+  if (known.count > 0) {
+    all.push_back(fmt::format(
+        "in {} slices, the first of them slice {}, resin at the window comes to 98 % of its gel dose "
+        "and more under the dead zone that the light leaves: it sticks there",
+        known.count, known.first));
+  }
+  if (restless.count > 0) {
+    all.push_back(fmt::format(
+        "in {} of {} slices, the first of them slice {}, the front does not come to rest: their dead "
+        "zone is a first step from the even gap; --in-time follows the print",
+        restless.count, f.slices.size(), restless.first));
+  }
+  if (assumed.count > 0) {
+    all.push_back(fmt::format(
+        "in {} of these, the first of them slice {}, resin at the window would come to 98 % of its gel "
+        "dose and more if the gap were {:.4g} um everywhere: it may stick there",
+        assumed.count, assumed.first, f.pull.gap_um));
+  }
+}
+
 }  // namespace
 
 std::vector<const SliceFlow*> slowest_apart(const FlowFindings& f, std::size_t most) {
@@ -131,19 +179,7 @@ std::vector<std::string> flow_warnings(const FlowFindings& f) {
         r.diffusion_m2_s > 0 ? fmt::format("{:.0f}", across / r.diffusion_m2_s)
                              : std::string("infinite")));
   }
-  std::size_t sticks = 0;
-  int first_stuck = -1;
-  for (const SliceFlow& s : f.slices) {
-    if (!s.dose || s.dose->max_window < 0.98) continue;
-    ++sticks;
-    if (first_stuck < 0) first_stuck = s.slice;
-  }
-  if (sticks > 0) {
-    all.push_back(fmt::format(
-        "in {} slices, the first of them slice {}, resin at the window comes to 98 % of its gel dose "
-        "and more: it sticks there",
-        sticks, first_stuck));
-  }
+  warn_of_sticking(f, all);
   if (f.middle_lasting != 0 &&
       std::abs(f.middle_fleeting - f.middle_lasting) > 0.1 * std::abs(f.middle_lasting)) {
     all.push_back(fmt::format(
@@ -176,7 +212,8 @@ std::string flow_table(const FlowFindings& f) {
           " {:>18} {:>6.1f} % {:>14}",
           fmt::format("{:.2f} {:.2f} {:.2f}", s->dose->min, s->dose->mean, s->dose->max),
           100 * s->dose->within_10,
-          fmt::format("{:.0f} to {:.0f}", s->dead_zone_min_um, s->dead_zone_max_um));
+          fmt::format("{}{:.0f} to {:.0f}", s->zone_at_rest ? "" : "~", s->dead_zone_min_um,
+                      s->dead_zone_max_um));
     }
     text += "\n";
   }
@@ -199,7 +236,7 @@ std::string flow_table(const FlowFindings& f) {
   if (f.blind.size() > kMostBlind) {
     text += fmt::format("and {} smaller ones\n", f.blind.size() - kMostBlind);
   }
-  if (!dosed) text += f.no_dose + "\n";
+  text += dosed ? steady_in_words(f) + "\n" : f.no_dose + "\n";
   return text;
 }
 
@@ -220,6 +257,7 @@ std::string flow_json(const FlowFindings& f) {
   j["every"] = f.pull.every;
   j["masks"] = f.masks;
   if (!f.pull.light) j["no_dose"] = f.no_dose;
+  if (f.pull.light) j["taken_as_steady"] = steady_in_words(f);
   j["slices"] = ordered_json::array();
   for (const SliceFlow& s : f.slices) {
     ordered_json one;
@@ -240,6 +278,8 @@ std::string flow_json(const FlowFindings& f) {
       one["within_10_percent"] = s.dose->within_10;
       one["window_dose"] = s.dose->max_window;
       one["dead_zone_um"] = {{"min", s.dead_zone_min_um}, {"max", s.dead_zone_max_um}};
+      one["dead_zone_at_rest"] = s.zone_at_rest;
+      one["window_dose_at_rest"] = s.zone_at_rest ? ordered_json(s.zone_window) : ordered_json();
     }
     j["slices"].push_back(std::move(one));
   }

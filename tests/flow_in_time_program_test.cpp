@@ -1,0 +1,126 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// `slicecorr flow --in-time` as people run it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "lattice.hpp"
+#include "meshes.hpp"
+#include "run_program.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+class FlowInTimeProgram : public ::testing::Test {
+ protected:
+  FlowInTimeProgram() {
+    options_.folder = folder_.path();
+    options_.environment = {
+        {"SLICECORR_DB", ""}, {"HOME", folder_.path()}, {"XDG_CONFIG_HOME", ""}};
+    std::ofstream(folder_ / "printer.toml")
+        << "name = \"vat\"\n[display]\nwidth_px = 60\nheight_px = 60\npixel_um = 50\n"
+           "[blue]\ncalibration = [[0, 0.0], [255, 200.0]]\n"
+           "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, 275.0]]\n"
+           "[stage]\nmax_speed_mm_h = 5000\n";
+    // Resin 1 of the dissertation's table 4.1, areal.
+    std::ofstream(folder_ / "resin.toml")
+        << "name = \"r1\"\nviscosity_pa_s = 0.3\ndose_diffusion_m2_s = 1e-10\n"
+           "[cure]\nmodel = \"jacobs\"\nabsorbance_height_um = 600\nabsorbance_base = \"e\"\n"
+           "critical_dose_mj_cm3 = 1500\n"
+           "[inhibition]\nbeta = 0.9096\nabsorbance_height_um = 50\nabsorbance_base = \"e\"\n";
+    TriangleMesh mesh;
+    add_strut(mesh, {0, 0, 0}, {0, 0, 1.2}, 1, 96);
+    write_stl(folder_ / "disc.stl", mesh);
+  }
+  RunResult call(const Command& arguments) const {
+    return run_program(Command{SLICECORR_BIN_DIR "/slicecorr", "flow"} + arguments, options_);
+  }
+  const Command kHow{"--printer", "printer.toml", "--resin", "resin.toml",    "--speed-mm-h",
+                     "300",       "--uv-mw-cm2",  "130",     "--blue-mw-cm2", "100"};
+  const Command kDisc = Command{"--in-time", "--disc-radius-mm", "1"} + kHow;
+  TemporaryFolder folder_;
+  RunOptions options_;
+};
+
+TEST_F(FlowInTimeProgram, TheBaseCaseOfChapterIvPrints) {
+  const RunResult r =
+      call(kDisc + Command{"--json", "j.json", "--profile", "p.csv", "-o", "d.html"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(r.out, HasSubstr("prints; from slice"));
+  const json j = json::parse(std::ifstream(folder_ / "j.json"));
+  EXPECT_TRUE(j["prints"].get<bool>());
+  EXPECT_TRUE(j["sticks"].is_null());
+  ASSERT_EQ(j["slices"].size(), 60U);
+  const json& last = j["slices"].back();
+  EXPECT_NEAR(last["dead_zone_um"]["middle"].get<double>(), 60, 2.5);
+  EXPECT_NEAR(last["dead_zone_um"]["min"].get<double>(), 50, 2.5);
+  EXPECT_EQ(last["along"]["gap_um"].size(), 40U);
+  std::ifstream csv(folder_ / "p.csv");
+  std::string line;
+  int lines = 0;
+  while (std::getline(csv, line)) ++lines;
+  EXPECT_EQ(lines, 61);
+  std::stringstream page;
+  page << std::ifstream(folder_ / "d.html").rdbuf();
+  EXPECT_THAT(page.str(), HasSubstr("front over the window"));
+}
+
+TEST_F(FlowInTimeProgram, WithoutTimeItSaysTheSameWhereThePrintIs) {
+  const Command part{"disc.stl", "--layer-um", "50"};
+  const RunResult steady = call(part + kHow + Command{"--every", "24", "--json", "s.json"});
+  ASSERT_EQ(steady.exit_code, 0) << steady.err;
+  EXPECT_THAT(steady.err, testing::Not(HasSubstr("sticks")));
+  EXPECT_THAT(steady.out, HasSubstr("taken as steady"));
+  const json s = json::parse(std::ifstream(folder_ / "s.json"))["slices"][0];
+  EXPECT_TRUE(s["dead_zone_at_rest"].get<bool>());
+  // 50 um in time; cells of 150 um, the gap, against rings of 25 um: 10 um.
+  EXPECT_NEAR(s["dead_zone_um"]["min"].get<double>(), 50, 10);
+  EXPECT_LT(s["window_dose_at_rest"].get<double>(), 0.7);
+  // And the part in time, on cells.
+  const RunResult r =
+      call(Command{"--in-time"} + part + kHow + Command{"--pitch-um", "100", "--json", "t.json"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const json t = json::parse(std::ifstream(folder_ / "t.json"));
+  EXPECT_TRUE(t["prints"].get<bool>());
+  EXPECT_EQ(t["slices"].size(), 24U);
+  EXPECT_NEAR(t["slices"].back()["dead_zone_um"]["min"].get<double>(), 50, 10);
+}
+
+TEST_F(FlowInTimeProgram, WhatSticksIsToldWithPlaceAndTime) {
+  Command bright = kDisc;
+  *(std::find(bright.begin(), bright.end(), "--blue-mw-cm2") + 1) = "116";
+  const RunResult r = call(bright);
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(r.out, HasSubstr("sticks to the window in slice"));
+}
+
+TEST_F(FlowInTimeProgram, RefusesWhatDoesNotGoWithIt) {
+  const auto bad = [&](const Command& arguments, const char* word) {
+    const RunResult r = call(arguments);
+    EXPECT_EQ(r.exit_code, 2) << r.err;
+    EXPECT_THAT(r.err, HasSubstr(word));
+  };
+  bad(kDisc + Command{"--gap-um", "80"}, "--gap-um");
+  bad(kDisc + Command{"--every", "2"}, "--every");
+  bad(kDisc + Command{"--platform-mm", "50,50"}, "--platform-mm");
+  bad(kDisc + Command{"--strip-half-width-mm", "1"}, "expected one of PART");
+  bad(kDisc + Command{"-o", "x.png"}, ".svg or .html");
+  bad(Command{"disc.stl", "--layer-um", "50", "--slices", "3"} + kHow, "--slices");
+  bad(kHow, "PART");
+  Command dark = kDisc;
+  dark.erase(std::find(dark.begin(), dark.end(), "--uv-mw-cm2"),
+             std::find(dark.begin(), dark.end(), "--uv-mw-cm2") + 2);
+  bad(dark, "--uv-mw-cm2");
+}
+
+}  // namespace
+}  // namespace slicecorr::test

@@ -208,6 +208,35 @@ TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   EXPECT_THAT(told, HasSubstr("by the light that the images show"));
 }
 
+TEST_F(EvenDeadZoneProgram, TheGapIsOneThatColumnsCanPrintWith) {
+  // What comes out best where this disc's resin gels leaves a third of its voxels undercured.
+  TriangleMesh disc;
+  add_strut(disc, {0, 0, 0}, {0, 0, 1.0}, 3.0, 180);
+  write_stl(folder_ / "small.stl", disc);
+  done(
+      {"slice", "small.stl", "-o", "small.uvj", "--printer", "patterned.toml", "--layer-um", "50"});
+  const auto print = [&](const Command& gap) {
+    const RunResult corrected =
+        call(Command{"correct", "small.uvj", "-o", "out.uvj", "--printer", "patterned.toml",
+                     "--resin", "resin.toml", "--speed-mm-h", "500", "--even-dead-zone", "both"} +
+             gap);
+    EXPECT_EQ(corrected.exit_code, 0) << corrected.err;
+    const RunResult r =
+        call({"verify", "out.uvj", "--target", "small.uvj", "--json", "-", "--quiet"});
+    return std::pair(corrected.err, json::parse(r.out));
+  };
+  const auto [told, j] = print({});
+  EXPECT_EQ(j["undercure_voxels"], 0);
+  EXPECT_THAT(told, HasSubstr("is taken, which leaves none"));
+  // The first choice, asked for by name, is kept, and the words say what to do.
+  const auto [thick, k] = print({"--gap-um", "219.8"});
+  EXPECT_NEAR(k["flow"]["gap_um"].get<double>(), 219.8, 1e-9);
+  EXPECT_GT(k["undercure_voxels"].get<double>(), 0.1 * k["target_voxels"].get<double>());
+  EXPECT_LT(j["flow"]["gap_um"].get<double>(), 219.8);
+  EXPECT_THAT(thick, HasSubstr("a thinner one"));
+  EXPECT_THAT(thick, testing::Not(HasSubstr("grey levels")));
+}
+
 TEST_F(EvenDeadZoneProgram, BytesDoNotDependOnThreads) {
   done({"slice", "square.stl", "-o", "square.uvj", "--printer", "patterned.toml", "--layer-um",
         "50"});

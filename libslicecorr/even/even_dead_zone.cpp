@@ -7,8 +7,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "even/even_finder.hpp"
+#include "even/undercured.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/limit.hpp"
@@ -51,6 +53,54 @@ std::shared_ptr<const EvenLight> with_blue_as_uv(EvenLight light) {
   return std::make_shared<const EvenLight>(std::move(light));
 }
 
+/// The light, in a dead zone that columns can print with. The one with which the largest section comes out
+/// best may be so thick that resin has too little light left on its way: where nobody said it, it is made
+/// thinner until nothing is undercured, or no less is.
+Process best_that_prints(const SliceSource& target, const Setup& setup,
+                         const ExecutionContext& context, int every) {
+  constexpr double kThinner = 0.87;
+  constexpr int kMostTries = 8;
+  struct Try {
+    Try(const SliceSource& target, Setup with, const ExecutionContext& context, int every)
+        : asked(std::move(with)), finder(target, asked, context, every), process(finder.find()) {}
+    double gap_um() const { return process.even_light->gap_um; }
+    Setup asked;
+    detail::EvenFinder finder;
+    Process process;
+    std::uint64_t undercured = 0;
+  };
+  std::unique_ptr<const Try> best;
+  double first_um = 0;
+  Setup asked = setup;
+  for (int tries = 1;; ++tries) {
+    auto now = std::make_unique<Try>(target, asked, context, every);
+    if (setup.gap_um > 0) {
+      now->finder.tell(now->process);
+      return now->process;
+    }
+    const double gap_um = now->gap_um();
+    now->undercured = detail::undercured_voxels(
+        target, {setup.printer, setup.resin, now->process, gap_um}, context);
+    if (tries == 1) first_um = gap_um;
+    const bool better = !best || now->undercured < best->undercured;
+    if (better) best = std::move(now);
+    asked.gap_um = gap_um * kThinner;
+    if (best->undercured == 0 || !better || tries == kMostTries ||
+        asked.gap_um < SectionGoal{}.min_gap_um) {
+      break;
+    }
+  }
+  best->finder.tell(best->process);
+  if (best->gap_um() < first_um) {
+    context.tell(fmt::format(
+        "a dead zone of {:.4g} um comes out best where resin gels, but leaves features undercured; "
+        "{:.4g} um is taken, which leaves {}",
+        first_um, best->gap_um(),
+        best->undercured == 0 ? std::string("none") : fmt::format("{} voxels", best->undercured)));
+  }
+  return best->process;
+}
+
 }  // namespace
 
 Process find_even_light(const SliceSource& target, const Setup& setup,
@@ -59,9 +109,7 @@ Process find_even_light(const SliceSource& target, const Setup& setup,
     return setup.process;
   }
   check_setup(setup);
-  detail::EvenFinder finder(target, setup, context, every);
-  Process process = finder.find();
-  finder.tell(process);
+  Process process = best_that_prints(target, setup, context, every);
   judge_suction(target, {setup.printer, setup.resin, process, setup.gap_um}, context);
   return process;
 }

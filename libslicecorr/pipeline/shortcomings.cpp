@@ -35,6 +35,11 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "{} voxels will still cure through with the share of resin that lifts are said to exchange, "
         "because no feature is cut into for any share that is believed",
         p.cure_through_voxels));
+  } else if (process.even_light && p.undercure_voxels > 0) {
+    context.tell(fmt::format(
+        "{} voxels will still cure through and {} stay undercured with light for a dead zone of {:.4g} um: "
+        "the thicker it is, the less light is left for what gels; a thinner one (gap_um) leaves more",
+        p.cure_through_voxels, p.undercure_voxels, process.even_light->gap_um));
   } else if (p.cure_through_voxels + p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "

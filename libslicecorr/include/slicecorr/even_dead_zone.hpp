@@ -32,8 +32,8 @@ inline constexpr int kEvenSlices = 20;
 /// the last are looked at, and more where sections change fast; those with the same section once, those
 /// too small for the flow's cells not at all. Light is sought for what will be lit, as images will show
 /// it. Slices in which it does no better than light that is the same everywhere get that. `setup.gap_um`
-/// is the dead zone aimed at; 0: that with which the largest section comes out best. Tells gap, slices
-/// and caps through `context`.
+/// is the dead zone aimed at; 0: that with which the largest section comes out best, or a thinner one
+/// with which columns print what they do not with that. Tells gap, slices and caps through `context`.
 Process find_even_light(const SliceSource& target, const Setup& setup,
                         const ExecutionContext& context = {}, int every = kEvenSlices);
 

@@ -190,6 +190,9 @@ INSTANTIATE_TEST_SUITE_P(
               "expected a text"},
         Wrong{"source = \"table 3.1\"", "measurements = [\"gone.csv\"]", 14,
               "provenance.measurements", "gone.csv is not there"},
+        // 64/100^0.99 s without, 64/100^1.29 s with a trace of UV light.
+        Wrong{"[provenance]", "m = 1.29\n[provenance]", 13, "inhibition.m",
+              "gel after 0.168 s in place of 0.67 s", true},
         Wrong{"[provenance]", "[composition]\na = 60\nb = 50\n[provenance]", 13, "composition",
               "110 wt%"},
         Wrong{"[provenance]", "[composition]\na = 160\n[provenance]", 14, "composition.a",
@@ -211,6 +214,30 @@ dose_facto = 2
   EXPECT_THAT(keys, testing::ElementsAre("1 name", "2 colour", "5 cure.absorbance_height_um",
                                          "6 cure.absorbance_base", "8 cure.gel_dose_mj_cm2",
                                          "9 cure.dose_facto"));
+}
+
+TEST_F(Files, GelDosesUnderUvLightThatBelongToTheirExponentAreFine) {
+  const auto check = [&](const std::string& more) {
+    std::string all;
+    for (const Finding& f : validate_definition(
+             write("r.toml",
+                   "name = \"r\"\n[cure]\nmodel = \"kinetic\"\nm = 1.03\n"
+                   "absorbance_height_um = 1631\nabsorbance_base = \"e\"\n"
+                   "critical_dose_prime = 238\ndose_factor = 5\n[inhibition]\nbeta = 4.84\n"
+                   "absorbance_height_um = 100\nabsorbance_base = \"e\"\n" +
+                       more))) {
+      all += f.to_text();
+    }
+    return all;
+  };
+  EXPECT_EQ(check(""), "");
+  EXPECT_EQ(check("m = 1.03\n"), "");
+  EXPECT_THAT(check("m = 1.29\n"), testing::HasSubstr("in place of"));
+  // 238 100^0.26 = 788: the same time at 100 mW/cm², and a longer one below it.
+  EXPECT_EQ(check("m = 1.29\ncritical_dose_prime = 788\n"), "");
+  EXPECT_THAT(check("m = 1.29\ncritical_dose_prime = 500\n"), testing::HasSubstr("in place of"));
+  // An exponent below that of the cure fails where light is weak.
+  EXPECT_THAT(check("m = 0.7\ncritical_dose_prime = 52\n"), testing::HasSubstr("at 10 mW/cm²"));
 }
 
 TEST_F(Files, LightMayStandAtTheTop) {
@@ -430,8 +457,13 @@ TEST(Shipped, TheDissertationsResinsGiveItsCheckValues) {
   EXPECT_NEAR(steady_dead_zone_um(a, 100, 200), 15.766, 5e-4);
   EXPECT_NEAR(first_gel(a, 100, 200).z_um, 114.87, 5e-3);
   EXPECT_NEAR(first_gel(a, 100, 200).time_s, 0.97507, 5e-6);
-  const Kinetics b = make_kinetics(two, true, false);
+  // The exponent that was refitted under UV light is not shipped: no gel dose goes with it.
+  Kinetics b = make_kinetics(two, true, false);
+  EXPECT_EQ(b.m, 1.03);
   EXPECT_NEAR(steady_dead_zone_um(b, 100, 100), 167.99, 5e-3);
+  // A trace of UV light does not make it gel sooner: 238/100^1.03 s.
+  EXPECT_NEAR(first_gel(b, 100, 1e-6).time_s, 2.0729, 5e-4);
+  b.m = 1.29;
   EXPECT_NEAR(curing_fronts(b, 100, 100, 15)->front_um, 178.64, 5e-3);
   EXPECT_NEAR(cured_height_um(make_kinetics(one, false, false), 100, 10), 1113.9, 0.05);
   EXPECT_NEAR(cured_height_um(make_kinetics(two, false, false), 100, 10), 2491.9, 0.05);

@@ -13,6 +13,7 @@
 #include "database/record_text.hpp"
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/resins/measurements.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
@@ -147,6 +148,36 @@ void check_measurements(CheckedFile& definition) {
     } catch (const Error& e) {
       definition.add(line, "provenance.measurements", e.what());
     }
+  }
+}
+
+/// UV light only takes dose away: with a trace of it, where the exponent under inhibition counts, first
+/// gel must not come sooner than without.
+void check_inhibition(CheckedFile& definition) {
+  if (!definition.table("inhibition")) return;
+  Kinetics alone, traced;
+  try {
+    const Resin resin = parse_resin(definition.text, definition.path);
+    if (!resin.inhibition || resin.inhibition->m == resin.m) return;
+    alone = make_kinetics(resin, false, false);
+    traced = make_kinetics(resin, true, false);
+  } catch (const Error&) {
+    return;  // said elsewhere
+  }
+  constexpr double kRounded = 0.9;
+  for (const double blue : {10.0, 100.0}) {
+    const double without = alone.critical_dose_prime / std::pow(blue, alone.m);
+    const double with = traced.critical_dose_prime / std::pow(blue, traced.m);
+    if (with >= kRounded * without) continue;
+    definition.add(
+        definition.line_of("inhibition", "m"), "inhibition.m",
+        fmt::format(
+            "is {:g}, and {:g} in [cure], but the gel doses do not go with them: at {:g} mW/cm² a "
+            "trace of UV light would make the resin gel after {:.3g} s in place of {:.3g} s; "
+            "expected a critical_dose_prime under [inhibition] that belongs to this m, or no m there",
+            traced.m, alone.m, blue, with, without),
+        true);
+    return;
   }
 }
 
@@ -298,6 +329,7 @@ void check_resin(CheckedFile& file) {
   check_composition(file);
   check_measurements(file);
   check_chemistry(file);
+  check_inhibition(file);
 }
 
 void check_printer(CheckedFile& file) {

@@ -11,6 +11,7 @@
 #include "bands/correct_group.hpp"
 #include "bands/design_band.hpp"
 #include "bands/pixels_of_levels.hpp"
+#include "bands/robust_design.hpp"
 #include "slicecorr/place_models.hpp"
 
 namespace slicecorr::detail {
@@ -77,6 +78,18 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
   };
   if (rounds > 0) tell(coupled_.columns_alone());
   while (coupled_.improve(context)) tell(coupled_.last());
+  if (const Uncertainty* const u = plans.robust()) {
+    const CureModel& model = plans.plan().model;
+    const CoupledCorrection::Held held =
+        coupled_.hold_in(case_model(model, *u, true), case_model(model, *u, false), context);
+    RobustFigures figures;
+    figures.features = held.before.lost;
+    figures.gaps = held.before.filled;
+    figures.lost = held.after.lost;
+    figures.filled = held.after.filled;
+    figures.moved_edges = held.aims;
+    plans.note(figures);
+  }
 }
 
 void TogetherCorrected::read_band(const PixelBox& band, const SliceSource::Sink& sink) const {

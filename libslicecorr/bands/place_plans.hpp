@@ -17,6 +17,7 @@
 #include "slicecorr/correct.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/setup.hpp"
+#include "slicecorr/uncertain_print.hpp"
 
 namespace slicecorr::detail {
 
@@ -39,6 +40,10 @@ class PlacePlans {
   std::optional<double> most_exchange() const { return most_exchange_; }
   /// What the correction is to allow for; null: nothing.
   const Uncertainty* robust() const { return robust_ ? &*robust_ : nullptr; }
+  /// What a robust correction of columns together came to, without height errors; nothing before it is
+  /// noted, once, before others read it.
+  const std::optional<RobustFigures>& held() const { return held_; }
+  void note(const RobustFigures& figures) const { held_ = figures; }
   /// The highest levels of columns of a value of light where light is even over the flow, empty
   /// elsewhere; to be used while this lives.
   BandCorrector::ColumnLevels even_levels(std::uint8_t value,
@@ -50,6 +55,7 @@ class PlacePlans {
   Process process_;
   std::optional<Uncertainty> robust_;
   std::optional<double> most_exchange_;
+  mutable std::optional<RobustFigures> held_;
   PlaceModels models_;
   Grid images_;
   int layers_, all_layers_ = 0, levels_;

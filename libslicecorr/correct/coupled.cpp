@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -59,11 +60,11 @@ void copy_common(const std::uint8_t* from, const PixelBox& from_box, std::uint8_
 
 /// What of a tile is wrong; see `PatchFigures`.
 struct CoupledCorrection::Figures {
-  std::uint64_t through = 0, under = 0, parted = 0;
+  std::uint64_t through = 0, under = 0, parted = 0, unmet = 0;
   double loss = 0;
   Kept misses;  ///< null: none
   bool all_misses = true;
-  std::uint64_t wrong() const { return through + under + parted; }
+  std::uint64_t wrong() const { return through + under + parted + unmet; }
   /// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to
   /// none.
   bool gains_on(const Figures& before, bool lifted) const {
@@ -81,6 +82,9 @@ struct CoupledCorrection::Tile {
   KeptTile wanted;                ///< the light that is to reach columns, as levels
   Figures figures, best_figures;  ///< of `now` and of `best`
   double urgency = kUrgency;
+  std::map<std::pair<std::int32_t, std::size_t>, std::uint8_t>
+      wanted_doses;  ///< by slice and pixel
+  KeptTile aims;     ///< the same; black: none
 };
 
 CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur,
@@ -207,7 +211,9 @@ std::vector<PatchBytes::Source> CoupledCorrection::sources(const PixelBox& box,
   std::vector<PatchBytes::Source> found;
   for (const std::size_t k : tiles_in(box)) {
     const KeptTile& tile = tiles_[k].*which;
-    if ((which == &Tile::left_alone || which == &Tile::heights) && is_black(tile)) continue;
+    const bool may_be_none =
+        which == &Tile::left_alone || which == &Tile::heights || which == &Tile::aims;
+    if (may_be_none && is_black(tile)) continue;
     found.push_back({&tile, tiles_[k].box});
   }
   return found;
@@ -216,8 +222,8 @@ std::vector<PatchBytes::Source> CoupledCorrection::sources(const PixelBox& box,
 PatchSources CoupledCorrection::sources_of(const PixelBox& watched) const {
   const PixelBox shown = PatchPlace::grown(watched, plan_.reach_x, plan_.reach_y);
   return {sources(watched, &Tile::coverage), sources(shown, &Tile::now),
-          sources(watched, &Tile::columns), sources(watched, &Tile::left_alone),
-          sources(watched, &Tile::heights)};
+          sources(watched, &Tile::columns),  sources(watched, &Tile::left_alone),
+          sources(watched, &Tile::aims),     sources(watched, &Tile::heights)};
 }
 
 void CoupledCorrection::judge(const std::vector<std::size_t>& which,
@@ -228,18 +234,20 @@ void CoupledCorrection::judge(const std::vector<std::size_t>& which,
         plan_, tile.box, sources_of(PatchPlace::grown(tile.box, plan_.halo_x, plan_.halo_y)),
         kMostMisses);
     Figures& figures = tile.figures;
-    figures = {found.through, found.under, found.parted, found.loss, nullptr, found.all_misses};
+    figures = {found.through, found.under, found.parted,    found.unmet,
+               found.loss,    nullptr,     found.all_misses};
     if (found.misses.empty()) return;
     std::vector<std::uint8_t> bytes(found.misses.size() * sizeof(Miss));
     std::memcpy(bytes.data(), found.misses.data(), bytes.size());
     figures.misses = std::make_shared<const KeptBytes>(*store_, bytes);
   });
-  now_.through = now_.under = now_.parted = 0;
+  now_.through = now_.under = now_.parted = now_.unmet = 0;
   now_.loss = 0;
   for (const Tile& tile : tiles_) {
     now_.through += tile.figures.through;
     now_.under += tile.figures.under;
     now_.parted += tile.figures.parted;
+    now_.unmet += tile.figures.unmet;
     now_.loss += tile.figures.loss;
   }
 }
@@ -409,6 +417,102 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
     ++without_gain_;
   }
   return true;
+}
+
+void CoupledCorrection::go_back_to_best() {
+  for (Tile& tile : tiles_) {
+    tile.now = tile.best;
+    tile.figures = tile.best_figures;
+  }
+  const int round = now_.round;
+  now_ = best_;
+  now_.round = round;
+}
+
+std::vector<CaseTrouble> CoupledCorrection::fails_in(const CasePlans& plans,
+                                                     const ExecutionContext& context) const {
+  std::vector<std::vector<CaseTrouble>> of_tiles(tiles_.size());
+  parallel_for(context, "judge", tiles_.size(), [&](std::size_t i) {
+    of_tiles[i] = judge_cases(plans, tiles_[i].box, sources_of(tiles_[i].box));
+  });
+  std::vector<CaseTrouble> all;
+  for (const auto& of : of_tiles) all.insert(all.end(), of.begin(), of.end());
+  return all;
+}
+
+/// Each of these is to have, with inputs as said, what it lacks or has too much in its case.
+void CoupledCorrection::want(const std::vector<CaseTrouble>& troubles) {
+  constexpr double beyond = 0.004;
+  for (const CaseTrouble& t : troubles) {
+    // A gap of one slice between features has no layer to spare, a feature no node.
+    if (t.slice < 0 || !(t.dose > 0)) continue;
+    Tile& tile = tiles_[tiles_in({t.x, t.y, t.x + 1, t.y + 1}).front()];
+    const double wanted = t.as_said / t.dose * (t.gap ? 1 - beyond : 1 + beyond);
+    tile.wanted_doses[{t.slice, index_in(tile.box, t.x, t.y)}] = aim_byte(wanted, t.gap);
+  }
+  for (Tile& tile : tiles_) {
+    if (tile.wanted_doses.empty()) continue;
+    std::vector<std::uint8_t> rows(pixels_of(tile.box), 0);
+    TileWriter writer(*store_, rows.size(), plan_.slices, TileWriter::From::last);
+    auto next = tile.wanted_doses.rbegin();
+    for (int n = plan_.slices; n-- > 0;) {
+      std::fill(rows.begin(), rows.end(), std::uint8_t{0});
+      for (; next != tile.wanted_doses.rend() && next->first.first == n; ++next) {
+        rows[next->first.second] = next->second;
+      }
+      writer.put(rows.data());
+    }
+    tile.aims = writer.finish();
+  }
+}
+
+CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const CureModel& strong,
+                                                   const ExecutionContext& context) {
+  constexpr int passes = 6, rounds = 6;
+  Held held;
+  if (tiles_.empty()) return held;
+  const CorrectionPlan& said = plan_.columns;
+  const CorrectionPlan of_weak(weak, said.process, said.layers, said.all_layers),
+      of_strong(strong, said.process, said.layers, said.all_layers);
+  const CoupledPlan weak_plan(of_weak, plan_.blur, plan_.scatter, plan_.display, plan_.margin, {}),
+      strong_plan(of_strong, plan_.blur, plan_.scatter, plan_.display, plan_.margin, {});
+  const CasePlans plans{plan_, weak_plan, strong_plan};
+  const ExecutionContext quiet = silent(context);
+  const auto count = [](const std::vector<CaseTrouble>& troubles) {
+    CaseFigures figures;
+    for (const CaseTrouble& t : troubles) ++(t.gap ? figures.filled : figures.lost);
+    return figures;
+  };
+  std::vector<std::size_t> all;
+  for (std::size_t k = 0; k < tiles_.size(); ++k) all.push_back(k);
+  go_back_to_best();
+  std::vector<CaseTrouble> troubles = fails_in(plans, quiet);
+  held.before = held.after = count(troubles);
+  std::vector<KeptTile> best;
+  for (const Tile& tile : tiles_) best.push_back(tile.best);
+  for (int pass = 0; pass < passes && held.after.sum() > 0 && !troubles.empty(); ++pass) {
+    context.check_cancelled();
+    want(troubles);
+    judge(all, quiet);
+    best_ = now_;
+    keep_best();
+    for (Tile& tile : tiles_) tile.urgency = kUrgency;
+    without_gain_ = 0;
+    options_.rounds = now_.round + rounds;
+    while (improve(quiet)) {
+    }
+    go_back_to_best();
+    troubles = fails_in(plans, quiet);
+    const CaseFigures figures = count(troubles);
+    if (figures.sum() >= held.after.sum()) continue;
+    held.after = figures;
+    for (std::size_t k = 0; k < best.size(); ++k) best[k] = tiles_[k].best;
+  }
+  for (std::size_t k = 0; k < best.size(); ++k) {
+    held.aims += tiles_[k].wanted_doses.size();
+    tiles_[k].now = tiles_[k].best = best[k];
+  }
+  return held;
 }
 
 void CoupledCorrection::keep_best() {

@@ -35,6 +35,7 @@
 #include <vector>
 
 #include "base/coded_band.hpp"
+#include "correct/coupled_cases.hpp"
 #include "correct/coupled_patch.hpp"
 #include "correct/coupled_plan.hpp"
 #include "slicecorr/parallel.hpp"
@@ -62,11 +63,12 @@ struct CoupledRound {
   std::uint64_t through = 0;  ///< voxels of gaps that cure
   std::uint64_t under = 0;    ///< voxels of features that don't
   std::uint64_t parted =
-      0;            ///< layer by layer: of features that part from the layer above, or do not hold
-  double loss = 0;  ///< half the sum of squares of what doses miss
+      0;  ///< layer by layer: of features that part from the layer above, or do not hold
+  std::uint64_t unmet = 0;    ///< doses that are wanted beside what the design asks
+  double loss = 0;            ///< half the sum of squares of what doses miss
   std::uint64_t patches = 0;  ///< that were solved
   bool lifted = false;        ///< with lifts: what does not hold counts before all else
-  std::uint64_t wrong() const { return through + under + parted; }
+  std::uint64_t wrong() const { return through + under + parted + unmet; }
   bool better_than(const CoupledRound& o) const {
     if (lifted && parted != o.parted) return parted < o.parted;
     return wrong() != o.wrong() ? wrong() < o.wrong() : loss < o.loss;
@@ -102,6 +104,20 @@ class CoupledCorrection {
   const CoupledRound& columns_alone() const { return first_; }
   const CoupledRound& last() const { return now_; }
   const CoupledRound& best() const { return best_; }
+
+  /// Features that are lost in the weak case and gaps that fill in the strong one.
+  struct CaseFigures {
+    std::uint64_t lost = 0, filled = 0;
+    std::uint64_t sum() const { return lost + filled; }
+  };
+  struct Held {
+    CaseFigures before, after;
+    std::uint64_t aims = 0;  ///< doses that were wanted for it
+  };
+  /// After the rounds, for plain columns in even light that does not scatter: goes on with rounds in which
+  /// what fails in the cases is asked for other doses, and keeps the levels with which the fewest fail. The
+  /// models are those of prints with all inputs off.
+  Held hold_in(const CureModel& weak, const CureModel& strong, const ExecutionContext& context);
 
   /// Takes the grey levels of a slice in a box, row by row; null: black.
   using LevelSink = std::function<void(int slice, const std::uint8_t* levels)>;
@@ -140,6 +156,9 @@ class CoupledCorrection {
   std::vector<KeptTile> want_again_of_columns(const std::vector<std::size_t>& which,
                                               const ExecutionContext& context);
   void keep_best();
+  void go_back_to_best();
+  std::vector<CaseTrouble> fails_in(const CasePlans& plans, const ExecutionContext& context) const;
+  void want(const std::vector<CaseTrouble>& troubles);
 
   CoupledPlan plan_;
   CoupledOptions options_;

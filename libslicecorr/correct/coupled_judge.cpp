@@ -6,6 +6,7 @@
 #include <tuple>
 #include <utility>
 
+#include "correct/coupled_cases.hpp"
 #include "correct/coupled_patch.hpp"
 #include "cure/margin.hpp"
 
@@ -26,6 +27,8 @@ class PatchJudge : public PatchField<double> {
         coverage_(place(), box, sources.coverage),
         above_(place(), box, sources.coverage),
         left_(place(), box, sources.left_alone),
+        aims_(place(), box, sources.aims),
+        aims_any_(!sources.aims.empty()),
         columns_(place(), place().watched, sources.columns),
         kind_(place().size(), 0),
         next_(place().size(), 0) {
@@ -74,6 +77,7 @@ class PatchJudge : public PatchField<double> {
     if (plan_.layerwise && n > 0) above_.go_to(n - 1, note);
     coverage_.go_to(n, note);
     left_.go_to(n, note);
+    aims_.go_to(n, [](std::size_t, std::uint8_t, std::uint8_t) {});
     if (plan_.layerwise && n == 0) {
       for (int y = box_.y0; y < box_.y1; ++y) {
         for (int x = box_.x0; x < box_.x1; ++x) note(place().at(x, y), 0, 0);
@@ -92,11 +96,12 @@ class PatchJudge : public PatchField<double> {
                               stride, middle_, near_, sums_)) {
         collect(n, first);
       }
+      if (aims_any_) judge_aims(n, first);
       for (std::size_t y = 0; y < kSquare; ++y) {
         std::copy_n(next_.data() + first + y * stride, kSquare, dose_.data() + first + y * stride);
       }
       const int calm = square(k).touched_at - n;
-      if (may_sleep() && calm >= kCalm && calm % 4 == 3 && !lacks_ &&
+      if (may_sleep() && !aims_any_ && calm >= kCalm && calm % 4 == 3 && !lacks_ &&
           stays_right(seen + first, dose_.data() + first, kind_.data() + first, stride,
                       near_at_nodes_)) {
         sleep(k);
@@ -143,6 +148,26 @@ class PatchJudge : public PatchField<double> {
       }
     }
   }
+  /// Doses that are wanted beside what the design asks.
+  void judge_aims(int n, std::size_t first) {
+    for (std::size_t y = 0; y < kSquare; ++y) {
+      const std::size_t from = first + y * place().stride;
+      for (std::size_t k = from; k < from + kSquare; ++k) {
+        if (aims_[k] == 0 || kind_[k] == 0) continue;
+        const double wanted = aim_of_byte(aims_[k]);
+        const double excess = (kind_[k] > 0 ? next_[k] : middle_.of(next_[k], dose_[k])) - wanted;
+        if (kind_[k] > 0 ? excess >= 0 : excess < 0) continue;
+        ++figures_.unmet;
+        sums_.loss += excess * excess / 2;
+        if (!figures_.all_misses || misses_.size() >= most_misses_) {
+          figures_.all_misses = false;
+          continue;
+        }
+        const Pixel p = place().pixel(k);
+        misses_.push_back({n, p.x, p.y, static_cast<float>(excess), true});
+      }
+    }
+  }
   /// `dose_` is still at the lower node, `next_` at the upper one.
   void collect(int n, std::size_t first) {
     if (!figures_.all_misses) return;
@@ -170,7 +195,9 @@ class PatchJudge : public PatchField<double> {
   MiddleRule middle_{0, 1};  ///< of the slice at hand
   double near_;              ///< of the middles of gaps
   double near_at_nodes_;  ///< where both nodes of a gap's layer are below it, its middle is near_
-  PatchBytes levels_at_, coverage_, above_, left_, columns_;
+  PatchBytes levels_at_, coverage_, above_, left_, aims_;
+  bool aims_any_;  ///< whether doses are wanted
+  PatchBytes columns_;
   bool lacks_ = false;  ///< with lifts: something of the square that was judged last does not hold
   std::vector<double> kind_, next_;
   std::vector<Change> changes_;

@@ -28,6 +28,7 @@ struct PatchFigures {
   std::uint64_t through = 0, under = 0;  ///< voxels of gaps that cure, of features that don't
   /// Layer by layer: of features that part from the one above; with lifts, that do not hold.
   std::uint64_t parted = 0;
+  std::uint64_t unmet = 0;  ///< doses that are wanted beside what the design asks
   double loss = 0;
   /// From the last slice to the first.
   std::vector<Miss> misses;
@@ -41,6 +42,8 @@ struct PatchSources {
   /// What is left alone, not 0, the first slice first: it is shown as columns show it, and nothing
   /// is asked of its doses. Empty where nothing is.
   std::vector<PatchBytes::Source> left_alone;
+  /// Doses that are wanted of voxels beside what the design asks (`aim_byte`); empty where none are.
+  std::vector<PatchBytes::Source> aims;
   std::vector<PatchBytes::Source> heights;  ///< of edges, at nodes; where columns want their light
 };
 

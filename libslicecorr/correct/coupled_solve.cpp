@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "correct/coupled_cases.hpp"
 #include "correct/coupled_solver.hpp"
 
 namespace slicecorr::detail {
@@ -100,6 +101,7 @@ void PatchSolver::note_coverage(int n) {
     norm_ = norm;
     to_classify_ = asked_;
   }
+  aims_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t) { to_classify_.push_back(at); });
   for (const std::size_t at : to_classify_) {
     if (!square(square_of(at)).watched || !is_asked(at)) continue;
     wake(square_of(at));
@@ -118,6 +120,11 @@ void PatchSolver::classify(std::size_t at) {
   if (cover == 255) {
     least_[at] = above == 255 ? 1 + margin : 1;
     if (above == 0) most_[at] = 1 + 1.5F * margin;
+    if (aims_[at] != 0) {
+      least_[at] = std::max(least_[at], static_cast<float>(aim_of_byte(aims_[at])));
+      most_[at] = std::max(most_[at], least_[at] + margin);
+      return;
+    }
     if (above != 255) return;
     if (level < plan_.top) over_guide_[at] = 0;
     bool rim = false;
@@ -130,6 +137,7 @@ void PatchSolver::classify(std::size_t at) {
   } else if (cover == 0) {
     most_[at] = (1 - margin) * static_cast<float>(norm_);
     share_[at] = static_cast<float>(below_);
+    if (aims_[at] != 0) most_[at] *= static_cast<float>(aim_of_byte(aims_[at]));
     if (above == 255) {
       if (!plan_.layerwise) least_[at] = 1;
     } else if (level > 0) {
@@ -169,7 +177,7 @@ void PatchSolver::find_aims(int n) {
                 kept);
     if (!task_.first && check_until_[static_cast<std::size_t>(k)] > n) continue;
     if (passes_bounds(seen_light(k) + first, below() + first, dose_.data() + first,
-                      guide_.data() + first, bounds_of(first), stride, gain, kept,
+                      guides_of(first), bounds_of(first), stride, gain, kept,
                       task_.first ? kSlack : 0.75F * static_cast<float>(plan_.margin),
                       task_.first) ||
         lacks_own(first, seen_light(k) + first)) {
@@ -203,7 +211,7 @@ void PatchSolver::aim(int k) {
                      0.5F * static_cast<float>(plan_.margin / plan_.b),
                      kEdgeWeight,
                      task_.first};
-  aim_square(seen_light(k) + first, below() + first, dose_.data() + first, guide_.data() + first,
+  aim_square(seen_light(k) + first, below() + first, dose_.data() + first, guides_of(first),
              bounds_of(first), {low_weight_.data() + first, high_weight_.data() + first}, stride,
              rule,
              {lo_.data() + first, hi_.data() + first, lo_weight_.data() + first,
@@ -372,7 +380,7 @@ void PatchSolver::solve(int n) {
     const float* const seen = seen_light(k);
     step_square(dose_.data() + first, seen + first, below() + first, place().stride, gain, kept);
     const int calm = square(k).touched_at - n;
-    if (may_sleep() && calm >= kCalm && calm % 4 == 3 &&
+    if (may_sleep() && !aims_any_ && calm >= kCalm && calm % 4 == 3 &&
         stays_inside(seen + first, dose_.data() + first, guide_.data() + first, own_.data() + first,
                      bounds_of(first), place().stride) &&
         !lacks_own(first, seen + first)) {

@@ -25,6 +25,8 @@ class PatchSolver : public PatchField<float> {
         columns_(place(), place().watched, sources.columns),
         above_(place(), place().watched, sources.coverage),
         left_(place(), place().watched, sources.left_alone),
+        aims_(place(), place().watched, sources.aims),
+        aims_any_(!sources.aims.empty()),
         here_(place().size(), 0),
         next_request_(task.requests.begin()),
         row_(static_cast<std::size_t>(task.box.width()) *
@@ -89,9 +91,25 @@ class PatchSolver : public PatchField<float> {
 
   BoundRows bounds_of(std::size_t first) {
     // Layer by layer the least level that holds a layer is all that columns take.
-    return {least_.data() + first,         most_.data() + first,        share_.data() + first,
-            over_guide_.data() + first,    under_guide_.data() + first, soft_.data() + first,
-            plan_.layerwise ? 1.0F : kFree};
+    return {least_.data() + first,
+            most_.data() + first,
+            share_.data() + first,
+            over_guide_.data() + first,
+            under_guide_.data() + first,
+            soft_.data() + first,
+            plan_.layerwise || aims_any_ ? 1.0F : kFree};
+  }
+  /// Guides of a square as bounds take them: those of voxels whose dose is wanted hold nothing back.
+  const float* guides_of(std::size_t first) {
+    if (!aims_any_) return guide_.data() + first;
+    bound_guide_.resize(guide_.size());
+    for (std::size_t y = 0; y < kSquare; ++y) {
+      const std::size_t from = first + y * place().stride;
+      for (std::size_t at = from; at < from + kSquare; ++at) {
+        bound_guide_[at] = aims_[at] == 0 ? guide_[at] : here_[at] == 0 ? 0.0F : 1.0F;
+      }
+    }
+    return bound_guide_.data() + first;
   }
   void set_free(std::size_t at) {
     least_[at] = -kFree;
@@ -149,7 +167,9 @@ class PatchSolver : public PatchField<float> {
   void hold();
 
   const PatchTask& task_;
-  PatchBytes before_, columns_, above_, left_;
+  PatchBytes before_, columns_, above_, left_, aims_;
+  bool aims_any_;                   ///< whether doses are wanted
+  std::vector<float> bound_guide_;  ///< where they are
   std::vector<std::uint8_t> here_, marked_;
   std::vector<Request>::const_iterator next_request_, requests_from_, requests_to_;
   std::vector<std::uint8_t> row_;

@@ -21,6 +21,7 @@
 #include "base/coded_band.hpp"
 #include "even/even_cells.hpp"
 #include "even/kept_images.hpp"
+#include "parallel/silent.hpp"
 #include "pipeline/corrected_info.hpp"
 #include "pipeline/printed_bodies.hpp"
 #include "pipeline/shortcomings.hpp"
@@ -393,6 +394,20 @@ void StackCorrection::judge_together(Correction& result) const {
   describe(result.info);
   result.slices = together_;
   result.after = verify_stack(*together_, target_, setup_, context_);
+  if (plans_.held() && result.after.uncertain) {
+    // What it costs: the same without.
+    Setup plain = setup_;
+    plain.uncertainty.reset();
+    const ExecutionContext quiet = detail::silent(context_);
+    const CorrectedSlices without(target_, plain, quiet,
+                                  std::filesystem::path(file_.path).parent_path().string());
+    UncertainPrint print = *result.after.uncertain;
+    print.robust = *plans_.held();
+    print.robust->mean_abs_um = result.after.height_error_um.mean();
+    print.robust->plain_mean_abs_um =
+        verify_stack(without, target_, plain, quiet).height_error_um.mean();
+    result.after.uncertain = std::make_shared<const UncertainPrint>(std::move(print));
+  }
   if (with_before_) {
     result.before = verify_stack(AsSliced(target_), target_, setup_, context_);
   }

@@ -210,9 +210,6 @@ constexpr Unsupported kTable[] = {
      "{resin}: bleaching: nothing can be left alone with a resin that bleaches; expected a resin without "
      "[bleaching]"},
     UNDER_UV(robust, refused, kRobustUv),
-    {robust, spread, refused,
-     "a correction can't be robust where light spreads from pixel to pixel; expected a printer "
-     "without blue.spread"},
     {robust, layerwise, refused,
      "a correction can't be robust layer by layer; expected continuous exposure"},
     {robust, moved_heights, refused,

@@ -98,6 +98,24 @@ void check_correction(const Setup& setup, const DesignHas& design) {
   const bool robust = setup.uncertainty && setup.uncertainty->robust;
   if (robust) features.push_back(Feature::robust);
   check_supported(features, setup.printer.name, setup.resin.name);
+  const auto has = [&](Feature f) {
+    return std::find(features.begin(), features.end(), f) != features.end();
+  };
+  if (robust && has(Feature::spread) && setup.uncertainty->from_fit) {
+    throw InputError(
+        "a correction can't be robust against the covariance of a fit where light spreads from pixel to "
+        "pixel; expected errors that are said one by one");
+  }
+  if (robust && has(Feature::spread) && has(Feature::uneven_light)) {
+    throw InputError(
+        "a correction can't be robust where light spreads from pixel to pixel and the display's light is "
+        "uneven; expected a printer without display.flat_field");
+  }
+  if (robust && has(Feature::spread) && setup.process.spread_rounds == 0) {
+    throw InputError(
+        "a correction can't be robust where light spreads from pixel to pixel and columns are corrected "
+        "alone; expected rounds");
+  }
   if (robust && !setup.uncertainty->from_fit && setup.uncertainty->sd(UncertainInput::m) > 0) {
     throw InputError(
         "a correction can't be robust against an exponent that is off by itself, since doses rise "

@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// Robust corrections where light spreads: what fails in the weak and in the strong case, and the doses that
+/// are wanted for it.
+///
+/// A case is a print of its own, so its doses are those of patches by a plan of its own. What fails says
+/// what its best voxel is to have with inputs as said: the node of a feature that comes nearest to gelling
+/// in the weak case as much more as it lacks there, the layer of a gap that comes nearest to staying open in
+/// the strong case as much less as it has too much. These aims are bounds of doses like those of the design,
+/// and rounds go on with them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "correct/coupled_patch.hpp"
+
+namespace slicecorr::detail {
+
+/// What fails in a column: the voxel that is nearest to holding, with its dose in the case and as said.
+struct CaseTrouble {
+  std::int32_t slice = 0, x = 0, y = 0;
+  bool gap = false;
+  double dose = 0, as_said = 0;
+};
+
+/// Doses that are wanted, as bytes: 0: what the design asks for.
+std::uint8_t aim_byte(double dose, bool gap);
+inline double aim_of_byte(std::uint8_t byte) { return 1 + (byte - 128) / 400.0; }
+
+/// What fails in `box`. The plans are those of inputs as said and of both cases.
+struct CasePlans {
+  const CoupledPlan &as_said, &weak, &strong;
+};
+std::vector<CaseTrouble> judge_cases(const CasePlans& plans, const PixelBox& box,
+                                     const PatchSources& sources);
+
+}  // namespace slicecorr::detail

@@ -69,7 +69,9 @@ TEST(GelMoments, AreThoseOfSumsOfLight) {
       std::vector<std::vector<int>> delays(kColumns, std::vector<int>(kLayers, 0));
       std::vector<int> told(kColumns, 0), from(kColumns, kLayers);
       const auto fill = [&](std::size_t c, int down_to) {
-        for (int m = down_to; m < from[c]; ++m) delays[c][static_cast<std::size_t>(m)] = told[c];
+        for (int m = down_to; m < from[c]; ++m) {
+          delays[c][static_cast<std::size_t>(m)] = told[c] < 0 ? -1 - told[c] - m : told[c];
+        }
         from[c] = down_to;
       };
       BandPredictor predictor(model, curve, kLayers, kColumns);

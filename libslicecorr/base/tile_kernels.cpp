@@ -201,6 +201,34 @@ bool prints_alike_kernel(const PredictStep& s, const PrintedLanes& is) {
   return at_node == is.node && in_middle == is.middle;
 }
 
+MomentLanes moment_kernel(const MomentStep& s) {
+  const Doubles d;
+  const auto one = hn::Set(d, 1.0), least = hn::Set(d, s.least);
+  const auto a = hn::Set(d, s.a), root = hn::Set(d, s.root_a);
+  const auto of_slice = hn::Set(d, s.one_minus_a), of_half = hn::Set(d, 1.0 - s.root_a);
+  // Copied, because the compiler must assume that stores to doubles change members of `s`.
+  const double* const light = s.light;
+  double *const dose = s.dose, *const left = s.left, *const before = s.before,
+                *const beyond = s.beyond;
+  MomentLanes is{};
+  for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d)) {
+    const auto phi = hn::LoadU(d, light + l), above = hn::LoadU(d, dose + l);
+    const auto middle = hn::Add(hn::Mul(of_half, phi), hn::Mul(root, above));
+    const auto more = hn::Div(hn::Sub(middle, one), root);
+    const auto rest = hn::Mul(a, hn::LoadU(d, left + l));
+    const auto with = hn::Mul(a, hn::LoadU(d, before + l));
+    hn::StoreU(hn::Add(hn::Mul(of_slice, phi), hn::Mul(a, above)), d, dose + l);
+    hn::StoreU(rest, d, left + l);
+    hn::StoreU(with, d, before + l);
+    hn::StoreU(more, d, beyond + l);
+    is.may_gel |= bits_of(d, hn::Ge(middle, least)) << l;
+    is.own |= bits_of(d, hn::Le(above, more)) << l;
+    is.as_before |= bits_of(d, hn::And(hn::Le(rest, more), hn::Gt(with, more))) << l;
+    is.bright |= bits_of(d, hn::Ge(phi, least)) << l;
+  }
+  return is;
+}
+
 void copy_kernel(const double* from, double* to) {
   const Doubles d;
   for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d))
@@ -224,6 +252,7 @@ HWY_EXPORT(later_kernel);
 HWY_EXPORT(predict_kernel);
 HWY_EXPORT(prints_alike_kernel);
 HWY_EXPORT(copy_kernel);
+HWY_EXPORT(moment_kernel);
 
 void tile_changes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
                   LaneMask* changed) {
@@ -248,6 +277,9 @@ PrintedLanes predict_lanes(const PredictStep& step) {
 }
 bool prints_alike(const PredictStep& step, const PrintedLanes& is) {
   return HWY_DYNAMIC_DISPATCH(prints_alike_kernel)(step, is);
+}
+MomentLanes moment_lanes(const MomentStep& step) {
+  return HWY_DYNAMIC_DISPATCH(moment_kernel)(step);
 }
 void copy_lanes(const double* from, double* to) { HWY_DYNAMIC_DISPATCH(copy_kernel)(from, to); }
 

@@ -61,6 +61,25 @@ PrintedLanes predict_lanes(const PredictStep& step);
 /// Whether lanes print at the upper node and in the middle just as `is` says. Nothing is written.
 bool prints_alike(const PredictStep& step, const PrintedLanes& is);
 
+/// A slice of layers whose moments are looked for (predict/plain_moments.hpp).
+struct MomentStep {
+  double a, root_a, one_minus_a;
+  double least;         ///< dose of a middle that may gel
+  const double* light;  ///< phi
+  double* dose;         ///< at the upper node; then at the lower one
+  /// What is left of slices after the one that the layer above waits for, and of that one, too; then the
+  /// same in this layer.
+  double *left, *before;
+  double* beyond;  ///< what its dose is beyond 1 in the end, at its upper node
+};
+struct MomentLanes {
+  LaneMask may_gel;    ///< in the end
+  LaneMask own;        ///< gels in its own slice
+  LaneMask as_before;  ///< waits for the same slice as the layer above
+  LaneMask bright;     ///< the same light for ever would make it gel
+};
+MomentLanes moment_lanes(const MomentStep& step);
+
 /// Copies 64 numbers. Compilers make slow code of a plain copy of this size.
 void copy_lanes(const double* from, double* to);
 

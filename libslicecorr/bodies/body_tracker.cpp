@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -264,28 +265,15 @@ struct BodyTracker::Impl {
     }
     if (ask.voids && !box.empty()) open.emplace(box.height(), -1, box.width() + 1, void_bodies);
   }
-  void set(int row, std::span<const Run> runs) {
-    solids.set_row(row, runs);
-    if (necks) necks->set_row(row, runs);
-    if (!open) return;
-    between.clear();
-    int at = -1;
-    for (const Run& run : runs) {
-      if (run.begin > at) between.push_back({at, run.begin});
-      at = run.end;
-    }
-    between.push_back({at, box.width() + 1});
-    open->set_row(row, between);
-  }
   /// Columns where something changes in a row, in rising order: 2k and 2k + 1 are the ends of run k.
   using Ends = std::vector<int>;
-  Ends& ends_of(int plane, int row) {
-    const auto p = static_cast<std::size_t>(plane);
-    while (planes.size() <= p) planes.emplace_back(static_cast<std::size_t>(box.height()));
-    return planes[p][static_cast<std::size_t>(row)];
-  }
-  /// Rows with changes of planes in the slice at hand are put together.
-  void set_flipped();
+  /// Puts the ends of runs into `put_in`.
+  void put_ends(std::span<const Run> its);
+  void flip(int row, const Ends& its);
+  /// Rows with changes in the slice at hand.
+  void set_changed();
+  /// What is solid in it changed: what is not, and necks.
+  void set_flipped(int row);
 
   const PixelBox box;
   const Grid grid;
@@ -298,45 +286,119 @@ struct BodyTracker::Impl {
   std::optional<detail::NeckFinder> necks;
   std::uint64_t necks_in_all = 0;
   Largest<Neck> largest_necks;
-  int slices = 0, lit = 0;  ///< slices so far, and up to the last that has something solid
-  std::vector<Run> moved, between;
-  /// By plane and row. Plane 0 is what is solid, plane 1 + k bit k of the slices until that gels.
-  std::vector<std::vector<Ends>> planes;
-  std::vector<int> flipped;  ///< rows; may stand twice
-  Ends ends;
+  int slices = 0, lit = 0;           ///< slices so far, and up to the last that has something solid
+  std::vector<Ends> solid, flipped;  ///< by row; `flipped`: in the slice at hand
+  std::vector<int> flipped_rows;     ///< may stand twice
+  /// When voxels of a row gel.
+  struct Timed {
+    int row = 0, begin = 0, end = 0;
+    detail::GelTime gels;
+  };
+  std::vector<Timed> timed;
+  std::vector<Run> runs, between;
+  std::vector<SolidRows::Change> changes;
+  Ends ends, put_in;
 };
 
-void BodyTracker::Impl::set_flipped() {
-  if (flipped.empty()) return;
-  std::sort(flipped.begin(), flipped.end());
-  flipped.erase(std::unique(flipped.begin(), flipped.end()), flipped.end());
-  std::vector<std::size_t> at(planes.size());
-  for (const int row : flipped) {
-    std::fill(at.begin(), at.end(), 0);
-    moved.clear();
-    const Ends& solid = ends_of(0, row);
-    for (std::size_t k = 0; k < solid.size(); k += 2) {
-      // The run in parts of equal delay.
-      for (int begin = solid[k]; begin < solid[k + 1];) {
-        Run run{begin, solid[k + 1]};
-        for (std::size_t p = 1; p < planes.size(); ++p) {
-          const Ends& bits = planes[p][static_cast<std::size_t>(row)];
-          while (at[p] < bits.size() && bits[at[p]] <= begin) ++at[p];
-          if (at[p] % 2 == 1) run.delay |= 1 << (p - 1);
-          if (at[p] < bits.size()) run.end = std::min(run.end, bits[at[p]]);
-        }
-        begin = run.end;
-        moved.push_back(run);
-        if (moved.size() < 2) continue;
-        Run& before = moved[moved.size() - 2];
-        if (before.end != run.begin || before.delay != run.delay) continue;
-        before.end = run.end;
-        moved.pop_back();
-      }
-    }
-    set(row, moved);
+namespace {
+
+/// Ends that both have are none any more.
+void flip_ends(const std::vector<int>& a, const std::vector<int>& b, std::vector<int>& to) {
+  to.clear();
+  std::ranges::set_symmetric_difference(a, b, std::back_inserter(to));
+}
+
+/// What changes in a row where some columns flip and others are timed, each from left to right.
+template <class Timed>
+void put_changes(const std::vector<int>& flips, std::span<const Timed> timed,
+                 std::vector<SolidRows::Change>& to) {
+  constexpr int kNone = std::numeric_limits<int>::max();
+  to.clear();
+  int x = std::numeric_limits<int>::min();
+  for (std::size_t i = 0, k = 0; i < flips.size() || k < timed.size();) {
+    const int flips_from = i < flips.size() ? std::max(flips[i], x) : kNone;
+    const int timed_from = k < timed.size() ? std::max(timed[k].begin, x) : kNone;
+    SolidRows::Change c;
+    c.begin = std::min(flips_from, timed_from);
+    c.flips = flips_from == c.begin;
+    c.timed = timed_from == c.begin;
+    if (c.timed) c.gels = timed[k].gels;
+    c.end = std::min(c.flips ? flips[i + 1] : flips_from, c.timed ? timed[k].end : timed_from);
+    to.push_back(c);
+    x = c.end;
+    if (i < flips.size() && flips[i + 1] <= x) i += 2;
+    if (k < timed.size() && timed[k].end <= x) ++k;
   }
-  flipped.clear();
+}
+
+}  // namespace
+
+void BodyTracker::Impl::put_ends(std::span<const Run> its) {
+  put_in.clear();
+  for (const Run& run : its) {
+    const int begin = run.begin - box.x0, end = run.end - box.x0;
+    if (!put_in.empty() && put_in.back() == begin) {
+      put_in.back() = end;
+    } else {
+      put_in.insert(put_in.end(), {begin, end});
+    }
+  }
+}
+
+void BodyTracker::Impl::flip(int row, const Ends& its) {
+  const auto at = static_cast<std::size_t>(row);
+  if (solid.empty()) {
+    solid.resize(static_cast<std::size_t>(box.height()));
+    flipped.resize(solid.size());
+  }
+  for (Ends* const to : {&solid[at], &flipped[at]}) {
+    flip_ends(*to, its, ends);
+    to->assign(ends.begin(), ends.end());
+  }
+  flipped_rows.push_back(row);
+}
+
+void BodyTracker::Impl::set_flipped(int row) {
+  if (!open && !necks) return;
+  const Ends& known = solid[static_cast<std::size_t>(row)];
+  runs.clear();
+  between.clear();
+  int at = -1;
+  for (std::size_t k = 0; k < known.size(); k += 2) {
+    runs.push_back({known[k], known[k + 1]});
+    if (known[k] > at) between.push_back({at, known[k]});
+    at = known[k + 1];
+  }
+  between.push_back({at, box.width() + 1});
+  if (necks) necks->set_row(row, runs);
+  if (open) open->set_row(row, between);
+}
+
+void BodyTracker::Impl::set_changed() {
+  std::sort(flipped_rows.begin(), flipped_rows.end());
+  const auto place = [](const Timed& t) { return std::tie(t.row, t.begin); };
+  const auto before = [&](const Timed& a, const Timed& b) { return place(a) < place(b); };
+  if (!std::is_sorted(timed.begin(), timed.end(), before)) {
+    std::sort(timed.begin(), timed.end(), before);
+  }
+  const Ends none;
+  for (std::size_t i = 0, k = 0; i < flipped_rows.size() || k < timed.size();) {
+    constexpr int kNoRow = std::numeric_limits<int>::max();
+    const int flips = i < flipped_rows.size() ? flipped_rows[i] : kNoRow;
+    const int row = std::min(flips, k < timed.size() ? timed[k].row : kNoRow);
+    std::size_t past = k;
+    while (past < timed.size() && timed[past].row == row) ++past;
+    Ends* const its = flips == row ? &flipped[static_cast<std::size_t>(row)] : nullptr;
+    put_changes(its ? *its : none, std::span<const Timed>(timed).subspan(k, past - k), changes);
+    solids.change_row(row, changes);
+    k = past;
+    if (!its) continue;
+    if (!its->empty()) set_flipped(row);
+    its->clear();
+    while (i < flipped_rows.size() && flipped_rows[i] == row) ++i;
+  }
+  flipped_rows.clear();
+  timed.clear();
 }
 
 BodyTracker::BodyTracker(const PixelBox& box, const Grid& grid, const ImageFrame& frame,
@@ -348,55 +410,31 @@ BodyTracker::BodyTracker(BodyTracker&&) noexcept = default;
 void BodyTracker::set_row(int y, std::span<const Run> runs) {
   Impl& t = *impl_;
   const int row = y - t.box.y0;
-  Impl::Ends& solid = t.ends_of(0, row);
-  solid.clear();
-  const int delays = runs.empty() ? 0 : std::ranges::max(runs, {}, &Run::delay).delay;
-  const int planes = std::max(static_cast<int>(t.planes.size()),
-                              1 + static_cast<int>(std::bit_width(static_cast<unsigned>(delays))));
-  for (int p = 1; p < planes; ++p) t.ends_of(p, row).clear();
-  for (const Run& run : runs) {
-    const auto put = [&](Impl::Ends& to) {
-      if (!to.empty() && to.back() == run.begin - t.box.x0) {
-        to.back() = run.end - t.box.x0;
-      } else {
-        to.insert(to.end(), {run.begin - t.box.x0, run.end - t.box.x0});
-      }
-    };
-    put(t.ends_of(0, row));
-    for (int p = 1; p < planes; ++p) {
-      if (run.delay >> (p - 1) & 1) put(t.ends_of(p, row));
-    }
+  t.put_ends(runs);
+  if (!t.solid.empty()) {
+    flip_ends(t.solid[static_cast<std::size_t>(row)], t.put_in, t.ends);
+    t.put_in.assign(t.ends.begin(), t.ends.end());
   }
-  t.flipped.push_back(row);
+  t.flip(row, t.put_in);
+  set_delays(y, runs);
 }
 
-void BodyTracker::flip_row(int y, std::span<const Run> runs, int plane) {
+void BodyTracker::flip_row(int y, std::span<const Run> runs) {
+  impl_->put_ends(runs);
+  impl_->flip(y - impl_->box.y0, impl_->put_in);
+}
+
+void BodyTracker::set_delays(int y, std::span<const Run> runs) {
   Impl& t = *impl_;
-  const int row = y - t.box.y0;
-  Impl::Ends& known = t.ends_of(plane, row);
-  // What changes is where runs begin and end: ends that both have are none any more.
-  t.ends.clear();
-  std::size_t at = 0;
-  const auto flipped = [&](std::size_t k) {
-    const Run& run = runs[k / 2];
-    return (k % 2 == 0 ? run.begin : run.end) - t.box.x0;
-  };
-  const auto put = [&](int end) {
-    while (at < 2 * runs.size() && flipped(at) < end) t.ends.push_back(flipped(at++));
-    if (at < 2 * runs.size() && flipped(at) == end) {
-      ++at;
-    } else {
-      t.ends.push_back(end);
-    }
-  };
-  for (const int end : known) put(end);
-  while (at < 2 * runs.size()) t.ends.push_back(flipped(at++));
-  known.assign(t.ends.begin(), t.ends.end());
-  t.flipped.push_back(row);
+  for (const Run& run : runs) {
+    t.timed.push_back({y - t.box.y0, run.begin - t.box.x0, run.end - t.box.x0,
+                       run.at_once ? detail::GelTime::at_once(t.slices + run.delay)
+                                   : detail::GelTime::after(run.delay)});
+  }
 }
 
 void BodyTracker::end_slice(int more) {
-  impl_->set_flipped();
+  impl_->set_changed();
   impl_->slices += 1 + more;
   if (impl_->solids.any()) impl_->lit = impl_->slices;
   impl_->solids.end_slice(more);

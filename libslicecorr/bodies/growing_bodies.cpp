@@ -46,6 +46,8 @@ void GrowingBodies::begin(Label label, const FirstVoxel& low, bool anchored) {
   made.first = made.counted = slice_;
   made.low = low;
   made.anchored = anchored;
+  made.touched = slice_;
+  touched_.push_back(label);
 }
 
 GrowingBodies::Label GrowingBodies::root(Label label) {
@@ -81,6 +83,14 @@ void GrowingBodies::grow(Label label, const Patch& patch, int sign) {
   b.area += static_cast<std::uint64_t>(sign * (end - begin));
   b.area_column2 += sign * (end * end - begin * begin);
   b.area_row2 += sign * (end - begin) * (2 * patch.row + 1);
+}
+
+void GrowingBodies::add(Label label, const Patch& patch, int slices) {
+  GrowingBody& b = body(root(label));
+  const std::int64_t begin = patch.begin, end = patch.end;
+  b.voxels += static_cast<std::uint64_t>((end - begin) * slices);
+  b.column2 += static_cast<__int128>(end * end - begin * begin) * slices;
+  b.row2 += static_cast<__int128>((end - begin) * (2 * patch.row + 1)) * slices;
 }
 
 GrowingBodies::Label GrowingBodies::unite(Label a, Label b) {

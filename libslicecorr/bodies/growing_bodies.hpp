@@ -76,6 +76,8 @@ class GrowingBodies {
   std::size_t size() const { return parent_.size(); }
   /// Each slice from now on has this patch more (`sign` 1) or less (-1) of the body.
   void grow(Label label, const Patch& patch, int sign);
+  /// The body had this patch in so many slices before the one at hand.
+  void add(Label label, const Patch& patch, int slices);
   /// Gives the label of both.
   Label unite(Label a, Label b);
   int slice() const { return slice_; }  ///< the one at hand

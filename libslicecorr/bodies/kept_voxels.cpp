@@ -44,6 +44,51 @@ std::uint64_t high_bits(const std::uint8_t* bytes) {
   return bits;
 }
 
+/// Puts places in the order of a key, equal ones in the order that they had.
+template <class Place, class Key>
+void sort_by(std::vector<Place>& places, const Key& key) {
+  std::uint32_t last = 0;
+  for (const Place& p : places) last = std::max(last, key(p));
+  std::vector<std::uint32_t> next(std::size_t{last} + 2, 0);
+  for (const Place& p : places) ++next[key(p) + 1];
+  for (std::size_t n = 1; n < next.size(); ++n) next[n] += next[n - 1];
+  std::vector<Place> sorted(places.size());
+  for (const Place& p : places) sorted[next[key(p)]++] = p;
+  places = std::move(sorted);
+}
+
+/// By slice, then by column.
+template <class Place>
+void sort_places(std::vector<Place>& places) {
+  sort_by(places, [](const Place& p) { return p.column; });
+  sort_by(places, [](const Place& p) { return p.slice(); });
+}
+
+/// Groups of neighbouring columns with the same value.
+struct Group {
+  std::uint32_t first, length, value;
+};
+
+void add_to(std::vector<Group>& groups, std::uint32_t column, std::uint32_t value) {
+  if (!groups.empty() && groups.back().first + groups.back().length == column &&
+      groups.back().value == value) {
+    ++groups.back().length;
+  } else {
+    groups.push_back({column, 1, value});
+  }
+}
+
+void put_groups(std::vector<std::uint8_t>& code, const std::vector<Group>& groups, bool valued) {
+  put_number(code, groups.size());
+  std::uint32_t column = 0;
+  for (const Group& g : groups) {
+    put_number(code, std::uint64_t{2} * (g.first - column) + (g.length > 1 ? 1 : 0));
+    if (g.length > 1) put_number(code, g.length - 2);
+    if (valued) put_number(code, g.value);
+    column = g.first + g.length;
+  }
+}
+
 std::string folder_of_kept() {
   std::error_code none;
   const std::filesystem::path folder = std::filesystem::temp_directory_path(none);
@@ -71,56 +116,24 @@ void VoxelChanges::add_slice(int slice, const std::uint8_t* rows) {
   }
 }
 
-void VoxelChanges::sort_by_column(std::span<Flip> flips) {
-  // Columns come nearly in order: few have to go back, and those not far.
-  std::size_t moves = 4 * flips.size();
-  for (std::size_t i = 1; i < flips.size(); ++i) {
-    const Flip flip = flips[i];
-    std::size_t at = i;
-    for (; at > 0 && flip.column < flips[at - 1].column && moves > 0; --at, --moves) {
-      flips[at] = flips[at - 1];
-    }
-    flips[at] = flip;
-    if (moves == 0) {
-      std::ranges::sort(flips, {}, &Flip::column);
-      return;
-    }
-  }
-}
-
 void VoxelChanges::sort() {
   if (std::exchange(sorted_, true) || flips_.empty()) return;
-  std::uint32_t last = 0;
-  for (const Flip& f : flips_) last = std::max(last, f.slice());
-  std::vector<std::uint32_t> begins(std::size_t{last} + 2, 0);
-  for (const Flip& f : flips_) ++begins[f.slice() + 1];
-  for (std::size_t n = 1; n < begins.size(); ++n) begins[n] += begins[n - 1];
-  std::vector<std::uint32_t> next(begins);
-  std::vector<Flip> sorted(flips_.size());
-  for (const Flip& f : flips_) sorted[next[f.slice()]++] = f;
-  release(flips_);
-  for (std::size_t n = 0; n + 1 < begins.size(); ++n) {
-    sort_by_column(std::span(sorted).subspan(begins[n], begins[n + 1] - begins[n]));
-  }
+  sort_places(flips_);
   kinds_ = 0;
   std::size_t kept = 0;
-  for (std::size_t at = 0; at < sorted.size();) {
-    Flip one = sorted[at++];
+  for (std::size_t at = 0; at < flips_.size();) {
+    const Flip one = flips_[at++];
     unsigned kinds = one.kinds();
-    for (; at < sorted.size() && sorted[at].same_place(one); ++at) kinds ^= sorted[at].kinds();
+    for (; at < flips_.size() && flips_[at].same_place(one); ++at) kinds ^= flips_[at].kinds();
     if (kinds == 0) continue;
     kinds_ |= kinds;
-    sorted[kept++] = {one.slice() << kKinds | kinds, one.column};
+    flips_[kept++] = {one.slice() << kKinds | kinds, one.column};
   }
-  sorted.resize(kept);
-  flips_ = std::move(sorted);
+  flips_.resize(kept);
 }
 
 std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) {
   sort();
-  struct Group {
-    std::uint32_t first, length;
-  };
   std::vector<Group> groups;
   std::vector<std::uint8_t> code;
   if ((kinds_ & kind) == 0) return code;
@@ -130,22 +143,31 @@ std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) {
     if (n >= static_cast<std::size_t>(layers)) break;
     groups.clear();
     for (; at != flips_.end() && at->slice() == n; ++at) {
-      if ((at->kinds() & kind) == 0) continue;
-      if (!groups.empty() && groups.back().first + groups.back().length == at->column) {
-        ++groups.back().length;
-      } else {
-        groups.push_back({at->column, 1});
-      }
+      if ((at->kinds() & kind) != 0) add_to(groups, at->column, 0);
     }
     if (groups.empty()) continue;
     put_number(code, n - last);
-    put_number(code, groups.size());
-    std::uint32_t column = 0;
-    for (const Group& g : groups) {
-      put_number(code, std::uint64_t{2} * (g.first - column) + (g.length > 1 ? 1 : 0));
-      if (g.length > 1) put_number(code, g.length - 2);
-      column = g.first + g.length;
+    put_groups(code, groups, false);
+    last = n;
+  }
+  return code;
+}
+
+std::vector<std::uint8_t> MomentChanges::code(int layers) {
+  std::vector<std::uint8_t> code;
+  if (changes_.empty()) return code;
+  sort_places(changes_);
+  std::vector<Group> groups;
+  std::size_t last = 0;  // slice
+  for (auto at = changes_.begin(); at != changes_.end();) {
+    const std::size_t n = at->slice();
+    if (n >= static_cast<std::size_t>(layers)) break;
+    groups.clear();
+    for (; at != changes_.end() && at->slice() == n; ++at) {
+      add_to(groups, at->column, at->value());
     }
+    put_number(code, n - last);
+    put_groups(code, groups, true);
     last = n;
   }
   return code;
@@ -156,28 +178,31 @@ class KeptVoxels::Reader {
  public:
   static constexpr int kNoSlice = std::numeric_limits<int>::max();
 
-  /// `plane`: see BodyTracker::flip_row.
-  Reader(const KeptVoxels& kept, const Pieces& pieces, const PixelBox& box, int plane)
-      : kept_(kept), blobs_(pieces), box_(box), plane_(plane) {
+  /// `valued`: these are moments.
+  Reader(const KeptVoxels& kept, const Pieces& pieces, const PixelBox& box, bool valued)
+      : kept_(kept), blobs_(pieces), box_(box), valued_(valued) {
     go_on();
   }
   /// The slice whose changes come next, or kNoSlice.
   int slice() const { return slice_; }
   /// Tells these.
-  void flip(BodyTracker& tracker) {
+  void tell(BodyTracker& tracker) {
     const std::uint8_t* at = piece_.data() + at_;
     std::uint64_t column = 0;
     const auto width = static_cast<std::uint64_t>(box_.width());
     std::uint64_t row = std::numeric_limits<std::uint64_t>::max();
     runs_.clear();
     const auto flush = [&] {
-      if (!runs_.empty()) tracker.flip_row(box_.y0 + static_cast<int>(row), runs_, plane_);
+      const int y = box_.y0 + static_cast<int>(row);
+      if (!runs_.empty() && valued_) tracker.set_delays(y, runs_);
+      if (!runs_.empty() && !valued_) tracker.flip_row(y, runs_);
       runs_.clear();
     };
     for (std::uint64_t groups = take_number(at); groups-- > 0;) {
       const std::uint64_t head = take_number(at);
       column += head / 2;
       std::uint64_t length = head % 2 == 1 ? take_number(at) + 2 : 1;
+      const std::uint64_t value = valued_ ? take_number(at) : 0;
       while (length > 0) {
         if (column / width != row) {
           flush();
@@ -185,7 +210,8 @@ class KeptVoxels::Reader {
         }
         const std::uint64_t x = column % width, part = std::min(length, width - x);
         const int begin = box_.x0 + static_cast<int>(x);
-        runs_.push_back({begin, begin + static_cast<int>(part)});
+        runs_.push_back(
+            {begin, begin + static_cast<int>(part), static_cast<int>(value / 2), value % 2 == 1});
         column += part;
         length -= part;
       }
@@ -214,7 +240,7 @@ class KeptVoxels::Reader {
   const KeptVoxels& kept_;
   const Pieces& blobs_;
   const PixelBox box_;
-  const int plane_;
+  const bool valued_;
   std::size_t next_ = 0, at_ = 0;
   std::vector<std::uint8_t> piece_;
   int slice_ = 0;
@@ -227,13 +253,14 @@ KeptVoxels::KeptVoxels(std::vector<PixelBox> bands, int layers, const ExecutionC
       context_(context),
       store_(folder_of_kept(), kMemory, context) {}
 
-KeptVoxels::Pieces KeptVoxels::keep(const std::vector<std::uint8_t>& code) {
+KeptVoxels::Pieces KeptVoxels::keep(const std::vector<std::uint8_t>& code, bool valued) {
   Pieces pieces;
   const std::uint8_t *from = code.data(), *const end = from + code.size();
   for (const std::uint8_t* at = from; at != end;) {
     take_number(at);
     for (std::uint64_t groups = take_number(at); groups-- > 0;) {
       if (take_number(at) % 2 == 1) take_number(at);
+      if (valued) take_number(at);
     }
     if (at != end && static_cast<std::size_t>(at - from) < kPiece) continue;
     pieces.push_back(store_.put(from, static_cast<std::size_t>(at - from)));
@@ -251,14 +278,12 @@ Bodies KeptVoxels::follow(const Followed& what, const Grid& grid, const ImageFra
   std::vector<Reader> readers;
   readers.reserve(bands_.size());
   for (std::size_t i = 0; i < bands_.size(); ++i) {
-    const auto read = [&](const Stream& stream, int plane) {
-      if (!stream[i].empty()) readers.emplace_back(*this, stream[i], bands_[i], plane);
+    const auto read = [&](const Stream& stream, bool valued) {
+      if (!stream[i].empty()) readers.emplace_back(*this, stream[i], bands_[i], valued);
     };
-    read(what.changes, 0);
-    if (what.more) read(*what.more, 0);
-    for (std::size_t bit = 0; bit < what.delays.size(); ++bit) {
-      read(what.delays[bit], 1 + static_cast<int>(bit));
-    }
+    read(what.changes, false);
+    if (what.more) read(*what.more, false);
+    if (what.moments) read(*what.moments, true);
   }
   for (int at_hand = 0;;) {
     int next = Reader::kNoSlice;
@@ -271,7 +296,7 @@ Bodies KeptVoxels::follow(const Followed& what, const Grid& grid, const ImageFra
     at_hand = next;
     context_.check_cancelled();
     for (Reader& r : readers) {
-      if (r.slice() == next) r.flip(tracker);
+      if (r.slice() == next) r.tell(tracker);
     }
   }
 }

@@ -40,12 +40,34 @@ class VoxelChanges {
   };
   /// By slice, then by column, each place once.
   void sort();
-  static void sort_by_column(std::span<Flip> flips);
   std::size_t columns_;
   std::vector<Flip> flips_;
   bool sorted_ = true;
   unsigned kinds_ = 0;                 ///< that change anywhere; once sorted
   std::vector<std::uint64_t> before_;  ///< bits of the slice added last; empty: none
+};
+
+/// When the voxels of a band gel, where it changes along its columns. For one thread.
+class MomentChanges {
+ public:
+  /// From this slice on; in any order, but each place once. `at_once`: see BodyTracker::Run.
+  void add(int slice, std::size_t column, int delay, bool at_once) {
+    const auto value = static_cast<std::uint32_t>(2 * delay + (at_once ? 1 : 0));
+    changes_.push_back(
+        {static_cast<std::uint32_t>(slice) << kBits | value, static_cast<std::uint32_t>(column)});
+  }
+  /// The changes in slices before `layers`, coded as those of voxels, each group with its value.
+  std::vector<std::uint8_t> code(int layers);
+
+ private:
+  static constexpr unsigned kBits = 11;
+  static_assert(2 * BodyTracker::kLongestDelay + 1 < 1 << kBits);
+  struct Change {
+    std::uint32_t slice_and_value, column;
+    std::uint32_t slice() const { return slice_and_value >> kBits; }
+    std::uint32_t value() const { return slice_and_value & ((1U << kBits) - 1); }
+  };
+  std::vector<Change> changes_;
 };
 
 /// Takes codes of bands on any thread. What is more than some memory waits in a file without a name in
@@ -58,12 +80,12 @@ class KeptVoxels {
 
   KeptVoxels(std::vector<PixelBox> bands, int layers, const ExecutionContext& context);
   std::size_t bands() const { return bands_.size(); }
-  Pieces keep(const std::vector<std::uint8_t>& code);
+  /// `valued`: of moments.
+  Pieces keep(const std::vector<std::uint8_t>& code, bool valued = false);
   struct Followed {
     const Stream& changes;
-    const Stream* more = nullptr;  ///< changes beside these: what changes twice does not
-    std::span<const Stream> delays =
-        {};  ///< of each bit of the voxels' delays; empty: there are none
+    const Stream* more = nullptr;     ///< changes beside these: what changes twice does not
+    const Stream* moments = nullptr;  ///< null: all gels in its own slice
   };
   /// What the slices hold whose changes these are. Throws `Cancelled`.
   Bodies follow(const Followed& what, const Grid& grid, const ImageFrame& frame,

@@ -5,15 +5,16 @@
 
 #include <algorithm>
 #include <bit>
+#include <limits>
 #include <utility>
 
 namespace slicecorr::detail {
 
 SolidRows::SolidRows(int rows, BodyListener& listener)
-    : bodies_(listener), rows_(static_cast<std::size_t>(rows)), changed_(rows), buckets_(1) {}
+    : bodies_(listener), rows_(static_cast<std::size_t>(rows)), buckets_(1) {}
 
 SolidRows::Bucket& SolidRows::at(int n) {
-  const auto ahead = static_cast<std::size_t>(n - slice());
+  const auto ahead = static_cast<std::size_t>(std::max(n, slice()) - slice());
   if (ahead >= buckets_.size()) {
     std::vector<Bucket> more(std::bit_ceil(ahead + 1));
     for (std::size_t k = 0; k < buckets_.size(); ++k) {
@@ -22,75 +23,154 @@ SolidRows::Bucket& SolidRows::at(int n) {
     }
     buckets_ = std::move(more);
   }
-  return buckets_[static_cast<std::size_t>(n) & (buckets_.size() - 1)];
-}
-
-void SolidRows::join(const Labelled& a, const Labelled& b, int n) {
-  if (bodies_.root(a.label) == bodies_.root(b.label)) return;
-  at(n).edges.push_back({a.label, b.label});
   ++waiting_;
+  return buckets_[(static_cast<std::size_t>(slice()) + ahead) & (buckets_.size() - 1)];
 }
 
-void SolidRows::set_row(int y, std::span<const Run> runs) {
-  Row& row = rows_[static_cast<std::size_t>(y)];
-  next_.clear();
-  std::size_t old = 0;   // the first that does not end before the run at hand
-  std::size_t left = 0;  // all before it go on in this slice, or were left
-  const auto leave_before = [&](std::size_t past) {
-    for (; left < past; ++left) {
-      const Labelled& run = row[left];
-      at(slice() + run.delay).ends.push_back({run.label, {y, run.begin, run.end}});
-      ++waiting_;
-    }
-  };
-  for (const Run& run : runs) {
-    while (old < row.size() && row[old].end <= run.begin) ++old;
-    if (old < row.size() && row[old].same(run)) {
-      leave_before(old);
-      left = old + 1;
-      next_.push_back(row[old]);
-    } else {
-      Labelled made{run.begin, run.end, run.delay, 0};
-      const GrowingBodies::Patch patch{y, run.begin, run.end};
-      // What gels at once, on what has gelled, is more of its body: most runs are.
-      std::size_t k = old;
-      while (k < row.size() && row[k].begin < run.end && row[k].delay > 1) ++k;
-      if (run.delay == 0 && k < row.size() && row[k].begin < run.end) {
-        made.label = row[k].label;
-        at(slice()).goes_on.push_back({made.label, patch});
+void SolidRows::join(Label a, Label b, int n) {
+  if (a == b || bodies_.root(a) == bodies_.root(b)) return;
+  at(n).edges.push_back({a, b});
+}
+
+void SolidRows::leave(const Labelled& run, int row) {
+  const GrowingBodies::Patch patch{row, run.begin, run.end};
+  if (!run.gels.is_at_once()) {
+    at(run.gels.of(slice())).ends.push_back({run.label, patch});
+  } else {
+    // Voxels count from the slice after the one in which they gel.
+    at(run.gels.of(slice()) + 1).sums.push_back({{run.label, patch}, slice() - run.from});
+  }
+}
+
+/// A row while it changes: the old one from left to right, the new one behind it.
+class SolidRows::RowChange {
+ public:
+  RowChange(SolidRows& rows, int y)
+      : rows_(rows), y_(y), old_(rows.rows_[static_cast<std::size_t>(y)]), next_(rows.next_) {
+    next_.clear();
+  }
+  void change(const Change& c) {
+    keep_until(c.begin);
+    for (int x = c.begin; x < c.end;) {
+      Labelled* const old = at_ < old_.size() && old_[at_].begin <= x ? &old_[at_] : nullptr;
+      int end = c.end;
+      if (at_ < old_.size()) end = std::min(end, old ? old->end : old_[at_].begin);
+      const bool solid = (old != nullptr) != c.flips;
+      const GelTime gels = c.timed ? c.gels : solid && old ? old->gels : GelTime();
+      if (old && solid && gels == old->gels) {
+        put(part(*old, x, end), false);
       } else {
-        made.label = bodies_.add_label();
-        at(slice() + run.delay).begins.push_back({{made.label, patch}, slice()});
+        if (old) rows_.leave(part(*old, x, end), y_);
+        if (solid) make(x, end, gels, old);
       }
-      ++waiting_;
-      for (k = old; k < row.size() && row[k].begin < run.end; ++k) {
-        join(made, row[k], slice() + std::max(run.delay, row[k].delay - 1));
-      }
-      next_.push_back(made);
-    }
-    if (next_.size() > 1) {
-      const Labelled &before = next_[next_.size() - 2], &last = next_.back();
-      if (before.end == last.begin) {
-        join(before, last, slice() + std::max(before.delay, last.delay));
-      }
+      x = end;
+      if (!old) continue;
+      old->begin = end;
+      at_ += old->begin == old->end;
     }
   }
-  leave_before(row.size());
-  runs_ += next_.size();
-  runs_ -= row.size();
-  row.swap(next_);
-  changed_.add(y);
+  void finish() {
+    keep_until(std::numeric_limits<int>::max());
+    rows_.runs_ += next_.size();
+    rows_.runs_ -= size_;
+    old_.swap(next_);
+  }
+
+ private:
+  static Labelled part(Labelled run, int begin, int end) {
+    run.begin = begin;
+    run.end = end;
+    return run;
+  }
+  /// Old runs, and parts of them, that are not changed.
+  void keep_until(int column) {
+    std::size_t past = at_;
+    while (past < old_.size() && old_[past].end <= column) ++past;
+    if (past > at_) {
+      put(old_[at_], false);
+      using Step = Row::difference_type;
+      next_.insert(next_.end(), old_.begin() + static_cast<Step>(at_ + 1),
+                   old_.begin() + static_cast<Step>(past));
+      last_made_ = last_made_ && past == at_ + 1;
+      at_ = past;
+    }
+    if (at_ < old_.size() && old_[at_].begin < column) {
+      put(part(old_[at_], old_[at_].begin, column), false);
+      old_[at_].begin = column;
+    }
+  }
+  void put(const Labelled& run, bool made) {
+    if (!next_.empty() && next_.back().end == run.begin) {
+      Labelled& last = next_.back();
+      if (made || last_made_) {
+        rows_.join(last.label, run.label, std::max(gels(last), gels(run)));
+      }
+      if (last.alike(run)) {
+        last.end = run.end;
+        last.from = std::min(last.from, run.from);
+        last_made_ = made;
+        return;
+      }
+    }
+    next_.push_back(run);
+    last_made_ = made;
+  }
+  int gels(const Labelled& run) const { return run.gels.of(rows_.slice()); }
+  /// `below`: what was there in the slice before, or null.
+  void make(int begin, int end, GelTime its, const Labelled* below) {
+    const int n = rows_.slice(), gelled = its.of(n);
+    Labelled made{begin, end, n, its};
+    // What gels on or beside what has gelled is more of its body: most runs are. What gels on it has been
+    // joined with what is beside it, or is as soon as that begins.
+    const bool goes_on = below && below->gels.of(n - 1) <= gelled;
+    if (goes_on) {
+      made.label = below->label;
+    } else if (!next_.empty() && next_.back().end == begin && gels(next_.back()) <= gelled) {
+      made.label = next_.back().label;
+    } else {
+      made.label = rows_.bodies_.add_label();
+      rows_.at(gelled).begins.push_back({made.label, {n, y_, begin}});
+    }
+    if (below && made.label != below->label) {
+      rows_.join(made.label, below->label, std::max(gelled, below->gels.of(n - 1)));
+    }
+    if (!its.is_at_once()) rows_.at(gelled).grows.push_back({made.label, {y_, begin, end}});
+    if (!goes_on) rows_.made_.push_back({y_, made});
+    put(made, !goes_on);
+  }
+
+  SolidRows& rows_;
+  const int y_;
+  Row& old_;
+  Row& next_;
+  const std::size_t size_ = old_.size();
+  std::size_t at_ = 0;
+  bool last_made_ = false;  ///< the last of the new ones, or its end
+};
+
+void SolidRows::change_row(int y, std::span<const Change> changes) {
+  RowChange row(*this, y);
+  for (const Change& c : changes) row.change(c);
+  row.finish();
+}
+
+void SolidRows::join_beside(const Made& made, int row) {
+  if (row < 0 || row >= static_cast<int>(rows_.size())) return;
+  const Row& beside = rows_[static_cast<std::size_t>(row)];
+  auto at = std::ranges::partition_point(
+      beside, [&](const Labelled& run) { return run.end <= made.run.begin; });
+  for (; at != beside.end() && at->begin < made.run.end; ++at) {
+    join(made.run.label, at->label, std::max(made.run.gels.of(slice()), at->gels.of(slice())));
+  }
 }
 
 void SolidRows::pass_slice() {
   Bucket& now = at(slice());
-  waiting_ -= now.size();
-  for (const Beginning& b : now.begins) {
-    bodies_.begin(b.label, {b.slice, b.patch.row, b.patch.begin}, b.slice == 0);
-    bodies_.grow(b.label, b.patch, 1);
-  }
-  for (const Change& c : now.goes_on) bodies_.grow(c.label, c.patch, 1);
-  for (const Change& c : now.ends) bodies_.grow(c.label, c.patch, -1);
+  waiting_ -= now.size() + 1;
+  for (const Sum& s : now.sums) bodies_.add(s.label, s.patch, s.slices);
+  for (const Beginning& b : now.begins) bodies_.begin(b.label, b.low, b.low.slice == 0);
+  for (const Patched& p : now.grows) bodies_.grow(p.label, p.patch, 1);
+  for (const Patched& p : now.ends) bodies_.grow(p.label, p.patch, -1);
   for (const Edge& e : now.edges) bodies_.unite(e.a, e.b);
   // Not only cleared: many may wait for one slice, and few for all others.
   now = {};
@@ -98,12 +178,11 @@ void SolidRows::pass_slice() {
 }
 
 void SolidRows::end_slice(int more) {
-  changed_.take_neighbours([&](int upper, int lower) {
-    each_overlap(rows_[static_cast<std::size_t>(upper)], rows_[static_cast<std::size_t>(lower)],
-                 [&](const Labelled& u, const Labelled& l) {
-                   join(u, l, slice() + std::max(u.delay, l.delay));
-                 });
-  });
+  for (const Made& made : made_) {
+    join_beside(made, made.row - 1);
+    join_beside(made, made.row + 1);
+  }
+  made_.clear();
   pass_slice();
   for (; more > 0 && waiting_ > 0; --more) pass_slice();
   bodies_.skip(more);
@@ -116,9 +195,10 @@ void SolidRows::renumber() {
       for (Labelled& run : row) keep(run.label);
     }
     for (Bucket& bucket : buckets_) {
-      for (Change& c : bucket.begins) keep(c.label);
-      for (Change& c : bucket.goes_on) keep(c.label);
-      for (Change& c : bucket.ends) keep(c.label);
+      for (Sum& s : bucket.sums) keep(s.label);
+      for (Beginning& b : bucket.begins) keep(b.label);
+      for (Patched& p : bucket.grows) keep(p.label);
+      for (Patched& p : bucket.ends) keep(p.label);
       for (Edge& e : bucket.edges) {
         keep(e.a);
         keep(e.b);
@@ -129,8 +209,9 @@ void SolidRows::renumber() {
 
 void SolidRows::finish() {
   // What has not gelled yet does so before anything is judged.
-  for (int y = 0; y < static_cast<int>(rows_.size()); ++y) {
-    if (!rows_[static_cast<std::size_t>(y)].empty()) set_row(y, {});
+  for (std::size_t y = 0; y < rows_.size(); ++y) {
+    for (const Labelled& run : rows_[y]) leave(run, static_cast<int>(y));
+    rows_[y].clear();
   }
   while (waiting_ > 0) pass_slice();
   bodies_.finish();

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// Bodies of what is solid, joined by faces, in space and in time: voxels gel in their own slice or some
-/// slices after it. Rows are given slice by slice, and join in the order in which they gel.
+/// slices after it. Changes of rows are given slice by slice, and join in the order in which they gel.
 #pragma once
 
 #include <cstddef>
@@ -11,20 +11,41 @@
 #include <vector>
 
 #include "bodies/growing_bodies.hpp"
-#include "bodies/neighbour_rows.hpp"
-#include "slicecorr/bodies.hpp"
 
 namespace slicecorr::detail {
 
+/// When the voxels of a column gel: each so many slices after its own, or all in one slice.
+class GelTime {
+ public:
+  GelTime() = default;
+  static GelTime after(int slices) { return GelTime(slices); }
+  static GelTime at_once(int slice) { return GelTime(-1 - slice); }
+  bool is_at_once() const { return value_ < 0; }
+  /// The slice in which the voxel of `slice` gels.
+  int of(int slice) const { return value_ < 0 ? -1 - value_ : slice + value_; }
+  bool operator==(const GelTime&) const = default;
+
+ private:
+  explicit GelTime(int value) : value_(value) {}
+  std::int32_t value_ = 0;
+};
+
 class SolidRows {
  public:
-  using Run = BodyTracker::Run;
+  /// Columns [begin, end) of a row that are otherwise from the slice at hand on.
+  struct Change {
+    int begin = 0, end = 0;
+    bool flips = false;  ///< what was solid is not, and the other way round
+    bool timed =
+        false;  ///< `gels` is said; else what was solid gels as before, what was not in its slice
+    GelTime gels;
+  };
   /// Bodies hang on what comes before slice 0. `listener` must outlive this; slices that it is told are
   /// those at hand when something happens.
   SolidRows(int rows, BodyListener& listener);
 
-  /// Runs from left to right; neighbours that touch gel at different times.
-  void set_row(int y, std::span<const Run> runs);
+  /// From left to right, apart from each other; at most once a row and slice.
+  void change_row(int y, std::span<const Change> changes);
   /// Whether the slice at hand has anything of them.
   bool any() const { return runs_ > 0; }
   void end_slice(int more);
@@ -32,37 +53,60 @@ class SolidRows {
 
  private:
   using Label = GrowingBodies::Label;
-  /// Of a run as long as its row does not change. Voxels of its columns in the slices between gel one
-  /// after the other, and hang on each other.
+  /// Of a run as long as its voxels go on. Those of its columns in the slices between gel one after the
+  /// other, or at once, and hang on each other. The body of its label has begun when the run gels.
   struct Labelled {
-    std::int32_t begin = 0, end = 0, delay = 0;
-    Label label = 0;
-    bool same(const Run& r) const { return begin == r.begin && end == r.end && delay == r.delay; }
+    std::int32_t begin = 0, end = 0;
+    std::int32_t from = 0;  ///< slice of its first voxels
+    GelTime gels;
+    Label label = GrowingBodies::kNone;
+    /// Whether a run beside it goes on as it does.
+    bool alike(const Labelled& beside) const {
+      return end == beside.begin && gels == beside.gels &&
+             (from == beside.from || !gels.is_at_once());
+    }
   };
   using Row = std::vector<Labelled>;
-  struct Change {
+  /// A run of the slice at hand that does not gel on what gelled before it.
+  struct Made {
+    int row = 0;
+    Labelled run;
+  };
+  struct Patched {
     Label label;
     GrowingBodies::Patch patch;
   };
-  struct Beginning : Change {
-    int slice;  ///< that of the patch's first voxels
+  struct Beginning {
+    Label label;
+    FirstVoxel low;
+  };
+  struct Sum : Patched {
+    int slices;
   };
   struct Edge {
     Label a, b;
   };
   /// What happens in a slice.
   struct Bucket {
-    std::vector<Beginning> begins;  ///< runs that begin to gel, each a body of its own
-    std::vector<Change> goes_on;    ///< runs that begin to gel, on what has gelled below them
-    std::vector<Change> ends;       ///< runs of which all has gelled
-    std::vector<Edge> edges;        ///< of runs that share a face, which have both gelled now
-    std::size_t size() const { return begins.size() + goes_on.size() + ends.size() + edges.size(); }
+    std::vector<Sum> sums;  ///< what gelled at once in the slice before
+    std::vector<Beginning> begins;
+    std::vector<Patched> grows;  ///< runs that begin to gel slice by slice
+    std::vector<Patched> ends;   ///< those of which all has gelled
+    std::vector<Edge> edges;     ///< of runs that share a face, which have both gelled now
+    std::size_t size() const {
+      return sums.size() + begins.size() + grows.size() + ends.size() + edges.size();
+    }
   };
+  class RowChange;
 
   int slice() const { return bodies_.slice(); }
   Bucket& at(int n);
   /// Two runs that share a face have both gelled in `slice`.
-  void join(const Labelled& a, const Labelled& b, int n);
+  void join(Label a, Label b, int n);
+  /// Joins what is made with a row beside it.
+  void join_beside(const Made& made, int row);
+  /// Columns of a run have no more voxels.
+  void leave(const Labelled& run, int row);
   /// All that happens while the slice at hand is there.
   void pass_slice();
   void renumber();
@@ -70,7 +114,7 @@ class SolidRows {
   GrowingBodies bodies_;
   std::vector<Row> rows_;
   Row next_;
-  ChangedRows changed_;
+  std::vector<Made> made_;
   std::size_t runs_ = 0;
   std::vector<Bucket> buckets_;  ///< of slices from the one at hand on, a power of two of them
   std::size_t waiting_ = 0;      ///< in buckets

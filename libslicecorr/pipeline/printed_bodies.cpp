@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <utility>
 
 #include "bands/bands.hpp"
@@ -24,8 +23,7 @@ PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers,
       printed_(bands.size()),
       designed_other_(bands.size()),
       whole_other_(bands.size()),
-      delays_(std::bit_width(static_cast<unsigned>(BodyTracker::kLongestDelay)),
-              KeptVoxels::Stream(bands.size())) {}
+      moments_(bands.size()) {}
 
 PrintedBodies::Band::Band(PrintedBodies& whole, std::size_t index, const PixelBox& box)
     : whole_(whole), index_(index), state_(columns_of(box), 0), changes_(columns_of(box)) {}
@@ -37,32 +35,19 @@ void PrintedBodies::Band::enter(std::size_t column, int slice, std::uint8_t stat
   state_[column] = state;
 }
 
-bool PrintedBodies::Band::gel(std::size_t column, int slice, int delay) {
-  if (!whole_.in_time_) return false;
-  if (++whole_.moments_ > kMostMoments) {
-    whole_.in_time_ = false;
-    return false;
-  }
-  set_delay(column, slice, delay);
-  return true;
-}
-
-void PrintedBodies::Band::set_delay(std::size_t column, int slice, int delay) {
-  if (delay_.empty()) delay_.resize(state_.size(), 0);
-  const unsigned changed = delay_[column] ^ static_cast<unsigned>(delay);
-  for (unsigned bits = changed, k = 0; bits != 0; bits >>= VoxelChanges::kKinds, ++k) {
-    const unsigned kinds = bits & ((1U << VoxelChanges::kKinds) - 1);
-    while (delays_.size() <= k) delays_.emplace_back(state_.size());
-    if (kinds != 0) delays_[k].flip(slice + 1, column, kinds);
-  }
-  delay_[column] = static_cast<std::uint16_t>(delay);
+void PrintedBodies::Band::gel(std::size_t column, int slice, int delay) {
+  if (told_.empty()) told_.resize(state_.size(), 0);
+  // What was told of the slices above begins with them, from the platform on.
+  const int above = std::exchange(told_[column], delay), begin = slice + 1;
+  moments_.add(begin, column, above < 0 ? -1 - above - begin : above, above < 0);
 }
 
 void PrintedBodies::Band::listen(BandPredictor& predictor,
                                  const std::vector<std::uint32_t>* columns) {
   const bool in_time = predictor.tell_delays(
       [this, columns](std::size_t k, int slice, int delay) {
-        return gel(columns ? (*columns)[k] : k, slice, delay);
+        gel(columns ? (*columns)[k] : k, slice, delay);
+        return true;
       },
       BodyTracker::kLongestDelay);
   if (!in_time) whole_.in_time_ = false;
@@ -84,17 +69,11 @@ void PrintedBodies::Band::listen(BandPredictor& predictor,
 
 void PrintedBodies::Band::finish() {
   for (std::size_t column = 0; column < state_.size(); ++column) enter(column, -1, 0);
-  for (std::size_t column = 0; whole_.in_time_ && column < delay_.size(); ++column) {
-    set_delay(column, -1, 0);
+  for (std::size_t column = 0; column < told_.size(); ++column) {
+    if (told_[column] != 0) gel(column, -1, 0);
   }
-  if (!whole_.in_time_) delays_.clear();
-  for (std::size_t bit = 0; bit < whole_.delays_.size(); ++bit) {
-    const std::size_t k = bit / VoxelChanges::kKinds;
-    if (k >= delays_.size()) break;
-    whole_.delays_[bit][index_] =
-        whole_.kept_.keep(delays_[k].code(whole_.layers_, 1U << (bit % VoxelChanges::kKinds)));
-  }
-  delays_.clear();
+  told_ = {};
+  whole_.moments_[index_] = whole_.kept_.keep(moments_.code(whole_.layers_), true);
   const auto keep = [&](unsigned kind, KeptVoxels::Stream& to) {
     to[index_] = whole_.kept_.keep(changes_.code(whole_.layers_, kind));
   };
@@ -110,14 +89,12 @@ std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid, const
   const auto any = [](const KeptVoxels::Stream& stream) {
     return std::ranges::any_of(stream, [](const auto& pieces) { return !pieces.empty(); });
   };
-  const bool delayed = in_time_ && std::ranges::any_of(delays_, any);
+  const bool delayed = in_time_ && any(moments_);
   const bool designed_alike = !any(designed_other_);
-  const std::span<const KeptVoxels::Stream> delays =
-      in_time_ ? std::span(delays_) : std::span<const KeptVoxels::Stream>();
   parallel_for(silent(context_), "", 2, [&](std::size_t i) {
     if (i == 0) {
-      judged->printed =
-          kept_.follow({printed_, nullptr, delays}, grid, frame, {true, least_neck_mm2});
+      judged->printed = kept_.follow({printed_, nullptr, delayed ? &moments_ : nullptr}, grid,
+                                     frame, {true, least_neck_mm2});
       judged->printed.in_time = in_time_;
     } else if (!designed_alike || delayed) {
       judged->designed = kept_.follow({printed_, &designed_other_}, grid, frame, {false, 0});

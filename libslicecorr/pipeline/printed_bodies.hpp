@@ -18,10 +18,6 @@
 
 namespace slicecorr::detail {
 
-/// Changes of delays along all columns that are followed: light that is graded from pixel to pixel, as in
-/// lattices, gels each at a moment of its own, of which runs can make nothing.
-inline constexpr std::uint64_t kMostMoments = 4'000'000;
-
 /// Bands may be gathered on any thread and in any order, and give the same bodies.
 class PrintedBodies {
  public:
@@ -44,15 +40,13 @@ class PrintedBodies {
     void enter(std::size_t column, int slice, std::uint8_t state);
     PrintedBodies& whole_;
     const std::size_t index_;
-    /// False: there are too many delays.
-    bool gel(std::size_t column, int slice, int delay);
-    void set_delay(std::size_t column, int slice, int delay);
+    /// From this slice down, as `BandPredictor::DelaySink`.
+    void gel(std::size_t column, int slice, int delay);
     std::vector<std::uint8_t> state_;  ///< per column: of the slices at hand
     VoxelChanges changes_;
-    /// Per column the delay of the slices at hand, and changes of its bits, `VoxelChanges::kKinds` of them
-    /// in each; empty before the first delay.
-    std::vector<std::uint16_t> delay_;
-    std::vector<VoxelChanges> delays_;
+    std::vector<std::int32_t>
+        told_;  ///< per column: of its moments, the last; empty before the first
+    MomentChanges moments_;
   };
 
   /// After all bands. `least_neck_mm2`: see BodyAsk.
@@ -66,9 +60,8 @@ class PrintedBodies {
   KeptVoxels kept_;
   /// By band: of what prints, and of where what is designed, and what is covered whole, is otherwise.
   KeptVoxels::Stream printed_, designed_other_, whole_other_;
-  std::vector<KeptVoxels::Stream> delays_;  ///< of each bit of the printed voxels' delays
-  std::atomic<bool> in_time_{true};         ///< all delays are known, so far
-  std::atomic<std::uint64_t> moments_{0};   ///< changes of delays, so far
+  KeptVoxels::Stream moments_;       ///< of the printed voxels
+  std::atomic<bool> in_time_{true};  ///< moments are known, so far
 };
 
 /// Tells what of a print hangs on nothing and what it traps. Throws `InfeasibleError` where something

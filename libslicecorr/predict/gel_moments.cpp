@@ -20,7 +20,7 @@ bool GelMoments::known(const CureModel& model) {
 
 GelMoments::GelMoments(const CureModel& model, const PixelCurve& curve, std::size_t columns,
                        int longest, Sink sink)
-    : model_(model), curve_(curve), sink_(std::move(sink)), columns_(columns) {
+    : model_(model), curve_(curve), sink_(std::move(sink)) {
   // What comes later is less than what doses are compared to.
   const double slices = std::log(kSameDose) / std::log(model.a);
   longest_ = static_cast<int>(std::min<double>(longest, std::ceil(slices)));
@@ -47,15 +47,17 @@ GelMoments::GelMoments(const CureModel& model, const PixelCurve& curve, std::siz
   }
   if (model.lifts) keeps_ = 1.0 - model.lifts->exchange.value_or(0.0);
   brightest_ = model.phi_max() * model.greatest_ratio();
+  if (model.is_plain()) {
+    plain_.emplace(model, curve, columns, longest_, brightest_ * rest_.back());
+    return;
+  }
+  columns_.resize(columns);
   while (ring_ < count) ring_ *= 2;
   const std::size_t blocks = (columns + kLanes - 1) / kLanes;
   pixels_.resize(blocks * ring_ * kLanes);
   active_.resize(blocks, 0);
   last_.resize(blocks, -1);
   same_light_.resize(curve.size());
-  if (model.is_plain()) {
-    for (double left = 1.0; left > 1e-18; left *= model.a) faded_.push_back(left);
-  }
   const std::vector<double>& ratio = model.exposure_ratio;
   equally_long_.resize(ratio.size());
   for (std::size_t n = ratio.size(); n-- > 0;) {
@@ -90,31 +92,9 @@ const GelMoments::SameLight& GelMoments::same_light(std::uint8_t pixel) {
   return same;
 }
 
-double GelMoments::middle(std::size_t column, int slice) {
-  Column& c = columns_[column];
-  const std::size_t block = column / kLanes, lane = column % kLanes;
-  if (const int passed = c.node - slice - 1; c.node >= 0 && passed > 0) {
-    // Slices that were not looked at show what the last of them does.
-    const auto k = static_cast<std::size_t>(passed);
-    const double phi = curve_[row(block, slice + 1)[lane]];
-    c.dose = phi + (c.dose - phi) * (k < faded_.size() ? faded_[k] : 0.0);
-  }
-  const double phi = curve_[row(block, slice)[lane]];
-  const double middle = (1.0 - model_.root_a) * phi + model_.root_a * c.dose;
-  c.dose = model_.one_minus_a * phi + model_.a * c.dose;
-  c.node = slice;
-  return middle;
-}
-
 bool GelMoments::look(std::size_t column, int slice) {
   Column& c = columns_[column];
   const std::size_t block = column / kLanes, lane = column % kLanes;
-  if (!faded_.empty()) {
-    // What never gels needs no moment; with the same light the slices before it do not either where that
-    // light alone would not do.
-    const double least = 1.0 - kSameDose - brightest_ * rest_.back();
-    if (middle(column, slice) < least) return curve_[row(block, slice)[lane]] >= least;
-  }
   const int last = last_[block];
   // Light from the platform makes doses greater, so that the rest may be, too.
   const double returned = model_.returned(slice + 0.5);
@@ -130,24 +110,17 @@ bool GelMoments::look(std::size_t column, int slice) {
     j = known ? same.known_after - 1 : alike;
     sum = same.sums[static_cast<std::size_t>(alike)];
   }
-  const auto sum_up = [&](const auto& shown) {
-    for (; !known && j <= longest_ && slice + j <= last; ++j) {
-      const auto k = static_cast<std::size_t>(j);
-      const double phi = shown(slice + j) * curve_[row(block, slice + j)[lane]];
-      sum = keeps_ * sum + weights_[k] * phi;
-      gels = sum * returned >= 1.0;
-      if (gels || (sum + brightest_ * rest_[k + 1]) * returned < 1.0) break;
-    }
-  };
-  if (faded_.empty()) {
-    sum_up([&](int n) { return model_.ratio(n); });
-  } else {
-    sum_up([](int) { return 1.0; });
+  for (; !known && j <= longest_ && slice + j <= last; ++j) {
+    const auto k = static_cast<std::size_t>(j);
+    const double phi = model_.ratio(slice + j) * curve_[row(block, slice + j)[lane]];
+    sum = keeps_ * sum + weights_[k] * phi;
+    gels = sum * returned >= 1.0;
+    if (gels || (sum + brightest_ * rest_[k + 1]) * returned < 1.0) break;
   }
   // What does so at last, by less than what doses are compared to.
   const bool late = j > longest_;
-  const int delay = late ? longest_ : j;
-  if ((gels || late) && delay != c.delay) {
+  const int delay = late ? longest_ : gels ? j : 0;
+  if (delay != c.delay) {
     c.delay = static_cast<std::uint16_t>(delay);
     wanted_ = sink_(column, slice, delay);
   }
@@ -159,6 +132,7 @@ bool GelMoments::look(std::size_t column, int slice) {
 
 void GelMoments::add_slice(int slice, std::size_t first, std::size_t columns,
                            const std::uint8_t* pixels) {
+  if (plain_) return plain_->add_slice(slice, first, columns, pixels, sink_);
   if (!pixels || !wanted_) return;
   const bool all = slice < model_.mirrored_slices || equally_long(slice) == 1;
   for (std::size_t begin = 0; begin < columns; begin += kLanes) {

@@ -8,9 +8,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
+#include <optional>
 #include <vector>
 
+#include "predict/plain_moments.hpp"
 #include "slicecorr/cure.hpp"
 
 namespace slicecorr::detail {
@@ -18,10 +19,8 @@ namespace slicecorr::detail {
 /// Follows the columns of a band from the last slice to the first. Not thread-safe.
 class GelMoments {
  public:
-  /// Told of layers that gel later or earlier after their slice than the layer told before, which the
-  /// column's layers between did as well; before the first: 0. Of layers that do not gel it says nothing.
-  /// False: enough is known, and nothing more is looked for.
-  using Sink = std::function<bool(std::size_t column, int slice, int delay)>;
+  /// As `BandPredictor::DelaySink`. False: enough is known, and nothing more is looked for.
+  using Sink = PlainMoments::Sink;
   /// Whether moments follow from sums of layers that are alike: of the law `SumOfLight`.
   static bool known(const CureModel& model);
   /// `model` and `curve` outlive it; `longest`: delays are at most this.
@@ -36,10 +35,7 @@ class GelMoments {
   struct Column {
     std::uint16_t alike = 0;  ///< slices with the same light from the one at hand on, at least
     std::uint16_t delay = 0;  ///< as told last
-    std::int32_t node = -1;   ///< where `dose` is the column's; -1: it has not been looked at
-    double dose = 0;
   };
-  static constexpr std::size_t kLanes = 64;
   std::uint8_t* row(std::size_t block, int slice) {
     const auto kept = static_cast<std::size_t>(slice) & (ring_ - 1);
     return &pixels_[(block * ring_ + kept) * kLanes];
@@ -56,10 +52,8 @@ class GelMoments {
     bool gels = false;
   };
   const SameLight& same_light(std::uint8_t pixel);
-  /// Brings the column's dose to the node of `slice`; what the middle of its layer gets in the end. Where
-  /// slices count alike.
-  double middle(std::size_t column, int slice);
 
+  std::optional<PlainMoments> plain_;  ///< does all the work where the model is plain
   const CureModel& model_;
   const PixelCurve& curve_;
   const Sink sink_;
@@ -72,7 +66,6 @@ class GelMoments {
   std::size_t ring_ = 1;         ///< slices kept, a power of two
   std::vector<std::uint8_t> pixels_;
   std::vector<SameLight> same_light_;  ///< by pixel
-  std::vector<double> faded_;          ///< a^j, by j, where slices count alike; later ones are 0
   std::vector<int> equally_long_;      ///< of slices whose exposures are listed
   std::vector<Column> columns_;
   /// Per block of lanes.

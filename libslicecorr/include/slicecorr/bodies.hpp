@@ -169,6 +169,8 @@ class BodyTracker {
   struct Run {
     int begin = 0, end = 0;
     int delay = 0;  ///< slices after their own until they gel, 0..kLongestDelay
+    /// What is above them in their columns gels in the same slice as they do, not as long after its own.
+    bool at_once = false;
     bool operator==(const Run&) const = default;
   };
   /// `box`: of all that is solid in any slice.
@@ -176,13 +178,17 @@ class BodyTracker {
               const BodyAsk& ask = {});
   ~BodyTracker();
   BodyTracker(BodyTracker&&) noexcept;
-  /// What is solid in row `y` of the slice at hand, inside the box: runs from left to right with a gap
-  /// between them. Rows that are not set are as in the slice before, empty before the first one. At
-  /// most once a row and slice.
+  /// What is solid in row `y` of the slice at hand, inside the box, and when it gels: runs from left to
+  /// right; neighbours that touch have other delays. Rows that are not set are as in the slice before, empty
+  /// before the first one. At most once a row and slice, and not beside what follows.
   void set_row(int y, std::span<const Run> runs);
-  /// The same by the runs whose voxels are otherwise than in the slice before. `plane` 0: solid or not;
-  /// `plane` k: bit k - 1 of the delay, which counts where a voxel is solid. Once a row, slice and plane.
-  void flip_row(int y, std::span<const Run> runs, int plane = 0);
+  /// Which voxels of a row are solid, by those that are otherwise than in the slice before; twice is not at
+  /// all.
+  void flip_row(int y, std::span<const Run> runs);
+  /// When voxels of a row gel, solid ones from the slice at hand on, until something else is said of them
+  /// or they are solid no more. What is not told gels in its own slice. At most once a row and slice. Of
+  /// runs `at_once` something else is to be said when the slice is past in which they gel.
+  void set_delays(int y, std::span<const Run> runs);
   /// Ends the slice at hand, and `more` after it that are like it.
   void end_slice(int more = 0);
   /// After the last slice.

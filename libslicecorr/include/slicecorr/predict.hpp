@@ -297,11 +297,11 @@ class BandPredictor {
   using StateSink = std::function<void(std::size_t column, int slice, std::uint8_t coverage,
                                        bool prints, bool prints_above)>;
   void tell_states(StateSink sink);
-  /// Told of the layers of a column, from the last to the first, whose middle gels by other slices than
-  /// that of the layer told before: how many after its own, at most `longest`. Before the first told: 0.
-  /// Nothing is said of layers that do not gel. False, and nothing is told, where moments are not known:
-  /// they are where doses are sums of light and light does not spread; not of recordings. The sink gives
-  /// false where nothing more is to be told.
+  /// Told of the layers of a column, from the last to the first, at which it becomes another when their
+  /// middle gels, and with that of layers before: so many slices after its own each, at most `longest`; or
+  /// all in slice n, which is told as -1 - n. Before the first told, and where layers do not gel: 0. False,
+  /// and nothing is told, where moments are not known: they are where doses are sums of light and light
+  /// does not spread; not of recordings. The sink gives false where nothing more is to be told.
   using DelaySink = std::function<bool(std::size_t column, int slice, int delay)>;
   bool tell_delays(DelaySink sink, int longest);
   /// Height errors are measured from edge heights, where there are some, and not from nodes: those

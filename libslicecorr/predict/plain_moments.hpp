@@ -1,0 +1,77 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// When the middles of layers gel where the recursion (A.32) describes the dose as it stands. What slices
+/// after n leave in the middle of layer m is the dose at the far node of slice n, of these alone, times
+/// sqrt(a) a^(n - m). So layer m has gelled in slice n when that is no more than what its dose is beyond 1
+/// in the end; neighbouring layers wait for nearly the same slice, and no sums are needed.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "base/tile_kernels.hpp"
+#include "slicecorr/cure.hpp"
+
+namespace slicecorr::detail {
+
+/// Follows the columns of a band from the last slice to the first, 64 lanes at once. Not thread-safe.
+class PlainMoments {
+ public:
+  /// As `BandPredictor::DelaySink`.
+  using Sink = std::function<bool(std::size_t column, int slice, int delay)>;
+  /// `model` is plain; it and `curve` outlive this. `longest`: delays are at most this; what slices
+  /// further away leave is at most `beyond_reach`.
+  PlainMoments(const CureModel& model, const PixelCurve& curve, std::size_t columns, int longest,
+               double beyond_reach);
+  /// As `GelMoments::add_slice`.
+  void add_slice(int slice, std::size_t first, std::size_t columns, const std::uint8_t* pixels,
+                 const Sink& sink);
+
+ private:
+  struct Block {
+    double dose[kLanes] = {};   ///< at node `node`
+    double light[kLanes] = {};  ///< that lanes are shown there
+    double left[kLanes] =
+        {};  ///< in the layer looked at last, of slices after the one it waits for
+    double before[kLanes] = {};           ///< the same, of that slice and those after it
+    double later[kLanes] = {};            ///< at the far node of the slice that it waits for
+    std::int32_t waits_for[kLanes] = {};  ///< that slice
+    std::int32_t told[kLanes] = {};       ///< as told last
+    std::int32_t since[kLanes] = {};      ///< the light is the same from here down
+    int node = 0;                         ///< the slice looked at last
+    int last = -1;                        ///< slice with light; -1: not known yet
+    LaneMask active = 0;                  ///< what is told may change
+    LaneMask known = 0;                   ///< `waits_for` and `later` are those of the layer above
+    LaneMask at_once = 0;                 ///< `told` is a slice in which layers gel at once
+    LaneMask told_own = ~LaneMask{0};     ///< each gels in its own slice, or never
+  };
+  std::uint8_t* row(std::size_t block, int slice) {
+    const auto kept = static_cast<std::size_t>(slice) & (ring_ - 1);
+    return &pixels_[(block * ring_ + kept) * kLanes];
+  }
+  double faded(int slices) const {
+    const auto j = static_cast<std::size_t>(slices);
+    return j < faded_.size() ? faded_[j] : 0.0;
+  }
+  /// The block's slice, and which lanes differ from the slice above.
+  LaneMask take(std::size_t block, int slice, const std::uint8_t* pixels, std::size_t lanes);
+  /// Looks at the layer of a lane that gels later than in its own slice, whose dose is `beyond` 1 at its
+  /// upper node; gives what is to be told of it.
+  int look(std::size_t block, std::size_t lane, int slice, double beyond);
+  void add_block(std::size_t block, int slice, LaneMask changed, const Sink& sink);
+
+  const CureModel& model_;
+  const PixelCurve& curve_;
+  const int longest_;
+  const double least_;  ///< dose of a middle that may gel
+  bool wanted_ = true;
+  std::size_t ring_ = 1;  ///< slices kept, a power of two
+  std::vector<std::uint8_t> pixels_;
+  std::vector<double> faded_;  ///< a^j, by j
+  std::vector<Block> blocks_;
+};
+
+}  // namespace slicecorr::detail

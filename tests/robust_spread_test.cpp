@@ -21,7 +21,7 @@
 #include "slicecorr/uncertain_print.hpp"
 #include "stack_fixture.hpp"
 
-namespace slicecorr {
+namespace slicecorr::robust_spread {
 namespace {
 
 using test::MemorySlices;
@@ -196,4 +196,4 @@ TEST(RobustSpread, WhatCannotBeIsRefused) {
 }
 
 }  // namespace
-}  // namespace slicecorr
+}  // namespace slicecorr::robust_spread

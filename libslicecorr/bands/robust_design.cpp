@@ -325,7 +325,7 @@ void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<Moved
     for (const RobustTrouble& t : troubles) of[t.column].push_back(t);
     std::vector<std::size_t> left;
     for (std::size_t k = 0; k < active.size(); ++k) {
-      if (searches[active[k]].go_on(std::move(of[k]))) left.push_back(active[k]);
+      if (searches[active[k]].go_on(of[k])) left.push_back(active[k]);
     }
     active = std::move(left);
   }

@@ -30,18 +30,18 @@ double EdgeMover::most_aim(const CureModel& model) {
   return std::min(1.0 + kMostSteps * kAimStep, 0.5 * (1.0 + model.phi_max()));
 }
 
-void EdgeMover::put(MovedEdge& b) const {
-  b.at_node = b.node;
-  b.at_height = b.height;
-  if (!b.moved()) return;
-  const double dose = 1.0 + kAimStep * b.aim;
+void EdgeMover::put(MovedEdge& edge) const {
+  edge.at_node = edge.node;
+  edge.at_height = edge.height;
+  if (!edge.moved()) return;
+  const double dose = 1.0 + kAimStep * edge.aim;
   const double per_slice = model_.eta * units::kLn10;
   const double p0 = model_.phi_min(), p1 = model_.phi_max();
-  const double at = b.place() + b.shift +
-                    (b.upper ? -std::log((dose - p0) / (1 - p0)) / per_slice
-                             : std::log((p1 - 1) / (p1 - dose)) / per_slice);
-  b.at_node = static_cast<int>(std::lround(at));
-  b.at_height = edge_height_byte(at - b.at_node);
+  const double at = edge.place() + edge.shift +
+                    (edge.upper ? -std::log((dose - p0) / (1 - p0)) / per_slice
+                                : std::log((p1 - 1) / (p1 - dose)) / per_slice);
+  edge.at_node = static_cast<int>(std::lround(at));
+  edge.at_height = edge_height_byte(at - edge.at_node);
 }
 
 bool EdgeMover::aim(MovedEdges& column, std::size_t k, int steps) const {
@@ -92,7 +92,7 @@ bool AimSearch::given_up(const RobustTrouble& t) const {
                      [&](const RobustTrouble& g) { return g.same_place(t); });
 }
 
-bool AimSearch::go_on(std::vector<RobustTrouble> troubles) {
+bool AimSearch::go_on(const std::vector<RobustTrouble>& troubles) {
   // Where a plan was put, what it can't help is given up.
   if (std::exchange(looks_at_plan_, false)) given_up_ = troubles;
   const Score score = score_of(troubles);

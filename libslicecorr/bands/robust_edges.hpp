@@ -99,7 +99,7 @@ class AimSearch {
   /// What fails in the best.
   const std::vector<RobustTrouble>& troubles() const { return failing_; }
   /// Takes what fails in the column that was tried; false: nothing more is to be tried.
-  bool go_on(std::vector<RobustTrouble> troubles);
+  bool go_on(const std::vector<RobustTrouble>& troubles);
 
  private:
   /// What fails with inputs as said counts first, then what fails in a case, then by how much.

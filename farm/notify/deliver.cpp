@@ -20,33 +20,13 @@
 
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/version.hpp"
+#include "support/process/no_sigpipe.hpp"
 
 namespace slicecorr::farm {
 
 namespace {
 
 using Steady = std::chrono::steady_clock;
-
-/// A receiver that hangs up must not end the program: SIGPIPE waits, and is thrown away.
-class NoSigpipe {
- public:
-  NoSigpipe() {
-    sigemptyset(&pipe_);
-    sigaddset(&pipe_, SIGPIPE);
-    ::pthread_sigmask(SIG_BLOCK, &pipe_, &before_);
-  }
-  ~NoSigpipe() {
-    const timespec now{};
-    while (::sigtimedwait(&pipe_, nullptr, &now) > 0) {
-    }
-    ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
-  }
-  NoSigpipe(const NoSigpipe&) = delete;
-  NoSigpipe& operator=(const NoSigpipe&) = delete;
-
- private:
-  sigset_t pipe_, before_;
-};
 
 std::string post(const NotifyTarget& target, const Notice& notice, int stop_fd) {
   const std::size_t slash = target.url.find('/', target.url.find("://") + 3);

@@ -91,7 +91,9 @@ void take_key(const std::string& path, const std::string& group, const toml::key
     for (const std::string& kind : t.kinds) {
       if (std::find(std::begin(kNoticeKinds), std::end(kNoticeKinds), kind) ==
           std::end(kNoticeKinds)) {
-        wrong(path, value.source(), "on: expected job_failed, batch_done, queue_empty or disk_low");
+        wrong(path, value.source(),
+              "on: expected job_failed, batch_done, queue_empty, disk_low, "
+              "machine_ended or machine_trouble");
       }
     }
   } else if (what == "timeout_s") {
@@ -179,8 +181,9 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
     for (const FarmEvent& e : model.events(found.seen, kEventsAtOnce)) {
       more = true;
       found.seen = e.seq;
-      if (e.kind == "disk_low") {
-        found.list.push_back(make(farm, "disk_low", e, e.text, Json::object()));
+      // The event's own words are the message.
+      for (const char* kind : {"disk_low", "machine_ended", "machine_trouble"}) {
+        if (e.kind == kind) found.list.push_back(make(farm, kind, e, e.text, Json::object()));
       }
       if (e.kind != "done" && e.kind != "failed" && e.kind != "cancelled") continue;
       const auto job = model.job(e.job);

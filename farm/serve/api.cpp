@@ -159,7 +159,8 @@ Api::Api(const FarmFolder& folder, const ServeOptions& options, GuardRules rules
       stopping_(stopping),
       accounts_(all_accounts(options), rules_.loopback),
       studies_(folder, options.children),
-      bridges_(folder, options.children) {}
+      bridges_(folder, options.children),
+      machines_(folder) {}
 
 bool Api::before_body(const httplib::Request& request, httplib::Response& response) {
   try {
@@ -207,6 +208,7 @@ bool Api::read_shell(const std::string& path, httplib::Response& response) {
   };
   if (path == "/") return shell(std::string(page_live_html), kHtmlType);
   if (path == "/print") return shell(std::string(page_print_html), kHtmlType);
+  if (path == "/machines") return shell(std::string(page_machines_html), kHtmlType);
   if (path == "/materials") return shell(std::string(page_materials_html), kHtmlType);
   if (path == "/api/v1/openapi.json") return shell(api_description(), kJsonType);
   if (path == "/healthz") return shell("ok\n", kTextType);
@@ -215,10 +217,10 @@ bool Api::read_shell(const std::string& path, httplib::Response& response) {
                  "text/css; charset=utf-8");
   }
   constexpr std::pair<const char*, const std::string_view*> scripts[] = {
-      {"common.js", &page_common_js},      {"live.js", &page_live_js},
-      {"actions.js", &page_actions_js},    {"parts.js", &page_parts_js},
-      {"plate.js", &page_plate_js},        {"print.js", &page_print_js},
-      {"materials.js", &page_materials_js}};
+      {"common.js", &page_common_js},       {"live.js", &page_live_js},
+      {"actions.js", &page_actions_js},     {"parts.js", &page_parts_js},
+      {"plate.js", &page_plate_js},         {"print.js", &page_print_js},
+      {"materials.js", &page_materials_js}, {"machines.js", &page_machines_js}};
   for (const auto& [name, text] : scripts) {
     if (path == std::string("/pages/") + name) {
       return shell(std::string(*text), "text/javascript; charset=utf-8");
@@ -240,7 +242,7 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     query.end();
     return send(response, 200, metrics_.get([&] {
       Reader reader(*this);
-      return metrics_text(*reader, folder_, *options_.clock);
+      return metrics_text(*reader, folder_, *options_.clock) + machines_.metrics();
     }),
                 "text/plain; version=0.0.4; charset=utf-8");
   }
@@ -302,6 +304,7 @@ void Api::read_farm(const std::string& what, const Asker& asker, Query& query,
   if (what == "resins") {
     return send(response, 200, ask_program({"resinctl", "list", "--json", "-"}), kJsonType);
   }
+  if (what == "machines") return send_json(response, 200, machines_.list());
   if (what == "bridges") return send_json(response, 200, {{"bridges", bridges_.list()}});
   not_there();
 }

@@ -19,6 +19,7 @@
 
 #include "serve/accounts.hpp"
 #include "serve/bridges.hpp"
+#include "serve/machine_watch.hpp"
 #include "serve/studies.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/read_model.hpp"
@@ -112,6 +113,8 @@ class Api {
   void start_study(const std::string& text, const Asker& asker, httplib::Response& response);
   void add_resin(const std::string& text, const std::string& by, httplib::Response& response);
   void add_printer(const std::string& text, httplib::Response& response);
+  void act_on_machine(const std::string& name, const std::string& what, const std::string& text,
+                      httplib::Response& response);
   void give_ticket(const std::string& text, httplib::Response& response);
   /// Runs a program that takes a moment. Throws `ApiError` with what it says when it fails.
   std::string ask_program(std::vector<std::string> arguments, const std::string& input = {},
@@ -128,6 +131,7 @@ class Api {
   Tickets tickets_;
   Studies studies_;
   Bridges bridges_;
+  MachineWatch machines_;
   std::counting_semaphore<> programs_{2};  ///< that requests wait for, at a time
   std::mutex readers_mutex_, submit_mutex_;
   std::set<std::string> submitting_;  ///< who submits now

@@ -3,23 +3,19 @@
 
 #include "serve/bridges.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <signal.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <thread>
 
+#include "machines/detached.hpp"
 #include "serve/studies.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/farm/machines.hpp"
 #include "support/files/text_file.hpp"
 #include "support/json/read_json.hpp"
-#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -37,93 +33,20 @@ std::string log_of(const FarmFolder& folder, const std::string& bridge) {
   return folder.root + "/bridges/" + bridge + ".log";
 }
 
-/// Starts a program that outlives this one, with its output in `log`. -1: it can't be started.
-pid_t start_detached(const std::vector<std::string>& arguments, const std::string& log) {
-  // All memory is taken before the fork.
-  std::vector<char*> argv;
-  argv.reserve(arguments.size() + 1);
-  for (const std::string& s : arguments) argv.push_back(const_cast<char*>(s.c_str()));
-  argv.push_back(nullptr);
-  const pid_t pid = ::fork();
-  if (pid != 0) return pid;
-  ::setsid();
-  sigset_t none;
-  ::sigemptyset(&none);
-  ::sigprocmask(SIG_SETMASK, &none, nullptr);
-  const int in = ::open("/dev/null", O_RDONLY);
-  const int out = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-  if (in < 0 || out < 0 || ::dup2(in, STDIN_FILENO) < 0 || ::dup2(out, STDOUT_FILENO) < 0 ||
-      ::dup2(out, STDERR_FILENO) < 0) {
-    ::_exit(127);
-  }
-  ::close_range(STDERR_FILENO + 1, ~0U, 0);
-  ::execv(argv[0], argv.data());
-  ::_exit(127);
-}
-
-std::vector<std::string> texts_of(const toml::table& table, const char* key,
-                                  const std::string& path) {
-  std::vector<std::string> list;
-  const toml::node* node = table.get(key);
-  if (!node) return list;
-  const toml::array* array = node->as_array();
-  for (std::size_t i = 0; array && i < array->size(); ++i) {
-    const auto text = (*array)[i].value<std::string>();
-    if (!text)
-      array = nullptr;
-    else
-      list.push_back(*text);
-  }
-  if (!array) throw InputError(path, key, "expected a list of texts");
-  return list;
-}
-
 }  // namespace
 
-std::vector<Bridge> read_bridges(const std::string& path) {
-  std::error_code error;
-  if (!fs::exists(path, error)) return {};
-  const toml::table table = parse_toml(read_text_file(path), path);
+std::vector<Bridge> read_bridges(const FarmFolder& folder) {
   std::vector<Bridge> bridges;
-  for (const auto& [key, node] : table) {
-    const toml::array* list = node.as_array();
-    if (key.str() != "bridge" || !list) throw InputError(path, "", "expected [[bridge]] tables");
-    for (const toml::node& each : *list) {
-      const toml::table* t = each.as_table();
-      if (!t) throw InputError(path, "", "expected [[bridge]] tables");
-      const TomlTable read(*t, path, "bridge");
-      for (const auto& [k, n] : *t) {
-        const std::string_view known[] = {"name", "printer", "options", "status_options", "page"};
-        if (std::find(std::begin(known), std::end(known), k.str()) == std::end(known)) {
-          read.fail(k.str(), "is no key of a bridge");
-        }
-      }
-      Bridge b;
-      b.name = read.text("name", "");
-      b.printer = read.text("printer", "");
-      b.page = read.text("page", "");
-      const auto plain = [](char c) {
-        return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
-      };
-      if (b.name.empty() || b.name.size() > 60 ||
-          !std::all_of(b.name.begin(), b.name.end(), plain)) {
-        read.fail("name", "expected a name of small letters, digits, - and _");
-      }
-      if (b.printer.empty()) read.fail("printer", "expected the name of a printer");
-      if (!b.page.empty() && !b.page.starts_with("http://") && !b.page.starts_with("https://")) {
-        read.fail("page", "expected an address that begins with http:// or https://");
-      }
-      b.options = texts_of(*t, "options", path);
-      b.status_options = texts_of(*t, "status_options", path);
-      bridges.push_back(std::move(b));
-    }
+  for (const MachineSpec& m : read_machines(folder)) {
+    if (m.kind != MachineKind::bridge) continue;
+    bridges.push_back({m.name, m.printer, m.options, m.status_options, m.page});
   }
   return bridges;
 }
 
 Json Bridges::list() {
   Json json = Json::array();
-  for (const Bridge& b : read_bridges(folder_.root + "/bridges.toml")) {
+  for (const Bridge& b : read_bridges(folder_)) {
     Json one = {{"name", b.name}, {"printer", b.printer}, {"page", b.page}};
     std::vector<std::string> ask{
         program_path(rules_, "printbridge"), "status", "--printer", b.printer, "--json", "-"};
@@ -158,7 +81,7 @@ Json Bridges::list() {
 
 Json Bridges::print(const std::string& bridge, const std::string& stack, const Job& job,
                     bool dry_run, bool machine_is_clear, const std::string& by) {
-  const std::vector<Bridge> all = read_bridges(folder_.root + "/bridges.toml");
+  const std::vector<Bridge> all = read_bridges(folder_);
   const auto b =
       std::find_if(all.begin(), all.end(), [&](const Bridge& x) { return x.name == bridge; });
   if (b == all.end()) throw ApiError(404, "bridge", "there is no bridge of this name");

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// @file bridges.hpp
-/// Machines that jobs are sent to: DIR/bridges.toml names them, `printbridge` prints. A print is no
+/// Machines that jobs are sent to: DIR/machines.toml and DIR/bridges.toml name them, `printbridge` prints. A print is no
 /// child that ends with the server: it goes on.
 #pragma once
 
@@ -25,8 +25,8 @@ struct Bridge {
   std::string page;                         ///< address of `printbridge serve`, for a link
 };
 
-/// Reads DIR/bridges.toml; none without the file. Throws `InputError`.
-std::vector<Bridge> read_bridges(const std::string& path);
+/// The machines that printbridge drives, of DIR/machines.toml and DIR/bridges.toml. Throws `InputError`.
+std::vector<Bridge> read_bridges(const FarmFolder& folder);
 
 /// Thread-safe. Throws `ApiError`.
 class Bridges {

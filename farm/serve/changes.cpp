@@ -99,6 +99,7 @@ void Api::change(const httplib::Request& request, httplib::Response& response,
     }
     if (what == "resins") return add_resin(text, by, response);
     if (what == "printers") return add_printer(text, response);
+    if (what == "machines") return act_on_machine(path[3], path[4], text, response);
     if (what == "tickets") return give_ticket(text, response);
     not_there();
   } catch (const ApiError& e) {

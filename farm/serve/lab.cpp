@@ -211,6 +211,28 @@ void Api::print(JobId id, const std::string& text, const std::string& by,
                            flag_of(json, "dry_run"), flag_of(json, "machine_is_clear"), by));
 }
 
+void Api::act_on_machine(const std::string& name, const std::string& what, const std::string& text,
+                         httplib::Response& response) {
+  const Json json = text.empty() ? Json::object() : parsed(text);
+  check_keys(json, what == "send" ? std::initializer_list<std::string_view>{"job"}
+                   : what == "start"
+                       ? std::initializer_list<std::string_view>{"plate_is_empty", "vat_is_filled"}
+                       : std::initializer_list<std::string_view>{});
+  if (what != "send") {
+    static_cast<void>(flag_of(json, "plate_is_empty") || flag_of(json, "vat_is_filled"));
+    return send_json(response, 200, machines_.act(name, what, json));
+  }
+  const auto id = json.find("job");
+  if (id == json.end() || !id->is_number_integer()) {
+    throw ApiError(400, "json", "job: expected the number of a job");
+  }
+  Reader reader(*this);
+  const auto job = reader->job(id->get<std::int64_t>());
+  if (!job) throw ApiError(404, "not_found", "there is no such job");
+  machines_.send(name, *job);
+  send_json(response, 202, {{"machine", name}, {"job", job->id}, {"running", true}});
+}
+
 void Api::give_ticket(const std::string& text, httplib::Response& response) {
   const Json json = parsed(text);
   const auto path = json.find("path");

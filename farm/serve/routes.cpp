@@ -18,6 +18,7 @@ constexpr Route kRoutes[] = {
     {"GET", "/", {}},
     {"GET", "/print", {}},
     {"GET", "/materials", {}},
+    {"GET", "/machines", {}},
     {"GET", "/pages/{file}", {}},
     {"GET", "/healthz", {}},
     {"GET", "/api/v1/openapi.json", {}},
@@ -55,6 +56,8 @@ constexpr Route kRoutes[] = {
     {"GET", "/api/v1/printers", Role::look},
     {"POST", "/api/v1/printers", Role::operate},
     {"GET", "/api/v1/bridges", Role::look},
+    {"GET", "/api/v1/machines", Role::look},
+    {"POST", "/api/v1/machines/{name}/{act}", Role::operate},
 };
 
 }  // namespace

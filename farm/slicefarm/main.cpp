@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   farm::add_status_commands(program);
   farm::add_follow_commands(program);
   farm::add_control_commands(program);
+  farm::add_machine_commands(program);
   program.examples({
       {"run", "slicefarm run --until-empty"},
       {"nodes", "slicefarm nodes"},
@@ -34,6 +35,18 @@ int main(int argc, char** argv) {
       {"pause", "slicefarm pause"},
       {"drain", "slicefarm drain"},
       {"resume", "slicefarm resume"},
+      {"machines discover", "slicefarm machines discover"},
+      {"machines add",
+       "slicefarm machines add saturn-1 --kind sdcp3 --address 192.168.1.40 --format goo"},
+      {"machines list", "slicefarm machines list"},
+      {"machines test", "slicefarm machines test saturn-1 part.goo"},
+      {"machines send", "slicefarm machines send 12 saturn-1"},
+      {"machines start", "slicefarm machines start saturn-1 --plate-is-empty --vat-is-filled"},
+      {"machines pause", "slicefarm machines pause saturn-1"},
+      {"machines resume", "slicefarm machines resume saturn-1"},
+      {"machines stop", "slicefarm machines stop saturn-1"},
+      {"machines cleared", "slicefarm machines cleared saturn-1"},
+      {"machines watch", "slicefarm machines watch saturn-1"},
       {"gc", "slicefarm gc --older-than-days 30 --dry-run"},
   });
   return program.run(argc, argv);

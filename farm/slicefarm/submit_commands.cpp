@@ -282,6 +282,9 @@ void add_submit_commands(cli::Program& program) {
   sub->add_option("--format,--out-format", a->request.format,
                   "Format of the archives, or its ending [uvj; archives keep theirs]")
       ->check(cli::value_is(cli::ValueKind::format));
+  sub->add_option("--for", a->request.machine,
+                  "Machine of machines.toml that is to print it: says printer and format")
+      ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("--name", a->request.name, "Name of the outputs, without ending [the part's]")
       ->check(cli::value_is(cli::ValueKind::text));
   sub->add_option("--copies", a->request.copies, "NAME, NAME-2 and so on: the work is done once")

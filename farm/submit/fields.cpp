@@ -408,6 +408,8 @@ const Fields& fields() {
         "File name of the outputs, without ending");
     add("format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending").in(kMade),
         "Format of the archive");
+    add("for", text(SLICEFARM_FIELD(machine), "the name of a machine").in(kMade),
+        "Machine of machines.toml that is to print it: says printer and format");
     add("out", text(SLICEFARM_FIELD(out), "a folder"), "Folder of the outputs");
     add("copies", whole(SLICEFARM_FIELD(copies), 1, 10000), "How many jobs of it");
     add("priority", whole(SLICEFARM_FIELD(priority), -1000000, 1000000), "Larger comes first");
@@ -424,8 +426,8 @@ const Fields& fields() {
 
 /// Fields of every job, and of which tomographic prints have more.
 const std::set<std::string, std::less<>> kOfAll{
-    "part", "parts",  "printer",  "resin",    "layer_um", "mode", "name",
-    "out",  "copies", "priority", "ready_by", "labels",   "user", "format"};
+    "part",   "parts",    "printer",  "resin",  "layer_um", "mode",   "name", "out",
+    "copies", "priority", "ready_by", "labels", "user",     "format", "for"};
 const std::set<std::string, std::less<>> kOfMeshes{"units", "scale", "fit_mm", "rotate_deg"};
 const std::set<std::string, std::less<>> kOfTomography{
     "voxel_mm",   "method",       "window", "angles",     "iterations",
@@ -473,8 +475,8 @@ std::string set_field(JobRequest& request, const std::string& key, const Value& 
 
 std::string work_text(const JobRequest& request) {
   /// What a job is called and when it is done, not what is made.
-  static const std::set<std::string, std::less<>> beside{"name",     "out",    "copies", "priority",
-                                                         "ready_by", "labels", "user",   "format"};
+  static const std::set<std::string, std::less<>> beside{
+      "name", "out", "copies", "priority", "ready_by", "labels", "user", "format", "for"};
   std::string text;
   for (const auto& [key, field] : fields()) {
     if (!beside.contains(key)) text += key + "=" + field.show(request) + "\n";

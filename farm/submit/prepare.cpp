@@ -27,6 +27,7 @@
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "submit/fields.hpp"
+#include "submit/for_machine.hpp"
 #include "submit/heights.hpp"
 #include "submit/planned.hpp"
 #include "submit/tomographic.hpp"
@@ -741,7 +742,7 @@ std::vector<JobRequest> with_scales(std::vector<JobRequest> requests) {
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, bool store, const ExecutionContext& context) {
   // Jobs are recorded with a scale, whatever was said.
-  const std::vector<JobRequest> fitted = with_scales(requests);
+  const std::vector<JobRequest> fitted = with_scales(detail::for_machines(requests, folder));
   const std::vector<JobRequest> planned = detail::planned(fitted, folder.store, context);
   return Preparation(planned, folder, queue, user, context).run(store);
 }

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "slicecorr/error.hpp"
 #include "support/text/display_text.hpp"
 
 namespace slicecorr::farm {
@@ -97,6 +98,25 @@ std::string in_words(const ResultFigures& f) {
 
 std::string Job::output(const std::string& ending) const {
   return (std::filesystem::path(output_folder) / (name + "." + ending)).string();
+}
+
+std::string stack_of(const Job& job) {
+  if (job.state != JobState::done) {
+    throw InputError(
+        fmt::format("job {} is {}, expected one that is done", job.id, name_of(job.state)));
+  }
+  const auto stack = std::find_if(job.files.begin(), job.files.end(), [](const ResultFile& f) {
+    return f.ending != "html" && f.ending != "json";
+  });
+  std::error_code error;
+  if (stack == job.files.end() ||
+      static_cast<std::int64_t>(std::filesystem::file_size(job.output(stack->ending), error)) !=
+          stack->bytes ||
+      error) {
+    throw InputError(
+        fmt::format("job {}: its output was moved or changed since it was done", job.id));
+  }
+  return job.output(stack->ending);
 }
 
 }  // namespace slicecorr::farm

@@ -5,6 +5,7 @@
 
 #include <arpa/inet.h>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <netinet/in.h>
 #include <openssl/crypto.h>
 #include <openssl/sha.h>
@@ -132,7 +133,7 @@ std::int64_t body_bytes(const httplib::Request& request, std::int64_t most) {
   return bytes;
 }
 
-std::string read_token_file(const std::string& path) {
+std::string read_token_file(const std::string& path, std::size_t least) {
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) throw InputError(path, "", "can't be read; expected a file with a token");
   struct stat s {};
@@ -149,10 +150,11 @@ std::string read_token_file(const std::string& path) {
   token.resize(std::min(token.find_first_of("\r\n"), token.size()));
   const bool printable =
       std::all_of(token.begin(), token.end(), [](char c) { return c > 0x20 && c < 0x7F; });
-  if (token.size() < 32 || token.size() > 512 || !printable) {
+  if (token.size() < least || token.size() > 512 || !printable) {
     throw InputError(path, "",
-                     "holds no token; expected a line of 32 to 512 letters, digits and marks "
-                     "without spaces");
+                     fmt::format("holds no token; expected a line of {} to 512 letters, digits and "
+                                 "marks without spaces",
+                                 least));
   }
   return token;
 }

@@ -54,7 +54,7 @@ bool has_bearer(const httplib::Request& request, const std::string& token);
 std::int64_t body_bytes(const httplib::Request& request, std::int64_t most);
 
 /// Reads a bearer token: the first line of a file that only its owner can read (mode 0600 or 0400),
-/// 32 to 512 printable characters. Throws `InputError`.
-std::string read_token_file(const std::string& path);
+/// `least` to 512 printable characters. Throws `InputError`.
+std::string read_token_file(const std::string& path, std::size_t least = 32);
 
 }  // namespace slicecorr::http

@@ -130,6 +130,10 @@ struct Job {
   std::string output(const std::string& ending) const;
 };
 
+/// The path of the stack that a job made. Throws `InputError` where the job is not done, or the stack is
+/// no longer as it was.
+std::string stack_of(const Job& job);
+
 /// One attempt to do a job. Times are wall-clock ms.
 struct Attempt {
   std::string token;  ///< random, 32 hex digits; also the name of its folder
@@ -162,7 +166,8 @@ struct FarmEvent {
   std::string attempt;     ///< token or empty
   /// submitted, started, done, failed, cancelled, retried, put_back, reprioritised,
   /// paused, resumed, draining, settings, service_started, service_stopped, service_lost,
-  /// disk_low, disk_ok, night_ended, night_began, gc, cache_damaged
+  /// disk_low, disk_ok, night_ended, night_began, gc, cache_damaged, machine_began, machine_ended,
+  /// machine_trouble
   std::string kind;
   std::string text;  ///< for people
   Reason reason = Reason::none;

@@ -23,8 +23,8 @@
 namespace slicecorr::farm {
 
 /// What can be told.
-inline constexpr const char* kNoticeKinds[] = {"job_failed", "batch_done", "queue_empty",
-                                               "disk_low"};
+inline constexpr const char* kNoticeKinds[] = {"job_failed", "batch_done",    "queue_empty",
+                                               "disk_low",   "machine_ended", "machine_trouble"};
 
 /// Who is told.
 struct NotifyTarget {

@@ -77,7 +77,8 @@ struct JobRequest {
   int priority = 0;      ///< larger comes first
   std::string ready_by;  ///< "07:00", the next time clocks show it; or "2026-03-01 07:00"
   std::vector<std::string> labels;
-  std::string user;  ///< empty: who submits
+  std::string user;     ///< empty: who submits
+  std::string machine;  ///< of machines.toml, which is to print it; empty: none
 };
 
 /// Makes the paths of a request absolute, from the present folder.

@@ -154,6 +154,7 @@ void write_picture(const FlowPicture& picture, const std::string& path) {
 int flow(const FlowOptions& o, const ExecutionContext& context, Console& console) {
   const auto start = std::chrono::steady_clock::now();
   check_outputs(o);
+  check_window(o.window);
   if (o.in_time) return flow_in_time(o, context, console);
   refuse_in_time_options(o);
   const FlowInput in = read_flow_input(o, context);
@@ -186,6 +187,7 @@ int flow(const FlowOptions& o, const ExecutionContext& context, Console& console
   f.platform = platform_flow(part, f.pull, given ? o.platform_mm[0] : g.image_width_um * 1e-3,
                              given ? o.platform_mm[1] : g.image_height_um * 1e-3, context);
   if (f.pull.light) compare_lives(part, f, context);
+  f.window = find_window(o.window, f.slices, f.pull, context);
   f.warnings = flow_warnings(f);
   for (const std::string& warning : f.warnings) context.tell(warning);
   if (!o.json.empty()) print_or_write(o.json, flow_json(f));
@@ -267,6 +269,7 @@ void add_flow(Program& program, FlowOptions& o) {
                               "part, at most {:g}]",
                               kMostFlowPitchUm))
       ->check(number_above_zero());
+  add_window_options(*sub, o.window);
   sub->add_option("--every", o.every, "Look at every Nth slice, and the last")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();

@@ -11,6 +11,7 @@
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
+#include "slicecorr/flow_window.hpp"
 
 namespace slicecorr::cli {
 
@@ -26,6 +27,7 @@ struct FlowOptions {
   double disc_radius_mm = 0, strip_half_width_mm = 0;  ///< in place of a part, in time
   double first_gap_um = 0;
   int slices = 0;  ///< followed in time; 0: not said
+  FlowWindow window;
 };
 
 /// Adds `flow`, which keeps what it is told in `options`.

@@ -44,6 +44,10 @@ void check(const FlowOptions& o) {
     throw InputError(
         "expected one of PART, --disc-radius-mm and --strip-half-width-mm with --in-time");
   }
+  if (o.window.gives_way()) {
+    not_in_time("a window that gives way",
+                "the fronts are those over a window that stays where it is");
+  }
   if (o.gap_um > 0) not_in_time("--gap-um", "the gap is what comes of the print");
   if (o.every != 1) not_in_time("--every", "slices are printed one after the other");
   if (!o.platform_mm.empty()) {

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 
+#include "programs/common/database_band.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/limit.hpp"
@@ -60,6 +61,7 @@ void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in,
                                             ? light_notices(in.printer, in.resin, uv)
                                             : o.light.checked(in.printer, in.resin, uv);
   for (const std::string& text : told) context.tell(text);
+  tell_database_band(o.resin, context);
 }
 
 }  // namespace

@@ -169,6 +169,9 @@ std::vector<std::string> flow_warnings(const FlowFindings& f) {
                     "thin gap does not hold",
                     100 * near / area));
   }
+  if (f.window) {
+    for (std::string& text : window_warnings(*f.window, f.slices)) all.push_back(std::move(text));
+  }
   if (!f.pull.light) return all;
   const FlowResin& r = *f.pull.resin;
   const double across = f.pull.speed_mm_h / 3.6e6 * f.pull.gap_um * 1e-6;
@@ -236,6 +239,7 @@ std::string flow_table(const FlowFindings& f) {
   if (f.blind.size() > kMostBlind) {
     text += fmt::format("and {} smaller ones\n", f.blind.size() - kMostBlind);
   }
+  if (f.window) text += window_table(*f.window, f.slices, f.pull);
   text += dosed ? steady_in_words(f) + "\n" : f.no_dose + "\n";
   return text;
 }
@@ -258,8 +262,10 @@ std::string flow_json(const FlowFindings& f) {
   j["masks"] = f.masks;
   if (!f.pull.light) j["no_dose"] = f.no_dose;
   if (f.pull.light) j["taken_as_steady"] = steady_in_words(f);
+  if (f.window) j["window"] = window_json(*f.window);
   j["slices"] = ordered_json::array();
-  for (const SliceFlow& s : f.slices) {
+  for (std::size_t k = 0; k < f.slices.size(); ++k) {
+    const SliceFlow& s = f.slices[k];
     ordered_json one;
     one["slice"] = s.slice;
     one["z_mm"] = height_mm(f, s.slice);
@@ -281,6 +287,7 @@ std::string flow_json(const FlowFindings& f) {
       one["dead_zone_at_rest"] = s.zone_at_rest;
       one["window_dose_at_rest"] = s.zone_at_rest ? ordered_json(s.zone_window) : ordered_json();
     }
+    if (f.window) add_window_json(*f.window, k, one);
     j["slices"].push_back(std::move(one));
   }
   const SliceFlow& worst = f.slowest();

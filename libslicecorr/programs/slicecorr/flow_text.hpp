@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "flow_window_text.hpp"
 #include "slicecorr/flow_suction.hpp"
 
 namespace slicecorr::cli {
@@ -26,7 +27,8 @@ struct FlowFindings {
   std::vector<BlindVoid> blind;
   /// Doses in the middle of the slowest slice with inhibitor that lasts and that does not; 0: not known.
   double middle_lasting = 0, middle_fleeting = 0;
-  std::vector<std::string> warnings;  ///< a sentence each
+  std::vector<std::string> warnings;     ///< a sentence each
+  std::optional<WindowFindings> window;  ///< nothing where it is rigid
 
   /// The slice with the least speed limit, the first of equal ones.
   const SliceFlow& slowest() const;

@@ -14,6 +14,7 @@
 #include <memory>
 #include <optional>
 
+#include "programs/common/database_band.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/left_alone.hpp"
@@ -174,6 +175,7 @@ int plan(const PlanOptions& o, const ExecutionContext& context, Console& console
                      "has no [stage] variable_speed = true; expected it with --slice-speeds");
   }
   tell_notices(setup, nullptr, context);
+  tell_database_band(o.setup.resin, context);
   const PrintPlan found = o.orientations.empty() ? plan_part(*read_input(o, setup.printer, context),
                                                              setup, ask, context)
                                                  : plan_orientations(o, setup, ask, context);

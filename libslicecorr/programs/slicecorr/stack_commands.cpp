@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "commands.hpp"
+#include "programs/common/database_band.hpp"
 #include "programs/common/make_part.hpp"
 #include "programs/common/part_slices.hpp"
 #include "slicecorr/bodies.hpp"
@@ -111,6 +112,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   file.format = format_of(file, times.format);
   const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
   tell_notices(setup, &times, context);
+  tell_database_band(a.setup.resin, context);
   // What a slicer wrote besides the slices stays, also where the file was made from a template.
   if (times.format == file.format && keeps_settings(a.input, times)) {
     file.keep_from = a.input;
@@ -151,6 +153,7 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   chosen.layer_um = a.mesh.layer_um;
   const Setup setup = a.uncertain.put(chosen.resolve(nullptr, nullptr), chosen);
   tell_notices(setup, nullptr, context);
+  tell_database_band(chosen.resin, context);
   tell_not_read(a, a.file(), context);
   return each_plate(a, setup.printer, context,
                     [&](const Arguments& one) { return run_plate(one, setup, context, console); });

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "programs/common/database_band.hpp"
 #include "programs/common/make_part.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
@@ -319,6 +320,7 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
   chosen.layer_um = a.mesh.layer_um;
   Setup setup = chosen.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
+  tell_database_band(chosen.resin, context);
   const MeshSlices target = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
   setup.process = schedule_uv(target, setup, context);
   const Comparison c = compare_methods(target, setup, context);

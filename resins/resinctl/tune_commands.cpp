@@ -11,13 +11,17 @@
 
 #include "commands.hpp"
 #include "fitted.hpp"
+#include "new_resin.hpp"
 #include "programs/common/tune_options.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_map.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/exchange.hpp"
+#include "slicecorr/resins/gel_time_fit.hpp"
+#include "slicecorr/resins/time_scale.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/stack.hpp"
 #include "support/toml/toml_table.hpp"
@@ -83,8 +87,56 @@ std::string printer_output_of(const cli::TuneOptions& a) {
   return (resin.parent_path() / (resin.stem().string() + "-printer.toml")).string();
 }
 
+/// Times to gel in place of parts: one scale on all doses.
+int tune_by_times(const cli::TuneOptions& a, cli::Console& console) {
+  if (!std::all_of(a.tables.begin(), a.tables.end(),
+                   [](const std::string& path) { return is_table_of_times(path); })) {
+    throw InputError(
+        "some tables are of times to gel, others of parts; expected one kind at a time");
+  }
+  if (!a.printed.empty() || !a.printer_output.empty()) {
+    throw InputError(
+        "times to gel say nothing of a printed stack or of a printer's light; expected tables of parts "
+        "with --printed and --printer-output");
+  }
+  cli::check_output(a.output, a.tables);
+  const ResinRecord before = load_record(a.resin);
+  refuse_relative(before.resin, "a time at an intensity in mW/cm²");
+  for (const std::string& told : a.light.checked(load_printer(a.printer), before.resin)) {
+    console.say(told);
+  }
+  const TimesToGel times = read_times_to_gel(a.tables);
+  const TimeScale found = scale_by_times(before.resin, times);
+  if (!a.output.empty()) {
+    const Kinetics k = make_kinetics(before.resin, false, false);
+    CureLaw law{before.resin.model, before.resin.m, found.scale * k.critical_dose_prime, {}};
+    if (before.resin.has_gel_time()) {
+      law.gel_time = {found.scale * k.gel_time.A, found.scale * k.gel_time.B};
+    }
+    write_new_resin(
+        a.output,
+        record_text_with_law(
+            fs::path(a.output).stem().string(), law,
+            {{"scaled", fmt::format("{:.6g} times the doses of {}, by times to gel ({}) of {}",
+                                    found.scale, before.resin.name, times.times.size(),
+                                    fs::path(times.sources.front()).filename().string())}},
+            before),
+        console);
+  }
+  cli::print_result(found.to_text(before.resin));
+  return cli::kDone;
+}
+
 int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
                  cli::Console& console) {
+  const auto of_times = [](const std::string& path) {
+    try {
+      return is_table_of_times(path);
+    } catch (const InputError&) {
+      return false;  // the reader of parts says what is wrong with it
+    }
+  };
+  if (std::any_of(a.tables.begin(), a.tables.end(), of_times)) return tune_by_times(a, console);
   const std::string resin_path = find_definition(a.resin, "resin");
   const std::string printer_path = find_definition(a.printer, "printer");
   const std::string printer_output = printer_output_of(a);

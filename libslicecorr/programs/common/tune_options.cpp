@@ -10,7 +10,8 @@ namespace slicecorr::cli {
 void TuneOptions::add_to(CLI::App& app, bool required) {
   app.add_option("MEASURED", tables,
                  "Tables of slicecorr testpart comb, staircase or wedge, filled in (.csv); none: "
-                 "only what to measure first");
+                 "only what to measure first. Or times to gel (intensity_mw_cm2,time_s), one is "
+                 "enough: all doses are scaled");
   app.add_option("--printer", printer, "Printer: a .toml file or a name")->required(required);
   app.add_option("--resin", resin, "Resin as it was known: a .toml file or a name")
       ->required(required);

@@ -163,6 +163,11 @@ def tables(folder):
     heights = sets("heights.csv")["heights"]["all"]["jacobs"]
     near("made heights: h", heights["h_um"], 100, 1e-5)
     near("made heights: predicted", heights["others_rms_um"], 0, 1e-3)
+    # Dp 39.2 um, Ec 12.3 mJ/cm².
+    (folder / "one.csv").write_text((folder / "heights.csv").read_text())
+    file = sets("one.csv", "--resin", "nist-interlaboratory-385nm")["heights"]["file"]
+    wanted = [max(0.0, 39.2 * math.log(d / 12.3)) - 100 * math.log(d / 10) for d in (15, 20, 30, 40, 50, 60, 80)]
+    near("a file's heights", file["bias_um"], sum(wanted) / len(wanted), 0.001)
     times = sets("times.csv")["times-0"]
     near("made times, left out", times["left_out_rms_error"], 0, 1e-6)
     near("made forces", sets("forces.csv")["forces"]["film"]["exponent"], 0.5, 1e-8)
@@ -170,6 +175,13 @@ def tables(folder):
     lines = sets("lines.csv")["lines"]
     near("made lines: spread", lines["sigma_um"], 30, 0.01)
     near("made lines: predicted", lines["others"]["rms_um"], 0, 0.05)
+    # L 40 um, beta 0.7.
+    (folder / "steady.csv").write_text("blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um,role\n" + "".join(
+        f"{blue},200,30,{40 * math.log(0.7 * 200 / blue):.9f},{'validation' if blue == 25 else 'fit'}\n" for blue in (8, 12, 18, 25, 40, 60)))
+    steady = sets("steady.csv")["dead-zones"]
+    near("steady dead zones: length", steady["length_um"], 40, 1e-6)
+    near("steady dead zones: beta", steady["beta"], 0.7, 1e-8)
+    near("steady dead zones: predicted", steady["others"]["rms_um"], 0, 1e-6)
     # What `resinctl predict` told of custom-resin-1, held against tests of the front elsewhere.
     near("a dead zone", sets("zones.csv", "--resin", "custom-resin-1")["dead-zones"]["bias_um"], 0, 0.001)
 
@@ -188,13 +200,15 @@ def bad_input(folder):
         "few": ("dose_mj_cm2,cured_height_um\n1,2\n2,3\n", "expected 4 or more"),
         "role": ("dose_mj_cm2,cured_height_um,role\n1,2,maybe\n", "role: is 'maybe'"),
         "no dose": ("cured_height_um\n1\n", "expected dose_mj_cm2, or intensity_mw_cm2 and exposure_s"),
-        "no resin": (TABLES["zones.csv"], "need --resin"),
+        "no resin": (TABLES["zones.csv"], "has 1 ratios of lights to fit to"),
         "one light": ("intensity_mw_cm2,time_s\n1,2\n1,3\n", "one intensity"),
     }
     for what, (text, message) in wrong.items():
         (folder / "bad.csv").write_text(text)
         said = refused(script, folder / "bad.csv", "-o", folder)
         expect(f"{what}: {said.strip()} does not say '{message}'", message in said)
+    (folder / "bad.csv").write_text(TABLES["forces.csv"])
+    expect("a resin of forces", "expected no --resin" in refused(script, folder / "bad.csv", "-o", folder, "--resin", "custom-resin-1"))
     (folder / "bad.csv").write_bytes(b"dose_mj_cm2\xff,cured_height_um\n")
     expect("bytes that are no text", "is no text" in refused(script, folder / "bad.csv", "-o", folder))
     expect("no file", "No such file" in refused(script, folder / "none.csv", "-o", folder))

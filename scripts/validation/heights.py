@@ -188,7 +188,7 @@ def rows_of(name, result):
         r = result[law]
         trusted = ", trusted" if result.get("trust") == law else ""
         yield [name, result["n"], law + trusted, figure(r.get("h_um")), figure(r.get("fit_rms_um")), figure(r["left_out_rms_um"]), error(r, "upper"),
-               f"{error(r, 'others')}, {result['others']} heights" if result["others"] else "-"]
+               f"{error(r, 'others')}, {result['others']} heights" if "others_rms_um" in r else "-"]
 
 
 HEAD = ["resin", "heights", "law", "h, um", "fit, rms um", "left out, rms um", "upper doses from lower: rms (bias) um", "others: rms (bias) um"]
@@ -222,7 +222,20 @@ def section(programs, key, title, path, texts, name_of=lambda n: n):
     return Section(key, title, tables=[table], pictures=[picture], figures=figures, **texts)
 
 
-def lab(programs, path, _options):
+def held_against_file(programs, path, options):
+    """Nothing fitted: what `resinctl predict` tells of a resin's file."""
+    table, errors = Table(["mJ/cm²", "measured, um", f"told by {options.resin}, um", "off, um"], []), []
+    for r in read_table(path)[1]:
+        h = Height(r)
+        light, time = (h.light, h.time) if h.light else (1.0, h.dose)
+        told = programs.json("resinctl", "predict", "--resin", options.resin, "--blue-mw-cm2", repr(light), "--exposure-s", repr(time))["cured_height_um"]
+        # Below gel there is no height.
+        errors.append((told or 0.0) - h.um)
+        table.rows.append([figure(h.dose, 4), figure(h.um), figure(told or 0.0), f"{errors[-1]:+.1f}"])
+    return table, {"rms_um": rms(errors), "bias_um": mean(errors), "n": len(errors)}
+
+
+def lab(programs, path, options):
     texts = dict(source=str(path), known="light, times or doses, and heights, as the file tells them",
                  fitted="each law, to the rows whose role is fit (all, where no role is given)",
                  predicted="each dose by a fit to all other doses; the upper doses by a fit to the lower ones; rows whose role is validation",
@@ -230,14 +243,19 @@ def lab(programs, path, _options):
                  proves_not="what another day, printer or bottle adds, unless rows of another print have the role validation")
     s = section(programs, "heights", "Cured heights", path, texts)
     s.notes += band_note(s.figures)
+    if options.resin:
+        table, figures = held_against_file(programs, path, options)
+        s.tables.append(table)
+        s.figures["file"] = figures
+        s.notes.append(f"With {options.resin} as its file stands, nothing fitted: rms {figure(figures['rms_um'])} um, bias {signed(figures['bias_um'])} um.")
     return s
 
 
 def band_note(figures):
-    inside = sum(r.get("others_in_band", 0) for n, r in figures.items() if n != "pooled")
-    others = sum(r["others"] for n, r in figures.items() if n != "pooled")
-    upper_in = sum(r.get("upper_in_band", 0) for n, r in figures.items() if n != "pooled")
-    upper = sum(r.get("upper", 0) for n, r in figures.items() if n != "pooled")
+    inside = sum(r.get("others_in_band", 0) for n, r in figures.items() if n not in ("pooled", "file"))
+    others = sum(r["others"] for n, r in figures.items() if n not in ("pooled", "file"))
+    upper_in = sum(r.get("upper_in_band", 0) for n, r in figures.items() if n not in ("pooled", "file"))
+    upper = sum(r.get("upper", 0) for n, r in figures.items() if n not in ("pooled", "file"))
     notes = []
     if upper:
         notes.append(f"The band of a fit to the lower doses holds {upper_in} of {upper} upper heights; it should hold 95 %.")

@@ -253,10 +253,39 @@ def lab_lines(programs, path, _options):
                     tables=[out], figures=figures)]
 
 
+def steady_dead_zones(path, rows):
+    """Without a resin's file: the steady law, a straight line over the logarithm of the ratio, each setting by all others."""
+    points = [(math.log(r.above_zero("uv_mw_cm2") / r.above_zero("blue_mw_cm2")), r.number("dead_zone_um", 0), (r.get("role") or "fit") == "fit")
+              for r in rows]
+    fitted = [(x, z) for x, z, fit in points if fit]
+    if len({x for x, _ in fitted}) < 4:
+        raise BadInput(f"{path}: has {len({x for x, _ in fitted})} ratios of lights to fit to; expected 4 or more, or --resin with a file to hold against them")
+    all_ = Line(fitted)
+    table, errors, others = Table(["blue, UV, mW/cm²", "measured, um", "fit, um", "left out, off, um"], []), [], []
+    for r, (x, z, fit) in zip(rows, points):
+        off = (Line([p for p in fitted if p[0] != x]) if fit else all_)(x) - z
+        (errors if fit else others).append(off)
+        table.rows.append([f"{r['blue_mw_cm2']}, {r['uv_mw_cm2']}" + ("" if fit else ", not fitted"), figure(z), figure(all_(x)), f"{off:+.1f}"])
+    figures = {"length_um": all_.slope, "beta": math.exp(all_.at / all_.slope), "left_out_rms_um": rms(errors), "left_out_bias_um": mean(errors)}
+    if others:
+        figures["others"] = {"rms_um": rms(others), "bias_um": mean(others), "n": len(others)}
+    panel = Panel("dead zones", "ln of UV over blue light", "dead zone, um")
+    ends = [min(p[0] for p in points), max(p[0] for p in points)]
+    panel.line([(x, all_(x)) for x in ends], "steady law, fitted to the full points")
+    panel.dots([(x, z) for x, z, fit in points if fit], "measured, fitted to")
+    panel.dots([(x, z) for x, z, fit in points if not fit], "measured, predicted", 1, hollow=True)
+    return [Section("dead-zones", "Dead zones", source=str(path), known="lights",
+                    fitted="the steady law z = L ln(beta Iuv/Ib), L and beta, to the rows whose role is fit",
+                    predicted="each ratio of lights by all others; rows whose role is validation",
+                    proves="whether a dead zone goes as the logarithm of the ratio, as it does once it is steady",
+                    proves_not="dead zones that are not steady yet; the resin's own heights: --resin holds a file against the rows",
+                    tables=[table], pictures=[Picture("dead-zones", "Dead zones over the ratio of lights, with the steady law", [panel])], figures=figures)]
+
+
 def lab_dead_zones(programs, path, options):
     _, rows = read_table(path)
     if not options.resin:
-        raise BadInput(f"{path}: dead zones need --resin: the resin's file with [inhibition], which is held against them")
+        return steady_dead_zones(path, rows)
     table, errors = Table(["blue, UV, mW/cm²", "s", "measured, um", "told, um", "off, um"], []), []
     for r in rows:
         blue, uv, time = r.above_zero("blue_mw_cm2"), r.above_zero("uv_mw_cm2"), r.above_zero("exposure_s")

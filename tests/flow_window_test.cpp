@@ -10,6 +10,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "flow/peel.hpp"
@@ -252,8 +253,8 @@ TEST_F(FlowWindowProgram, TellsDomesAndForcesOfEachSlice) {
   EXPECT_FALSE(plain.contains("window"));
   EXPECT_FALSE(plain["slices"][0].contains("window"));
 
-  const json film =
-      json::parse(good(rigid + Command{"--film-n-m", "20", "--film-radius-mm", "12.5"}).out);
+  const json film = json::parse(
+      good(rigid + Command{"--film-n-m", "20", "--film-radius-mm", "12.5", "-o", "flow.html"}).out);
   EXPECT_EQ(film["window"]["film_n_m"], 20);
   EXPECT_TRUE(film["window"]["springs_um_per_kpa"].is_null());
   const json& s = film["slices"][1];
@@ -270,6 +271,10 @@ TEST_F(FlowWindowProgram, TellsDomesAndForcesOfEachSlice) {
   EXPECT_GT(s["window"]["pull_share"].get<double>(), 0.0038);
   EXPECT_NEAR(s["window"]["pull_n"].get<double>(),
               s["force_n"].get<double>() * s["window"]["pull_share"].get<double>(), 1e-9);
+  std::ifstream page(folder_ / "flow.html");
+  const std::string html{std::istreambuf_iterator<char>(page), {}};
+  EXPECT_THAT(html, HasSubstr("window: a film of 20 N/m, free over a radius of 12.5 mm"));
+  EXPECT_THAT(html, HasSubstr("pulled off at 3600 mm/h from 50 um"));
   // It leans too far for what is told.
   EXPECT_THAT(film["warnings"].dump(), HasSubstr("the window leans by"));
 

@@ -379,6 +379,8 @@ TEST(TomoRays, FinsPrintOnlyWithTheRaysThatThereAre) {
   };
   const Field as_level = printed(*level), as_real = printed(*real);
   const Metrics wrong = measure(target, as_level.values), right = measure(target, as_real.values);
+  // Corrected in its plane, as light that is level alone.
+  RecordProperty("fins_of_level_light", fins.right(as_level, wrong.best_threshold));
   EXPECT_LE(fins.right(as_level, wrong.best_threshold), 3);  // Webber printed 3
   EXPECT_LT(wrong.best_jaccard, 0.65);
   EXPECT_EQ(fins.right(as_real, right.best_threshold), 9);

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <limits>
 #include <memory>
+#include <sstream>
 
 #include "flow_in_time.hpp"
 #include "flow_input.hpp"
@@ -104,6 +105,12 @@ FlowPicture picture_of(const FlowPart& part, const FlowFindings& f, const std::s
   p.limit_given = f.limit_given;
   p.slices = f.slices;
   p.notes = f.warnings;
+  if (f.window) {
+    std::istringstream lines(window_table(*f.window, f.slices, f.pull));
+    for (std::string line; std::getline(lines, line);) {
+      p.notes.push_back(line.substr(line.find_first_not_of(' ')));
+    }
+  }
   constexpr std::size_t kMaps = 3;
   for (const SliceFlow* s : slowest_apart(f, kMaps)) {
     if (s->bound) continue;

@@ -156,9 +156,9 @@ ordered_json window_json(const WindowFindings& f) {
           {"snap_mm_h", or_null(f.snap_mm_h.value_or(0))}};
 }
 
-void add_window_json(const WindowFindings& f, std::size_t k, ordered_json& to) {
-  const WindowRest& r = f.rest[k];
-  const WindowPull& p = f.pull[k];
+void add_window_json(const WindowFindings& f, std::size_t slice, ordered_json& to) {
+  const WindowRest& r = f.rest[slice];
+  const WindowPull& p = f.pull[slice];
   to["window"] = {{"middle_um", r.middle_um},
                   {"rim_um", r.rim_um},
                   {"slope", r.slope},

@@ -9,7 +9,7 @@ from programs import prism, write_stl
 from reckon import BadInput, Line, disagree, groups_of, mean, read_table, rms
 
 AREA_MM2, GAP_UM, VISCOSITY_PA_S, SPEED_MM_S = 314.0, 100.0, 0.2, 1.0
-# Rubber as data sheets of silicone have it; neither it nor the viscosity is stated of these measurements.
+# As silicone has it; neither it nor the viscosity is stated of these measurements.
 MODULUS_MPA = 2.0
 
 
@@ -110,11 +110,11 @@ def pdms(programs, data):
         source="Pan et al., Rapid Prototyping Journal 23 (2017) 353, as transcribed in github.com/umag/resinsim (facts; second hand)",
         known="areas, shapes, speeds, thickness of PDMS; viscosity and the gap at the start are not stated",
         fitted="nothing for the shapes; the force at the slowest speed for the others. Over rubber also the gap, to the force at 1 mm/s; "
-               f"{MODULUS_MPA:g} MPa and {VISCOSITY_PA_S:g} Pa s are taken from data sheets",
+               f"{MODULUS_MPA:g} MPa and {VISCOSITY_PA_S:g} Pa s are assumed, as silicone and resins have them",
         predicted="how forces of shapes of equal area stand to each other, and how force grows with speed",
         proves="order of shapes, and a hexagon's force to a per cent",
         proves_not="a rigid window tells a triangle too little force and too steep a growth with speed. Rubber yields too little to explain either: "
-                   "thicker PDMS should be softer and was measured nearer to 1, and whatever lifts a triangle to its measured force has an exponent below 0.45. "
+                   "thicker PDMS should be softer and was measured nearer to 1. "
                    "Sizes of forces can't be told without viscosity and gap",
         tables=[shapes, speeds], pictures=[Picture("forces", "Measured forces over speed, and what a rigid window would pull", [panel])],
         figures=figures)

@@ -282,8 +282,8 @@ def roofs(programs, data):
                    + "".join(f", {law} for {trusted.count(law)}" for law in LAWS[1:] if law in trusted)
                    + ". Rms of all roofs left out, um: " + ", ".join(f"{law} {figure(r['left_out_rms_um'])}" for law, r in s.figures["pooled"].items()) + ".")
     late = [(n, r["delay"]["upper_rms_um"], r["jacobs"]["upper_rms_um"]) for n, r in s.figures.items() if "delay" in r]
-    s.notes.append("A delay (light that begins to count some time after it is on) was tried, too. It meets the fitted roofs best and is not built in, "
-                   "because it predicts longer exposures no better or worse; rms um, and that of Jacobs' law: "
+    s.notes.append("A delay (light that begins to count some time after it is on) was tried, too. It is not built in, because it predicts longer "
+                   "exposures no better, or far worse; rms um, and that of Jacobs' law: "
                    + "; ".join(f"{n} {figure(a, 2)} ({figure(b, 2)})" for n, a, b in late) + ".")
     return s
 

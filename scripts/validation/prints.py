@@ -103,9 +103,10 @@ def channels(programs, data):
         fitted="nothing. Doses of 1.2 gel doses at a layer's far edge (just enough to hold) and of 5 (the dissertation's best) stand for what printers give",
         predicted="the lowest channel under a roof of 8 absorbance heights that stays open, layer by layer, as sliced and corrected",
         proves=f"that channels are limited by absorbance heights, not by layers: at five gel doses, with resin that lifts leave, "
-               f"{figure(min(five))} to {figure(max(five))} for all layers, as sliced",
-        proves_not=f"the measured {measured}: they are higher. A dose at the far edge of {figure(math.exp(low) * (1 - math.exp(-1)), 2)} or more would be "
-                   "needed with layers of one height, or resin that stays in a channel when it is washed. Where lifts exchange resin channels would be lower still",
+               f"{figure(min(five))}{'' if min(five) == max(five) else ' to ' + figure(max(five))} absorbance heights for all layers, as sliced",
+        proves_not=f"the measured {measured}: they are higher. Doses of {figure(math.exp(low) * (1 - math.exp(-0.3)), 2)} (layers of 0.3 heights) to "
+                   f"{figure(math.exp(low) * (1 - math.exp(-1)), 2)} (of 1) at the far edge would explain the lower end, or resin that stays in a channel "
+                   "when it is washed. Where lifts exchange resin channels would be lower still",
         tables=[table], pictures=[Picture("channels", "Least channel over layer height, told and measured", [panel])], figures={"rows": figures, "measured": [low, high]})
 
 
@@ -188,8 +189,8 @@ def oxygen(programs, data):
         known="shapes of two laws", fitted="one rate of supply, so that the threshold is Kelly's 0.2 mW/cm²",
         predicted="1/t of inhibition over 0.4 to 1.6 mW/cm²; how a dead zone of oxygen goes with light and with oxygen",
         proves="exponents: a dead zone goes as one over the root of light and as the root of oxygen",
-        proves_not="sizes: no row has a thickness in um that could be reckoned without the authors' constants. With oxygen that comes back the line of "
-                   "1/t bends near its threshold",
+        proves_not="sizes: no row has a thickness in um that could be reckoned without the authors' constants. With oxygen that comes back 1/t "
+                   "bends near its threshold, so that the line through 0.4 to 1.6 mW/cm² meets 0 at about half of it",
         tables=[table], figures={"supplied_r2": supplied.r2, "threshold": at, "dead_zone_exponent": slope, "pure_oxygen_ratio": pure})
 
 

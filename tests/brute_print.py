@@ -94,9 +94,9 @@ def blurred(image, spread, pitch_um):
 
 
 class Print:
-    """`flat`: light of each pixel as a share of the calibration's; the archive has its picture elsewhere."""
+    """`flat`, `uv_flat`: light of each pixel as a share of the calibration's; the archive has its picture elsewhere."""
 
-    def __init__(self, path, flat=None, steps=16):
+    def __init__(self, path, flat=None, steps=16, uv_flat=None):
         with zipfile.ZipFile(path) as archive:
             block = json.loads(archive.read("config.json"))["slicecorr"]
             images = images_of(archive, "slice")
@@ -110,6 +110,11 @@ class Print:
         self.heights_um = np.array([heights[min(n, len(heights) - 1)] for n in range(self.layers)])
         self.nodes_um = np.concatenate([[0.0], np.cumsum(self.heights_um)])
         blue = intensity(images, printer["calibration"])
+        if printer.get("grey") == "pulsed":
+            # Full light for a share of the time, black light for the rest.
+            m, black, full = resin["m"], *(printer["calibration"][i]["intensity_mw_cm2"] for i in (0, -1))
+            share = (blue - black) / (full - black)
+            blue = (share * full**m + (1 - share) * black**m) ** (1 / m)
         if flat is not None:
             blue = blue * flat
         shares = process.get("light_share") or [1]
@@ -152,6 +157,8 @@ class Print:
             else:
                 given = [blurred(i, gaussians(printer["uv"].get("spread")), pitch)
                          for i in intensity(uv_images, printer["uv"]["calibration"])]
+            if uv_flat is not None:
+                given = [g * uv_flat for g in given]
             self.uv = [given[min(n, len(given) - 1)] for n in range(self.layers)]
 
     def flows(self, light, full):

@@ -98,7 +98,7 @@ class Lit:
         self.printer = {k: dict(v) for k, v in PRINTER.items()}
         self.resin = {k: dict(v) for k, v in RESIN.items()}
         self.options = {"speed-mm-h": "450"}
-        self.flat = None
+        self.flat = self.uv_flat = None
         self.files = {}
         self.surface, self.fraction = "slices", 0.0
         self.left_alone = []
@@ -266,6 +266,21 @@ def derivatives(p):
         p.options["uncertain"] = "ha=4%,dc=4%"
 
 
+def pulsed_grey(p):
+    p.printer["blue"]["grey"] = "pulsed"
+
+
+def uneven_uv(p):
+    if "uv" not in p.printer:
+        uv_constant(p)
+        if p.options.get("lifts") == "each":
+            p.options["exposure-s"] = "6"  # as `lifts` does under UV light
+    values = np.array([[255 - 3 * x - 5 * y for x in range(WIDTH)] for y in range(HEIGHT)])
+    p.uv_flat = values / 255
+    p.files["uv-flat.png"] = png(values)
+    p.printer["uv"]["flat_field"] = "uv-flat.png"
+
+
 # In the order of the table, with the words of `slicecorr features` that begin their names.
 FEATURES = {
     "layer by layer": layerwise,
@@ -292,6 +307,8 @@ FEATURES = {
     "a capped dose": capped_dose,
     "a robust correction": robust,
     "how sure figures are": derivatives,
+    "grey by pulses": pulsed_grey,
+    "uneven UV light": uneven_uv,
 }
 UV = {"constant UV light", "UV light per slice", "patterned UV light", "an even dead zone"}
 # Figures only: no image changes.
@@ -304,6 +321,7 @@ ELSEWHERE = [({mode, "more light for slower slices"}, "is for continuous exposur
              for mode in sorted(LAYERWISE)] + [
     # Resin files have one or the other.
     ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})] + [
+    ({"a time to gel", "uneven UV light"}, "has no [inhibition]"),
     ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
 
 
@@ -336,6 +354,11 @@ class Table:
             features.add("light below full")
             if "layer by layer" not in features:
                 features.add("more light for slower slices")
+        if "uneven UV light" in features and not UV & features:
+            features.add("constant UV light")
+        # It sets m to 1, for which pulses are like any light.
+        if "a resin that bleaches" in features and not UV & features:
+            features.discard("grey by pulses")
         found = [(r["verdict"], r["words"]) for r in self.rows
                  if short(r["a"]) in features and short(r["b"]) in features]
         return found
@@ -459,6 +482,10 @@ class Case:
                 continue
             if alone and f == "light that spreads":
                 continue
+            if f == "constant UV light" and "uneven UV light" in self.features:
+                continue  # the other needs it
+            if f == "grey by pulses" and "a resin that bleaches" in self.features:
+                continue  # it sets m to 1, for which pulses are like any light
             lit = self.make(self.features - {f}, self.seed)
             self.write(lit)
             self.target(lit)
@@ -472,7 +499,7 @@ class Case:
 
     def judge(self):
         lit = self.lit
-        brute = brute_print.Print(self.folder / "stack.uvj", lit.flat)
+        brute = brute_print.Print(self.folder / "stack.uvj", lit.flat, uv_flat=lit.uv_flat)
         mids = 0.5 * (brute.nodes_um[1:] + brute.nodes_um[:-1])
         doses = brute.doses(mids)
         design = np.zeros(doses.shape, bool)
@@ -526,7 +553,7 @@ class Case:
                         liquid += 1
                     liquid_most = max(liquid_most, liquid)
                     n += liquid
-                    film = n < end and (brute.films[n, y, x] if UV & self.features
+                    film = n < end and (brute.films[n, y, x] if brute.uv is not None
                                         else window[n, y, x] >= skins[n] * (1 - 1e-9))
                     films += film
                     loose += n < end and not film

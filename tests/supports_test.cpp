@@ -93,6 +93,9 @@ bool give(Lit& p, Feature feature) {
       p.process.slice_speed_mm_h = {500, 250};
       p.process.slice_lamps = SliceLamps::stay;
       return true;
+    case Feature::pulsed_grey:
+      p.printer.grey = GreyLight::pulsed;
+      return true;
     case Feature::moved_heights:
       p.process.layer_heights_um = {50, 100};
       return true;

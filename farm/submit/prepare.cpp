@@ -24,6 +24,7 @@
 #include "slicecorr/farm/work.hpp"
 #include "slicecorr/memory_need.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "submit/fields.hpp"
@@ -157,7 +158,7 @@ void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
           const ExecutionContext& context, Checked& c) {
   check_correction(setup, {left_alone, false});
   const Grid& grid = slices.grid();
-  const bool uneven = setup.printer.flat_field.has_value();
+  const bool uneven = light_is_uneven(setup.printer, setup.process);
   const CorrectionPlan plan = uneven
                                   ? plan_correction(slices, setup, context)
                                   : plan_correction(GridOnly(grid, slices.frame()), setup, context);
@@ -215,7 +216,8 @@ void check_archive(const JobRequest& r, const Setup& setup, const std::string& s
   const GridOnly target(grid, image_frame(info));
   const bool alone = !r.leave_alone.empty() || !r.part_inside.empty();
   std::optional<StackReader> images;
-  if (setup.printer.flat_field || judges_suction(setup) || !r.part_inside.empty()) {
+  if (light_is_uneven(setup.printer, setup.process) || judges_suction(setup) ||
+      !r.part_inside.empty()) {
     images.emplace(r.parts[0], scratch_folder, context, facts);
     plan(*images, setup, alone, context, c);
   } else {

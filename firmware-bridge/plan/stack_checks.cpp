@@ -114,6 +114,16 @@ void check_printer(const StackInfo& info, const std::string& path, const Machine
     differs("its light is", made.flat_field ? "uneven in another way" : "even",
             here.flat_field ? "uneven" : "even");
   }
+  if (made.grey != here.grey) {
+    const auto words = [](const Printer& p) {
+      return p.grey == GreyLight::pulsed ? "full light for a share of the time" : "steady";
+    };
+    differs("its grey light is", words(made), words(here));
+  }
+  if (info.process->uv.kind != UvKind::off && made.uv_flat_field != here.uv_flat_field) {
+    differs("its UV light is", made.uv_flat_field ? "uneven in another way" : "even",
+            here.uv_flat_field ? "uneven" : "even");
+  }
   if (made.orientation.value_or(Orientation{}) != here.orientation.value_or(Orientation{})) {
     differs("its display lies", in_words(made.orientation.value_or(Orientation{})),
             in_words(here.orientation.value_or(Orientation{})));

@@ -179,8 +179,10 @@ Pixel first_of(const LightMap& map, const Grid& grid, std::uint8_t value) {
   return {};
 }
 
-std::string share_in_words(const LightMap& map, std::uint8_t value) {
-  return fmt::format("{:.4g} of the light of the calibration", map.factor(value));
+std::string share_in_words(const PlaceModels& models, std::uint8_t value) {
+  return models.of_uv()
+             ? fmt::format("{:.4g} of the UV light of the calibration", models.uv_factor(value))
+             : fmt::format("{:.4g} of the light of the calibration", models.curing_factor(value));
 }
 
 /// Checks whether a target can be printed on a display; refuses with what would do for all places.
@@ -272,8 +274,9 @@ class PlaceCheck {
     return slices(models_.model(static_cast<std::uint8_t>(dimmest - lit.columns.begin())));
   }
   Verdict verdict_at(std::uint8_t value, bool lit) const {
-    return verdict({&models_.model(value), map_.factor(value), lit}, models_.printer_at(value),
-                   setup_.process);
+    return verdict({&models_.model(value), models_.curing_factor(value), lit},
+                   models_.printer_at(value),
+                   models_.of_uv() ? models_.process_at(value) : setup_.process);
   }
   bool fine(std::uint8_t value) const {
     if (value == 0) return false;
@@ -315,7 +318,7 @@ class PlaceCheck {
     for (std::size_t v = 1; v < 256; ++v) {
       const auto value = static_cast<std::uint8_t>(v);
       if (lit.columns[v] == 0 && value != brightest_) continue;
-      LitPlace p{&models_.model(value), map_.factor(value), none || lit.columns[v] > 0};
+      LitPlace p{&models_.model(value), models_.curing_factor(value), none || lit.columns[v] > 0};
       // Without a limit of travel a part's end must still cure within some number of slices.
       const int most = travel_ ? *travel_ - lit.end[v] : kLongest;
       if (p.lit) p.needed = dose_for_end(*p.model, lit.end[v], most);
@@ -324,6 +327,8 @@ class PlaceCheck {
     return all;
   }
   std::string ways() {
+    // Ways out are known for one UV light.
+    if (models_.of_uv()) return "expected a part, a speed or UV light that suits all of its places";
     return ways_out(places(), as_lit(setup_.printer, setup_.process), setup_.process);
   }
 
@@ -351,11 +356,18 @@ class PlaceCheck {
       const Pixel p = lit.first[*dimmest];
       text = verdict_at(*dimmest, true).weak;
       if (!map_.even()) {
-        text = fmt::format(
-            "the light of printer '{}' is {} for this part: it fails at {} of its pixels, the "
-            "dimmest {}, {}, which gets {}: {}",
-            name, weak_pixels < pixels ? "too uneven" : "too weak", weak_pixels, p.x, p.y,
-            share_in_words(map_, *dimmest), text);
+        const std::string share = share_in_words(models_, *dimmest);
+        text =
+            models_.of_uv()
+                ? fmt::format(
+                      "the UV light of printer '{}' does not suit all places of this part: it fails "
+                      "at {} of its pixels, one of them {}, {}, which gets {}: {}",
+                      name, weak_pixels, p.x, p.y, share, text)
+                : fmt::format(
+                      "the light of printer '{}' is {} for this part: it fails at {} of its pixels, "
+                      "the dimmest {}, {}, which gets {}: {}",
+                      name, weak_pixels < pixels ? "too uneven" : "too weak", weak_pixels, p.x, p.y,
+                      share, text);
       }
     }
     if (const std::string black = verdict_at(brightest_, false).black; !black.empty()) {
@@ -364,7 +376,7 @@ class PlaceCheck {
         const Pixel p = first_of(map_, target_.grid(), brightest_);
         text +=
             fmt::format("at the brightest place of the display, pixel {}, {}, which gets {}: ", p.x,
-                        p.y, share_in_words(map_, brightest_));
+                        p.y, share_in_words(models_, brightest_));
       }
       text += black;
     }

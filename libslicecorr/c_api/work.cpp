@@ -358,7 +358,8 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
     }
     tell_notices(s, t, context);
     const Beside beside = left_alone(setup);
-    if (!s.printer.flat_field && !slicecorr::judges_suction(s) && beside.empty()) {
+    if (!slicecorr::light_is_uneven(s.printer, s.process) && !slicecorr::judges_suction(s) &&
+        beside.empty()) {
       slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s,
                                  context);
       return;

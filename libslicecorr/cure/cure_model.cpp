@@ -180,7 +180,22 @@ std::vector<double> intensities_of(const std::vector<CalibrationPoint>& points, 
 }  // namespace
 
 std::vector<double> level_intensities(const Printer& printer) {
-  return intensities_of(printer.calibration, printer.levels());
+  std::vector<double> of_level = intensities_of(printer.calibration, printer.levels());
+  if (printer.grey != GreyLight::pulsed || printer.grey_m == 1) return of_level;
+  // The steady light that does as much as full light for a share of the time, and black for the rest.
+  const double m = printer.grey_m, black = of_level.front(), full = of_level.back();
+  const double of_black = std::pow(black, m), of_full = std::pow(full, m);
+  for (double& intensity : of_level) {
+    if (intensity <= black || intensity >= full) continue;
+    const double share = (intensity - black) / (full - black);
+    intensity = std::pow((1 - share) * of_black + share * of_full, 1 / m);
+  }
+  return of_level;
+}
+
+Printer for_resin(Printer printer, const Resin& resin) {
+  if (printer.grey == GreyLight::pulsed) printer.grey_m = resin.m;
+  return printer;
 }
 
 std::vector<double> uv_level_intensities(const Printer& printer) {
@@ -320,7 +335,7 @@ Printer dimmed(const Printer& printer, double factor) {
 }
 
 Printer as_lit(const Printer& printer, const Process& process) {
-  const double usual = usual_light_share(process);
+  const double usual = usual_light_share(as_lamp_shines(process));
   return usual == 1 ? printer : dimmed(printer, usual);
 }
 
@@ -346,10 +361,13 @@ std::vector<Feature> features_of(const CureModel& model) {
 
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light) {
+  if (!process.lamp_share.empty()) {
+    return make_cure_model(printer, resin, as_lamp_shines(process), layer_um, light);
+  }
   check_supported(printer, resin, process);
   const double factor = light.factor * usual_light_share(process);
   const std::vector<double> intensities =
-      level_intensities(factor == 1 ? printer : dimmed(printer, factor));
+      level_intensities(for_resin(factor == 1 ? printer : dimmed(printer, factor), resin));
   CureModel model;
   model.layer_um = layer_um;
   model.m = resin.m;

@@ -22,6 +22,27 @@ int values_per_model(const InhibitedKernel& kernel, int values) {
   return std::clamp(static_cast<int>(std::ceil(values * kernel.table_bytes() / most_bytes)), 1, 64);
 }
 
+bool uv_is_uneven(const Printer& printer, const Process& process) {
+  return printer.uv_flat_field && process.uv.kind != UvKind::off;
+}
+
+/// Values of a lamp's map run from 1 to 255; turned round they do, too.
+constexpr int kTurnedRound = 256;
+
+/// What the map of classes is made from: the display's flat-field, or the lamp's, turned round.
+Printer mapped(Printer printer, const Process& process) {
+  if (!uv_is_uneven(printer, process)) return printer;
+  FlatField field = *printer.uv_flat_field;
+  std::vector<std::uint8_t> values = *field.values;
+  for (std::uint8_t& v : values) {
+    v = static_cast<std::uint8_t>(kTurnedRound - std::max<int>(v, 1));
+  }
+  field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(values));
+  field.reference = kTurnedRound - field.reference;
+  printer.flat_field = std::move(field);
+  return printer;
+}
+
 /// By how much light may be off where values share a model.
 constexpr double kMostSharedLight = 0.005;
 
@@ -32,28 +53,34 @@ struct PlaceModels::Made {
   PixelCurve curve;
 };
 
+bool light_is_uneven(const Printer& printer, const Process& process) {
+  return printer.flat_field.has_value() || uv_is_uneven(printer, process);
+}
+
 PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
                          const Grid& images, const ImageFrame& frame)
-    : printer_(printer),
+    : printer_(for_resin(printer, resin)),
       resin_(resin),
-      process_(process),
+      process_(as_lamp_shines(process)),
       layer_um_(images.layer_um),
-      map_(printer, images, frame) {
+      of_uv_(uv_is_uneven(printer, process)),
+      map_(mapped(printer, process), images, frame) {
   check_supported(printer, resin, process);
   printer_.flat_field.reset();
   // Shares of the light are those of what is usual from here on.
-  const double usual = usual_light_share(process);
-  printer_ = as_lit(printer_, process);
+  const double usual = usual_light_share(process_);
+  printer_ = as_lit(printer_, process_);
   for (double& share : process_.light_share) share /= usual;
   if (even() || process.uv.kind == UvKind::off) return;
-  const int least = printer.flat_field->least();
-  const int values = printer.flat_field->greatest() - least + 1;
+  const FlatField& field = of_uv_ ? *printer.uv_flat_field : *printer.flat_field;
+  const int least = field.least();
+  const int values = field.greatest() - least + 1;
   const int together = values_per_model(*model(map_.greatest()).inhibited(), values);
   // Edges would lie elsewhere than is told.
   const double off = 0.5 * (together - 1) / std::max(1, least);
   if (off > kMostSharedLight) {
     throw InputError(
-        printer.name, "display.flat_field",
+        printer.name, of_uv_ ? "uv.flat_field" : "display.flat_field",
         fmt::format(
             "under UV light of so many intensities its light is told apart to {:.1f} % only; "
             "expected UV light of one intensity, or a printer without flat_field",
@@ -68,17 +95,39 @@ PlaceModels::PlaceModels(const CureModel& everywhere) : layer_um_(everywhere.lay
 
 PlaceModels::~PlaceModels() = default;
 
+double PlaceModels::curing_factor(std::uint8_t value) const {
+  return of_uv_ || value == map_.reference() ? 1.0 : map_.factor(value);
+}
+
+double PlaceModels::uv_factor(std::uint8_t value) const {
+  if (!of_uv_ || value == map_.reference()) return 1;
+  return 1.0 * (kTurnedRound - value) / (kTurnedRound - map_.reference());
+}
+
 Printer PlaceModels::printer_at(std::uint8_t value) const {
-  return value == map_.reference() ? printer_ : dimmed(printer_, map_.factor(value));
+  if (value == map_.reference()) return printer_;
+  if (!of_uv_) return dimmed(printer_, map_.factor(value));
+  Printer printer = printer_;
+  for (CalibrationPoint& c : printer.uv->calibration) c.intensity_mw_cm2 *= uv_factor(value);
+  return printer;
+}
+
+Process PlaceModels::process_at(std::uint8_t value) const {
+  Process process = process_;
+  process.uv.uv_mw_cm2 *= uv_factor(value);
+  for (double& uv : process.uv.slice_mw_cm2) uv *= uv_factor(value);
+  return process;
 }
 
 const CureModel& PlaceModels::model(std::uint8_t value) const {
   const std::lock_guard lock(making_[value]);
   std::unique_ptr<Made>& made = made_[value];
   if (!made) {
-    const double factor = value == map_.reference() ? 1.0 : map_.factor(value);
-    const double brightest = even() ? 1.0 : map_.factor(map_.greatest());
-    CureModel model = make_cure_model(printer_, resin_, process_, layer_um_, {factor, brightest});
+    const double brightest = even() || of_uv_ ? 1.0 : map_.factor(map_.greatest());
+    CureModel model = of_uv_
+                          ? make_cure_model(printer_at(value), resin_, process_at(value), layer_um_)
+                          : make_cure_model(printer_, resin_, process_, layer_um_,
+                                            {curing_factor(value), brightest});
     const PixelCurve curve = pixel_curve(model);
     made = std::make_unique<Made>(Made{std::move(model), curve});
   }

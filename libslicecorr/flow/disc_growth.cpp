@@ -48,18 +48,17 @@ detail::GrowthPlan make_rings(const DiscPrint& print, const DiscLight& light, in
 
 std::vector<double> places_of(int cells) {
   std::vector<double> places;
+  places.reserve(static_cast<std::size_t>(cells));
   for (int i = 0; i < cells; ++i) places.push_back((i + 0.5) / cells);
   return places;
 }
 
 detail::GapGrowth begin(const FlowResin& resin, const DiscPrint& print, const DiscLight& light,
                         const DiscGrowth& g) {
-  detail::GapGrowth growth(resin,
-                           {disc::um_s(print.speed_mm_h), g.first_gap_um, g.slope, g.level_um,
-                            static_cast<std::size_t>(std::ceil(g.top_um / g.level_um))});
-  detail::GrowthPlan plan = make_rings(print, light, g.cells);
-  const std::size_t levels = static_cast<std::size_t>(std::ceil(g.top_um / g.level_um));
-  growth.set_plan(std::move(plan),
+  const auto levels = static_cast<std::size_t>(std::ceil(g.top_um / g.level_um));
+  detail::GapGrowth growth(
+      resin, {disc::um_s(print.speed_mm_h), g.first_gap_um, g.slope, g.level_um, levels});
+  growth.set_plan(make_rings(print, light, g.cells),
                   std::vector<double>(static_cast<std::size_t>(g.cells) * levels, 0.0));
   return growth;
 }

@@ -131,7 +131,8 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
     std::vector<std::string> lost;
     for (const std::string& name : stack.other_entries()) {
       // Not told of as lost: what these files say is carried over, or concerns their format alone.
-      if (!name.ends_with(".ini") && !name.ends_with(".json") && name != detail::kFlatFieldEntry) {
+      if (!name.ends_with(".ini") && !name.ends_with(".json") && name != detail::kFlatFieldEntry &&
+          name != detail::kUvFlatFieldEntry) {
         lost.push_back(name);
       }
     }

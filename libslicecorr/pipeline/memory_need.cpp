@@ -110,8 +110,10 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
                    const CorrectionPlan& plan, MemoryFacts& facts) {
   facts.slices = plan.all_layers;
   facts.lights = 1;
-  if (printer.flat_field) {
-    const auto counts = LightMap(printer, slices.grid(), slices.frame()).counts(slices.bounds());
+  if (light_is_uneven(printer, process)) {
+    Printer mapped = printer;
+    if (!mapped.flat_field) mapped.flat_field = printer.uv_flat_field;
+    const auto counts = LightMap(mapped, slices.grid(), slices.frame()).counts(slices.bounds());
     facts.lights = static_cast<int>(
         std::count_if(counts.begin(), counts.end(), [](std::uint64_t n) { return n > 0; }));
   }

@@ -278,7 +278,7 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
   for (Chosen& c : chosen) {
     places.push_back({c.column.x, c.column.y});
     columns.push_back(static_cast<std::uint32_t>(c.at));
-    c.column.light = map.factor(map.value(c.column.x, c.column.y));
+    c.column.light = volume_.models_.curing_factor(map.value(c.column.x, c.column.y));
     for (auto* codes : {&c.dose_before, &c.dose_after, &c.grey_before, &c.grey_after}) {
       codes->assign(static_cast<std::size_t>(v.nz), 0);
     }

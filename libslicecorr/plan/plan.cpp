@@ -59,6 +59,11 @@ void check(const SliceSource& target, const Setup& setup, const PlanAsk& ask) {
          "UV light that changes can't be planned for; expected one intensity");
   expect(p.layer_heights_um.empty(),
          "layers of different heights can't be planned for; expected layers of one height");
+  expect(!setup.printer.uv_flat_field || p.uv.kind == UvKind::off,
+         "uneven UV light ([uv] flat_field) can't be planned for; expected a printer without it");
+  expect(
+      p.lamp_share.empty(),
+      "a lamp that fades (lamp_log) can't be planned for; expected the light of the calibration");
   expect(p.light_share.empty(),
          "light below full (light_share) can't be planned for; expected all of the light");
   expect(p.layer_exposure_s.empty(),

@@ -350,6 +350,11 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
                                  "; expected [[grey level, mW/cm²], ...] or a .csv file");
   }
   take_unit(root, blue, printer);
+  const std::string grey = blue.text("grey", "steady");
+  if (grey != "steady" && grey != "pulsed") {
+    blue.fail("grey", fmt::format("is '{}'; expected \"steady\" or \"pulsed\"", grey));
+  }
+  printer.grey = grey == "pulsed" ? GreyLight::pulsed : GreyLight::steady;
   printer.spread.gaussians = detail::spread_keys(blue, printer).gaussians;
   if (const auto uv = root.table("uv")) {
     UvLamp lamp;
@@ -367,6 +372,7 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
                "is given for a flood, which is even; expected it with kind = "
                "\"patterned\"");
     }
+    detail::lamp_field_keys(*uv);
     printer.uv = std::move(lamp);
   }
   if (const auto stage = root.table("stage")) {

@@ -57,6 +57,36 @@ std::optional<FlatFieldKeys> flat_field_keys(const TomlTable& display) {
   return keys;
 }
 
+LampFieldKeys lamp_field_keys(const TomlTable& uv) {
+  LampFieldKeys keys;
+  const toml::node* node = uv.node("flat_field");
+  if (!node || node->is_string()) {
+    keys.picture = flat_field_keys(uv);
+    return keys;
+  }
+  const auto fail = [&uv] {
+    uv.fail(
+        "flat_field",
+        "expected the name of a PNG file, or [[mm from the middle, share], ...] that begins at 0 and "
+        "rises, with shares above 0 and at most 1");
+  };
+  for (const char* key : {"flat_field_frame", "flat_field_reference"}) {
+    if (uv.has(key)) uv.fail(key, "is for a picture; expected a flat_field that is one");
+  }
+  const toml::array* const rings = node->as_array();
+  constexpr std::size_t kMostRings = 1000;
+  if (!rings || rings->empty() || rings->size() > kMostRings) fail();
+  for (const toml::node& ring : *rings) {
+    const toml::array* const pair = ring.as_array();
+    if (!pair || pair->size() != 2) fail();
+    const auto r = pair->get(0)->value<double>(), share = pair->get(1)->value<double>();
+    if (!r || !share || !(*share > 0) || *share > 1 || !(*r < 1e5)) fail();
+    if (keys.rings.empty() ? *r != 0 : !(*r > keys.rings.back().r_mm)) fail();
+    keys.rings.push_back({*r, *share});
+  }
+  return keys;
+}
+
 }  // namespace detail
 
 }  // namespace slicecorr

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/process.hpp"
@@ -64,6 +65,18 @@ double light_share(const Process& process, int layer) {
 
 double usual_light_share(const Process& process) {
   return process.light_share.empty() ? 1 : process.light_share.back();
+}
+
+Process as_lamp_shines(Process process) {
+  const std::vector<double> lamp = std::exchange(process.lamp_share, {});
+  if (lamp.empty()) return process;
+  std::vector<double> both;
+  const std::size_t slices = std::max(lamp.size(), process.light_share.size());
+  for (std::size_t n = 0; n < slices; ++n) {
+    both.push_back(light_share(process, static_cast<int>(n)) * lamp[std::min(n, lamp.size() - 1)]);
+  }
+  process.light_share = std::move(both);
+  return process;
 }
 
 bool light_differs(const Process& process) {

@@ -119,6 +119,17 @@ const std::vector<Setting>& table() {
        .process = &Process::light_share,
        .block = BlockPart::exposure,
        .changed_only = true},
+      {.name = "lamp_log",
+       .group = kHowItPrints,
+       .chosen = &C::lamp_log,
+       .text =
+           "Share of the calibration's light that the lamp still gives at each slice while it fades, above "
+           "0 and at most 1; no printer is told to do so [all of it]",
+       .range = up_to(1),
+       .column = "lamp_share",
+       .process = &Process::lamp_share,
+       .block = BlockPart::exposure,
+       .changed_only = true},
       {.name = "layer_heights_um",
        .group = kHowItPrints,
        .chosen = &C::layer_heights_um,

@@ -43,6 +43,8 @@ constexpr std::array<const char*, kFeatures> kNames = {
     "a capped dose (omega_max)",
     "a robust correction (robust)",
     "how sure figures are (uncertain)",
+    "grey by pulses ([blue] grey)",
+    "uneven UV light ([uv] flat_field)",
 };
 
 // A pair for each of the kinds of UV light.
@@ -94,7 +96,36 @@ constexpr const char* kExchangeUv =
 constexpr const char* kRobustUv =
     "a correction can't be robust under UV light; expected no UV light";
 
+constexpr const char* kPulsesUv =
+    "{printer}: blue.grey: grey by pulses is not counted under UV light, which goes on between pulses; "
+    "expected no UV light, or grey = \"steady\"";
+
+constexpr const char* kUnevenUvShown =
+    "{printer}: uv.flat_field: uneven UV light is counted for one intensity only (uv_mw_cm2, or dead_zone_um "
+    "without a schedule); expected one, or a printer without uv.flat_field";
+
 constexpr Unsupported kTable[] = {
+    {uneven_uv, uneven_light, refused,
+     "{printer}: uv.flat_field: is not counted beside a flat_field of the display; expected one of both"},
+    {uneven_uv, uv_per_slice, refused, kUnevenUvShown},
+    {uneven_uv, uv_patterned, refused, kUnevenUvShown},
+    {uneven_uv, even_dead_zone, refused, kUnevenUvShown},
+    {uneven_uv, spread, refused,
+     "{printer}: uv.flat_field: is not counted where light spreads; expected no spread, or a printer "
+     "without uv.flat_field"},
+    {uneven_uv, derivatives, refused,
+     "{printer}: uv.flat_field: how sure figures are can't be said where UV light is uneven; expected "
+     "figures without it, or a printer without uv.flat_field"},
+    UNDER_UV(pulsed_grey, refused, kPulsesUv),
+    {pulsed_grey, gel_time, refused,
+     "{printer}: blue.grey: grey by pulses is not counted with a resin of model \"gel-time\"; expected a "
+     "resin of another model (resinctl derive), or grey = \"steady\""},
+    {pulsed_grey, spread, refused,
+     "{printer}: blue.grey: grey by pulses is not counted where light spreads, since pulses of pixels "
+     "beside each other overlap or not; expected no spread, a resin with m = 1, or grey = \"steady\""},
+    {pulsed_grey, derivatives, refused,
+     "{printer}: blue.grey: how sure figures are can't be said with grey by pulses; expected figures "
+     "without it, or grey = \"steady\""},
     UNDER_UV(gel_time, refused, kGelTimeUv),
     {gel_time, vat_depth, refused,
      "{printer}: vat.depth_um: is not counted for a resin of model \"gel-time\"; expected a printer "
@@ -275,6 +306,7 @@ std::span<const Unsupported> unsupported() { return kTable; }
 
 std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
                                  const Process& process) {
+  const Process lit = as_lamp_shines(process);
   std::vector<Feature> features;
   const auto add = [&](bool is, Feature feature) {
     if (is) features.push_back(feature);
@@ -295,14 +327,19 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
   add(process.mode == ExposureMode::layerwise && process.lifts == Lifts::each &&
           process.lift_exchange > 0,
       exchange);
-  add(slices_differ(process), lamps_stay);
-  add(light_differs(process) || usual_light_share(process) != 1, dim_light);
-  add(light_differs(process), own_light);
+  add(slices_differ(lit), lamps_stay);
+  add(light_differs(lit) || usual_light_share(lit) != 1, dim_light);
+  add(light_differs(lit), own_light);
   const bool heights = !process.layer_heights_um.empty();
   add(heights && process.mode == ExposureMode::layerwise, own_heights);
   add(heights && process.mode == ExposureMode::continuous, moved_heights);
   add(process.surface == Surface::mesh, edge_heights);
   add(process.omega_max < kNoCap, capped_dose);
+  // Where dose is light times time it is the same, however the light of a level is made.
+  add(printer.grey == GreyLight::pulsed &&
+          (resin.m != 1 || resin.has_gel_time() || process.uv.kind != UvKind::off || even),
+      pulsed_grey);
+  add(printer.uv_flat_field && (process.uv.kind != UvKind::off || even), uneven_uv);
   return features;
 }
 

@@ -248,6 +248,11 @@ Markup summary(const ReportContent& c) {
     if (!words.empty()) html += fmt::format(" {}: {}.", what, words);
   };
   say("Layers are lit with", light_share_in_words(c.setup.process));
+  if (!c.setup.process.lamp_share.empty()) {
+    Process lamp;
+    lamp.light_share = c.setup.process.lamp_share;
+    say("The lamp still gives", light_share_in_words(lamp));
+  }
   say("Light over the display", light_in_words(c.setup.printer));
   say("Light spreads", spread_in_words(c.setup.printer.spread));
   if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {

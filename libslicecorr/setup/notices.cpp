@@ -84,6 +84,12 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
                            : "") +
                       ": doses are those of that light");
   }
+  if (!setup.process.lamp_share.empty()) {
+    Process lamp;
+    lamp.light_share = setup.process.lamp_share;
+    notices.push_back("the lamp still gives " + light_share_in_words(lamp) +
+                      ": doses are those of that light");
+  }
   if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
     notices.push_back(std::move(text));
   }

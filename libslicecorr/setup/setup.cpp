@@ -9,7 +9,9 @@
 #include <numeric>
 
 #include "setup/exposures.hpp"
+#include "setup/lamps.hpp"
 #include "slicecorr/assumed_light.hpp"
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
 #include "slicecorr/light_spreads.hpp"
@@ -158,6 +160,7 @@ void Resolver::resolve_layers(Process& process, const StackInfo* times, bool rec
   if (process.light_share.size() == 1 && process.light_share.front() == 1) {
     process.light_share.clear();
   }
+  detail::take_lamp_log(c_.lamp_log, o("lamp_log"), process);
   if (!c_.layer_heights_um.empty()) {
     process.layer_heights_um = trimmed(c_.layer_heights_um);
   } else if (archive) {
@@ -372,6 +375,11 @@ void Resolver::resolve_uv(Setup& setup) const {
     wrong(fmt::format("{} patterned: the UV lamp of printer '{}' floods the window", schedule,
                       setup.printer.name));
   }
+  if (setup.printer.uv_flat_field && !patterned && c_.uv_schedule.empty()) {
+    uv.kind = UvKind::constant;
+    uv.uv_mw_cm2 = detail::uv_for_weakest_place(setup, c_.dead_zone_um);
+    return;
+  }
   uv.kind = c_.uv_schedule == "patterned" || (c_.uv_schedule.empty() && patterned)
                 ? UvKind::patterned
                 : UvKind::per_slice;
@@ -548,6 +556,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   }
   if (setup.process.assumed != AssumedLight::none) assume_errors(setup);
   if (info && info->recording) check_recorded(setup, *info);
+  setup.printer = for_resin(std::move(setup.printer), setup.resin);
   return setup;
 }
 

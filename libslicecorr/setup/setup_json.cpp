@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
 #include "slicecorr/setup.hpp"
@@ -22,6 +23,7 @@ namespace slicecorr {
 
 namespace {
 constexpr const char* kPictureKey = "flat_field_png";
+constexpr const char* kUvPictureKey = "uv_flat_field_png";
 constexpr const char* kGapKey = "gap_um";
 constexpr const char* kLooseKey = "loose";
 constexpr const char* kNeckKey = "least_neck_mm2";
@@ -47,20 +49,34 @@ bool refuses_loose(std::string_view text, const std::string& source) {
 }
 
 void add_picture(nlohmann::ordered_json& json, const Printer& printer) {
-  if (!printer.flat_field) return;
-  json[kPictureKey] = detail::base64(detail::flat_field_png(*printer.flat_field));
+  if (printer.flat_field) {
+    json[kPictureKey] = detail::base64(detail::flat_field_png(*printer.flat_field));
+  }
+  if (printer.uv_flat_field) {
+    json[kUvPictureKey] = detail::base64(detail::flat_field_png(*printer.uv_flat_field));
+  }
 }
 
-/// Gives the printer of `contents` the picture that it speaks of.
+std::vector<std::uint8_t> png_of(const nlohmann::json& json, const std::string& source,
+                                 const char* key) {
+  const auto picture = json.find(key);
+  auto png = picture != json.end() && picture->is_string()
+                 ? detail::from_base64(picture->get_ref<const std::string&>())
+                 : std::nullopt;
+  if (!png) throw InputError(source, key, "is missing; expected a PNG in base 64");
+  return *std::move(png);
+}
+
+/// Gives the printer of `contents` the pictures that it speaks of.
 void read_picture(const nlohmann::json& json, const std::string& source,
                   detail::ArchiveContents& contents) {
-  if (!contents.info.printer || !contents.info.printer->flat_field) return;
-  const auto picture = json.find(kPictureKey);
-  const auto png = picture != json.end() && picture->is_string()
-                       ? detail::from_base64(picture->get_ref<const std::string&>())
-                       : std::nullopt;
-  if (!png) throw InputError(source, kPictureKey, "is missing; expected a PNG in base 64");
-  detail::set_flat_field(contents, *png, source, kPictureKey);
+  if (!contents.info.printer) return;
+  if (contents.info.printer->flat_field) {
+    detail::set_flat_field(contents, png_of(json, source, kPictureKey), source, kPictureKey);
+  }
+  if (contents.info.printer->uv_flat_field) {
+    detail::set_uv_flat_field(contents, png_of(json, source, kUvPictureKey), source, kUvPictureKey);
+  }
 }
 
 }  // namespace
@@ -75,8 +91,8 @@ std::string setup_json(const Setup& setup) {
   info.grid.pixel_y_um = setup.printer.pixel_y_um;
   info.grid.layer_um = 1;
   std::string block = detail::setup_block(info);
-  const bool more = setup.printer.flat_field || setup.gap_um > 0 || setup.refuse_loose ||
-                    setup.least_neck_mm2 > 0;
+  const bool more = setup.printer.flat_field || setup.printer.uv_flat_field || setup.gap_um > 0 ||
+                    setup.refuse_loose || setup.least_neck_mm2 > 0;
   if (!more) return block;
   auto json = detail::own_json<nlohmann::ordered_json>(block);
   if (setup.gap_um > 0) json[kGapKey] = setup.gap_um;
@@ -90,14 +106,15 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   detail::ArchiveContents contents;
   contents.info.grid.layers = 1;
   detail::read_provenance(json, source, contents);
-  if (contents.info.printer && contents.info.printer->flat_field) {
+  if (contents.info.printer &&
+      (contents.info.printer->flat_field || contents.info.printer->uv_flat_field)) {
     read_picture(detail::read_json(json, {source, ""}), source, contents);
   }
   const StackInfo& info = contents.info;
   if (!info.printer || !info.resin || !info.process) {
     throw InputError(source, "", "has no printer, resin and process; expected all three");
   }
-  Setup setup{*info.printer, *info.resin, *info.process,
+  Setup setup{for_resin(*info.printer, *info.resin), *info.resin, *info.process,
               number_of(json, source, kGapKey, kMostGapUm)};
   setup.refuse_loose = refuses_loose(json, source);
   setup.least_neck_mm2 = number_of(json, source, kNeckKey, std::numeric_limits<double>::max());
@@ -122,6 +139,10 @@ std::pair<Printer, Resin> parse_definitions_json(std::string_view json, const st
   if (contents.info.printer->flat_field) {
     contents.flat_field_crc32 =
         static_cast<std::uint32_t>(root["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
+  }
+  if (contents.info.printer->uv_flat_field) {
+    contents.uv_flat_field_crc32 =
+        static_cast<std::uint32_t>(root["printer"]["uv_flat_field"]["crc32"].whole(0, 0xffffffff));
   }
   read_picture(parsed, source, contents);
   return {*contents.info.printer, detail::read_resin(root["resin"])};

@@ -19,9 +19,10 @@ Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
     resin.source = find_definition(choices.resin, "resin");
     resin.text = read_text_file(resin.source);
   }
-  Uncertainty u = parse_uncertainty(
-      text, setup.process.mode,
-      usual_light_share(setup.process) * setup.printer.calibration.back().intensity_mw_cm2, resin);
+  Uncertainty u = parse_uncertainty(text, setup.process.mode,
+                                    usual_light_share(as_lamp_shines(setup.process)) *
+                                        setup.printer.calibration.back().intensity_mw_cm2,
+                                    resin);
   if (u.sd(UncertainInput::stray) > 0) {
     refuse_relative(setup.printer, "an error of stray light (uncertain)");
   }

@@ -24,32 +24,67 @@ std::vector<std::uint8_t> flat_field_png(const FlatField& field) {
 }
 
 void add_flat_field(const StackInfo& info, ContainerOutput& output) {
-  if (!info.printer || !info.printer->flat_field) return;
-  output.add(kFlatFieldEntry, flat_field_png(*info.printer->flat_field));
+  if (!info.printer) return;
+  if (info.printer->flat_field) {
+    output.add(kFlatFieldEntry, flat_field_png(*info.printer->flat_field));
+  }
+  if (info.printer->uv_flat_field) {
+    output.add(kUvFlatFieldEntry, flat_field_png(*info.printer->uv_flat_field));
+  }
 }
 
-void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
-                    const std::string& source, const std::string& place) {
-  FlatField& field = *contents.info.printer->flat_field;
-  check_flat_field(field, *contents.info.printer, source + ": " + place);
+namespace {
+
+void set_field(FlatField& field, std::optional<std::uint32_t> crc32, const Printer& printer,
+               const std::vector<std::uint8_t>& png, const std::string& source,
+               const std::string& place) {
+  check_flat_field(field, printer, source + ": " + place);
   GreyImage image = decode_png(png, field.width_px, field.height_px, source, place);
   field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
-  if (flat_field_crc32(field) != contents.flat_field_crc32 || field.greatest() == 0) {
+  if (flat_field_crc32(field) != crc32 || field.greatest() == 0) {
     throw InputError(source, place, "is not the flat-field that the stack was corrected with");
   }
 }
 
-void read_flat_field(const Container& archive, ArchiveContents& contents) {
-  if (!contents.info.printer || !contents.info.printer->flat_field) return;
-  const FlatField& field = *contents.info.printer->flat_field;
-  const Container::Entry* const entry = archive.find(kFlatFieldEntry);
-  if (entry == nullptr) throw InputError(archive.path(), kFlatFieldEntry, "is missing");
+std::vector<std::uint8_t> read_field(const Container& archive, const FlatField& field,
+                                     const char* place) {
+  const Container::Entry* const entry = archive.find(place);
+  if (entry == nullptr) throw InputError(archive.path(), place, "is missing");
   const std::uint64_t limit = 2 * std::uint64_t{static_cast<unsigned>(field.width_px)} *
                                   static_cast<unsigned>(field.height_px) +
                               (1 << 20);
   std::vector<std::uint8_t> png;
   archive.read(*entry, limit, png);
-  set_flat_field(contents, png, archive.path(), kFlatFieldEntry);
+  return png;
+}
+
+}  // namespace
+
+void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
+                    const std::string& source, const std::string& place) {
+  Printer& printer = *contents.info.printer;
+  set_field(*printer.flat_field, contents.flat_field_crc32, printer, png, source, place);
+}
+
+void set_uv_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
+                       const std::string& source, const std::string& place) {
+  Printer& printer = *contents.info.printer;
+  set_field(*printer.uv_flat_field, contents.uv_flat_field_crc32, printer, png, source, place);
+  if (printer.uv_flat_field->least() == 0) {
+    throw InputError(source, place, "is black somewhere; expected UV light at all places");
+  }
+}
+
+void read_flat_field(const Container& archive, ArchiveContents& contents) {
+  if (!contents.info.printer) return;
+  if (contents.info.printer->flat_field) {
+    const auto png = read_field(archive, *contents.info.printer->flat_field, kFlatFieldEntry);
+    set_flat_field(contents, png, archive.path(), kFlatFieldEntry);
+  }
+  if (contents.info.printer->uv_flat_field) {
+    const auto png = read_field(archive, *contents.info.printer->uv_flat_field, kUvFlatFieldEntry);
+    set_uv_flat_field(contents, png, archive.path(), kUvFlatFieldEntry);
+  }
 }
 
 }  // namespace slicecorr::detail

@@ -15,18 +15,23 @@
 namespace slicecorr::detail {
 
 inline constexpr const char* kFlatFieldEntry = "slicecorr/flat-field.png";
+/// That of the UV lamp.
+inline constexpr const char* kUvFlatFieldEntry = "slicecorr/uv-flat-field.png";
 
 /// CRC-32 of the values, row by row.
 std::uint32_t flat_field_crc32(const FlatField& field);
 /// The values of the flat-field as a grey PNG.
 std::vector<std::uint8_t> flat_field_png(const FlatField& field);
-/// Adds the entry when the stack's printer has a flat-field.
+/// Adds the entries of the flat-fields that the stack's printer has.
 void add_flat_field(const StackInfo& info, ContainerOutput& output);
 /// Gives the flat-field that `contents` speaks of its picture. Throws `InputError` when it is not
 /// the one of the block.
 void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
                     const std::string& source, const std::string& place);
-/// Reads the picture that our block speaks of. Throws `InputError` when it is missing, or not the
+/// The same of the UV lamp's.
+void set_uv_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
+                       const std::string& source, const std::string& place);
+/// Reads the pictures that our block speaks of. Throws `InputError` when one is missing, or not the
 /// one of the block.
 void read_flat_field(const Container& archive, ArchiveContents& contents);
 

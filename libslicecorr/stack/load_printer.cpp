@@ -169,12 +169,61 @@ FlatField load_flat_field(const std::string& path, const Printer& printer, bool 
 
 namespace {
 
+/// A lamp's light by its distance from the middle of the display, as a picture of at most a quarter of a
+/// million pixels.
+FlatField field_of_rings(const std::vector<detail::LampFieldKeys::Ring>& rings,
+                         const Printer& printer) {
+  constexpr double kMostAcross = 500;
+  const double shrink = std::max(1.0, std::max(printer.width_px, printer.height_px) / kMostAcross);
+  FlatField field;
+  field.width_px = std::max(1, static_cast<int>(std::lround(printer.width_px / shrink)));
+  field.height_px = std::max(1, static_cast<int>(std::lround(printer.height_px / shrink)));
+  std::vector<std::uint8_t> values;
+  for (int y = 0; y < field.height_px; ++y) {
+    for (int x = 0; x < field.width_px; ++x) {
+      const double u = (x + 0.5) / field.width_px - 0.5, v = (y + 0.5) / field.height_px - 0.5;
+      const double r_mm = 1e-3 * std::hypot(u * printer.width_px * printer.pixel_x_um,
+                                            v * printer.height_px * printer.pixel_y_um);
+      double share = rings.back().share;
+      for (std::size_t i = 1; i < rings.size(); ++i) {
+        const auto& a = rings[i - 1];
+        const auto& b = rings[i];
+        if (r_mm > b.r_mm) continue;
+        share = a.share + (r_mm - a.r_mm) / (b.r_mm - a.r_mm) * (b.share - a.share);
+        break;
+      }
+      values.push_back(static_cast<std::uint8_t>(std::clamp(std::lround(255 * share), 1L, 255L)));
+    }
+  }
+  field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(values));
+  return field;
+}
+
+void take_lamp_field(const TomlTable& uv, Printer& printer) {
+  const detail::LampFieldKeys keys = detail::lamp_field_keys(uv);
+  if (!keys.rings.empty()) {
+    printer.uv_flat_field = field_of_rings(keys.rings, printer);
+  } else if (keys.picture) {
+    const std::string file = file_beside(uv, "flat_field", keys.picture->file);
+    try {
+      printer.uv_flat_field =
+          load_flat_field(file, printer, keys.picture->of_plate, keys.picture->reference);
+    } catch (const InputError& e) {
+      uv.fail("flat_field", e.what());
+    }
+  }
+  if (printer.uv_flat_field && printer.uv_flat_field->least() == 0) {
+    uv.fail("flat_field", "is black somewhere; expected UV light at all places");
+  }
+}
+
 /// `printer` with the pictures that its file names.
 Printer with_pictures(Printer printer, std::string_view text, const std::string& source) {
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
   printer.spread.picture = spread_picture(root.required_table("blue"), printer);
   if (const auto uv = root.table("uv")) printer.uv->spread.picture = spread_picture(*uv, printer);
+  if (const auto uv = root.table("uv")) take_lamp_field(*uv, printer);
   const TomlTable display = root.required_table("display");
   const auto keys = detail::flat_field_keys(display);
   if (!keys) return printer;

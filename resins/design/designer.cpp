@@ -54,7 +54,7 @@ double boundary(double low, double high, bool at_low, const std::function<bool(d
 }
 
 Designer::Designer(const Resin& resin, const Printer& printer, const Wish& wish, double speed_mm_h)
-    : resin_(resin), printer_(printer), wish_(wish), speed_(speed_mm_h) {
+    : resin_(resin), printer_(for_resin(printer, resin)), wish_(wish), speed_(speed_mm_h) {
   const Kinetics k = make_kinetics(resin, false, true);
   m_ = k.m;
   blue_ = printer.calibration.back().intensity_mw_cm2;

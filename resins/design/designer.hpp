@@ -82,7 +82,7 @@ class Designer {
 
  private:
   const Resin& resin_;
-  const Printer& printer_;
+  Printer printer_;
   const Wish& wish_;
   double speed_, m_ = 1, blue_ = 0, black_ = 0, limit_ = 0, ratio_ = 0;
 };

@@ -101,6 +101,7 @@ Imported with_its_files(const std::string& path, const std::string& kind) {
                                    {"blue", "calibration"},
                                    {"blue", "spread"},
                                    {"uv", "calibration"},
+                                   {"uv", "flat_field"},
                                    {"uv", "spread"},
                                    {"rotation", "wobble"}}) {
     if (const auto file = root[table][key].value<std::string>();

@@ -422,6 +422,9 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
   } else {
     out += line("intensity", how_to_measure_light(p));
   }
+  if (p.grey == GreyLight::pulsed) {
+    out += line("grey", "by pulses: full light for a share of the time");
+  }
   if (!p.spread.none()) out += line("spread", spread_in_words(p.spread));
   if (p.uv) {
     out += "\nUV light\n";
@@ -431,6 +434,12 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
         line("kind", p.uv->patterned ? "patterned: an image per slice" : "flood: the whole window");
     out += line("intensity",
                 fmt::format("{:g} to {:g} mW/cm²", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()));
+    if (p.uv_flat_field) {
+      const FlatField& field = *p.uv_flat_field;
+      out += line("flat-field", fmt::format("{:.3g} to {:.3g} % of the calibration",
+                                            100.0 * field.least() / field.reference,
+                                            100.0 * field.greatest() / field.reference));
+    }
     if (!p.uv->spread.none()) out += line("spread", spread_in_words(p.uv->spread));
   }
   if (p.max_speed_mm_h > 0 || p.travel_mm > 0) {

@@ -64,6 +64,14 @@ int predict_command(const PredictArguments& a, cli::Console& console) {
           "gives {}.",
           q.blue_mw_cm2, unit_of_light(printer.unit), printer.name, light_in_words(printer)));
     }
+    if (printer.uv_flat_field && q.uv_mw_cm2 > 0) {
+      const FlatField& field = *printer.uv_flat_field;
+      console.say(fmt::format(
+          "This holds for places that get {:g} mW/cm² of UV light; the flat-field of the UV lamp of printer "
+          "'{}' gives {:.3g} to {:.3g} % of the calibration.",
+          q.uv_mw_cm2, printer.name, 100.0 * field.least() / field.reference,
+          100.0 * field.greatest() / field.reference));
+    }
     if (q.black_mw_cm2 <= 0) q.black_mw_cm2 = printer.calibration.front().intensity_mw_cm2;
   }
   if (q.blue_mw_cm2 <= 0) {

@@ -270,6 +270,11 @@ struct PlaceLight {
 };
 /// The printer as a place sees it that gets `factor` of its curing light.
 Printer dimmed(const Printer& printer, double factor);
+/// The printer as a resin sees it: grey by pulses counts by the resin's exponent m. A level that shows
+/// full light If for the share s of the time, and black Ib else, does s If^m + (1 - s) Ib^m and not what
+/// its mean (s If + (1 - s) Ib)^m would. `level_intensities` tells the steady light that does as much
+/// from then on; black and full light stay as they are.
+Printer for_resin(Printer printer, const Resin& resin);
 /// The printer with the share of its light that layers get as a rule (`usual_light_share`).
 Printer as_lit(const Printer& printer, const Process& process);
 

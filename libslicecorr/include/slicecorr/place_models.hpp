@@ -28,6 +28,10 @@ namespace slicecorr {
 /// The cure models of a process by value of light. Made when asked for. Under UV light models have
 /// large tables: where those of all values together would take more than 256 MiB, neighbouring
 /// values share one (`LightMap::coarsen`), and light that can't be told apart to 0.5 % then is refused.
+/// Whether places differ in the light that counts: by a flat-field of the display, or by one of the UV
+/// lamp where UV light is shown.
+bool light_is_uneven(const Printer& printer, const Process& process);
+
 class PlaceModels {
  public:
   /// Throws as `LightMap`, and `InputError` where tables would have to be shared too widely; making models throws as `make_cure_model`.
@@ -49,8 +53,18 @@ class PlaceModels {
   /// The printer, without its flat-field, with the light that layers get as a rule, and the resin.
   const Printer& printer() const { return printer_; }
   const Resin& resin() const { return resin_; }
-  /// The printer as a place of this value sees it: its calibration times the factor.
+  /// The printer as a place of this value sees it: its calibration times the factor, or that of its UV
+  /// lamp where that is what is uneven.
   Printer printer_at(std::uint8_t value) const;
+  /// The process as a place of this value sees it: its UV light, where that is uneven.
+  Process process_at(std::uint8_t value) const;
+  /// Share of the calibration's curing light that a value stands for; 1 where UV light is uneven.
+  double curing_factor(std::uint8_t value) const;
+  /// Whether the map is of the UV lamp. Its values are turned round: the greatest has the least UV light,
+  /// and so the most dose.
+  bool of_uv() const { return of_uv_; }
+  /// Share of the UV calibration's light that a value stands for; 1 where the map is of curing light.
+  double uv_factor(std::uint8_t value) const;
 
  private:
   struct Made;
@@ -58,6 +72,7 @@ class PlaceModels {
   Resin resin_;
   Process process_;
   double layer_um_;
+  bool of_uv_ = false;
   LightMap map_;
   mutable std::array<std::mutex, 256> making_;
   mutable std::array<std::unique_ptr<Made>, 256> made_;

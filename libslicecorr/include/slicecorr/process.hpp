@@ -171,6 +171,9 @@ enum class LightUnit {
   brightest,  ///< shares of the brightest level's light; doses are seconds of it
 };
 
+/// How a display makes a grey level: less light all the time, or full light for a share of it.
+enum class GreyLight { steady, pulsed };
+
 /// A printer file (contract: "Printer file").
 struct Printer {
   std::string name;
@@ -211,6 +214,13 @@ struct Printer {
   /// That of `calibration`. Where it is the brightest level's light, that is 1, and there is no UV
   /// lamp.
   LightUnit unit = LightUnit::mw_cm2;
+  /// What `calibration` says of a grey level is the mean in time, either way.
+  GreyLight grey = GreyLight::steady;
+  /// Pulses: the exponent of the resin that is printed, which no file of a printer says
+  /// (`for_resin` in cure.hpp); 1: not said, or nothing that matters.
+  double grey_m = 1;
+  /// How evenly the UV lamp shines (`[uv] flat_field`); nothing: even.
+  std::optional<FlatField> uv_flat_field{};
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -475,6 +485,10 @@ struct Process {
   /// is known before that light is found (`find_even_light` in even_dead_zone.hpp).
   EvenDeadZone even_dead_zone = EvenDeadZone::off;
   std::optional<EvenLight> even_light{};
+  /// Share of the calibration's light that the lamp still gives at each slice, as it fades, above 0 and
+  /// at most 1; the last holds for later slices; empty: all of it. Nothing tells a printer to do so, as
+  /// `light_share` does: `as_lamp_shines` makes one of both for what counts light.
+  std::vector<double> lamp_share{};
   bool operator==(const Process&) const = default;
 };
 
@@ -494,6 +508,9 @@ double layer_exposure_s(const Process& process, int layer);
 /// Share of the light that a layer gets, and that of the last layers, for which models are made.
 double light_share(const Process& process, int layer);
 double usual_light_share(const Process& process);
+/// The same print with the lamp's own share (`lamp_share`) in `light_share`: what resin gets. Once that is
+/// done, doing it again changes nothing.
+Process as_lamp_shines(Process process);
 /// Whether layers get different shares of the light.
 bool light_differs(const Process& process);
 /// Shares in words: "50.2 % of full light, 100 % for the first 2 layers"; empty where all is full.

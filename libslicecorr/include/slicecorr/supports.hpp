@@ -41,8 +41,10 @@ enum class Feature {
   capped_dose,
   robust,
   derivatives,  ///< how sure figures are
+  pulsed_grey,  ///< grey by pulses, where that is not the same as less light
+  uneven_uv,    ///< a UV lamp that does not shine evenly
 };
-inline constexpr int kFeatures = static_cast<int>(Feature::derivatives) + 1;
+inline constexpr int kFeatures = static_cast<int>(Feature::uneven_uv) + 1;
 
 /// What people call it, with the field or key that brings it: "UV light per slice (dead_zone_um)".
 std::string name_of(Feature feature);

@@ -14,6 +14,7 @@
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/same_light.hpp"
+#include "slicecorr/units.hpp"
 #include "support/text/csv.hpp"
 #include "support/text/display_text.hpp"
 
@@ -99,19 +100,87 @@ bool SetupOptions::by_slice() const {
   return std::any_of(tables_.begin(), tables_.end(), [](auto& t) { return !t.second.empty(); });
 }
 
-SetupChoices SetupOptions::choices() const {
+SetupChoices SetupOptions::choices(double slice_s) const {
   SetupChoices choices = *this;
   for (const auto& [name, path] : tables_) {
     if (path.empty()) continue;
     const Setting& s = *find_setting(name);
+    if (name == "lamp_log" && is_lamp_curve(path)) {
+      choices.lamp_log = read_lamp_curve(path, slice_s);
+      continue;
+    }
     choices.*std::get<std::vector<double> SetupChoices::*>(s.chosen) =
         read_by_slice(path, std::string(s.column));
   }
   return choices;
 }
 
+double SetupOptions::slice_s(const StackInfo* info, const StackInfo* times) const {
+  const Process* const made = info && info->process ? &*info->process : nullptr;
+  const bool layerwise =
+      mode.empty() ? made && made->mode == ExposureMode::layerwise : mode == "layerwise";
+  const auto own_speeds = tables_.find("slice_speed_mm_h");
+  const bool own = (own_speeds != tables_.end() && !own_speeds->second.empty()) ||
+                   (made && !made->slice_speed_mm_h.empty());
+  const double speed = speed_mm_h > 0 ? speed_mm_h : made ? made->speed_mm_h : 0;
+  const double um = times ? times->grid.layer_um : info ? info->grid.layer_um : layer_um;
+  return layerwise || own || !(speed > 0) || !(um > 0) ? 0 : units::slice_time_s(um, speed);
+}
+
 Setup SetupOptions::resolve(const StackInfo* info, const StackInfo* times) const {
-  return resolve_setup(choices(), info, times, ChoiceNames::options);
+  return resolve_setup(choices(slice_s(info, times)), info, times, ChoiceNames::options);
+}
+
+bool is_lamp_curve(const std::string& path) {
+  CsvReader reader = CsvReader::of_file(path, {.longest_line_bytes = 1000});
+  CsvRow row;
+  return reader.next(row) && row.fault == CsvRow::Fault::none && row.cells.size() == 2 &&
+         row.cells[0] == "seconds";
+}
+
+std::vector<double> read_lamp_curve(const std::string& path, double slice_s) {
+  constexpr double most_slices = 1000000;
+  CsvReader reader = CsvReader::of_file(path, {.longest_line_bytes = 1000});
+  const auto wrong = [&](const std::string& what) { throw InputError(path, reader.place(), what); };
+  CsvRow row;
+  std::vector<double> seconds, shares;
+  reader.next(row);
+  if (row.cells[1] != "lamp_share") wrong("expected the head seconds,lamp_share");
+  if (!(slice_s > 0)) {
+    wrong(
+        "has seconds, which are known of continuous exposure at one speed only; expected a table "
+        "slice,lamp_share");
+  }
+  while (reader.next(row)) {
+    if (row.fault != CsvRow::Fault::none || row.cells.size() != 2) {
+      wrong("expected two columns, seconds,lamp_share");
+    }
+    const auto at = number_of(row.cells[0]), share = number_of(row.cells[1]);
+    if (!at || !share || !(*share > 0)) {
+      wrong("expected seconds since the first slice, and a share above 0");
+    }
+    if (seconds.empty() ? *at < 0 : *at <= seconds.back()) {
+      wrong(fmt::format("{} s; expected seconds that rise from 0 on", row.cells[0]));
+    }
+    seconds.push_back(*at);
+    shares.push_back(*share);
+    if (*at / slice_s > most_slices) wrong(fmt::format("is beyond {:g} slices", most_slices));
+  }
+  if (seconds.empty()) throw InputError(path, "", "has no rows; expected seconds,lamp_share");
+  // In the middle of each slice, straight lines between rows, flat before and after them.
+  std::vector<double> of_slices;
+  std::size_t next = 0;
+  for (std::size_t n = 0; n == 0 || of_slices.size() * slice_s < seconds.back() + slice_s; ++n) {
+    const double middle = (static_cast<double>(n) + 0.5) * slice_s;
+    while (next < seconds.size() && seconds[next] < middle) ++next;
+    if (next == 0 || next == seconds.size()) {
+      of_slices.push_back(next == 0 ? shares.front() : shares.back());
+      continue;
+    }
+    const double part = (middle - seconds[next - 1]) / (seconds[next] - seconds[next - 1]);
+    of_slices.push_back(shares[next - 1] + part * (shares[next] - shares[next - 1]));
+  }
+  return of_slices;
 }
 
 std::vector<double> read_by_slice(const std::string& path, const std::string& column) {

@@ -25,8 +25,9 @@ struct SetupOptions : SetupChoices {
   Surface wanted_surface() const { return surface_named(surface); }
   /// Whether something is said by slice or layer, in tables.
   bool by_slice() const;
-  /// With what the tables say. Throws `InputError` when one can't be read.
-  SetupChoices choices() const;
+  /// With what the tables say. Throws `InputError` when one can't be read. `slice_s`: how long a slice
+  /// takes, for tables in seconds; 0: not known.
+  SetupChoices choices(double slice_s = 0) const;
   /// See `resolve_setup`. Throws `InputError` when a table can't be read, too.
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
 
@@ -34,6 +35,9 @@ struct SetupOptions : SetupChoices {
   CLI::Option* add(CLI::App& app, const Setting& setting);
 
  private:
+  /// Of a continuous print at one speed; 0 else, and where speed or height of slices are not known.
+  double slice_s(const StackInfo* info, const StackInfo* times) const;
+
   std::map<std::string_view, std::string> tables_;  ///< of settings that are lists, their paths
 };
 
@@ -50,6 +54,12 @@ class LightOptions : SetupOptions {
 /// Values of slices from a table with the columns `slice,COLUMN`: from that slice on that value. The
 /// first row is of slice 0, slices rise. Throws `InputError` naming file and line.
 std::vector<double> read_by_slice(const std::string& path, const std::string& column);
+
+/// Whether a table of `lamp_log` has the columns `seconds,lamp_share`, in place of `slice,lamp_share`.
+bool is_lamp_curve(const std::string& path);
+/// The share of each slice in its middle: seconds since the first slice rise, straight lines between
+/// rows, flat before and after them. Throws `InputError` naming file and line, also where `slice_s` is 0.
+std::vector<double> read_lamp_curve(const std::string& path, double slice_s);
 
 /// A corrected stack shows light, not the design: measured against it, nothing means anything.
 /// Throws `InputError` when `path` is one, gives it back else.

@@ -203,6 +203,11 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   if (const std::string light = light_share_in_words(process_of_times(info)); !light.empty()) {
     text += "lit with     " + light + "\n";
   }
+  if (info.process && !info.process->lamp_share.empty()) {
+    Process lamp;
+    lamp.light_share = info.process->lamp_share;
+    text += "lamp         " + light_share_in_words(lamp) + "\n";
+  }
   if (!info.exposures.empty()) {
     const auto spots = std::count_if(info.exposures.begin(), info.exposures.end(),
                                      [](const LayerExposure& e) { return e.spot; });
@@ -269,6 +274,9 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
     j["layer_um"] = heights;
   }
   j["light_share"] = light_json(info, slices);
+  if (info.process && !info.process->lamp_share.empty()) {
+    j["lamp_share"] = info.process->lamp_share;
+  }
   if (!info.exposures.empty()) {
     auto& list = j["exposures"];
     for (const LayerExposure& e : info.exposures) {

@@ -48,7 +48,8 @@ struct ArchiveContents {
   double layer_step_um = 0;
   /// CRC-32 of the values of `info.printer`'s flat-field, whose picture is an entry of its own.
   std::optional<std::uint32_t> flat_field_crc32;
-  std::optional<RecordingFacts> recording;  ///< of a recorded stack
+  std::optional<std::uint32_t> uv_flat_field_crc32;  ///< of its UV lamp's
+  std::optional<RecordingFacts> recording;           ///< of a recorded stack
   /// Where layers have a code of the format's own: this code. Their pieces, those of layer n from
   /// n * codec->pieces() on, are the entries `images`, or in a binary file lie at `places`, `images` being
   /// empty then.

@@ -168,6 +168,32 @@ Orientation read_orientation(const Node& node) {
   return {node["portrait"].flag(), node["mirror_x"].flag(), node["mirror_y"].flag()};
 }
 
+namespace {
+
+Json field_json(const FlatField& f, const char* entry) {
+  return {{"file", entry},
+          {"width_px", f.width_px},
+          {"height_px", f.height_px},
+          {"frame", f.of_plate ? "plate" : "image"},
+          {"reference", f.reference},
+          {"crc32", flat_field_crc32(f)}};
+}
+
+/// All but its values.
+FlatField read_field(const Node& f) {
+  FlatField field;
+  field.width_px = f["width_px"].integer(1, kMostPixelsAcross);
+  field.height_px = f["height_px"].integer(1, kMostPixelsAcross);
+  if (!is_image_size(field.width_px, field.height_px)) {
+    f["width_px"].fail("a picture of at most " + std::to_string(kMostPixels) + " pixels");
+  }
+  field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
+  field.reference = f["reference"].integer(1, 255);
+  return field;
+}
+
+}  // namespace
+
 Json printer_json(const Printer& p) {
   Json json = {{"name", p.name},
                {"width_px", p.width_px},
@@ -188,12 +214,9 @@ Json printer_json(const Printer& p) {
   }
   if (is_given(p.spread)) json["spread"] = spread_json(p.spread);
   if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
-  if (p.flat_field) {
-    const FlatField& f = *p.flat_field;
-    json["flat_field"] = {{"file", kFlatFieldEntry},  {"width_px", f.width_px},
-                          {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
-                          {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
-  }
+  if (p.flat_field) json["flat_field"] = field_json(*p.flat_field, kFlatFieldEntry);
+  if (p.uv_flat_field) json["uv_flat_field"] = field_json(*p.uv_flat_field, kUvFlatFieldEntry);
+  if (p.grey == GreyLight::pulsed) json["grey"] = "pulsed";
   if (p.resin_depth_um > 0) json["resin_depth_um"] = p.resin_depth_um;
   if (p.platform_reflectance > 0) json["platform_reflectance"] = p.platform_reflectance;
   if (p.lifts == Lifts::none) json["lifts"] = "none";
@@ -369,21 +392,14 @@ Printer read_printer(const Node& node) {
                   read_calibration(uv["calibration"]), read_spread(uv, p)};
   }
   if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
-  if (node.has("flat_field")) {
-    const Node f = node["flat_field"];
-    FlatField field;
-    field.width_px = f["width_px"].integer(1, kMostPixelsAcross);
-    field.height_px = f["height_px"].integer(1, kMostPixelsAcross);
-    if (!is_image_size(field.width_px, field.height_px)) {
-      f["width_px"].fail("a picture of at most " + std::to_string(kMostPixels) + " pixels");
-    }
-    field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
-    field.reference = f["reference"].integer(1, 255);
-    p.flat_field = field;
-  }
+  if (node.has("flat_field")) p.flat_field = read_field(node["flat_field"]);
+  if (node.has("uv_flat_field")) p.uv_flat_field = read_field(node["uv_flat_field"]);
   read_tomography(node, p);
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, kLargest);
   p.travel_mm = node["travel_mm"].number(0, kLargest);
+  if (node.has("grey")) {
+    p.grey = node["grey"].choice({"steady", "pulsed"}) == 1 ? GreyLight::pulsed : GreyLight::steady;
+  }
   if (node.has("resin_depth_um")) {
     p.resin_depth_um = node["resin_depth_um"].number(0, kMostDepthUm);
   }

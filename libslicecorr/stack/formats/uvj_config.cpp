@@ -72,6 +72,11 @@ int block_format(const StackInfo& info) {
                        light_spreads(*info.printer, *info.resin, *info.process);
   const bool relative =
       (info.printer && is_relative(*info.printer)) || (info.resin && is_relative(*info.resin));
+  // Older programs would take such light for steady, and for even.
+  if (info.printer && (info.printer->grey == GreyLight::pulsed || info.printer->uv_flat_field)) {
+    return 13;
+  }
+  if (info.process && !info.process->lamp_share.empty()) return 13;
   if (relative) return 12;
   if (info.process &&
       (!info.process->light_share.empty() || !info.process->layer_heights_um.empty()))

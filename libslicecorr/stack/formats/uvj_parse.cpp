@@ -280,6 +280,10 @@ void read_block(const SortedNode& block, ArchiveContents& config) {
     config.flat_field_crc32 =
         static_cast<std::uint32_t>(block["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
   }
+  if (info.printer && info.printer->uv_flat_field) {
+    config.uv_flat_field_crc32 =
+        static_cast<std::uint32_t>(block["printer"]["uv_flat_field"]["crc32"].whole(0, 0xffffffff));
+  }
   if (block.has("frame")) {
     block["frame"]["images"].choice({"display"});
     info.for_display = true;

@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "setup/lamps.hpp"
+
+#include <fmt/format.h>
+
+#include "setup/exposures.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/limit.hpp"
+
+namespace slicecorr::detail {
+
+void take_lamp_log(const std::vector<double>& shares, const std::string& name, Process& process) {
+  if (!shares.empty()) process.lamp_share = trimmed(shares);
+  for (const double share : process.lamp_share) {
+    if (share > 0 && share <= 1) continue;
+    throw InputError(fmt::format(
+        "{}: a share of {:g}; expected shares above 0 and at most 1, the light of the calibration",
+        name, share));
+  }
+  if (process.lamp_share.size() == 1 && process.lamp_share.front() == 1) process.lamp_share.clear();
+}
+
+double uv_for_weakest_place(const Setup& setup, double dead_zone_um) {
+  const FlatField& field = *setup.printer.uv_flat_field;
+  const double least = 1.0 * field.least() / field.reference;
+  const double full = level_intensities(as_lit(setup.printer, setup.process)).back();
+  const double needed =
+      uv_for_dead_zone(make_kinetics(setup.resin, true, true), full, dead_zone_um) / least;
+  const double most = setup.printer.uv->max_mw_cm2();
+  if (needed <= most) return needed;
+  throw InfeasibleError(fmt::format(
+      "a dead zone of {:g} um under full light where the UV lamp of printer '{}' gives {:.4g} of its "
+      "light takes {:.4g} mW/cm²; it gives at most {}",
+      dead_zone_um, setup.printer.name, least, needed, at_most(most)));
+}
+
+}  // namespace slicecorr::detail

@@ -34,6 +34,9 @@ void add_examples(Program& program) {
        "plan.svg"},
       {"hologram",
        "slicecorr hologram target.png -o phases.png --pitch-um 8 --wavelength-nm 405 --focal-mm 200"},
+      {"relief",
+       "slicecorr relief --back heights.png --back-most-um 800 --printer dual-wavelength-dlp --resin "
+       "custom-resin-1 -o light.png"},
   });
 }
 

@@ -15,6 +15,7 @@
 #include "pattern.hpp"
 #include "plan.hpp"
 #include "programs/common/part_slices.hpp"
+#include "relief.hpp"
 #include "test_part.hpp"
 #include "whole_parts.hpp"
 
@@ -213,6 +214,7 @@ int run_program(int argc, char** argv) {
   PatternOptions pattern;
   PlanOptions plan;
   HologramArguments hologram;
+  ReliefOptions relief;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
@@ -220,6 +222,7 @@ int run_program(int argc, char** argv) {
   add_plan(program, plan);
   add_whole_parts(program);
   add_hologram(program, hologram);
+  add_relief(program, relief);
   add_tables(program);
   add_tune(program, argv);
   add_examples(program);

@@ -190,9 +190,9 @@ INSTANTIATE_TEST_SUITE_P(
               "expected a text"},
         Wrong{"source = \"table 3.1\"", "measurements = [\"gone.csv\"]", 14,
               "provenance.measurements", "gone.csv is not there"},
-        // 64/100^0.99 s without, 64/100^1.29 s with a trace of UV light.
+        // 64/10^0.99 s without, 64/10^1.29 s with a trace of UV light.
         Wrong{"[provenance]", "m = 1.29\n[provenance]", 13, "inhibition.m",
-              "gel after 0.168 s in place of 0.67 s", true},
+              "gel after 3.28 s in place of 6.55 s", true},
         Wrong{"[provenance]", "[composition]\na = 60\nb = 50\n[provenance]", 13, "composition",
               "110 wt%"},
         Wrong{"[provenance]", "[composition]\na = 160\n[provenance]", 14, "composition.a",

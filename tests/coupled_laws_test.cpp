@@ -18,6 +18,7 @@
 #include "models.hpp"
 #include "slicecorr/light_map.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "uv_models.hpp"
 
 namespace slicecorr {
 namespace {
@@ -216,6 +217,18 @@ std::vector<Law> laws() {
          s.resin = test::bright_resin();
          s.process.speed_mm_h = 150;
          s.printer.flat_field = FlatField{kWidth, kHeight, uneven, 255, false};
+       },
+       nullptr},
+      {"under UV light, and light is uneven",
+       [uneven](slicecorr::Setup& s) {
+         const Printer window = s.printer;
+         s.printer = test::uv::uv_printer();
+         s.printer.width_px = kWidth;
+         s.printer.height_px = kHeight;
+         s.printer.spread = window.spread;
+         s.printer.flat_field = FlatField{kWidth, kHeight, uneven, 255, false};
+         s.resin = test::uv::resin_1();
+         s.process = test::uv::uv_process(60, 200);
        },
        nullptr},
       {"the resin bleaches",

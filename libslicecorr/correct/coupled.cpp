@@ -64,7 +64,9 @@ struct CoupledCorrection::Figures {
   double loss = 0;
   Kept misses;  ///< null: none
   bool all_misses = true;
-  std::uint64_t wrong() const { return through + under + parted + unmet; }
+  std::uint64_t wrong() const {
+    return through + under + parted + CoupledRound::kUnmetCounts * unmet;
+  }
   /// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to
   /// none.
   bool gains_on(const Figures& before, bool lifted) const {
@@ -442,13 +444,19 @@ std::vector<CaseTrouble> CoupledCorrection::fails_in(const CasePlans& plans,
 
 /// Each of these is to have, with inputs as said, what it lacks or has too much in its case.
 void CoupledCorrection::want(const std::vector<CaseTrouble>& troubles) {
-  constexpr double beyond = 0.004;
+  constexpr double beyond = 0.004, least_edge = 0.85;
   for (const CaseTrouble& t : troubles) {
     // A gap of one slice between features has no layer to spare, a feature no node.
     if (t.slice < 0 || !(t.dose > 0)) continue;
     Tile& tile = tiles_[tiles_in({t.x, t.y, t.x + 1, t.y + 1}).front()];
     const double wanted = t.as_said / t.dose * (t.gap ? 1 - beyond : 1 + beyond);
-    tile.wanted_doses[{t.slice, index_in(tile.box, t.x, t.y)}] = aim_byte(wanted, t.gap);
+    const std::size_t at = index_in(tile.box, t.x, t.y);
+    tile.wanted_doses[{t.slice, at}] = aim_byte(wanted, t.gap);
+    if (!t.gap) continue;
+    // The edges beside it give way, by no more than it is to have less, and not where one is asked for more.
+    const std::uint8_t edge = edge_byte(std::max(wanted, least_edge));
+    if (t.top > 0) tile.wanted_doses.try_emplace({t.top, at}, edge);
+    tile.wanted_doses.try_emplace({t.bottom, at}, edge);
   }
   for (Tile& tile : tiles_) {
     if (tile.wanted_doses.empty()) continue;
@@ -468,7 +476,7 @@ void CoupledCorrection::want(const std::vector<CaseTrouble>& troubles) {
 
 CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const CureModel& strong,
                                                    const ExecutionContext& context) {
-  constexpr int passes = 6, rounds = 6;
+  constexpr int passes = 12, patience = 4, rounds = 6;
   Held held;
   if (tiles_.empty()) return held;
   const CorrectionPlan& said = plan_.columns;
@@ -490,7 +498,8 @@ CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const 
   held.before = held.after = count(troubles);
   std::vector<KeptTile> best;
   for (const Tile& tile : tiles_) best.push_back(tile.best);
-  for (int pass = 0; pass < passes && held.after.sum() > 0 && !troubles.empty(); ++pass) {
+  int without_gain = 0;
+  for (int pass = 0; pass < passes && without_gain < patience && !troubles.empty(); ++pass) {
     context.check_cancelled();
     want(troubles);
     judge(all, quiet);
@@ -504,7 +513,11 @@ CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const 
     go_back_to_best();
     troubles = fails_in(plans, quiet);
     const CaseFigures figures = count(troubles);
-    if (figures.sum() >= held.after.sum()) continue;
+    if (figures.sum() >= held.after.sum()) {
+      ++without_gain;
+      continue;
+    }
+    without_gain = 0;
     held.after = figures;
     for (std::size_t k = 0; k < best.size(); ++k) best[k] = tiles_[k].best;
   }

@@ -68,7 +68,9 @@ struct CoupledRound {
   double loss = 0;            ///< half the sum of squares of what doses miss
   std::uint64_t patches = 0;  ///< that were solved
   bool lifted = false;        ///< with lifts: what does not hold counts before all else
-  std::uint64_t wrong() const { return through + under + parted + unmet; }
+  /// What is wrong in a case counts for some voxels that are wrong as said.
+  static constexpr std::uint64_t kUnmetCounts = 4;
+  std::uint64_t wrong() const { return through + under + parted + kUnmetCounts * unmet; }
   bool better_than(const CoupledRound& o) const {
     if (lifted && parted != o.parted) return parted < o.parted;
     return wrong() != o.wrong() ? wrong() < o.wrong() : loss < o.loss;

@@ -120,7 +120,7 @@ class CaseJudge {
     const bool meant = merged_ && c.bottom - top == 1;
     const bool gap = c.kind == Kind::gap && c.run_below && c.extreme >= 1 && !meant;
     if (!feature && !gap) return;
-    troubles_.push_back({c.slice, p.x, p.y, gap, c.nearest, c.as_said});
+    troubles_.push_back({c.slice, p.x, p.y, gap, c.nearest, c.as_said, top, c.bottom});
   }
 
   int slices_;
@@ -136,9 +136,9 @@ class CaseJudge {
 }  // namespace
 
 std::uint8_t aim_byte(double dose, bool gap) {
-  const double steps = (dose - 1) * 400;
+  const double steps = (dose - 1) * 200;
   const double whole = gap ? std::floor(steps) : std::ceil(steps);
-  return static_cast<std::uint8_t>(std::clamp(whole + 128, 1.0, 255.0));
+  return static_cast<std::uint8_t>(2 * std::clamp(whole + 64, 1.0, 127.0));
 }
 
 std::vector<CaseTrouble> judge_cases(const CasePlans& plans, const PixelBox& box,

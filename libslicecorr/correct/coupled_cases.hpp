@@ -7,8 +7,8 @@
 /// A case is a print of its own, so its doses are those of patches by a plan of its own. What fails says
 /// what its best voxel is to have with inputs as said: the node of a feature that comes nearest to gelling
 /// in the weak case as much more as it lacks there, the layer of a gap that comes nearest to staying open in
-/// the strong case as much less as it has too much. These aims are bounds of doses like those of the design,
-/// and rounds go on with them.
+/// the strong case as much less as it has too much; the edges beside that gap may have less than 1 for it.
+/// These aims are bounds of doses like those of the design, and rounds go on with them.
 #pragma once
 
 #include <cstdint>
@@ -23,11 +23,17 @@ struct CaseTrouble {
   std::int32_t slice = 0, x = 0, y = 0;
   bool gap = false;
   double dose = 0, as_said = 0;
+  std::int32_t top = 0, bottom = 0;  ///< its nodes
 };
 
-/// Doses that are wanted, as bytes: 0: what the design asks for.
+/// Doses that are wanted, as bytes: 0: what the design asks for. Odd ones are those of edges that give way,
+/// which nothing fails to have.
 std::uint8_t aim_byte(double dose, bool gap);
-inline double aim_of_byte(std::uint8_t byte) { return 1 + (byte - 128) / 400.0; }
+inline std::uint8_t edge_byte(double dose) {
+  return static_cast<std::uint8_t>(aim_byte(dose, true) | 1);
+}
+inline bool gives_way(std::uint8_t byte) { return (byte & 1) != 0; }
+inline double aim_of_byte(std::uint8_t byte) { return 1 + ((byte & ~1) - 128) / 400.0; }
 
 /// What fails in `box`. The plans are those of inputs as said and of both cases.
 struct CasePlans {

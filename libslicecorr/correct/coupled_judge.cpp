@@ -153,7 +153,7 @@ class PatchJudge : public PatchField<double> {
     for (std::size_t y = 0; y < kSquare; ++y) {
       const std::size_t from = first + y * place().stride;
       for (std::size_t k = from; k < from + kSquare; ++k) {
-        if (aims_[k] == 0 || kind_[k] == 0) continue;
+        if (aims_[k] == 0 || gives_way(aims_[k]) || kind_[k] == 0) continue;
         const double wanted = aim_of_byte(aims_[k]);
         const double excess = (kind_[k] > 0 ? next_[k] : middle_.of(next_[k], dose_[k])) - wanted;
         if (kind_[k] > 0 ? excess >= 0 : excess < 0) continue;

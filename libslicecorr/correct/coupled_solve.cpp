@@ -121,7 +121,9 @@ void PatchSolver::classify(std::size_t at) {
     least_[at] = above == 255 ? 1 + margin : 1;
     if (above == 0) most_[at] = 1 + 1.5F * margin;
     if (aims_[at] != 0) {
-      least_[at] = std::max(least_[at], static_cast<float>(aim_of_byte(aims_[at])));
+      // Below 1: an upper edge that gives way for the gap above it.
+      const auto aim = static_cast<float>(aim_of_byte(aims_[at]));
+      least_[at] = aim < 1 ? aim : std::max(least_[at], aim);
       most_[at] = std::max(most_[at], least_[at] + margin);
       return;
     }
@@ -137,9 +139,10 @@ void PatchSolver::classify(std::size_t at) {
   } else if (cover == 0) {
     most_[at] = (1 - margin) * static_cast<float>(norm_);
     share_[at] = static_cast<float>(below_);
-    if (aims_[at] != 0) most_[at] *= static_cast<float>(aim_of_byte(aims_[at]));
+    const auto aim = static_cast<float>(aims_[at] != 0 ? aim_of_byte(aims_[at]) : 1.0);
+    most_[at] *= aim;
     if (above == 255) {
-      if (!plan_.layerwise) least_[at] = 1;
+      if (!plan_.layerwise) least_[at] = std::min(1.0F, aim);
     } else if (level > 0) {
       under_guide_[at] = 0;
     }

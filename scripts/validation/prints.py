@@ -155,7 +155,8 @@ def fins(_programs, data):
         fitted="nothing; the threshold is that of the best Jaccard index",
         predicted="which of nine fins print right (docs/tomography.md; scripts/tomo-optics reckons it anew in some minutes)",
         proves="light found for the rays that there are prints all nine, as measured",
-        proves_not="level light is told to print one fin and printed three: in the experiment it was probably corrected in its plane",
+        proves_not="level light is told to print one fin and printed three. Light that is level but corrected in its plane prints one, too "
+                   "(the test TomoRays.FinsPrintOnlyWithTheRaysThatThereAre records it), so that does not explain the other two",
         tables=[table], figures=figures)
 
 

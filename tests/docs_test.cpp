@@ -303,7 +303,7 @@ TEST(Docs, CommandsOfFlowRun) {
     ++commands;
     run(line.substr(4));
   }
-  EXPECT_EQ(commands, 3);
+  EXPECT_EQ(commands, 4);
   for (const char* made : {"flow.html", "flow.json", "speeds.csv"}) {
     EXPECT_TRUE(fs::exists(folder / made)) << made;
   }

@@ -196,7 +196,6 @@ TEST_F(GradedDoseProgram, RefusesWhatDoesNotGo) {
   slice("ladder.stl", "target.uvj");
   slice("left.stl", "left.uvj", {"--center-mm", "3,3"});
   slice("foot.stl", "short.uvj");
-  write_file(folder_ / "deep.toml", printer("[vat]\ndepth_um = 1000"));
   write_file(folder_ / "spread.toml", printer("spread = [[40.0, 1.0]]"));
   write_file(
       folder_ / "wide.toml",
@@ -227,7 +226,6 @@ TEST_F(GradedDoseProgram, RefusesWhatDoesNotGo) {
       {{"--dose-target", "wide.uvj", "--dose-target-max", "2"}, "images of"},
       {{"--dose-target", "corrected.uvj", "--dose-target-max", "2"}, "corrected stack"},
       {{"--dose-target", "none.uvj", "--dose-target-max", "2"}, "none.uvj"},
-      {joined(region, {"--omega-max", "3"}), "cap of the dose"},
   };
   for (const Case& c : cases) EXPECT_THAT(correct("out.uvj", c.more, 2).err, HasSubstr(c.says));
   const auto refused = [&](const Command& process, const char* says) {
@@ -239,7 +237,6 @@ TEST_F(GradedDoseProgram, RefusesWhatDoesNotGo) {
   refused({"--printer", "small.toml", "--mode", "layerwise", "--exposure-s", "40",
            "--lift-exchange", "0.5"},
           "lifts exchange resin");
-  refused({"--printer", "deep.toml", "--speed-mm-h", "1000"}, "resin that ends");
   refused({"--printer", "spread.toml", "--speed-mm-h", "1000"}, "spreads");
   // More than full light ever gives.
   const RunResult r = correct("out.uvj", {"--region", "left.stl=7", "--design", "ladder.stl"}, 3);

@@ -41,6 +41,8 @@ PIXEL_UM, LAYER_UM = 50, 50
 # Midpoints of steps miss (step / absorbance height)^2 / 24 of a dose: 4e-6 of blue light (16 steps of a layer of 50 um,
 # 300 um), 2e-5 of UV light (64 steps, 37.8 um), more where the rate begins at its clamp, in one step: 2.1e-4 was the most.
 TOLERANCE = 5e-4
+# Where another dose is wanted: columns of pixels, and the dose.
+REGION, REGION_DOSE = (1, 5), 1.6
 # Where light spreads UV light counts to 0.2 % (docs/spread.md): a dose is off by so much of what it were without.
 UV_TOLERANCE = 2e-3
 
@@ -246,11 +248,14 @@ def edge_heights(p):
 def left_alone(p):
     p.left_alone = [(5, 7, 1, 3, 0, 14)]
     p.options["leave-alone"] = "alone.stl"
+    if "uv-mw-cm2" in p.options:
+        # Its full light is not to cure to the window.
+        p.options["uv-mw-cm2"] = "150"
 
 
 def wanted_doses(p):
-    p.files["region.stl"] = stl([(1, 5, 0, HEIGHT, 0, LAYERS)], p.place_um)
-    p.options.update({"region": "region.stl=1.6", "design": "part.stl"})
+    p.files["region.stl"] = stl([(*REGION, 0, HEIGHT, 0, LAYERS)], p.place_um)
+    p.options.update({"region": f"region.stl={REGION_DOSE}", "design": "part.stl"})
 
 
 def capped_dose(p):
@@ -511,6 +516,7 @@ class Case:
         design &= ~alone
         sure = (np.abs(doses - 1) > self.room(brute, mids, doses)) & ~alone
         options = ["--leave-alone=alone.stl"] if lit.left_alone else []
+        options += [f"--{name}={lit.options[name]}" for name in ("region", "design") if name in lit.options]
         r = self.run("slicecorr", "verify", "stack.uvj", "--target", "target.uvj", "--json", "-", *options)
         if r.returncode != 0:
             self.fault(f"verify: exit code {r.returncode}: {r.stderr[-300:]}")
@@ -527,11 +533,32 @@ class Case:
             low, high = int((wrong & sure).sum()), int((wrong & sure).sum() + (~sure & ~alone).sum())
             if not low <= told[key] <= high:
                 self.fault(f"verify: {key} {told[key]}, the images print {low} to {high}")
+        if "region" in lit.options:
+            self.check_regions(doses, design, self.room(brute, mids, doses), told.get("regions", []))
         if brute.layerwise and "joints" in told:
             self.check_joints(brute, design, told["joints"])
         self.check_section(brute, 5)
         for x, y in ((3, 3),) if self.quick else ((3, 3), (WIDTH - 1, 0), (6, 8)):
             self.check_column(brute, x, y)
+
+    def check_regions(self, doses, design, room, told):
+        """Doses of the region's features, and of those outside of it, in the middle of voxels."""
+        inside = np.zeros(design.shape, bool)
+        inside[:, :, REGION[0]:REGION[1]] = True
+        for wanted, where in ((REGION_DOSE, design & inside), (1, design & ~inside)):
+            row = next((r for r in told if r["wanted"]["max"] == wanted), None)
+            if row is None or row["voxels"] != where.sum():
+                self.fault(f"verify: of doses {wanted:g} it tells {row}, the design has {where.sum()} voxels")
+                continue
+            figures = {"min": doses[where].min(), "mean": doses[where].mean(), "max": doses[where].max()}
+            for key, true in figures.items():
+                if abs(row["dose"][key] - true) > room[where].max():
+                    self.fault(f"verify: dose {key} where {wanted:g} is wanted {row['dose'][key]}, the images give {true:.6g}")
+            off = row["off"]
+            worst = {"most_below": (wanted - doses[where]).max(), "most_above": (doses[where] - wanted).max()}
+            for key, true in worst.items():
+                if abs(off[key] - max(0.0, true)) > room[where].max():
+                    self.fault(f"verify: {key} where {wanted:g} is wanted {off[key]}, the images give {true:.6g}")
 
     def check_joints(self, brute, design, told):
         """What hangs on what when the platform lifts, by each exposure alone."""

@@ -12,9 +12,33 @@
 #include "bands/design_groups.hpp"
 #include "bands/place_plans.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
 #include "slicecorr/supports.hpp"
 
 namespace slicecorr::detail {
+
+namespace {
+
+/// The dose that full light for ever gives the middle of a layer; layer by layer that of all exposures
+/// together, of the layer in which it is the greatest.
+double most_dose(const CureModel& model) {
+  if (const InhibitedKernel* const kernel = model.inhibited()) {
+    double most = 0;
+    for (int s = 0; s < kernel->settings(); ++s) {
+      most = std::max(most, kernel->steady_middle_dose(s, kernel->highest_usable_level(s)));
+    }
+    return most;
+  }
+  const double full = model.steady(model.phi_max());
+  if (model.mode == ExposureMode::continuous) return full * model.greatest_ratio();
+  double most = 0;
+  for (int n = 0; n < static_cast<int>(std::max<std::size_t>(1, model.own_a.size())); ++n) {
+    most = std::max(most, model.root_a_of(n) / model.one_minus_a_of(n));
+  }
+  return full * most;
+}
+
+}  // namespace
 
 void check_doses(const DoseTarget& doses, const SliceSource& target, const PlaceModels& models,
                  const Setup& setup) {
@@ -30,9 +54,7 @@ void check_doses(const DoseTarget& doses, const SliceSource& target, const Place
     if (models.even() && value != models.map().reference()) continue;
     const CureModel& model = models.model(value);
     const bool layerwise = model.mode == ExposureMode::layerwise;
-    // In the middle of a layer; layer by layer all exposures together come to that.
-    const double reached =
-        layerwise ? model.phi_max() * model.root_a / model.one_minus_a : model.phi_max();
+    const double reached = most_dose(model);
     if (most < reached) continue;
     if (layerwise) {
       throw InfeasibleError(fmt::format(

@@ -103,7 +103,9 @@ double dose_for_end(const CureModel& model, int first, int slices) {
     // Both doses are inversely proportional to the speed. One slice is to spare (slices_with_burst).
     const GelTimeKernel& kernel = *model.gel_time();
     const double full = kernel.level_mw_cm2(kernel.levels() - 1);
-    return std::max(1.0, model.phi_max() / kernel.dose_at_end(full, std::max(1, slices - 1)));
+    const int last = std::max(1, slices - 1), bath = model.bath_slices;
+    return std::max(1.0, long_run_dose(model, full) /
+                             kernel.dose_at_end(full, bath > 0 ? std::min(last, bath) : last));
   }
   if (const BleachingLaw* const law = model.bleaching()) {
     // One slice is to spare here, too.

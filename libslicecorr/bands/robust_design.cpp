@@ -16,6 +16,7 @@
 #include "bands/pixels_of_levels.hpp"
 #include "bands/robust_edges.hpp"
 #include "bands/uncertain_walk.hpp"
+#include "correct/coverage.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/uncertain_print.hpp"
@@ -186,19 +187,20 @@ class MovedColumns {
   ReadRow read_;
 };
 
-/// Corrects columns; gives levels from the last slice to the first. `rows`: see MovedColumns.
+/// Corrects columns; gives levels from the last slice to the first. `rows`: see MovedColumns; also writes
+/// what is left alone, if anything is.
 template <typename Rows, typename Sink>
-void solve(const CorrectionPlan& plan, std::size_t columns, Rows rows, Sink sink,
+void solve(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone, Rows rows, Sink sink,
            const ExecutionContext& context) {
   // All slices that are shown are layers: edges may lie beyond the design's last one.
   CorrectionPlan all = plan;
   all.layers = all.all_layers;
-  BandCorrector corrector(all, columns);
-  std::vector<std::uint8_t> coverage(columns), heights(columns);
+  BandCorrector corrector(all, columns, leaves_alone);
+  std::vector<std::uint8_t> coverage(columns), heights(columns), left(columns);
   for (int n = 0; n < all.layers; ++n) {
     if ((n & 63) == 0) context.check_cancelled();
-    rows(n, coverage.data(), heights.data());
-    corrector.add_layer(coverage.data(), heights.data());
+    rows(n, coverage.data(), heights.data(), left.data());
+    corrector.add_layer(coverage.data(), heights.data(), leaves_alone ? left.data() : nullptr);
   }
   corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
     sink(n, dark ? nullptr : levels);
@@ -215,7 +217,8 @@ class RobustBand {
         design_(design),
         context_(context),
         pixels_(plan.levels.size()),
-        mover_(plan.model) {
+        mover_(plan.model),
+        left_rows_(design.left_alone) {
     // Errors of a fit go together in all directions; a cap leaves the peaks of features to the levels.
     if (u.from_fit || plan.process.omega_max < kNoCap || plan.merge_one_slice_gaps) return;
     const auto light = [](const CureModel& m) {
@@ -228,8 +231,22 @@ class RobustBand {
   RobustLevels run();
 
  private:
-  void read_design(int n, std::uint8_t* coverage, std::uint8_t* heights) const {
+  /// What is left alone; 0: corrected.
+  void read_left_alone(int n, std::uint8_t* left) {
+    const std::uint8_t* const row = left_rows_.at(n);
+    if (row) return static_cast<void>(std::copy_n(row, design_.coverage.columns(), left));
+    std::fill_n(left, design_.coverage.columns(), std::uint8_t{0});
+  }
+  /// Of what is left alone a grey that asks nothing.
+  void read_coverage(int n, std::uint8_t* coverage) {
     design_.coverage.read(n, coverage);
+    const std::uint8_t* const left = left_rows_.at(n);
+    for (std::size_t i = 0; left && i < design_.coverage.columns(); ++i) {
+      if (left[i] != 0) coverage[i] = kLeftAlone;
+    }
+  }
+  void read_design(int n, std::uint8_t* coverage, std::uint8_t* heights) {
+    read_coverage(n, coverage);
     if (const std::uint8_t* at = design_.heights_at(n, heights); at == nullptr) {
       std::fill_n(heights, design_.coverage.columns(), std::uint8_t{0});
     }
@@ -238,10 +255,10 @@ class RobustBand {
   template <typename Rows, typename Cover, typename Keep>
   std::vector<RobustTrouble> try_columns(std::size_t columns, Rows rows, Cover cover,
                                          Keep keep) const;
-  void load(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns) const;
+  void load(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns);
   /// Finds aims for some columns of the band.
   void repair(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns,
-              RobustFigures& counts) const;
+              RobustFigures& counts);
 
   const CorrectionPlan& plan_;
   const Uncertainty& uncertainty_;
@@ -250,6 +267,7 @@ class RobustBand {
   const PixelsOfLevels pixels_;
   const EdgeMover mover_;
   std::optional<EdgeCases> plan_cases_;  ///< nothing: edges are not planned
+  LeftAloneRows left_rows_;
 };
 
 template <typename Rows, typename Cover, typename Keep>
@@ -258,7 +276,7 @@ std::vector<RobustTrouble> RobustBand::try_columns(std::size_t columns, Rows row
   Watch watch(plan_, uncertainty_, columns);
   std::vector<std::uint8_t> shown(columns), coverage(columns);
   solve(
-      plan_, columns, rows,
+      plan_, columns, design_.left_alone != nullptr, rows,
       [&](int n, const std::uint8_t* levels) {
         keep(levels);
         for (std::size_t i = 0; i < columns; ++i)
@@ -271,8 +289,7 @@ std::vector<RobustTrouble> RobustBand::try_columns(std::size_t columns, Rows row
 }
 
 /// The boundaries of some columns of the design.
-void RobustBand::load(const std::vector<std::size_t>& which,
-                      std::vector<MovedEdges>& columns) const {
+void RobustBand::load(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns) {
   const std::size_t all = design_.coverage.columns();
   std::vector<std::uint8_t> coverage(all), heights(all), before(which.size(), 0);
   columns.assign(which.size(), {});
@@ -295,7 +312,7 @@ void RobustBand::load(const std::vector<std::size_t>& which,
 }
 
 void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns,
-                        RobustFigures& counts) const {
+                        RobustFigures& counts) {
   load(which, columns);
   const std::size_t all = design_.coverage.columns();
   std::vector<AimSearch> searches;
@@ -311,14 +328,16 @@ void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<Moved
     moved.reserve(active.size());
     for (const std::size_t i : active) moved.push_back(&searches[i].tried());
     const auto design_row = [&](int n, std::uint8_t* out) {
-      design_.coverage.read(n, whole.data());
+      read_coverage(n, whole.data());
       for (std::size_t k = 0; k < active.size(); ++k) out[k] = whole[which[active[k]]];
     };
     MovedColumns rows(moved, design_row);
     const std::vector<RobustTrouble> troubles = try_columns(
         active.size(),
-        [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
+        [&](int n, std::uint8_t* coverage, std::uint8_t* heights, std::uint8_t* left) {
           rows.row(n, coverage, heights);
+          read_left_alone(n, whole.data());
+          for (std::size_t k = 0; k < active.size(); ++k) left[k] = whole[which[active[k]]];
         },
         design_row, [](const std::uint8_t*) {});
     std::vector<std::vector<RobustTrouble>> of(active.size());
@@ -342,10 +361,11 @@ RobustLevels RobustBand::run() {
   std::vector<std::uint8_t> room(all);
   const std::vector<RobustTrouble> troubles = try_columns(
       all,
-      [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
+      [&](int n, std::uint8_t* coverage, std::uint8_t* heights, std::uint8_t* left) {
         read_design(n, coverage, heights);
+        read_left_alone(n, left);
       },
-      [&](int n, std::uint8_t* out) { design_.coverage.read(n, out); },
+      [&](int n, std::uint8_t* out) { read_coverage(n, out); },
       [&](const std::uint8_t* levels) { plain.append(levels); });
   RobustFigures own;
   std::vector<std::size_t> which;
@@ -370,14 +390,16 @@ RobustLevels RobustBand::run() {
     moved.reserve(columns.size());
     for (const MovedEdges& c : columns) moved.push_back(&c);
     MovedColumns rows(moved, [&](int n, std::uint8_t* out) {
-      design_.coverage.read(n, room.data());
+      read_coverage(n, room.data());
       for (std::size_t k = 0; k < part.size(); ++k) out[k] = room[part[k]];
     });
     CodedBand& levels = repaired.emplace_back(part.size());
     solve(
-        plan_, part.size(),
-        [&](int n, std::uint8_t* coverage, std::uint8_t* heights) {
+        plan_, part.size(), design_.left_alone != nullptr,
+        [&](int n, std::uint8_t* coverage, std::uint8_t* heights, std::uint8_t* left) {
           rows.row(n, coverage, heights);
+          read_left_alone(n, room.data());
+          for (std::size_t k = 0; k < part.size(); ++k) left[k] = room[part[k]];
         },
         [&](int, const std::uint8_t* its_levels) { levels.append(its_levels); }, context_);
   }

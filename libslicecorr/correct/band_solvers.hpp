@@ -39,6 +39,9 @@ std::unique_ptr<BandSolver> make_stepwise_solver(const CorrectionPlan& plan, std
 std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
 /// The solver of models with an inhibited kernel, in both modes.
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns);
+/// The same where doses are wanted.
+std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns,
+                                                  BandDoses doses);
 /// The solver of laws whose levels are tried (tried_column.hpp), in both modes.
 std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns);
 

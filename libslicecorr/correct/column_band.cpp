@@ -4,10 +4,15 @@
 #include "correct/column_band.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 
+#include "correct/coverage.hpp"
 #include "correct/solved_columns.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
@@ -31,8 +36,9 @@ std::uint32_t take(const std::string& bytes, std::size_t& at) {
   }
 }
 
-/// Equal for columns of equal coverage and edge heights, and for no others.
-std::string key_of(const std::vector<CoverageRun>& runs) {
+/// Equal for columns of equal coverage and edge heights of which the same is left alone, and for no others.
+std::string key_of(const std::vector<CoverageRun>& runs, const std::vector<LeftAloneRun>& left,
+                   bool doses) {
   std::string key;
   std::int32_t before = 0;
   for (const CoverageRun& r : runs) {
@@ -43,7 +49,28 @@ std::string key_of(const std::vector<CoverageRun>& runs) {
     }
     before = r.end;
   }
+  if (left.empty() && !doses) return key;
+  // No run is empty: here the others begin.
+  key.append(2, '\0');
+  before = 0;
+  for (const LeftAloneRun& r : left) {
+    put(key, static_cast<std::uint32_t>(r.first - before));
+    put(key, static_cast<std::uint32_t>(r.end - r.first));
+    key.push_back(static_cast<char>(r.level));
+    before = r.end;
+  }
+  if (doses) key.append(2, '\0');
   return key;
+}
+
+/// To what is left alone a feature has no edge, and none of a height.
+void forget_heights_beside(const std::vector<LeftAloneRun>& left, std::vector<CoverageRun>& runs) {
+  for (CoverageRun& run : runs) {
+    for (const LeftAloneRun& l : left) {
+      if (l.end == run.first) run.upper_height = 0;
+      if (l.first == run.end) run.lower_height = 0;
+    }
+  }
 }
 
 /// Where the levels of a column change, from the last slice on.
@@ -105,7 +132,7 @@ ColumnBand::ColumnBand(std::unique_ptr<ColumnSolver> solver, const ColumnFacts& 
       last_heights_(columns, 0) {}
 
 void ColumnBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
-                           const std::uint8_t*) {
+                           const std::uint8_t* left_alone) {
   if (layers_ == facts_.layers && !coverage) {
     if (!heights || facts_.lower_at_window) return;
     for (std::size_t i = 0; i < columns_; ++i) last_heights_[i] = taken_height(facts_, heights[i]);
@@ -113,8 +140,19 @@ void ColumnBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* hei
   }
   if (layers_ >= facts_.layers) throw Error("more layers than the plan has");
   coded_.append(coverage);
+  if (left_alone) left_before_.resize(columns_, -1);
+  for (std::size_t i = 0; i < left_before_.size(); ++i) {
+    const bool left = left_alone && left_alone[i] != 0;
+    const int level = left ? level_of_pixel(left_alone[i], facts_.levels) : -1;
+    if (level == left_before_[i]) continue;
+    left_changes_.push_back({static_cast<std::uint32_t>(i), layers_,
+                             static_cast<std::uint8_t>(std::max(level, 0)),
+                             static_cast<std::uint8_t>(left)});
+    left_before_[i] = static_cast<std::int16_t>(level);
+  }
   for (std::size_t i = 0; i < columns_; ++i) {
-    const std::uint8_t value = coverage ? coverage[i] : std::uint8_t{0};
+    const bool left = left_alone && left_alone[i] != 0;
+    const std::uint8_t value = coverage && !left ? coverage[i] : std::uint8_t{0};
     if (value == before_[i]) continue;
     // Layer by layer, lower edges lie at the window.
     const bool taken = heights && (value != 0 || !facts_.lower_at_window);
@@ -134,23 +172,34 @@ void ColumnBand::solve(const BandCorrector::Sink& sink, const BandCorrector::Til
 /// The levels of all columns, as changes from the last slice on.
 std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
   // By column; within a column they stay in the order of layers.
-  sort_by(changes_, columns_, [](const Change& c) { return static_cast<std::size_t>(c.column); });
+  const auto column_of = [](const Change& c) { return static_cast<std::size_t>(c.column); };
+  sort_by(changes_, columns_, column_of);
+  sort_by(left_changes_, columns_, column_of);
   std::vector<Change> levels;
   std::vector<CoverageRun> runs;
-  std::vector<std::uint8_t> most(most_ ? static_cast<std::size_t>(facts_.all_layers) : 0);
+  ColumnBounds bounds;
   std::string found;
-  for (std::size_t i = 0; i < changes_.size();) {
-    const std::uint32_t column = changes_[i].column;
-    i = read_runs(i, runs);
-    const int moved = most_ ? 0 : move_to_begin(facts_, runs);
-    std::string key = key_of(runs);
+  read_doses();
+  for (std::size_t i = 0, left = 0; i < changes_.size() || left < left_changes_.size();) {
+    std::uint32_t column = i < changes_.size() ? changes_[i].column : left_changes_[left].column;
+    if (left < left_changes_.size()) column = std::min(column, left_changes_[left].column);
+    i = read_runs(i, column, runs);
+    read_left_alone(column, left, bounds);
+    forget_heights_beside(bounds.left_alone, runs);
+    const bool bounded = most_ || doses_ || !bounds.left_alone.empty();
+    const int moved = bounded ? 0 : move_to_begin(facts_, runs);
+    std::string key = key_of(runs, bounds.left_alone, doses_.has_value());
+    if (doses_) read_wanted(column, runs, bounds, key);
     if (most_) {
-      most_(column, most.data());
-      key.append(most.begin(), most.end());
+      bounds.caps.resize(static_cast<std::size_t>(facts_.all_layers));
+      most_(column, bounds.caps.data());
+      key.append(bounds.caps.begin(), bounds.caps.end());
     }
     // Of columns that are alike, as neighbours often are, one is solved.
-    if (!facts_.solved || !facts_.solved->find(key, found)) {
-      found = changes_of(solver_->solve(runs, {{}, {most.begin(), most.end()}}), facts_.all_layers);
+    if (runs.empty()) {
+      found = changes_of(bounds.floors, facts_.all_layers);
+    } else if (!facts_.solved || !facts_.solved->find(key, found)) {
+      found = changes_of(solver_->solve(runs, bounds), facts_.all_layers);
       if (facts_.solved) facts_.solved->keep(key, found);
     }
     std::int32_t n = facts_.all_layers + moved;
@@ -160,14 +209,15 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
     }
   }
   release(changes_);
+  release(left_changes_);
   sort_by(levels, static_cast<std::size_t>(facts_.all_layers),
           [&](const Change& c) { return static_cast<std::size_t>(facts_.all_layers - 1 - c.at); });
   return levels;
 }
 
-/// The runs of the column whose changes begin at `i`; returns where those of the next begin.
-std::size_t ColumnBand::read_runs(std::size_t i, std::vector<CoverageRun>& runs) const {
-  const std::uint32_t column = changes_[i].column;
+/// The runs of a column, whose changes begin at `i`, if it has any; returns where those of the next begin.
+std::size_t ColumnBand::read_runs(std::size_t i, std::uint32_t column,
+                                  std::vector<CoverageRun>& runs) const {
   runs.clear();
   for (; i < changes_.size() && changes_[i].column == column; ++i) {
     const bool more = i + 1 < changes_.size() && changes_[i + 1].column == column;
@@ -176,6 +226,72 @@ std::size_t ColumnBand::read_runs(std::size_t i, std::vector<CoverageRun>& runs)
                     changes_[i].height, more ? changes_[i + 1].height : last_heights_[column]});
   }
   return i;
+}
+
+void ColumnBand::read_doses() {
+  if (!doses_) return;
+  std::vector<std::uint8_t> row(columns_), before(columns_, 0);
+  for (int n = 0; n < facts_.layers; ++n) {
+    doses_->read(n, row.data());
+    for (std::size_t i = 0; i < columns_; ++i) {
+      if (row[i] == before[i]) continue;
+      dose_changes_.push_back({static_cast<std::uint32_t>(i), n, row[i]});
+      before[i] = row[i];
+    }
+  }
+  sort_by(dose_changes_, columns_,
+          [](const Change& c) { return static_cast<std::size_t>(c.column); });
+}
+
+void ColumnBand::read_wanted(std::uint32_t column, const std::vector<CoverageRun>& runs,
+                             ColumnBounds& bounds, std::string& key) {
+  const std::vector<Change>& doses = dose_changes_;
+  std::size_t& i = next_dose_;
+  while (i < doses.size() && doses[i].column < column) ++i;
+  const DoseScale& scale = *doses_->scale;
+  bounds.side = scale.side;
+  key.push_back(static_cast<char>(scale.side));
+  bounds.wanted.assign(static_cast<std::size_t>(facts_.layers), 1.0);
+  std::uint8_t byte = 0;
+  std::optional<std::uint8_t> told;
+  std::int32_t told_at = 0;
+  bool any = false;
+  for (const CoverageRun& run : runs) {
+    if (run.coverage != kFull) continue;
+    for (std::int32_t n = run.first; n < run.end; ++n) {
+      for (; i < doses.size() && doses[i].column == column && doses[i].at <= n; ++i) {
+        byte = doses[i].value;
+      }
+      bounds.wanted[static_cast<std::size_t>(n)] = scale.dose[byte];
+      any = any || scale.dose[byte] > 1;
+      if (byte == told) continue;
+      put(key, static_cast<std::uint32_t>(n - told_at));
+      const auto bits = std::bit_cast<std::array<char, sizeof(double)>>(scale.dose[byte]);
+      key.append(bits.begin(), bits.end());
+      told = byte;
+      told_at = n;
+    }
+  }
+  // Nothing more than enough: as without.
+  if (!any) bounds.wanted.clear();
+}
+
+void ColumnBand::read_left_alone(std::uint32_t column, std::size_t& i, ColumnBounds& bounds) const {
+  bounds = {};
+  for (; i < left_changes_.size() && left_changes_[i].column == column; ++i) {
+    const Change& change = left_changes_[i];
+    if (change.height == 0) continue;
+    const bool more = i + 1 < left_changes_.size() && left_changes_[i + 1].column == column;
+    const int end = more ? left_changes_[i + 1].at : facts_.layers;
+    bounds.left_alone.push_back({change.at, std::min(end, facts_.all_layers), change.value});
+  }
+  if (bounds.left_alone.empty()) return;
+  bounds.floors.assign(static_cast<std::size_t>(facts_.all_layers), 0);
+  bounds.caps.assign(bounds.floors.size(), std::numeric_limits<Level>::max());
+  for (const LeftAloneRun& run : bounds.left_alone) {
+    std::fill(bounds.floors.begin() + run.first, bounds.floors.begin() + run.end, run.level);
+    std::fill(bounds.caps.begin() + run.first, bounds.caps.begin() + run.end, run.level);
+  }
 }
 
 /// Gives the slices to the sink, from the last to the first.

@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -25,8 +27,10 @@ class ColumnBand final : public BandSolver {
   ColumnBand(std::unique_ptr<ColumnSolver> solver, const ColumnFacts& facts, std::size_t columns);
   /// Coverage of the next layer; null: an empty layer.
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
-                 const std::uint8_t*) override;
+                 const std::uint8_t* left_alone) override;
   void keep_light(BandCorrector::ColumnLevels most) override { most_ = std::move(most); }
+  /// Doses that features are to have. To be called before `solve`.
+  void want(BandDoses doses) { doses_ = std::move(doses); }
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:
@@ -38,17 +42,29 @@ class ColumnBand final : public BandSolver {
     std::uint8_t value, height = 0;
   };
   std::vector<Change> solve_columns();
-  std::size_t read_runs(std::size_t i, std::vector<CoverageRun>& runs) const;
+  void read_doses();
+  /// The doses wanted of a column's full layers; their bytes are added to the key. Columns rise.
+  void read_wanted(std::uint32_t column, const std::vector<CoverageRun>& runs, ColumnBounds& bounds,
+                   std::string& key);
+  std::size_t read_runs(std::size_t i, std::uint32_t column, std::vector<CoverageRun>& runs) const;
+  /// What of a column is left alone; `i` goes on to the changes of the next.
+  void read_left_alone(std::uint32_t column, std::size_t& i, ColumnBounds& bounds) const;
   void show(const std::vector<Change>& levels, const BandCorrector::Sink& sink);
 
   std::unique_ptr<ColumnSolver> solver_;
   ColumnFacts facts_;
   std::size_t columns_;
   BandCorrector::ColumnLevels most_;  ///< empty: those of the plan
+  std::optional<BandDoses> doses_;
+  std::vector<Change> dose_changes_;  ///< of their bytes, by column and layer
+  std::size_t next_dose_ = 0;
   CodedBand coded_;
   std::vector<std::uint8_t> before_;
   std::vector<std::uint8_t> last_heights_;  ///< edge heights of the node after the last layer
   std::vector<Change> changes_;             ///< of coverage, by layer
+  /// The same of levels of what is left alone, `height` 0 where nothing is; empty while nothing was.
+  std::vector<Change> left_changes_;
+  std::vector<std::int16_t> left_before_;  ///< -1: nothing
   int layers_ = 0;
 };
 

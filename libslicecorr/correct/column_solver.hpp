@@ -9,6 +9,8 @@
 #include <memory>
 #include <vector>
 
+#include "slicecorr/dose_target.hpp"
+
 namespace slicecorr::detail {
 
 class SolvedColumns;
@@ -24,10 +26,24 @@ struct CoverageRun {
   bool operator==(const CoverageRun&) const = default;
 };
 
+/// Layers [first, end) of a column are left alone: their slices show this level, and nothing is asked of
+/// them.
+struct LeftAloneRun {
+  std::int32_t first = 0, end = 0;
+  Level level = 0;
+  bool operator==(const LeftAloneRun&) const = default;
+};
+
 /// Bounds of the light of a column, per slice; empty: black, and the highest levels of the plan.
 struct ColumnBounds {
   std::vector<Level> floors;  ///< what others shine into the column
   std::vector<Level> caps;    ///< not below the floors
+  /// First layer first; floors and caps are their levels there. To what is left alone a feature has no
+  /// edge.
+  std::vector<LeftAloneRun> left_alone;
+  /// Of each layer the dose that is wanted, 1 or more, in features; empty: just enough.
+  std::vector<double> wanted;
+  DoseSide side = DoseSide::nearest;
 };
 
 /// Chooses the levels of columns one by one; keeps its buffers. For one thread.
@@ -51,6 +67,7 @@ struct ColumnFacts {
   int begin_at = 0, clear_after = 0;
   /// Solved ones that are kept for those that are alike; null: none are.
   std::shared_ptr<SolvedColumns> solved;
+  int levels = 256;  ///< grey levels
 };
 
 /// Moves the runs of a column to where it is solved; returns by how many layers.

@@ -64,8 +64,9 @@ MirroredPlans::MirroredPlans(const CureModel& model, const Process& process, int
   }
 }
 
-WalkSearches::WalkSearches(const CorrectionPlan& plan, bool exact)
+WalkSearches::WalkSearches(const CorrectionPlan& plan, bool exact, bool shelves)
     : plan_(plan),
+      shelves_(shelves),
       plans_(!exact && plan.mirrored
                  ? plan.mirrored
                  : std::make_shared<const MirroredPlans>(plan.model, plan.process, plan.all_layers,
@@ -74,15 +75,13 @@ WalkSearches::WalkSearches(const CorrectionPlan& plan, bool exact)
 
 WalkSearches::Search& WalkSearches::of(std::size_t index) {
   std::unique_ptr<Search>& one = searches_[index];
-  if (!one) one = std::make_unique<Search>(*plans_->plans[index]);
+  if (!one) one = std::make_unique<Search>(*plans_->plans[index], shelves_);
   return *one;
 }
 
 void ColumnWalk::add(const CureModel& model, int slice, std::uint8_t cover, std::uint8_t height,
                      bool left_alone, double light) {
-  const bool goes_on = !runs_.empty() && runs_.back().left_alone == left_alone &&
-                       (left_alone || runs_.back().cover == cover);
-  if (!goes_on) {
+  if (begins(cover, left_alone)) {
     ColumnRun run;
     run.node = slice;
     run.cover = left_alone ? std::uint8_t{0} : cover;

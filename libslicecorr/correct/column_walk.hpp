@@ -52,10 +52,11 @@ struct ColumnRun {
 /// The searches of a band, one per plan. Not thread-safe.
 class WalkSearches {
  public:
-  WalkSearches(const CorrectionPlan& plan, bool exact);
+  /// `shelves`: as the plan says; false: none.
+  WalkSearches(const CorrectionPlan& plan, bool exact, bool shelves = true);
 
   struct Search {
-    explicit Search(const ContinuousPlan& plan) : edges(plan), levels(edges) {}
+    Search(const ContinuousPlan& plan, bool shelves) : edges(plan, shelves), levels(edges) {}
     Edges edges;
     LevelSearch levels;
   };
@@ -66,8 +67,28 @@ class WalkSearches {
 
  private:
   const CorrectionPlan& plan_;
+  bool shelves_;
   std::shared_ptr<const MirroredPlans> plans_;
   std::vector<std::unique_ptr<Search>> searches_;
+};
+
+/// What a search is asked of slice n: where it stands, and in its own terms the dose at the slice's lower
+/// node and what is taken from slices (LevelSearch::choose).
+struct WalkAsk {
+  RunAt run;
+  std::size_t search;
+  double below;
+  const double* taken;
+};
+
+/// Features as bright as edges leave.
+struct BrightLevels {
+  /// Whether `look` is to see every slice, also those whose levels were chosen before.
+  static constexpr bool kLooks = false;
+  void look(int /*n*/, const WalkAsk& /*ask*/) {}
+  int choose(int n, const WalkAsk& ask, LevelSearch& search, std::uint8_t* levels) {
+    return search.choose(ask.run, n, ask.below, levels, ask.taken);
+  }
 };
 
 /// One column: first its slices from the platform on, then the walk back.
@@ -76,6 +97,17 @@ class ColumnWalk {
   /// The next slice. `light`: phi of a slice that is left alone, for what it counts.
   void add(const CureModel& model, int slice, std::uint8_t cover, std::uint8_t height,
            bool left_alone, double light);
+  /// The run that was added last, of those that are left; there must be one.
+  const ColumnRun& last() const { return runs_.back(); }
+  /// Whether a slice would begin another run.
+  bool begins(std::uint8_t cover, bool left_alone) const {
+    return runs_.empty() || runs_.back().left_alone != left_alone ||
+           (!left_alone && runs_.back().cover != cover);
+  }
+  /// Whether what lies above the last run asks nothing: the platform, or what is left alone.
+  bool free_above() const { return runs_.size() < 2 || runs_[runs_.size() - 2].left_alone; }
+  /// The upper edge of the last run, as the search `index` has it.
+  std::int32_t edge_of(WalkSearches& all, std::size_t index) const;
   /// After the last slice.
   void begin(int slices) { lower_ = slices; }
 
@@ -83,7 +115,13 @@ class ColumnWalk {
   /// for what it counts, of the slice that leaves the bath when slice k is shown; 0: none. Not for slices that are left
   /// alone.
   template <typename Far>
-  int choose(WalkSearches& all, int n, Far far);
+  int choose(WalkSearches& all, int n, Far far) {
+    BrightLevels bright;
+    return choose(all, n, far, bright);
+  }
+  /// The same by what `chooser` chooses, see BrightLevels.
+  template <typename Far, typename Chooser>
+  int choose(WalkSearches& all, int n, Far far, Chooser& chooser);
   /// The same with every intensity between black and full.
   template <typename Far>
   double exact(WalkSearches& all, int n, Far far);
@@ -109,7 +147,6 @@ class ColumnWalk {
   }
   /// The last run of those that are left, as the search `index` has it.
   RunAt run_for(WalkSearches& all, std::size_t index);
-  std::int32_t edge_of(WalkSearches& all, std::size_t index) const;
   /// The level nearest to `level` with which the layer of slice n, of a feature, prints and keeps its
   /// cap. `near`: levels are chosen for the edge that comes, and only the cap is seen to.
   int seen_to(const WalkSearches& all, const RunAt& run, int n, double far, int level,
@@ -127,10 +164,10 @@ class ColumnWalk {
   double omega_ = 0;
 };
 
-template <typename Far>
-int ColumnWalk::choose(WalkSearches& all, int n, Far far) {
+template <typename Far, typename Chooser>
+int ColumnWalk::choose(WalkSearches& all, int n, Far far, Chooser& chooser) {
   const ColumnRun& here = run_at(n);
-  if (left_ > 0) return levels_[count_ - left_--];
+  if (left_ > 0 && !Chooser::kLooks) return levels_[count_ - left_--];
   const bool grey = here.cover != 0 && here.cover != kFull;
   const std::size_t index = all.plans().at(grey ? n : here.node);
   const RunAt run = run_for(all, index);
@@ -149,7 +186,10 @@ int ColumnWalk::choose(WalkSearches& all, int n, Far far) {
       taken[i] = i < known ? factor * model.beyond * far(n - i) : 0.0;
     }
   }
-  count_ = search.levels.choose(run, n, factor * omega_, levels_, bath > 0 ? taken : nullptr);
+  const WalkAsk ask{run, index, factor * omega_, bath > 0 ? taken : nullptr};
+  chooser.look(n, ask);
+  if (left_ > 0) return levels_[count_ - left_--];
+  count_ = chooser.choose(n, ask, search.levels, levels_);
   count_ = std::min({count_, slices, bath > 0 ? bath : LevelSearch::kMost});
   // Beside what is left alone a feature has no edge at which a search sees to its cap.
   const bool beside = runs_.size() > 1 && runs_[runs_.size() - 2].left_alone;

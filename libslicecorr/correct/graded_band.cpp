@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -11,7 +12,9 @@
 #include "base/coded_band.hpp"
 #include "base/coded_tiles.hpp"
 #include "correct/band_solvers.hpp"
+#include "correct/column_walk.hpp"
 #include "correct/graded_columns.hpp"
+#include "correct/inhibited_plan.hpp"
 #include "correct/level_search.hpp"
 #include "correct/merged_slits.hpp"
 #include "slicecorr/error.hpp"
@@ -26,174 +29,216 @@ namespace {
 /// between black and full can't follow all that these may do: the least doses that are nowhere
 /// below them, and the greatest that are nowhere above them, are found from the platform on, as far
 /// as the edges at the ends of the feature leave room. Then the slices are chosen from the last one
-/// on, each from the dose that is there.
-class GradedColumn final : public GradedColumns {
+/// on, each from the dose that is there: the walk is that of columns that are not plain, which knows of
+/// what is left alone, of resin that ends and of light from the platform (column_walk.hpp).
+class GradedRuns final : public GradedColumns {
  public:
-  GradedColumn(const CorrectionPlan& plan, const DoseScale& scale)
+  GradedRuns(const CorrectionPlan& plan, const DoseScale& scale)
       : plan_(plan),
-        p_(*plan.continuous),
+        model_(plan.model),
         scale_(scale),
-        edges_(p_, false),  // doses are wanted: none is given up
-        search_(edges_),
+        searches_(plan, false, false),  // doses are wanted: none is given up for shelves
         all_(static_cast<std::size_t>(std::max(plan.all_layers, 0))),
         cover_(all_ + 1),
         least_(all_ + 1),
         most_(all_ + 1),
-        aim_most_(all_ + 1) {}
+        aim_most_(all_ + 1),
+        scaled_(all_ + 1) {}
 
-  void solve(const std::uint8_t* coverage, const std::uint8_t* heights, const std::uint8_t* doses,
-             std::uint8_t* levels) override;
+  void solve(const GradedColumn& column, std::uint8_t* levels) override;
+
+  // As BrightLevels.
+  static constexpr bool kLooks = true;
+  void look(int n, const WalkAsk& ask) { want_ = light_at(ask, n); }
+  int choose(int n, const WalkAsk& ask, LevelSearch& search, std::uint8_t* levels) {
+    return search.choose_near(ask.run, n, ask.below, want_, levels, ask.taken);
+  }
 
  private:
-  /// The upper end of a run.
-  struct Upper {
-    std::int32_t edge, node;
-  };
-  void find_runs(const std::uint8_t* heights);
-  /// Sets the doses of a feature's nodes, from its upper end to its lower one.
-  void bound(Upper upper, int lower, const std::uint8_t* doses);
+  const ContinuousPlan& plan_of(std::size_t search) const {
+    return *searches_.plans().plans[search];
+  }
+  /// Doses of a search over those of resin, at `zeta` slices from the platform.
+  double scale_at(std::size_t search, double zeta) const {
+    return searches_.plans().factors[search] / model_.returned(zeta);
+  }
   double wanted(std::uint8_t dose) const { return scale_.dose[dose]; }
+  /// Sets the doses of the nodes of the feature that was added last, up to its lower end.
+  void bound(const ColumnWalk& walk, int lower);
   /// The doses wanted of the node between two layers of a feature: the mean, or, where light can't
   /// follow them, both.
-  DoseRange between(int slice, double above, double below) const;
-  LevelSearch::Wanted light_at(const RunAt& run, int n, double omega, const std::uint8_t* doses);
+  DoseRange between(std::size_t search, int slice) const;
+  LevelSearch::Wanted light_at(const WalkAsk& ask, int n);
 
   const CorrectionPlan& plan_;
-  const ContinuousPlan& p_;
+  const CureModel& model_;
   const DoseScale& scale_;
-  Edges edges_;
-  LevelSearch search_;
+  WalkSearches searches_;
   std::size_t all_;
+  const std::uint8_t* doses_ = nullptr;  ///< of the column at hand
   std::vector<std::uint8_t> cover_;
   /// Per node of a feature: nothing below `least_` leads to doses that are enough everywhere above
   /// it, nothing above `most_` to doses that are nowhere too much.
   std::vector<double> least_, most_;
   std::vector<double> aim_most_;  ///< what slices near edges should not pass
-  std::vector<Upper> runs_;
+  std::vector<double> scaled_;    ///< the same as the search at hand has it
   /// Doses that are never too low, and never too high, as light from here on can reach them.
   double over_ = 0, under_ = 0;
+  LevelSearch::Wanted want_{};  ///< of the slice at hand
 };
 
-void GradedColumn::find_runs(const std::uint8_t* heights) {
-  runs_.assign(1, {edges_.platform(cover_[0]), 0});
-  for (int n = 1; n < plan_.all_layers; ++n) {
-    const auto k = static_cast<std::size_t>(n);
-    if (cover_[k] == cover_[k - 1]) continue;
-    const std::uint8_t height = heights && n <= plan_.layers ? heights[n] : std::uint8_t{0};
-    const Upper above = runs_.back();
-    runs_.push_back(
-        {edges_.next(above.edge, n - above.node, cover_[k], height != 0 ? height : kEdgeAtNode, n),
-         n});
-  }
-}
-
-DoseRange GradedColumn::between(int slice, double above, double below) const {
+DoseRange GradedRuns::between(std::size_t search, int slice) const {
+  const ContinuousPlan& p = plan_of(search);
+  const double above = wanted(doses_[slice - 1]) * scale_at(search, slice - 0.5);
+  const double below = wanted(doses_[slice]) * scale_at(search, slice + 0.5);
   const double middle = (above + below) / 2;
-  const LayerFactors& layer = p_.of(slice);
-  const bool steep = above > layer.step(p_.phi_max, below) || above < layer.step(p_.phi_min, below);
+  const LayerFactors& layer = p.of(slice);
+  const double ratio = p.ratio(slice);
+  const bool steep =
+      above > layer.step(ratio * p.phi_max, below) || above < layer.step(ratio * p.phi_min, below);
   return steep ? DoseRange{std::min(above, below), std::max(above, below)}
                : DoseRange{middle, middle};
 }
 
-void GradedColumn::bound(Upper upper, int lower, const std::uint8_t* doses) {
-  const Edge& edge = edges_[upper.edge];
-  for (int k = upper.node; k < lower; ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    const DoseRange fits = edges_.doses(edge, k - upper.node, 0);
-    if (k == upper.node && !edge.platform) {
-      least_[at] = fits.lo;
-      most_[at] = fits.hi;
-    } else {
-      const double own = wanted(doses[k]);
-      const DoseRange dose =
-          k == upper.node ? DoseRange{own, own} : between(k, wanted(doses[k - 1]), own);
-      double least = dose.hi, most = dose.lo;
-      if (k > upper.node) {
-        const LayerFactors& layer = p_.of(k - 1);
-        least = std::max(least, (least_[at - 1] - p_.climb_max * layer.b) * layer.per_a);
-        most = std::min(most, (most_[at - 1] - p_.phi_min * layer.b) * layer.per_a);
+void GradedRuns::bound(const ColumnWalk& walk, int lower) {
+  const int node = walk.last().node;
+  const std::size_t search = searches_.plans().at(node);
+  const ContinuousPlan& p = plan_of(search);
+  const Edges& edges = searches_.of(search).edges;
+  const Edge& edge = edges[walk.edge_of(searches_, search)];
+  double least_above = 0, most_above = 0;
+  for (int k = node; k < lower; ++k) {
+    const DoseRange fits = edges.doses(edge, k - node, 0);
+    double least = fits.lo, most = fits.hi;
+    if (k > node || walk.free_above()) {
+      const double own = wanted(doses_[k]) * scale_at(search, k);
+      const DoseRange dose = k == node ? DoseRange{own, own} : between(search, k);
+      least = dose.hi;
+      most = dose.lo;
+      if (k > node) {
+        const LayerFactors& layer = p.of(k - 1);
+        const double ratio = p.ratio(k - 1);
+        least = std::max(least, (least_above - ratio * p.climb_max * layer.b) * layer.per_a);
+        most = std::min(most, (most_above - ratio * p.phi_min * layer.b) * layer.per_a);
       }
-      least_[at] = std::clamp(least, fits.lo, std::max(fits.lo, fits.hi));
-      most_[at] = std::clamp(most, fits.lo, std::max(fits.lo, fits.hi));
+      least = std::clamp(least, fits.lo, std::max(fits.lo, fits.hi));
+      most = std::clamp(most, fits.lo, std::max(fits.lo, fits.hi));
     }
+    least_above = least;
+    most_above = most;
+    const auto at = static_cast<std::size_t>(k);
+    const double scale = scale_at(search, k);
+    least_[at] = least / scale;
+    most_[at] = most / scale;
     aim_most_[at] = scale_.side == DoseSide::at_least  ? least_[at]
                     : scale_.side == DoseSide::at_most ? most_[at]
                                                        : (least_[at] + most_[at]) / 2;
   }
 }
 
-LevelSearch::Wanted GradedColumn::light_at(const RunAt& run, int n, double omega,
-                                           const std::uint8_t* doses) {
-  const double room = scale_.side == DoseSide::at_most ? 0.0 : p_.feature_reserve;
-  LevelSearch::Wanted want{p_.phi_max, scale_.side, aim_most_.data(), room};
+LevelSearch::Wanted GradedRuns::light_at(const WalkAsk& ask, int n) {
+  const std::size_t search = ask.search;
+  const ContinuousPlan& p = plan_of(search);
+  const double omega = ask.below, taken = ask.taken ? ask.taken[0] : 0.0;
+  const double room = scale_.side == DoseSide::at_most ? 0.0 : p.feature_reserve;
+  const double ratio = p.ratio(n);
+  // Nodes that a search looks at; those of other runs have other factors, and count as this one's.
+  const double* most = aim_most_.data();
+  if (p.mirrored) {
+    for (int k = n; k >= 0 && k > n - LevelSearch::kMost; --k) {
+      const auto at = static_cast<std::size_t>(k);
+      scaled_[at] = aim_most_[at] * scale_at(search, k);
+    }
+    most = scaled_.data();
+  }
+  LevelSearch::Wanted want{ratio * p.phi_max, scale_.side, most, room};
   if (cover_[static_cast<std::size_t>(n)] != kFull) return want;
   const auto at = static_cast<std::size_t>(n);
-  if (n + 1 == run.lower) over_ = under_ = omega;
-  const LayerFactors& layer = p_.of(n);
+  if (n + 1 == ask.run.lower) over_ = under_ = omega;
+  const LayerFactors& layer = p.of(n);
   const auto reached = [&](double dose, double from) {
-    return std::clamp(dose, layer.step(p_.phi_min, from), layer.step(p_.phi_max, from));
+    return std::clamp(dose, layer.step(ratio * p.phi_min - taken, from),
+                      layer.step(ratio * p.phi_max - taken, from));
   };
-  over_ = reached(least_[at], over_);
-  under_ = reached(most_[at], under_);
+  const double least = least_[at] * scale_at(search, n);
+  const double most_here = most_[at] * scale_at(search, n);
+  over_ = reached(least, over_);
+  under_ = reached(most_here, under_);
   // The light with which the middle of the layer has its dose.
-  const double middle = (wanted(doses[n]) - layer.root_a * omega) / (1.0 - layer.root_a);
-  const bool inner = n + 1 < run.lower;
+  const double aim = wanted(doses_[n]) * scale_at(search, n + 0.5);
+  const double middle = (aim - layer.root_a * omega) / (1.0 - layer.root_a);
+  const bool inner = n + 1 < ask.run.lower;
+  const double below = scale_at(search, n + 1);
   const auto to_node = [&](double dose) { return (dose - layer.a * omega) * layer.per_b; };
   switch (scale_.side) {
     case DoseSide::nearest:
       want.phi = to_node((over_ + under_) / 2);
       break;
     case DoseSide::at_least:
-      want.phi = to_node(least_[at]);
-      if (inner && omega >= least_[at + 1]) want.phi = std::max(want.phi, middle);
+      want.phi = to_node(least);
+      if (inner && omega >= least_[at + 1] * below) want.phi = std::max(want.phi, middle);
       break;
     case DoseSide::at_most:
-      want.phi = to_node(most_[at]);
-      if (inner && omega <= most_[at + 1]) want.phi = std::min(want.phi, middle);
+      want.phi = to_node(most_here);
+      if (inner && omega <= most_[at + 1] * below) want.phi = std::min(want.phi, middle);
       break;
   }
+  want.phi += taken;
   return want;
 }
 
-void GradedColumn::solve(const std::uint8_t* coverage, const std::uint8_t* heights,
-                         const std::uint8_t* doses, std::uint8_t* levels) {
+void GradedRuns::solve(const GradedColumn& column, std::uint8_t* levels) {
   if (all_ == 0) return;
+  doses_ = column.doses;
+  const auto layers = static_cast<int>(std::min(static_cast<std::size_t>(plan_.layers), all_));
+  const int all = plan_.all_layers, bath = model_.bath_slices;
+  const auto left_alone = [&](int n) {
+    return column.left_alone && n < layers ? column.left_alone[n] : std::uint8_t{0};
+  };
+  const auto level_left = [&](int n) { return level_of_pixel(left_alone(n), plan_.levels.size()); };
+  const auto light = [&](int n, int level) { return model_.ratio(n) * plan_.levels.phi(level); };
+  ColumnWalk walk;
+  const auto end_run = [&](int end) {
+    if (!walk.last().left_alone && walk.last().cover == kFull) bound(walk, end);
+  };
   std::fill(cover_.begin(), cover_.end(), std::uint8_t{0});
-  std::copy_n(coverage, std::min(static_cast<std::size_t>(plan_.layers), all_), cover_.begin());
-  find_runs(heights);
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const int lower = r + 1 < runs_.size() ? runs_[r + 1].node : plan_.all_layers;
-    if (cover_[static_cast<std::size_t>(runs_[r].node)] == kFull) bound(runs_[r], lower, doses);
+  for (int n = 0; n < all; ++n) {
+    const bool left = left_alone(n) != 0;
+    const std::uint8_t cover = n < layers && !left ? column.coverage[n] : std::uint8_t{0};
+    const bool known = column.heights && n <= plan_.layers;
+    const std::uint8_t height = known ? column.heights[n] : std::uint8_t{0};
+    cover_[static_cast<std::size_t>(n)] = cover;
+    if (n > 0 && walk.begins(cover, left)) end_run(n);
+    walk.add(model_, n, cover, height, left, left ? light(n, level_left(n)) : 0.0);
   }
-  RunAt run{runs_.back().edge, runs_.back().node, plan_.all_layers, 0, false, kEdgeAtNode};
-  double omega = 0;
-  std::uint8_t chosen[LevelSearch::kMost];
-  int left = 0, count = 0;
-  for (int n = plan_.all_layers; n-- > 0;) {
-    if (n < run.node) {
-      run = run_above(edges_, run);
-      runs_.pop_back();
-      run.edge = runs_.back().edge;
-      run.node = runs_.back().node;
+  end_run(all);
+  walk.begin(all);
+  // What leaves the bath when slice k is shown.
+  const auto far = [&](int k) {
+    return bath > 0 && k + bath < all ? light(k + bath, levels[k + bath]) : 0.0;
+  };
+  for (int n = all; n-- > 0;) {
+    int level = 0;
+    if (walk.left_alone(n)) {
+      level = level_left(n);
+    } else {
+      level = plan_.continuous
+                  ->level_of[static_cast<std::size_t>(walk.choose(searches_, n, far, *this))];
     }
-    const LevelSearch::Wanted want = light_at(run, n, omega, doses);
-    if (left == 0) left = count = search_.choose_near(run, n, omega, want, chosen);
-    const std::uint8_t index = chosen[count - left];
-    --left;
-    levels[n] = p_.level_of[index];
-    omega = p_.of(n).step(p_.levels.phi(index), omega);
+    levels[n] = static_cast<std::uint8_t>(level);
+    walk.pass(model_, n, light(n, level), far(n));
   }
 }
 
 std::unique_ptr<GradedColumns> make_graded_column(const CorrectionPlan& plan,
                                                   const DoseScale& scale) {
-  const bool counted = plan.model.adds_up() && !plan.model.inhibited() &&
-                       plan.model.bath_slices == 0 && plan.model.mirrored_slices == 0;
-  if (counted && plan.model.mode == ExposureMode::layerwise) return make_graded_layers(plan, scale);
-  if (!plan.continuous || !counted || !plan.model.exposure_ratio.empty()) {
-    throw Error("doses are wanted of a model that is not plain");
+  const bool counted = plan.model.adds_up() && !plan.model.inhibited();
+  const bool layers = plan.model.mode == ExposureMode::layerwise;
+  if (!counted || (!layers && !plan.continuous)) {
+    throw Error("doses are wanted of a model that is not one of sums of light");
   }
-  return std::make_unique<GradedColumn>(plan, scale);
+  if (layers) return make_graded_layers(plan, scale);
+  return std::make_unique<GradedRuns>(plan, scale);
 }
 
 /// Rows of a band cut into tiles of 64 columns, kept coded.
@@ -257,7 +302,6 @@ class GradedSolver final : public BandSolver {
 
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
                  const std::uint8_t* left_alone) override {
-    if (left_alone) throw Error("doses are wanted where something is left alone");
     const bool last = coverage_.count() == plan_.layers;
     if (last && (coverage || heights_.count() > plan_.layers)) {
       throw Error("more layers than the plan has");
@@ -265,42 +309,52 @@ class GradedSolver final : public BandSolver {
     if (!last) {
       coded_.append(coverage);
       coverage_.append(coverage);
+      if (left_alone && !left_alone_) {
+        left_alone_.emplace(columns_, plan_.layers);
+        while (left_alone_->count() + 1 < coverage_.count()) left_alone_->append(nullptr);
+      }
+      if (left_alone_) left_alone_->append(left_alone);
     }
     heights_.append(heights);
   }
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) override;
 
  private:
-  void solve_block(GradedColumns& column, const std::vector<std::uint8_t>& coverage,
-                   const std::vector<std::uint8_t>& heights, const std::vector<std::uint8_t>& doses,
-                   std::vector<std::uint8_t>& levels);
+  /// What of 64 columns: rows of coverage, heights, doses, what is left alone (or none).
+  struct Block {
+    std::vector<std::uint8_t> coverage, heights, doses, left_alone;
+  };
+  void solve_block(GradedColumns& columns, const Block& block, std::vector<std::uint8_t>& levels);
 
   const CorrectionPlan& plan_;
   BandDoses doses_;
   std::size_t columns_;
   CodedBand coded_;  ///< coverage by layers
   TileRows coverage_, heights_;
+  std::optional<TileRows> left_alone_;  ///< nothing: nothing is
 };
 
-void GradedSolver::solve_block(GradedColumns& column, const std::vector<std::uint8_t>& coverage,
-                               const std::vector<std::uint8_t>& heights,
-                               const std::vector<std::uint8_t>& doses,
+void GradedSolver::solve_block(GradedColumns& columns, const Block& block,
                                std::vector<std::uint8_t>& levels) {
   const auto layers = static_cast<std::size_t>(plan_.layers);
   const auto all = static_cast<std::size_t>(plan_.all_layers);
-  // Coverage, heights and doses of a column, and of the one that was solved last.
-  std::vector<std::uint8_t> now(3 * layers + 1), before;
+  // Coverage, doses, what is left alone and heights of a column, and of the one that was solved last.
+  std::vector<std::uint8_t> now(4 * layers + 1), before;
+  const std::uint8_t* const row = now.data();
+  const GradedColumn column{row, row + 3 * layers, row + layers,
+                            block.left_alone.empty() ? nullptr : row + 2 * layers};
   std::vector<std::uint8_t> solved(all, 0);
   const auto gather = [&](const std::vector<std::uint8_t>& from, std::size_t lane, std::size_t rows,
                           std::uint8_t* to) {
     for (std::size_t n = 0; n < rows; ++n) to[n] = from[n * kLanes + lane];
   };
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    gather(coverage, lane, layers, now.data());
-    gather(heights, lane, layers + 1, now.data() + layers);
-    gather(doses, lane, layers, now.data() + 2 * layers + 1);
+    gather(block.coverage, lane, layers, now.data());
+    gather(block.doses, lane, layers, now.data() + layers);
+    if (column.left_alone) gather(block.left_alone, lane, layers, now.data() + 2 * layers);
+    gather(block.heights, lane, layers + 1, now.data() + 3 * layers);
     if (now != before) {
-      column.solve(now.data(), now.data() + layers, now.data() + 2 * layers + 1, solved.data());
+      columns.solve(column, solved.data());
       before = now;
     }
     for (std::size_t n = 0; n < all; ++n) levels[n * kLanes + lane] = solved[n];
@@ -319,19 +373,22 @@ void GradedSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::T
   }
   const auto column = make_graded_column(plan_, *doses_.scale);
   const auto all = static_cast<std::size_t>(plan_.all_layers);
-  std::vector<std::uint8_t> coverage, heights, doses, levels(all * kLanes);
+  Block block;
+  std::vector<std::uint8_t> levels(all * kLanes);
   // Blocks are coded apart: a slice is put together from all of them.
   std::vector<CodedBand> solved;
   for (std::size_t b = 0; b < coverage_.blocks(); ++b) {
-    coverage_.read(b, coverage);
+    coverage_.read(b, block.coverage);
+    if (left_alone_) left_alone_->read(b, block.left_alone);
     CodedBand& coded = solved.emplace_back(kLanes);
-    if (all_zero(coverage.data(), coverage.size())) {
+    if (all_zero(block.coverage.data(), block.coverage.size()) &&
+        all_zero(block.left_alone.data(), block.left_alone.size())) {
       for (std::size_t n = 0; n < all; ++n) coded.append(nullptr);
       continue;
     }
-    heights_.read(b, heights);
-    wanted.read(b, doses);
-    solve_block(*column, coverage, heights, doses, levels);
+    heights_.read(b, block.heights);
+    wanted.read(b, block.doses);
+    solve_block(*column, block, levels);
     for (std::size_t n = 0; n < all; ++n) coded.append(&levels[n * kLanes]);
   }
   std::vector<std::uint8_t> out(coverage_.blocks() * kLanes), design(columns_);
@@ -350,6 +407,9 @@ void GradedSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::T
 
 std::unique_ptr<BandSolver> make_graded_solver(const CorrectionPlan& plan, std::size_t columns,
                                                BandDoses doses) {
+  if (plan.model.inhibited() && !plan.inhibited->even) {
+    return make_inhibited_solver(plan, columns, std::move(doses));
+  }
   static_cast<void>(make_graded_column(plan, *doses.scale));
   return std::make_unique<GradedSolver>(plan, columns, std::move(doses));
 }
@@ -367,7 +427,7 @@ std::vector<std::uint8_t> solve_graded_column(const CorrectionPlan& plan, const 
   at_nodes.resize(static_cast<std::size_t>(plan.layers) + 1, 0);
   const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
   detail::make_graded_column(plan, scale)
-      ->solve(solved.data(), at_nodes.data(), doses.data(), levels.data());
+      ->solve({solved.data(), at_nodes.data(), doses.data(), nullptr}, levels.data());
   return levels;
 }
 

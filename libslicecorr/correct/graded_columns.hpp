@@ -11,13 +11,18 @@
 
 namespace slicecorr::detail {
 
+/// A column: coverage, wanted doses and what is left alone of `plan.layers` layers, heights of one more.
+/// `left_alone`: pixels, 0: corrected; null: nothing is.
+struct GradedColumn {
+  const std::uint8_t *coverage, *heights, *doses, *left_alone;
+};
+
 /// Solves columns one by one; keeps its buffers. For one thread.
 class GradedColumns {
  public:
   virtual ~GradedColumns() = default;
-  /// `coverage`, `doses`: of `plan.layers` layers; `heights`: of one more. `levels`: of all slices.
-  virtual void solve(const std::uint8_t* coverage, const std::uint8_t* heights,
-                     const std::uint8_t* doses, std::uint8_t* levels) = 0;
+  /// `levels`: of all slices.
+  virtual void solve(const GradedColumn& column, std::uint8_t* levels) = 0;
 };
 
 /// Layer by layer. The plan and the scale outlive it.

@@ -282,6 +282,7 @@ const std::vector<Level>& InhibitedColumn::solve(const std::vector<CoverageRun>&
                                                  const ColumnBounds& bounds) {
   Impl& s = *impl_;
   s.caps = bounds.caps;
+  s.design.ask(bounds);
   s.doses.set_floors(s.plan.holding_own.empty() ? bounds.floors
                                                 : held_floors(s.plan, runs, bounds));
   double least_um = std::numeric_limits<double>::infinity();
@@ -300,6 +301,34 @@ const std::vector<Level>& InhibitedColumn::solve(const std::vector<CoverageRun>&
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns) {
   const InhibitedPlan& p = *plan.inhibited;
   return std::make_unique<ColumnBand>(std::make_unique<InhibitedColumn>(p), p.facts(), columns);
+}
+
+namespace {
+
+/// Columns that want doses, with a plan of their own for these.
+class WantingColumn final : public ColumnSolver {
+ public:
+  WantingColumn(const InhibitedPlan& plan, double most)
+      : plan_(plan.for_doses(most)), column_(plan_) {}
+  const std::vector<Level>& solve(const std::vector<CoverageRun>& runs,
+                                  const ColumnBounds& bounds) override {
+    return column_.solve(runs, bounds);
+  }
+
+ private:
+  InhibitedPlan plan_;
+  InhibitedColumn column_;
+};
+
+}  // namespace
+
+std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns,
+                                                  BandDoses doses) {
+  const InhibitedPlan& p = *plan.inhibited;
+  auto column = std::make_unique<WantingColumn>(p, doses.scale->greatest() * p.node_over_middle);
+  auto band = std::make_unique<ColumnBand>(std::move(column), p.facts(), columns);
+  band->want(std::move(doses));
+  return band;
 }
 
 std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "correct/coverage.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
@@ -15,6 +17,79 @@ ColumnDesign::ColumnDesign(const InhibitedPlan& plan)
       plan_(plan),
       coverage_(static_cast<std::size_t>(plan.all_layers) + 1, std::uint8_t{0}),
       heights_(static_cast<std::size_t>(plan.all_layers) + 2, std::uint8_t{0}) {}
+
+void ColumnDesign::ask(const ColumnBounds& bounds) {
+  left_alone_.assign(bounds.left_alone.empty() ? 0 : coverage_.size(), 0);
+  for (const LeftAloneRun& run : bounds.left_alone) {
+    std::fill(left_alone_.begin() + run.first, left_alone_.begin() + run.end, std::uint8_t{1});
+  }
+  wanted_ = bounds.wanted;
+  side_ = bounds.side;
+}
+
+/// Raises the demands of the nodes of full layers first .. end - 1 to the doses that these want, as far
+/// as edges to gaps and greys leave room: towards the platform light from below falls by a in a slice at
+/// most, and full light adds what the kernel says.
+void ColumnDesign::want_doses(int first, int end) {
+  const auto count = static_cast<std::size_t>(end - first) + 1;
+  const double a = plan_.kernel->a();
+  const bool free_above = first == 0 || left_alone(first - 1), free_below = left_alone(end);
+  const auto dark = [&](int k) {
+    return k < plan_.all_layers ? plan_.dark_node[static_cast<std::size_t>(k)] : 0.0;
+  };
+  const auto layer = [&](int n) { return wanted_[static_cast<std::size_t>(n)]; };
+  const auto at = [&](int k) { return static_cast<std::size_t>(k - first); };
+  least_.resize(count);
+  most_.resize(count);
+  for (int k = first; k <= end; ++k) {
+    const double above = layer(std::max(k - 1, first)), below = layer(std::min(k, end - 1));
+    least_[at(k)] = std::max(above, below) * plan_.node_over_middle;
+    most_[at(k)] = std::min(above, below) * plan_.node_over_middle;
+  }
+  wanted_most_ = most_;
+  // Nothing that is asked for of a node may take the one at an end away from its dose: of the light
+  // beyond the lower end a^j is left at least; further up the light of a node does more yet to those
+  // nearer to the platform, as far as twice the distance at which it acts most.
+  for (int j = 1; !free_below && j <= std::min(plan_.reach, end - first); ++j) {
+    const int k = end - j;
+    const double other = demand[static_cast<std::size_t>(end)] - dark(end);
+    const double cap = dark(k) + plan_.climb(k, j) + std::pow(a, j) * std::max(0.0, other);
+    least_[at(k)] = std::min(least_[at(k)], cap);
+    most_[at(k)] = std::min(most_[at(k)], cap);
+  }
+  // Of a rise towards the platform, what begins behind the step.
+  for (int k = end; k-- > first;) {
+    for (int j = 1; j <= std::min(plan_.reach, end - k); ++j) {
+      const double there = wanted_most_[at(k + j)];
+      if (there >= wanted_most_[at(k)]) continue;
+      const double lower = std::max(0.0, there - dark(k + j)) * plan_.from_beyond(j);
+      most_[at(k)] = std::min(most_[at(k)], dark(k) + plan_.climb(k, j) + lower);
+    }
+  }
+  // Of a fall, what light from below leaves.
+  const double own = demand[static_cast<std::size_t>(first)];
+  double cap = free_above ? std::numeric_limits<double>::infinity() : own;
+  double least_above = cap;
+  for (int k = first; k <= end; ++k) {
+    const auto falls = [&](double dose) { return dark(k) + std::max(0.0, dose - dark(k - 1)) / a; };
+    if (k > first) least_above = falls(least_above);
+    const int near = std::max(first, k - 2 * plan_.peak);
+    least_above = std::min(least_above, wanted_most_[at(near)]);
+    for (int i = near; i < k; ++i) most_[at(k)] = std::min(most_[at(k)], wanted_most_[at(i)]);
+    most_[at(k)] = std::min(most_[at(k)], least_above);
+    if (k > first + 2 * plan_.peak) cap = falls(cap);
+    least_[at(k)] = std::min(least_[at(k)], cap);
+    most_[at(k)] = std::min(most_[at(k)], cap);
+  }
+  for (int k = first; k <= end; ++k) {
+    if ((k == first && !free_above) || (k == end && !free_below)) continue;
+    double& wanted = demand[static_cast<std::size_t>(k)];
+    const double dose = side_ == DoseSide::at_least  ? least_[at(k)]
+                        : side_ == DoseSide::at_most ? most_[at(k)]
+                                                     : (least_[at(k)] + most_[at(k)]) / 2;
+    wanted = std::max(wanted, dose);
+  }
+}
 
 void ColumnDesign::read(const std::vector<CoverageRun>& runs, double farthest) {
   farthest_ = farthest;
@@ -27,6 +102,13 @@ void ColumnDesign::read(const std::vector<CoverageRun>& runs, double farthest) {
       wanted = std::max(wanted, demand_at(k));
     }
   }
+  for (int n = 0; !wanted_.empty() && n < plan_.layers; ++n) {
+    if (!full(n)) continue;
+    int end = n + 1;
+    while (full(end)) ++end;
+    want_doses(n, end);
+    n = end;
+  }
   find_features();
   if (!plan_.merge_one_slice_gaps) open_one_slice_gaps();
   find_edges();
@@ -38,9 +120,12 @@ void ColumnDesign::take_coverage(const std::vector<CoverageRun>& runs) {
   for (const CoverageRun& run : runs) {
     std::fill(coverage_.begin() + run.first, coverage_.begin() + run.end, run.coverage);
   }
+  for (std::size_t n = 0; n < left_alone_.size(); ++n) {
+    if (left_alone_[n] != 0) coverage_[n] = kLeftAlone;
+  }
   if (!plan_.merge_one_slice_gaps) return;
   for (int n = 1; n + 1 < plan_.layers; ++n) {
-    if (coverage(n) == 0 && full(n - 1) && full(n + 1)) {
+    if (coverage(n) == 0 && !left_alone(n) && full(n - 1) && full(n + 1)) {
       coverage_[static_cast<std::size_t>(n)] = 255;
     }
   }
@@ -93,7 +178,7 @@ void ColumnDesign::find_features() {
       feature.full = feature.full && wanted(k) >= 1.0;
     }
     feature.lower = k;
-    feature.platform = feature.upper == 0;
+    feature.platform = feature.upper == 0 || left_alone(feature.upper - 1);
     feature.lag = plan_.lags.front();
     features.push_back(feature);
   }
@@ -103,7 +188,7 @@ void ColumnDesign::find_features() {
 /// feature's last layer still prints.
 void ColumnDesign::open_one_slice_gaps() {
   for (int n = 1; n + 1 < plan_.layers; ++n) {
-    if (coverage(n) != 0 || !full(n - 1) || !full(n + 1)) continue;
+    if (coverage(n) != 0 || left_alone(n) || !full(n - 1) || !full(n + 1)) continue;
     demand[static_cast<std::size_t>(n)] = plan_.tuning.slit_edge_dose;
     double& inner = demand[static_cast<std::size_t>(n) - 1];
     inner = std::max(inner, plan_.tuning.slit_inner_dose);
@@ -120,8 +205,9 @@ void ColumnDesign::find_edges() {
     edges.push_back({node, upper, below, std::clamp(below, -farthest_, farthest_)});
   };
   for (int n = 0; n <= plan_.layers; ++n) {
-    // The platform is no gap: a feature that begins there has no upper edge.
-    const int above = n > 0 ? coverage(n - 1) : -1, below = coverage(n);
+    // Neither the platform nor what is left alone is a gap: a feature has no edge there.
+    const bool free_above = n == 0 || left_alone(n - 1);
+    const int above = free_above ? -1 : coverage(n - 1), below = left_alone(n) ? -1 : coverage(n);
     if (above == 0 && below == 255) add(n, true);
     if (above == 255 && below == 0) add(n, false);
   }

@@ -53,7 +53,7 @@ void ColumnJudge::count_wrong_voxels(Score& s) const {
     for (int n = first; n < past; ++n) {
       // Grey layers count neither as right nor as wrong.
       const int c = design_.coverage(n);
-      if (c != 0 && c != 255) continue;
+      if ((c != 0 && c != 255) || design_.left_alone(n)) continue;
       if ((doses_.middle(n) >= 1.0) == (c == 255)) continue;
       // What others fill the column can't help.
       if (c == 0 && doses_.has_floors() && doses_.floor_middle(n) >= 1.0) continue;

@@ -164,10 +164,40 @@ void InhibitedPlan::find_levels() {
   steady = cap;
   while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
   inside = tuning.inside_dose * ripple();
+  steady_sum = node_light.sum(strongest, steady, never_reaches);
+  node_over_middle = steady_sum / middle_light.sum(strongest, steady, never_reaches);
   holding = steady;
   while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
   reach = 1;
   while (reach < never_reaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;
+}
+
+InhibitedPlan InhibitedPlan::for_doses(double most) const {
+  InhibitedPlan plan = *this;
+  // None of the light that doses want is too much.
+  plan.tuning.excess_weight = 0;
+  const int strongest = kernel->strongest_setting();
+  const int cap = caps[static_cast<std::size_t>(strongest)];
+  constexpr int farthest = 100000;
+  while (plan.reach < farthest && node_light.sum(strongest, cap, plan.reach) < most) ++plan.reach;
+  plan.climbs.clear();
+  for (int j = 0; uniform && j <= plan.reach; ++j) plan.climbs.push_back(climb(0, j));
+  plan.promises = {};
+  if (uniform) plan.tabulate_promises();
+  return plan;
+}
+
+double InhibitedPlan::climb(int k, int slices) const {
+  if (static_cast<std::size_t>(slices) < climbs.size()) {
+    return climbs[static_cast<std::size_t>(slices)];
+  }
+  const int longest = *std::max_element(lags.begin(), lags.end());
+  double sum = 0;
+  for (int n = k; n < (uniform ? k + slices : std::min(k + slices, all_layers)); ++n) {
+    const int level = n < k + longest ? std::min(steady, cap_of(n)) : cap_of(n);
+    sum += ratio_of(n) * node_light.one(setting_of(n), level, n - k);
+  }
+  return sum;
 }
 
 /// How far the dose at nodes is above the least between them, as a factor, where the steady level
@@ -188,7 +218,7 @@ double InhibitedPlan::ripple() const {
 }
 
 void InhibitedPlan::find_lags() {
-  const int peak = node_light.peak(kernel->strongest_setting(), steady);
+  peak = node_light.peak(kernel->strongest_setting(), steady);
   for (const InhibitedTuning::Fraction& share : tuning.lag_shares) {
     const int lag = lag_of(share, peak);
     if (std::find(lags.begin(), lags.end(), lag) == lags.end()) lags.push_back(lag);
@@ -261,6 +291,7 @@ ColumnFacts InhibitedPlan::facts() const {
   facts.lower_at_window = kernel->layer_by_layer();
   facts.height_steps = tuning.height_steps;
   facts.solved = solved;
+  facts.levels = levels;
   if (!uniform || even || !holding_own.empty()) return facts;
   // What a column is at one height it is at any, but for the dose of black slices, which near to the
   // last one is less by `most_dark` a^distance: that is to be a tenth of the margin for rounding. What

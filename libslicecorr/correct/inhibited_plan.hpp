@@ -108,6 +108,16 @@ struct InhibitedPlan {
   InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices,
                 const InhibitedTuning& numbers = {});
 
+  /// The same where features want doses up to `most`, relative.
+  InhibitedPlan for_doses(double most) const;
+  /// What the `slices` next ones after node k can still give it, beyond black, as the rule counts on it: full
+  /// light down to the longest lag, the steady level after it.
+  double climb(int k, int slices) const;
+  /// Of light of the steady level: the part of a node's dose that comes from beyond so many slices.
+  double from_beyond(int slices) const {
+    return 1.0 - node_light.sum(kernel->strongest_setting(), steady, slices) / steady_sum;
+  }
+
   /// Slices to show for a target whose last lit layer is `last_lit`: the end of a feature that is
   /// promised its dose late gets it from slices further away.
   int slices_for(int target_layers, int last_lit) const;
@@ -143,6 +153,11 @@ struct InhibitedPlan {
   int holding = 0;        ///< lowest level whose steady dose is at least `inside`
   int reach = 0;          ///< slices of full light that lift the dose from 0 to 1
   double layer_um = 0;
+  /// The dose of nodes over that of middles where one level stands for long.
+  double node_over_middle = 1;
+  double steady_sum = 1;       ///< dose of the steady level at nodes, beyond black
+  int peak = 0;                ///< distance at which it acts most, slices
+  std::vector<double> climbs;  ///< `climb` by slices, where `uniform` and doses are wanted
   bool merge_one_slice_gaps = false;
   /// Features get even light inside, not the least that gels (`Process::even_light`).
   bool even = false;

@@ -21,7 +21,7 @@ bool LevelRule::choose_all(bool again) {
   const int last = doses_.has_floors() ? plan_.all_layers - 1 : last_asked();
   const int first = doses_.has_floors() || design_.features.empty() ? 0 : design_.features[0].upper;
   int begin = last;
-  const bool remembers = by_tables_ && !plan_.even;
+  const bool remembers = by_tables_ && !plan_.even && !design_.varies();
   if (remembers) {
     begin = std::min(last, std::max(first_affected(again), first - 1));
     if (begin < last) {
@@ -80,7 +80,8 @@ bool LevelRule::choose_all(bool again) {
     }
     if (by_tables_ && stays(n, first_feature, before)) {
       const Feature& feature = design_.features[static_cast<std::size_t>(first_feature)];
-      deep_until = own_until(feature) + plan_.near;
+      // Further up other doses may be wanted.
+      if (!design_.varies()) deep_until = own_until(feature) + plan_.near;
       keep_deep(n, n);
       ++same;
       doses_.add(n, before);
@@ -229,7 +230,7 @@ LevelRule::Slice LevelRule::level_of(int n, int first_feature, bool again) {
     const int begin = std::max(feature.upper, n - reach), end = std::min(feature.lower, n);
     if (feature.full && n > own + plan_.near && n + plan_.near < feature.lower) {
       slice.deep = true;
-      if (plan_.uniform && !doses_.has_floors() && slice.level == 0)
+      if (plan_.uniform && !doses_.has_floors() && !design_.varies() && slice.level == 0)
         slice.deep_until = own + plan_.near;
     }
     Asked by{feature, n, own, begin, end, again};

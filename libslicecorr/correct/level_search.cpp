@@ -503,20 +503,20 @@ int LevelSearch::one_slice_near(const RunAt& run, int n, double below, const Wan
   const int j = n - run.node;
   const bool under_grey = j == 0 && !edge.platform && is_grey(edge.above_cover);
   if (edge.below != kFull || under_grey) return one_slice(run, n, below);
-  const LevelTable::Around around = p.levels.around(wanted.phi);
-  const bool next =
-      p.levels.phi(around.at_least) - wanted.phi < wanted.phi - p.levels.phi(around.at_most);
+  const double ratio = p.ratio(n), phi = wanted.phi / ratio;
+  const LevelTable::Around around = p.levels.around(phi);
+  const bool next = p.levels.phi(around.at_least) - phi < phi - p.levels.phi(around.at_most);
   const bool up = wanted.side == DoseSide::at_least || (wanted.side == DoseSide::nearest && next);
   const int nearest = up ? around.at_least : around.at_most;
   for (int r = 0; r < kRungs; ++r) {
     const LevelRange range =
-        levels(light_rule(f, rule_of(run, n, r), edges_.doses(edge, j, r)), below, 1.0);
+        levels(light_rule(f, rule_of(run, n, r), edges_.doses(edge, j, r)), below, ratio);
     if (range.empty()) continue;
     const int from = std::clamp(nearest, range.first, range.last);
     for (int off = 0; off <= range.last - range.first; ++off) {
       for (const int level : {up ? from + off : from - off, up ? from - off : from + off}) {
         if (level < range.first || level > range.last) continue;
-        if (edges_.levels_allow(edge, j, f.step(p.levels.phi(level), below))) return level;
+        if (edges_.levels_allow(edge, j, f.step(ratio * p.levels.phi(level), below))) return level;
       }
     }
   }
@@ -538,10 +538,11 @@ bool LevelSearch::search_below(double below, const Wanted& wanted, double room,
 }
 
 int LevelSearch::choose_near(const RunAt& run, int n, double below, const Wanted& wanted,
-                             std::uint8_t* levels) {
-  taken_ = nullptr;
+                             std::uint8_t* levels, const double* taken) {
+  taken_ = taken;
   if (!looks_ahead(run, n)) {
-    levels[0] = static_cast<std::uint8_t>(one_slice_near(run, n, below, wanted));
+    const double told = taken ? below - taken[0] * plan_.b * plan_.per_a : below;
+    levels[0] = static_cast<std::uint8_t>(one_slice_near(run, n, told, wanted));
     return 1;
   }
   gather(run, n);
@@ -557,7 +558,7 @@ int LevelSearch::choose_near(const RunAt& run, int n, double below, const Wanted
       if (search_below(below, wanted, room, levels)) return chosen;
     }
   }
-  return choose(run, n, below, levels);
+  return choose(run, n, below, levels, taken);
 }
 
 }  // namespace slicecorr::detail

@@ -51,15 +51,16 @@ class LevelSearch {
   }
   /// As choose(), near to the light `phi` in features: `side` says on which side of it a level may
   /// be, where one fits. Doses of features stay at or below `most`, by node, and by `room` at most
-  /// above it, before edges as far as these stay right.
+  /// above it, before edges as far as these stay right. `phi`: what a slice counts for before anything is
+  /// taken from it.
   struct Wanted {
     double phi;
     DoseSide side;
     const double* most;
     double room;
   };
-  int choose_near(const RunAt& run, int n, double below, const Wanted& wanted,
-                  std::uint8_t* levels);
+  int choose_near(const RunAt& run, int n, double below, const Wanted& wanted, std::uint8_t* levels,
+                  const double* taken = nullptr);
   /// The phi of slice n when every intensity may be shown.
   double exact(const RunAt& run, int n, double below) const;
 

@@ -8,6 +8,7 @@
 
 #include "correct/band_solvers.hpp"
 #include "correct/column_walk.hpp"
+#include "correct/inhibited_plan.hpp"
 #include "correct/level_search.hpp"
 #include "correct/merged_slits.hpp"
 #include "slicecorr/correct.hpp"
@@ -103,13 +104,12 @@ void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& 
 std::unique_ptr<detail::BandSolver> solver_of(const CorrectionPlan& plan, std::size_t columns,
                                               bool leaves_alone) {
   if (plan.model.inhibited()) {
-    if (leaves_alone) throw Error("nothing can be left alone under UV light");
+    if (leaves_alone && plan.inhibited->even) {
+      throw Error("nothing can be left alone where light is even over the flow");
+    }
     return detail::make_inhibited_solver(plan, columns);
   }
-  if (plan.tried) {
-    if (leaves_alone) throw Error("nothing can be left alone where levels are tried");
-    return detail::make_tried_solver(plan, columns);
-  }
+  if (plan.tried) return detail::make_tried_solver(plan, columns);
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::make_layerwise_solver(plan, columns);
   }

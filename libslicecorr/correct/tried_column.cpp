@@ -44,7 +44,7 @@ class GelTimeDoses {
  public:
   explicit GelTimeDoses(const TriedPlan& plan)
       : kernel_(std::get<WithGelTime>(plan.model.law).kernel),
-        cut_(*kernel_),
+        cut_(plan.model),
         model_(plan.model),
         all_(plan.all_layers),
         state_(static_cast<std::size_t>(std::max(all_, 0)) + 1),
@@ -58,9 +58,9 @@ class GelTimeDoses {
     light_[at] = ratio == 1.0 ? l : CutLight{ratio * l.x, ratio * l.y};
     state_[at] = cut_.step(light_[at], state_[at + 1]);
   }
-  double dose(int layer, double up) const { return at(layer, kernel_->fade(up)); }
-  double upper(int layer) const { return at(layer, cut_.node()); }
-  double middle(int layer) const { return at(layer, cut_.middle()); }
+  double dose(int layer, double up) const { return at(layer, kernel_->fade(up), up); }
+  double upper(int layer) const { return at(layer, cut_.node(), 1.0); }
+  double middle(int layer) const { return at(layer, cut_.middle(), 0.5); }
 
  private:
   /// What lies below a layer.
@@ -77,8 +77,9 @@ class GelTimeDoses {
       return doses.light_[static_cast<std::size_t>(layer + 1 + j)];
     }
   };
-  double at(int layer, const CutLight& left) const {
-    return cut_.dose(light_[static_cast<std::size_t>(layer)], left, Below{*this, layer}, hint_);
+  double at(int layer, const CutLight& left, double up) const {
+    return cut_.dose(light_[static_cast<std::size_t>(layer)], left, Below{*this, layer}, hint_,
+                     cut_.returned(layer + 1 - up));
   }
 
   std::shared_ptr<const GelTimeKernel> kernel_;
@@ -143,10 +144,16 @@ class TriedColumn final : public ColumnSolver {
     double up, dose;
   };
 
-  void read(const std::vector<CoverageRun>& runs);
+  void read(const std::vector<CoverageRun>& runs, const std::vector<LeftAloneRun>& left_alone);
   int cover(int n) const {
     return n >= 0 && n < plan_.layers ? cover_[static_cast<std::size_t>(n)] : 0;
   }
+  /// The level of a slice that is left alone; -1: it may be chosen.
+  int given(int n) const {
+    return n >= 0 && n < plan_.all_layers ? given_[static_cast<std::size_t>(n)] : -1;
+  }
+  bool left_alone(int n) const { return given(n) >= 0; }
+  bool is_gap(int n) const { return cover(n) == 0 && !left_alone(n); }
   /// How far below its node an edge belongs, slices, no further than levels can bring it.
   double edge_below(int node) const { return below_[static_cast<std::size_t>(node)]; }
   /// What the layers above slice n ask of it: those of the next feature, and of greys before it.
@@ -170,13 +177,15 @@ class TriedColumn final : public ColumnSolver {
   int level_of(int n);
   int full_level(int n);
   int gap_level(int n);
+  /// At least `level`: what features give those beyond what is left alone, which leaves them too little.
+  int level_through(int n, int level);
   int grey_level(int n);
   int layerwise_level(int n);
   /// Whether full light from slice n - 1 on can still do what is asked.
   bool can_do(int n);
   /// Whether the present slice has its layer of a feature printed.
   bool prints(int n) const;
-  bool edge_above(int n) const { return n > 0 && cover(n - 1) == 0; }
+  bool edge_above(int n) const { return n > 0 && is_gap(n - 1); }
   /// The least level from `least` on for which `enough`, which holds for all brighter ones; the highest
   /// where none does. `guess`: where to look first. Leaves that level set.
   template <typename Enough>
@@ -194,6 +203,8 @@ class TriedColumn final : public ColumnSolver {
   std::vector<Level> levels_;
   std::vector<std::uint8_t> cover_;
   std::vector<double> below_;
+  std::vector<std::int16_t> given_;
+  bool any_given_ = false;
   std::vector<int> above_;  ///< per slice: the last layer up to it that is not empty; -1: none
   std::vector<Ask> asks_;
   int before_ = 0;  ///< level of the slice that was solved last
@@ -206,10 +217,12 @@ TriedColumn<Doses>::TriedColumn(const TriedPlan& plan) : plan_(plan), doses_(pla
   cover_.resize(static_cast<std::size_t>(std::max(plan.layers, 0)));
   below_.resize(static_cast<std::size_t>(std::max(plan.layers, plan.all_layers)) + 2);
   above_.resize(count);
+  given_.resize(count);
 }
 
 template <typename Doses>
-void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs) {
+void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs,
+                              const std::vector<LeftAloneRun>& left_alone) {
   std::fill(cover_.begin(), cover_.end(), std::uint8_t{0});
   std::fill(below_.begin(), below_.end(), 0.0);
   const auto farthest = [&](std::uint8_t height) {
@@ -220,6 +233,11 @@ void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs) {
     std::fill(cover_.begin() + run.first, cover_.begin() + run.end, run.coverage);
     below_[static_cast<std::size_t>(run.first)] = farthest(run.upper_height);
     below_[static_cast<std::size_t>(run.end)] = farthest(run.lower_height);
+  }
+  any_given_ = !left_alone.empty();
+  std::fill(given_.begin(), given_.end(), std::int16_t{-1});
+  for (const LeftAloneRun& run : left_alone) {
+    std::fill(given_.begin() + run.first, given_.begin() + run.end, run.level);
   }
   int last = -1;
   for (int n = 0; n < plan_.all_layers; ++n) {
@@ -245,7 +263,7 @@ double TriedColumn<Doses>::at_upper_edge(int n) {
 
 template <typename Doses>
 double TriedColumn<Doses>::lower_edge_up(int n) const {
-  if (cover(n + 1) != 0) return 0.0;
+  if (!is_gap(n + 1)) return 0.0;
   const double below = edge_below(n + 1);
   // A gap of one slice keeps dark, and the feature above it gives way.
   const bool slit = cover(n + 2) == kFull;
@@ -325,10 +343,12 @@ template <typename Doses>
 void TriedColumn<Doses>::find_asks(int n) {
   asks_.clear();
   int u = above_[static_cast<std::size_t>(n)];
+  // To what is left alone below it a feature has no edge: its last layer is to print.
+  const bool beside = u < n && left_alone(u + 1);
   for (bool grey = false; u >= 0 && cover(u) != 0; --u) {
     if (cover(u) == kFull) {
-      const double inside = grey ? 0.5 : lower_edge_up(u);
-      const double below = grey || inside > 0 ? 0.0 : std::max(0.0, edge_below(u + 1));
+      const double inside = grey || beside ? 0.5 : lower_edge_up(u);
+      const double below = inside > 0 ? 0.0 : std::max(0.0, edge_below(u + 1));
       const bool slit = !grey && cover(u + 2) == kFull;
       if (below > 0 && !slit) {
         asks_.push_back({u + 1, 1.0 - below, 1.0 + plan_.margin()});
@@ -348,7 +368,7 @@ bool TriedColumn<Doses>::can_do(int n) {
   for (const Ask& ask : asks_) {
     while (lit > ask.layer) {
       --lit;
-      set(lit, cap(lit));
+      set(lit, left_alone(lit) ? given(lit) : cap(lit));
     }
     if (dose(ask.layer, ask.up) < ask.dose) return false;
   }
@@ -359,9 +379,24 @@ template <typename Doses>
 int TriedColumn<Doses>::gap_level(int n) {
   // What is further away can wait.
   const bool waits = asks_.empty() || n - asks_.front().layer > plan_.burst;
-  const int level = waits ? floor(n) : least_level(n, 0, 0, [&] { return can_do(n); });
+  int level = waits ? floor(n) : least_level(n, 0, 0, [&] { return can_do(n); });
+  // What stands between may leave too little to come: then light here would only fill the gap.
+  const bool between = !waits && std::any_of(given_.begin() + asks_.front().layer,
+                                             given_.begin() + n, [](int at) { return at >= 0; });
+  if (between && level == cap(n) && !can_do(n)) level = floor(n);
   set(n, level);
   return level;
+}
+
+template <typename Doses>
+int TriedColumn<Doses>::level_through(int n, int level) {
+  int first = n;
+  while (first > 0 && n - first <= plan_.burst && cover(first - 1) == kFull) --first;
+  if (!left_alone(first - 1)) return level;
+  find_asks(first - 1);
+  if (asks_.empty() || n - asks_.front().layer > plan_.burst) return level;
+  const int more = least_level(n, level, level, [&] { return can_do(n); });
+  return more == plan_.highest && !can_do(n) ? level : more;
 }
 
 template <typename Doses>
@@ -412,7 +447,7 @@ int TriedColumn<Doses>::level_of(int n) {
       find_asks(n);
       return gap_level(n);
     case kFull:
-      return full_level(n);
+      return any_given_ ? level_through(n, full_level(n)) : full_level(n);
     default:
       return grey_level(n);
   }
@@ -464,11 +499,11 @@ template <typename Doses>
 const std::vector<Level>& TriedColumn<Doses>::solve(const std::vector<CoverageRun>& runs,
                                                     const ColumnBounds& bounds) {
   bounds_ = &bounds;
-  read(runs);
+  read(runs, bounds.left_alone);
   doses_.clear();
   before_ = 0;
   for (int n = plan_.all_layers; n-- > 0;) {
-    const int level = level_of(n);
+    const int level = left_alone(n) ? given(n) : level_of(n);
     set(n, level);
     place_edge(n);
     before_ = levels_[static_cast<std::size_t>(n)];
@@ -503,7 +538,8 @@ double TriedPlan::farthest() const { return careful ? kFarthestOff : kFarthest; 
 ColumnFacts TriedPlan::facts() const {
   // Edges are placed to a part of this.
   constexpr double height_steps = 64;
-  return {layers, all_layers, layerwise, height_steps, 0, 0, solved};
+  const auto levels = static_cast<int>(model.level_phi.size());
+  return {layers, all_layers, layerwise, height_steps, 0, 0, solved, levels};
 }
 
 std::unique_ptr<ColumnSolver> make_tried_column(const TriedPlan& plan) {

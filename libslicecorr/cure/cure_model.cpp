@@ -224,11 +224,13 @@ void end_bath(const Printer& printer, CureModel& model) {
   }
   // A depth of so many slices must not become one less by rounding.
   const double slices = std::floor(depth_um / model.layer_um * (1 + 1e-12));
-  const double left = std::exp(-slices * model.eta * units::kLn10);
+  // Of a time to gel the root of light counts, too, which falls half as fast.
+  const double eta = model.gel_time() ? model.eta / 2 : model.eta;
+  const double left = std::exp(-slices * eta * units::kLn10);
   if (left < kNoLight) return;
   // What lies in a part of a slice gets a part of its light, which no slice can have.
   const double part = depth_um / model.layer_um - slices;
-  if (left * -std::expm1(-part * model.eta * units::kLn10) > kRounding) {
+  if (left * -std::expm1(-part * eta * units::kLn10) > kRounding) {
     throw InputError(fmt::format(
         "the resin is {:g} um deep, which is {:.4g} slices of {:g} um; expected a whole number of "
         "slices: a depth of {:g} or {:g} um (vat.depth_um), or other slices",
@@ -385,6 +387,8 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   }
   if (resin.has_gel_time()) {
     take_gel_time(resin, process, intensities, model);
+    end_bath(printer, model);
+    mirror(printer, model);
     return model;
   }
   if (process.mode == ExposureMode::layerwise) {
@@ -433,6 +437,9 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     for (int level = 0; level < kernel.levels(); ++level) {
       model.level_phi[static_cast<std::size_t>(level)] = kernel.steady_dose(0, level);
     }
+    // The kernel ends where the resin does; a depth that is none is refused.
+    CureModel checked = model;
+    end_bath(printer, checked);
   }
   return model;
 }

@@ -7,12 +7,19 @@
 /// `Nodes` says what lies below a layer, j nodes from its lower one: x(j) and y(j), the recursions
 /// there (what all slices from that node on give, over A and B), and light(j), that of the slice
 /// between nodes j and j + 1.
+///
+/// Resin that ends: of the light after the cut what comes from beyond its end is taken away, y of the
+/// slices that the end has passed, so that the cut lies before it.
+///
+/// A platform that sends light back multiplies all light of a place by one factor (cure.hpp): X by it, Y
+/// by its root.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "slicecorr/cure.hpp"
 #include "slicecorr/gel_time.hpp"
 
 namespace slicecorr::detail {
@@ -20,9 +27,12 @@ namespace slicecorr::detail {
 /// What the walkers of a model share; immutable.
 class GelTimeCut {
  public:
-  explicit GelTimeCut(const GelTimeKernel& kernel)
-      : layerwise_(kernel.layer_by_layer()),
-        reach_(kernel.reach()),
+  explicit GelTimeCut(const CureModel& model) : GelTimeCut(*model.gel_time(), model) {}
+  GelTimeCut(const GelTimeKernel& kernel, const CureModel& model)
+      : model_(model),
+        bath_(model.bath_slices),
+        layerwise_(kernel.layer_by_layer()),
+        reach_(std::max(kernel.reach(), model.bath_slices + 1)),
         node_(kernel.fade(1.0)),
         middle_(kernel.fade(0.5)) {
     fade_.reserve(static_cast<std::size_t>(reach_) + 2);
@@ -41,19 +51,31 @@ class GelTimeCut {
             light.y * (1.0 - node_.y) + below.y * node_.y};
   }
 
-  /// The dose in a layer of light `own`, where `left` remains of light that passes its lower node
+  /// What light from the platform makes of X and Y at `zeta` slices from it.
+  CutLight returned(double zeta) const {
+    const double factor = model_.returned(zeta);
+    return factor == 1.0 ? CutLight{1, 1} : CutLight{factor, std::sqrt(factor)};
+  }
+  bool ends() const { return bath_ > 0; }
+  bool mirrors(int slice) const { return slice < model_.mirrored_slices; }
+
+  /// The dose in a layer of light `shown`, where `passed` remains of light that passes its lower node
   /// (`fade` of the distance from there). `nodes.count()`: nodes that are known, at least 1. `hint`:
-  /// where the cut was found last, any number.
+  /// where the cut was found last, any number. `factors`: `returned` there.
   template <typename Nodes>
-  double dose(const CutLight& own, const CutLight& left, const Nodes& nodes, int& hint) const {
-    const CutLight near = layerwise_ ? CutLight{own.x * left.x, own.y * left.y}
-                                     : CutLight{own.x * (1.0 - left.x), own.y * (1.0 - left.y)};
+  double dose(const CutLight& shown, const CutLight& passed, const Nodes& nodes, int& hint,
+              const CutLight& factors) const {
+    const CutLight own{shown.x * factors.x, shown.y * factors.y};
+    const CutLight left{passed.x * factors.x, passed.y * factors.y};
+    const CutLight near = layerwise_ ? CutLight{own.x * passed.x, own.y * passed.y}
+                                     : CutLight{own.x * (1.0 - passed.x), own.y * (1.0 - passed.y)};
     const double x0 = nodes.x(0);
+    const double beyond = factors.y * passed_end(passed, nodes);
     const auto before = [&](int j) {
       return near.x + left.x * (x0 - fade_[static_cast<std::size_t>(j)].x * nodes.x(j));
     };
     const auto after = [&](int j) {
-      return left.y * fade_[static_cast<std::size_t>(j)].y * nodes.y(j);
+      return left.y * fade_[static_cast<std::size_t>(j)].y * nodes.y(j) - beyond;
     };
     const int last = std::min(reach_, nodes.count() - 1);
     int j = std::clamp(hint, 0, last);
@@ -66,19 +88,31 @@ class GelTimeCut {
     hint = j;
     // Further away than anything counts.
     if (j > last) return before(last);
-    if (j == 0) return in_slice(0.0, after(0), own, left.y, layerwise_ ? left : CutLight{1, 1});
+    if (j == 0) {
+      return in_slice(0.0, after(0), own, passed.y, layerwise_ ? passed : CutLight{1, 1});
+    }
     const CutLight light = nodes.light(j - 1);
     const CutLight& far = fade_[static_cast<std::size_t>(layerwise_ ? j : j - 1)];
     return in_slice(before(j - 1), after(j), light, node_.y, {left.x * far.x, left.y * far.y});
   }
 
  private:
+  /// y of what the end of the resin has passed, at a place as for `dose`.
+  template <typename Nodes>
+  double passed_end(const CutLight& passed, const Nodes& nodes) const {
+    const int first = layerwise_ ? bath_ - 1 : bath_;
+    if (bath_ == 0 || first >= nodes.count()) return 0;
+    double y = passed.y * nodes.y(first);
+    // The end lies in a slice, as far above its lower node as the place does in its layer.
+    if (!layerwise_) y += (1.0 - passed.y) * nodes.light(bath_ - 1).y;
+    return fade_[static_cast<std::size_t>(first)].y * std::max(0.0, y);
+  }
   /// The dose where the light is cut in a slice: `x` lies before it and `y` after it; its own light is
   /// `faded` where it begins, and the root of it falls to `end` in it.
   double in_slice(double x, double y, const CutLight& light, double end,
                   const CutLight& faded) const {
     const double gx = light.x * faded.x, gy = light.y * faded.y;
-    if (!(gx > 0)) return std::min(x, y);
+    if (!(gx > 0)) return std::max(0.0, std::min(x, y));
     if (layerwise_) return x + gx * std::clamp((y + gy - x) / (gx + gy), 0.0, 1.0);
     // x + gx (1 - q²) = y + gy (q - end)
     const double c = std::max(0.0, x + gx - y + gy * end);
@@ -86,6 +120,8 @@ class GelTimeCut {
     return y + gy * (q - end);
   }
 
+  const CureModel& model_;
+  int bath_;
   bool layerwise_;
   int reach_;
   CutLight node_, middle_;

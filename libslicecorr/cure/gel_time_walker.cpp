@@ -18,9 +18,9 @@ class GelTimeWalker final : public DoseWalker {
   GelTimeWalker(const CureModel& model, std::size_t columns)
       : model_(model),
         kernel_(*model.gel_time()),
-        cut_(kernel_),
+        cut_(model),
         columns_(columns),
-        slots_(static_cast<std::size_t>(kernel_.reach()) + std::size_t{2} * kStride),
+        slots_(static_cast<std::size_t>(cut_.reach()) + std::size_t{2} * kStride),
         marks_(slots_.size() / kStride + 2),
         own_(columns),
         state_(columns),
@@ -28,7 +28,7 @@ class GelTimeWalker final : public DoseWalker {
         alike_(columns, kForEver),
         hint_(2 * columns, 0) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
-    turning.assign(layerwise() ? 0 : columns, 0);
+    turning.assign(layerwise() && model.mirrored_slices == 0 ? 0 : columns, 0);
     // The node after the last slice, without light.
     marks_[mark_at(node_)].assign(columns, {});
     for (int v = 0; v < 256; ++v) {
@@ -38,6 +38,10 @@ class GelTimeWalker final : public DoseWalker {
 
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
     before_.swap(own_);
+    slice_ = slice;
+    const CutLight at_lower = cut_.returned(slice + 1.0), at_middle = cut_.returned(slice + 0.5),
+                   at_upper = cut_.returned(slice);
+    const bool always = cut_.ends() || cut_.mirrors(slice);
     take_light(showings, model_.ratio(slice));
     if (!layerwise()) lower.swap(upper);
     for (std::size_t i = 0; i < columns_; ++i) {
@@ -53,15 +57,17 @@ class GelTimeWalker final : public DoseWalker {
         const Below below(*this, i, node_);
         int& near = hint_[2 * i];
         int& far = hint_[2 * i + 1];
-        if (layerwise()) lower[i] = cut_.dose(own_[i], {1, 1}, below, near);
-        middle[i] = cut_.dose(own_[i], cut_.middle(), below, near);
-        upper[i] = cut_.dose(own_[i], cut_.node(), below, far);
+        if (layerwise()) lower[i] = cut_.dose(own_[i], {1, 1}, below, near, at_lower);
+        middle[i] = cut_.dose(own_[i], cut_.middle(), below, near, at_middle);
+        upper[i] = cut_.dose(own_[i], cut_.node(), below, far, at_upper);
       }
       if (!layerwise()) {
         // Under one light all along to its cut the dose only goes to where that light would have it.
         const bool same = node_ != kLast && own_[i] == before_[i];
         same_[i] = same ? std::min(same_[i] + 1, kForEver) : 1;
-        turning[i] = same_[i] <= hint_[2 * i + 1] + 1;
+        turning[i] = always || same_[i] <= hint_[2 * i + 1] + 1;
+      } else if (!turning.empty()) {
+        turning[i] = always;
       }
     }
     push();
@@ -179,6 +185,7 @@ class GelTimeWalker final : public DoseWalker {
   std::size_t columns_;
   std::vector<Slot> slots_;                   ///< by slice
   std::vector<std::vector<CutLight>> marks_;  ///< states by node, every `kStride`
+  int slice_ = 0;                             ///< that was added last
   int node_ = kLast;                          ///< the lower one of the layer that comes next
   std::vector<CutLight> own_, before_;        ///< light of the slices that were added last
   std::vector<CutLight> state_;               ///< at `node_`
@@ -192,7 +199,9 @@ void GelTimeWalker::inside(std::size_t i, double, InsideLayer& out) const {
   // The slice has been pushed: what lies below its layer begins one node further down.
   const Below below(*this, i, node_ + 1);
   int hint = hint_[2 * i];
-  const auto at = [&](double t) { return cut_.dose(own_[i], kernel_.fade(t), below, hint); };
+  const auto at = [&](double t) {
+    return cut_.dose(own_[i], kernel_.fade(t), below, hint, cut_.returned(slice_ + 1 - t));
+  };
   out.crossings.clear();
   out.least = std::min(lower[i], upper[i]);
   const bool turns = !turning.empty() && turning[i];

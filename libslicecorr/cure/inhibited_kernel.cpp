@@ -45,6 +45,8 @@ struct LampCheck {
       text += value ? fmt::format(fmt::runtime(words), *value)
                     : std::string("; none of its intensities works here");
     };
+    // What would do in resin that ends is not looked for.
+    if (printer.resin_depth_um > 0) throw InfeasibleError(text);
     if (process.uv.dead_zone_um > 0) {
       works(detail::working_dead_zone_um(kinetics, layer_um, blue_mw_cm2, full_mw_cm2, *printer.uv,
                                          process),
@@ -56,6 +58,9 @@ struct LampCheck {
     throw InfeasibleError(text);
   }
 };
+
+/// Distances from the window that differ by less of themselves are the same.
+constexpr double kSameDepth = 1e-9;
 
 /// Slices above the window in which UV light still takes more than
 /// `InhibitedKernel::kTailShare` of the dose.
@@ -169,7 +174,20 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     }
     count_flow(*process.even_light, level_intensities(printer).back());
   }
+  end_resin(printer.resin_depth_um);
   make_tables();
+}
+
+void InhibitedKernel::end_resin(double depth_um) {
+  if (!(depth_um > 0)) return;
+  // A depth of so many slices must not become one less by rounding.
+  const double slices = std::floor(depth_um / layer_um_ * (1 + 1e-12));
+  // Less than this of a slice's light is nothing (cure_model.cpp).
+  constexpr double no_light = 1e-12;
+  if (slices < 1 || std::pow(a_, slices) < no_light) return;
+  depth_um_ = slices * layer_um_;
+  // The last row of the tables is 0, and so is what follows from it further away.
+  near_ = static_cast<int>(slices) + 2;
 }
 
 void InhibitedKernel::make_tables() {
@@ -191,7 +209,8 @@ InhibitedKernel::InhibitedKernel(const InhibitedKernel& of, double first_um, dou
       near_(of.near_),
       blue_(kFronts, 0.0),
       setting_uv_(1, 0.0),
-      profile_(of.profile_) {
+      profile_(of.profile_),
+      depth_um_(of.depth_um_) {
   const double step_um = (last_um - first_um) / (kFronts - 1);
   fronts_per_um_ = 1 / step_um;
   for (int front = 0; front < kFronts; ++front) {
@@ -267,6 +286,17 @@ void InhibitedKernel::count_flow(const EvenLight& light, double full_mw_cm2) {
 }
 
 double InhibitedKernel::rest(int setting, int level, double d_um) const {
+  if (!ends()) return rest_beyond(setting, level, d_um);
+  if (d_um >= depth_um_) return 0;
+  return rest_beyond(setting, level, d_um) - rest_beyond(setting, level, depth_um_);
+}
+
+double InhibitedKernel::rate(int setting, int level, double d_um) const {
+  if (ends() && d_um > depth_um_ * (1 + kSameDepth)) return 0;
+  return profile_->rate(d_um - source(setting, level).front_um);
+}
+
+double InhibitedKernel::rest_beyond(int setting, int level, double d_um) const {
   const double front = source(setting, level).front_um;
   if (flow_factor_.empty()) return profile_->rest(d_um - front);
   const double at_gap = profile_->rest(gap_um_ - front);
@@ -309,8 +339,11 @@ void InhibitedKernel::tabulate(int setting) {
     if (mode_ == ExposureMode::layerwise) {
       for (std::size_t i = 0; i <= 4 * rows; ++i) {
         const double d = 0.25 * static_cast<double>(i) * layer_um_;
-        put(i, from.amount * profile_->rate(d - from.front_um));
+        put(i, from.amount * rate(setting, static_cast<int>(l), d));
       }
+      // At a layer's lower end its inside counts, which lies beyond the end already.
+      const auto end = static_cast<std::size_t>(std::lround(depth_um_ / layer_um_));
+      if (ends() && end < rows) at[lower_end][end * count + l] = 0;
       continue;
     }
     const auto level = static_cast<int>(l);
@@ -340,7 +373,7 @@ const float* InhibitedKernel::fine(int setting) const {
         for (std::size_t i = 0; i < kSamples; ++i) {
           const double d = static_cast<double>(j * kSamples + i + 1) * step;
           if (layer_by_layer()) {
-            out[i] = static_cast<float>(from.amount * profile_->rate(d - from.front_um));
+            out[i] = static_cast<float>(from.amount * rate(setting, level, d));
             continue;
           }
           const double beyond = rest(setting, level, d);
@@ -357,7 +390,7 @@ double InhibitedKernel::exact(int setting, int level, double x, double share) co
   const Source& from = source(setting, level);
   const double to = x * layer_um_;
   if (mode_ == ExposureMode::layerwise) {
-    return share * from.amount * profile_->rate(to - from.front_um);
+    return share * from.amount * rate(setting, level, to);
   }
   const double begin = std::max(0.0, x - 1.0) * layer_um_;
   const double end = share < 1.0 ? to - (1.0 - share) * layer_um_ : to;
@@ -365,8 +398,8 @@ double InhibitedKernel::exact(int setting, int level, double x, double share) co
   return from.amount * (rest(setting, level, begin) - rest(setting, level, end));
 }
 
-double InhibitedKernel::steady_dose(int setting, int level) const {
-  const double* upper = table(setting, upper_end);
+double InhibitedKernel::steady_at(LayerPosition place, int setting, int level) const {
+  const double* upper = table(setting, place);
   const auto count = blue_.size();
   double sum = 0;
   for (int j = near_; j-- > 0;) {

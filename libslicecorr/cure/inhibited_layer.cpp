@@ -96,7 +96,6 @@ void InhibitedLayer::add(int first, int last, int setting, int level, double wei
 }
 
 double InhibitedLayer::at(double t) const {
-  const FrontProfile& profile = kernel_.profile();
   const double layer_um = kernel_.layer_um();
   double dose = far_ * std::exp(-fall_ * t);
   for (const Light& light : lights_) {
@@ -104,7 +103,7 @@ double InhibitedLayer::at(double t) const {
     double sum = 0;
     if (kernel_.layer_by_layer()) {
       for (int j = light.first; j <= light.last; ++j) {
-        sum += profile.rate((j + t) * layer_um - from.front_um);
+        sum += kernel_.rate(light.setting, light.level, (j + t) * layer_um);
       }
     } else {
       // Slices that follow each other with the same light are one long one.

@@ -79,6 +79,10 @@ Doses doses_of(const CureModel& model) {
         model.bleaching() ? full / model.before_fading(1.0) : full * model.a_of(weakest) / holds,
         most_black(model, model.exposure_ratio).dose};
   }
+  if (const GelTimeKernel* const kernel = model.gel_time()) {
+    return {detail::long_run_dose(model, kernel->level_mw_cm2(kernel->levels() - 1)),
+            detail::long_run_dose(model, kernel->level_mw_cm2(0) * model.returned(0))};
+  }
   // Where slices count for more than others, whatever their order.
   return {model.steady(model.phi_max()) * model.least_ratio(),
           model.steady(model.phi_min()) * model.greatest_ratio() * model.returned(0)};
@@ -202,6 +206,7 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
 
 /// The least depth of resin, in whole slices, with which full light gels it; phi_max > 1.
 double least_depth_um(const CureModel& model) {
+  if (model.gel_time()) return model.slices_to_gel() * model.layer_um;
   double slices = std::max(1, model.slices_to_gel() - 1);
   while (-model.phi_max() * std::expm1(-slices * model.eta * units::kLn10) <= 1.0) ++slices;
   return slices * model.layer_um;
@@ -465,7 +470,7 @@ std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer&
     if (const std::string light = light_way(places, printer, failing); !light.empty()) {
       text += ", or " + light;
     }
-  } else if (places.size() == 1) {
+  } else if (places.size() == 1 && !places.front().model->inhibited()->ends()) {
     const LitPlace& p = places.front();
     if (const auto uv = working_uv(p.model->inhibited()->kinetics(), p.model->layer_um,
                                    level_intensities(printer), *printer.uv, process, p.needed)) {
@@ -587,6 +592,12 @@ void check_feasible(const CureModel& model, const Printer& printer, const Proces
   if (v.weak.empty() && v.black.empty()) return;
   throw InfeasibleError(v.weak + (v.weak.empty() || v.black.empty() ? "" : "; ") + v.black + "; " +
                         detail::ways_out({place}, lit, process));
+}
+
+double detail::long_run_dose(const CureModel& model, double mw_cm2) {
+  const GelTimeKernel& kernel = *model.gel_time();
+  const int bath = model.bath_slices;
+  return bath > 0 ? kernel.dose_at_end(mw_cm2, bath) : kernel.phi(mw_cm2);
 }
 
 }  // namespace slicecorr

@@ -62,4 +62,8 @@ std::optional<double> working_dead_zone_um(const Kinetics& kinetics, double laye
 double steady_dose_under_uv(const Kinetics& kinetics, const Process& process, double layer_um,
                             double blue_mw_cm2, double uv_mw_cm2);
 
+/// With a time to gel, continuous: the dose after a long run of slices of an intensity, also in resin
+/// that ends.
+double long_run_dose(const CureModel& model, double mw_cm2);
+
 }  // namespace slicecorr::detail

@@ -511,10 +511,14 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
   const CureModel& model = plans_->models().brightest();
   std::vector<Feature> features = features_of(model);
   features.push_back(Feature::spread);
+  if (model.inhibited() && model.inhibited()->ends()) features.push_back(Feature::vat_depth);
   const Unsupported* const pair = find_unsupported(features, Verdict::alone);
+  const bool uv = model.inhibited() != nullptr;
   const char* const alone = pair                         ? pair->words
                             : !detail::can_couple(model) ? "UV light is patterned"
-                                                         : nullptr;
+                            : uv && target.left_alone()  ? "something is left alone under UV light"
+                            : uv && model.inhibited()->ends() ? "the resin ends under UV light"
+                                                              : nullptr;
   if (alone == nullptr) {
     together_ = std::make_unique<const detail::TogetherCorrected>(
         target_, *plans_, setup.process.spread_rounds, scratch_folder, context);

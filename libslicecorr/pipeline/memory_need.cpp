@@ -122,7 +122,8 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
   facts.bath_slices = plan.model.bath_slices;
   facts.mirrored_slices = continuous ? std::min(plan.model.mirrored_slices, plan.all_layers) : 0;
   if (plan.model.gel_time())
-    facts.cut_slices = std::min(plan.model.gel_time()->reach(), facts.slices);
+    facts.cut_slices = std::min(
+        std::max(plan.model.gel_time()->reach(), plan.model.bath_slices + 1), facts.slices);
   facts.solved_whole = plan.inhibited || plan.tried;
   if (!plan.model.inhibited()) return;
   facts.tables_bytes = plan.model.inhibited()->table_bytes();

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "cure/black_light.hpp"
+#include "cure/limits.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/gel_time.hpp"
@@ -31,7 +32,10 @@ PaceRange gelling(const Setup& setup, double layer_um) {
   const CureModel model = make_cure_model(setup.printer, setup.resin, p, layer_um);
   double lit = model.steady(model.phi_max()),
          black = model.steady(model.phi_min()) * model.returned(0);
-  if (model.inhibited()) {
+  if (const GelTimeKernel* const kernel = model.gel_time(); kernel && continuous) {
+    lit = detail::long_run_dose(model, kernel->level_mw_cm2(kernel->levels() - 1));
+    black = detail::long_run_dose(model, kernel->level_mw_cm2(0) * model.returned(0));
+  } else if (model.inhibited()) {
     const InhibitedKernel& kernel = *model.inhibited();
     const int s = kernel.strongest_setting();
     lit = kernel.steady_dose(s, kernel.highest_usable_level(s));

@@ -300,7 +300,10 @@ void BandPredictor::State::look_inside(int slice, std::size_t first, std::size_t
   if (!turning || detail::all_zero(turning + first, n)) return;
   const double *const lower = dose_->lower() + first, *const middle = dose_->middle() + first,
                       *const upper = dose_->upper() + first;
-  const double fall = model_.root_a_of(slice) * (1.0 - kSameDose);
+  // Where resin ends, light that leaves counts, too: with a time to gel its root does.
+  const bool ends =
+      model_.inhibited() ? model_.inhibited()->ends() : model_.gel_time() && model_.bath_slices > 0;
+  const double fall = (ends ? model_.a : model_.root_a_of(slice)) * (1.0 - kSameDose);
   std::size_t last = n;  // looked at
   double last_known = 0;
   const bool smooth =
@@ -321,8 +324,8 @@ void BandPredictor::State::look_inside(int slice, std::size_t first, std::size_t
     } else if (cover[i] == 0 && (columns_[first + i].run_below || class_[first + i] == run)) {
       known = class_[first + i] == gap ? least_[first + i] : kNever;
     }
-    const double ends = std::min({lower[i], middle[i], upper[i]});
-    if (!passes && low >= std::min(known, ends)) continue;
+    const double least = std::min({lower[i], middle[i], upper[i]});
+    if (!passes && low >= std::min(known, least)) continue;
     // A neighbour with the same doses at both ends and in the middle has had the same light.
     const bool alike = last < n && lower[i] == lower[last] && middle[i] == middle[last] &&
                        upper[i] == upper[last] && known <= last_known;

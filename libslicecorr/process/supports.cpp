@@ -64,9 +64,6 @@ constexpr const char* kGelTimeUv =
 constexpr const char* kBleachingUv =
     "{resin}: bleaching: is not counted under UV light; expected no UV light, or a resin without "
     "[bleaching]";
-constexpr const char* kDepthUv =
-    "{printer}: vat.depth_um: is not counted under UV light; expected a printer without it, or no UV "
-    "light";
 constexpr const char* kMirrorUv =
     "{printer}: vat.platform_reflectance: is not counted under UV light; expected a printer without "
     "it, or no UV light";
@@ -81,14 +78,9 @@ constexpr const char* kHeightsUv =
     "UV light";
 constexpr const char* kEdgesInHeights =
     "edges lie at slices: the mesh's own heights are not counted in layers of different heights";
-constexpr const char* kGradedUv =
-    "doses can't be graded under UV light; expected exposure without it";
 constexpr const char* kSureUv =
     "how sure a print is can't be said where UV light has a pattern; expected one intensity, or one "
     "per slice";
-constexpr const char* kAloneUv =
-    "nothing can be left alone under UV light, where the dose of a slice depends on what is shown "
-    "before and after it; expected no UV light";
 constexpr const char* kCapUv =
     "the dose inside features is not capped: under UV light they get the least that gels them";
 constexpr const char* kExchangeUv =
@@ -127,12 +119,6 @@ constexpr Unsupported kTable[] = {
      "{printer}: blue.grey: how sure figures are can't be said with grey by pulses; expected figures "
      "without it, or grey = \"steady\""},
     UNDER_UV(gel_time, refused, kGelTimeUv),
-    {gel_time, vat_depth, refused,
-     "{printer}: vat.depth_um: is not counted for a resin of model \"gel-time\"; expected a printer "
-     "without it, or a resin of another model (resinctl derive)"},
-    {gel_time, reflectance, refused,
-     "{printer}: vat.platform_reflectance: is not counted for a resin of model \"gel-time\"; expected "
-     "a printer without it, or a resin of another model (resinctl derive)"},
     UNDER_UV(bleaching, refused, kBleachingUv),
     {bleaching, gel_time, refused,
      "{resin}: bleaching: does not go with model = \"gel-time\"; expected a resin of model \"jacobs\""},
@@ -142,7 +128,9 @@ constexpr Unsupported kTable[] = {
     {bleaching, reflectance, refused,
      "{printer}: vat.platform_reflectance: is not counted for a resin that bleaches; expected a printer "
      "without it, or a resin without [bleaching]"},
-    UNDER_UV(vat_depth, refused, kDepthUv),
+    {vat_depth, even_dead_zone, refused,
+     "{printer}: vat.depth_um: is not counted beside an even dead zone; expected a printer without it, "
+     "or even_dead_zone off"},
     UNDER_UV(reflectance, refused, kMirrorUv),
     UNDER_UV(lamps_stay, refused, kStayUv),
     {lamps_stay, layerwise, refused,
@@ -189,32 +177,19 @@ constexpr Unsupported kTable[] = {
      "UV light that changes from slice to slice is not corrected for where the display's light is uneven; "
      "expected constant UV light (uv-mw-cm2), or a printer without display.flat_field"},
     // What is wanted of a correction.
-    {wanted_doses, left_alone, refused,
-     "doses can't be graded beside what is left alone; expected the part by itself"},
     {wanted_doses, exchange, refused,
      "doses can't be graded where lifts exchange resin; expected no lift_exchange, or 0"},
-    UNDER_UV(wanted_doses, refused, kGradedUv),
+    {wanted_doses, spread, refused,
+     "doses can't be graded where light spreads from pixel to pixel; expected a printer and a resin "
+     "without"},
+    {wanted_doses, even_dead_zone, refused,
+     "doses can't be graded beside an even dead zone, for which all light is made; expected "
+     "even_dead_zone off"},
     {wanted_doses, gel_time, refused,
      "doses can't be graded with a resin of model \"gel-time\"; expected one of another model "
      "(resinctl derive)"},
     {wanted_doses, bleaching, refused,
      "doses can't be graded with a resin that bleaches; expected one without [bleaching]"},
-    {wanted_doses, spread, refused,
-     "doses can't be graded where light spreads from pixel to pixel; expected a printer and a resin "
-     "without"},
-    {wanted_doses, capped_dose, refused,
-     "doses can't be graded and capped at once: wanted doses say the most, too; expected no cap of "
-     "the dose"},
-    {wanted_doses, vat_depth, refused,
-     "doses can't be graded in resin that ends above the window; expected deeper resin, or no depth "
-     "at all"},
-    {wanted_doses, lamps_stay, refused,
-     "doses can't be graded where slices get more light than others; expected lamps that follow the "
-     "speed"},
-    {wanted_doses, reflectance, refused,
-     "doses can't be graded below a platform that sends light back; expected one that takes it up"},
-    {wanted_doses, own_heights, refused,
-     "doses can't be graded layer by layer in layers of different heights; expected layers of one height"},
     IN_HEIGHTS(
         derivatives, refused,
         "how sure a print is can't be said of layers of different heights; expected layers of one "
@@ -232,14 +207,9 @@ constexpr Unsupported kTable[] = {
     {derivatives, reflectance, refused,
      "how sure a print is can't be said below a platform that sends light back; expected a printer "
      "without vat.platform_reflectance"},
-    UNDER_UV(left_alone, refused, kAloneUv),
-    {left_alone, gel_time, refused,
-     "{resin}: cure.model: nothing can be left alone with a resin of model \"gel-time\", where the "
-     "dose of a slice depends on what is shown before and after it; expected a resin of another model "
-     "(resinctl derive)"},
-    {left_alone, bleaching, refused,
-     "{resin}: bleaching: nothing can be left alone with a resin that bleaches; expected a resin without "
-     "[bleaching]"},
+    {left_alone, even_dead_zone, refused,
+     "nothing can be left alone beside an even dead zone, for which all light is made; expected "
+     "even_dead_zone off, or the part by itself"},
     UNDER_UV(robust, refused, kRobustUv),
     {robust, layerwise, refused,
      "a correction can't be robust layer by layer; expected continuous exposure"},
@@ -250,8 +220,6 @@ constexpr Unsupported kTable[] = {
      "follow the speed"},
     {robust, wanted_doses, refused,
      "a correction can't be robust where doses are wanted; expected a part without them"},
-    {robust, left_alone, refused,
-     "a correction can't be robust beside what is left alone; expected the part by itself"},
     {even_dead_zone, layerwise, refused,
      "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
     {even_dead_zone, uneven_light, refused,

@@ -86,12 +86,7 @@ void check_uncertain(const Setup& setup) {
 void check_correction(const Setup& setup, const DesignHas& design) {
   check_corrected(setup.printer, setup.resin, setup.process);
   std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
-  if (design.doses) {
-    // Of these it depends on the height of slices whether they count: `check_doses`.
-    std::erase(features, Feature::vat_depth);
-    std::erase(features, Feature::reflectance);
-    features.push_back(Feature::wanted_doses);
-  }
+  if (design.doses) features.push_back(Feature::wanted_doses);
   if (design.left_alone) features.push_back(Feature::left_alone);
   check_overhangs(setup.process, features);
   if (setup.uncertainty) check_uncertain(setup);

@@ -51,10 +51,7 @@ class CutColumn final : public DosesInTime {
  public:
   /// `light`: of each slice, with its exposure.
   CutColumn(const CureModel& model, std::vector<CutLight> light)
-      : DosesInTime(model),
-        cut_(*model.gel_time()),
-        light_(std::move(light)),
-        state_(light_.size() + 1) {}
+      : DosesInTime(model), cut_(model), light_(std::move(light)), state_(light_.size() + 1) {}
 
   void set() override {
     const GelTimeKernel& kernel = *model_.gel_time();
@@ -76,10 +73,14 @@ class CutColumn final : public DosesInTime {
     const auto i = static_cast<std::size_t>(k);
     if (moving_ && k == now_.slice) {
       const Nothing below;
-      return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_);
+      // `up` counts from the window.
+      const double window = k + now_.share;
+      return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_,
+                       cut_.returned(window - up));
     }
     const Below below{*this, k};
-    return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_);
+    return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_,
+                     cut_.returned(k + 1 - up));
   }
 
  private:

@@ -82,7 +82,7 @@ class BandCorrector {
  public:
   /// `leaves_alone`: whether any layer has voxels that are left alone.
   BandCorrector(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone = false);
-  /// For wanted doses: only for plain models, without a cap of the dose, where nothing is left alone.
+  /// For wanted doses: by sums of light, and under UV light without even light.
   /// Layers of doses are read when `solve` is called.
   BandCorrector(const CorrectionPlan& plan, std::size_t columns, BandDoses doses);
   ~BandCorrector();
@@ -93,7 +93,7 @@ class BandCorrector {
   /// has none; those between a full and an empty layer count. Where the node after the last layer
   /// has some, too, it is called once more, with null for coverage.
   /// `left_alone`: pixels 1..255 of the voxels that are shown as they are, 0 for all others; null:
-  /// none. There the coverage counts for nothing: whatever prints is right. Not under UV light.
+  /// none. There the coverage counts for nothing: whatever prints is right. Not with even light.
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights = nullptr,
                  const std::uint8_t* left_alone = nullptr);
 

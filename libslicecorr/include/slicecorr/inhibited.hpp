@@ -15,6 +15,9 @@
 /// has fallen below `kTailShare`, each slice further adds a = 10^-eta times the one before, which
 /// is the recursion without UV (A.32).
 ///
+/// Where the resin ends above the window (`Printer::resin_depth_um`), light goes no further: the tables
+/// reach beyond its end, where what slices add is 0.
+///
 /// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
 /// layer. See correct.hpp for what that means for the correction.
 ///
@@ -118,6 +121,11 @@ class InhibitedKernel {
   /// Continuous: what light of a level gives, relative dose, to what is `d_um` and more away from the
   /// window, over `source().amount`: differences of it are what slices add.
   double rest(int setting, int level, double d_um) const;
+  /// Layer by layer: what an exposure of a level gives at `d_um` from the window, over
+  /// `source().amount`.
+  double rate(int setting, int level, double d_um) const;
+  /// Whether the resin ends where light still counts.
+  bool ends() const { return depth_um_ > 0; }
   /// Dead zone that even light is for, um; 0 without even light.
   double gap_um() const { return gap_um_; }
   /// Omega_f / Omega_still of a level; 1 without even light.
@@ -133,7 +141,11 @@ class InhibitedKernel {
   double layer_um() const { return layer_um_; }
   bool layer_by_layer() const { return mode_ == ExposureMode::layerwise; }
   /// Dose after a long run of slices of this level: the phi of the model without UV.
-  double steady_dose(int setting, int level) const;
+  double steady_dose(int setting, int level) const { return steady_at(upper_end, setting, level); }
+  /// The same in the middle of a layer.
+  double steady_middle_dose(int setting, int level) const {
+    return steady_at(middle, setting, level);
+  }
 
   /// Steady dead zone at a pixel of a level, um; of even light the gap that it is for: 0 when the resin cures to the window, infinite
   /// when the pixel never gels anything.
@@ -165,6 +177,7 @@ class InhibitedKernel {
   double critical_intensity_mw_cm2(int setting) const;
 
  private:
+  double steady_at(LayerPosition place, int setting, int level) const;
   InhibitedKernel(const InhibitedKernel& of, double first_um, double last_um);
   double uv_of(int setting, int level) const {
     return level_uv_.empty() ? setting_uv_[static_cast<std::size_t>(setting)]
@@ -175,6 +188,9 @@ class InhibitedKernel {
   void make_tables();
   void tabulate(int setting);
   void count_flow(const EvenLight& light, double full_mw_cm2);
+  void end_resin(double depth_um);
+  /// `rest` of resin without end.
+  double rest_beyond(int setting, int level, double d_um) const;
 
   Kinetics kinetics_, gel_;
   ExposureMode mode_;
@@ -196,6 +212,7 @@ class InhibitedKernel {
   double gap_um_ = 0;            ///< 0: resin stands still
   int least_even_level_ = 0;
   std::vector<double> flow_factor_;  ///< [setting * levels + level]; empty: all 1
+  double depth_um_ = 0;              ///< of the resin; 0: without end
   mutable std::vector<std::vector<float>> fine_;
   std::unique_ptr<std::once_flag[]> fine_made_;
 };

@@ -18,6 +18,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/supports.hpp"
+#include "slicecorr/volume.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr::test {
@@ -349,6 +350,11 @@ TEST_F(UnevenUv, APlaceIsCorrectedForItsOwnLight) {
   const json j = json::parse(r.out);
   EXPECT_EQ(j["undercure_voxels"], 0);
   EXPECT_LT(j["height_error_um"]["mean_abs"].get<double>(), 5);
+  // Pages draw no columns by one kernel.
+  const StackReader shown(folder_ / "u.uvj", folder_.path()),
+      target(folder_ / "t.uvj", folder_.path());
+  const slicecorr::Setup setup{*info.printer, *info.resin, *info.process, 0};
+  EXPECT_TRUE(reduce_volume(shown, target, setup, 16).under_uv);
 }
 
 TEST_F(UnevenUv, TheWeakestPlaceKeepsTheDeadZone) {

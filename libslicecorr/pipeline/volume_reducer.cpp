@@ -67,6 +67,7 @@ VolumeReducer::VolumeReducer(const PlaceModels& models, const PixelBox& box, int
     : models_(models), target_layers_(target_layers), stack_layers_(stack_layers), levels_(levels) {
   ReducedVolume& v = volume_;
   v.box = box;
+  v.under_uv = models.of_uv();
   if (box.empty()) return;
   v.layers = std::max(target_layers, stack_layers);
   if (v.layers > ReducedVolume::kMostLayers) {

@@ -67,7 +67,8 @@ struct ReducedVolume {
   static constexpr std::uint32_t kLightCodes = (1U << 14) - 1, kMostLightSlices = (1U << 18) - 1;
   using LightRuns = std::vector<LightRun>;     ///< from slice 0 on
   double least_light = 0, greatest_light = 0;  ///< 0: light does not spread, or under UV light
-  bool under_uv = false;  ///< light spreads under UV light: columns' doses don't follow from levels
+  bool under_uv =
+      false;  ///< and light spreads or UV light is uneven: doses don't follow from levels
   /// The pixel that stands for a column of cells.
   struct Column {
     int x = -1, y = -1;  ///< column and row in the image

@@ -14,8 +14,8 @@
 #include <nlohmann/json.hpp>
 
 #include "flow/peel.hpp"
+#include "ladder.hpp"
 #include "lattice.hpp"
-#include "meshes.hpp"
 #include "program_fixture.hpp"
 #include "slicecorr/error.hpp"
 

@@ -488,7 +488,10 @@ CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const 
   const ExecutionContext quiet = silent(context);
   const auto count = [](const std::vector<CaseTrouble>& troubles) {
     CaseFigures figures;
-    for (const CaseTrouble& t : troubles) ++(t.gap ? figures.filled : figures.lost);
+    for (const CaseTrouble& t : troubles) {
+      ++(t.gap ? figures.filled : figures.lost);
+      figures.as_said += t.fails_as_said;
+    }
     return figures;
   };
   std::vector<std::size_t> all;
@@ -513,7 +516,8 @@ CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const 
     go_back_to_best();
     troubles = fails_in(plans, quiet);
     const CaseFigures figures = count(troubles);
-    if (figures.sum() >= held.after.sum()) {
+    // What prints as said is not given up for a case.
+    if (figures.sum() >= held.after.sum() || figures.as_said > held.before.as_said) {
       ++without_gain;
       continue;
     }

@@ -110,6 +110,7 @@ class CoupledCorrection {
   /// Features that are lost in the weak case and gaps that fill in the strong one.
   struct CaseFigures {
     std::uint64_t lost = 0, filled = 0;
+    std::uint64_t as_said = 0;  ///< of these, with inputs as said, too
     std::uint64_t sum() const { return lost + filled; }
   };
   struct Held {
@@ -117,8 +118,8 @@ class CoupledCorrection {
     std::uint64_t aims = 0;  ///< doses that were wanted for it
   };
   /// After the rounds, for plain columns in even light that does not scatter: goes on with rounds in which
-  /// what fails in the cases is asked for other doses, and keeps the levels with which the fewest fail. The
-  /// models are those of prints with all inputs off.
+  /// what fails in the cases is asked for other doses, and keeps the levels with which the fewest fail of
+  /// those that have no more fail as said. The models are those of prints with all inputs off.
   Held hold_in(const CureModel& weak, const CureModel& strong, const ExecutionContext& context);
 
   /// Takes the grey levels of a slice in a box, row by row; null: black.

@@ -70,7 +70,8 @@ class CaseJudge {
     Kind kind = Kind::gap;
     bool run_below = false;
     int bottom = 0, slice = -1;
-    double extreme = 0;               ///< of the case, at nodes
+    double extreme = 0;  ///< of the case, at nodes
+    double extreme_as_said = 0;
     double nearest = 0, as_said = 0;  ///< of the voxel that may be asked for more
   };
   static Kind kind_of(std::uint8_t cover) {
@@ -97,10 +98,11 @@ class CaseJudge {
       close(c, p, n + 1);
       const bool below = kind == Kind::gap && c.kind == Kind::run;
       const double none = kind == Kind::run ? 0.0 : std::numeric_limits<double>::infinity();
-      c = {kind, below, n + 1, -1, none, none, none};
+      c = {kind, below, n + 1, -1, none, none, none, none};
     }
     if (kind == Kind::run) {
       c.extreme = std::max({c.extreme, weak_.lower(at), weak_.upper(at)});
+      c.extreme_as_said = std::max({c.extreme_as_said, as_said_.lower(at), as_said_.upper(at)});
       if (weak_.upper(at) > c.nearest) {
         c.nearest = weak_.upper(at);
         c.as_said = as_said_.upper(at);
@@ -108,6 +110,7 @@ class CaseJudge {
       }
     } else if (kind == Kind::gap) {
       c.extreme = std::min({c.extreme, strong_.lower(at), strong_.upper(at)});
+      c.extreme_as_said = std::min({c.extreme_as_said, as_said_.lower(at), as_said_.upper(at)});
       if (strong_.middle(at) < c.nearest) {
         c.nearest = strong_.middle(at);
         c.as_said = as_said_.middle(at);
@@ -120,7 +123,8 @@ class CaseJudge {
     const bool meant = merged_ && c.bottom - top == 1;
     const bool gap = c.kind == Kind::gap && c.run_below && c.extreme >= 1 && !meant;
     if (!feature && !gap) return;
-    troubles_.push_back({c.slice, p.x, p.y, gap, c.nearest, c.as_said, top, c.bottom});
+    troubles_.push_back({c.slice, p.x, p.y, gap, c.nearest, c.as_said, top, c.bottom,
+                         gap == (c.extreme_as_said >= 1)});
   }
 
   int slices_;

@@ -24,6 +24,7 @@ struct CaseTrouble {
   bool gap = false;
   double dose = 0, as_said = 0;
   std::int32_t top = 0, bottom = 0;  ///< its nodes
+  bool fails_as_said = false;        ///< with inputs as said, too
 };
 
 /// Doses that are wanted, as bytes: 0: what the design asks for. Odd ones are those of edges that give way,

@@ -19,7 +19,6 @@ namespace {
 using namespace slicecorr::test;
 using nlohmann::json;
 using testing::AllOf;
-using testing::ElementsAre;
 using testing::HasSubstr;
 
 const PeerKind kSdcp3 = peer_kinds()[0];

@@ -10,6 +10,7 @@
 
 #include "devtools.hpp"
 #include "farm_machine_room.hpp"
+#include "farm_program.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/serve.hpp"
 
@@ -109,6 +110,30 @@ TEST_F(MachinesServed, AreSeenAndSteeredByWhoMay) {
   made->peer.tell("trap http-500");
   EXPECT_TRUE(eventually([&] { return notices().count("machine_trouble") == 1; }));
   EXPECT_THAT(machine().dump() + said, Not(HasSubstr("abcdefgh")));
+}
+
+TEST_F(MachinesServed, JobsAreSentOneAfterTheOtherAndNoneIsStarted) {
+  const std::string file = made->folder.root + "/machines.toml";
+  write_file(file,
+             text_of_file(file) + "printer = \"dual-wavelength-dlp\"\nsend_when_done = true\n");
+  for (const int n : {1, 2}) {
+    write_file(made->path("p" + std::to_string(n) + ".stl"), bridge_stl(n));
+    const RunResult r =
+        run_program({kSlicefarm, "submit", made->path("p" + std::to_string(n) + ".stl"), "--for",
+                     "m-1", "--resin", "benchy-resin", "--layer-um", "50", "--speed-mm-h", "800",
+                     "--dir", made->folder.root});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+  }
+  ASSERT_EQ(run_program({kSlicefarm, "run", "--until-empty", "--dir", made->folder.root}).exit_code,
+            0);
+  EXPECT_TRUE(eventually([&] { return made->room().record().sent_jobs.size() == 1; }));
+  EXPECT_EQ(made->peer.happened("upload").size(), 1);
+  EXPECT_EQ(made->peer.begun(), 0);
+  made->room().start(kBothWords);
+  made->peer.tell("finish");
+  EXPECT_TRUE(eventually([&] { return made->room().record().sent_jobs.size() == 2; }));
+  EXPECT_EQ(made->peer.happened("upload").size(), 2);
+  EXPECT_EQ(made->peer.begun(), 1);
 }
 
 TEST_F(MachinesServed, APersonStartsAndStopsAPrintInABrowser) {

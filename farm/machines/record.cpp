@@ -41,6 +41,7 @@ Json object_of(const MachineRecord& r) {
           {"layers", r.layers},
           {"print_asked_ms", r.print_asked_ms},
           {"print_ended_ms", r.print_ended_ms},
+          {"sent_jobs", r.sent_jobs},
           {"stop_asked", r.stop_asked},
           {"plate_full", r.plate_full},
           {"plate_why", r.plate_why}};
@@ -66,7 +67,7 @@ MachineRecord read_record(const std::string& path) {
   if (!text) throw damaged();
   using slicecorr::detail::flag_in, slicecorr::detail::number_in, slicecorr::detail::text_in,
       slicecorr::detail::whole_in;
-  const Json json = slicecorr::detail::try_json<Json>(*text, {1 << 20, 4, 1000});
+  const Json json = slicecorr::detail::try_json<Json>(*text, {1 << 20, 4, 5000});
   if (!json.is_object() || whole_in(json, "version", 0) != 1) throw damaged();
   const auto number = [&](const char* key) {
     return static_cast<std::int64_t>(number_in(json, key, 0.0));
@@ -85,6 +86,10 @@ MachineRecord read_record(const std::string& path) {
   r.layers = whole_in(json, "layers", 0);
   r.print_asked_ms = number("print_asked_ms");
   r.print_ended_ms = number("print_ended_ms");
+  const Json& jobs = slicecorr::detail::member_of(json, "sent_jobs");
+  for (const Json& job : jobs.is_array() ? jobs : Json::array()) {
+    if (job.is_number_integer()) r.sent_jobs.push_back(job.get<long long>());
+  }
   r.stop_asked = flag_in(json, "stop_asked");
   r.plate_full = flag_in(json, "plate_full");
   r.plate_why = text_in(json, "plate_why");

@@ -289,6 +289,9 @@ std::string MachineRoom::send(const std::string& path, long long job,
     throw;
   }
   record.file_state = "stored";
+  constexpr std::size_t most_jobs = 1000;
+  if (job > 0) record.sent_jobs.push_back(job);
+  if (record.sent_jobs.size() > most_jobs) record.sent_jobs.erase(record.sent_jobs.begin());
   detail::write_record(p.path, record);
   return record.file;
 }

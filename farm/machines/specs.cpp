@@ -166,10 +166,10 @@ std::string read_rule(const TomlTable& read) {
 
 MachineSpec read_machine(const TomlTable& read, const FarmFolder& folder) {
   constexpr std::string_view known[] = {
-      "name",    "kind", "address", "printer",        "format",      "resolution_px",
-      "id",      "user", "login",   "key_file",       "key",         "password",
-      "token",   "page", "options", "discovery_port", "own_address", "status_options",
-      "profile", "job"};
+      "name",    "kind", "address",       "printer",        "format",      "resolution_px",
+      "id",      "user", "login",         "key_file",       "key",         "password",
+      "token",   "page", "options",       "discovery_port", "own_address", "status_options",
+      "profile", "job",  "send_when_done"};
   refuse_other_keys(read, known, "machine");
   MachineSpec machine;
   read_name(read, machine);
@@ -204,6 +204,11 @@ MachineSpec read_machine(const TomlTable& read, const FarmFolder& folder) {
   machine.discovery_port = read.integer("discovery_port", 1, 65535, machine.discovery_port);
   machine.own_address = read.text("own_address", "");
   machine.job_rule = read_rule(read);
+  if (const toml::node* node = read.node("send_when_done")) {
+    const auto flag = node->value_exact<bool>();
+    if (!flag) read.fail("send_when_done", "expected true or false");
+    machine.send_when_done = *flag;
+  }
   machine.profile = read.text("profile", "");
   if (machine.profile.find_first_not_of("0123456789") != machine.profile.npos) {
     read.fail("profile", "expected the number of a resin profile, as a text");
@@ -361,6 +366,7 @@ void add_machine(const FarmFolder& folder, const MachineSpec& m) {
   say("page", m.page);
   say("own_address", m.own_address);
   say("profile", m.profile);
+  if (m.send_when_done) text += "send_when_done = true\n";
   if (m.discovery_port != MachineSpec{}.discovery_port) {
     text += fmt::format("discovery_port = {}\n", m.discovery_port);
   }

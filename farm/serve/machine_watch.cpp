@@ -12,6 +12,7 @@
 #include "serve/studies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/read_model.hpp"
 #include "support/http/guard.hpp"
 #include "support/json/members.hpp"
 #include "support/json/read_json.hpp"
@@ -28,6 +29,10 @@ namespace {
 constexpr auto kBetweenLooks = std::chrono::seconds(3);
 /// A machine that says nothing twice is told of; once may be chance.
 constexpr int kSilentLooks = 2;
+/// What could not be sent by itself is tried again after this.
+constexpr auto kAfterTrouble = std::chrono::seconds(60);
+/// The newest jobs of a machine among which the next one is.
+constexpr std::int64_t kMostLookedThrough = 200;
 
 /// Whoever looks does not wait as long as whoever acts.
 MachineTimes times_of_looks() {
@@ -72,6 +77,7 @@ void MachineWatch::watch() {
   for (;;) {
     read_file();
     look_at_all();
+    send_next();
     std::unique_lock lock(mutex_);
     if (changed_.wait_for(lock, kBetweenLooks, [&] { return stopping_.load(); })) return;
   }
@@ -95,8 +101,8 @@ void MachineWatch::read_file() {
   });
   for (const MachineSpec& m : specs) {
     const std::string text =
-        fmt::format("{} {} {} {} {} {} {} {} {}", name_of(m.kind), m.host, m.port, m.printer, m.id,
-                    m.key_file, m.login, m.user, m.discovery_port);
+        fmt::format("{} {} {} {} {} {} {} {} {} {}", m.send_when_done, name_of(m.kind), m.host,
+                    m.port, m.printer, m.id, m.key_file, m.login, m.user, m.discovery_port);
     Watched& w = machines_[m.name];
     if (w.room && w.spec == text) continue;
     MachineTimes times = times_of_looks();
@@ -145,6 +151,48 @@ void MachineWatch::look_at_all() {
     });
   }
   for (std::thread& t : threads) t.join();
+}
+
+void MachineWatch::send_next() {
+  std::vector<std::pair<std::string, const MachineRoom*>> ready;
+  {
+    const std::scoped_lock lock(mutex_);
+    for (const auto& [name, w] : machines_) {
+      const auto s = sending_.find(name);
+      const bool waits =
+          s != sending_.end() &&
+          (s->second.running || s->second.not_before > std::chrono::steady_clock::now());
+      if (w.view.machine.send_when_done && w.looked && !waits && is_at_rest(w.view.status.state)) {
+        ready.emplace_back(name, w.room.get());
+      }
+    }
+  }
+  for (const auto& [name, room] : ready) {
+    try {
+      // As it is on the disk now: a file may have been sent since the last look.
+      const MachineRecord r = room->record();
+      const bool printed = r.print_file == r.file && !r.print_state.empty() &&
+                           r.print_state != "asked" && r.print_state != "begun";
+      if (r.file_state == "stored" && !printed) continue;  // what was sent last is printed first
+      ReadModel model(folder_.database());
+      JobFilter filter;
+      filter.label = "for " + name;
+      filter.states = {JobState::done};
+      filter.order = JobFilter::Order::newest;
+      filter.limit = kMostLookedThrough;
+      std::optional<Job> next;
+      for (const Job& job : model.jobs(filter)) {
+        const bool sent =
+            std::find(r.sent_jobs.begin(), r.sent_jobs.end(), job.id) != r.sent_jobs.end();
+        if (!sent && (!next || job.id < next->id)) next = job;
+      }
+      if (next) send(name, *next);
+    } catch (const std::exception& e) {
+      const std::scoped_lock lock(mutex_);
+      sending_[name].message = without_folders(text::printable(e.what()), folder_);
+      sending_[name].not_before = std::chrono::steady_clock::now() + kAfterTrouble;
+    }
+  }
 }
 
 void MachineWatch::tell(const Watched& before, const MachineView& now, bool troubled) {
@@ -262,6 +310,9 @@ void MachineWatch::send(const std::string& name, const Job& job) {
     const std::scoped_lock now(mutex_);
     sending_[name].running = false;
     sending_[name].message = message;
+    if (!message.empty()) {
+      sending_[name].not_before = std::chrono::steady_clock::now() + kAfterTrouble;
+    }
   });
 }
 

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <map>
 #include <memory>
@@ -55,12 +56,14 @@ class MachineWatch {
     std::string name, message;
     std::int64_t done = 0, all = 0;
     bool running = false;
+    std::chrono::steady_clock::time_point not_before{};  ///< of another try by itself
     std::thread thread;
   };
 
   void watch();
   void read_file();
   void look_at_all();
+  void send_next();
   void tell(const Watched& before, const MachineView& now, bool troubled);
   MachineSpec spec_of(const std::string& name) const;
   nlohmann::ordered_json json_of(const std::string& name);

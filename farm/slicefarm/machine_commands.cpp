@@ -263,6 +263,8 @@ void add_adding(cli::Program& program, CLI::App* group) {
   app->add_option("--key-file", m.key_file, "File (mode 0600) with its key or password")
       ->check(cli::value_is(cli::ValueKind::file));
   text("--profile", m.profile, "Number of NanoDLP's resin profile [its only one]");
+  app->add_flag("--send-when-done", m.send_when_done,
+                "slicefarm serve sends jobs for it when they are done; it starts none");
   text("--page", m.page, "Address of a page of its own, for a link");
   text("--own-address", m.own_address,
        "SDCP 1: address of this computer at which the machine finds what it is sent");

@@ -57,7 +57,8 @@ struct MachineSpec {
   /// SDCP 1: the address of this computer at which the machine finds broker and file.
   std::string own_address;
   std::vector<std::string> options, status_options;  ///< of `printbridge print` and `status`
-  std::string files_folder;  ///< of a bridge: where what is sent to it lies on this computer
+  bool send_when_done = false;  ///< jobs for it are sent by the server, one after the other
+  std::string files_folder;     ///< of a bridge: where what is sent to it lies on this computer
   /// Keys of jobs and their values, as JSON: the rule for what comes from slicers (as_printer.hpp).
   std::string job_rule = "{}";
 };
@@ -201,6 +202,7 @@ struct MachineRecord {
   std::string print_state;
   int last_layer = 0, layers = 0;  ///< of the print, when it was seen last; 0: not said
   std::int64_t print_asked_ms = 0, print_ended_ms = 0;  ///< wall clock, since 1970
+  std::vector<long long> sent_jobs;  ///< whose outputs were sent, the last thousand of them
   bool stop_asked = false;
   bool plate_full = false;  ///< since a start, or since somebody's print was seen, until `cleared`
   std::string plate_why;    ///< in words

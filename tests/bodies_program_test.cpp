@@ -86,6 +86,9 @@ TEST_F(BodiesProgram, ACubeThatFloatsIsToldEverywhere) {
   EXPECT_TRUE(f["sealed_cavities"].empty());
   EXPECT_TRUE(f["cups"].empty());
   EXPECT_EQ(f["designed"]["loose_bodies"], 1);
+  // Light falls by less than sqrt(2) in 4 slices of a 40th of an absorbance height, by more in 8.
+  EXPECT_EQ(f["in_time"], true);
+  EXPECT_EQ(f["time_step_um"], 200);
   EXPECT_EQ(f["uncorrected"]["loose_bodies"], 1);
   EXPECT_THAT(to_text(read_file(folder_ / "f.html")), HasSubstr("What hangs on nothing"));
 

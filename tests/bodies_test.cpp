@@ -381,6 +381,21 @@ MemorySlices random_delays(const MemorySlices& slices, std::mt19937& random) {
   return delays;
 }
 
+/// Until the end of the step in which voxels gel, or of the last slice.
+MemorySlices in_steps(const MemorySlices& delays, int step) {
+  MemorySlices found = delays;
+  const Grid& g = delays.grid();
+  for (int n = 0; n < g.layers; ++n) {
+    for (int y = 0; y < g.height_px; ++y) {
+      for (int x = 0; x < g.width_px; ++x) {
+        const int gels = (n + delays.at(n, x, y)) / step * step + step - 1;
+        found.at(n, x, y) = static_cast<std::uint8_t>(std::min(gels, g.layers - 1) - n);
+      }
+    }
+  }
+  return found;
+}
+
 TEST(Bodies, InTimeAreThoseOfAFloodFillAtEveryMoment) {
   std::mt19937 random(62);
   std::uint64_t islands = 0, joined = 0, late = 0;
@@ -388,10 +403,13 @@ TEST(Bodies, InTimeAreThoseOfAFloodFillAtEveryMoment) {
     SCOPED_TRACE(round);
     const MemorySlices slices = random_slices(random);
     const MemorySlices delays = random_delays(slices, random);
-    const Expected expected = expected_of(Flood(slices, delays));
     const Grid& g = slices.grid();
-    BodyTracker whole({0, 0, g.width_px, g.height_px}, g, slices.frame()),
-        by_changes({0, 0, g.width_px, g.height_px}, g, slices.frame());
+    const int step = 1 << random() % 3;
+    const MemorySlices looked = in_steps(delays, step);
+    const Expected expected = expected_of(Flood(slices, looked));
+    const BodyAsk ask{true, 0, step};
+    BodyTracker whole({0, 0, g.width_px, g.height_px}, g, slices.frame(), ask),
+        by_changes({0, 0, g.width_px, g.height_px}, g, slices.frame(), ask);
     const auto runs_of = [&](auto delay_at) {
       std::vector<BodyTracker::Run> runs;
       for (int x = 0; x < g.width_px; ++x) {
@@ -662,6 +680,31 @@ TEST(Bodies, ACorrectionCutsNothingLoose) {
   EXPECT_GT(judged, 20U);
 }
 
+TEST(Bodies, ANeckOfOneVoxelHoldsHoweverItIsCorrected) {
+  auto [continuous, clear, lifted] = ways_to_print();
+  lifted.process.exposure_s = 0.6;
+  lifted.process.lifts = Lifts::each;
+  slicecorr::Setup capped = continuous, early = continuous;
+  capped.process.omega_max = 2;
+  early.process.overhangs = Overhangs::early;
+  for (const int height : {1, 3}) {
+    MemorySlices design(grid_of(16, 16, 40));
+    fill(design, {2, 2, 0}, {14, 14, 8});
+    fill(design, {7, 7, 8}, {8, 8, 8 + height});
+    fill(design, {4, 4, 8 + height}, {12, 12, 14});
+    fill(design, {8, 9, 14}, {9, 10, 14 + height});
+    fill(design, {3, 3, 14 + height}, {13, 13, 40});
+    for (const slicecorr::Setup& setup : {continuous, clear, lifted, capped, early}) {
+      const CorrectedSlices corrected(design, setup);
+      const Prediction p = verify_stack(corrected, design, setup);
+      ASSERT_TRUE(p.bodies);
+      EXPECT_EQ(p.bodies->designed.loose_bodies, 0U);
+      EXPECT_EQ(p.bodies->printed.loose_bodies, 0U) << height;
+      EXPECT_EQ(p.bodies->cut_loose(), 0U) << height;
+    }
+  }
+}
+
 /// Slices after its own until the sum of light in the middle of a voxel reaches the dose that gels, slice
 /// by slice; prints nothing where it never does.
 struct Gelling {
@@ -704,7 +747,7 @@ TEST(Bodies, HangOnWhatHasGelledSoFar) {
   slicecorr::Setup longer = standing;  // first layers
   longer.process.bottom_layers = 3;
   longer.process.bottom_exposure_s = 0.9;
-  std::uint64_t islands = 0, late = 0, in_time = 0;
+  std::uint64_t islands = 0, late = 0, in_time = 0, stepped = 0;
   for (int round = 0; round < rounds(10); ++round) {
     MemorySlices images = random_boxes(random);
     for (int n = 0; n < images.grid().layers; ++n) {
@@ -723,7 +766,11 @@ TEST(Bodies, HangOnWhatHasGelledSoFar) {
       const Prediction p = verify_stack(images, images, setup);
       ASSERT_TRUE(p.bodies);
       EXPECT_TRUE(p.bodies->printed.in_time);
-      const Expected expected = expected_of(Flood(gelling.printed, gelling.delays));
+      // It is looked at ends of steps alone.
+      const int step = p.bodies->printed.time_step;
+      stepped += step > 1;
+      const MemorySlices delays = in_steps(gelling.delays, step);
+      const Expected expected = expected_of(Flood(gelling.printed, delays));
       expect_same(p.bodies->printed, expected);
       islands += expected.islands.size();
       late += gelling.late;
@@ -734,6 +781,7 @@ TEST(Bodies, HangOnWhatHasGelledSoFar) {
   EXPECT_GT(islands, 20U);
   EXPECT_GT(late, 10U);
   EXPECT_GT(in_time, 2U);
+  EXPECT_GT(stepped, 5U);
 }
 
 }  // namespace

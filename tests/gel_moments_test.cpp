@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "models.hpp"
+#include "predict/gel_step.hpp"
 #include "rounds.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/predict.hpp"
@@ -45,7 +46,7 @@ double added(const CureModel& model, double light, int m, int n) {
 TEST(GelMoments, AreThoseOfSumsOfLight) {
   std::mt19937 random(7);
   const double layer_um = 50;
-  std::uint64_t told_later = 0, judged = 0;
+  std::uint64_t told_later = 0, at_once = 0, judged = 0;
   for (int round = 0; round < rounds(4); ++round) {
     for (const double speed_mm_h : {300.0, 1000.0, 0.0}) {
       // Light that reaches a few slices, or many.
@@ -63,15 +64,16 @@ TEST(GelMoments, AreThoseOfSumsOfLight) {
       const CureModel model =
           make_cure_model(setup.printer, setup.resin, setup.process, layer_um, {});
       const PixelCurve curve = pixel_curve(model);
+      const int step = detail::gel_step(model);
+      EXPECT_TRUE(step == 1 || std::pow(10.0, -model.eta * step) >= std::sqrt(0.5));
+      EXPECT_TRUE(!model.is_plain() || std::pow(10.0, -2 * model.eta * step) < std::sqrt(0.5));
       std::vector<std::vector<std::uint8_t>> columns;
       for (std::size_t c = 0; c < kColumns; ++c) columns.push_back(random_column(random));
 
       std::vector<std::vector<int>> delays(kColumns, std::vector<int>(kLayers, 0));
       std::vector<int> told(kColumns, 0), from(kColumns, kLayers);
       const auto fill = [&](std::size_t c, int down_to) {
-        for (int m = down_to; m < from[c]; ++m) {
-          delays[c][static_cast<std::size_t>(m)] = told[c] < 0 ? -1 - told[c] - m : told[c];
-        }
+        for (int m = down_to; m < from[c]; ++m) delays[c][static_cast<std::size_t>(m)] = told[c];
         from[c] = down_to;
       };
       BandPredictor predictor(model, curve, kLayers, kColumns);
@@ -102,8 +104,12 @@ TEST(GelMoments, AreThoseOfSumsOfLight) {
             if (sum >= 1) gelled = n - m;
           }
           if (close || gelled < 0) continue;
-          ASSERT_EQ(delays[c][static_cast<std::size_t>(m)], gelled) << "layer " << m;
+          // What gels at once is told by the last slice of a step.
+          const int is = delays[c][static_cast<std::size_t>(m)];
+          ASSERT_EQ(is, is < 0 ? -1 - ((m + gelled) / step * step + step - 1) : gelled)
+              << "layer " << m;
           told_later += gelled > 0;
+          at_once += is < 0;
           ++judged;
         }
       }
@@ -111,6 +117,7 @@ TEST(GelMoments, AreThoseOfSumsOfLight) {
   }
   EXPECT_GT(judged, 100000U);
   EXPECT_GT(told_later, 10000U);
+  EXPECT_GT(at_once, 5000U);
 }
 
 }  // namespace

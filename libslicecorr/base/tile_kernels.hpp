@@ -67,7 +67,7 @@ struct MomentStep {
   double least;         ///< dose of a middle that may gel
   const double* light;  ///< phi
   double* dose;         ///< at the upper node; then at the lower one
-  /// What is left of slices after the one that the layer above waits for, and of that one, too; then the
+  /// What is left of slices after the step in which the layer above gels, and of that step, too; then the
   /// same in this layer.
   double *left, *before;
   double* beyond;  ///< what its dose is beyond 1 in the end, at its upper node
@@ -75,7 +75,7 @@ struct MomentStep {
 struct MomentLanes {
   LaneMask may_gel;    ///< in the end
   LaneMask own;        ///< gels in its own slice
-  LaneMask as_before;  ///< waits for the same slice as the layer above
+  LaneMask as_before;  ///< gels in the same step as the layer above
   LaneMask bright;     ///< the same light for ever would make it gel
 };
 MomentLanes moment_lanes(const MomentStep& step);

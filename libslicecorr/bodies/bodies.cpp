@@ -117,6 +117,7 @@ std::string Bodies::to_json() const {
   }
   j["cups_in_all"] = cups_in_all;
   j["in_time"] = in_time;
+  j["time_step_um"] = um(time_step);
   if (least_neck_mm2 > 0) {
     auto& thin = j["necks"] = ordered_json::array();
     for (const Neck& n : necks) {

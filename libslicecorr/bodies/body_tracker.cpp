@@ -126,7 +126,9 @@ double middle(__int128 sum2, std::uint64_t voxels, int origin) {
 /// Bodies of what is solid.
 class SolidListener final : public BodyListener {
  public:
-  explicit SolidListener(Origin origin) : at_(origin) {}
+  SolidListener(Origin origin, int step) : at_(origin), step_(step) {}
+  /// Slices in all, before what is left is told.
+  void set_slices(int slices) { last_ = slices - 1; }
   void join(GrowingBody& older, GrowingBody& younger, int slice) override {
     if (older.anchored) {
       if (younger.told) tell(island(younger), slice);
@@ -162,7 +164,7 @@ class SolidListener final : public BodyListener {
  private:
   Island island(const GrowingBody& b) const {
     return {b.low.slice,
-            b.first,
+            end_of(b.first),
             -1,
             b.voxels,
             middle(b.column2, b.voxels, at_.x),
@@ -170,12 +172,16 @@ class SolidListener final : public BodyListener {
             b.low.x,
             b.low.y};
   }
+  int end_of(int step) const { return std::min((step + 1) * step_ - 1, last_); }
+  /// `until`: step, or -1.
   void tell(Island island, int until) {
     ++in_all_;
-    island.until = until;
+    island.until = until < 0 ? -1 : end_of(until);
     largest_.add(island);
   }
   const Origin at_;
+  const int step_;  ///< slices
+  int last_ = std::numeric_limits<int>::max();
   WaitingLists<Island> islands_;
   Largest<Island> largest_;
   std::uint64_t on_platform_ = 0, loose_ = 0, in_all_ = 0;
@@ -249,9 +255,9 @@ struct BodyTracker::Impl {
         grid(its_grid),
         frame(its_frame),
         ask(its_ask),
-        solid_bodies(Origin{box.x0, box.y0}),
+        solid_bodies(Origin{box.x0, box.y0}, ask.time_step),
         void_bodies(Origin{box.x0, box.y0}),
-        solids(box.height(), solid_bodies) {
+        solids(box.height(), ask.time_step, solid_bodies) {
     const double pixel_mm2 = grid.pixel_x_um * grid.pixel_y_um * 1e-6;
     if (ask.least_neck_mm2 > 0 && pixel_mm2 > 0) {
       // So many voxels have at least this area, whatever rounding did to it.
@@ -444,11 +450,13 @@ void BodyTracker::end_slice(int more) {
 
 Bodies BodyTracker::finish() {
   Impl& t = *impl_;
+  if (t.ask.time_step > 1) t.solid_bodies.set_slices(t.slices);
   t.solids.finish();
   if (t.open) t.open->finish();
   Bodies found;
   found.grid = t.grid;
   found.frame = t.frame;
+  found.time_step = t.ask.time_step;
   t.solid_bodies.put(found);
   t.void_bodies.put(found);
   if (t.necks) {

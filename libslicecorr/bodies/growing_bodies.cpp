@@ -77,12 +77,12 @@ GrowingBody& GrowingBodies::change(Label label) {
   return b;
 }
 
-void GrowingBodies::grow(Label label, const Patch& patch, int sign) {
+void GrowingBodies::grow(Label label, const Patch& patch, int more) {
   GrowingBody& b = change(root(label));
   const std::int64_t begin = patch.begin, end = patch.end;
-  b.area += static_cast<std::uint64_t>(sign * (end - begin));
-  b.area_column2 += sign * (end * end - begin * begin);
-  b.area_row2 += sign * (end - begin) * (2 * patch.row + 1);
+  b.area += static_cast<std::uint64_t>(more * (end - begin));
+  b.area_column2 += more * (end * end - begin * begin);
+  b.area_row2 += more * (end - begin) * (2 * patch.row + 1);
 }
 
 void GrowingBodies::add(Label label, const Patch& patch, int slices) {

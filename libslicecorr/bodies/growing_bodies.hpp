@@ -74,9 +74,9 @@ class GrowingBodies {
   Label root(Label label);
   /// Labels that are known.
   std::size_t size() const { return parent_.size(); }
-  /// Each slice from now on has this patch more (`sign` 1) or less (-1) of the body.
-  void grow(Label label, const Patch& patch, int sign);
-  /// The body had this patch in so many slices before the one at hand.
+  /// Each slice from now on has so many of this patch more of the body, or less.
+  void grow(Label label, const Patch& patch, int more);
+  /// The body had so many more of this patch in slices before the one at hand, or less.
   void add(Label label, const Patch& patch, int slices);
   /// Gives the label of both.
   Label unite(Label a, Label b);

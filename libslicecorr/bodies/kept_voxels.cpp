@@ -153,19 +153,25 @@ std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) {
   return code;
 }
 
-std::vector<std::uint8_t> MomentChanges::code(int layers) {
+std::vector<std::uint8_t> MomentChanges::code(int layers, int from) {
   std::vector<std::uint8_t> code;
-  if (changes_.empty()) return code;
-  sort_places(changes_);
+  const auto later = std::partition(changes_.begin(), changes_.end(), [&](const Change& c) {
+    return static_cast<int>(c.slice()) < from;
+  });
+  std::vector<Change> coded(later, changes_.end());
+  changes_.erase(later, changes_.end());
+  most_ = std::max(kMany, 2 * changes_.size());
+  if (coded.empty()) return code;
+  sort_places(coded);
   std::vector<Group> groups;
   std::size_t last = 0;  // slice
-  for (auto at = changes_.begin(); at != changes_.end();) {
+  for (auto at = coded.begin(); at != coded.end();) {
     const std::size_t n = at->slice();
     if (n >= static_cast<std::size_t>(layers)) break;
     groups.clear();
-    for (; at != changes_.end() && at->slice() == n; ++at) {
-      add_to(groups, at->column, at->value());
-    }
+    for (; at != coded.end() && at->slice() == n; ++at) add_to(groups, at->column, at->value());
+    // What begins anew says so.
+    if (code.empty()) put_number(code, 0);
     put_number(code, n - last);
     put_groups(code, groups, true);
     last = n;
@@ -234,7 +240,12 @@ class KeptVoxels::Reader {
       kept_.store_.get(blobs_[next_++], piece_);
     }
     const std::uint8_t* at = piece_.data() + at_;
-    slice_ += static_cast<int>(take_number(at));
+    std::uint64_t further = take_number(at);
+    if (valued_ && further == 0) {
+      slice_ = 0;
+      further = take_number(at);
+    }
+    slice_ += static_cast<int>(further);
     at_ = static_cast<std::size_t>(at - piece_.data());
   }
   const KeptVoxels& kept_;
@@ -257,7 +268,7 @@ KeptVoxels::Pieces KeptVoxels::keep(const std::vector<std::uint8_t>& code, bool 
   Pieces pieces;
   const std::uint8_t *from = code.data(), *const end = from + code.size();
   for (const std::uint8_t* at = from; at != end;) {
-    take_number(at);
+    if (take_number(at) == 0 && valued) take_number(at);
     for (std::uint64_t groups = take_number(at); groups-- > 0;) {
       if (take_number(at) % 2 == 1) take_number(at);
       if (valued) take_number(at);

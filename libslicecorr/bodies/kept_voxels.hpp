@@ -5,8 +5,10 @@
 /// slice. What is kept are changes from slice to slice, coded.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -50,14 +52,22 @@ class VoxelChanges {
 /// When the voxels of a band gel, where it changes along its columns. For one thread.
 class MomentChanges {
  public:
-  /// From this slice on; in any order, but each place once. `at_once`: see BodyTracker::Run.
+  /// From this slice on; each place once. `at_once`: see BodyTracker::Run.
   void add(int slice, std::size_t column, int delay, bool at_once) {
     const auto value = static_cast<std::uint32_t>(2 * delay + (at_once ? 1 : 0));
     changes_.push_back(
         {static_cast<std::uint32_t>(slice) << kBits | value, static_cast<std::uint32_t>(column)});
+    lowest_ = std::min(lowest_, slice);
   }
-  /// The changes in slices before `layers`, coded as those of voxels, each group with its value.
-  std::vector<std::uint8_t> code(int layers);
+  /// Whether there are so many that those of slices that are complete should be coded.
+  bool many() const { return changes_.size() >= most_; }
+  /// The changes in slices before `layers`, coded as those of voxels, each group with its value. Those of
+  /// slices before `from` are kept for later.
+  std::vector<std::uint8_t> code(int layers, int from = 0);
+  /// The same of slices `apart` or more above the lowest so far.
+  std::vector<std::uint8_t> code_above(int layers, int apart) {
+    return code(layers, lowest_ + apart);
+  }
 
  private:
   static constexpr unsigned kBits = 11;
@@ -67,7 +77,10 @@ class MomentChanges {
     std::uint32_t slice() const { return slice_and_value >> kBits; }
     std::uint32_t value() const { return slice_and_value & ((1U << kBits) - 1); }
   };
+  static constexpr std::size_t kMany = 100000;
   std::vector<Change> changes_;
+  int lowest_ = std::numeric_limits<int>::max();
+  std::size_t most_ = kMany;
 };
 
 /// Takes codes of bands on any thread. What is more than some memory waits in a file without a name in

@@ -10,21 +10,22 @@
 
 namespace slicecorr::detail {
 
-SolidRows::SolidRows(int rows, BodyListener& listener)
-    : bodies_(listener), rows_(static_cast<std::size_t>(rows)), buckets_(1) {}
+SolidRows::SolidRows(int rows, int step, BodyListener& listener)
+    : step_(step), bodies_(listener), rows_(static_cast<std::size_t>(rows)), buckets_(1) {}
 
-SolidRows::Bucket& SolidRows::at(int n) {
-  const auto ahead = static_cast<std::size_t>(std::max(n, slice()) - slice());
+SolidRows::Bucket& SolidRows::of_step(int step) {
+  const int now = bodies_.slice();
+  const auto ahead = static_cast<std::size_t>(std::max(step, now) - now);
   if (ahead >= buckets_.size()) {
     std::vector<Bucket> more(std::bit_ceil(ahead + 1));
     for (std::size_t k = 0; k < buckets_.size(); ++k) {
-      const auto its = static_cast<std::size_t>(slice()) + k;
+      const auto its = static_cast<std::size_t>(now) + k;
       more[its & (more.size() - 1)] = std::move(buckets_[its & (buckets_.size() - 1)]);
     }
     buckets_ = std::move(more);
   }
   ++waiting_;
-  return buckets_[(static_cast<std::size_t>(slice()) + ahead) & (buckets_.size() - 1)];
+  return buckets_[(static_cast<std::size_t>(now) + ahead) & (buckets_.size() - 1)];
 }
 
 void SolidRows::join(Label a, Label b, int n) {
@@ -32,14 +33,21 @@ void SolidRows::join(Label a, Label b, int n) {
   at(n).edges.push_back({a, b});
 }
 
+void SolidRows::grow(Label label, const GrowingBodies::Patch& patch, int n, int sign) {
+  Bucket& bucket = at(n);
+  (sign > 0 ? bucket.grows : bucket.ends).push_back({label, patch});
+  // Of its first and last step it has only a part.
+  if (const int before = n % step_; before > 0) {
+    of_step(step_of(n) + 1).sums.push_back({{label, patch}, -sign * before});
+  }
+}
+
 void SolidRows::leave(const Labelled& run, int row) {
   const GrowingBodies::Patch patch{row, run.begin, run.end};
-  if (!run.gels.is_at_once()) {
-    at(run.gels.of(slice())).ends.push_back({run.label, patch});
-  } else {
-    // Voxels count from the slice after the one in which they gel.
-    at(run.gels.of(slice()) + 1).sums.push_back({{run.label, patch}, slice() - run.from});
-  }
+  const int gels = run.gels.of(slice_);
+  if (!run.gels.is_at_once()) return grow(run.label, patch, gels, -1);
+  // Voxels count from the step after the one in which they gel.
+  of_step(step_of(gels) + 1).sums.push_back({{run.label, patch}, slice_ - run.from});
 }
 
 /// A row while it changes: the old one from left to right, the new one behind it.
@@ -115,17 +123,19 @@ class SolidRows::RowChange {
     next_.push_back(run);
     last_made_ = made;
   }
-  int gels(const Labelled& run) const { return run.gels.of(rows_.slice()); }
+  int gels(const Labelled& run) const { return run.gels.of(rows_.slice_); }
   /// `below`: what was there in the slice before, or null.
   void make(int begin, int end, GelTime its, const Labelled* below) {
-    const int n = rows_.slice(), gelled = its.of(n);
+    const int n = rows_.slice_, gelled = its.of(n);
     Labelled made{begin, end, n, its};
     // What gels on or beside what has gelled is more of its body: most runs are. What gels on it has been
     // joined with what is beside it, or is as soon as that begins.
-    const bool goes_on = below && below->gels.of(n - 1) <= gelled;
+    const int in_step = rows_.step_of(gelled);
+    const bool goes_on = below && rows_.step_of(below->gels.of(n - 1)) <= in_step;
     if (goes_on) {
       made.label = below->label;
-    } else if (!next_.empty() && next_.back().end == begin && gels(next_.back()) <= gelled) {
+    } else if (!next_.empty() && next_.back().end == begin &&
+               rows_.step_of(gels(next_.back())) <= in_step) {
       made.label = next_.back().label;
     } else {
       made.label = rows_.bodies_.add_label();
@@ -134,7 +144,7 @@ class SolidRows::RowChange {
     if (below && made.label != below->label) {
       rows_.join(made.label, below->label, std::max(gelled, below->gels.of(n - 1)));
     }
-    if (!its.is_at_once()) rows_.at(gelled).grows.push_back({made.label, {y_, begin, end}});
+    if (!its.is_at_once()) rows_.grow(made.label, {y_, begin, end}, gelled, 1);
     if (!goes_on) rows_.made_.push_back({y_, made});
     put(made, !goes_on);
   }
@@ -160,19 +170,19 @@ void SolidRows::join_beside(const Made& made, int row) {
   auto at = std::ranges::partition_point(
       beside, [&](const Labelled& run) { return run.end <= made.run.begin; });
   for (; at != beside.end() && at->begin < made.run.end; ++at) {
-    join(made.run.label, at->label, std::max(made.run.gels.of(slice()), at->gels.of(slice())));
+    join(made.run.label, at->label, std::max(made.run.gels.of(slice_), at->gels.of(slice_)));
   }
 }
 
-void SolidRows::pass_slice() {
-  Bucket& now = at(slice());
+void SolidRows::pass_step() {
+  Bucket& now = of_step(bodies_.slice());
   waiting_ -= now.size() + 1;
   for (const Sum& s : now.sums) bodies_.add(s.label, s.patch, s.slices);
   for (const Beginning& b : now.begins) bodies_.begin(b.label, b.low, b.low.slice == 0);
-  for (const Patched& p : now.grows) bodies_.grow(p.label, p.patch, 1);
-  for (const Patched& p : now.ends) bodies_.grow(p.label, p.patch, -1);
+  for (const Patched& p : now.grows) bodies_.grow(p.label, p.patch, step_);
+  for (const Patched& p : now.ends) bodies_.grow(p.label, p.patch, -step_);
   for (const Edge& e : now.edges) bodies_.unite(e.a, e.b);
-  // Not only cleared: many may wait for one slice, and few for all others.
+  // Not only cleared: many may wait for one step, and few for all others.
   now = {};
   bodies_.end_slice(false);
 }
@@ -183,9 +193,10 @@ void SolidRows::end_slice(int more) {
     join_beside(made, made.row + 1);
   }
   made_.clear();
-  pass_slice();
-  for (; more > 0 && waiting_ > 0; --more) pass_slice();
-  bodies_.skip(more);
+  int steps = step_of(slice_ + 1 + more) - step_of(slice_);
+  slice_ += 1 + more;
+  for (; steps > 0 && waiting_ > 0; --steps) pass_step();
+  bodies_.skip(steps);
   if (bodies_.size() > 2 * (runs_ + 2 * waiting_) + 65536) renumber();
 }
 
@@ -213,7 +224,7 @@ void SolidRows::finish() {
     for (const Labelled& run : rows_[y]) leave(run, static_cast<int>(y));
     rows_[y].clear();
   }
-  while (waiting_ > 0) pass_slice();
+  while (waiting_ > 0) pass_step();
   bodies_.finish();
 }
 

@@ -40,9 +40,9 @@ class SolidRows {
         false;  ///< `gels` is said; else what was solid gels as before, what was not in its slice
     GelTime gels;
   };
-  /// Bodies hang on what comes before slice 0. `listener` must outlive this; slices that it is told are
-  /// those at hand when something happens.
-  SolidRows(int rows, BodyListener& listener);
+  /// Bodies hang on what comes before slice 0. `step`: see BodyAsk. `listener` must outlive this; it is told
+  /// steps in the place of slices.
+  SolidRows(int rows, int step, BodyListener& listener);
 
   /// From left to right, apart from each other; at most once a row and slice.
   void change_row(int y, std::span<const Change> changes);
@@ -86,11 +86,11 @@ class SolidRows {
   struct Edge {
     Label a, b;
   };
-  /// What happens in a slice.
+  /// What happens in a step.
   struct Bucket {
-    std::vector<Sum> sums;  ///< what gelled at once in the slice before
+    std::vector<Sum> sums;  ///< what gelled in the step before, but for that of `grows` and `ends`
     std::vector<Beginning> begins;
-    std::vector<Patched> grows;  ///< runs that begin to gel slice by slice
+    std::vector<Patched> grows;  ///< runs that gel slice by slice from this step on
     std::vector<Patched> ends;   ///< those of which all has gelled
     std::vector<Edge> edges;     ///< of runs that share a face, which have both gelled now
     std::size_t size() const {
@@ -99,24 +99,30 @@ class SolidRows {
   };
   class RowChange;
 
-  int slice() const { return bodies_.slice(); }
-  Bucket& at(int n);
-  /// Two runs that share a face have both gelled in `slice`.
+  int step_of(int n) const { return n / step_; }
+  /// Of the step of slice n, or that at hand; something is put into it.
+  Bucket& at(int n) { return of_step(step_of(n)); }
+  Bucket& of_step(int step);
+  /// Two runs that share a face have both gelled in slice n.
   void join(Label a, Label b, int n);
+  /// A run that gels slice by slice does so from slice n on (`sign` 1), or no more (-1).
+  void grow(Label label, const GrowingBodies::Patch& patch, int n, int sign);
   /// Joins what is made with a row beside it.
   void join_beside(const Made& made, int row);
   /// Columns of a run have no more voxels.
   void leave(const Labelled& run, int row);
-  /// All that happens while the slice at hand is there.
-  void pass_slice();
+  /// All that happens in the step at hand.
+  void pass_step();
   void renumber();
 
-  GrowingBodies bodies_;
+  const int step_;        ///< slices
+  int slice_ = 0;         ///< the one at hand
+  GrowingBodies bodies_;  ///< counts steps
   std::vector<Row> rows_;
   Row next_;
   std::vector<Made> made_;
   std::size_t runs_ = 0;
-  std::vector<Bucket> buckets_;  ///< of slices from the one at hand on, a power of two of them
+  std::vector<Bucket> buckets_;  ///< of steps from the one at hand on, a power of two of them
   std::size_t waiting_ = 0;      ///< in buckets
 };
 

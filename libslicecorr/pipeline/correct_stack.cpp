@@ -249,8 +249,8 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
-  bodies_.emplace(bands_, plans_.all_layers(), context);
-  if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), context);
+  bodies_.emplace(bands_, plans_.all_layers(), model(), context);
+  if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), model(), context);
   if (model().inhibited()) window_.emplace(plans_.models(), plans_.all_layers());
   if (setup_.process.even_light) {
     kept_.emplace(target, detail::judged_slices(*setup_.process.even_light), bands_);

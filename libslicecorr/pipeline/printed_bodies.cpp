@@ -9,15 +9,18 @@
 #include <utility>
 
 #include "bands/bands.hpp"
+#include "base/tile_kernels.hpp"
 #include "correct/coverage.hpp"
 #include "parallel/silent.hpp"
+#include "predict/gel_step.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
 
-PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers,
+PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers, const CureModel& model,
                              const ExecutionContext& context)
     : layers_(layers),
+      step_(gel_step(model)),
       context_(context),
       kept_(bands, layers, context),
       printed_(bands.size()),
@@ -39,11 +42,17 @@ void PrintedBodies::Band::gel(std::size_t column, int slice, int delay) {
   if (told_.empty()) told_.resize(state_.size(), 0);
   // What was told of the slices above begins with them, from the platform on.
   const int above = std::exchange(told_[column], delay), begin = slice + 1;
-  moments_.add(begin, column, above < 0 ? -1 - above - begin : above, above < 0);
+  const int later = above < 0 ? -1 - above - begin : above;
+  moments_.add(begin, column, std::min(later, BodyTracker::kLongestDelay), above < 0);
+  if (in_groups_ || !moments_.many()) return;
+  // Columns are told tile by tile: of the slices of a tile, in no order.
+  kept_moments_.push_back(
+      whole_.kept_.keep(moments_.code_above(whole_.layers_, kTileSlices), true));
 }
 
 void PrintedBodies::Band::listen(BandPredictor& predictor,
                                  const std::vector<std::uint32_t>* columns) {
+  in_groups_ = in_groups_ || columns;
   const bool in_time = predictor.tell_delays(
       [this, columns](std::size_t k, int slice, int delay) {
         gel(columns ? (*columns)[k] : k, slice, delay);
@@ -73,7 +82,11 @@ void PrintedBodies::Band::finish() {
     if (told_[column] != 0) gel(column, -1, 0);
   }
   told_ = {};
-  whole_.moments_[index_] = whole_.kept_.keep(moments_.code(whole_.layers_), true);
+  KeptVoxels::Pieces& pieces = whole_.moments_[index_];
+  kept_moments_.push_back(whole_.kept_.keep(moments_.code(whole_.layers_), true));
+  for (; !kept_moments_.empty(); kept_moments_.pop_back()) {
+    pieces.insert(pieces.end(), kept_moments_.back().begin(), kept_moments_.back().end());
+  }
   const auto keep = [&](unsigned kind, KeptVoxels::Stream& to) {
     to[index_] = whole_.kept_.keep(changes_.code(whole_.layers_, kind));
   };
@@ -94,7 +107,7 @@ std::shared_ptr<const JudgedBodies> PrintedBodies::judge(const Grid& grid, const
   parallel_for(silent(context_), "", 2, [&](std::size_t i) {
     if (i == 0) {
       judged->printed = kept_.follow({printed_, nullptr, delayed ? &moments_ : nullptr}, grid,
-                                     frame, {true, least_neck_mm2});
+                                     frame, {true, least_neck_mm2, delayed ? step_ : 1});
       judged->printed.in_time = in_time_;
     } else if (!designed_alike || delayed) {
       judged->designed = kept_.follow({printed_, &designed_other_}, grid, frame, {false, 0});

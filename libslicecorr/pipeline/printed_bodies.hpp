@@ -22,7 +22,8 @@ namespace slicecorr::detail {
 class PrintedBodies {
  public:
   /// `layers`: of the part and of what is shown, whichever is more.
-  PrintedBodies(const std::vector<PixelBox>& bands, int layers, const ExecutionContext& context);
+  PrintedBodies(const std::vector<PixelBox>& bands, int layers, const CureModel& model,
+                const ExecutionContext& context);
 
   /// Gathers one band; for one thread.
   class Band {
@@ -47,6 +48,9 @@ class PrintedBodies {
     std::vector<std::int32_t>
         told_;  ///< per column: of its moments, the last; empty before the first
     MomentChanges moments_;
+    std::vector<KeptVoxels::Pieces>
+        kept_moments_;        ///< of slices that are done, the last ones first
+    bool in_groups_ = false;  ///< columns are told apart, each group from the last slice on
   };
 
   /// After all bands. `least_neck_mm2`: see BodyAsk.
@@ -56,6 +60,7 @@ class PrintedBodies {
 
  private:
   const int layers_;
+  const int step_;  ///< slices after which it is looked what hangs on nothing
   const ExecutionContext& context_;
   KeptVoxels kept_;
   /// By band: of what prints, and of where what is designed, and what is covered whole, is otherwise.

@@ -112,7 +112,7 @@ class Verification {
         spread_(models_, stack.grid(), stack.frame()),
         bands_(bands_of_all()),
         least_neck_mm2_(setup.least_neck_mm2),
-        bodies_(bands_, std::max(layers_, target.grid().layers), context),
+        bodies_(bands_, std::max(layers_, target.grid().layers), models_.brightest(), context),
         surface_maps_(target.bounds()) {
     if (models_.brightest().inhibited()) window_.emplace(models_, layers_);
     if (!setup.uncertainty) return;

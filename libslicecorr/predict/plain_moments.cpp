@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstring>
 
+#include "predict/gel_step.hpp"
 #include "slicecorr/dose.hpp"
 
 namespace slicecorr::detail {
@@ -16,6 +17,7 @@ PlainMoments::PlainMoments(const CureModel& model, const PixelCurve& curve, std:
     : model_(model),
       curve_(curve),
       longest_(longest),
+      step_(gel_step(model)),
       least_(1.0 - kSameDose - beyond_reach),
       blocks_((columns + kLanes - 1) / kLanes) {
   while (ring_ < static_cast<std::size_t>(longest) + 1) ring_ *= 2;
@@ -45,41 +47,48 @@ LaneMask PlainMoments::take(std::size_t block, int slice, const std::uint8_t* pi
 int PlainMoments::look(std::size_t block, std::size_t lane, int slice, double beyond) {
   Block& b = blocks_[block];
   const auto light = [&](int n) { return curve_[row(block, n)[lane]]; };
-  const auto with = [&](int n, double later) {
-    return model_.one_minus_a * light(n) + model_.a * later;
+  /// The dose at the far node of slice n, of what comes after it.
+  struct After {
+    int n;
+    double dose;
   };
-  int n = b.waits_for[lane];
-  double later = b.later[lane];
-  if (!(b.known >> lane & 1) || n < slice || n - slice > longest_) {
-    n = slice;
-    // The node above: what the block's dose was before this slice.
-    later = std::max(0.0, (b.dose[lane] - model_.one_minus_a * light(slice)) / model_.a);
+  const auto one_less = [&](const After& at) {
+    return After{at.n - 1, model_.one_minus_a * light(at.n) + model_.a * at.dose};
+  };
+  const auto one_more = [&](const After& at) {
+    const double dose = (at.dose - model_.one_minus_a * light(at.n + 1)) / model_.a;
+    return After{at.n + 1, std::max(0.0, dose)};
+  };
+  const auto left = [&](const After& at) { return faded(at.n - slice) * at.dose; };
+  After at{b.waits_for[lane], b.later[lane]};
+  if (!(b.known >> lane & 1) || at.n < slice || at.n - slice > longest_) {
+    // At the node above: what the block's dose was before this slice.
+    at = one_more({slice - 1, b.dose[lane]});
   }
   const int past = std::min(b.last, slice + longest_);
-  const auto gelled = [&] { return faded(n - slice) * later <= beyond; };
-  if (gelled()) {
-    for (; n > slice; --n) {
-      const double one_less = with(n, later);
-      if (faded(n - 1 - slice) * one_less > beyond) break;
-      later = one_less;
+  if (left(at) <= beyond) {
+    while (at.n > slice) {
+      const After before = one_less(at);
+      if (left(before) > beyond) break;
+      at = before;
     }
   } else {
-    while (n < past && !gelled()) {
-      ++n;
-      later = std::max(0.0, (later - model_.one_minus_a * light(n)) / model_.a);
-    }
+    while (at.n < past && left(at) > beyond) at = one_more(at);
   }
-  b.waits_for[lane] = n;
-  b.later[lane] = later;
-  b.left[lane] = faded(n - slice) * later;
-  b.before[lane] = n > slice ? faded(n - 1 - slice) * with(n, later) : b.left[lane];
+  b.waits_for[lane] = at.n;
+  b.later[lane] = at.dose;
+  b.left[lane] = 0;
+  b.before[lane] = 0;
   // What gels at last, by less than what doses are compared to.
-  if (n == past && !gelled()) return longest_;
-  const int delay = n - slice, told = b.told[lane];
-  // Twice the same delay: so it may go on.
-  const bool at_once = b.at_once >> lane & 1;
-  const bool alike = at_once ? (b.known >> lane & 1) && -1 - told == n + 1 : told == delay;
-  return alike ? delay : -1 - n;
+  if (at.n == past && left(at) > beyond) return longest_;
+  if (b.since[lane] >= at.n) return at.n - slice;  // by light that has been the same
+  const int end = end_of_step(at.n, step_);
+  After later = at, before = at;
+  while (later.n < std::min(end, past)) later = one_more(later);
+  if (later.n == end) b.left[lane] = left(later);
+  while (before.n > std::max(end - step_, slice)) before = one_less(before);
+  if (before.n == end - step_) b.before[lane] = left(before);
+  return -1 - end;
 }
 
 void PlainMoments::add_block(std::size_t block, int slice, LaneMask changed, const Sink& sink) {

@@ -34,19 +34,19 @@ class PlainMoments {
   struct Block {
     double dose[kLanes] = {};   ///< at node `node`
     double light[kLanes] = {};  ///< that lanes are shown there
-    double left[kLanes] =
-        {};  ///< in the layer looked at last, of slices after the one it waits for
-    double before[kLanes] = {};           ///< the same, of that slice and those after it
-    double later[kLanes] = {};            ///< at the far node of the slice that it waits for
-    std::int32_t waits_for[kLanes] = {};  ///< that slice
-    std::int32_t told[kLanes] = {};       ///< as told last
-    std::int32_t since[kLanes] = {};      ///< the light is the same from here down
-    int node = 0;                         ///< the slice looked at last
-    int last = -1;                        ///< slice with light; -1: not known yet
-    LaneMask active = 0;                  ///< what is told may change
-    LaneMask known = 0;                   ///< `waits_for` and `later` are those of the layer above
-    LaneMask at_once = 0;                 ///< `told` is a slice in which layers gel at once
-    LaneMask told_own = ~LaneMask{0};     ///< each gels in its own slice, or never
+    double left[kLanes] = {};   ///< in the layer at hand, of slices after the step in which it gels
+    double before[kLanes] = {};  ///< the same, of slices after the step before; 0: not known
+    /// Of the layer looked at last: the slice in which it gels, and at its far node what comes after it.
+    std::int32_t waits_for[kLanes] = {};
+    double later[kLanes] = {};
+    std::int32_t told[kLanes] = {};    ///< as told last
+    std::int32_t since[kLanes] = {};   ///< the light is the same from here down
+    int node = 0;                      ///< the slice looked at last
+    int last = -1;                     ///< slice with light; -1: not known yet
+    LaneMask active = 0;               ///< what is told may change
+    LaneMask known = 0;                ///< `waits_for` and `later` hold, and what is left
+    LaneMask at_once = 0;              ///< `told` is a slice in which layers gel at once
+    LaneMask told_own = ~LaneMask{0};  ///< each gels in its own slice, or never
   };
   std::uint8_t* row(std::size_t block, int slice) {
     const auto kept = static_cast<std::size_t>(slice) & (ring_ - 1);
@@ -66,6 +66,7 @@ class PlainMoments {
   const CureModel& model_;
   const PixelCurve& curve_;
   const int longest_;
+  const int step_;      ///< layers that gel in the same step of so many slices are told alike
   const double least_;  ///< dose of a middle that may gel
   bool wanted_ = true;
   std::size_t ring_ = 1;  ///< slices kept, a power of two

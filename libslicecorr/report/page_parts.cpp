@@ -317,7 +317,11 @@ Markup bodies_section(const Prediction& p) {
   }
   if (!b.in_time) {
     html += Markup::raw(
-        R"(<p class="dim">All is taken to gel while its own slice is shown: when it does is not known of this print, or differs at too many places.</p>)");
+        R"(<p class="dim">All is taken to gel while its own slice is shown: when it does is not known of this print.</p>)");
+  } else if (b.time_step > 1) {
+    html += markup(
+        R"(<p class="dim">What hangs on nothing is looked for every {:.6g} um: what does so for less may not be listed.</p>)",
+        b.slice_um(b.time_step));
   }
   return html;
 }

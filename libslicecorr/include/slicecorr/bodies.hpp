@@ -107,6 +107,9 @@ struct Bodies {
   double least_neck_mm2 = 0;  ///< what was asked for; 0: nobody looked for necks
   std::uint64_t necks_in_all = 0;
   std::vector<Neck> necks;  ///< the largest are those that bear most
+  /// Slices after which it was looked again what hangs on nothing: what does so between two looks alone
+  /// is not known; `begins` and `until` are slices of looks, the last of which comes after the last slice.
+  int time_step = 1;
 
   double slice_um(int slice) const { return heights.place_um(slice, grid.layer_um); }
   /// 0 where slices are of different heights: which voxels lie where is not kept.
@@ -158,6 +161,8 @@ std::vector<std::string> warnings_of(const JudgedBodies& bodies);
 struct BodyAsk {
   bool voids = true;          ///< what is trapped
   double least_neck_mm2 = 0;  ///< area by which a body must hang; 0: any. Needs a scale.
+  /// What hangs on nothing is looked for after so many slices each; a power of two.
+  int time_step = 1;
 };
 
 /// Follows bodies and voids slice by slice. Voids are those between what is solid in the end, whenever it

@@ -299,7 +299,7 @@ class BandPredictor {
   void tell_states(StateSink sink);
   /// Told of the layers of a column, from the last to the first, at which it becomes another when their
   /// middle gels, and with that of layers before: so many slices after its own each, at most `longest`; or
-  /// all in slice n, which is told as -1 - n. Before the first told, and where layers do not gel: 0. False,
+  /// all in the step of slices that n ends: -1 - n. Before the first told, and where layers do not gel: 0. False,
   /// and nothing is told, where moments are not known: they are where doses are sums of light and light
   /// does not spread; not of recordings. The sink gives false where nothing more is to be told.
   using DelaySink = std::function<bool(std::size_t column, int slice, int delay)>;

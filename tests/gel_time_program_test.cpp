@@ -151,11 +151,12 @@ TEST_F(GelTimeProgram, Refusals) {
   bad(3, correct + Command{"--speed-mm-h", "20000"}, {"slower than"});
   bad(2, correct + Command{"--speed-mm-h", "800", "--dc-mj-cm3", "100"},
       {"gel-time", "dose factor"});
-  write("deep.toml", std::string(kSmallPrinter) + "[vat]\ndepth_um = 2000\n");
-  bad(2,
-      {"correct", "target.uvj", "-o", "x.uvj", "--printer", "deep.toml", "--resin", "clear.toml",
+  // Resin that ends is counted: less of it than full light needs is not enough.
+  write("shallow.toml", std::string(kSmallPrinter) + "[vat]\ndepth_um = 50\n");
+  bad(3,
+      {"correct", "target.uvj", "-o", "x.uvj", "--printer", "shallow.toml", "--resin", "clear.toml",
        "--speed-mm-h", "800"},
-      {"vat.depth_um", "gel-time"});
+      {"the resin is not deep enough", "50 um"});
   bad(2, correct + Command{"--speed-mm-h", "800", "--uncertain", "ha=5%"}, {"gel-time"});
 }
 

@@ -15,6 +15,7 @@
 #include <cerrno>
 #include <cstring>
 #include <string_view>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 #include "support/http/answers.hpp"
@@ -219,8 +220,8 @@ void GuardedStream::get_local_ip_and_port(std::string& ip, int& port) const {
 
 // --- pool ---------------------------------------------------------------------------------------
 
-BoundedPool::BoundedPool(const ConnectionLimits& limits)
-    : most_waiting_(static_cast<std::size_t>(limits.most_waiting)) {
+BoundedPool::BoundedPool(const ConnectionLimits& limits, std::function<void()> idle)
+    : most_waiting_(static_cast<std::size_t>(limits.most_waiting)), idle_(std::move(idle)) {
   threads_ = slicecorr::detail::start_threads(limits.threads, [this] { work(); });
 }
 
@@ -269,7 +270,13 @@ void BoundedPool::shutdown() {
 GuardedServer::GuardedServer(const ConnectionLimits& limits)
     : limits_(limits), stop_fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   if (stop_fd_ < 0) throw DeviceError("the system gives no event counter");
-  new_task_queue = [this] { return new BoundedPool(limits_); };
+  new_task_queue = [this] {
+    // httplib's stop() does nothing before it listens: a signal that came early counts then.
+    return new BoundedPool(limits_, [this] {
+      if (stopping_) stop();
+    });
+  };
+  set_idle_interval(0, 300'000);
 }
 
 GuardedServer::~GuardedServer() { ::close(stop_fd_); }

@@ -68,7 +68,9 @@ class GuardedStream : public httplib::Stream {
 /// Threads for connections; those beyond the limit are turned away at once.
 class BoundedPool : public httplib::TaskQueue {
  public:
-  explicit BoundedPool(const ConnectionLimits& limits);
+  /// `idle` is called by who listens, whenever nobody has come for a while.
+  BoundedPool(const ConnectionLimits& limits, std::function<void()> idle);
+  void on_idle() override { idle_(); }
   void enqueue(std::function<void()> connection) override;
   void shutdown() override;
   /// Whether the connection that this thread works on is to be turned away.
@@ -78,6 +80,7 @@ class BoundedPool : public httplib::TaskQueue {
   void work();
 
   std::size_t most_waiting_;
+  std::function<void()> idle_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::function<void()>> waiting_;
@@ -91,7 +94,8 @@ class GuardedServer : public httplib::Server {
   ~GuardedServer() override;
   /// The port; `port` 0: one that is free. Throws `DeviceError` when it can't be had.
   int bind(const std::string& host, int port);
-  /// Ends `listen_after_bind`; requests that are being read or answered are cut off.
+  /// Ends `listen_after_bind`, also one that has not begun yet; requests that are being read or answered
+  /// are cut off.
   void stop_now();
   bool stopping() const { return stopping_; }
   const std::atomic<bool>& stopping_flag() const { return stopping_; }

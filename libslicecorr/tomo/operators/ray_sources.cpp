@@ -107,7 +107,7 @@ RaySource RaySources::solve(int ray, double t_mm, double u_mm, double z_mm,
   std::optional<Met> now = meet(place.column, place.row);
   if (!now) return {};
   const double hc = kApart / pitch_x, hr = kApart / pitch_y;
-  double det = 0;
+  double det = 0, along = 0, up = 0;
   for (int step = 0;; ++step) {
     const auto right = meet(place.column + hc, place.row),
                left = meet(place.column - hc, place.row);
@@ -119,6 +119,8 @@ RaySource RaySources::solve(int ray, double t_mm, double u_mm, double z_mm,
     const double tz = (above->t - below->t) / (2 * kApart),
                  zz = (above->z - below->z) / (2 * kApart);
     det = tx * zz - tz * zx;
+    along = std::abs(zz / det) / pitch_x;
+    up = std::abs(tx / det) / pitch_y;
     const double dt = t_mm - now->t, dz = z_mm - now->z;
     if (std::hypot(dt, dz) < kMet) break;
     if (step == kSteps || det == 0) return {};
@@ -140,6 +142,8 @@ RaySource RaySources::solve(int ray, double t_mm, double u_mm, double z_mm,
   source.column = place.column;
   source.row = place.row;
   source.turn_rad = now->ray.turn_rad;
+  source.along = along;
+  source.up = up;
   source.slope = now->slope;
   const double stretch = std::sqrt(1 + now->slope * now->slope);
   source.way_mm = (now->half + u_mm) * stretch;
@@ -181,6 +185,8 @@ void RaySources::along_z(int ray, double t_mm, double u_mm, double first_mm, dou
       add(&RaySource::column);
       add(&RaySource::row);
       add(&RaySource::turn_rad);
+      add(&RaySource::along);
+      add(&RaySource::up);
       add(&RaySource::slope);
       add(&RaySource::way_mm);
       add(&RaySource::spread);
@@ -211,6 +217,8 @@ void RaySources::along_z(int ray, double t_mm, double u_mm, double first_mm, dou
     places[k] = {between(&RaySource::column),
                  between(&RaySource::row),
                  between(&RaySource::turn_rad),
+                 between(&RaySource::along),
+                 between(&RaySource::up),
                  between(&RaySource::slope),
                  between(&RaySource::way_mm),
                  between(&RaySource::spread),

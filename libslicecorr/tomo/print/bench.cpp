@@ -13,15 +13,15 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial.hpp"
 #include "tomo/operators/rays.hpp"
+#include "tomo/operators/square_projector.hpp"
 
 namespace slicecorr::tomo {
 
 namespace {
 
 constexpr double kSame = 1e-9;
-/// Rays of neighbouring groups of pixels are at least so many voxels apart: light that is finer than
-/// voxels can meet their middles and be anything in between.
-constexpr double kLeastApart = 0.95;
+/// Places within a group of pixels that tell how much of its light comes into the resin.
+constexpr int kWithinGroup = 8;
 
 [[noreturn]] void wrong(const Printer& printer, const std::string& what) {
   throw InputError("printer '" + printer.name + "': " + what);
@@ -67,10 +67,35 @@ int row_of_slice(const Bench& bench, int slice) {
   return nearest;
 }
 
+Light light_of_groups(const Bench& groups, const Light& light, const Bench& pixels) {
+  const TomoGrid &from = groups.grid, &to = pixels.grid;
+  Light shown(to);
+  const PixelWindow &a = groups.window, &b = pixels.window;
+  const auto group_of = [](int pixel, int first, int wide, int count) {
+    const int group = pixel < first ? -1 : (pixel - first) / wide;
+    return group < count ? group : -1;
+  };
+  for (int i = 0; i < to.pixels; ++i) {
+    const int column = group_of(b.first_column + i, a.first_column, a.wide, a.columns);
+    if (column < 0) continue;
+    for (int r = 0; r < to.light_rows(); ++r) {
+      int row = r;
+      if (to.coupled()) {
+        const int down = group_of(b.first_row + b.rows - 1 - r, a.first_row, a.high, a.rows);
+        if (down < 0) continue;
+        row = a.rows - 1 - down;
+      }
+      for (int m = 0; m < to.angles; ++m) {
+        shown.values[to.pixel(m, i, r)] = light.values[from.pixel(m, column, row)];
+      }
+    }
+  }
+  return shown;
+}
+
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert) {
   if (bench.lab) return make_ray_projector(bench.grid, *bench.lab, insert);
-  if (insert == nullptr) return make_projector(bench.grid, bench.rays);
-  return make_projector(bench.grid, bench.rays, std::make_shared<Shadow>(cast_shadow(*insert)));
+  return detail::make_square_projector(bench.grid, bench.rays, insert);
 }
 
 int resolving_angles(double radius_mm, double voxel_mm) {
@@ -87,6 +112,12 @@ int usual_angles(const Printer& printer, double part_radius_mm, double voxel_mm)
 }
 
 namespace {
+
+/// Pixels of this size in the resin that show the same.
+int grouped_in(const Sampling& sampling, double pixel_mm) {
+  if (!sampling.grouped) return 1;
+  return std::max(1, static_cast<int>(std::floor(sampling.voxel_mm / pixel_mm + kSame)));
+}
 
 /// Light that stays in its slice.
 void make_level(const Printer& printer, double n, const Sampling& sampling, Bench& b) {
@@ -111,18 +142,35 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
   b.reach_mm = std::min(
       {b.reach_mm, -line_mm(astray_px - kSame), line_mm(printer.width_px - 1 - astray_px + kSame)});
   b.reach_mm = std::max(0.0, b.reach_mm);
-  grid.pixels = past - first;
-  b.window = {first, 0, grid.pixels, printer.height_px, 1, 1};
+  const int wide = grouped_in(sampling, grid.pixel_mm);
+  // Whole groups: more columns where the image has them, else fewer.
+  while ((past - first) % wide != 0 && past < printer.width_px) ++past;
+  while ((past - first) % wide != 0 && first > 0) --first;
+  past -= (past - first) % wide;
+  grid.pixels = (past - first) / wide;
+  grid.pixel_mm *= wide;
+  b.window = {first, 0, grid.pixels, printer.height_px, wide, 1};
   if (grid.pixels < 2) wrong(printer, "none of its pixels meets the resin");
   grid.check();
 
   RayTables& rays = b.rays;
   for (int i = 0; i < grid.pixels; ++i) {
-    const double q = pixel_x_mm(printer, first + i), t = line_mm(first + i);
-    rays.line_mm.push_back(t);
-    const detail::RayAt ray = detail::ray_at(vial, n, q, rays.alpha_per_mm, grid.radius_mm);
-    rays.weight.push_back(ray.weight);
-    rays.turn_rad.push_back(ray.turn_rad);
+    const double column = b.window.column_of(i);
+    rays.line_mm.push_back(line_mm(column));
+    const detail::RayAt middle = detail::ray_at(vial, n, pixel_x_mm(printer, column),
+                                                rays.alpha_per_mm, grid.radius_mm);
+    rays.turn_rad.push_back(middle.turn_rad);
+    double weight = 0;
+    if (middle.weight == 0) {
+      rays.weight.push_back(0);
+      continue;
+    }
+    for (int k = 0; k < kWithinGroup; ++k) {
+      const double q =
+          pixel_x_mm(printer, column + wide * ((k + 0.5) / kWithinGroup - 0.5));
+      weight += detail::ray_at(vial, n, q, rays.alpha_per_mm, grid.radius_mm).weight;
+    }
+    rays.weight.push_back(weight / kWithinGroup);
   }
 
   // Empty tables leave the operators their shorter ways.
@@ -136,6 +184,7 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
   if (all_near(rays.turn_rad, [](int) { return 0.0; })) rays.turn_rad.clear();
   if (all_near(rays.weight, [](int) { return 1.0; })) rays.weight.clear();
 
+  if (sampling.grouped) return;
   b.places = FramePlaces(printer, grid, b.window, b.clockwise);
   // What all angles light, at both ends of the rows.
   std::vector<bool> lit(static_cast<std::size_t>(sampling.slices), true);
@@ -194,12 +243,7 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   // How far apart neighbouring pixels are in the resin, near the axis.
   const double at_mm = printer.pixel_x_um * 1e-3 * vial.n_outside / n,
                row_mm = printer.pixel_y_um * 1e-3 * height_on_axis(printer, n);
-  const auto in_voxel = [&](double pixel_mm) {
-    if (sampling.every_pixel) return 1;
-    return std::max(
-        1, static_cast<int>(std::ceil(kLeastApart * sampling.voxel_mm / pixel_mm - kSame)));
-  };
-  const int wide = in_voxel(at_mm), high = in_voxel(row_mm);
+  const int wide = grouped_in(sampling, at_mm), high = grouped_in(sampling, row_mm);
   const PixelWindow all{printer.width_px % wide / 2,
                         printer.height_px % high / 2,
                         printer.width_px / wide,
@@ -237,9 +281,11 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
     }
   }
   // Rows of light are counted upwards.
-  const Stretch rows =
-      range_of(all.rows, [&](int r) { return row_meets[static_cast<std::size_t>(r)]; });
+  Stretch rows = range_of(all.rows, [&](int r) { return row_meets[static_cast<std::size_t>(r)]; });
   if (rows.count() < 1) wrong(printer, "none of its rows lights the part");
+  // Two rows tell how far rows are apart.
+  if (rows.count() < 2) rows = {std::max(0, rows.end - 2), std::max(rows.end, 2)};
+  if (rows.end > all.rows) wrong(printer, "its image has one row; expected 2 or more");
   b.window = {all.first_column + columns.first * wide,
               all.first_row + (all.rows - rows.end) * high,
               columns.count(),
@@ -282,7 +328,7 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
                     sampling.slices * sampling.voxel_mm, grid.lowest_mm - 0.5 * sampling.voxel_mm,
                     -grid.lowest_mm + 0.5 * sampling.voxel_mm));
   }
-  b.places = FramePlaces(printer, grid, b.window, b.clockwise);
+  if (!sampling.grouped) b.places = FramePlaces(printer, grid, b.window, b.clockwise);
 }
 
 }  // namespace
@@ -294,6 +340,7 @@ bool slices_share_light(const Printer& printer) {
 
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling) {
   require_tomographic(printer);
+  refuse_uncounted_spread(printer, resin);
   const Vial& vial = *printer.vial;
   Bench b;
   const double n = index_of(resin);
@@ -342,7 +389,7 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   if (b.places.uneven()) {
     for (int i = 0; i < grid.pixels; ++i) {
       for (int z = 0; z < grid.light_rows(); ++z) {
-        const int column = b.window.column_of(i);
+        const int column = b.window.first_column + i;
         if (misses(vial, n, pixel_x_mm(printer, column), 0)) continue;
         if (b.places.share(0, i, z) > 0) continue;
         wrong(printer,

@@ -16,7 +16,9 @@
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/operators/directions.hpp"
 #include "tomo/operators/ray_sources.hpp"
+#include "tomo/operators/shade.hpp"
 #include "tomo/print/changing_resin.hpp"
 
 namespace slicecorr::tomo {
@@ -24,133 +26,6 @@ namespace slicecorr::tomo {
 namespace {
 
 using detail::RaySource;
-
-/// The projector's pixel whose light comes to a line in the resin, and the turn of the vial at which
-/// it does, in telecentric light: t = n_outside q / n and th' = th + delta(q).
-struct Source {
-  double column = 0;
-  double turn_rad = 0;
-  double mw_cm2_share = 0;  ///< of a pixel's irradiance that is left at u = 0 without absorption
-};
-
-/// What an insert hides, found by following each line from the voxel against the light, one row of
-/// voxels after another. Lengths are in voxels; x and y count them.
-class Insert {
- public:
-  Insert(const Box<std::uint8_t>& insert, int slices)
-      : n_(insert.nx), words_((static_cast<std::size_t>(slices) + 63) / 64) {
-    if (insert.values.empty()) return;
-    opaque_.assign(static_cast<std::size_t>(n_) * static_cast<std::size_t>(n_) * words_, 0);
-    for (int z = 0; z < slices; ++z) {
-      for (int y = 0; y < n_; ++y) {
-        for (int x = 0; x < n_; ++x) {
-          if (insert.values[insert.at(z, y, x)] == 0) continue;
-          opaque_[at(x, y) + static_cast<std::size_t>(z) / 64] |= std::uint64_t{1} << (z % 64);
-          x0_ = std::min(x0_, x), x1_ = std::max(x1_, x);
-          y0_ = std::min(y0_, y), y1_ = std::max(y1_, y);
-        }
-      }
-    }
-  }
-
-  std::size_t words() const { return words_; }
-  /// Sets the bits of the slices in which something opaque lies at (x, y) or from there on along
-  /// (dx, dy), a unit vector. Whether there are any.
-  bool hides(int x, int y, double dx, double dy, std::vector<std::uint64_t>& slices) const {
-    if (opaque_.empty() || x0_ > x1_) return false;
-    std::fill(slices.begin(), slices.end(), 0);
-    bool any = add(x, y, slices);
-    for (int row = y0_; row <= y1_; ++row) {
-      Way way;
-      if (!narrow(row - y, dy, way)) continue;
-      // Columns between both ends of the way through this row.
-      double from = x0_, to = x1_;
-      if (way.to < kFar) {
-        from = std::max(from, std::floor(x + std::min(way.from * dx, way.to * dx)) - 1);
-        to = std::min(to, std::ceil(x + std::max(way.from * dx, way.to * dx)) + 1);
-      }
-      for (int column = static_cast<int>(from); column <= static_cast<int>(to); ++column) {
-        Way inside = way;
-        if (narrow(column - x, dx, inside)) any |= add(column, row, slices);
-      }
-    }
-    return any;
-  }
-
- private:
-  static constexpr double kFar = 1e30;
-  /// Squares are taken smaller by this, so that lines along their edges and through their corners
-  /// pass.
-  static constexpr double kHalf = 0.5 - 1e-6;
-  struct Way {
-    double from = 0, to = kFar;
-  };
-  /// Keeps the part of the way on which |d s - offset| is below half a voxel; false: nothing is left.
-  static bool narrow(int offset, double d, Way& way) {
-    if (std::abs(d) < 1e-12) return std::abs(offset) < kHalf;
-    const double a = (offset - kHalf) / d, b = (offset + kHalf) / d;
-    way.from = std::max(way.from, std::min(a, b));
-    way.to = std::min(way.to, std::max(a, b));
-    return way.from < way.to;
-  }
-  std::size_t at(int x, int y) const {
-    return (static_cast<std::size_t>(y) * static_cast<std::size_t>(n_) +
-            static_cast<std::size_t>(x)) *
-           words_;
-  }
-  bool add(int x, int y, std::vector<std::uint64_t>& slices) const {
-    std::uint64_t any = 0;
-    for (std::size_t w = 0; w < words_; ++w) any |= slices[w] |= opaque_[at(x, y) + w];
-    return any != 0;
-  }
-
-  int n_;
-  std::size_t words_;
-  std::vector<std::uint64_t> opaque_;  ///< [y][x], bits of slices
-  int x0_ = std::numeric_limits<int>::max(), x1_ = -1, y0_ = x0_, y1_ = -1;
-};
-
-/// What an insert hides from rays that rise: followed from the voxel against the light, by quarters
-/// of a voxel.
-class RisingShade {
- public:
-  explicit RisingShade(const Box<std::uint8_t>& insert) : insert_(insert) {
-    for (int y = 0; y < insert.ny; ++y) {
-      for (int x = 0; x < insert.nx; ++x) {
-        for (int z = 0; z < insert.nz; ++z) {
-          if (insert.values[insert.at(z, y, x)] == 0) continue;
-          const double middle_x = 0.5 * (insert.nx - 1), middle_y = 0.5 * (insert.ny - 1);
-          radius_ = std::max(radius_, std::hypot(x - middle_x, y - middle_y) + 1);
-        }
-      }
-    }
-  }
-
-  bool hides(int x, int y, int z, double th, double slope) const {
-    if (radius_ == 0) return false;
-    const double dx = std::sin(th), dy = -std::cos(th);
-    const double px = x - 0.5 * (insert_.nx - 1), py = y - 0.5 * (insert_.ny - 1);
-    // From where the ray comes into the insert's circle to where it leaves it.
-    const double nearest = -(px * dx + py * dy), beside = px * dy - py * dx;
-    if (std::abs(beside) > radius_) return false;
-    const double half = std::sqrt(radius_ * radius_ - beside * beside);
-    for (double way = std::max(0.0, nearest - half); way <= nearest + half; way += 0.25) {
-      const auto at_x = static_cast<int>(std::lround(x + way * dx)),
-                 at_y = static_cast<int>(std::lround(y + way * dy)),
-                 at_z = static_cast<int>(std::lround(z - way * slope));
-      if (at_x < 0 || at_x >= insert_.nx || at_y < 0 || at_y >= insert_.ny || at_z < 0 ||
-          at_z >= insert_.nz) {
-        continue;
-      }
-      if (insert_.values[insert_.at(at_z, at_y, at_x)] != 0) return true;
-    }
-    return false;
-  }
-
- private:
-  const Box<std::uint8_t>& insert_;
-  double radius_ = 0;  ///< voxels; 0: no insert
-};
 
 /// When which frame is lit: for each of a turn's cells of angle the frames, by their angle (or
 /// `kBlackFrame`), and for how long, s.
@@ -223,6 +98,62 @@ Schedule scheduled(std::span<const Showing> shown, const Bench& bench) {
   return schedule;
 }
 
+/// What light of a place across the image becomes in the resin: a table over places, 16 to a column.
+class LevelLight {
+ public:
+  LevelLight(const Printer& printer, double n, const Bench& bench)
+      : first_(-1), magnified_(n / printer.vial->n_outside) {
+    for (int k = 0; k <= kFine * (bench.grid.pixels + 2); ++k) {
+      const double q = pixel_x_mm(
+          printer, bench.window.first_column + first_ + static_cast<double>(k) / kFine);
+      const bool in = !misses(*printer.vial, n, q, 0);
+      turn_.push_back(in ? turned_rad(*printer.vial, n, q, 0) : 0);
+      share_.push_back(in ? transmittance(*printer.vial, n, q, 0) * magnified_ : 0);
+      in_.push_back(in);
+    }
+  }
+  struct At {
+    double turn_rad = 0;
+    double share = 0;  ///< of a pixel's irradiance that is left without absorption; 0: it misses
+  };
+  At at(double place) const {
+    const double f = (place - first_) * kFine;
+    const auto k = static_cast<long>(std::floor(f));
+    if (k < 0 || k + 1 >= static_cast<long>(turn_.size())) return {};
+    const auto i = static_cast<std::size_t>(k);
+    // Where a ray of the two misses, the other tells.
+    if (!in_[i] || !in_[i + 1]) {
+      const std::size_t j = f - static_cast<double>(k) < 0.5 ? i : i + 1;
+      return {turn_[j], share_[j]};
+    }
+    const double w = f - static_cast<double>(k);
+    return {turn_[i] + w * (turn_[i + 1] - turn_[i]), share_[i] + w * (share_[i + 1] - share_[i])};
+  }
+
+ private:
+  static constexpr int kFine = 16;
+  double first_, magnified_;
+  std::vector<double> turn_, share_;
+  std::vector<bool> in_;
+};
+
+/// Calls use(cell, share) for the cells of a schedule that light in directions `one` cells wide, of
+/// rays that differ by `other` cells, meets; `at` is its middle.
+template <class Use>
+void each_cell(double at, double one, double other, const Use& use) {
+  const double reach = (one + other) / 2;
+  const auto first = static_cast<long>(std::floor(at - reach + 0.5)),
+             last = static_cast<long>(std::ceil(at + reach - 0.5));
+  double before = 0;
+  for (long cell = first; cell <= last; ++cell) {
+    const double up_to =
+        cell == last ? 1
+                     : detail::two_boxes_below(static_cast<double>(cell) + 0.5 - at, one, other);
+    if (up_to > before) use(cell, up_to - before);
+    before = std::max(before, up_to);
+  }
+}
+
 class DirectSum {
  public:
   DirectSum(const TomoJob& job, const Bench& bench, Schedule schedule,
@@ -233,23 +164,35 @@ class DirectSum {
         schedule_(std::move(schedule)),
         n_(index_of(job.resin)),
         alpha_(absorption_per_mm(job.resin)),
-        insert_(job.insert, bench.grid.slices),
-        opaque_(job.insert) {
-    // z innermost, as light of one pixel goes to all slices alike.
+        level_(job.insert, bench.grid.slices),
+        rising_(job.insert) {
     const TomoGrid& g = bench.grid;
+    // Directions in a cell, so that light of one goes on by a quarter of a voxel, or by half of one
+    // where its way is counted.
+    const double part_mm = part_radius_mm(job.part, job.sampling.voxel_mm);
+    const double radius_mm =
+        part_mm > 0 ? std::min(bench.radius_mm, part_mm + g.voxel_mm()) : bench.radius_mm;
+    const double arc = 2 * std::numbers::pi / schedule_.cells() * radius_mm / g.voxel_mm();
+    directions_ = std::clamp(static_cast<int>(std::ceil((g.coupled() ? 2 : 4) * arc)), 1, 64);
     if (g.coupled()) {
       sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
                        g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
+      for (int ray = 0; ray < bench.lab->per_pixel; ++ray) take_turns(ray);
       return;
     }
+    across_.emplace(printer_, n_, bench);
+    // z innermost, as light of one pixel goes to all slices alike.
     const auto slices = static_cast<std::size_t>(g.slices);
     black_.assign(slices, bench.mw_cm2.front());
     light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * slices);
+    const std::vector<Meets> rows = rows_of_slices();
     for (int m = 0; m < g.angles; ++m) {
       for (int i = 0; i < g.pixels; ++i) {
-        for (int z = 0; z < g.slices; ++z) {
-          light_[row(m, i) + static_cast<std::size_t>(z)] =
-              bench.mw_cm2[job.levels[g.pixel(m, i, z)]];
+        double* const to = &light_[row(m, i)];
+        for (const Meets& r : rows) {
+          const double lit =
+              bench.mw_cm2[r.shown < 0 ? 0 : job.levels[g.pixel(m, i, r.shown)]];
+          to[r.slice] += r.share * lit;
         }
       }
     }
@@ -265,34 +208,103 @@ class DirectSum {
     const bool by_frame = sum.size() > static_cast<std::size_t>(bench_.grid.slices);
     const TomoGrid& g = bench_.grid;
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
-    std::vector<std::uint64_t> hidden(insert_.words());
-    const int cells = schedule_.cells();
-    for (int k = 0; k < cells; ++k) {
-      const double th = 2 * std::numbers::pi * k / cells;
-      const double t = x * std::cos(th) + y * std::sin(th),
-                   u = -x * std::sin(th) + y * std::cos(th);
-      const Source from = source_of(t);
-      const double half = std::sqrt(std::max(0.0, bench_.radius_mm * bench_.radius_mm - t * t));
-      const double share = from.mw_cm2_share * std::exp(-alpha_ * (half + u));
-      const double m = k - from.turn_rad / (2 * std::numbers::pi) * cells;
-      const auto m0 = static_cast<long>(std::floor(m));
-      if (schedule_.at(m0).empty() && schedule_.at(m0 + 1).empty()) continue;
-      const bool shaded = insert_.hides(column, row_of_voxels, std::sin(th), -std::cos(th), hidden);
-      const double i = from.column - bench_.window.first_column;
-      const double wm = m - static_cast<double>(m0);
-      for (const int b : {0, 1}) {
-        const double of_angle = share * (b ? wm : 1 - wm);
-        if (of_angle == 0) continue;
-        for (const Schedule::Part& part : schedule_.at(m0 + b)) {
-          const int stage = angle_near(m0 + b);
-          add(part.angle, stage, i, of_angle * part.exposed_s, shaded ? &hidden : nullptr,
-              sum.data() + (by_frame ? frame_at(stage) * static_cast<std::size_t>(g.slices) : 0));
+    std::vector<std::uint64_t> hidden(level_.words());
+    const int count = schedule_.cells() * directions_;
+    const double first_mm = pixel_x_mm(printer_, bench_.window.first_column) *
+                            printer_.vial->n_outside / n_;
+    const double cell_rad = 2 * std::numbers::pi / schedule_.cells();
+    for (int k = 0; k < count; ++k) {
+      const double in_cells = (k + 0.5) / directions_ - 0.5, th = in_cells * cell_rad;
+      const double c = std::cos(th), s = std::sin(th);
+      const double t = x * c + y * s, u = -x * s + y * c;
+      const double one = g.voxel_mm() * std::abs(c) / g.pixel_mm,
+                   other = g.voxel_mm() * std::abs(s) / g.pixel_mm;
+      const double place = (t - first_mm) / g.pixel_mm, reach = (one + other) / 2;
+      const bool shaded = level_.hides(column, row_of_voxels, s, -c, hidden);
+      // Piece by piece of the voxel, as columns cut it.
+      double edge = place - reach, before = 0;
+      while (edge < place + reach - 1e-9) {
+        double next = std::min(place + reach, next_edge(edge));
+        // Pieces whose light is turned by more than a direction's width are cut again.
+        const double turns = std::abs(across_->at(next).turn_rad - across_->at(edge).turn_rad);
+        const double cuts = std::ceil(turns / cell_rad * directions_ - 1e-6);
+        if (cuts > 1) next = std::min(next, edge + (next - edge) / std::min(cuts, 16.0));
+        const double up_to =
+            next >= place + reach ? 1 : detail::two_boxes_below(next - place, one, other);
+        const double middle = (edge + next) / 2;
+        const LevelLight::At from = across_->at(middle);
+        if (from.share > 0 && up_to > before) {
+          const double t_ray = first_mm + middle * g.pixel_mm;
+          const double half =
+              std::sqrt(std::max(0.0, bench_.radius_mm * bench_.radius_mm - t_ray * t_ray));
+          const double share =
+              (up_to - before) * from.share * std::exp(-alpha_ * (half + u)) / directions_;
+          each_cell(in_cells - from.turn_rad / cell_rad, 1.0 / directions_, 0,
+                    [&](long cell, double of_cell) {
+                      for (const Schedule::Part& part : schedule_.at(cell)) {
+                        const int stage = angle_near(cell);
+                        add(part.angle, stage, middle, share * of_cell * part.exposed_s,
+                            shaded ? &hidden : nullptr,
+                            sum.data() + (by_frame ? frame_at(stage) *
+                                                         static_cast<std::size_t>(g.slices)
+                                                   : 0));
+                      }
+                    });
         }
+        before = std::max(before, up_to);
+        edge = next;
       }
     }
   }
 
  private:
+  /// Rows that show a slice's light meet other slices, too, where they are not as high as slices, or
+  /// lie between them.
+  struct Meets {
+    std::size_t slice = 0;
+    int shown = -1;  ///< whose light, or black
+    double share = 0;
+  };
+  std::vector<Meets> rows_of_slices() const {
+    const TomoGrid& g = bench_.grid;
+    std::vector<Meets> all;
+    const auto slices = static_cast<std::size_t>(g.slices);
+    if (bench_.places.moved() || bench_.places.uneven()) {
+      for (std::size_t z = 0; z < slices; ++z) all.push_back({z, static_cast<int>(z), 1});
+      return all;
+    }
+    const double height = g.slice_height_mm(), pitch = printer_.pixel_y_um * 1e-3;
+    for (std::size_t z = 0; z < slices; ++z) {
+      const double low = bench_.places.lowest_mm() + height * (static_cast<double>(z) - 0.5),
+                   high = low + height;
+      double lit = 0;
+      for (int r = 0; r < printer_.height_px; ++r) {
+        const double at = pixel_z_mm(printer_, r);
+        const double meets =
+            std::min(high, at + pitch / 2) - std::max(low, at - pitch / 2);
+        if (!(meets > 1e-9 * height)) continue;
+        const int shown = bench_.places.lit_by(0, bench_.window.first_column, r).row;
+        lit += meets / height;
+        if (!all.empty() && all.back().slice == z && all.back().shown == shown) {
+          all.back().share += meets / height;
+        } else {
+          all.push_back({z, shown, meets / height});
+        }
+      }
+      // The darkness beside the image is not even black light.
+      if (lit > 0 && std::abs(lit - 1) < 1e-6 && all.back().slice == z && all.back().share == lit) {
+        all.back().share = 1;
+      }
+    }
+    return all;
+  }
+
+  /// Where the next column begins; of frames that follow an axis, after a quarter of one.
+  double next_edge(double place) const {
+    const double fine = bench_.places.moved() ? 4 : 1;
+    return (std::floor((place + 0.5) * fine + 1e-9) + 1) / fine - 0.5;
+  }
+
   /// Of the job's angles, the one nearest to a cell of the schedule.
   int angle_near(long cell) const {
     const long angles = bench_.grid.angles, cells = schedule_.cells();
@@ -319,8 +331,8 @@ class DirectSum {
   }
 
   /// Adds what the frame of one angle, or black, leaves while the stage stands at `stage`: light of
-  /// a pixel that may lie between two columns, and in others from slice to slice.
-  void add(int frame, int stage, double pixel, double weight,
+  /// the column in which a place lies, which may be another in each slice.
+  void add(int frame, int stage, double place, double weight,
            const std::vector<std::uint64_t>* hidden, double* sum) const {
     const TomoGrid& g = bench_.grid;
     const auto slices = static_cast<std::size_t>(g.slices);
@@ -332,26 +344,41 @@ class DirectSum {
       for (std::size_t z = 0; z < slices; ++z) {
         if (!in_resin(z)) continue;
         const int slice = static_cast<int>(z);
-        const double column = places.column_of(stage, pixel, slice);
-        const auto first = static_cast<int>(std::floor(column));
-        for (const int a : {0, 1}) {
-          const double of_column = a ? column - first : 1 - (column - first);
-          if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
-          sum[z] += weight * of_column * light(frame, stage, first + a, slice);
-        }
+        const auto column = static_cast<int>(std::floor(
+            (places.moved() ? places.column_of(stage, place, slice) : place) + 0.5));
+        if (column < 0 || column >= g.pixels) continue;
+        sum[z] += weight * light(frame, stage, column, slice);
       }
       return;
     }
-    const auto first = static_cast<int>(std::floor(pixel));
-    for (const int a : {0, 1}) {
-      const double of_column = weight * (a ? pixel - first : 1 - (pixel - first));
-      if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
-      const double* const lit =
-          frame == kBlackFrame ? black_.data() : &light_[row(frame, first + a)];
-      for (std::size_t z = 0; z < slices; ++z) {
-        if (in_resin(z)) sum[z] += of_column * lit[z];
-      }
+    const auto column = static_cast<int>(std::floor(place + 0.5));
+    if (column < 0 || column >= g.pixels) return;
+    const double* const lit = frame == kBlackFrame ? black_.data() : &light_[row(frame, column)];
+    for (std::size_t z = 0; z < slices; ++z) {
+      if (in_resin(z)) sum[z] += weight * lit[z];
     }
+  }
+
+  /// How much more the rays of a column are turned than those of the one before.
+  void take_turns(int ray) {
+    const LabRays& lab = *bench_.lab;
+    const auto at = [&](int c) -> const LabRay& {
+      return lab.rays[(static_cast<std::size_t>(c) * static_cast<std::size_t>(lab.rows) +
+                       static_cast<std::size_t>(lab.rows / 2)) *
+                          static_cast<std::size_t>(lab.per_pixel) +
+                      static_cast<std::size_t>(ray)];
+    };
+    for (int c = 0; c < lab.columns; ++c) {
+      const int a = c > 0 && at(c - 1).half_mm > 0 ? c - 1 : c,
+                b = c + 1 < lab.columns && at(c + 1).half_mm > 0 ? c + 1 : c;
+      const bool known = b > a && at(c).half_mm > 0;
+      turns_.push_back(known ? (at(b).turn_rad - at(a).turn_rad) / (b - a) : 0);
+    }
+  }
+  double turn_of_column(int ray, double column) const {
+    const auto columns = static_cast<long>(bench_.lab->columns);
+    const long c = std::clamp(std::lround(column), 0L, columns - 1);
+    return turns_[static_cast<std::size_t>(ray * columns + c)];
   }
 
   /// The same where slices share light.
@@ -361,55 +388,88 @@ class DirectSum {
     const auto slices = static_cast<std::size_t>(g.slices);
     const bool by_frame = sum.size() > slices;
     std::vector<RaySource> sources(slices);
-    const int cells = schedule_.cells();
-    for (int k = 0; k < cells; ++k) {
-      const double th = 2 * std::numbers::pi * k / cells;
-      const double t = x * std::cos(th) + y * std::sin(th),
-                   u = -x * std::sin(th) + y * std::cos(th);
+    const int count = schedule_.cells() * directions_;
+    const double cell_rad = 2 * std::numbers::pi / schedule_.cells(),
+                 width_rad = cell_rad / directions_;
+    for (int k = 0; k < count; ++k) {
+      const double in_cells = (k + 0.5) / directions_ - 0.5, th = in_cells * cell_rad;
+      const double c = std::cos(th), s = std::sin(th);
+      const double t = x * c + y * s, u = -x * s + y * c;
       for (int ray = 0; ray < sources_->rays(); ++ray) {
         sources_->along_z(ray, t, u, g.lowest_mm, g.slice_height_mm(), sources);
         for (std::size_t z = 0; z < slices; ++z) {
           const RaySource& from = sources[z];
           if (!(from.share > 0)) continue;
-          const double m = k - from.turn_rad / (2 * std::numbers::pi) * cells;
-          const auto m0 = static_cast<long>(std::floor(m));
-          const double wm = m - static_cast<double>(m0);
-          if (schedule_.at(m0).empty() && schedule_.at(m0 + 1).empty()) continue;
-          if (opaque_.hides(column, row_of_voxels, static_cast<int>(z), th, from.slope)) continue;
-          for (const int b : {0, 1}) {
-            const double of_angle = from.share * (b ? wm : 1 - wm);
-            const int stage = angle_near(m0 + b);
-            double& to = sum[z + (by_frame ? frame_at(stage) * slices : 0)];
-            for (const Schedule::Part& part : schedule_.at(m0 + b)) {
-              to += of_angle * part.exposed_s * light_at(part.angle, stage, from);
-            }
-          }
+          if (rising_.hides(column, row_of_voxels, static_cast<int>(z), th, from.slope)) continue;
+          const Seen seen{from, ray, in_cells - from.turn_rad / cell_rad,
+                          g.voxel_mm() * std::abs(c) * from.along,
+                          std::hypot(g.voxel_mm() * s, u * width_rad) * from.along};
+          add_ray(seen, [&](int stage) -> double& {
+            return sum[z + (by_frame ? frame_at(stage) * slices : 0)];
+          });
         }
       }
     }
   }
 
-  /// Light of a place in the image of a steady axis, mW/cm².
-  double light_at(int frame, int stage, const RaySource& from) const {
+  /// A voxel's light by one ray of its pixels.
+  struct Seen {
+    const RaySource& from;
+    int ray = 0;
+    double at = 0;                ///< cell of the schedule in which it comes
+    double one = 0, other = 0;    ///< widths of the voxel, columns
+  };
+  template <class To>
+  void add_ray(const Seen& seen, const To& to) const {
+    const TomoGrid& g = bench_.grid;
+    const RaySource& from = seen.from;
+    const double cell_rad = 2 * std::numbers::pi / schedule_.cells();
+    // By where a steady axis would be shown; wobble moves the image by whole pixels.
+    const FramePlaces::Place here{from.column - bench_.window.first_column,
+                                  bench_.window.rows - 1 - (from.row - bench_.window.first_row)};
+    const double by_column = turn_of_column(seen.ray, here.pixel) / cell_rad;
+    const double high = g.slice_height_mm() * from.up,
+                 tilted = g.voxel_mm() * std::abs(from.slope) * from.up;
+    const double wide = (seen.one + seen.other) / 2, tall = (high + tilted) / 2;
+    const auto c0 = std::lround(here.pixel - wide), c1 = std::lround(here.pixel + wide);
+    const auto r0 = std::lround(here.row - tall), r1 = std::lround(here.row + tall);
+    const auto share_of = [](long i, double place, double one, double other) {
+      const double edge = static_cast<double>(i) - place;
+      return detail::two_boxes_below(edge + 0.5, one, other) -
+             detail::two_boxes_below(edge - 0.5, one, other);
+    };
+    for (long i = c0; i <= c1; ++i) {
+      const double f = share_of(i, here.pixel, seen.one, seen.other);
+      if (!(f > 0)) continue;
+      const double at = seen.at - by_column * (static_cast<double>(i) - here.pixel);
+      each_cell(at, 1.0 / directions_, std::abs(by_column), [&](long cell, double of_cell) {
+        const std::vector<Schedule::Part>& parts = schedule_.at(cell);
+        if (parts.empty()) return;
+        const int stage = angle_near(cell);
+        double& sum = to(stage);
+        for (long r = r0; r <= r1; ++r) {
+          const double weight = f * share_of(r, here.row, high, tilted) * of_cell * from.share /
+                                directions_;
+          for (const Schedule::Part& part : parts) {
+            sum += weight * part.exposed_s * light_at(part.angle, stage, i, r);
+          }
+        }
+      });
+    }
+  }
+
+  /// Light of a pixel of the image of a steady axis, mW/cm².
+  double light_at(int frame, int stage, long column, long row) const {
     const TomoGrid& g = bench_.grid;
     const FramePlaces& places = bench_.places;
     const int m = frame == kBlackFrame ? stage : frame;
-    const FramePlaces::Place at =
-        places.place_of(m, from.column + places.right_px(stage), from.row - places.up_px(stage));
-    const auto i0 = static_cast<int>(std::floor(at.pixel)),
-               r0 = static_cast<int>(std::floor(at.row));
-    const double wi = at.pixel - i0, wr = at.row - r0;
-    double light = 0;
-    for (const int a : {0, 1}) {
-      for (const int b : {0, 1}) {
-        const int i = i0 + a, r = r0 + b;
-        if (i < 0 || i >= g.pixels || r < 0 || r >= g.rows) continue;
-        const std::size_t level = frame == kBlackFrame ? 0 : job_.levels[g.pixel(m, i, r)];
-        light +=
-            (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * bench_.mw_cm2[level] * places.share(m, i, r);
-      }
-    }
-    return light;
+    // Where the frame of m has what the stage's axis shows here.
+    const long i = column + std::lround(places.right_px(stage)) - std::lround(places.right_px(m)),
+               r = row + std::lround(places.up_px(stage)) - std::lround(places.up_px(m));
+    if (i < 0 || i >= g.pixels || r < 0 || r >= g.rows) return 0;
+    const auto at_column = static_cast<int>(i), at_row = static_cast<int>(r);
+    const std::size_t level = frame == kBlackFrame ? 0 : job_.levels[g.pixel(m, at_column, at_row)];
+    return bench_.mw_cm2[level] * places.share(m, at_column, at_row);
   }
 
   std::size_t row(int m, int i) const {
@@ -418,24 +478,18 @@ class DirectSum {
             static_cast<std::size_t>(i)) *
            static_cast<std::size_t>(g.slices);
   }
-  Source source_of(double t) const {
-    const Vial& vial = *printer_.vial;
-    const double q = t * n_ / vial.n_outside;
-    if (misses(vial, n_, q, 0)) return {};
-    // X grows by a pixel's pitch from column to column.
-    const double column = (q - pixel_x_mm(printer_, 0)) / (printer_.pixel_x_um * 1e-3);
-    return {column, turned_rad(vial, n_, q, 0),
-            transmittance(vial, n_, q, 0) * n_ / vial.n_outside};
-  }
 
   const TomoJob& job_;
   const Printer& printer_;
   const Bench& bench_;
   const Schedule schedule_;
   double n_, alpha_;
-  Insert insert_;
-  RisingShade opaque_;
+  detail::LevelShade level_;
+  detail::RisingShade rising_;
+  int directions_ = 1;                         ///< in a cell of the schedule
   std::optional<detail::RaySources> sources_;  ///< where slices share light
+  std::vector<double> turns_;                  ///< [ray][column], rad
+  std::optional<LevelLight> across_;           ///< else
   /// Else: [angle][pixel][slice] of the calibration, and of black [slice].
   std::vector<double> light_, black_;
 };

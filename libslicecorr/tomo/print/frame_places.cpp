@@ -15,7 +15,7 @@ namespace slicecorr::tomo {
 
 FramePlaces::FramePlaces(const Printer& printer, const TomoGrid& grid, const PixelWindow& window,
                          bool clockwise)
-    : grouped_(grid.coupled()),
+    : coupled_(grid.coupled()),
       window_(window),
       column_mm_(printer.pixel_x_um * 1e-3),
       row_um_(printer.pixel_y_um),
@@ -31,6 +31,13 @@ FramePlaces::FramePlaces(const Printer& printer, const TomoGrid& grid, const Pix
   axis_column_ = (printer.width_px - 1) / 2.0 + optics.axis_right_px - window.first_column;
   middle_row_ = (printer.height_px - 1) / 2.0;
   axis_up_px_ = optics.axis_up_px;
+  const double row_mm = row_um_ * 1e-3, rows = slice_mm_ / row_mm;
+  if (!coupled_ && sine_ == 0 && std::abs(rows - std::round(rows)) < 1e-6) {
+    // Rows of the image's edges and of the lowest slice's lower edge, counted upwards.
+    const double edge =
+        (lowest_mm_ - 0.5 * slice_mm_) / row_mm + middle_row_ + axis_up_px_ + 0.5;
+    lowest_mm_ -= (edge - std::floor(edge + 0.5 - 1e-6)) * row_mm;
+  }
   if (!printer.rotation->wobble.empty()) {
     for (int m = 0; m < grid.angles; ++m) {
       // The stage turns forwards from frame to frame, whichever way that is.
@@ -73,34 +80,24 @@ int FramePlaces::slice_shown(int m, int at, int slice) const {
 
 FramePlaces::Lit FramePlaces::lit_by(int m, int column, int row) const {
   Lit lit;
-  if (!grouped_) {
+  if (!coupled_) {
     const int pixel = column - window_.first_column;
     if (pixel < 0 || pixel >= window_.columns) return lit;
     lit.pixel = pixel;
     lit.row = slice_of(m, pixel, row);
     return lit;
   }
-  const int right = column - static_cast<int>(std::lround(right_px(m))) - window_.column_of(0);
-  const int down = row + static_cast<int>(std::lround(up_px(m))) - window_.row_of(0);
-  if (right < 0 || down < 0 || right % window_.wide != 0 || down % window_.high != 0) return lit;
-  if (right / window_.wide >= window_.columns || down / window_.high >= window_.rows) return lit;
-  lit.pixel = right / window_.wide;
-  lit.row = window_.rows - 1 - down / window_.high;
+  const int right = column - static_cast<int>(std::lround(right_px(m))) - window_.first_column;
+  const int down = row + static_cast<int>(std::lround(up_px(m))) - window_.first_row;
+  if (right < 0 || down < 0 || right >= window_.columns || down >= window_.rows) return lit;
+  lit.pixel = right;
+  lit.row = window_.rows - 1 - down;
   return lit;
 }
 
 FramePlaces::Place FramePlaces::place_of(int m, double column, double row) const {
-  const double right = column - std::round(right_px(m)) - window_.column_of(0);
-  const double down = row + std::round(up_px(m)) - window_.row_of(0);
-  return {right / window_.wide, window_.rows - 1 - down / window_.high};
-}
-
-FramePlaces::Lit FramePlaces::near(int m, int column, int row) const {
-  if (!grouped_) return lit_by(m, column, row);
-  const Place place = place_of(m, column, row);
-  const auto pixel = std::lround(place.pixel), up = std::lround(place.row);
-  if (pixel < 0 || pixel >= window_.columns || up < 0 || up >= window_.rows) return {};
-  return {static_cast<int>(pixel), static_cast<int>(up)};
+  return {column - std::round(right_px(m)) - window_.first_column,
+          window_.rows - 1 - (row + std::round(up_px(m)) - window_.first_row)};
 }
 
 void FramePlaces::take_light(const Printer& printer, int angles) {
@@ -117,7 +114,7 @@ void FramePlaces::take_light(const Printer& printer, int angles) {
   const std::size_t of_shift =
       static_cast<std::size_t>(window_.columns) * static_cast<std::size_t>(rows_);
   for (int m = 0; m < angles; ++m) {
-    const std::pair<long, long> shift{grouped_ ? std::lround(right_px(m)) : 0,
+    const std::pair<long, long> shift{coupled_ ? std::lround(right_px(m)) : 0,
                                       std::lround(up_px(m))};
     const auto [at, is_new] = known.try_emplace(shift, share_.size());
     share_of_angle_.push_back(at->second);
@@ -125,7 +122,7 @@ void FramePlaces::take_light(const Printer& printer, int angles) {
     std::vector<double> sum(of_shift), pixels(of_shift);
     for (int column = 0; column < printer.width_px; ++column) {
       for (int row = 0; row < printer.height_px; ++row) {
-        const Lit lit = near(m, column, row);
+        const Lit lit = lit_by(m, column, row);
         if (!lit.any()) continue;
         const std::size_t i =
             static_cast<std::size_t>(lit.pixel) * static_cast<std::size_t>(rows_) +

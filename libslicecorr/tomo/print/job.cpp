@@ -51,7 +51,6 @@ nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   for (const CalibrationPoint& c : job.printer.calibration) {
     j["calibration"].push_back({c.level, c.intensity_mw_cm2});
   }
-  if (job.sampling.every_pixel) j["every_pixel"] = true;
   j["voxel_mm"] = job.sampling.voxel_mm;
   j["voxels"] = {job.part.nz, job.part.ny, job.part.nx};
   if (!job.insert.values.empty()) j[kInsertKey] = true;
@@ -176,30 +175,6 @@ void check_box(const Bench& bench, const char* what, const Box<std::uint8_t>& pa
 
 }  // namespace
 
-namespace {
-
-/// The level nearest to light that is linear between its places.
-int level_between(const TomoJob& job, const Bench& bench, int m, const FramePlaces::Place& place) {
-  const TomoGrid& grid = bench.grid;
-  const auto i0 = static_cast<int>(std::floor(place.pixel)),
-             r0 = static_cast<int>(std::floor(place.row));
-  if (i0 < -1 || i0 >= grid.pixels || r0 < -1 || r0 >= grid.rows) return 0;
-  const double wi = place.pixel - i0, wr = place.row - r0;
-  double light = 0;
-  for (const int a : {0, 1}) {
-    for (const int b : {0, 1}) {
-      const int i = i0 + a, r = r0 + b;
-      const bool in = i >= 0 && i < grid.pixels && r >= 0 && r < grid.rows;
-      const int level = in ? job.levels[grid.pixel(m, i, r)] : 0;
-      light +=
-          (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * bench.mw_cm2[static_cast<std::size_t>(level)];
-    }
-  }
-  return nearest_level(light, bench.mw_cm2);
-}
-
-}  // namespace
-
 GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame) {
   // Frame f is shown at the angle whose frame it is; the two are each other's inverse.
   const int m = bench.frame_of_angle(frame);
@@ -213,12 +188,7 @@ GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame) {
         &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px)];
     for (int column = 0; column < image.width_px; ++column) {
       const FramePlaces::Lit lit = bench.places.lit_by(m, column, row);
-      int level = 0;
-      if (lit.any()) {
-        level = job.levels[grid.pixel(m, lit.pixel, lit.row)];
-      } else if (bench.places.between()) {
-        level = level_between(job, bench, m, bench.places.place_of(m, column, row));
-      }
+      const int level = lit.any() ? job.levels[grid.pixel(m, lit.pixel, lit.row)] : 0;
       out[column] = static_cast<std::uint8_t>(pixel_of_level(level, levels));
     }
   }
@@ -278,10 +248,6 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   if (job.printer.flat_field) read_flat_field(*archive, config["printer"]["flat_field"], job);
   job.turns = config["turns"].integer(1, 1000000000);
   job.sampling.voxel_mm = config["voxel_mm"].positive();
-  if (config.has("every_pixel")) {
-    if (config["every_pixel"].json() != true) config["every_pixel"].fail("true, or no such key");
-    job.sampling.every_pixel = true;
-  }
   job.sampling.angles = config["angles"].integer(3, 100000);
   const auto voxels = config["voxels"].list(3, 3);
   job.sampling.slices = voxels[0].integer(1, kMostAlongAxis);

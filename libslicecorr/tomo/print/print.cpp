@@ -22,7 +22,6 @@
 #include "stack/formats/definition_json.hpp"
 #include "tomo/operators/spread_projector.hpp"
 #include "tomo/print/changing_resin.hpp"
-#include "tomo/print/nodes.hpp"
 #include "tomo/print/voxels.hpp"
 #include "tomo/solve/checkpoint.hpp"
 #include "tomo/solve/told_projector.hpp"
@@ -163,7 +162,9 @@ int turns_allowed(const Bench& bench, double most_time_s) {
 
 /// What is computed on, with all that is refused of it.
 struct Place {
-  Bench bench;
+  Bench bench;   ///< of pixels
+  Bench groups;  ///< of the same, in groups where they are finer than voxels
+  bool grouped = false;
   double part_radius_mm = 0;
   int most_turns = 0;  ///< 0: as many as it takes
 };
@@ -173,10 +174,13 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   Place place;
   place.part_radius_mm = part_radius_mm(part, voxel_mm);
   const double radius_mm = place.part_radius_mm;
-  place.bench = make_bench(
-      printer, resin,
-      {voxel_mm, part.nz,
-       options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)});
+  Sampling sampling{
+      voxel_mm, part.nz,
+      options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)};
+  place.bench = make_bench(printer, resin, sampling);
+  sampling.grouped = true;
+  place.groups = make_bench(printer, resin, sampling);
+  place.grouped = place.groups.window.wide > 1 || place.groups.window.high > 1;
   const double resin_mm = place.bench.radius_mm;
   const double limit_mm =
       options.beyond_reach ? resin_mm : std::min(place.bench.reach_mm, resin_mm);
@@ -334,13 +338,12 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   const Scene scene = scene_of(bench, part, options.insert);
   const Target& target = scene.target;
-  std::shared_ptr<const detail::Nodes> nodes;
-  Asked flat{target, scene.projector, bench.rays};
-  if (auto found = detail::nodes_of(printer, resin, bench)) {
-    nodes = std::make_shared<const detail::Nodes>(*std::move(found));
-    flat.target.grid = nodes->grid;
-    flat.projector = detail::make_node_projector(nodes, scene.projector);
-    flat.rays = nodes->rays;
+  // Light is looked for in groups of pixels, bounds are proven for that of all pixels.
+  const Asked every{target, scene.projector, bench.rays};
+  Asked flat = every;
+  if (place.grouped) {
+    Scene grouped = scene_of(place.groups, part, options.insert);
+    flat = {std::move(grouped.target), std::move(grouped.projector), place.groups.rays};
   }
   // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
@@ -372,7 +375,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const auto light_of = [&](const Solution& found, const Asked& asked) {
     const Light light = detail::light_of_slices({asked.target.grid, found.light}, flat.target.grid);
-    return asked_light(bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, light) : light);
+    return asked_light(bench, place.grouped ? light_of_groups(place.groups, light, bench) : light);
   };
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
@@ -402,7 +405,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   if (spreads && passes.empty()) {
     passes.push_back(likely_turns(flat, bench, how.window, most_turns, quiet));
   }
-  Asked asked = flat;
+  Asked asked = flat, provable = every;
   std::optional<Solution> found;
   Array<float> start;
   Light light(bench.grid);
@@ -413,6 +416,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     if (spreads) {
       const double done_before = static_cast<double>(passes.size() - 1);
       asked = spread_for_turns(flat, bench, resin, options.insert, passes.back());
+      provable = place.grouped
+                     ? spread_for_turns(every, bench, resin, options.insert, passes.back())
+                     : asked;
       file.of_passes(passes);
       context.tell(fmt::format("light for dose that spreads by {:.3g} um in {} turns",
                                1e3 * detail::spread_mm(bench, resin, passes.back()),
@@ -423,6 +429,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     }
     const detail::ToldProjector projector(*asked.projector, told,
                                           detail::expected_calls(how, asked.target.grid.blocks()));
+    how.prover = place.grouped ? provable.projector.get() : nullptr;
     found = solve(quiet, projector, asked.target, asked.rays, how);
     if (found->contrast_bound < 1) {
       if (options.evidence) {

@@ -308,7 +308,12 @@ class Ladder {
   /// Bounds of these slices; sorts them, the least first.
   void bound(double rung, std::vector<int>& slices) {
     const std::vector<double> bounds =
-        contrast_bounds(silent(context_), projector_, cells_, dose_, rung, slices);
+        options_.prover == nullptr
+            ? contrast_bounds(silent(context_), projector_, cells_, dose_, rung, slices)
+            : contrast_bounds(silent(context_), *options_.prover,
+                              {in_lanes(shape_, options_.prover->shape(), cells_.kinds),
+                               cells_.gel, cells_.empty},
+                              in_lanes(shape_, options_.prover->shape(), dose_), rung, slices);
     std::stable_sort(slices.begin(), slices.end(),
                      [&](int a, int b) { return bounds[a] < bounds[b]; });
     const int least = slices.front();

@@ -74,6 +74,22 @@ class PackedSlices {
   Shape to_;
 };
 
+/// Numbers of cells that are laid out as `from` says, as `to` has the same cells.
+template <class T>
+Array<T> in_lanes(const Shape& from, const Shape& to, const Array<T>& numbers) {
+  if (from.lanes == to.lanes) return numbers;
+  Array<T> out(to.field());
+  const auto a = static_cast<std::size_t>(from.lanes), b = static_cast<std::size_t>(to.lanes);
+  const std::size_t columns = from.field_of_block / a;
+  for (std::size_t z = 0; z < static_cast<std::size_t>(from.slices); ++z) {
+    for (std::size_t i = 0; i < columns; ++i) {
+      out[z / b * to.field_of_block + i * b + z % b] =
+          numbers[z / a * from.field_of_block + i * a + z % a];
+    }
+  }
+  return out;
+}
+
 /// The slice whose own contrast is least.
 inline int hardest_slice(const Shape& shape, const CellKinds& cells, const Array<float>& dose) {
   const auto lanes = static_cast<std::size_t>(shape.lanes);

@@ -169,7 +169,6 @@ TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, con
 
   job.sampling.voxel_mm = voxel_mm > 0 ? voxel_mm : printer.pixel_y_um * 1e-3;
   job.sampling.angles = angles;
-  job.sampling.every_pixel = slices_share_light(job.printer);
   job.sampling.slices = slices_for(lit, printer, resin, job.sampling.voxel_mm, part.nz);
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const TomoGrid& grid = bench.grid;

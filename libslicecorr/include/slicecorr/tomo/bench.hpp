@@ -24,9 +24,9 @@ struct Sampling {
   double voxel_mm = 0;  ///< side of a voxel, at least the pixel's pitch
   int slices = 0;       ///< along z, middled on the optical axis
   int angles = 0;       ///< frames of a turn
-  /// Where slices share light: every pixel has a value of its own, however fine, as in the frames of
-  /// others. Else those about a voxel apart have, and light is linear between them.
-  bool every_pixel = false;
+  /// Pixels that are finer than voxels show the same in groups, squares of half a voxel to a whole one.
+  /// Light is found so; frames show what they like, pixel by pixel.
+  bool grouped = false;
 };
 
 /// Where frames show the light of the grid, and with how much of it.
@@ -34,16 +34,16 @@ struct Sampling {
 /// Where slices have light of their own, a column of frames shows a pixel of the grid and a row the
 /// slice that it lights. The axis of rotation leans in the image (`Optics::tilt_deg`) and goes astray
 /// from angle to angle (`Rotation::wobble`), which moves light sideways by parts of a column. Where
-/// slices share light, a pixel and a row of the grid's light are shown by a group of pixels, whose rays
-/// know of the leaning, and wobble moves the whole image by whole pixels.
+/// slices share light, the rays of pixels know of the leaning, and wobble moves the whole image by whole
+/// pixels.
 ///
 /// The projector shines unevenly (`Printer::flat_field`). Columns and rows of frames count from the
 /// image's first, rows downwards.
 class FramePlaces {
  public:
   FramePlaces() = default;
-  /// Of the light of `grid` in frames. `window`: which pixels of frames show it; where slices have
-  /// light of their own its columns count, all rows, and groups of one. Throws `InputError` as
+  /// Of the light of `grid` in frames. `window`: which pixels of frames show it, each for itself;
+  /// where slices have light of their own its columns count, and all rows. Throws `InputError` as
   /// `LightMap` does.
   FramePlaces(const Printer& printer, const TomoGrid& grid, const PixelWindow& window,
               bool clockwise);
@@ -53,24 +53,26 @@ class FramePlaces {
     int pixel = -1, row = -1;
     bool any() const { return row >= 0; }
   };
-  /// Whose light a pixel of the frame at angle m shows; between those that have one: none.
+  /// Whose light a pixel of the frame at angle m shows.
   Lit lit_by(int m, int column, int row) const;
-  /// Whether light of the grid lies at some pixels of frames alone, and is linear between them.
-  bool between() const { return grouped_; }
-  /// Then: among the grid's pixels and rows, the place of one in the frame of angle m.
+  /// Where slices share light: among the grid's pixels and rows, the place of one in the frame of
+  /// angle m.
   struct Place {
     double pixel = 0, row = 0;
   };
   Place place_of(int m, double column, double row) const;
-  /// Without groups: the slice whose light of the frame of angle m falls on `slice` while the stage
+  /// Of level light: the slice whose light of the frame of angle m falls on `slice` while the stage
   /// stands at another of the angles, `at`, where the axis lies higher or lower: the nearest; -1: none
   /// has.
   int slice_shown(int m, int at, int slice) const;
 
+  /// z of the middle of slice 0. Level light may lie so far from the optical axis's that edges of rows
+  /// are edges of slices, where these are whole rows high: by half a row at most.
+  double lowest_mm() const { return lowest_mm_; }
   /// Whether light of a pixel of the grid lies elsewhere than in its own column.
-  bool moved() const { return !grouped_ && (sine_ != 0 || !right_px_.empty()); }
+  bool moved() const { return !coupled_ && (sine_ != 0 || !right_px_.empty()); }
   bool uneven() const { return !share_.empty(); }
-  /// Without groups: the pixel, counted as those of the grid, in which the light of this pixel of the
+  /// Of level light: the pixel, counted as those of the grid, in which the light of this pixel of the
   /// grid, and of this slice, lies at angle m.
   double column_of(int m, double pixel, int slice) const;
   /// The pixel of the grid whose light lies in that one.
@@ -91,12 +93,10 @@ class FramePlaces {
 
  private:
   int slice_of(int m, int pixel, int row) const;
-  /// The light that is nearest to a pixel of frames.
-  Lit near(int m, int column, int row) const;
   double z_mm(int slice) const { return lowest_mm_ + slice_mm_ * slice; }
   void take_light(const Printer& printer, int angles);
 
-  bool grouped_ = false;
+  bool coupled_ = false;
   PixelWindow window_;
   double sine_ = 0, cosine_ = 1;          ///< of the tilt
   std::vector<double> right_px_, up_px_;  ///< per angle; empty: 0
@@ -123,7 +123,7 @@ struct Bench {
   double alpha_r = 0;            ///< absorption times the resin's radius
   int frame_width = 0, frame_height = 0;
   PixelWindow window;  ///< of frames, that shows the grid's light
-  FramePlaces places;
+  FramePlaces places;  ///< of pixels that are not grouped
   bool clockwise = true;
   /// Frames are shown in order while the vial turns; this one is shown at angle m.
   int frame_of_angle(int m) const { return clockwise || m == 0 ? m : grid.angles - m; }
@@ -133,11 +133,14 @@ struct Bench {
 /// axis. Throws `InputError` when the printer has no vial, and for voxels too large or too small.
 int voxels_across(const Printer& printer, double voxel_mm);
 
+/// Throws `InputError` naming the key where files say that light spreads, which is not counted where it
+/// comes from the sides: it would gel what the doses of sharp light do not show.
+void refuse_uncounted_spread(const Printer& printer, const Resin& resin);
+
 /// Whether light rises, falls or spreads on its way: a pinhole's, and that of an aperture.
 bool slices_share_light(const Printer& printer);
 
-/// Telecentric light without an aperture stays in its slice. Other light is that of `lab_rays`, with
-/// pixels in groups that are about as large as voxels. Throws `InputError` naming what is missing or
+/// Telecentric light without an aperture stays in its slice. Other light is that of `lab_rays`. Throws `InputError` naming what is missing or
 /// does not fit: a printer whose rows are higher than a voxel, slices above or below the image, fewer
 /// than 3 angles, more frames than the projector shows in a turn.
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling);
@@ -146,6 +149,9 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
 double z_of_row(const Bench& bench, int row);
 /// The row whose light comes nearest to the middle of a slice on the axis.
 int row_of_slice(const Bench& bench, int slice);
+
+/// Light of groups of pixels (`Sampling::grouped`), on the pixels of the same printer.
+Light light_of_groups(const Bench& groups, const Light& light, const Bench& pixels);
 
 /// The operators of a bench, around an insert (of its grid) or none.
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert = nullptr);

@@ -83,6 +83,9 @@ struct LadderOptions {
   double cap = 0;
   int memory = 5;         ///< of L-BFGS, 1..50
   int proof_steps = 160;  ///< for the proof, once a rung is missed; 0: none
+  /// What the bound of contrast is proven with: the same cells, and all light that can be shown, where
+  /// `projector` knows of light in groups alone. Lanes may be others. Null: `projector`.
+  const Projector* prover = nullptr;
 
   /// The ladder's start is first scaled to the least loss, slice by slice.
   bool scale_start = false;

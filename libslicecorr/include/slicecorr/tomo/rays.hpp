@@ -6,13 +6,16 @@
 /// by a dry vial, rising or falling on their way through the resin.
 ///
 /// The vial turns and the light does not, so the rays of one frame are kept and all angles use them.
-/// A ray is taken where it crosses the rows of voxels, or their columns if it runs more along x than
-/// along y; there it lies between two voxels and two slices:
-///   D1[v] = alpha_a dt (p^2 / V) sum_m sum_pixels sum_rays I power sum_crossings dl e^(-alpha l) tau(v),
-/// p^2 the pixel's area on the plane of the axis, V a voxel's volume, dl the way from one crossing to
-/// the next, l the way in resin up to it, tau the voxel's linear weight there. A takes the same
-/// weights the other way, so that A and A^T are transposes of each other. Fields are in units of light
-/// times angles, as of `Projector`.
+/// Pixels are squares, voxels are boxes, and each frame is shown while the vial turns by a step. The
+/// light of a pixel's ray, in the directions th' of the resin, fills what lies between those of the
+/// pixel's edges:
+///   D1[v] = alpha_a dt sum_cells sum_pixels sum_rays L power p^2 / (dt' dz) sqrt(1 + slope^2) e^(-alpha l) F G,
+/// p^2 the pixel's area on the plane of the axis, dt' and dz how far neighbours are apart in the
+/// resin, l the way in resin to the voxel's middle, F and G the shares of the voxel that the pixel's
+/// column and row meet, from side to side while the vial turns and upwards; L the mean light of the
+/// pixel while the vial passes a cell of directions, in frames that are shown then and no others. A
+/// takes the same weights the other way, so that A and A^T are transposes of each other. Fields are in
+/// units of light times angles, as of `Projector`.
 ///
 /// Plain values; functions are thread-safe.
 #pragma once
@@ -27,15 +30,14 @@
 
 namespace slicecorr::tomo {
 
-/// A part of the projector's image, of whose pixels one in `wide` x `high` has a value of its own; light
-/// is linear between them. It is that in the middle of its group of pixels, or left of and above it.
+/// A part of the projector's image, whose pixels show the same in groups of `wide` x `high`.
 struct PixelWindow {
   int first_column = 0, first_row = 0;  ///< of the projector, rows downwards from 0
   int columns = 0, rows = 0;            ///< of groups
   int wide = 1, high = 1;
-  /// The pixel with the value of this group, of the projector.
-  int column_of(int group) const { return first_column + group * wide + (wide - 1) / 2; }
-  int row_of(int group) const { return first_row + group * high + (high - 1) / 2; }
+  /// The middle of a group, in pixels of the projector; it may lie between two.
+  double column_of(int group) const { return first_column + group * wide + 0.5 * (wide - 1); }
+  double row_of(int group) const { return first_row + group * high + 0.5 * (high - 1); }
 };
 
 /// One ray in the resin, as seen where it is parallel to u: through t_mm from u = -half_mm to
@@ -73,9 +75,9 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
                  const PixelWindow& window);
 
 /// The pair of operators of these rays on `grid`, whose `rows` and `pixels` are the window's rows
-/// and columns; the same bytes for any number of threads. A ray ends before the first crossing that
-/// is nearest to an opaque voxel (coverage > 0) of `insert`, which has this grid. Throws `InputError`
-/// for a grid that does not fit.
+/// and columns; the same bytes for any number of threads. A voxel is dark where the ray to its middle
+/// meets an opaque voxel (coverage > 0) of `insert`, which has this grid. Throws `InputError` for a grid
+/// that does not fit, and for one row of pixels.
 std::unique_ptr<Projector> make_ray_projector(const TomoGrid& grid, const LabRays& rays,
                                               const Volume* insert = nullptr);
 

@@ -10,6 +10,10 @@ import json, struct, sys, zipfile, zlib
 import numpy as np
 
 
+DIRECTIONS = 10  # of a frame's step
+POINTS = (np.arange(6) + 0.5) / 6 - 0.5  # of a voxel, along x and y
+
+
 def png(data):
     """8-bit grey without filters, as this project writes it."""
     at, idat = 8, b""
@@ -70,6 +74,33 @@ def main(job, out):
     stage = 360 * np.arange(m) / m
     right, up = (np.interp(stage, wobble[0], w, period=360) for w in wobble[1:])
     up = np.floor(np.abs(up) + 0.5) * np.sign(up)
+
+    def face(na, nb, sin_a):
+        sin_b = na * sin_a / nb
+        ca, cb = np.sqrt(1 - sin_a ** 2), np.sqrt(1 - sin_b ** 2)
+        ts = 4 * na * ca * nb * cb / (na * ca + nb * cb) ** 2
+        tp = 4 * na * ca * nb * cb / (na * cb + nb * ca) ** 2
+        return ts, tp
+
+    def point(xp, yp, th, s_mm, of_slice):
+        t, u = xp * np.cos(th) + yp * np.sin(th), -xp * np.sin(th) + yp * np.cos(th)
+        q = t * n3 / n1
+        ok = (np.abs(q) < ro) & (np.abs(n1 * q) < n2 * ri) & (np.abs(t) < ri)
+        q = np.where(ok, q, 0)
+        delta = (np.arcsin(q / ro) - np.arcsin(n1 * q / (n2 * ro)) + np.arcsin(n1 * q / (n2 * ri))
+                 - np.arcsin(n1 * q / (n3 * ri)))
+        s1, p1 = face(n1, n2, q / ro)
+        s2, p2 = face(n2, n3, n1 * q / (n2 * ri))
+        through = (s1 * s2 + p1 * p2) / 2 * n3 / n1
+        axis_column = (q * np.cos(tilt) + s_mm * np.sin(tilt)) / p + (width - 1) / 2 + optics["axis_right_px"]
+        f = np.floor((th - delta) / (2 * np.pi) * m + 0.5).astype(int) % m
+        if c["direction"] != "clockwise":
+            f = (m - f) % m
+        column = np.floor(axis_column + right[f] + 0.5).astype(int)
+        lit = of_slice[f, np.clip(column, 0, width - 1)] * ((column >= 0) & (column < width))
+        chord = np.sqrt(np.maximum(0, ri ** 2 - t ** 2)) + u
+        return np.where(ok, lit * through * np.exp(-alpha * chord), 0)
+
     dose = np.zeros((nz, n, n), np.float32)
     for s in range(0, nz, 10):
         # A pixel lights the slice that its middle lies in; a slice gets the mean of its rows.
@@ -83,42 +114,17 @@ def main(job, out):
         s_mm = (s - (nz - 1) / 2) * c["voxel_mm"]
         total = np.zeros((n, n))
         opaque = [] if inserts is None else [(axis[i], axis[j]) for j, i in zip(*np.nonzero(inserts[s]))]
-        for k in range(m):
-            th = 2 * np.pi * k / m
-            t, u = x * np.cos(th) + y * np.sin(th), -x * np.sin(th) + y * np.cos(th)
-            q = t * n3 / n1
-            ok = inside & (np.abs(q) < ro) & (np.abs(n1 * q) < n2 * ri) & (np.abs(t) < ri)
-            q = np.where(ok, q, 0)
-            delta = (np.arcsin(q / ro) - np.arcsin(n1 * q / (n2 * ro)) + np.arcsin(n1 * q / (n2 * ri))
-                     - np.arcsin(n1 * q / (n3 * ri)))
-            def face(na, nb, sin_a):
-                sin_b = na * sin_a / nb
-                ca, cb = np.sqrt(1 - sin_a ** 2), np.sqrt(1 - sin_b ** 2)
-                ts = 4 * na * ca * nb * cb / (na * ca + nb * cb) ** 2
-                tp = 4 * na * ca * nb * cb / (na * cb + nb * ca) ** 2
-                return ts, tp
-            s1, p1 = face(n1, n2, q / ro)
-            s2, p2 = face(n2, n3, n1 * q / (n2 * ri))
-            through = (s1 * s2 + p1 * p2) / 2 * n3 / n1
-            axis_column = (q * np.cos(tilt) + s_mm * np.sin(tilt)) / p + (width - 1) / 2 + optics["axis_right_px"]
-            turn = (k - delta / (2 * np.pi) * m) % m
-            m0 = np.floor(turn).astype(int)
-            wm = turn - m0
+        # Directions within the step of a frame, and points of a voxel: each gets the light of the pixel and of the frame
+        # that it sees, and of no other.
+        for k in range(m * DIRECTIONS):
+            th = 2 * np.pi * ((k + 0.5) / DIRECTIONS - 0.5) / m
             lit = 0
-            for b in (0, 1):
-                f = (m0 + b) % m
-                if c["direction"] != "clockwise":
-                    f = (m - f) % m
-                column = axis_column + right[f]
-                c0 = np.floor(column).astype(int)
-                wc = column - c0
-                for a in (0, 1):
-                    cc = np.clip(c0 + a, 0, width - 1)
-                    w = (wc if a else 1 - wc) * (wm if b else 1 - wm) * ((c0 + a >= 0) & (c0 + a < width))
-                    lit = lit + w * of_slice[f, cc]
-            chord = np.sqrt(np.maximum(0, ri ** 2 - t ** 2)) + u
-            ok &= ~hidden(opaque, x, y, th, c["voxel_mm"])
-            total += np.where(ok, lit * through * np.exp(-alpha * chord), 0)
+            for px in POINTS:
+                for py in POINTS:
+                    xp, yp = x + px * c["voxel_mm"], y + py * c["voxel_mm"]
+                    lit = lit + point(xp, yp, th, s_mm, of_slice)
+            ok = inside & ~hidden(opaque, x, y, th, c["voxel_mm"])
+            total += np.where(ok, lit / len(POINTS) ** 2 / DIRECTIONS, 0)
         dose[s] = total * active * c["turn_s"] / m * c["turns"]
     np.save(out, dose)
 

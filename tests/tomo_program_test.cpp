@@ -58,7 +58,9 @@ class TomoProgram : public testing::Test {
       }
     }
     EXPECT_GT(largest, 20.0);
-    EXPECT_LE(off, 1e-5 * largest);
+    // Six points along each side of a voxel, ten directions in each of 60 steps: a point sees the one or the other of two
+    // pixels, which is wrong by a twelfth of a voxel at most, and by the root of 600 less in the mean.
+    EXPECT_LE(off, 0.01 * largest);
   }
   test::RunResult call(const std::vector<std::string>& words) const {
     test::RunOptions options;

@@ -173,7 +173,7 @@ TEST(TomoInhibition, DosesOfJobsAreThoseOfFramesOneAfterAnother) {
     // What was really shown is judged alike.
     std::vector<Showing> shown;
     for (int n = 0; n < job.turns * 12; ++n) {
-      shown.push_back({n % 12, 30.0 * n, 30.0 * n, turn_s / 12, 1});
+      shown.push_back({n % 12, 30.0 * n - 15, 30.0 * n + 15, turn_s / 12, 1});
     }
     const Box<float> of_shown = dose_of(job, shown);
     for (std::size_t v = 0; v < dose.values.size(); ++v) {

@@ -104,8 +104,8 @@ class LevelLight {
   LevelLight(const Printer& printer, double n, const Bench& bench)
       : first_(-1), magnified_(n / printer.vial->n_outside) {
     for (int k = 0; k <= kFine * (bench.grid.pixels + 2); ++k) {
-      const double q = pixel_x_mm(
-          printer, bench.window.first_column + first_ + static_cast<double>(k) / kFine);
+      const double q =
+          pixel_x_mm(printer, bench.window.first_column + first_ + static_cast<double>(k) / kFine);
       const bool in = !misses(*printer.vial, n, q, 0);
       turn_.push_back(in ? turned_rad(*printer.vial, n, q, 0) : 0);
       share_.push_back(in ? transmittance(*printer.vial, n, q, 0) * magnified_ : 0);
@@ -172,8 +172,10 @@ class DirectSum {
     const double part_mm = part_radius_mm(job.part, job.sampling.voxel_mm);
     const double radius_mm =
         part_mm > 0 ? std::min(bench.radius_mm, part_mm + g.voxel_mm()) : bench.radius_mm;
-    const double arc = 2 * std::numbers::pi / schedule_.cells() * radius_mm / g.voxel_mm();
-    directions_ = std::clamp(static_cast<int>(std::ceil((g.coupled() ? 2 : 4) * arc)), 1, 64);
+    const double arc = 2 * std::numbers::pi / g.angles * radius_mm / g.voxel_mm();
+    const auto parts = static_cast<int>(std::ceil((g.coupled() ? 1 : 4) * arc / kCellsPerStep));
+    // The same directions for frames as planned and as shown.
+    directions_ = std::clamp(parts, 1, 12) * kCellsPerStep * g.angles / schedule_.cells();
     if (g.coupled()) {
       sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
                        g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
@@ -190,8 +192,7 @@ class DirectSum {
       for (int i = 0; i < g.pixels; ++i) {
         double* const to = &light_[row(m, i)];
         for (const Meets& r : rows) {
-          const double lit =
-              bench.mw_cm2[r.shown < 0 ? 0 : job.levels[g.pixel(m, i, r.shown)]];
+          const double lit = bench.mw_cm2[r.shown < 0 ? 0 : job.levels[g.pixel(m, i, r.shown)]];
           to[r.slice] += r.share * lit;
         }
       }
@@ -210,8 +211,8 @@ class DirectSum {
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
     std::vector<std::uint64_t> hidden(level_.words());
     const int count = schedule_.cells() * directions_;
-    const double first_mm = pixel_x_mm(printer_, bench_.window.first_column) *
-                            printer_.vial->n_outside / n_;
+    const double first_mm =
+        pixel_x_mm(printer_, bench_.window.first_column) * printer_.vial->n_outside / n_;
     const double cell_rad = 2 * std::numbers::pi / schedule_.cells();
     for (int k = 0; k < count; ++k) {
       const double in_cells = (k + 0.5) / directions_ - 0.5, th = in_cells * cell_rad;
@@ -239,17 +240,17 @@ class DirectSum {
               std::sqrt(std::max(0.0, bench_.radius_mm * bench_.radius_mm - t_ray * t_ray));
           const double share =
               (up_to - before) * from.share * std::exp(-alpha_ * (half + u)) / directions_;
-          each_cell(in_cells - from.turn_rad / cell_rad, 1.0 / directions_, 0,
-                    [&](long cell, double of_cell) {
-                      for (const Schedule::Part& part : schedule_.at(cell)) {
-                        const int stage = angle_near(cell);
-                        add(part.angle, stage, middle, share * of_cell * part.exposed_s,
-                            shaded ? &hidden : nullptr,
-                            sum.data() + (by_frame ? frame_at(stage) *
-                                                         static_cast<std::size_t>(g.slices)
-                                                   : 0));
-                      }
-                    });
+          each_cell(
+              in_cells - from.turn_rad / cell_rad, 1.0 / directions_, 0,
+              [&](long cell, double of_cell) {
+                for (const Schedule::Part& part : schedule_.at(cell)) {
+                  const int stage = angle_near(cell);
+                  add(part.angle, stage, middle, share * of_cell * part.exposed_s,
+                      shaded ? &hidden : nullptr,
+                      sum.data() +
+                          (by_frame ? frame_at(stage) * static_cast<std::size_t>(g.slices) : 0));
+                }
+              });
         }
         before = std::max(before, up_to);
         edge = next;
@@ -280,8 +281,7 @@ class DirectSum {
       double lit = 0;
       for (int r = 0; r < printer_.height_px; ++r) {
         const double at = pixel_z_mm(printer_, r);
-        const double meets =
-            std::min(high, at + pitch / 2) - std::max(low, at - pitch / 2);
+        const double meets = std::min(high, at + pitch / 2) - std::max(low, at - pitch / 2);
         if (!(meets > 1e-9 * height)) continue;
         const int shown = bench_.places.lit_by(0, bench_.window.first_column, r).row;
         lit += meets / height;
@@ -344,8 +344,8 @@ class DirectSum {
       for (std::size_t z = 0; z < slices; ++z) {
         if (!in_resin(z)) continue;
         const int slice = static_cast<int>(z);
-        const auto column = static_cast<int>(std::floor(
-            (places.moved() ? places.column_of(stage, place, slice) : place) + 0.5));
+        const auto column = static_cast<int>(
+            std::floor((places.moved() ? places.column_of(stage, place, slice) : place) + 0.5));
         if (column < 0 || column >= g.pixels) continue;
         sum[z] += weight * light(frame, stage, column, slice);
       }
@@ -416,8 +416,8 @@ class DirectSum {
   struct Seen {
     const RaySource& from;
     int ray = 0;
-    double at = 0;                ///< cell of the schedule in which it comes
-    double one = 0, other = 0;    ///< widths of the voxel, columns
+    double at = 0;              ///< cell of the schedule in which it comes
+    double one = 0, other = 0;  ///< widths of the voxel, columns
   };
   template <class To>
   void add_ray(const Seen& seen, const To& to) const {
@@ -448,8 +448,8 @@ class DirectSum {
         const int stage = angle_near(cell);
         double& sum = to(stage);
         for (long r = r0; r <= r1; ++r) {
-          const double weight = f * share_of(r, here.row, high, tilted) * of_cell * from.share /
-                                directions_;
+          const double weight =
+              f * share_of(r, here.row, high, tilted) * of_cell * from.share / directions_;
           for (const Schedule::Part& part : parts) {
             sum += weight * part.exposed_s * light_at(part.angle, stage, i, r);
           }

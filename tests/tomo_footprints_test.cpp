@@ -1,0 +1,441 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+// Square pixels, voxels as boxes, and vials that turn while a frame is shown: closed forms, the pair of operators, what
+// jobs are judged by against rays by Snell's law in vectors, and bounds against linear programmes.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/shown_light.hpp"
+#include "slicecorr/vial.hpp"
+#include "snell.hpp"
+#include "tomo/operators/directions.hpp"
+#include "tomo/operators/footprint.hpp"
+#include "tomo/operators/square_projector.hpp"
+#include "tomo_jobs.hpp"
+#include "tomo_reference.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+using std::numbers::pi;
+
+/// Share of a voxel of 0.3 mm that a column of pixels of 0.25 mm lights, seen at th.
+double share_seen(double from_mm, double to_mm, double x, double y, double th, double turn_rad) {
+  const double t = x * std::cos(th) + y * std::sin(th), u = -x * std::sin(th) + y * std::cos(th);
+  const detail::Boxes<double> boxes(0.3 * std::abs(std::cos(th)), 0.3 * std::abs(std::sin(th)),
+                                    std::abs(u) * turn_rad);
+  return boxes.below(to_mm - t) - boxes.below(from_mm - t);
+}
+/// Dimmed by 0.08 a mm in resin of 6 mm radius.
+double dimmed(double x, double y, double th) {
+  const double t = x * std::cos(th) + y * std::sin(th), u = -x * std::sin(th) + y * std::cos(th);
+  return std::exp(-0.08 * (std::sqrt(36 - t * t) + u));
+}
+
+TEST(TomoFootprints, SharesAreTheExactIntegrals) {
+  // tomography-optics.md: A, instant light of 25 degrees; of 0.3 mm along z a pixel meets 5/6, all of 2/3 ... 0.1 to 3 per
+  // cent of the weight are what light is not even within a voxel.
+  const double th = 25 * pi / 180;
+  const double up = 0.25 / 0.3;
+  EXPECT_NEAR(share_seen(1.125, 1.375, 1.2, 0.45, th, 0) * dimmed(1.2, 0.45, th) * up, 0.42947,
+              0.003 * 0.42947);
+  EXPECT_NEAR(share_seen(1.375, 1.625, 1.2, 0.45, th, 0) * dimmed(1.2, 0.45, th) * up, 0.07953,
+              1e-3);
+  // Over a step of 6 degrees, of a voxel 5 mm from the axis; to the 0.4 mm that it moves.
+  const double at = 20 * pi / 180, now = 100 * pi / 180;
+  const double x = 5 * std::cos(at), y = 5 * std::sin(at);
+  EXPECT_NEAR(share_seen(0.75, 1, x, y, now, 6 * pi / 180) * dimmed(x, y, now), 0.4443, 0.005);
+  // Boxes side by side are the whole.
+  const detail::Boxes<float> boxes(0.7F, 0.3F, 0.9F);
+  EXPECT_EQ(boxes.below(-1), 0);
+  EXPECT_EQ(boxes.below(1), 1);
+  EXPECT_NEAR(boxes.below(0), 0.5, 1e-6);
+}
+
+TEST(TomoFootprints, FramesHaveTheTimeForWhichTheyAreShown) {
+  for (const double turn : {0.0, 0.3, -1.7}) {
+    const detail::Directions directions{12, 5};
+    std::vector<double> shares(40);
+    for (int cell = 0; cell < 5; ++cell) {
+      std::vector<detail::FrameShare> found;
+      directions.shares(cell, turn, 0.1, found);
+      double sum = 0;
+      for (const detail::FrameShare& f : found) {
+        sum += f.share;
+        shares[static_cast<std::size_t>(f.shift + 20)] += f.share / 5;
+      }
+      EXPECT_NEAR(sum, 1, 1e-6);
+    }
+    // The mean of the frames' angles is what the light is turned by.
+    double mean = 0;
+    for (std::size_t i = 0; i < shares.size(); ++i)
+      mean += shares[i] * (static_cast<double>(i) - 20);
+    EXPECT_NEAR(mean * directions.step_rad(), -turn, 0.02);
+  }
+}
+
+TEST(TomoFootprints, LevelOperatorsAreTransposes) {
+  for (const bool dry : {false, true}) {
+    for (const int slices : {1, 5, 20}) {
+      const Printer printer = dry ? dry_printer() : bench_printer();
+      const Bench bench = make_bench(printer, bench_resin(), {0.3, slices, 16});
+      Volume rod(bench.grid);
+      for (int z = 0; z < slices; z += 2) rod.coverage[bench.grid.voxel(9, 14, z)] = 255;
+      const auto projector = make_projector(bench, &rod);
+      Field field(bench.grid);
+      Light light(bench.grid);
+      std::mt19937 random(3);
+      const TomoGrid& g = bench.grid;
+      for (int z = 0; z < slices; ++z) {
+        for (int y = 0; y < g.voxels; ++y) {
+          for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
+            field.values[g.voxel(x, y, z)] = static_cast<float>(random() % 1000) * 1e-3F;
+          }
+        }
+        for (int m = 0; m < g.angles; ++m) {
+          for (int i = 0; i < g.pixels; ++i) {
+            light.values[g.pixel(m, i, z)] = static_cast<float>(random() % 1000) * 1e-3F;
+          }
+        }
+      }
+      const Light ax = forward(*projector, {}, field);
+      const Field atb = adjoint(*projector, {}, light);
+      double left = 0, right = 0;
+      for (std::size_t i = 0; i < ax.values.size(); ++i)
+        left += double{ax.values[i]} * light.values[i];
+      for (std::size_t i = 0; i < atb.values.size(); ++i) {
+        right += double{atb.values[i]} * field.values[i];
+      }
+      ASSERT_GT(left, 0);
+      EXPECT_NEAR(right / left, 1, 1e-5) << dry << slices;
+    }
+  }
+}
+
+/// Doses of a job by rays: a time, a place on the image, both walls by Snell's law, places on the way. Means over voxels,
+/// with their standard errors.
+struct Walked {
+  std::vector<double> dose, error;
+};
+Walked walk(const TomoJob& job, const Bench& bench, int count) {
+  const TomoGrid& g = bench.grid;
+  const Printer& p = job.printer;
+  const double n = index_of(job.resin), alpha = absorption_per_mm(job.resin);
+  const double height = g.slice_height_mm(),
+               low = g.coupled() ? g.lowest_mm : bench.places.lowest_mm();
+  Box<float> box{g.slices, g.voxels, g.voxels, {}};
+  const std::size_t voxels =
+      static_cast<std::size_t>(g.slices) * static_cast<std::size_t>(g.voxels * g.voxels);
+  std::vector<double> sum(voxels), squares(voxels);
+  std::mt19937 random(7);
+  const auto uniform = [&] { return (random() >> 5) * 0x1p-27; };
+  for (int k = 0; k < count; ++k) {
+    const int m = static_cast<int>(uniform() * g.angles);
+    const double th = 2 * pi * (m + uniform() - 0.5) / g.angles;
+    const double column = uniform() * p.width_px - 0.5, row = uniform() * p.height_px - 0.5;
+    const FramePlaces::Lit lit = bench.places.lit_by(m, static_cast<int>(std::lround(column)),
+                                                     static_cast<int>(std::lround(row)));
+    if (!lit.any()) continue;
+    const double shown = bench.mw_cm2[job.levels[g.pixel(m, lit.pixel, lit.row)]];
+    if (shown == 0) continue;
+    const LightLine line = chief_ray(p, column, row);
+    if (misses(*p.vial, n, line.q_mm(), line.kz())) continue;
+    const test::Marched ray = test::march(*p.vial, n, line);
+    const test::Vector way = test::add(ray.exit, ray.entry, -1);
+    const double chord = std::sqrt(test::dot(way, way));
+    constexpr int kPlaces = 12;
+    for (int i = 0; i < kPlaces; ++i) {
+      const double along = (i + uniform()) / kPlaces;
+      const test::Vector at = test::add(ray.entry, way, along);
+      const double x = at[0] * std::cos(th) - at[1] * std::sin(th),
+                   y = at[0] * std::sin(th) + at[1] * std::cos(th);
+      const auto ix = std::lround((x + g.radius_mm) / g.voxel_mm()),
+                 iy = std::lround((y + g.radius_mm) / g.voxel_mm()),
+                 iz = std::lround((at[2] - low) / height);
+      if (std::min({ix, iy, iz}) < 0 || std::max(ix, iy) >= g.voxels || iz >= g.slices) continue;
+      const double weight = shown * ray.power * chord / kPlaces * std::exp(-alpha * along * chord);
+      const std::size_t v =
+          box.at(static_cast<int>(iz), static_cast<int>(iy), static_cast<int>(ix));
+      sum[v] += weight;
+      squares[v] += weight * weight;
+    }
+  }
+  const double unit = dose_of_turn(g, bench.exposure) * job.turns * g.angles * p.width_px *
+                      p.height_px * p.pixel_x_um * p.pixel_y_um * 1e-6 / count /
+                      (g.voxel_mm() * g.voxel_mm() * height);
+  Walked walked;
+  for (std::size_t v = 0; v < voxels; ++v) {
+    walked.dose.push_back(unit * sum[v]);
+    walked.error.push_back(unit * std::sqrt(squares[v]));
+  }
+  return walked;
+}
+
+/// A printer whose image just covers a vial of 2 mm, so that rays are few.
+Printer small_printer(bool dry, double pixel_mm) {
+  Printer p = bench_printer();
+  p.vial = dry ? Vial{2.25, 2.0, 1.0, 1.48} : Vial{2.25, 2.0, 1.5, 1.5};
+  p.pixel_x_um = p.pixel_y_um = 1e3 * pixel_mm;
+  p.width_px = 2 * static_cast<int>(std::ceil(2.3 / pixel_mm));
+  p.height_px = 2 * static_cast<int>(std::ceil(1.0 / pixel_mm));
+  p.calibration = {{0, 0}, {255, 2}};
+  p.rotation->max_fps = 0;
+  return p;
+}
+
+/// What `dose_of` says of frames of this light is what rays bring. `light(m, column, row)`: a level.
+template <class LightAt>
+void expect_rays_agree(const Printer& p, double voxel_mm, int slices, int angles,
+                       const LightAt& light) {
+  TomoJob job;
+  job.printer = p;
+  job.resin = bench_resin(2);
+  job.sampling = {voxel_mm, slices, angles};
+  const Bench bench = make_bench(p, job.resin, job.sampling);
+  const TomoGrid& g = bench.grid;
+  job.part = {g.slices, g.voxels, g.voxels, {}};
+  job.part.values.assign(static_cast<std::size_t>(g.slices * g.voxels * g.voxels), 0);
+  job.levels.assign(g.blocks() * g.light_of_block(), 0);
+  for (int m = 0; m < angles; ++m) {
+    for (int i = 0; i < g.pixels; ++i) {
+      for (int r = 0; r < g.light_rows(); ++r) {
+        job.levels[g.pixel(m, i, r)] = static_cast<std::uint16_t>(light(m, i, r));
+      }
+    }
+  }
+  const Walked want = walk(job, bench, 300000);
+  const Box<float> got = dose_of(job);
+  const double most = *std::max_element(want.dose.begin(), want.dose.end());
+  double off = 0, sum = 0;
+  int within = 0, all = 0;
+  for (int z = 0; z < g.slices; ++z) {
+    for (int y = 0; y < g.voxels; ++y) {
+      for (int x = 0; x < g.voxels; ++x) {
+        // Where light comes from all sides, and voxels lie within the resin.
+        const double r = std::hypot(g.voxel_at_mm(x), g.voxel_at_mm(y)) + 0.75 * g.voxel_mm();
+        if (r > std::min(bench.reach_mm, g.radius_mm)) continue;
+        const std::size_t v = got.at(z, y, x);
+        const double apart = std::abs(got.values[v] - want.dose[v]);
+        off += got.values[v] - want.dose[v];
+        sum += want.dose[v];
+        ++all;
+        within += apart < 5 * want.error[v] + 0.015 * most;
+      }
+    }
+  }
+  // Footprints are right to 1 % and less of large weights; five standard errors for the rays.
+  EXPECT_EQ(within, all);
+  EXPECT_NEAR(off / sum, 0, 0.01);
+}
+
+TEST(TomoFootprints, RaysAgreeOnPixelsAsLargeAsVoxels) {
+  std::mt19937 random(5);
+  expect_rays_agree(small_printer(false, 0.25), 0.25, 4, 24,
+                    [&](int, int, int) { return random() % 2 * 255; });
+}
+TEST(TomoFootprints, RaysAgreeOnOneColumnOfFewFramesBehindADryWall) {
+  for (const int angles : {4, 36}) {
+    const Printer p = small_printer(true, 0.25);
+    const int column = make_bench(p, bench_resin(2), {0.25, 4, angles}).grid.pixels / 2 + 4;
+    expect_rays_agree(p, 0.25, 4, angles, [&](int, int i, int) { return i == column ? 255 : 0; });
+  }
+}
+TEST(TomoFootprints, RaysAgreeOnRowsThatAreNoWholePartOfVoxels) {
+  std::mt19937 random(6);
+  expect_rays_agree(small_printer(false, 0.2), 0.25, 4, 24,
+                    [&](int, int, int r) { return r % 2 == 0 ? 255 * (random() % 2) : 0; });
+}
+TEST(TomoFootprints, RaysAgreeOnLightOfAPoint) {
+  for (const bool dry : {false, true}) {
+    for (const double pixel_mm : {0.24, 0.14}) {
+      Printer p = small_printer(dry, pixel_mm);
+      p.optics->kind = OpticsKind::pinhole;
+      p.optics->distance_mm = 30;
+      std::mt19937 random(8);
+      expect_rays_agree(p, 0.25, 4, 18, [&](int, int, int) { return random() % 2 * 255; });
+    }
+  }
+}
+
+/// Greatest t with A x >= t in the part and A x <= 1 in void, x >= 0: the most contrast that light can have. The simplex
+/// method in its plainest form; `a` is [row][column], rows of the part first.
+double most_contrast(const std::vector<std::vector<double>>& part,
+                     const std::vector<std::vector<double>>& empty) {
+  const std::size_t columns = part.front().size(), rows = part.size() + empty.size();
+  // Columns: x, t, slacks, right side.
+  const std::size_t width = columns + 1 + rows + 1;
+  std::vector<std::vector<double>> table(rows + 1, std::vector<double>(width));
+  std::vector<std::size_t> base(rows);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const bool gel = i < part.size();
+    const std::vector<double>& from = gel ? part[i] : empty[i - part.size()];
+    for (std::size_t j = 0; j < columns; ++j) table[i][j] = gel ? -from[j] : from[j];
+    table[i][columns] = gel ? 1 : 0;
+    table[i][columns + 1 + i] = 1;
+    // Right sides a little apart keep it from going round in circles.
+    table[i][width - 1] = (gel ? 0 : 1) + 1e-9 * static_cast<double>(i + 1);
+    base[i] = columns + 1 + i;
+  }
+  table[rows][columns] = -1;
+  for (int step = 0; step < 20000; ++step) {
+    std::size_t enter = 0;
+    for (std::size_t j = 1; j + 1 < width; ++j) {
+      if (table[rows][j] < table[rows][enter]) enter = j;
+    }
+    if (table[rows][enter] > -1e-9) break;
+    std::size_t leave = rows;
+    for (std::size_t i = 0; i < rows; ++i) {
+      if (table[i][enter] < 1e-10) continue;
+      if (leave == rows ||
+          table[i][width - 1] / table[i][enter] < table[leave][width - 1] / table[leave][enter]) {
+        leave = i;
+      }
+    }
+    if (leave == rows) return std::numeric_limits<double>::infinity();
+    const double pivot = table[leave][enter];
+    for (double& v : table[leave]) v /= pivot;
+    for (std::size_t i = 0; i <= rows; ++i) {
+      const double f = table[i][enter];
+      if (i == leave || f == 0) continue;
+      for (std::size_t j = 0; j < width; ++j) table[i][j] -= f * table[leave][j];
+    }
+    base[leave] = enter;
+  }
+  return table[rows][width - 1];
+}
+
+/// Weights of all pixels on these voxels, from the operator.
+std::vector<std::vector<double>> weights_on(const Bench& bench, const Target& target, Kind kind) {
+  const TomoGrid& g = bench.grid;
+  const auto projector = make_projector(bench);
+  std::vector<std::vector<double>> rows;
+  for (std::size_t v = 0; v < target.kinds.size(); ++v) {
+    if (target.kinds[v] != kind) continue;
+    Field one(g);
+    one.values[v] = 1;
+    const Light light = forward(*projector, {}, one);
+    std::vector<double> row;
+    for (int m = 0; m < g.angles; ++m) {
+      for (int i = 0; i < g.pixels; ++i) {
+        for (int r = 0; r < g.rows; ++r) row.push_back(light.values[g.pixel(m, i, r)]);
+      }
+    }
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+/// Pixels a little smaller than voxels, as large, and much finer: what is proven holds for all light.
+TEST(TomoFootprints, BoundsHoldForAllLightOfAPoint) {
+  for (const double pixel_mm : {0.5, 0.47, 0.24}) {
+    SCOPED_TRACE(pixel_mm);
+    Printer p = small_printer(false, pixel_mm);
+    p.optics->kind = OpticsKind::pinhole;
+    p.optics->distance_mm = 60;
+    const Sampling sampling{0.5, 3, 6};
+    const Bench bench = make_bench(p, bench_resin(0.5), sampling);
+    const TomoGrid& g = bench.grid;
+    Box<std::uint8_t> part{3, g.voxels, g.voxels, {}};
+    part.values.assign(static_cast<std::size_t>(3 * g.voxels * g.voxels), 0);
+    const int c = g.voxels / 2;
+    for (int z = 0; z < 2; ++z) {
+      for (int k = -1; k <= 1; ++k) part.values[part.at(z, c, c + k)] = 255;
+    }
+    part.values[part.at(1, c + 1, c)] = 255;
+    Volume volume(g);
+    for (int z = 0; z < 3; ++z) {
+      for (int y = 0; y < g.voxels; ++y) {
+        for (int x = 0; x < g.voxels; ++x) {
+          volume.coverage[g.voxel(x, y, z)] = part.values[part.at(z, y, x)];
+        }
+      }
+    }
+    const Target target(volume);
+    const double best =
+        most_contrast(weights_on(bench, target, Kind::gel), weights_on(bench, target, Kind::empty));
+    PrintOptions options;
+    options.angles = 6;
+    const Print print = solve_print(part, 0.5, p, bench_resin(0.5), options);
+    EXPECT_GT(best, 1);
+    // What is proven is not below what there is, and what was found not above it, but for what judges
+    // see otherwise: 1.5 % of a weight.
+    EXPECT_GE(print.figures.contrast_bound, best * (1 - 1e-4));
+    EXPECT_LE(print.figures.metrics.contrast, best * 1.03);
+    RecordProperty("best", std::to_string(best));
+    RecordProperty("bound", std::to_string(print.figures.contrast_bound));
+    RecordProperty("found", std::to_string(print.figures.metrics.contrast));
+  }
+}
+
+/// The least part: a slice of gel between two of void, lit by two rows of 0.28 mm. On the axis void gets
+/// 0.13 of the 0.3 mm of its voxels.
+TEST(TomoFootprints, ASliceIsPrintedByTwoRows) {
+  Printer p = bench_printer();
+  p.vial = Vial{6.5, 6.0, 1.5, 1.5};
+  p.pixel_x_um = p.pixel_y_um = 280;
+  p.width_px = 46;
+  p.height_px = 32;
+  p.optics->kind = OpticsKind::pinhole;
+  p.optics->distance_mm = 99.5;
+  const Bench bench = make_bench(p, bench_resin(1e-6), {0.3, 3, 48});
+  const TomoGrid& g = bench.grid;
+  Light light(g);
+  for (int m = 0; m < g.angles; ++m) {
+    for (int i = 0; i < g.pixels; ++i) {
+      for (int r = 0; r < g.rows; ++r) {
+        light.values[g.pixel(m, i, r)] = std::abs(z_of_row(bench, r)) < 0.28 ? 1 : 0;
+      }
+    }
+  }
+  const Field dose = adjoint(*make_projector(bench), {}, light);
+  const int c = g.voxels / 2;
+  const double gel = dose.values[g.voxel(c, c, 1)];
+  EXPECT_NEAR(gel / 48, 1, 0.005);
+  EXPECT_NEAR(gel / dose.values[g.voxel(c, c, 0)], 2.3077, 0.01);
+  EXPECT_NEAR(gel / dose.values[g.voxel(c, c, 2)], 2.3077, 0.01);
+  // 4.8 mm from it rays have risen and sunk a little.
+  EXPECT_NEAR(dose.values[g.voxel(c + 16, c, 1)] / dose.values[g.voxel(c + 16, c, 2)], 2.3632,
+              0.03);
+}
+
+/// Contrast of one part by the size of pixels: no cliffs.
+TEST(TomoFootprints, ContrastDoesNotFallOffACliff) {
+  double least = 1e9, most = 0;
+  for (const double pixel_mm : {0.30, 0.29, 0.28, 0.26, 0.16, 0.15, 0.14}) {
+    Printer p = small_printer(false, pixel_mm);
+    p.optics->kind = OpticsKind::pinhole;
+    p.optics->distance_mm = 60;
+    const Bench bench = make_bench(p, bench_resin(0.5), {0.3, 5, 24});
+    const TomoGrid& g = bench.grid;
+    Box<std::uint8_t> part{5, g.voxels, g.voxels, {}};
+    part.values.assign(static_cast<std::size_t>(5 * g.voxels * g.voxels), 0);
+    const int c = g.voxels / 2;
+    for (int z = 1; z < 4; ++z) {
+      for (int y = -3; y <= 3; ++y) {
+        for (int x = -3; x <= 3; ++x) {
+          if (std::abs(x) > 1 || std::abs(y) > 1) part.values[part.at(z, c + y, c + x)] = 255;
+        }
+      }
+    }
+    PrintOptions options;
+    options.angles = 24;
+    options.solve.method = Method::osmo;
+    const double contrast =
+        solve_print(part, 0.3, p, bench_resin(0.5), options).figures.metrics.contrast;
+    RecordProperty(std::to_string(pixel_mm), std::to_string(contrast));
+    least = std::min(least, contrast);
+    most = std::max(most, contrast);
+  }
+  // Groups of two, of 0.28 to 0.32 mm, and single pixels of as much differ by where they lie.
+  EXPECT_LT(most, 1.35 * least);
+}
+
+}  // namespace
+}  // namespace slicecorr::tomo

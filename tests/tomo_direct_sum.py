@@ -10,8 +10,8 @@ import json, struct, sys, zipfile, zlib
 import numpy as np
 
 
-DIRECTIONS = 10  # of a frame's step
-POINTS = (np.arange(6) + 0.5) / 6 - 0.5  # of a voxel, along x and y
+DIRECTIONS = 5  # of a frame's step
+POINTS = (np.arange(4) + 0.5) / 4 - 0.5  # of a voxel, along x and y
 
 
 def png(data):

@@ -438,38 +438,44 @@ class DirectSum {
       return detail::two_boxes_below(edge + 0.5, one, other) -
              detail::two_boxes_below(edge - 0.5, one, other);
     };
+    thread_local std::vector<double> row_shares;
+    row_shares.clear();
+    for (long r = r0; r <= r1; ++r) row_shares.push_back(share_of(r, here.row, high, tilted));
     for (long i = c0; i <= c1; ++i) {
-      const double f = share_of(i, here.pixel, seen.one, seen.other);
+      const double f = share_of(i, here.pixel, seen.one, seen.other) * from.share / directions_;
       if (!(f > 0)) continue;
       const double at = seen.at - by_column * (static_cast<double>(i) - here.pixel);
       each_cell(at, 1.0 / directions_, std::abs(by_column), [&](long cell, double of_cell) {
-        const std::vector<Schedule::Part>& parts = schedule_.at(cell);
-        if (parts.empty()) return;
-        const int stage = angle_near(cell);
-        double& sum = to(stage);
-        for (long r = r0; r <= r1; ++r) {
-          const double weight =
-              f * share_of(r, here.row, high, tilted) * of_cell * from.share / directions_;
-          for (const Schedule::Part& part : parts) {
-            sum += weight * part.exposed_s * light_at(part.angle, stage, i, r);
-          }
+        for (const Schedule::Part& part : schedule_.at(cell)) {
+          const int stage = angle_near(cell);
+          to(stage) +=
+              f * of_cell * part.exposed_s * light_of_rows(part.angle, stage, i, r0, row_shares);
         }
       });
     }
   }
 
-  /// Light of a pixel of the image of a steady axis, mW/cm².
-  double light_at(int frame, int stage, long column, long row) const {
+  /// Light of a column of the image of a steady axis, mW/cm², by these shares of its rows from `first`.
+  double light_of_rows(int frame, int stage, long column, long first,
+                       const std::vector<double>& shares) const {
     const TomoGrid& g = bench_.grid;
     const FramePlaces& places = bench_.places;
     const int m = frame == kBlackFrame ? stage : frame;
     // Where the frame of m has what the stage's axis shows here.
-    const long i = column + std::lround(places.right_px(stage)) - std::lround(places.right_px(m)),
-               r = row + std::lround(places.up_px(stage)) - std::lround(places.up_px(m));
-    if (i < 0 || i >= g.pixels || r < 0 || r >= g.rows) return 0;
-    const auto at_column = static_cast<int>(i), at_row = static_cast<int>(r);
-    const std::size_t level = frame == kBlackFrame ? 0 : job_.levels[g.pixel(m, at_column, at_row)];
-    return bench_.mw_cm2[level] * places.share(m, at_column, at_row);
+    const long i = column + std::lround(places.right_px(stage)) - std::lround(places.right_px(m));
+    if (i < 0 || i >= g.pixels) return 0;
+    const long low = first + std::lround(places.up_px(stage)) - std::lround(places.up_px(m)),
+               from = std::max(0L, low),
+               end = std::min<long>(g.rows, low + static_cast<long>(shares.size()));
+    const std::uint16_t* const levels = &job_.levels[g.pixel(m, static_cast<int>(i), 0)];
+    const bool uneven = places.uneven();
+    double light = 0;
+    for (long r = from; r < end; ++r) {
+      const double lit = bench_.mw_cm2[frame == kBlackFrame ? 0 : levels[r]] *
+                         shares[static_cast<std::size_t>(r - low)];
+      light += uneven ? lit * places.share(m, static_cast<int>(i), static_cast<int>(r)) : lit;
+    }
+    return light;
   }
 
   std::size_t row(int m, int i) const {

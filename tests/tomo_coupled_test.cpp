@@ -326,7 +326,7 @@ TEST(TomoCoupled, APartIsSolvedAndPrinted) {
     Method method;
     int angles;
   };
-  std::vector<Case> cases{{pinhole_printer(), Method::ladder, test::by_night() ? 48 : 36},
+  std::vector<Case> cases{{pinhole_printer(), Method::ladder, test::by_night() ? 48 : 24},
                           {aperture_printer(), Method::osmo, 24}};
   // By day FramesFollowAnAxisThatWobbles has it.
   if (test::by_night()) cases.push_back({pinhole_printer(), Method::osmo, 48});
@@ -334,9 +334,10 @@ TEST(TomoCoupled, APartIsSolvedAndPrinted) {
     PrintOptions options;
     options.angles = c.angles;
     options.solve.method = c.method;
-    options.solve.rungs = {.98, .9, .8, .5};
-    options.solve.most_steps = 100;
-    options.solve.proof_steps = 40;
+    options.solve.rungs = {.98, .8, .5};
+    options.solve.steps = 30;
+    options.solve.most_steps = test::by_night() ? 100 : 30;
+    options.solve.proof_steps = 20;
     ExecutionContext one, three;
     one.threads = 1;
     three.threads = 3;
@@ -347,8 +348,8 @@ TEST(TomoCoupled, APartIsSolvedAndPrinted) {
       EXPECT_LT(print.figures.contrast_bound, 3);
       EXPECT_GE(print.figures.contrast_bound, print.figures.metrics.contrast);
       // Threads change nothing, which few angles and steps show as well.
-      options.angles = 24;
-      options.solve.most_steps = 20;
+      options.angles = 12;
+      options.solve.steps = options.solve.most_steps = 5;
       const auto levels = [&](const ExecutionContext& context) {
         return solve_print(part, 0.25, c.printer, bench_resin(), options, context).job.levels;
       };

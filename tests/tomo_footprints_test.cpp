@@ -123,6 +123,7 @@ TEST(TomoFootprints, LevelOperatorsAreTransposes) {
 /// with their standard errors.
 struct Walked {
   std::vector<double> dose, error;
+  int rays = 0;  ///< that bring light
 };
 Walked walk(const TomoJob& job, const Bench& bench, int count) {
   const TomoGrid& g = bench.grid;
@@ -134,6 +135,7 @@ Walked walk(const TomoJob& job, const Bench& bench, int count) {
   const std::size_t voxels =
       static_cast<std::size_t>(g.slices) * static_cast<std::size_t>(g.voxels * g.voxels);
   std::vector<double> sum(voxels), squares(voxels);
+  Walked walked;
   std::mt19937 random(7);
   const auto uniform = [&] { return (random() >> 5) * 0x1p-27; };
   for (int k = 0; k < count; ++k) {
@@ -150,6 +152,7 @@ Walked walk(const TomoJob& job, const Bench& bench, int count) {
     const test::Marched ray = test::march(*p.vial, n, line);
     const test::Vector way = test::add(ray.exit, ray.entry, -1);
     const double chord = std::sqrt(test::dot(way, way));
+    ++walked.rays;
     constexpr int kPlaces = 12;
     for (int i = 0; i < kPlaces; ++i) {
       const double along = (i + uniform()) / kPlaces;
@@ -170,7 +173,6 @@ Walked walk(const TomoJob& job, const Bench& bench, int count) {
   const double unit = dose_of_turn(g, bench.exposure) * job.turns * g.angles * p.width_px *
                       p.height_px * p.pixel_x_um * p.pixel_y_um * 1e-6 / count /
                       (g.voxel_mm() * g.voxel_mm() * height);
-  Walked walked;
   for (std::size_t v = 0; v < voxels; ++v) {
     walked.dose.push_back(unit * sum[v]);
     walked.error.push_back(unit * std::sqrt(squares[v]));
@@ -232,13 +234,26 @@ void expect_rays_agree(const Printer& p, double voxel_mm, int slices, int angles
   }
   // Footprints are right to 1 % and less of large weights; five standard errors for the rays.
   EXPECT_EQ(within, all);
-  EXPECT_NEAR(off / sum, 0, 0.01);
+  EXPECT_NEAR(off / sum, 0, 0.01 + 4 / std::sqrt(want.rays));
 }
 
 TEST(TomoFootprints, RaysAgreeOnPixelsAsLargeAsVoxels) {
   std::mt19937 random(5);
   expect_rays_agree(small_printer(false, 0.25), 0.25, 4, 24,
                     [&](int, int, int) { return random() % 2 * 255; });
+}
+/// The column before the axis, as wide as a voxel, lit in all frames: the voxel on the axis has 0.86 of its light in the
+/// mean over it, all of it in its middle. Rays tell them apart: a few thousand come there, and 5 in a hundred are
+/// allowed for.
+TEST(TomoFootprints, RaysAgreeOnTheColumnBeforeTheAxis) {
+  Printer p = small_printer(false, 0.25);
+  p.optics->axis_right_px = 0.5;
+  const Bench bench = make_bench(p, bench_resin(2), {0.25, 4, 24});
+  int column = 0;
+  for (int i = 0; i < bench.grid.pixels; ++i) {
+    if (std::abs(pixel_x_mm(p, bench.window.first_column + i)) < 1e-9) column = i;
+  }
+  expect_rays_agree(p, 0.25, 4, 24, [&](int, int i, int) { return i == column ? 255 : 0; });
 }
 TEST(TomoFootprints, RaysAgreeOnOneColumnOfFewFramesBehindADryWall) {
   for (const int angles : {4, 36}) {

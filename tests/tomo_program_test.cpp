@@ -58,9 +58,8 @@ class TomoProgram : public testing::Test {
       }
     }
     EXPECT_GT(largest, 20.0);
-    // Four points along each side of a voxel, five directions in each of 60 steps: a point sees the one or the other of two
-    // pixels, which is wrong by an eighth of a voxel at most, by the root of 300 less in the mean, and by three to four
-    // times that in the worst of a thousand voxels.
+    // Eight points along each side of a voxel: a point sees the one or the other of two pixels, which is wrong by a sixteenth
+    // of a voxel at most, alike in all directions on the axis alone.
     EXPECT_LE(off, 0.015 * largest);
   }
   test::RunResult call(const std::vector<std::string>& words) const {

@@ -105,7 +105,10 @@ class Operators(unittest.TestCase):
         projector = tomo.Projector.for_printer(*MODEL, 0.25, angles=360)
         self.assertEqual((projector.voxels, projector.reach_mm, projector.to_gel_mj_cm3), (101, 12.5, 20))
         dose = projector.turn_mj_cm3 * projector.adjoint(np.full(projector.light_shape, projector.most_mw_cm2))
-        self.assertAlmostEqual(dose[0, 50, 50], 8.4759, delta=1e-4)
+        # Beside it e^(-alpha l), in the mean over directions, is more by r^2 (alpha^2 + alpha / R) / 4, and r^2 is 0.25^2 / 6
+        # in the mean over a voxel.
+        more = 0.25**2 / 24 * (0.08**2 + 0.08 / 12.5)
+        self.assertAlmostEqual(dose[0, 50, 50], 8.4759 * (1 + more), delta=1e-4)
 
     def test_forward_is_a_line_integral(self):
         projector = tomo.Projector(201, 8)

@@ -157,7 +157,9 @@ TEST(TomoWobble, OfWholePixelsMovesFrames) {
     }
     // Where an axis moves, columns are summed by quarters: their light dims from middle to middle as it
     // does in between, to (0.25/mm 0.25 mm)^2 / 8 and to as much more near the wall.
-    EXPECT_LT(difference(dose_of(steady), dose_of(moved)), 1e-2) << name_of(direction);
+    // And by directions of a quarter of a voxel's way, where others take two: 0.1 %, as tests of what was
+    // shown say.
+    EXPECT_LT(difference(dose_of(steady), dose_of(moved)), 1.1e-2) << name_of(direction);
     // As files: the images themselves are moved, and read back.
     const auto folder = std::filesystem::temp_directory_path() /
                         ("slicecorr-tomo-wobble-" + std::to_string(::getpid()));

@@ -20,6 +20,7 @@
 #include "slicecorr/tomo/solve.hpp"
 #include "slicecorr/vial.hpp"
 #include "snell.hpp"
+#include "tomo/operators/search_projector.hpp"
 #include "tomo_reference.hpp"
 
 namespace slicecorr::tomo {
@@ -342,21 +343,23 @@ TEST(TomoRays, FinsPrintOnlyWithTheRaysThatThereAre) {
     flat.rays[i].slope = 0;
   }
   const auto real = make_ray_projector(fins.grid, fins.rays),
-             level = make_ray_projector(fins.grid, flat);
+             search = detail::make_ray_search_projector(fins.grid, fins.rays, nullptr, 1),
+             level = detail::make_ray_search_projector(fins.grid, flat, nullptr, 1);
   SolveOptions options;
   options.method = Method::osmo;
   options.steps = 10;
   const auto printed = [&](const Projector& projector) {
     return adjoint(*real, {}, Light(fins.grid, solve({}, projector, target, {}, options).light));
   };
-  const Field as_level = printed(*level), as_real = printed(*real);
+  const Field as_level = printed(*level), as_real = printed(*search);
   const Metrics wrong = measure(target, as_level.values), right = measure(target, as_real.values);
   // Corrected in its plane, as light that is level alone.
   RecordProperty("fins_of_level_light", fins.right(as_level, wrong.best_threshold));
   EXPECT_LE(fins.right(as_level, wrong.best_threshold), 3);  // Webber printed 3
   EXPECT_LT(wrong.best_jaccard, 0.65);
   EXPECT_EQ(fins.right(as_real, right.best_threshold), 9);
-  EXPECT_LT(right.ver, 0.005);
+  // Each frame is shown while the vial turns by 5 or 9.5 degrees, the part's rim by one or two voxels.
+  EXPECT_LT(right.ver, test::by_night() ? 0.005 : 0.015);
 }
 
 }  // namespace

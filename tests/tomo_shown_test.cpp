@@ -82,12 +82,13 @@ TEST(TomoShown, AQuarterTurnLateIsThePartTurned) {
 
 TEST(TomoShown, EvenLightPrintsTheSameAtAnyAngleAndForAnyWidth) {
   // 72 angles: away from the wall, where the way through the resin changes as a square root, the sum
-  // over them of exp(-alpha (half chord + u)) is the integral, to far less than 1e-6.
+  // over them of exp(-alpha (half chord + u)) is the integral, to far less than 1e-6. Parts of a step
+  // have one direction each, in which the way is off by (alpha u turn)^2 / 24 in the mean over one.
   TomoJob job = random_job(bench_printer(), 1, 72);
   std::fill(job.levels.begin(), job.levels.end(), std::uint16_t{200});
   const Box<float> planned = dose_of(job);
-  EXPECT_LT(difference(dose_of(job, shown_of(job, 1.3, 5)), planned, 0.5), 1e-6);
-  EXPECT_LT(difference(dose_of(job, shown_of(job, -2, 400)), planned, 0.5), 1e-6);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, 1.3, 5)), planned, 0.5), 5e-5);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, -2, 400)), planned, 0.5), 5e-5);
   // Doses are light times time; black adds its own.
   std::vector<Showing> shown = shown_of(job, 0, 5);
   for (Showing& s : shown) s.share = 0.5, s.exposed_s *= 3;
@@ -98,11 +99,12 @@ TEST(TomoShown, EvenLightPrintsTheSameAtAnyAngleAndForAnyWidth) {
   for (float& d : expected.values) {
     d = static_cast<float>(d * (1.5 + bench.mw_cm2[0] / bench.mw_cm2[200]));
   }
-  EXPECT_LT(difference(dose_of(job, shown), expected, 0.5), 1e-6);
+  EXPECT_LT(difference(dose_of(job, shown), expected, 0.5), 5e-5);
 }
 
 TEST(TomoShown, ASmearedFrameIsTheMeanOfItsPlaces) {
-  // Over a step: the mean of its fifths.
+  // Over a step: the mean of its fifths. As a whole it is cut into directions of two voxels' way, in
+  // which sides of voxels seem as wide as in the middle: off by (18 degrees / 3)^2 / 24 of them.
   const TomoJob job = random_job(bench_printer(), 1, 20);
   Box<float> mean = dose_of(job);
   std::fill(mean.values.begin(), mean.values.end(), 0.0F);
@@ -110,7 +112,7 @@ TEST(TomoShown, ASmearedFrameIsTheMeanOfItsPlaces) {
     const Box<float> one = dose_of(job, shown_of(job, i * 18.0 / 5, 0));
     for (std::size_t k = 0; k < mean.values.size(); ++k) mean.values[k] += one.values[k] / 5;
   }
-  EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 18)), mean), 1e-6);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 18)), mean), 2e-3);
 }
 
 /// An axis that leans and goes astray, by whole rows too, and light that is dim at the sides.

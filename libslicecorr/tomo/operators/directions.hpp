@@ -34,11 +34,18 @@ struct Directions {
   int cells = 1;  ///< of a step
 
   /// So many that the light of a cell stays within a voxel, at this distance from the axis;
-  /// where pixels are not turned cells are parts of frames, and it may move by two voxels.
+  /// where pixels are not turned cells are parts of frames, and it may move by two and a half.
   static Directions of(int frames, double radius_mm, double voxel_mm, bool turned) {
     const double arc = 2 * std::numbers::pi / frames * radius_mm / voxel_mm;
-    const double cells = std::ceil(arc * (turned ? 1.0 : 0.5) - 1e-9);
+    const double cells = std::ceil(arc * (turned ? 1.0 : 0.4) - 1e-9);
     return {frames, static_cast<int>(std::clamp(cells, 1.0, 64.0))};
+  }
+
+  /// An odd number, so that cells lie at whole parts of steps: so many that light moves by at most so
+  /// many voxels in a cell.
+  static Directions odd(int frames, double arc_voxels, double most_voxels) {
+    const double cells = std::clamp(std::ceil(arc_voxels / most_voxels - 1e-9), 1.0, 63.0);
+    return {frames, static_cast<int>(cells) | 1};
   }
 
   int count() const { return frames * cells; }

@@ -20,20 +20,6 @@ int taps_for(float wide, int most) {
   return std::clamp(static_cast<int>(std::ceil(wide + 3 * kLeastBox)) + 1, 2, most);
 }
 
-/// Columns, rows and light of the slices.
-SLICECORR_CLONES
-void spread_parts(const VoxelColumn& v, float* parts) {
-  float* to = parts;
-  for (const int p : {RayMapPart::column, RayMapPart::row, RayMapPart::light}) {
-    const float* const from = v.parts + p * v.heights;
-    for (int z = 0; z < v.slices; ++z) {
-      const float low = from[v.height[z]], high = from[v.height[z] + 1];
-      to[z] = low + v.above[z] * (high - low);
-    }
-    to += v.slices;
-  }
-}
-
 /// Shares of `taps` pixels from first[z] on, around place[z]. The first edge has C 0, the last 1.
 SLICECORR_CLONES
 void share_out(const float* place, int n, const Boxes<float>& wide, int taps, int* first,
@@ -48,8 +34,8 @@ void share_out(const float* place, int n, const Boxes<float>& wide, int taps, in
   for (int tap = 0; tap + 1 < taps; ++tap) {
     float* const to = shares + static_cast<std::size_t>(tap) * n;
     for (int z = 0; z < n; ++z) {
-      const float edge = std::floor(place[z] - reach + 0.5f) + (static_cast<float>(tap) + 0.5f) -
-                         place[z];
+      const float edge =
+          std::floor(place[z] - reach + 0.5f) + (static_cast<float>(tap) + 0.5f) - place[z];
       const float up_to = boxes.below(edge);
       to[z] = up_to - last[z];
       last[z] = up_to;
@@ -77,10 +63,23 @@ void finish(Footprints& out, const VoxelColumn& v, int most_across, int most_up)
 
 }  // namespace
 
+SLICECORR_CLONES
+void places_of(const VoxelColumn& v, float* parts) {
+  float* to = parts;
+  for (const int p : {RayMapPart::column, RayMapPart::row, RayMapPart::light}) {
+    const float* const from = v.parts + p * v.heights;
+    for (int z = 0; z < v.slices; ++z) {
+      const float low = from[v.height[z]], high = from[v.height[z] + 1];
+      to[z] = low + v.above[z] * (high - low);
+    }
+    to += v.slices;
+  }
+}
+
 void make_footprints(const VoxelColumn& v, int most_across, int most_up, Footprints& out) {
   const auto n = static_cast<std::size_t>(v.slices);
   out.parts.resize(3 * n);
-  spread_parts(v, out.parts.data());
+  places_of(v, out.parts.data());
   // How wide voxels are in pixels hardly changes along z: as in the middle.
   const auto middle = [&](int part) {
     const float* const of = v.parts + part * v.heights;
@@ -126,8 +125,8 @@ void scatter_footprints(const Footprints& f, int slices, int stride, const float
     if (value == 0) continue;
     for (int i = 0; i < f.across; ++i) {
       const float a = f.column_shares[static_cast<std::size_t>(i) * slices + z] * value;
-      float* const to = light + static_cast<std::ptrdiff_t>(f.first_column[z] + i) * stride +
-                        f.first_row[z];
+      float* const to =
+          light + static_cast<std::ptrdiff_t>(f.first_column[z] + i) * stride + f.first_row[z];
       for (int j = 0; j < f.up; ++j) {
         to[j] += a * f.row_shares[static_cast<std::size_t>(j) * slices + z];
       }

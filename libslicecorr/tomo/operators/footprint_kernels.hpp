@@ -34,6 +34,9 @@ struct Footprints {
 /// At most `across` and `up` taps; where pixels lie beside the image, the places are kept next to it.
 void make_footprints(const VoxelColumn& voxels, int most_across, int most_up, Footprints& out);
 
+/// Columns, rows and light of the slices of a column of voxels, one after another.
+void places_of(const VoxelColumn& voxels, float* parts);
+
 /// field[z] += sum of weights times light[column * stride + row].
 void gather_footprints(const Footprints& f, int slices, int stride, const float* light,
                        float* field);

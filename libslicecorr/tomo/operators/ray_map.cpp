@@ -75,7 +75,8 @@ class Frame {
     return {ray.t_mm, ray.entry_z_mm, ray.slope, ray.power, ray.half_mm};
   }
   Between on_row(double column, int r) const {
-    const int first = first_[static_cast<std::size_t>(r)], last = last_[static_cast<std::size_t>(r)];
+    const int first = first_[static_cast<std::size_t>(r)],
+              last = last_[static_cast<std::size_t>(r)];
     if (last <= first) return {};
     const int c = std::clamp(static_cast<int>(std::floor(column)), first, last - 1);
     return mix(pixel(c, r), pixel(c + 1, r), column - c);
@@ -112,10 +113,10 @@ Found source_of(const Frame& frame, const LabRays& rays, double t, double u, dou
     found.parts[RayMapPart::along] = static_cast<float>(zr / det);
     found.parts[RayMapPart::up] = static_cast<float>(tc / det);
     found.parts[RayMapPart::slope] = static_cast<float>(now.slope);
-    found.parts[RayMapPart::light] = static_cast<float>(
-        now.half > 0 ? now.power * rays.pixel_area_mm2 * stretch / det *
-                           std::exp(-rays.alpha_per_mm * way)
-                     : 0);
+    found.parts[RayMapPart::light] =
+        static_cast<float>(now.half > 0 ? now.power * rays.pixel_area_mm2 * stretch / det *
+                                              std::exp(-rays.alpha_per_mm * way)
+                                        : 0);
     if (std::abs(by_column) + std::abs(by_row) < kMet) return found;
     column += by_column;
     row += by_row;
@@ -173,7 +174,7 @@ double RayMap::height_of(int slice) const {
   return height_mm_ > 0 ? grid_.slice_height_mm() * slice / height_mm_ : 0;
 }
 
-void RayMap::over(double t_mm, double u_mm, float* parts) const {
+void RayMap::over(double t_mm, double u_mm, float* parts, int count) const {
   const double ft = (t_mm / most_mm_ + 1) * 0.5 * (kAcross - 1),
                fu = (u_mm / most_mm_ + 1) * 0.5 * (kAlong - 1);
   const int t = std::clamp(static_cast<int>(std::floor(ft)), 0, kAcross - 2),
@@ -182,7 +183,7 @@ void RayMap::over(double t_mm, double u_mm, float* parts) const {
              wu = static_cast<float>(std::clamp(fu - u, 0.0, 1.0));
   const float *a = node(t, u), *b = node(t, u + 1), *c = node(t + 1, u), *d = node(t + 1, u + 1);
   const float wa = (1 - wt) * (1 - wu), wb = (1 - wt) * wu, wc = wt * (1 - wu), wd = wt * wu;
-  const int n = heights_ * RayMapPart::count;
+  const int n = heights_ * count;
   for (int i = 0; i < n; ++i) parts[i] = wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i];
 }
 

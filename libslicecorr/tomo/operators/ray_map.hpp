@@ -17,7 +17,9 @@ namespace slicecorr::tomo::detail {
 
 /// What is known at a node, or between nodes.
 struct RayMapPart {
-  enum { column, row, along, up, slope, light, count };
+  enum { column, row, light, along, up, slope, count };
+  /// Those up to here say where the light of a place comes from.
+  static constexpr int kPlaces = light + 1;
 };
 
 /// Of one ray of each pixel.
@@ -30,8 +32,8 @@ class RayMap {
   double height_of(int slice) const;
   /// Parts on all heights over (t, u): [part][height]. `column` and `row` are places among pixels,
   /// `along` columns a mm of t, `up` rows a mm of z, `slope` dz/du, `light` dose for each unit of
-  /// light of the pixel and angle, 0 where there is none.
-  void over(double t_mm, double u_mm, float* parts) const;
+  /// light of the pixel and angle, 0 where there is none. `count`: the first parts alone.
+  void over(double t_mm, double u_mm, float* parts, int count = RayMapPart::count) const;
 
   /// Largest `along`, and `up`, of all nodes.
   double most_along() const { return most_along_; }

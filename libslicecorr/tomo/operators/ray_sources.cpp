@@ -214,15 +214,10 @@ void RaySources::along_z(int ray, double t_mm, double u_mm, double first_mm, dou
     const RaySource &a = nodes[static_cast<std::size_t>(z0)],
                     &b = nodes[static_cast<std::size_t>(z0) + 1];
     const auto between = [&](double RaySource::*part) { return (1 - wz) * a.*part + wz * b.*part; };
-    places[k] = {between(&RaySource::column),
-                 between(&RaySource::row),
-                 between(&RaySource::turn_rad),
-                 between(&RaySource::along),
-                 between(&RaySource::up),
-                 between(&RaySource::slope),
-                 between(&RaySource::way_mm),
-                 between(&RaySource::spread),
-                 0};
+    places[k] = {
+        between(&RaySource::column), between(&RaySource::row),    between(&RaySource::turn_rad),
+        between(&RaySource::along),  between(&RaySource::up),     between(&RaySource::slope),
+        between(&RaySource::way_mm), between(&RaySource::spread), 0};
     places[k].share = places[k].spread * std::exp(-alpha_ * places[k].way_mm);
   }
 }

@@ -25,9 +25,9 @@ struct RaySource {
   double turn_rad = 0;
   double along = 0, up = 0;  ///< columns a mm of t, rows a mm of z
   double slope = 0;          ///< dz/du
-  double way_mm = 0;  ///< l
-  double spread = 0;  ///< the share without absorption
-  double share = 0;   ///< 0: no light of this ray comes there
+  double way_mm = 0;         ///< l
+  double spread = 0;         ///< the share without absorption
+  double share = 0;          ///< 0: no light of this ray comes there
 };
 
 class RaySources {

@@ -55,8 +55,9 @@ void weigh_row(const SquareRow& row, int* first, float* weights) {
 namespace {
 
 template <int L>
-[[gnu::always_inline]] inline void gather_lanes(const SquareRow& row, const int* first, const float* weights, Masks lit,
-                  const float* light, float* field) {
+[[gnu::always_inline]] inline void gather_lanes(const SquareRow& row, const int* first,
+                                                const float* weights, Masks lit, const float* light,
+                                                float* field) {
   for (int k = 0; k < row.count; ++k) {
     const float* from = light + static_cast<std::ptrdiff_t>(first[k]) * L;
     float sum[L] = {};
@@ -74,8 +75,9 @@ template <int L>
 }
 
 template <int L>
-[[gnu::always_inline]] inline void scatter_lanes(const SquareRow& row, const int* first, const float* weights, Masks lit,
-                   const float* field, float* light) {
+[[gnu::always_inline]] inline void scatter_lanes(const SquareRow& row, const int* first,
+                                                 const float* weights, Masks lit,
+                                                 const float* field, float* light) {
   for (int k = 0; k < row.count; ++k) {
     float* to = light + static_cast<std::ptrdiff_t>(first[k]) * L;
     const float* const from = field + static_cast<std::size_t>(k) * L;
@@ -114,8 +116,8 @@ void gather_row(const SquareRow& row, int lanes, const int* first, const float* 
 }
 
 SLICECORR_CLONES
-void scatter_row(const SquareRow& row, int lanes, const int* first, const float* weights,
-                 Masks lit, const float* field, float* light) {
+void scatter_row(const SquareRow& row, int lanes, const int* first, const float* weights, Masks lit,
+                 const float* field, float* light) {
   switch (lanes) {
     case 1:
       for (int k = 0; k < row.count; ++k) {

@@ -12,11 +12,11 @@ namespace slicecorr::tomo::detail {
 /// The voxels of a row that hold resin, seen in one direction. Lengths are in pixels.
 struct SquareRow {
   int count = 0;
-  double place = 0;         ///< of the first voxel among the pixels
-  float step = 0;           ///< to the next one
-  float one = 0, other = 0;  ///< widths of a voxel's sides
-  float u = 0, u_step = 0;  ///< of the voxels, times how far the vial turns
-  int taps = 0;             ///< pixels that a voxel may meet
+  double place = 0;            ///< of the first voxel among the pixels
+  float step = 0;              ///< to the next one
+  float one = 0, other = 0;    ///< widths of a voxel's sides
+  float u = 0, u_step = 0;     ///< of the voxels, times how far the vial turns
+  int taps = 0;                ///< pixels that a voxel may meet
   const float* dim = nullptr;  ///< e^(-alpha u), or null
   float dim_row = 1;
 };
@@ -32,7 +32,7 @@ using Masks = const std::uint32_t*;
 void gather_row(const SquareRow& row, int lanes, const int* first, const float* weights, Masks lit,
                 const float* light, float* field);
 /// The same the other way.
-void scatter_row(const SquareRow& row, int lanes, const int* first, const float* weights,
-                 Masks lit, const float* field, float* light);
+void scatter_row(const SquareRow& row, int lanes, const int* first, const float* weights, Masks lit,
+                 const float* field, float* light);
 
 }  // namespace slicecorr::tomo::detail

@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/npy.hpp"
+#include "tomo/operators/cell_lines.hpp"
 #include "tomo/operators/directions.hpp"
 #include "tomo/operators/footprint.hpp"
 #include "tomo/operators/shade.hpp"
@@ -32,6 +34,7 @@ class SquareProjector final : public Projector {
   SquareProjector(const TomoGrid& grid, const RayTables& optics, const Volume* insert)
       : grid_(grid), first_mm_(optics.line_mm.empty() ? grid.pixel_at_mm(0) : optics.line_mm[0]) {
     grid.check();
+    std::vector<float> entry;
     double most_mm = 0;
     for (int i = 0; i < grid.pixels; ++i) {
       const double t = first_mm_ + i * grid.pixel_mm;
@@ -41,14 +44,17 @@ class SquareProjector final : public Projector {
       }
       const double r = grid.radius_mm;
       const double chord = std::sqrt(std::max(0.0, r * r - t * t));
-      const double weight =
-          optics.weight.empty() ? 1 : optics.weight[static_cast<std::size_t>(i)];
-      entry_.push_back(static_cast<float>(weight * std::exp(-optics.alpha_per_mm * chord)));
+      const double weight = optics.weight.empty() ? 1 : optics.weight[static_cast<std::size_t>(i)];
+      entry.push_back(static_cast<float>(weight * std::exp(-optics.alpha_per_mm * chord)));
       if (weight > 0) most_mm = std::max(most_mm, std::min(std::abs(t), r));
     }
     const bool turned = !optics.turn_rad.empty();
     directions_ = Directions::of(grid.angles, most_mm, grid.voxel_mm(), turned);
-    make_shares(optics);
+    if (turned) {
+      lines_.emplace(grid, optics, directions_, std::move(entry));
+    } else {
+      lines_.emplace(grid, directions_, std::move(entry));
+    }
     make_dimming(optics.alpha_per_mm);
     // A voxel's diagonal and its way while the vial turns, in pixels.
     const double widest =
@@ -89,7 +95,10 @@ class SquareProjector final : public Projector {
     for (int k0 = 0; k0 < directions_.count(); k0 += kBatch) {
       const int count = std::min(kBatch, directions_.count() - k0);
       parallel_for(quiet, "", static_cast<std::size_t>(count), [&](std::size_t i) {
-        lines_of(k0 + static_cast<int>(i), light, lines.data() + i * padded);
+        float* const to = lines.data() + i * padded;
+        std::fill_n(to, margin(), 0.0F);
+        std::fill_n(to + padded - margin(), margin(), 0.0F);
+        lines_->of_cell(k0 + static_cast<int>(i), lanes(), light, to + margin());
       });
       parallel_for(quiet, "", pieces(), [&](std::size_t piece) {
         Scratch& scratch = thread_scratch();
@@ -134,8 +143,8 @@ class SquareProjector final : public Projector {
       });
       parallel_for(quiet, "", static_cast<std::size_t>(grid_.pixels), [&](std::size_t i) {
         for (int k = k0; k < k0 + count; ++k) {
-          back_from(k, static_cast<int>(i),
-                    lines.data() + static_cast<std::size_t>(k - k0) * padded + margin(), light);
+          lines_->back(k, static_cast<int>(i), lanes(),
+                       lines.data() + static_cast<std::size_t>(k - k0) * padded + margin(), light);
         }
       });
     }
@@ -158,8 +167,7 @@ class SquareProjector final : public Projector {
 
   ExecutionContext worth(const ExecutionContext& context) const {
     ExecutionContext quiet = silent(context);
-    const double work =
-        static_cast<double>(grid_.voxels_of_block()) * directions_.count() / 5e6;
+    const double work = static_cast<double>(grid_.voxels_of_block()) * directions_.count() / 5e6;
     quiet.threads = static_cast<int>(std::clamp(work, 1.0, 1.0 * thread_count(context)));
     return quiet;
   }
@@ -169,39 +177,14 @@ class SquareProjector final : public Projector {
   std::size_t padded_size() const {
     return static_cast<std::size_t>(grid_.pixels) * lanes() + 2 * margin();
   }
-  std::size_t pieces() const { return static_cast<std::size_t>((grid_.voxels + kRows - 1) / kRows); }
+  std::size_t pieces() const {
+    return static_cast<std::size_t>((grid_.voxels + kRows - 1) / kRows);
+  }
   int end_of(std::size_t piece) const {
     return std::min(grid_.voxels, (static_cast<int>(piece) + 1) * kRows);
   }
   std::size_t rows_of_block() const {
     return static_cast<std::size_t>(directions_.count()) * static_cast<std::size_t>(grid_.voxels);
-  }
-
-  void make_shares(const RayTables& optics) {
-    const int n = grid_.pixels;
-    shares_.resize(static_cast<std::size_t>(n) * static_cast<std::size_t>(directions_.cells));
-    const auto lit = [&](int i) { return i >= 0 && i < n && entry_[static_cast<std::size_t>(i)] > 0; };
-    for (int i = 0; i < n; ++i) {
-      if (!lit(i)) continue;
-      double turn = 0, across = 0;
-      if (!optics.turn_rad.empty()) {
-        const auto turn_of = [&](int j) { return optics.turn_rad[static_cast<std::size_t>(j)]; };
-        turn = turn_of(i);
-        const int a = lit(i - 1) ? i - 1 : i, b = lit(i + 1) ? i + 1 : i;
-        if (b > a) across = (turn_of(b) - turn_of(a)) / (b - a);
-      }
-      for (int cell = 0; cell < directions_.cells; ++cell) {
-        directions_.shares(cell, turn, across, shares_at(i, cell));
-      }
-    }
-  }
-  std::vector<FrameShare>& shares_at(int i, int cell) {
-    return shares_[static_cast<std::size_t>(i) * static_cast<std::size_t>(directions_.cells) +
-                   static_cast<std::size_t>(cell)];
-  }
-  const std::vector<FrameShare>& shares_of(int i, int k) const {
-    return shares_[static_cast<std::size_t>(i) * static_cast<std::size_t>(directions_.cells) +
-                   static_cast<std::size_t>(k % directions_.cells)];
   }
 
   void make_dimming(double alpha_per_mm) {
@@ -222,40 +205,6 @@ class SquareProjector final : public Projector {
         ey_[k * n + i] = static_cast<float>(std::exp(-alpha_per_mm * x * cosine_[k]));
       }
     }
-  }
-
-  /// The frame `shift` frames after that of cell k, in a block of light.
-  std::size_t frame(int k, int shift) const {
-    int m = (directions_.frame(k) + shift) % grid_.angles;
-    if (m < 0) m += grid_.angles;
-    return static_cast<std::size_t>(m) * static_cast<std::size_t>(grid_.pixels) * lanes();
-  }
-
-  /// L of a cell of directions, weighed.
-  void lines_of(int k, const float* light, float* to) const {
-    const std::size_t L = lanes();
-    std::fill_n(to, padded_size(), 0.0F);
-    to += margin();
-    for (int i = 0; i < grid_.pixels; ++i, to += L) {
-      for (const FrameShare& s : shares_of(i, k)) {
-        const float w = weight(i, s);
-        const float* const from = light + frame(k, s.shift) + static_cast<std::size_t>(i) * L;
-        for (std::size_t l = 0; l < L; ++l) to[l] += w * from[l];
-      }
-    }
-  }
-  /// The transpose, of one pixel.
-  void back_from(int k, int i, const float* lines, float* light) const {
-    const std::size_t L = lanes();
-    const float* const from = lines + static_cast<std::size_t>(i) * L;
-    for (const FrameShare& s : shares_of(i, k)) {
-      const float w = weight(i, s);
-      float* const to = light + frame(k, s.shift) + static_cast<std::size_t>(i) * L;
-      for (std::size_t l = 0; l < L; ++l) to[l] += w * from[l];
-    }
-  }
-  float weight(int i, const FrameShare& s) const {
-    return s.share * entry_[static_cast<std::size_t>(i)] / static_cast<float>(directions_.cells);
   }
 
   SquareRow row_of(int k, int y, const TomoGrid::Range& in) const {
@@ -292,8 +241,8 @@ class SquareProjector final : public Projector {
 
   void shade(std::size_t row, int x, std::uint32_t slices) {
     std::vector<Shaded>& all = shade_[row];
-    const auto at = std::lower_bound(all.begin(), all.end(), x,
-                                     [](const Shaded& s, int v) { return s.x < v; });
+    const auto at =
+        std::lower_bound(all.begin(), all.end(), x, [](const Shaded& s, int v) { return s.x < v; });
     if (at != all.end() && at->x == x) {
       at->slices |= slices;
     } else {
@@ -342,11 +291,10 @@ class SquareProjector final : public Projector {
   double first_mm_;
   Directions directions_;
   int taps_ = 0;
-  std::vector<float> entry_;
-  std::vector<std::vector<FrameShare>> shares_;  ///< [pixel][cell of a step]
-  std::vector<double> cosine_, sine_;            ///< of the directions
-  Array<float> ex_, ey_;                         ///< [direction][voxel]
-  std::vector<std::vector<Shaded>> shade_;       ///< [block][direction][y]; empty: no insert
+  std::optional<CellLines> lines_;
+  std::vector<double> cosine_, sine_;       ///< of the directions
+  Array<float> ex_, ey_;                    ///< [direction][voxel]
+  std::vector<std::vector<Shaded>> shade_;  ///< [block][direction][y]; empty: no insert
 };
 
 }  // namespace

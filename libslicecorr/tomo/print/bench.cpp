@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial.hpp"
 #include "tomo/operators/rays.hpp"
+#include "tomo/operators/search_projector.hpp"
 #include "tomo/operators/square_projector.hpp"
 
 namespace slicecorr::tomo {
@@ -98,6 +99,28 @@ std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume
   return detail::make_square_projector(bench.grid, bench.rays, insert);
 }
 
+namespace {
+
+/// Voxels by which light moves from one direction to the next.
+double most_voxels(Search search) { return search == Search::rough ? 3 : 1; }
+
+}  // namespace
+
+std::shared_ptr<const Projector> make_search_projector(const Bench& bench, Search search,
+                                                       const Volume* insert) {
+  if (bench.lab) {
+    return detail::make_ray_search_projector(bench.grid, *bench.lab, insert, most_voxels(search));
+  }
+  return detail::make_search_projector(bench.grid, bench.rays, insert, most_voxels(search));
+}
+
+bool has_rough_search(const Bench& bench) {
+  const auto cells = [&](Search search) {
+    return detail::search_directions(bench.grid, bench.rays, most_voxels(search)).cells;
+  };
+  return cells(Search::rough) < cells(Search::close);
+}
+
 int resolving_angles(double radius_mm, double voxel_mm) {
   return static_cast<int>(
       std::min(std::ceil(2 * std::numbers::pi * radius_mm / voxel_mm - kSame), 1e9));
@@ -157,8 +180,8 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
   for (int i = 0; i < grid.pixels; ++i) {
     const double column = b.window.column_of(i);
     rays.line_mm.push_back(line_mm(column));
-    const detail::RayAt middle = detail::ray_at(vial, n, pixel_x_mm(printer, column),
-                                                rays.alpha_per_mm, grid.radius_mm);
+    const detail::RayAt middle =
+        detail::ray_at(vial, n, pixel_x_mm(printer, column), rays.alpha_per_mm, grid.radius_mm);
     rays.turn_rad.push_back(middle.turn_rad);
     double weight = 0;
     if (middle.weight == 0) {
@@ -166,8 +189,7 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
       continue;
     }
     for (int k = 0; k < kWithinGroup; ++k) {
-      const double q =
-          pixel_x_mm(printer, column + wide * ((k + 0.5) / kWithinGroup - 0.5));
+      const double q = pixel_x_mm(printer, column + wide * ((k + 0.5) / kWithinGroup - 0.5));
       weight += detail::ray_at(vial, n, q, rays.alpha_per_mm, grid.radius_mm).weight;
     }
     rays.weight.push_back(weight / kWithinGroup);

@@ -17,86 +17,19 @@
 #include "slicecorr/tomo/shown.hpp"
 #include "slicecorr/vial.hpp"
 #include "tomo/operators/directions.hpp"
+#include "tomo/operators/footprint.hpp"
 #include "tomo/operators/ray_sources.hpp"
 #include "tomo/operators/shade.hpp"
 #include "tomo/print/changing_resin.hpp"
+#include "tomo/print/schedule.hpp"
+#include "tomo/print/steady_kernels.hpp"
 
 namespace slicecorr::tomo {
 
 namespace {
 
 using detail::RaySource;
-
-/// When which frame is lit: for each of a turn's cells of angle the frames, by their angle (or
-/// `kBlackFrame`), and for how long, s.
-class Schedule {
- public:
-  struct Part {
-    int angle = 0;
-    double exposed_s = 0;
-  };
-  explicit Schedule(int cells) : cells_(static_cast<std::size_t>(cells)) {}
-  int cells() const { return static_cast<int>(cells_.size()); }
-  /// Any whole number stands for the cell of that angle.
-  const std::vector<Part>& at(long cell) const { return cells_[place(cell)]; }
-  void add(long cell, int angle, double exposed_s) {
-    std::vector<Part>& parts = cells_[place(cell)];
-    for (Part& part : parts) {
-      if (part.angle != angle) continue;
-      part.exposed_s += exposed_s;
-      return;
-    }
-    parts.push_back({angle, exposed_s});
-  }
-
- private:
-  std::size_t place(long cell) const {
-    const long n = static_cast<long>(cells_.size());
-    return static_cast<std::size_t>((cell % n + n) % n);
-  }
-  std::vector<std::vector<Part>> cells_;
-};
-
-/// Each frame at its own angle, for its share of all turns.
-Schedule planned(const TomoJob& job, const Bench& bench) {
-  Schedule schedule(bench.grid.angles);
-  const double each_s = bench.exposure.turn_s * job.turns / bench.grid.angles;
-  for (int m = 0; m < bench.grid.angles; ++m) schedule.add(m, m, each_s);
-  return schedule;
-}
-
-/// Cells of angle in a frame's step: an odd number, so that its own angle is the middle of one.
-constexpr int kCellsPerStep = 5;
-
-Schedule scheduled(std::span<const Showing> shown, const Bench& bench) {
-  Schedule schedule(kCellsPerStep * bench.grid.angles);
-  const double cells_per_deg = schedule.cells() / 360.0;
-  for (const Showing& s : shown) {
-    const int angle = s.frame == kBlackFrame ? kBlackFrame : bench.frame_of_angle(s.frame);
-    const double light_s = s.exposed_s * s.share;
-    // th falls where the vial turns counterclockwise.
-    const double side = (bench.clockwise ? 1 : -1) * cells_per_deg;
-    const double a = side * s.from_deg + 0.5, b = side * s.to_deg + 0.5;
-    const double low = std::min(a, b), high = std::max(a, b), width = high - low;
-    const auto first = static_cast<long>(std::floor(low));
-    if (!(width > 1e-9)) {
-      schedule.add(first, angle, light_s);
-      continue;
-    }
-    // Whole turns leave the same in each cell.
-    const int cells = schedule.cells();
-    const double whole = std::floor(width / cells), end = high - whole * cells;
-    for (int cell = 0; whole > 0 && cell < cells; ++cell) {
-      schedule.add(cell, angle, light_s * whole / width);
-    }
-    for (long cell = first; static_cast<double>(cell) < end; ++cell) {
-      const double from = std::max(low, static_cast<double>(cell)),
-                   to = std::min(end, static_cast<double>(cell) + 1);
-      if (to > from) schedule.add(cell, angle, light_s * (to - from) / width);
-    }
-  }
-  return schedule;
-}
+using detail::Schedule;
 
 /// What light of a place across the image becomes in the resin: a table over places, 16 to a column.
 class LevelLight {
@@ -111,6 +44,10 @@ class LevelLight {
       share_.push_back(in ? transmittance(*printer.vial, n, q, 0) * magnified_ : 0);
       in_.push_back(in);
     }
+  }
+  /// Whether the vial turns light of any place.
+  bool turns() const {
+    return std::any_of(turn_.begin(), turn_.end(), [](double t) { return std::abs(t) > 1e-12; });
   }
   struct At {
     double turn_rad = 0;
@@ -142,8 +79,10 @@ class LevelLight {
 template <class Use>
 void each_cell(double at, double one, double other, const Use& use) {
   const double reach = (one + other) / 2;
-  const auto first = static_cast<long>(std::floor(at - reach + 0.5)),
-             last = static_cast<long>(std::ceil(at + reach - 0.5));
+  // Both are rounded from far below 0 on.
+  constexpr int kFar = 1 << 24;
+  const auto first = static_cast<long>(at - reach + 0.5 + kFar) - kFar,
+             last = kFar - static_cast<long>(kFar - (at + reach - 0.5));
   double before = 0;
   for (long cell = first; cell <= last; ++cell) {
     const double up_to =
@@ -162,27 +101,39 @@ class DirectSum {
         printer_(job.printer),
         bench_(bench),
         schedule_(std::move(schedule)),
+        runs_(schedule_, bench.grid.angles),
         n_(index_of(job.resin)),
         alpha_(absorption_per_mm(job.resin)),
         level_(job.insert, bench.grid.slices),
         rising_(job.insert) {
     const TomoGrid& g = bench.grid;
-    // Directions in a cell, so that light of one goes on by a quarter of a voxel, or by half of one
-    // where its way is counted.
+    constexpr int kCellsPerStep = Schedule::kCellsPerStep;
+    // Directions of a step, of light that a vial turns by column of a cell, of which light goes on by a
+    // quarter of a voxel at most.
     const double part_mm = part_radius_mm(job.part, job.sampling.voxel_mm);
     const double radius_mm =
         part_mm > 0 ? std::min(bench.radius_mm, part_mm + g.voxel_mm()) : bench.radius_mm;
     const double arc = 2 * std::numbers::pi / g.angles * radius_mm / g.voxel_mm();
-    const auto parts = static_cast<int>(std::ceil((g.coupled() ? 1 : 4) * arc / kCellsPerStep));
-    // The same directions for frames as planned and as shown.
-    directions_ = std::clamp(parts, 1, 12) * kCellsPerStep * g.angles / schedule_.cells();
+    if (!g.coupled()) across_.emplace(printer_, n_, bench);
+    steady_ =
+        across_ && !across_->turns() && !bench.places.moved() && printer_.rotation->wobble.empty();
+    arc_of_cell_ = arc * g.angles / schedule_.cells();
+    // Light falls on voxels for as long as it is shown, in closed form, which bears two voxels.
+    directions_ = std::clamp(static_cast<int>(std::ceil(arc / 2)), 1, 64);
+    if (!g.coupled() && !steady_) {
+      // The same directions for frames as planned and as shown.
+      const auto parts = static_cast<int>(std::ceil(4 * arc / kCellsPerStep));
+      directions_ = std::clamp(parts, 1, 12) * kCellsPerStep * g.angles / schedule_.cells();
+    }
     if (g.coupled()) {
       sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
                        g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
       for (int ray = 0; ray < bench.lab->per_pixel; ++ray) take_turns(ray);
+      wobbles_ = !printer_.rotation->wobble.empty();
+      light_lanes_ = static_cast<std::size_t>(g.light_lanes());
       return;
     }
-    across_.emplace(printer_, n_, bench);
+    if (steady_) make_steady();
     // z innermost, as light of one pixel goes to all slices alike.
     const auto slices = static_cast<std::size_t>(g.slices);
     black_.assign(slices, bench.mw_cm2.front());
@@ -195,6 +146,10 @@ class DirectSum {
           const double lit = bench.mw_cm2[r.shown < 0 ? 0 : job.levels[g.pixel(m, i, r.shown)]];
           to[r.slice] += r.share * lit;
         }
+        if (!steady_ || !bench.places.uneven()) continue;
+        for (std::size_t z = 0; z < slices; ++z) {
+          to[z] *= bench.places.share(m, i, static_cast<int>(z));
+        }
       }
     }
   }
@@ -204,6 +159,10 @@ class DirectSum {
   void add(int column, int row_of_voxels, std::vector<double>& sum) const {
     if (sources_) {
       add_rays(column, row_of_voxels, sum);
+      return;
+    }
+    if (steady_) {
+      add_steady(column, row_of_voxels, sum);
       return;
     }
     const bool by_frame = sum.size() > static_cast<std::size_t>(bench_.grid.slices);
@@ -220,7 +179,9 @@ class DirectSum {
       const double t = x * c + y * s, u = -x * s + y * c;
       const double one = g.voxel_mm() * std::abs(c) / g.pixel_mm,
                    other = g.voxel_mm() * std::abs(s) / g.pixel_mm;
-      const double place = (t - first_mm) / g.pixel_mm, reach = (one + other) / 2;
+      const detail::Boxes<double> boxes(one, other,
+                                        std::abs(u) * cell_rad / directions_ / g.pixel_mm);
+      const double place = (t - first_mm) / g.pixel_mm, reach = boxes.reach();
       const bool shaded = level_.hides(column, row_of_voxels, s, -c, hidden);
       // Piece by piece of the voxel, as columns cut it.
       double edge = place - reach, before = 0;
@@ -230,8 +191,7 @@ class DirectSum {
         const double turns = std::abs(across_->at(next).turn_rad - across_->at(edge).turn_rad);
         const double cuts = std::ceil(turns / cell_rad * directions_ - 1e-6);
         if (cuts > 1) next = std::min(next, edge + (next - edge) / std::min(cuts, 16.0));
-        const double up_to =
-            next >= place + reach ? 1 : detail::two_boxes_below(next - place, one, other);
+        const double up_to = next >= place + reach ? 1 : boxes.below(next - place);
         const double middle = (edge + next) / 2;
         const LevelLight::At from = across_->at(middle);
         if (from.share > 0 && up_to > before) {
@@ -297,6 +257,100 @@ class DirectSum {
       }
     }
     return all;
+  }
+
+  /// What does not depend on the voxel, of light that keeps its direction, and its columns.
+  void make_steady() {
+    const TomoGrid& g = bench_.grid;
+    const double first_mm =
+        pixel_x_mm(printer_, bench_.window.first_column) * printer_.vial->n_outside / n_;
+    constexpr int kWithin = 4;
+    for (int i = 0; i < g.pixels; ++i) {
+      double sum = 0;
+      for (int k = 0; k < kWithin; ++k) {
+        const double at = i + (k + 0.5) / kWithin - 0.5, t = first_mm + at * g.pixel_mm;
+        const double half = std::sqrt(std::max(0.0, bench_.radius_mm * bench_.radius_mm - t * t));
+        sum += across_->at(at).share * std::exp(-alpha_ * half);
+      }
+      of_column_.push_back(sum / kWithin);
+    }
+    for (const detail::LitRun& run : runs_.all()) {
+      if (run.parts->empty()) continue;
+      const long cells = run.end - run.first;
+      const int count = std::clamp(
+          static_cast<int>(std::ceil(static_cast<double>(cells) * arc_of_cell_ / 2)), 1, 64);
+      const double wide = static_cast<double>(cells) / count,
+                   cell_rad = 2 * std::numbers::pi / schedule_.cells();
+      for (int k = 0; k < count; ++k) {
+        const double th = cell_rad * (static_cast<double>(run.first) - 0.5 + (k + 0.5) * wide);
+        const double side = g.voxel_mm() / g.pixel_mm;
+        detail::SteadyDirection d;
+        d.cosine = std::cos(th);
+        d.sine = std::sin(th);
+        d.turn_px = wide * cell_rad / g.pixel_mm;
+        d.boxes = {side * std::abs(d.cosine), side * std::abs(d.sine)};
+        steady_directions_.push_back(d);
+        runs_of_directions_.emplace_back(&run, wide);
+        for (int i = 0; i < g.voxels; ++i) {
+          dim_x_.push_back(wide * std::exp(alpha_ * g.voxel_at_mm(i) * d.sine));
+          dim_y_.push_back(std::exp(-alpha_ * g.voxel_at_mm(i) * d.cosine));
+        }
+        const double reach =
+            d.boxes.outer + std::max(detail::kLeastBox, bench_.radius_mm * d.turn_px) / 2;
+        taps_ = std::max(taps_, static_cast<int>(std::ceil(2 * reach)) + 1);
+      }
+    }
+    first_mm_ = first_mm;
+  }
+
+  /// The same of such light.
+  void add_steady(int column, int row_of_voxels, std::vector<double>& sum) const {
+    const TomoGrid& g = bench_.grid;
+    const auto slices = static_cast<std::size_t>(g.slices), n = static_cast<std::size_t>(g.voxels);
+    const bool by_frame = sum.size() > slices;
+    const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
+    std::vector<std::uint64_t> hidden(level_.words());
+    const detail::SteadyVoxel voxel{x, y, first_mm_, g.pixel_mm};
+    int first[detail::kSteadyAtOnce];
+    thread_local std::vector<double> shares;
+    shares.resize(static_cast<std::size_t>(taps_ * detail::kSteadyAtOnce));
+    for (std::size_t k0 = 0; k0 < steady_directions_.size(); k0 += detail::kSteadyAtOnce) {
+      const std::size_t count =
+          std::min<std::size_t>(detail::kSteadyAtOnce, steady_directions_.size() - k0);
+      detail::steady_shares(&steady_directions_[k0], static_cast<int>(count), voxel, taps_, first,
+                            shares.data());
+      for (std::size_t at = 0; at < count; ++at) {
+        const std::size_t k = k0 + at;
+        const detail::SteadyDirection& d = steady_directions_[k];
+        const detail::LitRun& run = *runs_of_directions_[k].first;
+        const double dims = dim_x_[k * n + static_cast<std::size_t>(column)] *
+                            dim_y_[k * n + static_cast<std::size_t>(row_of_voxels)];
+        const bool shaded = level_.hides(column, row_of_voxels, d.sine, -d.cosine, hidden);
+        double* const to = sum.data() + (by_frame ? frame_at(run.stage) * slices : std::size_t{0});
+        for (int tap = 0; tap < taps_; ++tap) {
+          const int i = first[at] + tap;
+          const double share = shares[static_cast<std::size_t>(tap) * detail::kSteadyAtOnce + at];
+          if (share == 0 || i < 0 || i >= g.pixels) continue;
+          add_steady(run, i, share * dims * of_column_[static_cast<std::size_t>(i)],
+                     shaded ? &hidden : nullptr, to);
+        }
+      }
+    }
+  }
+  /// Light of a column while a run lasts.
+  void add_steady(const detail::LitRun& run, int i, double of_pixel,
+                  const std::vector<std::uint64_t>* hidden, double* to) const {
+    const auto slices = static_cast<std::size_t>(bench_.grid.slices);
+    for (const Schedule::Part& part : *run.parts) {
+      const bool black = part.angle == kBlackFrame;
+      const double* const lit = black ? black_.data() : &light_[row(part.angle, i)];
+      const double weight = of_pixel * part.exposed_s;
+      for (std::size_t z = 0; z < slices; ++z) {
+        if (hidden && ((*hidden)[z / 64] >> (z % 64) & 1)) continue;
+        to[z] +=
+            weight * lit[z] * (black ? bench_.places.share(run.stage, i, static_cast<int>(z)) : 1);
+      }
+    }
   }
 
   /// Where the next column begins; of frames that follow an axis, after a quarter of one.
@@ -376,10 +430,21 @@ class DirectSum {
     }
   }
   double turn_of_column(int ray, double column) const {
-    const auto columns = static_cast<long>(bench_.lab->columns);
-    const long c = std::clamp(std::lround(column), 0L, columns - 1);
+    const int columns = bench_.lab->columns;
+    const int c = std::clamp(nearest(column), 0, columns - 1);
     return turns_[static_cast<std::size_t>(ray * columns + c)];
   }
+  /// To a whole number, from -65536 on.
+  static int nearest(double v) { return static_cast<int>(v + 65536.5) - 65536; }
+
+  /// A column of voxels as it looks along one ray of pixels: as in its middle, as sizes hardly change
+  /// along z.
+  struct SeenColumn {
+    detail::Boxes<double> across, upwards;  ///< of a voxel, in columns and rows
+    double by_column = 0;  ///< cells of the schedule by which light is turned from column to column
+    double by_cell = 0;    ///< columns by which a voxel moves while the vial turns by a cell
+    double wide = 1;       ///< cells of a direction
+  };
 
   /// The same where slices share light.
   void add_rays(int column, int row_of_voxels, std::vector<double>& sum) const {
@@ -388,23 +453,31 @@ class DirectSum {
     const auto slices = static_cast<std::size_t>(g.slices);
     const bool by_frame = sum.size() > slices;
     std::vector<RaySource> sources(slices);
-    const int count = schedule_.cells() * directions_;
-    const double cell_rad = 2 * std::numbers::pi / schedule_.cells(),
-                 width_rad = cell_rad / directions_;
+    const int count = g.angles * directions_;
+    const double wide = static_cast<double>(schedule_.cells()) / count,
+                 cell_rad = 2 * std::numbers::pi / schedule_.cells();
     for (int k = 0; k < count; ++k) {
-      const double in_cells = (k + 0.5) / directions_ - 0.5, th = in_cells * cell_rad;
+      const double in_cells = k * wide, th = in_cells * cell_rad;
       const double c = std::cos(th), s = std::sin(th);
       const double t = x * c + y * s, u = -x * s + y * c;
       for (int ray = 0; ray < sources_->rays(); ++ray) {
         sources_->along_z(ray, t, u, g.lowest_mm, g.slice_height_mm(), sources);
+        const auto lit = [](const RaySource& from) { return from.share > 0; };
+        auto middle = std::find_if(sources.begin() + g.slices / 2, sources.end(), lit);
+        if (middle == sources.end()) middle = std::find_if(sources.begin(), sources.end(), lit);
+        if (middle == sources.end()) continue;
+        const double side = g.voxel_mm() * middle->along;
+        SeenColumn seen{{side * std::abs(c), side * std::abs(s)},
+                        {g.slice_height_mm() * middle->up,
+                         g.voxel_mm() * std::abs(middle->slope) * middle->up, 0},
+                        turn_of_column(ray, middle->column - bench_.window.first_column) / cell_rad,
+                        u * cell_rad * middle->along,
+                        wide};
         for (std::size_t z = 0; z < slices; ++z) {
           const RaySource& from = sources[z];
           if (!(from.share > 0)) continue;
           if (rising_.hides(column, row_of_voxels, static_cast<int>(z), th, from.slope)) continue;
-          const Seen seen{from, ray, in_cells - from.turn_rad / cell_rad,
-                          g.voxel_mm() * std::abs(c) * from.along,
-                          std::hypot(g.voxel_mm() * s, u * width_rad) * from.along};
-          add_ray(seen, [&](int stage) -> double& {
+          add_ray(seen, from, in_cells - from.turn_rad / cell_rad, [&](int stage) -> double& {
             return sum[z + (by_frame ? frame_at(stage) * slices : 0)];
           });
         }
@@ -412,68 +485,96 @@ class DirectSum {
     }
   }
 
-  /// A voxel's light by one ray of its pixels.
-  struct Seen {
-    const RaySource& from;
-    int ray = 0;
-    double at = 0;              ///< cell of the schedule in which it comes
-    double one = 0, other = 0;  ///< widths of the voxel, columns
-  };
+  /// Shares of pixels side by side from the first on, of a voxel at `place`.
+  static int take_shares(const detail::Boxes<double>& boxes, double place,
+                         std::vector<double>& shares) {
+    const int first = nearest(place - boxes.reach()), last = nearest(place + boxes.reach());
+    shares.clear();
+    double before = 0;
+    for (int i = first; i <= last; ++i) {
+      const double up_to = i == last ? 1 : boxes.below(i + 0.5 - place);
+      shares.push_back(up_to - before);
+      before = up_to;
+    }
+    return first;
+  }
+
+  /// Adds a voxel's light by one ray of its pixels; `at`: the cell of the schedule in which it comes.
   template <class To>
-  void add_ray(const Seen& seen, const To& to) const {
-    const TomoGrid& g = bench_.grid;
-    const RaySource& from = seen.from;
-    const double cell_rad = 2 * std::numbers::pi / schedule_.cells();
+  void add_ray(const SeenColumn& seen, const RaySource& from, double at, const To& to) const {
     // By where a steady axis would be shown; wobble moves the image by whole pixels.
-    const FramePlaces::Place here{from.column - bench_.window.first_column,
-                                  bench_.window.rows - 1 - (from.row - bench_.window.first_row)};
-    const double by_column = turn_of_column(seen.ray, here.pixel) / cell_rad;
-    const double high = g.slice_height_mm() * from.up,
-                 tilted = g.voxel_mm() * std::abs(from.slope) * from.up;
-    const double wide = (seen.one + seen.other) / 2, tall = (high + tilted) / 2;
-    const auto c0 = std::lround(here.pixel - wide), c1 = std::lround(here.pixel + wide);
-    const auto r0 = std::lround(here.row - tall), r1 = std::lround(here.row + tall);
-    const auto share_of = [](long i, double place, double one, double other) {
-      const double edge = static_cast<double>(i) - place;
-      return detail::two_boxes_below(edge + 0.5, one, other) -
-             detail::two_boxes_below(edge - 0.5, one, other);
-    };
-    thread_local std::vector<double> row_shares;
-    row_shares.clear();
-    for (long r = r0; r <= r1; ++r) row_shares.push_back(share_of(r, here.row, high, tilted));
-    for (long i = c0; i <= c1; ++i) {
-      const double f = share_of(i, here.pixel, seen.one, seen.other) * from.share / directions_;
-      if (!(f > 0)) continue;
-      const double at = seen.at - by_column * (static_cast<double>(i) - here.pixel);
-      each_cell(at, 1.0 / directions_, std::abs(by_column), [&](long cell, double of_cell) {
-        for (const Schedule::Part& part : schedule_.at(cell)) {
-          const int stage = angle_near(cell);
-          to(stage) +=
-              f * of_cell * part.exposed_s * light_of_rows(part.angle, stage, i, r0, row_shares);
+    const double pixel = from.column - bench_.window.first_column,
+                 row = bench_.window.rows - 1 - (from.row - bench_.window.first_row);
+    thread_local std::vector<double> rows, columns;
+    const int first_row = take_shares(seen.upwards, row, rows);
+    const auto add = [&](const detail::LitRun& run, double cells, int first) {
+      for (const Schedule::Part& part : *run.parts) {
+        double light = 0;
+        for (std::size_t i = 0; i < columns.size(); ++i) {
+          light += columns[i] * light_of_rows(part.angle, run.stage, first + static_cast<int>(i),
+                                              first_row, rows);
         }
-      });
+        to(run.stage) += from.share * cells * part.exposed_s * light;
+      }
+    };
+    // Of a direction each frame has the part in which it is shown, and the voxel's place then.
+    const auto boxes_of = [&](double cells) {
+      detail::Boxes<double> boxes = seen.across;
+      boxes.take_third(std::abs(seen.by_cell) * cells);
+      return boxes;
+    };
+    // Columns of a voxel may be taken to be turned alike where that moves little of their light to
+    // another frame.
+    constexpr double kAlike = 0.03;
+    const double reach = boxes_of(seen.wide).reach();
+    if (std::abs(seen.by_column) * reach < kAlike * seen.wide) {
+      runs_.each(at - seen.wide / 2, at + seen.wide / 2,
+                 [&](double middle, double cells, const detail::LitRun& run) {
+                   const double place = pixel + seen.by_cell * (middle - at);
+                   add(run, cells, take_shares(boxes_of(cells), place, columns));
+                 });
+      return;
+    }
+    columns.resize(1);
+    const int last = nearest(pixel + reach + 0.5 * std::abs(seen.by_cell) * seen.wide);
+    for (int i = nearest(pixel - reach - 0.5 * std::abs(seen.by_cell) * seen.wide); i <= last;
+         ++i) {
+      const double here = at - seen.by_column * (i - pixel);
+      runs_.each(here - seen.wide / 2, here + seen.wide / 2,
+                 [&](double middle, double cells, const detail::LitRun& run) {
+                   const detail::Boxes<double> boxes = boxes_of(cells);
+                   const double edge = i - pixel - seen.by_cell * (middle - here);
+                   columns[0] = boxes.below(edge + 0.5) - boxes.below(edge - 0.5);
+                   if (columns[0] > 0) add(run, cells, i);
+                 });
     }
   }
 
   /// Light of a column of the image of a steady axis, mW/cm², by these shares of its rows from `first`.
-  double light_of_rows(int frame, int stage, long column, long first,
+  double light_of_rows(int frame, int stage, int column, int first,
                        const std::vector<double>& shares) const {
     const TomoGrid& g = bench_.grid;
     const FramePlaces& places = bench_.places;
     const int m = frame == kBlackFrame ? stage : frame;
-    // Where the frame of m has what the stage's axis shows here.
-    const long i = column + std::lround(places.right_px(stage)) - std::lround(places.right_px(m));
+    int i = column, low = first;
+    if (wobbles_) {
+      // Where the frame of m has what the stage's axis shows here.
+      i += static_cast<int>(std::lround(places.right_px(stage)) - std::lround(places.right_px(m)));
+      low += static_cast<int>(std::lround(places.up_px(stage)) - std::lround(places.up_px(m)));
+    }
     if (i < 0 || i >= g.pixels) return 0;
-    const long low = first + std::lround(places.up_px(stage)) - std::lround(places.up_px(m)),
-               from = std::max(0L, low),
-               end = std::min<long>(g.rows, low + static_cast<long>(shares.size()));
-    const std::uint16_t* const levels = &job_.levels[g.pixel(m, static_cast<int>(i), 0)];
+    const int from = std::max(0, low),
+              end = std::min(g.rows, low + static_cast<int>(shares.size()));
+    const std::uint16_t* const levels =
+        job_.levels.data() + (static_cast<std::size_t>(m) * static_cast<std::size_t>(g.pixels) +
+                              static_cast<std::size_t>(i)) *
+                                 light_lanes_;
     const bool uneven = places.uneven();
     double light = 0;
-    for (long r = from; r < end; ++r) {
+    for (int r = from; r < end; ++r) {
       const double lit = bench_.mw_cm2[frame == kBlackFrame ? 0 : levels[r]] *
                          shares[static_cast<std::size_t>(r - low)];
-      light += uneven ? lit * places.share(m, static_cast<int>(i), static_cast<int>(r)) : lit;
+      light += uneven ? lit * places.share(m, i, r) : lit;
     }
     return light;
   }
@@ -489,13 +590,24 @@ class DirectSum {
   const Printer& printer_;
   const Bench& bench_;
   const Schedule schedule_;
+  const detail::LitRuns runs_;
   double n_, alpha_;
   detail::LevelShade level_;
   detail::RisingShade rising_;
-  int directions_ = 1;                         ///< in a cell of the schedule
+  double arc_of_cell_ = 0;  ///< voxels by which a part's rim moves in a cell of the schedule
+  int directions_ = 1;  ///< of a step; where a vial turns level light, of a cell of the schedule
   std::optional<detail::RaySources> sources_;  ///< where slices share light
   std::vector<double> turns_;                  ///< [ray][column], rad
-  std::optional<LevelLight> across_;           ///< else
+  bool wobbles_ = false;
+  std::size_t light_lanes_ = 0;
+  std::optional<LevelLight> across_;  ///< else
+  bool steady_ = false;               ///< and it keeps its direction and its columns
+  double first_mm_ = 0;               ///< then: t of the first column
+  int taps_ = 1;                      ///< columns that a voxel may meet
+  std::vector<detail::SteadyDirection> steady_directions_;
+  std::vector<std::pair<const detail::LitRun*, double>> runs_of_directions_;  ///< and cells
+  std::vector<double> of_column_;      ///< what of its light comes to u = 0, for a direction's time
+  std::vector<double> dim_x_, dim_y_;  ///< [direction][voxel]
   /// Else: [angle][pixel][slice] of the calibration, and of black [slice].
   std::vector<double> light_, black_;
 };
@@ -564,7 +676,7 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule, in
 
 Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  return dose_of(job, bench, planned(job, bench), job.turns, context);
+  return dose_of(job, bench, detail::planned(job, bench), job.turns, context);
 }
 
 Box<float> dose_of(const TomoJob& job, std::span<const Showing> shown,
@@ -573,7 +685,7 @@ Box<float> dose_of(const TomoJob& job, std::span<const Showing> shown,
   double lit_s = 0;
   for (const Showing& s : shown) lit_s += s.frame == kBlackFrame ? 0 : s.exposed_s;
   const double turns = std::clamp(std::round(lit_s / bench.exposure.turn_s), 1.0, 1e9);
-  return dose_of(job, bench, scheduled(shown, bench), static_cast<int>(turns), context);
+  return dose_of(job, bench, detail::scheduled(shown, bench), static_cast<int>(turns), context);
 }
 
 }  // namespace slicecorr::tomo

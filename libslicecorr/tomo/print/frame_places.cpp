@@ -34,8 +34,7 @@ FramePlaces::FramePlaces(const Printer& printer, const TomoGrid& grid, const Pix
   const double row_mm = row_um_ * 1e-3, rows = slice_mm_ / row_mm;
   if (!coupled_ && sine_ == 0 && std::abs(rows - std::round(rows)) < 1e-6) {
     // Rows of the image's edges and of the lowest slice's lower edge, counted upwards.
-    const double edge =
-        (lowest_mm_ - 0.5 * slice_mm_) / row_mm + middle_row_ + axis_up_px_ + 0.5;
+    const double edge = (lowest_mm_ - 0.5 * slice_mm_) / row_mm + middle_row_ + axis_up_px_ + 0.5;
     lowest_mm_ -= (edge - std::floor(edge + 0.5 - 1e-6)) * row_mm;
   }
   if (!printer.rotation->wobble.empty()) {

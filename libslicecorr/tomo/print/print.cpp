@@ -164,7 +164,6 @@ int turns_allowed(const Bench& bench, double most_time_s) {
 struct Place {
   Bench bench;   ///< of pixels
   Bench groups;  ///< of the same, in groups where they are finer than voxels
-  bool grouped = false;
   double part_radius_mm = 0;
   int most_turns = 0;  ///< 0: as many as it takes
 };
@@ -180,7 +179,6 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   place.bench = make_bench(printer, resin, sampling);
   sampling.grouped = true;
   place.groups = make_bench(printer, resin, sampling);
-  place.grouped = place.groups.window.wide > 1 || place.groups.window.high > 1;
   const double resin_mm = place.bench.radius_mm;
   const double limit_mm =
       options.beyond_reach ? resin_mm : std::min(place.bench.reach_mm, resin_mm);
@@ -224,6 +222,30 @@ struct Asked {
   std::shared_ptr<const Projector> projector;
   RayTables rays;
 };
+
+/// The part in light of groups of pixels, as it is looked for.
+Asked searched(const Bench& groups, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
+               Search search) {
+  Target target = target_of(groups, part, insert);
+  if (insert.values.empty()) {
+    return {std::move(target), make_search_projector(groups, search), groups.rays};
+  }
+  const Volume opaque = volume_of(groups.grid, insert);
+  return {std::move(target), make_search_projector(groups, search, &opaque), groups.rays};
+}
+
+/// What rough operators find: where to go on from, and a bound, which all of the proof's steps go to.
+Solution rough_solution(const Asked& rough, const SolveOptions& options,
+                        const ExecutionContext& context) {
+  constexpr int kSteps = 30, kMostSteps = 60, kProofSteps = 80;
+  SolveOptions how = options;
+  how.steps = how.steps == 0 ? kSteps : std::min(how.steps, kSteps);
+  how.most_steps = std::min(how.most_steps, kMostSteps);
+  how.proof_steps = std::min(how.proof_steps, kProofSteps);
+  how.resume = nullptr;
+  how.checkpoint = nullptr;
+  return solve(context, *rough.projector, rough.target, rough.rays, how);
+}
 
 /// Solves are repeated until the dose has spread for as many turns as the light needs, to this share
 /// of them; so often at most.
@@ -338,12 +360,13 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   const Scene scene = scene_of(bench, part, options.insert);
   const Target& target = scene.target;
-  // Light is looked for in groups of pixels, bounds are proven for that of all pixels.
+  // Light is looked for in groups of pixels, and with operators that are quicker; bounds are proven for
+  // that of all pixels, with those that follow their squares.
   const Asked every{target, scene.projector, bench.rays};
-  Asked flat = every;
-  if (place.grouped) {
-    Scene grouped = scene_of(place.groups, part, options.insert);
-    flat = {std::move(grouped.target), std::move(grouped.projector), place.groups.rays};
+  const Asked flat = searched(place.groups, part, options.insert, Search::close);
+  std::optional<Asked> rough;
+  if (options.solve.method == Method::ladder && has_rough_search(place.groups)) {
+    rough = searched(place.groups, part, options.insert, Search::rough);
   }
   // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
@@ -375,7 +398,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const auto light_of = [&](const Solution& found, const Asked& asked) {
     const Light light = detail::light_of_slices({asked.target.grid, found.light}, flat.target.grid);
-    return asked_light(bench, place.grouped ? light_of_groups(place.groups, light, bench) : light);
+    return asked_light(bench, light_of_groups(place.groups, light, bench));
   };
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
@@ -416,9 +439,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     if (spreads) {
       const double done_before = static_cast<double>(passes.size() - 1);
       asked = spread_for_turns(flat, bench, resin, options.insert, passes.back());
-      provable = place.grouped
-                     ? spread_for_turns(every, bench, resin, options.insert, passes.back())
-                     : asked;
+      provable = spread_for_turns(every, bench, resin, options.insert, passes.back());
       file.of_passes(passes);
       context.tell(fmt::format("light for dose that spreads by {:.3g} um in {} turns",
                                1e3 * detail::spread_mm(bench, resin, passes.back()),
@@ -429,8 +450,25 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     }
     const detail::ToldProjector projector(*asked.projector, told,
                                           detail::expected_calls(how, asked.target.grid.blocks()));
-    how.prover = place.grouped ? provable.projector.get() : nullptr;
-    found = solve(quiet, projector, asked.target, asked.rays, how);
+    how.prover = provable.projector.get();
+    std::optional<Solution> before;
+    SolveOptions closer = how;
+    if (rough) {
+      before = rough_solution(
+          spreads ? spread_for_turns(*rough, bench, resin, options.insert, passes.back()) : *rough,
+          how, quiet);
+      if (closer.start == nullptr) closer.start = &before->light;
+      closer.proof_steps = 0;
+    }
+    if (before && before->contrast_bound < 1) {
+      found = std::move(before);
+    } else {
+      found = solve(quiet, projector, asked.target, asked.rays, closer);
+    }
+    if (before && before->contrast_bound < found->contrast_bound) {
+      found->contrast_bound = before->contrast_bound;
+      found->bound_slice = before->bound_slice;
+    }
     if (found->contrast_bound < 1) {
       if (options.evidence) {
         options.evidence(evidence_of(*found, asked.target, part, options, voxel_mm));

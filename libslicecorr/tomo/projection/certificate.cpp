@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "tomo/projection/packed.hpp"
 
@@ -18,74 +19,145 @@ constexpr double kMargin = 1e-4;
 constexpr int kRounds = 12;
 constexpr float kRaise = 10;
 
-/// Of each slice of a block.
-std::vector<double> bounds_of_block(const Projector& projector, std::size_t block,
-                                    const Kind* kinds, const float* dose, double rung,
-                                    const ExecutionContext& context) {
-  const Shape shape = projector.shape();
-  const auto lanes = static_cast<std::size_t>(shape.problem_lanes());
-  const std::size_t voxels = shape.field_of_block, pixels = shape.light_of_block;
-  Array<float> low(voxels), high(voxels), empty(voxels), seen(voxels), raise(voxels);
-  Array<float> a_low(pixels), a_high(pixels), a_empty(pixels), ray(pixels);
+/// What a bound is made of, fields of a block.
+struct Witness {
+  Array<float> low, high, empty;  ///< lo, hi, and 1 in void
+};
+
+Witness witness_of(const Array<Kind>& kinds, const Array<float>& dose, double rung) {
+  const std::size_t voxels = kinds.size();
+  Witness w{Array<float>(voxels), Array<float>(voxels), Array<float>(voxels)};
   for (std::size_t i = 0; i < voxels; ++i) {
     if (kinds[i] == Kind::gel) {
-      low[i] = std::max(0.0f, 1.0f - dose[i]);
+      w.low[i] = std::max(0.0f, 1.0f - dose[i]);
     } else if (kinds[i] == Kind::empty) {
-      high[i] = std::max(0.0f, dose[i] - static_cast<float>(rung));
-      empty[i] = 1;
+      w.high[i] = std::max(0.0f, dose[i] - static_cast<float>(rung));
+      w.empty[i] = 1;
     }
   }
-  projector.forward(block, low.data(), a_low.data(), context);
-  projector.forward(block, empty.data(), a_empty.data(), context);
-  // What gel lacks on rays that meet no void is nobody's.
-  bool alone = false;
-  for (std::size_t i = 0; i < pixels; ++i) {
-    ray[i] = a_low[i] > 0 && !(a_empty[i] > 0) ? 1.0f : 0.0f;
-    alone = alone || ray[i] > 0;
+  return w;
+}
+
+/// Bounds of each slice of a block.
+class BlockBounds {
+ public:
+  BlockBounds(const Projector& projector, std::size_t block, Witness witness,
+              const ExecutionContext& context)
+      : projector_(projector),
+        block_(block),
+        context_(context),
+        lanes_(static_cast<std::size_t>(projector.shape().problem_lanes())),
+        now_(std::move(witness)),
+        a_low_(pixels()),
+        a_high_(pixels()),
+        a_empty_(pixels()),
+        ray_(pixels()),
+        sum_low_(lanes_),
+        count_(lanes_),
+        bounds_(lanes_, kWithoutEnd),
+        best_(now_.high) {
+    forward(now_.low, a_low_);
+    forward(now_.empty, a_empty_);
+    // What gel lacks on rays that meet no void is nobody's.
+    bool alone = false;
+    for (std::size_t i = 0; i < pixels(); ++i) {
+      ray_[i] = a_low_[i] > 0 && !(a_empty_[i] > 0) ? 1.0f : 0.0f;
+      alone = alone || ray_[i] > 0;
+    }
+    if (alone) {
+      const Array<float> met = adjoint(ray_);
+      for (std::size_t i = 0; i < met.size(); ++i) now_.low[i] = met[i] > 0 ? 0.0f : now_.low[i];
+      forward(now_.low, a_low_);
+    }
+    for (std::size_t i = 0; i < now_.low.size(); ++i) {
+      sum_low_[i % lanes_] += now_.low[i];
+      count_[i % lanes_] += now_.empty[i];
+    }
   }
-  if (alone) {
-    projector.adjoint(block, ray.data(), raise.data(), context);
-    for (std::size_t i = 0; i < voxels; ++i) low[i] = raise[i] > 0 ? 0.0f : low[i];
-    projector.forward(block, low.data(), a_low.data(), context);
-  }
-  std::fill(ray.begin(), ray.end(), 1.0f);
-  projector.adjoint(block, ray.data(), seen.data(), context);
-  std::vector<double> sum_low(lanes), count(lanes), bounds(lanes, kWithoutEnd);
-  for (std::size_t i = 0; i < voxels; ++i) {
-    sum_low[i % lanes] += low[i];
-    count[i % lanes] += empty[i];
-  }
-  for (int round = 0;; ++round) {
-    projector.forward(block, high.data(), a_high.data(), context);
-    std::vector<double> sum_high(lanes), delta(lanes);
-    for (std::size_t i = 0; i < voxels; ++i) sum_high[i % lanes] += high[i];
-    for (std::size_t i = 0; i < pixels; ++i) {
-      const double missing = a_low[i] * (1 + kMargin) - a_high[i] * (1 - kMargin);
-      ray[i] = 0;
+
+  /// Bounds with `high` as it is, the least so far of each slice.
+  void look() {
+    forward(now_.high, a_high_);
+    std::vector<double> sum_high(lanes_), delta(lanes_);
+    for (std::size_t i = 0; i < now_.high.size(); ++i) sum_high[i % lanes_] += now_.high[i];
+    for (std::size_t i = 0; i < pixels(); ++i) {
+      const double missing = a_low_[i] * (1 + kMargin) - a_high_[i] * (1 - kMargin);
+      ray_[i] = 0;
       if (missing <= 0) continue;
-      double& most = delta[i % lanes];
-      if (!(a_empty[i] > 0)) {
+      double& most = delta[i % lanes_];
+      if (!(a_empty_[i] > 0)) {
         most = kWithoutEnd;
         continue;
       }
-      const double share = missing / (a_empty[i] * (1 - kMargin));
+      const double share = missing / (a_empty_[i] * (1 - kMargin));
       most = std::max(most, share);
-      ray[i] = static_cast<float>(share);
+      ray_[i] = static_cast<float>(share);
     }
-    for (std::size_t l = 0; l < lanes; ++l) {
-      if (sum_low[l] > 0 && delta[l] < kWithoutEnd) {
-        bounds[l] = std::min(bounds[l], (sum_high[l] + delta[l] * count[l]) / sum_low[l]);
-      }
-    }
-    if (round == kRounds) break;
-    // Void on rays that miss something gets the mean of what they miss, and more.
-    projector.adjoint(block, ray.data(), raise.data(), context);
-    for (std::size_t i = 0; i < voxels; ++i) {
-      if (empty[i] > 0 && seen[i] > 0) high[i] += kRaise * raise[i] / seen[i];
+    for (std::size_t l = 0; l < lanes_; ++l) {
+      if (!(sum_low_[l] > 0 && delta[l] < kWithoutEnd)) continue;
+      const double bound = (sum_high[l] + delta[l] * count_[l]) / sum_low_[l];
+      if (!(bound < bounds_[l])) continue;
+      bounds_[l] = bound;
+      for (std::size_t i = l; i < best_.size(); i += lanes_) best_[i] = now_.high[i];
     }
   }
-  bounds.resize(static_cast<std::size_t>(shape.problems_of(block)));
-  return bounds;
+
+  /// Void on rays that miss something gets the mean of what they miss, and more.
+  void raise() {
+    const Array<float> missed = adjoint(ray_);
+    if (seen_.empty()) seen_ = adjoint(Array<float>(pixels(), 1.0f));
+    for (std::size_t i = 0; i < missed.size(); ++i) {
+      if (now_.empty[i] > 0 && seen_[i] > 0) now_.high[i] += kRaise * missed[i] / seen_[i];
+    }
+  }
+
+  std::vector<double> bounds() const {
+    std::vector<double> all = bounds_;
+    all.resize(static_cast<std::size_t>(projector_.shape().problems_of(block_)));
+    return all;
+  }
+  /// `high` of the least bounds.
+  const Array<float>& best() const { return best_; }
+
+ private:
+  std::size_t pixels() const { return projector_.shape().light_of_block; }
+  void forward(const Array<float>& field, Array<float>& light) const {
+    projector_.forward(block_, field.data(), light.data(), context_);
+  }
+  Array<float> adjoint(const Array<float>& light) const {
+    Array<float> field(projector_.shape().field_of_block);
+    projector_.adjoint(block_, light.data(), field.data(), context_);
+    return field;
+  }
+
+  const Projector& projector_;
+  std::size_t block_;
+  const ExecutionContext& context_;
+  std::size_t lanes_;
+  Witness now_;
+  Array<float> a_low_, a_high_, a_empty_, ray_, seen_;
+  std::vector<double> sum_low_, count_, bounds_;
+  Array<float> best_;
+};
+
+/// Raises `high` round by round.
+BlockBounds found_in(const Projector& projector, std::size_t block, Witness witness,
+                     const ExecutionContext& context) {
+  BlockBounds bounds(projector, block, std::move(witness), context);
+  for (int round = 0;; ++round) {
+    bounds.look();
+    if (round == kRounds) return bounds;
+    bounds.raise();
+  }
+}
+
+/// Calls use(projector, block, take, put, slices) for each block that holds these slices.
+template <class Use>
+void each_block(const ExecutionContext& context, const Projector& projector,
+                const std::vector<int>& slices, const Use& use) {
+  const PackedSlices packed(projector, slices);
+  const ExecutionContext inside = inside_block(context, packed.blocks());
+  parallel_for(context, "proving", packed.blocks(), [&](std::size_t b) { use(packed, b, inside); });
 }
 
 }  // namespace
@@ -95,20 +167,60 @@ std::vector<double> contrast_bounds(const ExecutionContext& context, const Proje
                                     const std::vector<int>& slices) {
   const Shape shape = projector.shape();
   if (shape.coupled) {
-    return bounds_of_block(projector, 0, cells.kinds.data(), dose.data(), rung, context);
+    return found_in(projector, 0, witness_of(cells.kinds, dose, rung), context).bounds();
   }
   std::vector<double> bounds(static_cast<std::size_t>(shape.slices), kWithoutEnd);
-  const PackedSlices packed(projector, slices);
-  const ExecutionContext inside = inside_block(context, packed.blocks());
-  parallel_for(context, "proving", packed.blocks(), [&](std::size_t b) {
-    const std::vector<int> lanes = packed.of_block(b);
-    const Array<Kind> kinds = packed.take(b, cells.kinds);
-    const Array<float> doses = packed.take(b, dose);
-    const std::vector<double> found =
-        bounds_of_block(packed.projector(), b, kinds.data(), doses.data(), rung, inside);
-    for (std::size_t l = 0; l < lanes.size(); ++l) bounds[lanes[l]] = found[l];
-  });
+  each_block(context, projector, slices,
+             [&](const PackedSlices& packed, std::size_t b, const ExecutionContext& inside) {
+               const std::vector<int> lanes = packed.of_block(b);
+               const std::vector<double> found =
+                   found_in(packed.projector(), b,
+                            witness_of(packed.take(b, cells.kinds), packed.take(b, dose), rung),
+                            inside)
+                       .bounds();
+               for (std::size_t l = 0; l < lanes.size(); ++l) bounds[lanes[l]] = found[l];
+             });
   return bounds;
+}
+
+std::vector<double> proven_bounds(const ExecutionContext& context, const Projector& projector,
+                                  const Projector& prover, const CellKinds& cells,
+                                  const Array<float>& dose, double rung,
+                                  const std::vector<int>& slices) {
+  const Shape shape = projector.shape();
+  if (shape.coupled) {
+    Witness witness = witness_of(cells.kinds, dose, rung);
+    witness.high = found_in(projector, 0, witness, context).best();
+    BlockBounds bounds(prover, 0, std::move(witness), context);
+    bounds.look();
+    return bounds.bounds();
+  }
+  Array<float> high(shape.field());
+  each_block(
+      context, projector, slices,
+      [&](const PackedSlices& packed, std::size_t b, const ExecutionContext& inside) {
+        packed.put_back(
+            b,
+            found_in(packed.projector(), b,
+                     witness_of(packed.take(b, cells.kinds), packed.take(b, dose), rung), inside)
+                .best(),
+            high);
+      });
+  const Array<Kind> kinds = in_lanes(shape, prover.shape(), cells.kinds);
+  const Array<float> doses = in_lanes(shape, prover.shape(), dose);
+  high = in_lanes(shape, prover.shape(), high);
+  std::vector<double> all(static_cast<std::size_t>(shape.slices), kWithoutEnd);
+  each_block(context, prover, slices,
+             [&](const PackedSlices& packed, std::size_t b, const ExecutionContext& inside) {
+               Witness witness = witness_of(packed.take(b, kinds), packed.take(b, doses), rung);
+               witness.high = packed.take(b, high);
+               BlockBounds bounds(packed.projector(), b, std::move(witness), inside);
+               bounds.look();
+               const std::vector<int> lanes = packed.of_block(b);
+               const std::vector<double> found = bounds.bounds();
+               for (std::size_t l = 0; l < lanes.size(); ++l) all[lanes[l]] = found[l];
+             });
+  return all;
 }
 
 }  // namespace slicecorr::tomo::detail

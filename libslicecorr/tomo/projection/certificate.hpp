@@ -19,4 +19,11 @@ std::vector<double> contrast_bounds(const ExecutionContext& context, const Proje
                                     const CellKinds& cells, const Array<float>& dose, double rung,
                                     const std::vector<int>& slices);
 
+/// The same of light by the weights of `prover`, which has the same cells: `projector` is quicker and
+/// only finds hi. Their lanes may differ, and their light.
+std::vector<double> proven_bounds(const ExecutionContext& context, const Projector& projector,
+                                  const Projector& prover, const CellKinds& cells,
+                                  const Array<float>& dose, double rung,
+                                  const std::vector<int>& slices);
+
 }  // namespace slicecorr::tomo::detail

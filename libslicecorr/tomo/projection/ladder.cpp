@@ -305,31 +305,36 @@ class Ladder {
     }
   }
 
-  /// Bounds of these slices; sorts them, the least first.
-  void bound(double rung, std::vector<int>& slices) {
-    const std::vector<double> bounds =
-        options_.prover == nullptr
-            ? contrast_bounds(silent(context_), projector_, cells_, dose_, rung, slices)
-            : contrast_bounds(silent(context_), *options_.prover,
-                              {in_lanes(shape_, options_.prover->shape(), cells_.kinds),
-                               cells_.gel, cells_.empty},
-                              in_lanes(shape_, options_.prover->shape(), dose_), rung, slices);
+  /// Takes the least of bounds that a dose proves; sorts their slices, the least first.
+  void take_bounds(const std::vector<double>& bounds, const Array<float>& dose,
+                   std::vector<int>& slices, double& least_of) {
     std::stable_sort(slices.begin(), slices.end(),
                      [&](int a, int b) { return bounds[a] < bounds[b]; });
     const int least = slices.front();
-    if (bounds[least] >= found_.contrast_bound) return;
-    found_.contrast_bound = bounds[least];
-    found_.bound_slice = shape_.coupled ? hardest_slice(shape_, cells_, dose_) : least;
+    if (bounds[least] >= least_of) return;
+    least_of = bounds[least];
+    found_.bound_slice = shape_.coupled ? hardest_slice(shape_, cells_, dose) : least;
   }
 
   /// The proof wants the minimum of the first two terms alone, without bounds on the light, of the
-  /// slices that limit the part, on a rung that is out of reach.
+  /// slices that limit the part, on a rung that is out of reach. Where a prover proves the bound, which
+  /// takes longer, it does so once, of the dose that promises most.
   void prove(double missed, std::vector<int> slices) {
     if (options_.proof_steps == 0) return;
     const double contrast = least_kept();
     const double rung = contrast > 0 ? std::min(missed, kBeyond / contrast) : missed;
-    bound(rung, slices);
+    double promised = kNone;
+    double& least = options_.prover == nullptr ? found_.contrast_bound : promised;
+    Array<float> promising;
+    const auto look = [&] {
+      const double before = least;
+      take_bounds(contrast_bounds(silent(context_), projector_, cells_, dose_, rung, slices), dose_,
+                  slices, least);
+      if (options_.prover != nullptr && (least < before || promising.empty())) promising = dose_;
+    };
+    look();
     slices.resize(std::min(slices.size(), kProven));
+    std::vector<int> hardest = slices;
     const Penalty penalty{.rung = rung, .most_dose = kNone, .cap = kNone};
     std::vector<Climb> climbs(now_.size());
     for (int steps = kFirstProof;; steps *= 2) {
@@ -337,10 +342,15 @@ class Ladder {
       descend(penalty, steps, climbs, slices, "proving");
       std::erase_if(slices, [&](int z) { return climbs[z].reached(); });
       if (slices.empty()) break;
-      const double before = found_.contrast_bound;
-      bound(rung, slices);
+      const double before = least;
+      look();
       if (steps == options_.proof_steps) break;
-      if (steps > kFirstProof && found_.contrast_bound > before * (1 - kFalls)) break;
+      if (steps > kFirstProof && least > before * (1 - kFalls)) break;
+    }
+    if (options_.prover != nullptr) {
+      take_bounds(proven_bounds(silent(context_), projector_, *options_.prover, cells_, promising,
+                                rung, hardest),
+                  promising, hardest, found_.contrast_bound);
     }
     add_history(climbs, rung);
   }

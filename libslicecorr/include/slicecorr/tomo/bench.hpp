@@ -140,9 +140,10 @@ void refuse_uncounted_spread(const Printer& printer, const Resin& resin);
 /// Whether light rises, falls or spreads on its way: a pinhole's, and that of an aperture.
 bool slices_share_light(const Printer& printer);
 
-/// Telecentric light without an aperture stays in its slice. Other light is that of `lab_rays`. Throws `InputError` naming what is missing or
-/// does not fit: a printer whose rows are higher than a voxel, slices above or below the image, fewer
-/// than 3 angles, more frames than the projector shows in a turn.
+/// Telecentric light without an aperture stays in its slice. Other light is that of `lab_rays`. Throws
+/// `InputError` naming what is missing or does not fit: a printer whose rows are higher than a voxel,
+/// slices above or below the image, fewer than 3 angles, more frames than the projector shows in a
+/// turn.
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling);
 
 /// z on the axis of a row of the grid's light, mm.
@@ -155,6 +156,14 @@ Light light_of_groups(const Bench& groups, const Light& light, const Bench& pixe
 
 /// The operators of a bench, around an insert (of its grid) or none.
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert = nullptr);
+
+/// How closely operators that look for light follow the turn of the vial.
+enum class Search { rough, close };
+/// The same to look for light with: quicker, and close to them. Bounds and doses are for others to say.
+std::shared_ptr<const Projector> make_search_projector(const Bench& bench, Search search,
+                                                       const Volume* insert = nullptr);
+/// Whether the rough ones are quicker.
+bool has_rough_search(const Bench& bench);
 
 /// Angles of a turn at which voxels at this distance from the axis are resolved: pi r / p for half a
 /// turn (Kelly's thesis, 5.5.2).

@@ -1,0 +1,40 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "tomo/print/steady_kernels.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/kernels.hpp"
+
+namespace slicecorr::tomo::detail {
+
+SLICECORR_CLONES
+void steady_shares(const SteadyDirection* directions, int count, const SteadyVoxel& voxel, int taps,
+                   int* first, double* shares) {
+  double edge[kSteadyAtOnce], half_c[kSteadyAtOnce], by_c[kSteadyAtOnce], before[kSteadyAtOnce];
+  for (int k = 0; k < count; ++k) {
+    const SteadyDirection& d = directions[k];
+    const double u = voxel.y * d.cosine - voxel.x * d.sine,
+                 place = (voxel.x * d.cosine + voxel.y * d.sine - voxel.first_mm) / voxel.pixel_mm;
+    const double wide = std::abs(u) * d.turn_px, c = wide > kLeastBox ? wide : kLeastBox;
+    half_c[k] = c / 2;
+    by_c[k] = 1 / c;
+    // To a whole number, from -65536 on.
+    first[k] = static_cast<int>(place - d.boxes.outer - c / 2 + 65536.5) - 65536;
+    edge[k] = static_cast<double>(first[k]) + 0.5 - place;
+    before[k] = 0;
+  }
+  for (int tap = 0; tap < taps; ++tap) {
+    double* const to = shares + tap * kSteadyAtOnce;
+    for (int k = 0; k < count; ++k) {
+      const double up_to =
+          directions[k].boxes.below(edge[k] + static_cast<double>(tap), half_c[k], by_c[k]);
+      to[k] = up_to - before[k];
+      before[k] = up_to;
+    }
+  }
+}
+
+}  // namespace slicecorr::tomo::detail

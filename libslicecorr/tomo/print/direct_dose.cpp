@@ -131,6 +131,8 @@ class DirectSum {
       for (int ray = 0; ray < bench.lab->per_pixel; ++ray) take_turns(ray);
       wobbles_ = !printer_.rotation->wobble.empty();
       light_lanes_ = static_cast<std::size_t>(g.light_lanes());
+      frame_size_ = static_cast<std::size_t>(g.pixels) * light_lanes_;
+      if (!wobbles_) make_image();
       return;
     }
     if (steady_) make_steady();
@@ -413,6 +415,23 @@ class DirectSum {
     }
   }
 
+  void make_image() {
+    const TomoGrid& g = bench_.grid;
+    // Footprints read up to 8 numbers on.
+    image_.resize((static_cast<std::size_t>(g.angles) + 1) * frame_size_ + 8);
+    for (int m = 0; m <= g.angles; ++m) {
+      for (int i = 0; i < g.pixels; ++i) {
+        for (int r = 0; r < g.rows; ++r) {
+          const bool black = m == g.angles;
+          const double lit = bench_.mw_cm2[black ? 0 : job_.levels[g.pixel(m, i, r)]];
+          image_[static_cast<std::size_t>(m) * frame_size_ +
+                 static_cast<std::size_t>(i) * light_lanes_ + static_cast<std::size_t>(r)] =
+              static_cast<float>(lit * bench_.places.share(0, i, r));
+        }
+      }
+    }
+  }
+
   /// How much more the rays of a column are turned than those of the one before.
   void take_turns(int ray) {
     const LabRays& lab = *bench_.lab;
@@ -485,18 +504,19 @@ class DirectSum {
     }
   }
 
-  /// Shares of pixels side by side from the first on, of a voxel at `place`.
-  static int take_shares(const detail::Boxes<double>& boxes, double place,
-                         std::vector<double>& shares) {
+  /// Shares of those of `count` pixels that a voxel at `place` meets; the first of them. `shares` may have
+  /// more numbers, which are 0.
+  static int take_shares(const detail::Boxes<double>& boxes, double place, int count,
+                         std::vector<float>& shares) {
     const int first = nearest(place - boxes.reach()), last = nearest(place + boxes.reach());
     shares.clear();
     double before = 0;
     for (int i = first; i <= last; ++i) {
       const double up_to = i == last ? 1 : boxes.below(i + 0.5 - place);
-      shares.push_back(up_to - before);
+      if (i >= 0 && i < count) shares.push_back(static_cast<float>(up_to - before));
       before = up_to;
     }
-    return first;
+    return std::max(first, 0);
   }
 
   /// Adds a voxel's light by one ray of its pixels; `at`: the cell of the schedule in which it comes.
@@ -505,14 +525,30 @@ class DirectSum {
     // By where a steady axis would be shown; wobble moves the image by whole pixels.
     const double pixel = from.column - bench_.window.first_column,
                  row = bench_.window.rows - 1 - (from.row - bench_.window.first_row);
-    thread_local std::vector<double> rows, columns;
-    const int first_row = take_shares(seen.upwards, row, rows);
+    const TomoGrid& g = bench_.grid;
+    thread_local std::vector<float> rows, columns;
+    const int first_row = take_shares(seen.upwards, row, wobbles_ ? 1 << 24 : g.rows, rows);
+    if (rows.empty()) return;
+    const std::size_t count = rows.size();
+    rows.resize((count + 7) / 8 * 8);
     const auto add = [&](const detail::LitRun& run, double cells, int first) {
       for (const Schedule::Part& part : *run.parts) {
         double light = 0;
-        for (std::size_t i = 0; i < columns.size(); ++i) {
-          light += columns[i] * light_of_rows(part.angle, run.stage, first + static_cast<int>(i),
-                                              first_row, rows);
+        if (wobbles_) {
+          for (std::size_t i = 0; i < columns.size(); ++i) {
+            light += columns[i] * light_of_rows(part.angle, run.stage, first + static_cast<int>(i),
+                                                first_row, std::span(rows).first(count));
+          }
+        } else if (!columns.empty()) {
+          const std::size_t at = part.angle == kBlackFrame
+                                     ? static_cast<std::size_t>(g.angles) * frame_size_
+                                     : static_cast<std::size_t>(part.angle) * frame_size_;
+          light = detail::footprint_light(
+              {columns.data(), rows.data(), static_cast<int>(columns.size()),
+               static_cast<int>(rows.size())},
+              image_.data() + at + static_cast<std::size_t>(first) * light_lanes_ +
+                  static_cast<std::size_t>(first_row),
+              light_lanes_);
         }
         to(run.stage) += from.share * cells * part.exposed_s * light;
       }
@@ -526,12 +562,13 @@ class DirectSum {
     // Columns of a voxel may be taken to be turned alike where that moves little of their light to
     // another frame.
     constexpr double kAlike = 0.03;
+    const int most = wobbles_ ? 1 << 24 : g.pixels;
     const double reach = boxes_of(seen.wide).reach();
     if (std::abs(seen.by_column) * reach < kAlike * seen.wide) {
       runs_.each(at - seen.wide / 2, at + seen.wide / 2,
                  [&](double middle, double cells, const detail::LitRun& run) {
                    const double place = pixel + seen.by_cell * (middle - at);
-                   add(run, cells, take_shares(boxes_of(cells), place, columns));
+                   add(run, cells, take_shares(boxes_of(cells), place, most, columns));
                  });
       return;
     }
@@ -539,12 +576,14 @@ class DirectSum {
     const int last = nearest(pixel + reach + 0.5 * std::abs(seen.by_cell) * seen.wide);
     for (int i = nearest(pixel - reach - 0.5 * std::abs(seen.by_cell) * seen.wide); i <= last;
          ++i) {
+      if (i < 0 || i >= most) continue;
       const double here = at - seen.by_column * (i - pixel);
       runs_.each(here - seen.wide / 2, here + seen.wide / 2,
                  [&](double middle, double cells, const detail::LitRun& run) {
                    const detail::Boxes<double> boxes = boxes_of(cells);
                    const double edge = i - pixel - seen.by_cell * (middle - here);
-                   columns[0] = boxes.below(edge + 0.5) - boxes.below(edge - 0.5);
+                   columns[0] =
+                       static_cast<float>(boxes.below(edge + 0.5) - boxes.below(edge - 0.5));
                    if (columns[0] > 0) add(run, cells, i);
                  });
     }
@@ -552,7 +591,7 @@ class DirectSum {
 
   /// Light of a column of the image of a steady axis, mW/cm², by these shares of its rows from `first`.
   double light_of_rows(int frame, int stage, int column, int first,
-                       const std::vector<double>& shares) const {
+                       std::span<const float> shares) const {
     const TomoGrid& g = bench_.grid;
     const FramePlaces& places = bench_.places;
     const int m = frame == kBlackFrame ? stage : frame;
@@ -599,7 +638,8 @@ class DirectSum {
   std::optional<detail::RaySources> sources_;  ///< where slices share light
   std::vector<double> turns_;                  ///< [ray][column], rad
   bool wobbles_ = false;
-  std::size_t light_lanes_ = 0;
+  std::size_t light_lanes_ = 0, frame_size_ = 0;
+  Array<float> image_;  ///< light of all frames, and of black, as light lies; where nothing wobbles
   std::optional<LevelLight> across_;  ///< else
   bool steady_ = false;               ///< and it keeps its direction and its columns
   double first_mm_ = 0;               ///< then: t of the first column

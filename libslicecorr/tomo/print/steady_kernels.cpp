@@ -37,4 +37,16 @@ void steady_shares(const SteadyDirection* directions, int count, const SteadyVox
   }
 }
 
+SLICECORR_CLONES
+double footprint_light(const FootprintOfLight& footprint, const float* light, std::size_t pitch) {
+  float sum[8] = {};
+  for (int i = 0; i < footprint.column_count; ++i, light += pitch) {
+    const float of_column = footprint.columns[i];
+    for (int r0 = 0; r0 < footprint.row_count; r0 += 8) {
+      for (int r = 0; r < 8; ++r) sum[r] += of_column * footprint.rows[r0 + r] * light[r0 + r];
+    }
+  }
+  return double{((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]))};
+}
+
 }  // namespace slicecorr::tomo::detail

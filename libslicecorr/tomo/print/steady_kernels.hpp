@@ -4,7 +4,7 @@
 /// Shares of pixels in a voxel, in several directions at once: what judging level light runs.
 #pragma once
 
-#include <vector>
+#include <cstddef>
 
 #include "tomo/operators/footprint.hpp"
 
@@ -28,5 +28,13 @@ inline constexpr int kSteadyAtOnce = 32;
 /// shares[tap * kSteadyAtOnce + k]. No voxel may look more than `taps` pixels wide.
 void steady_shares(const SteadyDirection* directions, int count, const SteadyVoxel& voxel, int taps,
                    int* first, double* shares);
+
+/// Of light [column][row], rows `pitch` apart, what a footprint takes: the sum of shares of both. `rows`:
+/// shares of so many rows, a multiple of 8; beyond the image they are 0, and the light is some number.
+struct FootprintOfLight {
+  const float *columns = nullptr, *rows = nullptr;
+  int column_count = 0, row_count = 0;
+};
+double footprint_light(const FootprintOfLight& footprint, const float* light, std::size_t pitch);
 
 }  // namespace slicecorr::tomo::detail

@@ -20,7 +20,7 @@ class RayCells {
   /// In a cell of directions light moves by at most so many voxels. `odd`: an odd number of cells to a
   /// step. Throws `InputError` as `make_ray_projector` does.
   struct Cells {
-    double most_voxels = 1;
+    double most_voxels = 1.5;
     bool odd = false;
   };
   RayCells(const TomoGrid& grid, const LabRays& rays, const Volume* insert, const Cells& cells);

@@ -544,7 +544,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     const double short_by = (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
     // More than enough, where the operators see less than the sum, costs turns: taken back once.
     if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
-    scale *= short_by + 1e-4;
+    scale *= short_by + 2e-4 * (round + 1);
     while (job.turns > 1 && scale * job.turns <= brightest * (job.turns - 1)) {
       scale *= static_cast<double>(job.turns) / (job.turns - 1);
       --job.turns;

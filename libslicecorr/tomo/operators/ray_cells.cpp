@@ -45,7 +45,7 @@ RayCells::RayCells(const TomoGrid& grid, const LabRays& rays, const Volume* inse
                                  grid.voxels, grid.slices));
   }
   double most_mm = 0;
-  for (int a = 0; a < per_pixel_; ++a) maps_.emplace_back(grid, rays, a);
+  for (int a = 0; a < per_pixel_; ++a) maps_.emplace_back(grid, rays, a, cells.map_up);
   for (const LabRay& ray : rays.rays) {
     if (ray.half_mm > 0 && ray.power > 0) most_mm = std::max(most_mm, std::abs(ray.t_mm));
   }

@@ -22,6 +22,7 @@ class RayCells {
   struct Cells {
     double most_voxels = 1.5;
     bool odd = false;
+    int map_up = 8;  ///< nodes of maps along z, to the vial's radius
   };
   RayCells(const TomoGrid& grid, const LabRays& rays, const Volume* insert, const Cells& cells);
 

@@ -12,8 +12,6 @@ namespace slicecorr::tomo::detail {
 
 namespace {
 
-/// Nodes along z are so many to the vial's radius.
-constexpr int kUp = 8;
 constexpr int kSteps = 30;
 /// Of pixels, to which Newton's method meets a place.
 constexpr double kMet = 1e-7;
@@ -126,9 +124,9 @@ Found source_of(const Frame& frame, const LabRays& rays, double t, double u, dou
 
 }  // namespace
 
-RayMap::RayMap(const TomoGrid& grid, const LabRays& rays, int ray) : grid_(grid) {
+RayMap::RayMap(const TomoGrid& grid, const LabRays& rays, int ray, int up) : grid_(grid) {
   const double slice_mm = grid.slice_height_mm(), height_mm = slice_mm * (grid.slices - 1);
-  heights_ = std::clamp(static_cast<int>(std::ceil(height_mm * kUp / rays.vial_mm)), 1, 512) + 1;
+  heights_ = std::clamp(static_cast<int>(std::ceil(height_mm * up / rays.vial_mm)), 1, 512) + 1;
   height_mm_ = height_mm / (heights_ - 1);
   most_mm_ = grid.radius_mm;
   const auto column = static_cast<std::size_t>(heights_) * RayMapPart::count;

@@ -25,7 +25,8 @@ struct RayMapPart {
 /// Of one ray of each pixel.
 class RayMap {
  public:
-  RayMap(const TomoGrid& grid, const LabRays& rays, int ray);
+  /// `up`: nodes along z to the vial's radius.
+  RayMap(const TomoGrid& grid, const LabRays& rays, int ray, int up = 8);
 
   int heights() const { return heights_; }
   /// Node below a slice, and how far it lies towards the next.

@@ -19,8 +19,8 @@ namespace {
 
 /// Directions whose light is made ready together.
 constexpr int kAtOnce = 16;
-/// Nodes of maps along z, to the vial's radius: places are wrong by a hundredth of a voxel, by these.
-constexpr int kMapUp = 2;
+/// Nodes of maps along z, to the vial's radius.
+constexpr int kMapUp = 8;
 
 class RaySearchProjector final : public Projector {
  public:

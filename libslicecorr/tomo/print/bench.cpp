@@ -109,8 +109,7 @@ double most_voxels(Search search) { return search == Search::rough ? 3 : 1; }
 std::shared_ptr<const Projector> make_search_projector(const Bench& bench, Search search,
                                                        const Volume* insert) {
   if (bench.lab) {
-    return detail::make_ray_search_projector(bench.grid, *bench.lab, insert,
-                                             1.5 * most_voxels(search));
+    return detail::make_ray_search_projector(bench.grid, *bench.lab, insert, most_voxels(search));
   }
   return detail::make_search_projector(bench.grid, bench.rays, insert, most_voxels(search));
 }

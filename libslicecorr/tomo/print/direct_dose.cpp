@@ -559,25 +559,34 @@ class DirectSum {
       boxes.take_third(std::abs(seen.by_cell) * cells);
       return boxes;
     };
-    // Columns are turned more or less than the voxel's own place, and see a frame for longer or shorter.
+    // Columns of a voxel may be taken to be turned alike where that moves little of their light to
+    // another frame.
+    constexpr double kAlike = 0.03;
     const int most = wobbles_ ? 1 << 24 : g.pixels;
-    const double half = seen.wide / 2,
-                 apart = std::abs(seen.by_column) * (boxes_of(seen.wide).reach() + 1);
-    runs_.each(at - half - apart, at + half + apart,
-               [&](double middle, double cells, const detail::LitRun& run) {
-                 const double from_cell = middle - cells / 2, to_cell = middle + cells / 2;
-                 const double low = std::clamp(from_cell, at - half, at + half),
-                              high = std::clamp(to_cell, at - half, at + half);
-                 const double place = pixel + seen.by_cell * ((low + high) / 2 - at);
-                 const int first = take_shares(boxes_of(high - low), place, most, columns);
-                 for (std::size_t i = 0; i < columns.size(); ++i) {
-                   const double here =
-                       at - seen.by_column * (first + static_cast<double>(i) - pixel);
-                   columns[i] *= static_cast<float>(std::max(
-                       0.0, std::min(here + half, to_cell) - std::max(here - half, from_cell)));
-                 }
-                 add(run, 1, first);
-               });
+    const double reach = boxes_of(seen.wide).reach();
+    if (std::abs(seen.by_column) * reach < kAlike * seen.wide) {
+      runs_.each(at - seen.wide / 2, at + seen.wide / 2,
+                 [&](double middle, double cells, const detail::LitRun& run) {
+                   const double place = pixel + seen.by_cell * (middle - at);
+                   add(run, cells, take_shares(boxes_of(cells), place, most, columns));
+                 });
+      return;
+    }
+    columns.resize(1);
+    const int last = nearest(pixel + reach + 0.5 * std::abs(seen.by_cell) * seen.wide);
+    for (int i = nearest(pixel - reach - 0.5 * std::abs(seen.by_cell) * seen.wide); i <= last;
+         ++i) {
+      if (i < 0 || i >= most) continue;
+      const double here = at - seen.by_column * (i - pixel);
+      runs_.each(here - seen.wide / 2, here + seen.wide / 2,
+                 [&](double middle, double cells, const detail::LitRun& run) {
+                   const detail::Boxes<double> boxes = boxes_of(cells);
+                   const double edge = i - pixel - seen.by_cell * (middle - here);
+                   columns[0] =
+                       static_cast<float>(boxes.below(edge + 0.5) - boxes.below(edge - 0.5));
+                   if (columns[0] > 0) add(run, cells, i);
+                 });
+    }
   }
 
   /// Light of a column of the image of a steady axis, mW/cm², by these shares of its rows from `first`.

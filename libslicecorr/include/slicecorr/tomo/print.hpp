@@ -117,9 +117,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
                   const Resin& resin, const PrintOptions& options = {},
                   const ExecutionContext& context = {});
 
-/// The doses that a job's frames leave, mJ/cm³ of the whole print, by a direct sum over angles in
-/// double precision that shares nothing with the solver's operators: [z][y][x], 0 outside of the
-/// resin and in inserts. Behind an insert a voxel is dark when the line from its middle against the
+/// The doses that a job's frames leave, mJ/cm³ of the whole print, the mean of each voxel, under square
+/// pixels and while the vial turns: a direct sum over angles in double precision. It shares nothing with
+/// the operators that look for light, and with those of proofs the share of a pixel that a voxel gets,
+/// what an insert hides, and Snell's law (docs/kernels/tomography.md): [z][y][x], 0 outside of the resin
+/// and in inserts. Behind an insert a voxel is dark when the line from its middle against the
 /// light meets an opaque voxel's square.
 /// In resin that changes they are effective doses: where inhibitor comes back, what light has brought
 /// less what came back, never below 0, at most while the last turn lasted; and after they have spread

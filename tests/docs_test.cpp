@@ -292,6 +292,8 @@ TEST(Docs, CommandsOfFlowRun) {
     EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
   };
   run("slicecorr slice part.stl -o part.uvj --printer my-printer.toml --layer-um 50");
+  run("slicecorr correct part.uvj -o even.uvj --printer my-printer.toml --resin my-resin.toml "
+      "--speed-mm-h 300 --even-dead-zone blue");
   std::istringstream lines(text_of(kSource / "docs" / "flow.md"));
   int commands = 0;
   for (std::string line, more; std::getline(lines, line);) {
@@ -303,7 +305,7 @@ TEST(Docs, CommandsOfFlowRun) {
     ++commands;
     run(line.substr(4));
   }
-  EXPECT_EQ(commands, 4);
+  EXPECT_EQ(commands, 7);
   for (const char* made : {"flow.html", "flow.json", "speeds.csv"}) {
     EXPECT_TRUE(fs::exists(folder / made)) << made;
   }

@@ -280,6 +280,10 @@ def uneven_uv(p):
         uv_constant(p)
         if p.options.get("lifts") == "each":
             p.options["exposure-s"] = "6"  # as `lifts` does under UV light
+        if p.left_alone:
+            p.options["uv-mw-cm2"] = "190"  # more than `left_alone` takes, for where it is dimmer
+        if "region" in p.options and "speed-mm-h" in p.options:
+            p.options["speed-mm-h"] = "350"  # full light comes to the dose that is wanted
     values = np.array([[255 - 3 * x - 5 * y for x in range(WIDTH)] for y in range(HEIGHT)])
     p.uv_flat = values / 255
     p.files["uv-flat.png"] = png(values)

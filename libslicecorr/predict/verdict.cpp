@@ -152,7 +152,14 @@ PrintVerdict verdict_of(const Prediction& p) {
         (falls.empty() || another.empty() ? falls + another : falls + " " + another) + place(p)};
   }
   const std::vector<std::string> found = to_look_at(p);
-  if (found.empty()) return {Outcome::as_designed, "Prints as designed." + edges(p)};
+  if (found.empty()) {
+    // Light for an even dead zone is that of a print that has gone on for a while.
+    const char* const flows =
+        p.flow ? " Whether it sticks before its flow is steady is not judged here: "
+                 "follow the print in time."
+               : "";
+    return {Outcome::as_designed, "Prints as designed." + edges(p) + flows};
+  }
   std::string words = "Prints as designed but for what to look at: ";
   // The gravest come first; the figures have all.
   constexpr std::size_t kMost = 3;

@@ -284,7 +284,7 @@ int Program::run(int argc, char** argv) {
 #ifdef M_MMAP_THRESHOLD
   // Large blocks go back to the system when they are freed. Else small ones that stay, such as what is kept
   // of each band, end up between them, and a plate of many bands takes three times the memory.
-  mallopt(M_MMAP_THRESHOLD, 4 << 20);
+  mallopt(M_MMAP_THRESHOLD, 512 << 10);
 #endif
   // What the scripts of --completion ask; no option, since it is not for people.
   if (argc == 3 && std::string_view(argv[1]) == "--completion-names") {

@@ -372,7 +372,7 @@ CLI::Validator number_in(double least, double most, bool above) {
 
 CLI::Validator layer_height() {
   const auto check = [number = number_in(1, 1000)](std::string& text) -> std::string {
-    const std::string wrong = number(text);
+    std::string wrong = number(text);
     const auto value = number_of(text);
     if (wrong.empty() || !value || *value < 1e-3 || *value >= 1) return wrong;
     return fmt::format("{}; {:g} mm is {:g}", wrong, *value, *value * 1000);

@@ -17,9 +17,9 @@
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/beams.hpp"
-#include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/beams_job.hpp"
 #include "slicecorr/tomo/beams_page.hpp"
+#include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/units.hpp"
 #include "support/json/finite.hpp"
 

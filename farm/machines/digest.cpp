@@ -4,36 +4,10 @@
 #include "machines/digest.hpp"
 
 #include <fmt/format.h>
-#include <openssl/evp.h>
 
-#include "slicecorr/error.hpp"
 #include "support/text/ascii.hpp"
 
 namespace slicecorr::farm::detail {
-
-struct Md5::Impl {
-  EVP_MD_CTX* context = EVP_MD_CTX_new();
-  ~Impl() { EVP_MD_CTX_free(context); }
-};
-
-Md5::Md5() : impl_(std::make_unique<Impl>()) {
-  if (!impl_->context || EVP_DigestInit_ex(impl_->context, EVP_md5(), nullptr) != 1) {
-    throw DeviceError("MD5 is not available, which machines ask for");
-  }
-}
-
-Md5::~Md5() = default;
-
-void Md5::add(const void* data, std::size_t size) { EVP_DigestUpdate(impl_->context, data, size); }
-
-std::string Md5::hex() {
-  unsigned char bytes[EVP_MAX_MD_SIZE];
-  unsigned size = 0;
-  EVP_DigestFinal_ex(impl_->context, bytes, &size);
-  std::string text;
-  for (unsigned i = 0; i < size; ++i) text += fmt::format("{:02x}", bytes[i]);
-  return text;
-}
 
 std::string md5_hex(const std::string& text) {
   Md5 md5;

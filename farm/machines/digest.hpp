@@ -5,27 +5,17 @@
 /// MD5, which printers ask for, and logins by digest (RFC 7616): both sides of them.
 #pragma once
 
-#include <cstddef>
-#include <memory>
 #include <optional>
 #include <string>
+
+#include "support/files/sha256.hpp"
 
 namespace slicecorr::farm::detail {
 
 /// For one thread. Throws `DeviceError` when the library has no MD5.
-class Md5 {
+class Md5 : public cli::Hash {
  public:
-  Md5();
-  ~Md5();
-  Md5(const Md5&) = delete;
-  Md5& operator=(const Md5&) = delete;
-  void add(const void* data, std::size_t size);
-  /// 32 small hex digits; once, after all was added.
-  std::string hex();
-
- private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  Md5() : Hash(Kind::md5) {}
 };
 std::string md5_hex(const std::string& text);
 

@@ -12,24 +12,25 @@
 
 namespace slicecorr::cli {
 
-struct Sha256::Impl {
+struct Hash::Impl {
   EVP_MD_CTX* context = EVP_MD_CTX_new();
   ~Impl() { EVP_MD_CTX_free(context); }
 };
 
-Sha256::Sha256() : impl_(std::make_unique<Impl>()) {
-  if (!impl_->context || EVP_DigestInit_ex(impl_->context, EVP_sha256(), nullptr) != 1) {
-    throw DeviceError("SHA-256 is not available");
+Hash::Hash(Kind kind) : impl_(std::make_unique<Impl>()) {
+  const bool md5 = kind == Kind::md5;
+  if (!impl_->context ||
+      EVP_DigestInit_ex(impl_->context, md5 ? EVP_md5() : EVP_sha256(), nullptr) != 1) {
+    throw DeviceError(md5 ? "MD5 is not available, which machines ask for"
+                          : "SHA-256 is not available");
   }
 }
 
-Sha256::~Sha256() = default;
+Hash::~Hash() = default;
 
-void Sha256::add(const void* data, std::size_t size) {
-  EVP_DigestUpdate(impl_->context, data, size);
-}
+void Hash::add(const void* data, std::size_t size) { EVP_DigestUpdate(impl_->context, data, size); }
 
-std::string Sha256::hex() {
+std::string Hash::hex() {
   unsigned char bytes[EVP_MAX_MD_SIZE];
   unsigned size = 0;
   EVP_DigestFinal_ex(impl_->context, bytes, &size);

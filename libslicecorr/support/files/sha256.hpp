@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// SHA-256 of contents, as `sha256sum` says it.
+/// Hashes of contents, as `sha256sum` and `md5sum` say them.
 #pragma once
 
 #include <cstddef>
@@ -10,20 +10,26 @@
 
 namespace slicecorr::cli {
 
-/// For one thread. Throws `DeviceError` when the library has no SHA-256.
-class Sha256 {
+/// For one thread. Throws `DeviceError` when the library does not have it.
+class Hash {
  public:
-  Sha256();
-  ~Sha256();
-  Sha256(const Sha256&) = delete;
-  Sha256& operator=(const Sha256&) = delete;
+  enum class Kind { sha256, md5 };
+  explicit Hash(Kind kind);
+  ~Hash();
+  Hash(const Hash&) = delete;
+  Hash& operator=(const Hash&) = delete;
   void add(const void* data, std::size_t size);
-  /// 64 hex digits; once, after all was added.
+  /// 64 or 32 hex digits; once, after all was added.
   std::string hex();
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
+};
+
+class Sha256 : public Hash {
+ public:
+  Sha256() : Hash(Kind::sha256) {}
 };
 
 /// Throws `InputError` when the file can't be read.

@@ -140,6 +140,7 @@ int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context
   request.config = load_config(a.config);
   request.given = given_on(app);
   request.again = a.again;
+  request.watched = a.tell_watcher;
   if (a.tell_watcher) {
     const Done done = correct_and_tell(a.file, request, context);
     cli::print_result(done_json(done));

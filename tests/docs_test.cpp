@@ -17,6 +17,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <regex>
+#include <set>
 #include <sstream>
 
 #include "edge_pictures.hpp"
@@ -329,6 +330,28 @@ TEST(Docs, LinksLeadSomewhere) {
     }
   }
   EXPECT_GT(links, 5);
+}
+
+// What these pages promise is tried by a test that is there.
+TEST(Docs, TestsThatPagesNameAreThere) {
+  std::set<std::string> tests;
+  const std::regex test(R"(TEST(?:_F|_P)?\((\w+),\s*(\w+)\))");
+  for (const auto& entry : fs::directory_iterator(kSource / "tests")) {
+    if (entry.path().extension() != ".cpp") continue;
+    const std::string text = text_of(entry.path());
+    for (std::sregex_iterator it(text.begin(), text.end(), test), end; it != end; ++it) {
+      tests.insert((*it)[1].str() + "." + (*it)[2].str());
+    }
+  }
+  const std::regex named(R"(\b[A-Z][A-Za-z0-9]+\.[A-Z]\w+)");
+  for (const char* page : {"safety.md", "threats.md"}) {
+    const std::string text = text_of(kSource / "docs" / page);
+    int count = 0;
+    for (std::sregex_iterator it(text.begin(), text.end(), named), end; it != end; ++it, ++count) {
+      EXPECT_TRUE(tests.contains(it->str())) << page << " names " << it->str();
+    }
+    EXPECT_GT(count, 30) << page;
+  }
 }
 
 TEST(Docs, LibraryNamesNoOptionsOfPrograms) {

@@ -93,6 +93,7 @@ TEST_F(FirstDay, WordsWithASlipAreNamed) {
   bad(2, {"slice", "--qwertyuiop=3"}, {"'--qwertyuiop' is no option of slice\n"});
   bad(2, Command{"slice", "ladder.stl", "-o", "t.uvj", "--thread", "3"} + kPrinter + kLayers,
       {"'--thread' is no option of slice; did you mean '--threads'?"});
+  bad(2, {"--layer-um", "50", "slice"}, {"'--layer-um' comes after slice\n"});
   bad(2, {"slice"}, {"is required"});
   EXPECT_EQ(good({"help"}).out, good({"--help"}).out);
   EXPECT_EQ(good({"help", "tomo", "solve"}).out, good({"tomo", "solve", "--help"}).out);

@@ -317,6 +317,22 @@ TEST_F(Watch, FoldersInFolders) {
   EXPECT_EQ(bytes("away/outside.sl1"), whole_);
 }
 
+// Who may write into the folder has no file elsewhere changed by whom he watches for.
+TEST_F(Watch, LinksAreNotFollowed) {
+  fs::create_directories(folder_ / "elsewhere");
+  put("elsewhere/theirs.sl1");
+  put("elsewhere/below.sl1");
+  put("in/own.sl1");
+  fs::create_symlink(folder_ / "elsewhere/theirs.sl1", folder_ / "in/link.sl1");
+  fs::create_directory_symlink(folder_ / "elsewhere", folder_ / "in/folder");
+  const RunResult r = run_program(watching({"--once", "--recursive"}), options_);
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_THAT(r.err, HasSubstr("link.sl1: is a link; what lies in a watched folder itself"));
+  EXPECT_EQ(bytes("elsewhere/theirs.sl1"), whole_);
+  EXPECT_EQ(bytes("elsewhere/below.sl1"), whole_);
+  EXPECT_NE(bytes("in/own.sl1"), whole_);
+}
+
 TEST_F(Watch, OneWatcherPerFolder) {
   Running watch(watching(), options_);
   ASSERT_TRUE(watch.says("watching"));

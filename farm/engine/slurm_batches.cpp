@@ -31,19 +31,14 @@ bool is_token(const std::string& text) {
 }
 
 void write_whole(const std::string& path, const std::string& text) {
-  const std::string part = slicecorr::detail::make_temporary(path);
-  slicecorr::detail::Temporary guard{part};
+  slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(path)};
   {
-    std::ofstream out(part, std::ios::binary);
+    std::ofstream out(part.path, std::ios::binary);
     out << text << "\n";
     out.close();
     if (!out) throw DeviceError(path + ": can't be written");
   }
-  slicecorr::detail::sync_file(part);
-  std::error_code error;
-  fs::rename(part, path, error);
-  if (error) throw DeviceError(path + ": can't be written: " + error.message());
-  guard.keep = true;
+  slicecorr::detail::put_in_place(part, path);
 }
 
 std::optional<Batch> read_batch(const std::string& folder, const std::string& token) {

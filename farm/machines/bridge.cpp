@@ -81,10 +81,8 @@ class Bridge final : public MachineAdapter {
     const std::string to = folder() + "/" + file.name;
     slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(to)};
     fs::copy_file(file.path, part.path, fs::copy_options::overwrite_existing, error);
-    if (!error) slicecorr::detail::sync_file(part.path);
-    if (!error) fs::rename(part.path, to, error);
     if (error) throw DeviceError(to + ": can't be written: " + error.message());
-    part.keep = true;
+    slicecorr::detail::put_in_place(part, to);
     if (progress) progress(file.bytes, file.bytes);
     return file.name;
   }

@@ -97,17 +97,13 @@ MachineRecord read_record(const std::string& path) {
 }
 
 void write_record(const std::string& path, const MachineRecord& record) {
-  const auto failed = [&] { return DeviceError(errno_message(path, "can't be written")); };
   slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(path)};
   {
     std::ofstream out(part.path);
     out << object_of(record).dump(1, ' ', false, Json::error_handler_t::replace) << "\n";
-    if (!out.flush()) throw failed();
+    if (!out.flush()) throw DeviceError(errno_message(path, "can't be written"));
   }
-  slicecorr::detail::sync_file(part.path);
-  if (std::rename(part.path.c_str(), path.c_str()) != 0) throw failed();
-  part.keep = true;
-  slicecorr::detail::sync_folder(std::filesystem::path(path).parent_path().string());
+  slicecorr::detail::put_in_place(part, path);
 }
 
 bool same_file(const std::string& a, const std::string& b) {

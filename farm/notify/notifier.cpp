@@ -118,11 +118,7 @@ class Outbox {
       out << json.dump(1, ' ', false, Json::error_handler_t::replace) << "\n";
       if (!out.flush()) throw DeviceError(errno_message(path_, "can't be written"));
     }
-    slicecorr::detail::sync_file(part.path);
-    if (std::rename(part.path.c_str(), path_.c_str()) != 0) {
-      throw DeviceError(errno_message(path_, "can't be written"));
-    }
-    part.keep = true;
+    slicecorr::detail::put_in_place(part, path_);
   }
 
   std::vector<Pending> list;

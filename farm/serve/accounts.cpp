@@ -73,6 +73,7 @@ std::vector<Account> read_accounts_file(const std::string& path) {
     accounts.push_back(std::move(a));
   }
   if (accounts.empty()) throw InputError(path, "", "holds no account; expected ROLE NAME TOKEN");
+  http::keep_out_of_cores();
   return accounts;
 }
 

@@ -16,6 +16,7 @@
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/token.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 #include "support/http/guard.hpp"
 #include "views/moment_text.hpp"
 
@@ -90,6 +91,7 @@ std::string Upload::keep() {
   }
   ::close(file_);
   file_ = -1;
+  slicecorr::detail::sync_folder(slicecorr::detail::path_parts(path_).folder);
   return text_;
 }
 

@@ -15,19 +15,15 @@
 
 #include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/open_to_all.hpp"
 #include "support/files/temporary.hpp"
 
 namespace slicecorr::farm {
 
 namespace fs = std::filesystem;
+using slicecorr::detail::make_own_folder;
 
 namespace {
-
-void make_folder(const std::string& path) {
-  std::error_code error;
-  fs::create_directories(path, error);
-  if (error) throw DeviceError(path + ": can't be made: " + error.message());
-}
 
 /// File systems of other machines, where SQLite's locks and shared memory don't hold.
 bool is_network(const std::string& path) {
@@ -69,7 +65,7 @@ FarmFolder open_folder(const std::string& root, const std::string& store) {
   FarmFolder folder;
   folder.root = fs::absolute(root).lexically_normal().string();
   while (folder.root.size() > 1 && folder.root.back() == '/') folder.root.pop_back();
-  make_folder(folder.root);
+  make_own_folder(folder.root);
   if (is_network(folder.root)) {
     throw InputError(folder.root, "",
                      "is on a network file system, where a database's locks can't be trusted; "
@@ -90,17 +86,22 @@ FarmFolder open_folder(const std::string& root, const std::string& store) {
       throw InputError(folder.root, "", "has its store in " + folder.store + ", not in " + store);
     }
     folder.store = wanted;
-    make_folder(folder.store);
-    const std::string part = slicecorr::detail::make_temporary(note);
+    make_own_folder(folder.store);
+    slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(note)};
     {
-      std::ofstream out(part);
+      std::ofstream out(part.path);
       out << folder.store << "\n";
     }
-    slicecorr::detail::sync_file(part);
-    fs::rename(part, note);
+    slicecorr::detail::put_in_place(part, note);
   }
-  for (const char* name : {"/inputs", "/attempts", "/cache"}) make_folder(folder.store + name);
-  for (const char* name : {"/logs", "/results"}) make_folder(folder.root + name);
+  for (const char* name : {"", "/inputs", "/attempts", "/cache"})
+    make_own_folder(folder.store + name);
+  for (const char* name : {"/logs", "/results"}) make_own_folder(folder.root + name);
+  // Who can change these chooses what this user's programs do.
+  for (const char* name :
+       {"/store.path", "/farm.sqlite", "/notify.toml", "/machines.toml", "/bridges.toml"}) {
+    slicecorr::detail::refuse_open_to_all(folder.root + name);
+  }
   return folder;
 }
 

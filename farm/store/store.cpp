@@ -189,12 +189,10 @@ StoredInput store_input(const FarmFolder& folder, const std::string& path) {
     stored.sha256 = hash.hex();
     stored.file = stored.sha256 + stored_ending(path);
     if (check_input(folder, stored.file, stored.sha256, true)) return stored;
-    if (::fsync(out.fd) != 0) fail(temporary, "can't be written");
   }
   const std::string place = folder.input(stored.file);
   make_folders(fs::path(place).parent_path().string());
-  if (::rename(temporary.c_str(), place.c_str()) != 0) fail(place, "can't be written");
-  remover.keep = true;
+  slicecorr::detail::put_in_place(remover, place);
   return stored;
 }
 

@@ -122,7 +122,9 @@ WireListener listen_wire(const std::string& address) {
       ::unlink(a.host.c_str());
     }
     WireSocket s(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-    if (!s || ::bind(s.get(), reinterpret_cast<const sockaddr*>(&u), sizeof u) != 0 ||
+    // Before it has a name: who is neither its user nor of its group never reaches it, whatever the umask.
+    if (!s || ::fchmod(s.get(), 0660) != 0 ||
+        ::bind(s.get(), reinterpret_cast<const sockaddr*>(&u), sizeof u) != 0 ||
         ::listen(s.get(), kBacklog) != 0) {
       failed(address, "can't listen");
     }

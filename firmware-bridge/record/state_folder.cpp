@@ -18,6 +18,7 @@
 #include "record/left_json.hpp"
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/open_to_all.hpp"
 #include "support/files/temporary.hpp"
 #include "support/files/text_file.hpp"
 #include "support/json/members.hpp"
@@ -115,9 +116,7 @@ StateFolder StateFolder::of(const std::string& dir, const Printer& printer) {
     throw InputError(fmt::format("the printer's name '{}' can't be that of a folder", name));
   }
   StateFolder folder{base_folder(dir) + "/" + name};
-  std::error_code error;
-  std::filesystem::create_directories(folder.path, error);
-  if (error) throw DeviceError(fmt::format("{}: can't be made: {}", folder.path, error.message()));
+  detail::make_own_folder(folder.path);
   return folder;
 }
 
@@ -142,12 +141,7 @@ void write_whole(const std::string& path, const std::string& text) {
     file.flush();
     if (!file) throw DeviceError(path + ": can't be written");
   }
-  detail::sync_file(part.path);
-  if (std::rename(part.path.c_str(), path.c_str()) != 0) {
-    throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(errno)));
-  }
-  part.keep = true;
-  detail::sync_folder(detail::path_parts(path).folder);
+  detail::put_in_place(part, path);
 }
 
 std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -123,7 +124,9 @@ ControlSocket::ControlSocket(const StateFolder& folder, Counter& counter, Text t
   // The print's lock is held: what is left here is of a print that is no more.
   ::unlink(folder_.file("control.sock").c_str());
   listener_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (listener_ < 0 || ::bind(listener_, address.get(), sizeof address.address) != 0 ||
+  // Before it has a name: who is neither its user nor of its group never reaches it, whatever the umask.
+  if (listener_ < 0 || ::fchmod(listener_, 0660) != 0 ||
+      ::bind(listener_, address.get(), sizeof address.address) != 0 ||
       ::listen(listener_, 8) != 0 || ::pipe2(wake_, O_CLOEXEC) != 0) {
     const int code = errno;
     if (listener_ >= 0) ::close(listener_);

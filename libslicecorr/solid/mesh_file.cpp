@@ -92,6 +92,7 @@ class OutputFile {
     if (::close(file) != 0 || !synced) fail(error);
     if (::rename(part_.c_str(), path_.c_str()) != 0) fail(errno);
     part_.clear();
+    sync_folder(path_parts(path_).folder);
   }
 
  private:

@@ -27,10 +27,15 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Symbolic links stay: what they lead to is changed.
-std::string real_path(const std::string& path) {
+/// Symbolic links stay: what they lead to is changed, but for those that a watcher finds.
+std::string real_path(const std::string& path, const PostRequest& request) {
   std::error_code ec;
   const fs::path real = fs::canonical(path, ec);
+  if (!ec && request.watched && real != fs::path(path)) {
+    throw InputError(
+        path, "",
+        "is a link; what lies in a watched folder itself is corrected, not what links lead to");
+  }
   if (ec || !fs::is_regular_file(real, ec)) {
     throw InputError(path, "",
                      fs::is_directory(path, ec)
@@ -215,7 +220,7 @@ std::string figures_json(const PostOutcome& outcome) {
 }
 
 Decision preview(const std::string& path, const PostRequest& request) {
-  const std::string real = real_path(path);
+  const std::string real = real_path(path, request);
   return naming(path, [&] {
     return decide(source_of(real, request, {}), name_for_user(real, request), request);
   });
@@ -228,7 +233,7 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
   if (given.notice) {
     context.notice = [&given](const std::string& text) { given.notice(WorkFolder::without(text)); };
   }
-  const std::string real = real_path(path);
+  const std::string real = real_path(path, request);
   // Not where scratch may lie instead: what can't be put in place is not begun.
   const std::string folder = detail::path_parts(real).folder;
   return naming(path, [&] {
@@ -296,7 +301,7 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
 
 std::vector<std::string> undo(const std::string& path, const PostRequest& request,
                               const ExecutionContext& context) {
-  const std::string real = real_path(path);
+  const std::string real = real_path(path, request);
   return naming(path, [&] {
     const Lock lock = lock_of(real);
     const StackInfo info = read_archive(real);

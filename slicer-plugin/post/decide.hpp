@@ -43,6 +43,8 @@ struct PostRequest {
   PartsInside parts;   ///< that the archive holds beside supports
   /// The same as options, for programs that correct files for a watcher.
   std::vector<std::string> part_options;
+  /// Of a watcher, whose folder others may write to: a link is refused, so that nobody has a file elsewhere changed.
+  bool watched = false;
 };
 
 struct Decision {

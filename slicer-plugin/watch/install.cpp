@@ -126,11 +126,7 @@ void write_text(const std::string& given, const std::string& text) {
     if (!out) throw DeviceError(path + ": can't be written");
   }
   if (fs::exists(path, ec)) detail::copy_mode(path, temporary.path);
-  detail::sync_file(temporary.path);
-  if (::rename(temporary.path.c_str(), path.c_str()) != 0) {
-    throw DeviceError(detail::errno_message(path, "can't be written"));
-  }
-  temporary.keep = true;
+  detail::put_in_place(temporary, path);
 }
 
 /// Tells the manager; what went wrong first.

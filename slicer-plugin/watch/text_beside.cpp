@@ -50,10 +50,7 @@ std::string write_text_beside(const std::string& path, const std::string& title,
     if (!out) return to + ": can't be written";
     fs::permissions(temporary.path, fs::status(path, ec).permissions() & ~fs::perms::owner_exec,
                     ec);
-    if (::rename(temporary.path.c_str(), to.c_str()) != 0) {
-      return detail::errno_message(to, "can't be written");
-    }
-    temporary.keep = true;
+    detail::put_in_place(temporary, to);
   } catch (const Error& e) {
     return e.what();
   }

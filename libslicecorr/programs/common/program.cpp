@@ -266,6 +266,10 @@ std::string Program::no_option(const CLI::App& command, const std::string& word)
       for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
     }
   }
+  // Known, but written before the command that it is of.
+  if (std::find(names.begin(), names.end(), word) != names.end()) {
+    return fmt::format("'{}' comes after {}", word, command.get_name());
+  }
   const std::string near = nearest(word, names);
   return fmt::format("'{}' is no option of {}{}", word, command.get_name(),
                      near.empty() ? "" : fmt::format("; did you mean '{}'?", near));
@@ -463,11 +467,7 @@ PendingFile::PendingFile(const std::string& path, const std::string& text) : pat
 PendingFile::~PendingFile() = default;
 
 void PendingFile::publish() {
-  if (!temporary_) return;
-  if (std::rename(temporary_->path.c_str(), path_.c_str()) != 0) {
-    throw DeviceError(fmt::format("{}: can't be written: {}", path_, std::strerror(errno)));
-  }
-  temporary_->keep = true;
+  if (temporary_) detail::put_in_place(*temporary_, path_);
 }
 
 void write_text_file(const std::string& path, const std::string& text) {

@@ -27,11 +27,8 @@ namespace {
 }
 
 void give_name(detail::Temporary& temporary, const std::string& path) {
-  detail::sync_file(temporary.path);
   detail::check_may_replace(path);
-  if (std::rename(temporary.path.c_str(), path.c_str()) != 0) cant_write(path, errno);
-  temporary.keep = true;
-  detail::sync_folder(detail::path_parts(path).folder);
+  detail::put_in_place(temporary, path);
 }
 
 class Y4mFile final : public VideoFile {

@@ -121,11 +121,7 @@ class TarGzOutput final : public ContainerOutput {
     sync_file(temporary.path);
     context.check_cancelled();
     if (check) check(temporary.path);
-    if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
-      throw DeviceError(errno_message(path_, "can't be written"));
-    }
-    temporary.keep = true;
-    sync_folder(folder_);
+    put_in_place(temporary, path_);
   }
 
  private:

@@ -105,11 +105,7 @@ void ZipOutput::finish(const ExecutionContext& context, const Check& check) {
   sync_file(temporary.path);
   context.check_cancelled();
   if (check) check(temporary.path);
-  if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
-    throw DeviceError(errno_message(path_, "can't be written"));
-  }
-  temporary.keep = true;
-  sync_folder(folder_);
+  put_in_place(temporary, path_);
 }
 
 void ZipOutput::write(const std::string& temporary, const ExecutionContext& context) {

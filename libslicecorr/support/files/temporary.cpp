@@ -153,6 +153,15 @@ Temporary::~Temporary() {
   if (!keep) ::unlink(path.c_str());
 }
 
+void put_in_place(Temporary& temporary, const std::string& path) {
+  sync_file(temporary.path);
+  if (::rename(temporary.path.c_str(), path.c_str()) != 0) {
+    throw DeviceError(errno_message(path, "can't be written"));
+  }
+  temporary.keep = true;
+  sync_folder(path_parts(path).folder);
+}
+
 void copy_mode(const std::string& from, const std::string& to) {
   struct stat status;
   if (::stat(from.c_str(), &status) != 0) return;

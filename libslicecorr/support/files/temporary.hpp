@@ -47,6 +47,10 @@ struct Temporary {
   ~Temporary();
 };
 
+/// Gives a temporary file its name: what was written is on the disk before, and the name after, so that a power cut
+/// leaves the old file or the new one, whole. Throws `DeviceError`.
+void put_in_place(Temporary& temporary, const std::string& path);
+
 /// Gives `to` the mode, and where allowed the owner, of `from`.
 void copy_mode(const std::string& from, const std::string& to);
 

@@ -9,6 +9,7 @@
 #include <netinet/in.h>
 #include <openssl/crypto.h>
 #include <openssl/sha.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -133,6 +134,8 @@ std::int64_t body_bytes(const httplib::Request& request, std::int64_t most) {
   return bytes;
 }
 
+void keep_out_of_cores() { ::prctl(PR_SET_DUMPABLE, 0, 0, 0, 0); }
+
 std::string read_token_file(const std::string& path, std::size_t least) {
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) throw InputError(path, "", "can't be read; expected a file with a token");
@@ -156,6 +159,7 @@ std::string read_token_file(const std::string& path, std::size_t least) {
                                  "marks without spaces",
                                  least));
   }
+  keep_out_of_cores();
   return token;
 }
 

@@ -53,8 +53,11 @@ bool has_bearer(const httplib::Request& request, const std::string& token);
 /// length, encoded ones, and those above `most`.
 std::int64_t body_bytes(const httplib::Request& request, std::int64_t most);
 
+/// This process holds a secret: it leaves no core, and no other process of the user looks into its memory.
+void keep_out_of_cores();
+
 /// Reads a bearer token: the first line of a file that only its owner can read (mode 0600 or 0400),
-/// `least` to 512 printable characters. Throws `InputError`.
+/// `least` to 512 printable characters; it is kept out of cores. Throws `InputError`.
 std::string read_token_file(const std::string& path, std::size_t least = 32);
 
 }  // namespace slicecorr::http

@@ -230,11 +230,7 @@ void write(const std::string& path, const char* type, const Box<T>& box) {
             static_cast<std::streamsize>(box.values.size() * sizeof(T)));
   out.close();
   if (!out) throw DeviceError(slicecorr::detail::errno_message(path, "can't be written"));
-  slicecorr::detail::sync_file(temporary.path);
-  if (std::rename(temporary.path.c_str(), path.c_str()) != 0) {
-    throw DeviceError(slicecorr::detail::errno_message(path, "can't be written"));
-  }
-  temporary.keep = true;
+  slicecorr::detail::put_in_place(temporary, path);
 }
 
 }  // namespace

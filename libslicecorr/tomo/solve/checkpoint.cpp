@@ -201,7 +201,7 @@ std::optional<SolverState> CheckpointFile::read(const Shape& shape) {
 void CheckpointFile::keep(const SolverPlace& place) {
   const auto before = Clock::now();
   if (path_.empty() || before < not_before_) return;
-  const slicecorr::detail::Temporary temporary{slicecorr::detail::make_temporary(path_)};
+  slicecorr::detail::Temporary temporary{slicecorr::detail::make_temporary(path_)};
   const auto failed = [&] {
     throw DeviceError(fmt::format("{}: can't be written: {}", path_, std::strerror(errno)));
   };
@@ -225,8 +225,7 @@ void CheckpointFile::keep(const SolverPlace& place) {
   const std::uint64_t hash = out.hash();
   out.field(hash);
   if (std::fclose(file.release()) != 0) failed();
-  slicecorr::detail::sync_file(temporary.path);
-  if (std::rename(temporary.path.c_str(), path_.c_str()) != 0) failed();
+  slicecorr::detail::put_in_place(temporary, path_);
   const auto now = Clock::now();
   not_before_ = now + std::max(every_, 20 * (now - before));
 }

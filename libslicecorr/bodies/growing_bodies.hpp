@@ -67,11 +67,22 @@ class GrowingBodies {
   /// `listener` must outlive this.
   explicit GrowingBodies(BodyListener& listener) : listener_(listener) {}
 
-  /// A label that stands for no body yet.
-  Label add_label();
-  /// A body begins with this label, in the slice at hand; nothing of it is counted yet.
-  void begin(Label label, const FirstVoxel& low, bool anchored);
-  Label root(Label label);
+  /// A label that stands for no body yet: one is to begin with it in slice `begins`, the one at hand or a
+  /// later one.
+  Label add_label(int begins, bool anchored);
+  /// A body begins with this label, in the slice at hand; nothing of it is counted yet. Where the label has
+  /// been united with that of a body that is there, this body is as low from now on.
+  void begin(Label label, const FirstVoxel& low);
+  Label root(Label label) {
+    while (parent_[label] != label) {
+      parent_[label] = parent_[parent_[label]];
+      label = parent_[label];
+    }
+    return label;
+  }
+  /// Whether all that has this label hangs on what all hangs on as soon as it is there: of such a body no
+  /// sums are asked for.
+  bool anchored(Label root) const { return born_[root].anchored; }
   /// Labels that are known.
   std::size_t size() const { return parent_.size(); }
   /// Each slice from now on has so many of this patch more of the body, or less.
@@ -80,6 +91,9 @@ class GrowingBodies {
   void add(Label label, const Patch& patch, int slices);
   /// Gives the label of both.
   Label unite(Label a, Label b);
+  /// The same of two roots that join in `slice`, the one at hand or a later one, if that may be done before
+  /// it comes: what begins in the slice in which it joins another is never a body of its own.
+  bool unite_early(Label a, Label b, int slice);
   int slice() const { return slice_; }  ///< the one at hand
   /// Ends it. `empty_ends`: bodies without voxels in it end with it, whose labels are used no more.
   void end_slice(bool empty_ends);
@@ -92,11 +106,13 @@ class GrowingBodies {
   void renumber(const Each& each) {
     std::vector<Label> to(parent_.size(), kNone);
     std::vector<std::uint32_t> body_of;
+    std::vector<Born> born;
     each([&](Label& label) {
       const Label r = root(label);
       if (to[r] == kNone) {
         to[r] = static_cast<Label>(body_of.size());
         body_of.push_back(body_of_[r]);
+        born.push_back(born_[r]);
       }
       label = to[r];
     });
@@ -106,12 +122,17 @@ class GrowingBodies {
     parent_.resize(body_of.size());
     for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = static_cast<Label>(i);
     body_of_ = std::move(body_of);
+    born_ = std::move(born);
   }
   /// There is no slice any more: all bodies end.
   void finish();
 
  private:
   static constexpr std::uint32_t kNoBody = 0xFFFFFFFF;
+  struct Born {
+    std::int32_t slice;  ///< in which a body begins with the label
+    bool anchored;
+  };
   GrowingBody& body(Label root) { return bodies_[body_of_[root]]; }
   /// Brings the sums up to the slice at hand, in which something changes.
   GrowingBody& change(Label label);
@@ -122,7 +143,8 @@ class GrowingBodies {
   int slice_ = 0;
   std::vector<Label> parent_;
   std::vector<std::uint32_t>
-      body_of_;  ///< of labels that are roots; kNoBody: has not begun, or ended
+      body_of_;             ///< of labels that are roots; kNoBody: has not begun, or ended
+  std::vector<Born> born_;  ///< of labels that are roots
   std::vector<GrowingBody> bodies_;
   std::vector<std::uint32_t> free_;  ///< bodies that are none any more
   std::vector<Label> touched_;

@@ -12,8 +12,8 @@ JoinedRows::JoinedRows(int rows, int first, int past, BodyListener& listener)
       rows_(static_cast<std::size_t>(rows)),
       changed_(rows) {
   // Outside is there before the first slice.
-  const Label anchor = bodies_.add_label();
-  bodies_.begin(anchor, {0, 0, first}, true);
+  const Label anchor = bodies_.add_label(0, true);
+  bodies_.begin(anchor, {0, 0, first});
   for (int y = 0; y < rows; ++y) {
     rows_[static_cast<std::size_t>(y)].push_back({first, past, anchor});
     enter({first, past, anchor}, y);
@@ -42,8 +42,8 @@ void JoinedRows::set_row(int y, std::span<const Run> runs) {
       ++at;
     } else {
       if (made.label == kNone) {
-        made.label = bodies_.add_label();
-        bodies_.begin(made.label, {bodies_.slice(), y, run.begin}, false);
+        made.label = bodies_.add_label(bodies_.slice(), false);
+        bodies_.begin(made.label, {bodies_.slice(), y, run.begin});
       }
       enter(made, y);
     }

@@ -29,8 +29,10 @@ SolidRows::Bucket& SolidRows::of_step(int step) {
 }
 
 void SolidRows::join(Label a, Label b, int n) {
-  if (a == b || bodies_.root(a) == bodies_.root(b)) return;
-  at(n).edges.push_back({a, b});
+  if (a == b) return;
+  a = bodies_.root(a);
+  b = bodies_.root(b);
+  if (a != b && !bodies_.unite_early(a, b, coming_step(n))) at(n).edges.push_back({a, b});
 }
 
 void SolidRows::grow(Label label, const GrowingBodies::Patch& patch, int n, int sign) {
@@ -43,11 +45,13 @@ void SolidRows::grow(Label label, const GrowingBodies::Patch& patch, int n, int 
 }
 
 void SolidRows::leave(const Labelled& run, int row) {
+  const Label label = bodies_.root(run.label);
+  if (bodies_.anchored(label)) return;
   const GrowingBodies::Patch patch{row, run.begin, run.end};
   const int gels = run.gels.of(slice_);
-  if (!run.gels.is_at_once()) return grow(run.label, patch, gels, -1);
+  if (!run.gels.is_at_once()) return grow(label, patch, gels, -1);
   // Voxels count from the step after the one in which they gel.
-  of_step(step_of(gels) + 1).sums.push_back({{run.label, patch}, slice_ - run.from});
+  of_step(step_of(gels) + 1).sums.push_back({{label, patch}, slice_ - run.from});
 }
 
 /// A row while it changes: the old one from left to right, the new one behind it.
@@ -138,13 +142,16 @@ class SolidRows::RowChange {
                rows_.step_of(gels(next_.back())) <= in_step) {
       made.label = next_.back().label;
     } else {
-      made.label = rows_.bodies_.add_label();
-      rows_.at(gelled).begins.push_back({made.label, {n, y_, begin}});
+      const int begins = rows_.coming_step(gelled);
+      made.label = rows_.bodies_.add_label(begins, n == 0);
+      rows_.new_.push_back({made.label, {n, y_, begin}, begins});
     }
     if (below && made.label != below->label) {
       rows_.join(made.label, below->label, std::max(gelled, below->gels.of(n - 1)));
     }
-    if (!its.is_at_once()) rows_.grow(made.label, {y_, begin, end}, gelled, 1);
+    if (!its.is_at_once() && !rows_.bodies_.anchored(rows_.bodies_.root(made.label))) {
+      rows_.grow(made.label, {y_, begin, end}, gelled, 1);
+    }
     if (!goes_on) rows_.made_.push_back({y_, made});
     put(made, !goes_on);
   }
@@ -164,13 +171,19 @@ void SolidRows::change_row(int y, std::span<const Change> changes) {
   row.finish();
 }
 
-void SolidRows::join_beside(const Made& made, int row) {
+void SolidRows::join_beside(std::span<const Made> made, int row) {
   if (row < 0 || row >= static_cast<int>(rows_.size())) return;
   const Row& beside = rows_[static_cast<std::size_t>(row)];
-  auto at = std::ranges::partition_point(
-      beside, [&](const Labelled& run) { return run.end <= made.run.begin; });
-  for (; at != beside.end() && at->begin < made.run.end; ++at) {
-    join(made.run.label, at->label, std::max(made.run.gels.of(slice_), at->gels.of(slice_)));
+  auto at = beside.begin();
+  for (const Made& m : made) {
+    const auto before = [&](const Labelled& run) { return run.end <= m.run.begin; };
+    // Most often it is one of the next.
+    for (int k = 0; k < 4 && at != beside.end() && before(*at); ++k) ++at;
+    if (at != beside.end() && before(*at)) at = std::partition_point(at, beside.end(), before);
+    const int gels = m.run.gels.of(slice_);
+    for (auto k = at; k != beside.end() && k->begin < m.run.end; ++k) {
+      join(m.run.label, k->label, std::max(gels, k->gels.of(slice_)));
+    }
   }
 }
 
@@ -178,7 +191,7 @@ void SolidRows::pass_step() {
   Bucket& now = of_step(bodies_.slice());
   waiting_ -= now.size() + 1;
   for (const Sum& s : now.sums) bodies_.add(s.label, s.patch, s.slices);
-  for (const Beginning& b : now.begins) bodies_.begin(b.label, b.low, b.low.slice == 0);
+  for (const Beginning& b : now.begins) bodies_.begin(b.label, b.low);
   for (const Patched& p : now.grows) bodies_.grow(p.label, p.patch, step_);
   for (const Patched& p : now.ends) bodies_.grow(p.label, p.patch, -step_);
   for (const Edge& e : now.edges) bodies_.unite(e.a, e.b);
@@ -188,11 +201,22 @@ void SolidRows::pass_step() {
 }
 
 void SolidRows::end_slice(int more) {
-  for (const Made& made : made_) {
-    join_beside(made, made.row - 1);
-    join_beside(made, made.row + 1);
+  for (std::size_t from = 0; from < made_.size();) {
+    const int row = made_[from].row;
+    std::size_t past = from;
+    while (past < made_.size() && made_[past].row == row) ++past;
+    const auto made = std::span<const Made>(made_).subspan(from, past - from);
+    join_beside(made, row - 1);
+    join_beside(made, row + 1);
+    from = past;
   }
   made_.clear();
+  for (const Beginning& b : new_) {
+    // What hangs on what is anchored is no body.
+    const Label root = bodies_.root(b.label);
+    if (root == b.label || !bodies_.anchored(root)) of_step(b.step).begins.push_back(b);
+  }
+  new_.clear();
   int steps = step_of(slice_ + 1 + more) - step_of(slice_);
   slice_ += 1 + more;
   for (; steps > 0 && waiting_ > 0; --steps) pass_step();

@@ -5,6 +5,7 @@
 /// slices after it. Changes of rows are given slice by slice, and join in the order in which they gel.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -79,6 +80,7 @@ class SolidRows {
   struct Beginning {
     Label label;
     FirstVoxel low;
+    int step;
   };
   struct Sum : Patched {
     int slices;
@@ -100,6 +102,8 @@ class SolidRows {
   class RowChange;
 
   int step_of(int n) const { return n / step_; }
+  /// The step of slice n or, if that is past, the one at hand.
+  int coming_step(int n) const { return std::max(step_of(n), bodies_.slice()); }
   /// Of the step of slice n, or that at hand; something is put into it.
   Bucket& at(int n) { return of_step(step_of(n)); }
   Bucket& of_step(int step);
@@ -107,8 +111,8 @@ class SolidRows {
   void join(Label a, Label b, int n);
   /// A run that gels slice by slice does so from slice n on (`sign` 1), or no more (-1).
   void grow(Label label, const GrowingBodies::Patch& patch, int n, int sign);
-  /// Joins what is made with a row beside it.
-  void join_beside(const Made& made, int row);
+  /// Joins what is made in a row with a row beside it.
+  void join_beside(std::span<const Made> made, int row);
   /// Columns of a run have no more voxels.
   void leave(const Labelled& run, int row);
   /// All that happens in the step at hand.
@@ -121,6 +125,7 @@ class SolidRows {
   std::vector<Row> rows_;
   Row next_;
   std::vector<Made> made_;
+  std::vector<Beginning> new_;  ///< labels of the slice at hand
   std::size_t runs_ = 0;
   std::vector<Bucket> buckets_;  ///< of steps from the one at hand on, a power of two of them
   std::size_t waiting_ = 0;      ///< in buckets

@@ -28,7 +28,7 @@ TEST_F(BridgePrograms, NumbersOfARefusalWorkWhenTheyAreTyped) {
   // Speeds whose ramps have more digits than are told, on both sides of rounding.
   for (const char* const speed : {"1998", "1777", "1903.7"}) {
     SCOPED_TRACE(speed);
-    const RunResult refused = tried("part", {"--speed-mm-h", speed});
+    const RunResult refused = tried("part", {"--speed-mm-h", speed, "--ramp", "none"});
     ASSERT_EQ(refused.exit_code, 3) << refused.err;
     std::smatch found;
     ASSERT_TRUE(std::regex_search(refused.err, found, std::regex("--ramp-mm ([0-9.]+)")))
@@ -44,6 +44,98 @@ TEST_F(BridgePrograms, NumbersOfARefusalWorkWhenTheyAreTyped) {
     EXPECT_THAT(less.err, HasSubstr("--ramp-mm " + told + " or more"));
   }
   EXPECT_EQ(sim.child->end(SIGTERM), 0);
+}
+
+TEST_F(BridgePrograms, WhatIsPlannedIsPrintedWithoutAFurtherOption) {
+  part_cell_mm = 1;
+  struct Machine {
+    const char *name, *resin, *limit;
+    std::vector<std::pair<std::string, std::string>> changes;
+  };
+  const std::vector<Machine> machines{
+      {"shipped", "figure-2-2", "stage", {}},
+      // Faster stages: the exchanges decide, or ramps that the lamp can't follow.
+      {"cycles",
+       "figure-2-2",
+       "machine",
+       {{"cycle_s = 0.01", "cycle_s = 0.05"}, {"max_speed_mm_h = 2000", "max_speed_mm_h = 20000"}}},
+      {"ramps",
+       "figure-2-2",
+       "machine",
+       {{"min_share = 0.02", "min_share = 0.3"},
+        {"max_speed_mm_h = 2000", "max_speed_mm_h = 20000"}}},
+      {"slices",
+       "figure-2-2",
+       "",
+       {{"acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 0.3\nvariable_speed = true"}}}};
+  for (const Machine& m : machines) {
+    SCOPED_TRACE(m.name);
+    const std::string printer = make_printer(m.name, m.changes);
+    const std::string speeds = folder / (std::string(m.name) + ".csv");
+    std::vector<std::string> ask{program("slicecorr"),
+                                 "plan",
+                                 make_part(),
+                                 "--printer",
+                                 printer,
+                                 "--resin",
+                                 m.resin,
+                                 "--layer-um",
+                                 "50",
+                                 "--antialias",
+                                 "off",
+                                 "--json",
+                                 "-",
+                                 "--quiet",
+                                 "--gap-contrast",
+                                 "0",
+                                 "--edge-aim-um",
+                                 "0.5",
+                                 "--tolerance-um",
+                                 "25"};
+    const bool varies = m.limit[0] == 0;
+    if (varies) ask.insert(ask.end(), {"--slice-speeds", speeds});
+    const RunResult planned = run_program(ask);
+    ASSERT_EQ(planned.exit_code, 0) << planned.err;
+    const auto plan = nlohmann::json::parse(planned.out);
+    if (!varies) {
+      EXPECT_EQ(plan["limited_by"], m.limit) << plan["limit"];
+    }
+    std::vector<std::string> with{"--resin", m.resin, "--edge-aim-um", "0.5"};
+    double speed = plan["speed_mm_h"];
+    if (varies && !plan["slice_speed_mm_h"].empty()) {
+      for (const double v : plan["slice_speed_mm_h"]) speed = std::max(speed, v);
+      with.insert(with.end(), {"--slice-speed-mm-h", speeds, "--slice-lamps",
+                               plan["along_z"]["lamps"].get<std::string>()});
+    }
+    // With a further option or two these speeds would be refused.
+    EXPECT_GT(speed, 500);
+    with.insert(with.end(), {"--speed-mm-h", nlohmann::json(speed).dump()});
+    Sim sim = start_sim(printer, true);
+    const RunResult printed = run_program(
+        print_command(make_stack(printer, m.name, with), printer, sim, true, {"--dry-run"}));
+    EXPECT_EQ(printed.exit_code, 0) << speed << " mm/h\n" << printed.err;
+    EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  }
+}
+
+TEST_F(BridgePrograms, WhatTheMachineRefusesIsSaidBeforeTheWork) {
+  part_cell_mm = 1;
+  const std::string printer = make_printer("slow", {{"cycle_s = 0.01", "cycle_s = 0.09"}});
+  make_stack(printer, "slow", {"--resin", "figure-2-2", "--speed-mm-h", "500"});
+  const auto corrected = [&](const std::string& speed, std::vector<std::string> more) {
+    more.insert(more.begin(), {program("slicecorr"), "correct", folder / "slow-target.uvj", "-o",
+                               folder / "told.uvj", "--printer", printer, "--resin", "figure-2-2",
+                               "--speed-mm-h", speed});
+    return run_program(more);
+  };
+  // 3 exchanges of 90 ms: 50 um in 0.27 s are 666.67 mm/h.
+  const RunResult fast = corrected("700", {});
+  EXPECT_EQ(fast.exit_code, 0);
+  EXPECT_THAT(fast.err,
+              HasSubstr("printbridge will refuse this print: a slice of 50 um passes in"));
+  EXPECT_THAT(fast.err, HasSubstr("print at 666.66 mm/h or slower"));
+  EXPECT_THAT(corrected("666.66", {}).err, testing::Not(HasSubstr("refuse")));
+  EXPECT_THAT(corrected("2000", {"--ramp", "none"}).err, HasSubstr("will refuse"));
 }
 
 }  // namespace

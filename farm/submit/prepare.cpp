@@ -15,6 +15,7 @@
 
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/part_slices.hpp"
+#include "programs/common/setup_options.hpp"
 #include "service/commit.hpp"
 #include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
@@ -154,10 +155,15 @@ std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
 }
 
 /// Asks the physics, of the places that the part is printed at where light is uneven.
-void plan(const SliceSource& slices, const Setup& setup, bool left_alone,
+void plan(const SliceSource& slices, const Setup& setup, const JobRequest& r,
           const ExecutionContext& context, Checked& c) {
+  const bool left_alone = !r.leave_alone.empty() || !r.part_inside.empty();
   check_correction(setup, {left_alone, false});
   const Grid& grid = slices.grid();
+  // What is ready in the morning is to print.
+  const std::string refused = cli::refused_by_machine(
+      setup, r.setup.printer, grid, r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+  if (!refused.empty()) throw InfeasibleError(refused);
   const bool uneven = light_is_uneven(setup.printer, setup.process);
   const CorrectionPlan plan = uneven
                                   ? plan_correction(slices, setup, context)
@@ -179,7 +185,7 @@ void check_meshes(const JobRequest& r, const Setup& setup, const std::string& sc
       {LayerHeights(setup.process.layer_heights_um), Surface::slices, r.leave_alone}, context,
       &facts);
   c.memory.triangles = facts.triangles;
-  plan(*slices, setup, !r.leave_alone.empty(), context, c);
+  plan(*slices, setup, r, context, c);
   const LeftAloneFiles target(*slices, r.leave_alone, slices.place(), setup.printer, scratch_folder,
                               context);
   const PixelBox box = (*target).bounds();
@@ -214,14 +220,13 @@ void check_archive(const JobRequest& r, const Setup& setup, const std::string& s
     grid.pixel_y_um = facts.pixel_y_um;
   }
   const GridOnly target(grid, image_frame(info));
-  const bool alone = !r.leave_alone.empty() || !r.part_inside.empty();
   std::optional<StackReader> images;
   if (light_is_uneven(setup.printer, setup.process) || judges_suction(setup) ||
       !r.part_inside.empty()) {
     images.emplace(r.parts[0], scratch_folder, context, facts);
-    plan(*images, setup, alone, context, c);
+    plan(*images, setup, r, context, c);
   } else {
-    plan(target, setup, alone, context, c);
+    plan(target, setup, r, context, c);
   }
   const LeftAloneFiles left(images ? static_cast<const SliceSource&>(*images) : target,
                             r.leave_alone, {}, setup.printer, scratch_folder, context,

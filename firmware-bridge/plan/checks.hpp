@@ -7,14 +7,9 @@
 #include <string>
 
 #include "slicecorr/bridge/plan.hpp"
+#include "slicecorr/machine_motion.hpp"
 
 namespace slicecorr::bridge {
-
-/// Control cycles in which a slice must pass at least: its place is predicted from the one before,
-/// its image sent in the next, and what became of it is known in the third.
-inline constexpr double kCyclesPerSlice = 3;
-/// From the command to move to knowing of it.
-inline constexpr double kReactionCycles = 4;
 
 /// Throws `InputError` when the stack is none of ours, is no corrected one, or was changed.
 void check_kind(const StackReader& stack, const std::string& path);

@@ -13,7 +13,6 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/light_unit.hpp"
-#include "slicecorr/limit.hpp"
 #include "slicecorr/place_models.hpp"
 
 namespace slicecorr::bridge {
@@ -31,19 +30,6 @@ double flood_mw_cm2(const UvSchedule& uv, const Kinetics& kinetics, double full_
     return uv.slice_mw_cm2[std::min(static_cast<std::size_t>(n), last)];
   }
   return uv.uv_mw_cm2 > 0 ? uv.uv_mw_cm2 : uv_for_dead_zone(kinetics, full_mw_cm2, uv.dead_zone_um);
-}
-
-/// What the dimmest share of a lamp leaves dark at both ends of ramps.
-void check_ramps(const PrintPlan& plan, const Machine& machine, double uv_least_share) {
-  const double least = std::max(machine.blue.min_share, uv_least_share);
-  const double dark_um = plan.ramp_um * std::pow(least, 2 * plan.m);
-  if (!plan.lamps_follow() || dark_um <= machine.limits.max_late_um) return;
-  throw InfeasibleError(fmt::format(
-      "the lamps of printer '{}' can't follow the stage below {:g} % of their light: {:.1f} um "
-      "would stay dark at both ends, {:g} um are borne (max_late_um); correct the part with --ramp "
-      "outside, or with a ramp of {} mm or less",
-      machine.printer.name, least * 100, dark_um, machine.limits.max_late_um,
-      at_most(plan.ramp_um * machine.limits.max_late_um / dark_um * 1e-3)));
 }
 
 /// Layer by layer: light of black outside of the exposures.
@@ -228,7 +214,6 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   const FrameLight light(plan, stack, machine);
   const double uv_least_share =
       plan.uv ? std::max(machine.uv.min_share, printer.uv->min_mw_cm2() / plan.uv_max_mw_cm2) : 0;
-  check_ramps(plan, machine, uv_least_share);
   check_black(plan, info, machine);
 
   std::mutex failing;

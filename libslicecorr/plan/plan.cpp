@@ -17,6 +17,7 @@
 #include "plan/refuse.hpp"
 #include "plan/tolerances.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/limit.hpp"
 
@@ -146,6 +147,20 @@ Setup of_columns(Setup setup, std::vector<std::string>& notes) {
   return setup;
 }
 
+/// The print as the machine moves for it.
+MovedPrint moved(const Setup& setup, const PrintPlan& plan, int slices) {
+  const double m = make_kinetics(setup.resin, setup.process.uv.kind != UvKind::off, true).m;
+  return {setup.process, m, setup.resin.absorbance_height10_um, plan.layer_um, slices};
+}
+
+/// What is planned is what the machine takes: its ramps, and nothing that it refuses.
+void keep_to_machine(PrintPlan& plan) {
+  const auto& machine = plan.ask.stage.motion;
+  if (!machine) return;
+  plan.setup = detail::as_machine_moves(std::move(plan.setup), plan.ask.stage);
+  print_motion(moved(plan.setup, plan, plan.layers + plan.at.extra_slices), *machine);
+}
+
 /// Slices that draw more than the vat bears go slower.
 void hold_back(const SliceSource& target, PrintPlan& plan, const ExecutionContext& context) {
   Process& p = plan.setup.process;
@@ -180,8 +195,12 @@ void change_along_z(const SliceSource& target, const DesignColumns& columns,
   detail::AlongZBounds bounds;
   bounds.uniform_mm_h = plan.at.speed_mm_h;
   bounds.acceleration_mm_s2 = plan.ask.stage.acceleration_mm_s2;
-  bounds.most_mm_h.assign(static_cast<std::size_t>(plan.layers),
-                          plan.stage_mm_h > 0 ? plan.stage_mm_h : plan.light->smax_mm_h);
+  double most_mm_h = plan.stage_mm_h > 0 ? plan.stage_mm_h : plan.light->smax_mm_h;
+  if (plan.ask.stage.motion) {
+    most_mm_h =
+        std::min(most_mm_h, most_speed(moved(plan.setup, plan, 0), *plan.ask.stage.motion).mm_h);
+  }
+  bounds.most_mm_h.assign(static_cast<std::size_t>(plan.layers), most_mm_h);
   if (plan.suction && plan.suction->limit_given) {
     const auto limits =
         slice_speed_limits(target, plan.setup.printer, plan.setup.resin, plan.setup.process,
@@ -241,6 +260,10 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
       bound.take(plan.stage_mm_h, "stage",
                  fmt::format("the stage of '{}' does at most {} mm/h", setup.printer.name,
                              at_most(plan.stage_mm_h, 12)));
+    }
+    if (ask.stage.motion) {
+      const MostSpeed most = most_speed(moved(setup, plan, 0), *ask.stage.motion);
+      bound.take(most.mm_h, "machine", most.words);
     }
     Setup fast = setup;
     fast.process.speed_mm_h = std::max(1.0, gelling(setup, plan.layer_um).greatest);
@@ -419,6 +442,7 @@ PrintPlan plan_print(const SliceSource& whole_target, const Setup& asked, const 
       change_along_z(target, columns, heights, planner, plan, context);
     }
   }
+  keep_to_machine(plan);
   plan.judged_columns = planner.judged();
   context.report("plan", 1);
   return plan;

@@ -166,6 +166,10 @@ std::string PrintPlan::to_json() const {
                     {"limit_given", suction->limit_given},
                     {"gap_um", suction->gap.gap_um}};
   }
+  if (setup.process.ramp == Ramp::lamp_follows) {
+    j["ramp"] = "lamp-follows";
+    j["ramp_mm"] = setup.process.ramp_mm;
+  }
   j["stage_mm_h"] = stage_mm_h > 0 ? ordered_json(stage_mm_h) : ordered_json();
   j["slice_speed_mm_h"] =
       slice_speed_mm_h.empty() ? ordered_json() : ordered_json(slice_speed_mm_h);

@@ -24,6 +24,7 @@ StageChange parse_stage_change(const std::string& text, const std::string& sourc
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
   StageChange change;
+  change.motion = parse_machine_motion(text, source);
   const auto stage = root.table("stage");
   if (!stage || !stage->has("variable_speed")) return change;
   const auto says = stage->node("variable_speed")->value_exact<bool>();

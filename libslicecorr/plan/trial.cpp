@@ -17,6 +17,7 @@
 #include "bands/place_plans.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
 
 namespace slicecorr::detail {
 
@@ -209,8 +210,17 @@ bool keeps_within(const PlanPoint& p, double tolerance_um) {
          p.max_abs_um <= tolerance_um + kSameUm;
 }
 
-PlanPoint Trials::correct(const Setup& setup, std::span<const std::uint32_t> which,
+Setup as_machine_moves(Setup setup, const StageChange& stage) {
+  if (stage.motion) {
+    const double m = make_kinetics(setup.resin, setup.process.uv.kind != UvKind::off, true).m;
+    take_ramp(*stage.motion, m, setup.resin.absorbance_height10_um, setup.process);
+  }
+  return setup;
+}
+
+PlanPoint Trials::correct(const Setup& asked, std::span<const std::uint32_t> which,
                           const TrialAsk& ask, const ExecutionContext& context) const {
+  const Setup setup = as_machine_moves(asked, ask_.stage);
   if (!setup.printer.flat_field) return correct_evenly(setup, which, ask, context);
   // Where light is uneven every column must keep what is asked for in the least and in the most light that
   // the part gets anywhere.

@@ -23,6 +23,9 @@ struct TrialAsk {
 };
 
 /// What all trials of a plan share. Thread-safe.
+/// The setup with the ramps that the machine of `stage` needs for its speed, where it says nothing of them.
+Setup as_machine_moves(Setup setup, const StageChange& stage);
+
 class Trials {
  public:
   /// `target` and `columns` must outlive this. Reads nothing of the target but its size and frame.
@@ -30,7 +33,7 @@ class Trials {
 
   /// Corrects and predicts the columns `which`. What `PlacePlans` refuses comes back as a point that
   /// does not print.
-  PlanPoint correct(const Setup& setup, std::span<const std::uint32_t> which, const TrialAsk& ask,
+  PlanPoint correct(const Setup& asked, std::span<const std::uint32_t> which, const TrialAsk& ask,
                     const ExecutionContext& context) const;
 
   /// Gaps from run to run below this many slices are left out.

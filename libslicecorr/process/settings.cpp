@@ -358,7 +358,8 @@ const std::vector<Setting>& table() {
        .chosen = &C::ramp,
        .text = "Where the stage speeds up and slows down (continuous): lamp-follows: within the "
                "lit slices, and the lamp follows the speed; outside: before and after them; none: "
-               "the stack does not say [none]",
+               "the stack does not say [none; lamp-follows where the printer file's machine would "
+               "refuse the speed else]",
        .words = {"none", "lamp-follows", "outside"},
        .process = kWord<&Process::ramp>,
        .block = BlockPart::stage},

@@ -63,6 +63,11 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
         setup.printer.name, setting_name(names, "uv_mw_cm2"), setting_name(names, "dead_zone_um"),
         setup.resin.name));
   }
+  if (setup.process.ramp == Ramp::lamp_follows) {
+    notices.push_back(fmt::format(
+        "the lamps follow the stage while it gets to its speed, over the first and last {:g} mm",
+        setup.process.ramp_mm));
+  }
   if (setup.printer.suction_limit_pa > 0 && !(setup.resin.viscosity_pa_s > 0) &&
       setup.process.mode == ExposureMode::continuous) {
     notices.push_back(fmt::format(

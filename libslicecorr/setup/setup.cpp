@@ -14,10 +14,12 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/machine_motion.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
 #include "slicecorr/supports.hpp"
@@ -64,6 +66,8 @@ class Resolver {
   void resolve_layers(Process& process, const StackInfo* times, bool recorded) const;
   void resolve_lifts(Setup& setup, bool recorded) const;
   void resolve_uv(Setup& setup) const;
+  /// Lamps follow the stage where a machine would else refuse the speed, and nothing is said of ramps.
+  void resolve_ramp(Setup& setup) const;
   /// What is assumed needs lifts, of which nobody knows what they exchange.
   void check_assumed(const Setup& setup) const;
   void assume_dose(Setup& setup, const StackInfo* times, double layer_um) const;
@@ -486,6 +490,16 @@ Resin Resolver::chosen_resin() const {
   return resin();
 }
 
+void Resolver::resolve_ramp(Setup& setup) const {
+  if (setup.process.mode != ExposureMode::continuous || !c_.ramp.empty()) return;
+  const auto machine = c_.printer_toml.empty()
+                           ? load_machine_motion(c_.printer)
+                           : parse_machine_motion(c_.printer_toml, o("printer_toml"));
+  if (!machine) return;
+  const double m = make_kinetics(setup.resin, setup.process.uv.kind != UvKind::off, true).m;
+  take_ramp(*machine, m, setup.resin.absorbance_height10_um, setup.process);
+}
+
 Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   Setup setup;
   check_choices(c_, names_);
@@ -518,6 +532,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   } else {
     resolve_even_dead_zone(setup);
   }
+  if (printer_given && !recorded) resolve_ramp(setup);
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   if (assumes()) {
     const StackInfo* const sized = info ? info : times;

@@ -33,6 +33,7 @@
 
 #include "slicecorr/cure.hpp"
 #include "slicecorr/flow_suction.hpp"
+#include "slicecorr/machine_motion.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr {
@@ -91,6 +92,8 @@ std::optional<SpeedRange> tolerated_speeds(const PlanLight& light, double tolera
 struct StageChange {
   bool variable_speed = false;    ///< `[stage] variable_speed`
   double acceleration_mm_s2 = 0;  ///< `[stage] acceleration_mm_s2`
+  /// What the machine takes that printbridge drives by that file; nothing: it drives none. Plans keep to it.
+  std::optional<MachineMotion> motion{};
 };
 /// Of a printer by its name or file. Throws `InputError` naming file, line and key.
 StageChange load_stage_change(const std::string& name_or_path);

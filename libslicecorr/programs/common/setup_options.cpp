@@ -13,6 +13,8 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
+#include "slicecorr/machine_motion.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/csv.hpp"
@@ -254,6 +256,28 @@ std::string dose_words(const Setup& setup) {
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context) {
   for (const std::string& text : setup_notices(setup, times, ChoiceNames::options))
     context.tell(text);
+}
+
+std::string refused_by_machine(const Setup& setup, const std::string& printer, const Grid& grid,
+                               ChoiceNames names) {
+  const auto machine =
+      printer.empty() ? std::optional<MachineMotion>() : load_machine_motion(printer);
+  if (!machine) return {};
+  const double m = make_kinetics(setup.resin, setup.process.uv.kind != UvKind::off, true).m;
+  try {
+    print_motion(
+        {setup.process, m, setup.resin.absorbance_height10_um, grid.layer_um, grid.layers, names},
+        *machine);
+  } catch (const InfeasibleError& e) {
+    return e.what();
+  }
+  return {};
+}
+
+void tell_machine(const Setup& setup, const std::string& printer, const Grid& grid,
+                  const ExecutionContext& context) {
+  const std::string why = refused_by_machine(setup, printer, grid);
+  if (!why.empty()) context.tell("printbridge will refuse this print: " + why);
 }
 
 }  // namespace slicecorr::cli

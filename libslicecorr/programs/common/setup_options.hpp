@@ -81,4 +81,12 @@ auto with_dose_words(const Setup& setup, const Work& work) {
 /// Tells what the user should know of a setup; `times` as for `resolve_setup`.
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context);
 
+/// Why printbridge would refuse to print `setup` in slices of `grid` on the machine of `printer`, a name or
+/// file; empty where it would not, or the file drives no machine.
+std::string refused_by_machine(const Setup& setup, const std::string& printer, const Grid& grid,
+                               ChoiceNames names = ChoiceNames::options);
+/// Tells it, before the work.
+void tell_machine(const Setup& setup, const std::string& printer, const Grid& grid,
+                  const ExecutionContext& context);
+
 }  // namespace slicecorr::cli

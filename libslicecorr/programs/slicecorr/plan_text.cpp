@@ -98,6 +98,12 @@ std::string plan_text(const PrintPlan& plan) {
         "  correct takes --speed-mm-h {:g} --slice-speed-mm-h FILE{}, FILE from --slice-speeds\n",
         p.speed_mm_h, p.slice_lamps == SliceLamps::stay ? " --slice-lamps stay" : "");
   }
+  if (plan.setup.process.ramp == Ramp::lamp_follows) {
+    text += fmt::format(
+        "ramps: the lamps follow the stage over the first and last {:g} mm; correct does this "
+        "(--ramp lamp-follows --ramp-mm {:g})\n",
+        plan.setup.process.ramp_mm, plan.setup.process.ramp_mm);
+  }
   if (!plan.with.empty()) {
     text += "with " + plan.with;
     if (plan.setup.process.edge_aim_um > 0) {

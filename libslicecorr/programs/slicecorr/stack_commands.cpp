@@ -121,6 +121,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   tell_not_read(a, file, context);
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
+  tell_machine(setup, a.setup.printer, (*fitted).grid(), context);
   const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output), context,
                             parts_inside(a.inside, a.mesh));
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, nullptr, a.missing(),
@@ -180,6 +181,7 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
     if (why && a.setup.wanted_surface() == Surface::mesh) context.tell(why);
   }
   const FittedSlices fitted = fit_for_output(*slices, a.file(), setup.printer, context);
+  tell_machine(setup, a.setup.printer, (*fitted).grid(), context);
   const LeftAloneFiles part(*fitted, a.leave_alone, slices.place(), setup.printer,
                             folder_of(a.output), context);
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices.cuts(), a.missing(),

@@ -192,16 +192,21 @@ TEST(Beams, ABallOfGreyImagesInClosedForm) {
 TEST(Beams, TheSolversLightIsThatOfTheDirectSumAndItsOperatorsAreTransposes) {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> number(0, 1);
-  for (const int beams : {2, 3, 4, 6}) {
+  for (const int beams : {2, 3, 4, 6, 16}) {
     const Box<std::uint8_t> part = part_of(19, 7, 37, [&](int x, int y, int z) {
       return x > 1 && y > 1 && z > 2 && (x + y + z) % 2 == 0;
     });
-    const BeamSetup setup = beam_setup(beams, 0.3, 0.4);
-    const detail::DecidingCells cells(part);
-    // The first of each axis, and the box of the part.
-    EXPECT_EQ(cells.size(0), 1 + 17);
-    EXPECT_EQ(cells.size(1), 1 + 5);
-    EXPECT_EQ(cells.size(2), 1 + 34);
+    BeamSetup setup = beam_setup(beams % 10, 0.3, 0.4);
+    if (beams > 10) {
+      setup.spread = {{200, 0.6}, {500, 0.4}};
+      setup.scatter_um2_per_um = 12;
+    }
+    const detail::DecidingCells cells(part, setup);
+    // The first of each axis, and the box of the part; all where light goes sideways.
+    const int more = setup.goes_sideways() ? 1 : 0;
+    EXPECT_EQ(cells.size(0), 1 + 17 + more);
+    EXPECT_EQ(cells.size(1), 1 + 5 + more);
+    EXPECT_EQ(cells.size(2), 1 + 34 + 2 * more);
     const detail::BeamProjector projector(part, cells, setup);
     Array<float> light(projector.shape().light()), dose(projector.shape().field());
     std::vector<BeamImage> images;
@@ -244,6 +249,50 @@ TEST(Beams, TheSolversLightIsThatOfTheDirectSumAndItsOperatorsAreTransposes) {
       right += static_cast<double>(back[i]) * light[i];
     }
     EXPECT_NEAR(left, right, 1e-5 * left) << beams;
+  }
+}
+
+/// Mean over a cell of the light of another `apart` cells away, of a Gaussian: midpoints of the one, and the integral
+/// over the other.
+double share_of_neighbour(double apart, double sigma) {
+  if (sigma == 0) return apart == 0 ? 1 : 0;
+  const auto below = [&](double x) { return 0.5 * std::erfc(-x / (sigma * std::sqrt(2.0))); };
+  constexpr int kPlaces = 400;
+  double sum = 0;
+  for (int i = 0; i < kPlaces; ++i) {
+    const double at = (i + 0.5) / kPlaces - 0.5 + apart;
+    sum += (below(at + 0.5) - below(at - 0.5)) / kPlaces;
+  }
+  return sum;
+}
+
+TEST(Beams, LightThatGoesSidewaysIsTheSumOverItsImage) {
+  // Along y from its end, 11 cells of 0.2 mm in a vat of 3 mm: the path to cell y is 0.4 + (10.5 - y) 0.2 mm.
+  BeamSetup setup = beam_setup(2, 0.2, 0.3);
+  setup.beams = {{1, true}};
+  setup.vat_mm = {2, 3, 2};
+  setup.spread = {{150, 0.8}, {400, 0.2}};
+  setup.scatter_um2_per_um = 30;
+  BeamImage image{setup.beams[0], 6, 5, std::vector<float>(30, 0.0F)};
+  image.share[8] = 1;
+  image.share[21] = 0.5F;
+  const Box<float> light = light_of(6, 11, 5, {image}, setup);
+  for (const int y : {0, 4, 10}) {
+    const double path = 0.4 + (10.5 - y) * 0.2;
+    for (int z = 0; z < 6; ++z) {
+      for (int x = 0; x < 5; ++x) {
+        double want = 0;
+        for (const auto& [at, share] : {std::pair{8, 1.0}, {21, 0.5}}) {
+          for (const auto& [um, weight] : {std::pair{150.0, 0.8}, {400.0, 0.2}}) {
+            const double sigma = std::sqrt(um * um * 1e-6 + 0.03 * path) / 0.2;
+            want += share * weight * share_of_neighbour(x - at % 5, sigma) *
+                    share_of_neighbour(z - at / 5, sigma);
+          }
+        }
+        // The midpoint rule is right to 1e-6 there, light is in single precision.
+        EXPECT_NEAR(light.values[light.at(z, y, x)], want * std::exp(-0.3 * path), 3e-6);
+      }
+    }
   }
 }
 

@@ -257,7 +257,7 @@ Result made(const BeamsArguments& o, const ExecutionContext& context, Console& c
   tomo::BeamSetup& setup = job.setup;
   job.printer = load_printer(o.printer);
   job.resin = load_resin(o.resin);
-  tomo::refuse_uncounted_spread(job.printer, job.resin);
+  tomo::take_spread(setup, job.printer, job.resin);
   refuse_relative(job.printer, "an exposure by beams");
   for (const std::string& text : o.light.checked(job.printer, job.resin)) context.tell(text);
   const std::optional<BeamVat> of_printer = load_beam_vat(o.printer, job.printer);

@@ -25,11 +25,26 @@ inline std::vector<double> light_left(const BeamSetup& setup, const Beam& beam, 
   return left;
 }
 
+/// What cells beside a lit one get of its light, in the mean over them, when it goes sideways by these
+/// Gaussians and a variance: of that itself, of the next one to either side and so on.
+struct CellBlur {
+  struct Gaussian {
+    double weight = 1;
+    std::vector<double> shares;
+  };
+  std::vector<Gaussian> sum;
+};
+CellBlur cell_blur(const BeamSetup& setup, double path_mm);
+/// Of a beam at its cells `index`.
+std::vector<CellBlur> blurs_along(const BeamSetup& setup, const Beam& beam, int cells,
+                                  const std::vector<int>& index);
+
 /// The cells that decide how good images can be: the box of the part, and the first and the last
 /// cells before the walls, where a beam that lights the part is brightest outside of that box. What
-/// lies between is on the same rays alone, and darker.
+/// lies between is on the same rays alone, and darker. Light that goes sideways reaches others, too:
+/// then all decide.
 struct DecidingCells {
-  explicit DecidingCells(const Box<std::uint8_t>& part);
+  DecidingCells(const Box<std::uint8_t>& part, const BeamSetup& setup);
   int size(int axis) const {
     return static_cast<int>(index[static_cast<std::size_t>(axis)].size());
   }

@@ -57,12 +57,102 @@ BeamProjector::BeamProjector(const Box<std::uint8_t>& part, const DecidingCells&
     std::transform(left.begin(), left.end(), padded.begin(),
                    [](double share) { return static_cast<float>(share); });
     left_.push_back(std::move(padded));
+    if (setup.goes_sideways()) {
+      blurs_.push_back(blurs_along(setup, beam, all[axis], cells.index[axis]));
+    }
+  }
+}
+
+int BeamProjector::place_count(std::size_t beam) const {
+  const int axis = beams_[beam].axis;
+  return axis == 0 ? nx_ : axis == 1 ? ny_ : nz_;
+}
+
+std::size_t BeamProjector::cell_over(std::size_t beam, int place, int column, int row) const {
+  const int axis = beams_[beam].axis;
+  return axis == 0   ? cell(place, column, row)
+         : axis == 1 ? cell(column, place, row)
+                     : cell(column, row, place);
+}
+
+void BeamProjector::blur(std::size_t beam, std::size_t place, const std::vector<float>& from,
+                         std::vector<float>& to) const {
+  const auto columns = static_cast<std::size_t>(image_columns(beam));
+  const int rows = image_rows(beam), wide = image_columns(beam);
+  std::vector<float> along(from.size());
+  for (const CellBlur::Gaussian& g : blurs_[beam][place].sum) {
+    const int reach = static_cast<int>(g.shares.size()) - 1;
+    std::fill(along.begin(), along.end(), 0.0F);
+    for (int r = 0; r < rows; ++r) {
+      const float* const row = from.data() + static_cast<std::size_t>(r) * columns;
+      float* const out = along.data() + static_cast<std::size_t>(r) * columns;
+      for (int k = -reach; k <= reach; ++k) {
+        const auto share = static_cast<float>(g.shares[static_cast<std::size_t>(std::abs(k))]);
+        for (int c = std::max(0, -k); c < std::min(wide, wide - k); ++c) {
+          out[c] += share * row[c + k];
+        }
+      }
+    }
+    for (int r = 0; r < rows; ++r) {
+      for (int k = std::max(-reach, -r); k <= std::min(reach, rows - 1 - r); ++k) {
+        const auto share =
+            static_cast<float>(g.weight * g.shares[static_cast<std::size_t>(std::abs(k))]);
+        add_times(to.data() + static_cast<std::size_t>(r) * columns,
+                  along.data() + static_cast<std::size_t>(r + k) * columns, share, columns);
+      }
+    }
+  }
+}
+
+void BeamProjector::forward_sideways(const float* field, float* light,
+                                     const ExecutionContext& context) const {
+  parallel_for(silent(context), "", beams_.size(), [&](std::size_t beam) {
+    const int columns = image_columns(beam), rows = image_rows(beam);
+    std::vector<float> slice(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows)),
+        sum(slice.size());
+    for (int place = 0; place < place_count(beam); ++place) {
+      const float left = left_[beam][static_cast<std::size_t>(place)];
+      std::size_t i = 0;
+      for (int r = 0; r < rows; ++r) {
+        for (int c = 0; c < columns; ++c) slice[i++] = left * field[cell_over(beam, place, c, r)];
+      }
+      blur(beam, static_cast<std::size_t>(place), slice, sum);
+    }
+    std::size_t i = 0;
+    for (int r = 0; r < rows; ++r) {
+      for (int c = 0; c < columns; ++c) light[pixel(beam, c, r)] = sum[i++];
+    }
+  });
+}
+
+void BeamProjector::adjoint_sideways(const float* light, float* field,
+                                     const ExecutionContext& context) const {
+  // Beam after beam, so that sums have one order; places along it are cells of their own.
+  for (std::size_t beam = 0; beam < beams_.size(); ++beam) {
+    const int columns = image_columns(beam), rows = image_rows(beam);
+    std::vector<float> image;
+    for (int r = 0; r < rows; ++r) {
+      for (int c = 0; c < columns; ++c) image.push_back(light[pixel(beam, c, r)]);
+    }
+    parallel_for(silent(context), "", static_cast<std::size_t>(place_count(beam)),
+                 [&](std::size_t place) {
+                   std::vector<float> here(image.size());
+                   blur(beam, place, image, here);
+                   const float left = left_[beam][place];
+                   std::size_t i = 0;
+                   for (int r = 0; r < rows; ++r) {
+                     for (int c = 0; c < columns; ++c) {
+                       field[cell_over(beam, static_cast<int>(place), c, r)] += left * here[i++];
+                     }
+                   }
+                 });
   }
 }
 
 void BeamProjector::forward(std::size_t /*block*/, const float* field, float* light,
                             const ExecutionContext& context) const {
   std::fill_n(light, shape_.light_of_block, 0.0F);
+  if (!blurs_.empty()) return forward_sideways(field, light, context);
   const auto lanes = static_cast<std::size_t>(shape_.lanes);
   const std::size_t rows = std::min(lanes, rows_);
   const ExecutionContext worth =
@@ -97,6 +187,7 @@ void BeamProjector::forward(std::size_t /*block*/, const float* field, float* li
 void BeamProjector::adjoint(std::size_t /*block*/, const float* light, float* field,
                             const ExecutionContext& context) const {
   std::fill_n(field, shape_.field_of_block, 0.0F);
+  if (!blurs_.empty()) return adjoint_sideways(light, field, context);
   const auto lanes = static_cast<std::size_t>(shape_.lanes);
   const std::size_t rows = std::min(lanes, rows_);
   const ExecutionContext worth =

@@ -47,6 +47,19 @@ class BeamProjector final : public Projector {
   /// places for their rows, in whole cache lines.
   std::size_t side_, rows_;
   Shape shape_;
+  /// Adds the light of a beam that goes sideways at one place along it, [row][column], or takes it from
+  /// there.
+  void blur(std::size_t beam, std::size_t place, const std::vector<float>& from,
+            std::vector<float>& to) const;
+  int place_count(std::size_t beam) const;
+  int image_columns(std::size_t beam) const { return beams_[beam].axis == 0 ? ny_ : nx_; }
+  int image_rows(std::size_t beam) const { return beams_[beam].axis == 2 ? ny_ : nz_; }
+  /// The cell at a place along a beam, over a pixel.
+  std::size_t cell_over(std::size_t beam, int place, int column, int row) const;
+  void forward_sideways(const float* field, float* light, const ExecutionContext& context) const;
+  void adjoint_sideways(const float* light, float* field, const ExecutionContext& context) const;
+
+  std::vector<std::vector<CellBlur>> blurs_;  ///< by beam and place along it; empty: none
   std::vector<Array<float>> left_;  ///< by beam, of the light along it; 0 in lanes without a cell
 };
 

@@ -39,7 +39,7 @@ class Grey {
       : part_(part),
         setup_(setup),
         context_(context),
-        cells_(part),
+        cells_(part, setup),
         projector_(part, cells_, setup),
         target_(target()),
         enough_(enough()),
@@ -88,6 +88,11 @@ class Grey {
   /// is of no use: with this, these cells still have enough, and all others have less.
   Array<float> enough() const {
     Array<float> light(projector_.shape().light());
+    // Light that goes sideways is of use beside the part, too.
+    if (setup_.goes_sideways()) {
+      std::fill(light.begin(), light.end(), std::numeric_limits<float>::max());
+      return light;
+    }
     each_cell([&](int x, int y, int z, std::uint8_t v) {
       if (v != 255) return;
       for (std::size_t k = 0; k < setup_.beams.size(); ++k) {
@@ -236,7 +241,7 @@ GreyImages grey_images(const Box<std::uint8_t>& part, const BeamSetup& setup,
 }
 
 double bytes_of_grey(const Box<std::uint8_t>& part, const BeamSetup& setup) {
-  const Shape shape = BeamProjector(part, DecidingCells(part), setup).shape();
+  const Shape shape = BeamProjector(part, DecidingCells(part, setup), setup).shape();
   // Doses of the solver and its proof, with limits and kinds; light with the pairs of its memory.
   return 49.0 * static_cast<double>(shape.field()) + 72.0 * static_cast<double>(shape.light());
 }

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 #include "parallel/silent.hpp"
@@ -167,7 +168,13 @@ std::vector<std::array<int, 3>> bright_outside(const Box<std::uint8_t>& part,
 
 }  // namespace
 
-detail::DecidingCells::DecidingCells(const Box<std::uint8_t>& part) {
+detail::DecidingCells::DecidingCells(const Box<std::uint8_t>& part, const BeamSetup& setup) {
+  if (setup.goes_sideways()) {
+    for (int axis = 0; axis < 3; ++axis) {
+      index[static_cast<std::size_t>(axis)] = all_of(cells_along(part, axis));
+    }
+    return;
+  }
   int low[3] = {part.nx, part.ny, part.nz}, high[3] = {-1, -1, -1};
   each_cell(part, [&](int x, int y, int z, std::uint8_t v) {
     if (v != 255) return;
@@ -185,6 +192,115 @@ detail::DecidingCells::DecidingCells(const Box<std::uint8_t>& part) {
     if (high[i] < last) of.push_back(last);
   }
 }
+
+detail::CellBlur detail::cell_blur(const BeamSetup& setup, double path_mm) {
+  CellBlur blur;
+  std::vector<SpreadGaussian> gaussians = setup.spread;
+  if (gaussians.empty()) gaussians.push_back({0, 1});
+  double weights = 0;
+  for (const SpreadGaussian& g : gaussians) weights += g.weight;
+  for (const SpreadGaussian& g : gaussians) {
+    const double variance_mm2 =
+        g.sigma_um * g.sigma_um * 1e-6 + setup.scatter_um2_per_um * 1e-3 * path_mm;
+    const double s = std::sqrt(variance_mm2) / setup.cell_mm;
+    CellBlur::Gaussian& to = blur.sum.emplace_back();
+    to.weight = g.weight / weights;
+    if (s < 1e-6) {
+      to.shares = {1};
+      continue;
+    }
+    // The integral of a normal distribution's integral.
+    const auto twice = [](double x) {
+      return x * 0.5 * std::erfc(-x / std::numbers::sqrt2) +
+             std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi);
+    };
+    const int reach = static_cast<int>(std::ceil(kSpreadReachSigmas * s + 1));
+    for (int k = 0; k <= reach; ++k) {
+      to.shares.push_back(
+          std::max(0.0, s * (twice((k + 1) / s) - 2 * twice(k / s) + twice((k - 1) / s))));
+    }
+  }
+  return blur;
+}
+
+std::vector<detail::CellBlur> detail::blurs_along(const BeamSetup& setup, const Beam& beam,
+                                                  int cells, const std::vector<int>& index) {
+  std::vector<CellBlur> all;
+  const double before = setup.before_mm(beam.axis, cells);
+  for (const int i : index) {
+    const int nth = beam.from_end ? cells - 1 - i : i;
+    all.push_back(cell_blur(setup, before + (nth + 0.5) * setup.cell_mm));
+  }
+  return all;
+}
+
+void take_spread(BeamSetup& setup, const Printer& printer, const Resin& resin) {
+  if (printer.spread.picture) {
+    throw InputError(fmt::format(
+        "printer '{}': spread in [blue] is a picture, which is not counted where light comes from "
+        "the sides; expected Gaussians, [[sigma_um, weight], ...]",
+        printer.name));
+  }
+  setup.spread = printer.spread.none() ? std::vector<SpreadGaussian>{} : printer.spread.gaussians;
+  setup.scatter_um2_per_um = resin.scatter_um2_per_um;
+}
+
+namespace {
+
+/// The image as it is at a place of the beam.
+std::vector<float> blurred(const BeamImage& image, const detail::CellBlur& blur) {
+  std::vector<double> sum(image.share.size());
+  const auto at = [&](int r, int c) {
+    return static_cast<std::size_t>(r) * static_cast<std::size_t>(image.columns) +
+           static_cast<std::size_t>(c);
+  };
+  for (const detail::CellBlur::Gaussian& g : blur.sum) {
+    const int reach = static_cast<int>(g.shares.size()) - 1;
+    std::vector<double> along(image.share.size());
+    for (int r = 0; r < image.rows; ++r) {
+      for (int c = 0; c < image.columns; ++c) {
+        for (int k = std::max(0, c - reach); k <= std::min(image.columns - 1, c + reach); ++k) {
+          along[at(r, c)] +=
+              g.shares[static_cast<std::size_t>(std::abs(k - c))] * image.share[at(r, k)];
+        }
+      }
+    }
+    for (int r = 0; r < image.rows; ++r) {
+      for (int k = std::max(0, r - reach); k <= std::min(image.rows - 1, r + reach); ++k) {
+        const double share = g.weight * g.shares[static_cast<std::size_t>(std::abs(k - r))];
+        for (int c = 0; c < image.columns; ++c) sum[at(r, c)] += share * along[at(k, c)];
+      }
+    }
+  }
+  return {sum.begin(), sum.end()};
+}
+
+/// Light that goes sideways: place by place along each beam.
+void add_blurred_light(Box<float>& light, const BeamImage& image, const BeamSetup& setup,
+                       const ExecutionContext& context) {
+  const int sizes[3] = {light.nx, light.ny, light.nz}, cells = sizes[image.beam.axis];
+  const std::vector<double> left = detail::light_left(setup, image.beam, cells, all_of(cells));
+  const std::vector<detail::CellBlur> blurs =
+      detail::blurs_along(setup, image.beam, cells, all_of(cells));
+  const int axis = image.beam.axis, rows = axis == 2 ? light.ny : light.nz,
+            columns = axis == 0 ? light.ny : light.nx;
+  parallel_for(slicecorr::detail::silent(context), "", blurs.size(), [&](std::size_t i) {
+    const std::vector<float> here = blurred(image, blurs[i]);
+    const int k = static_cast<int>(i);
+    for (int r = 0; r < rows; ++r) {
+      for (int c = 0; c < columns; ++c) {
+        const std::size_t cell = axis == 0   ? light.at(r, c, k)
+                                 : axis == 1 ? light.at(r, k, c)
+                                             : light.at(k, r, c);
+        const std::size_t pixel = static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) +
+                                  static_cast<std::size_t>(c);
+        light.values[cell] += static_cast<float>(here[pixel] * left[i]);
+      }
+    }
+  });
+}
+
+}  // namespace
 
 const char* name_of(BeamImages images) {
   switch (images) {
@@ -229,6 +345,10 @@ Box<float> light_of(int nz, int ny, int nx, const std::vector<BeamImage>& images
   Box<float> light{nz, ny, nx, {}};
   light.values.resize(static_cast<std::size_t>(nz) * static_cast<std::size_t>(ny) *
                       static_cast<std::size_t>(nx));
+  if (setup.goes_sideways()) {
+    for (const BeamImage& image : images) add_blurred_light(light, image, setup, context);
+    return light;
+  }
   const int sizes[3] = {nx, ny, nz};
   std::vector<std::vector<double>> left;
   for (const BeamImage& image : images) {

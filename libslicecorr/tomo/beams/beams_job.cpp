@@ -191,6 +191,7 @@ BeamJob read_beam_job(const std::string& path, const ExecutionContext& context) 
   job.setup.cell_mm = config["cell_mm"].positive();
   job.setup.alpha_per_mm = absorption_per_cm(job.resin) * 0.1;
   job.setup.vat_mm = job.vat.inside_mm;
+  take_spread(job.setup, job.printer, job.resin);
   const auto cells = config["cells"].list(3, 3);
   for (std::size_t i = 0; i < 3; ++i) job.cells[2 - i] = cells[i].integer(1, kMostAlongAxis);
   for (const auto& beam : config["beams"].list(1, 6)) {

@@ -9,7 +9,9 @@
 ///     I = sum over beams of share(across) exp(-alpha path),
 ///
 /// path from the vat's wall, at which the beam comes in, to the middle of the cell (thesis of 2018,
-/// chapter 3, with absorption). A volume is [z][y][x], z upwards; images of beams along x are
+/// chapter 3, with absorption). Light that goes sideways (`BeamSetup::spread`, `scatter_um2_per_um`) is
+/// that of an image blurred by as much as it is at that path, in the mean over the cell; beyond the
+/// image it is dark. A volume is [z][y][x], z upwards; images of beams along x are
 /// [z][y], along y [z][x], along z [y][x].
 ///
 /// Grey images are found by the ladder (tomo/ladder.hpp), which finds light for a vial that turns,
@@ -60,12 +62,19 @@ struct BeamSetup {
   std::array<double, 3> vat_mm{};
   BeamImages images = BeamImages::silhouette;
   int steps = 0;  ///< of the solver per rung; 0: its own
+  /// How the light of displays spreads at the wall; empty: not at all.
+  std::vector<SpreadGaussian> spread = {};
+  double scatter_um2_per_um = 0;  ///< as `Resin::scatter_um2_per_um`, of the path
+  bool goes_sideways() const { return !spread.empty() || scatter_um2_per_um > 0; }
   /// From the wall to the near side of the first of `cells` cells.
   double before_mm(int axis, int cells) const {
     const double vat = vat_mm[static_cast<std::size_t>(axis)];
     return vat > 0 ? 0.5 * (vat - cells * cell_mm) : 0;
   }
 };
+
+/// Takes over how light of these goes sideways. Throws `InputError` for a spread that is a picture.
+void take_spread(BeamSetup& setup, const Printer& printer, const Resin& resin);
 
 /// One beam's image, shares of the brightest light, 0..1.
 struct BeamImage {
@@ -97,7 +106,8 @@ struct BeamFigures {
 BeamFigures figures_of(const Box<std::uint8_t>& part, const Box<float>& light);
 
 /// Light of these images at each cell of a box of this size, in double precision, cell by cell: it
-/// shares no code with what the solver computes light by.
+/// shares with what the solver computes light by no more than what absorption leaves along a beam, and
+/// what a cell gets of a blurred neighbour's.
 Box<float> light_of(int nz, int ny, int nx, const std::vector<BeamImage>& images,
                     const BeamSetup& setup, const ExecutionContext& context = {});
 

@@ -64,6 +64,7 @@ def main(job, out):
     active = resin.get("active_absorption_per_cm", 10 * alpha) or 10 * alpha
     p, m = c["pitch_mm"], c["angles"]
     nz, n, _ = c["voxels"]
+    middle = c.get("middle_z_mm", 0)
     axis = c["voxel_mm"] * (np.arange(n) - (n - 1) / 2)
     x, y = np.meshgrid(axis, axis)
     inside = np.hypot(x, y) <= axis[-1]
@@ -110,9 +111,9 @@ def main(job, out):
             x_mm = (np.arange(width) - (width - 1) / 2 - optics["axis_right_px"] - right[f])[None, :] * p
             z_mm = ((height - 1) / 2 - np.arange(height) - up[f] - optics["axis_up_px"])[:, None] * p
             height_mm = z_mm * np.cos(tilt) + x_mm * np.sin(tilt)
-            here = np.floor(height_mm / c["voxel_mm"] + (nz - 1) / 2 + 0.5) == s
+            here = np.floor((height_mm - middle) / c["voxel_mm"] + (nz - 1) / 2 + 0.5) == s
             of_slice[f] = (light[f] * here).sum(0) / np.maximum(1, here.sum(0))
-        s_mm = (s - (nz - 1) / 2) * c["voxel_mm"]
+        s_mm = middle + (s - (nz - 1) / 2) * c["voxel_mm"]
         total = np.zeros((n, n))
         opaque = [] if inserts is None else [(axis[i], axis[j]) for j, i in zip(*np.nonzero(inserts[s]))]
         # Directions within the step of a frame, and points of a voxel: each gets the light of the pixel and of the frame

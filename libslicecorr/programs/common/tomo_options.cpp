@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "programs/common/program.hpp"
@@ -19,7 +20,21 @@ using tomo::Box;
 
 struct Voxels {
   Box<std::uint8_t> part, insert;
+  double middle_z_mm = 0;
 };
+
+/// Where part i is to lie.
+Point3 place_of(const TomoPrintOptions& o, std::size_t i) {
+  if (o.at_mm.empty()) return {};
+  return {o.at_mm[3 * i], o.at_mm[3 * i + 1], o.at_mm[3 * i + 2]};
+}
+
+void check_places(const TomoPrintOptions& o, std::size_t parts) {
+  if (o.at_mm.empty() || o.at_mm.size() == 3 * parts) return;
+  throw InputError(
+      fmt::format("--at-mm says {} numbers for {} {}; expected x, y and z for each, in their order",
+                  o.at_mm.size(), parts, parts == 1 ? "part" : "parts"));
+}
 
 /// Adds an insert to those before.
 void merge(Box<std::uint8_t> insert, Box<std::uint8_t>& all) {
@@ -32,9 +47,33 @@ void merge(Box<std::uint8_t> insert, Box<std::uint8_t>& all) {
   }
 }
 
+/// Parts keep their places beside each other; all together are middled.
+tomo::PartFrame place_as_in_files(std::vector<tomo::PlacedPart>& parts) {
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  const auto box_of = [&](const tomo::PlacedPart& part, Point3& low, Point3& high) {
+    low.fill(kFar);
+    high.fill(-kFar);
+    widen_box(part.mesh, low, high);
+  };
+  Point3 all_low{kFar, kFar, kFar}, all_high{-kFar, -kFar, -kFar}, low, high;
+  for (const tomo::PlacedPart& part : parts) widen_box(part.mesh, all_low, all_high);
+  for (tomo::PlacedPart& part : parts) {
+    box_of(part, low, high);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const bool base = k == 2 && part.on_base;
+      part.at_mm[k] =
+          base ? low[k] - all_low[k] : 0.5 * (low[k] + high[k]) - 0.5 * (all_low[k] + all_high[k]);
+    }
+  }
+  return {0.5 * (all_low[0] + all_high[0]), 0.5 * (all_low[1] + all_high[1]), all_low[2]};
+}
+
 Voxels voxels_of_volumes(const TomoPrintOptions& o, const Printer& printer, double voxel_mm) {
   const Box<std::uint8_t> part = tomo::read_part_npy(o.volume);
-  Voxels voxels{tomo::placed(part, printer, voxel_mm), {}};
+  check_places(o, 1);
+  const Point3 at = place_of(o, 0);
+  Voxels voxels{tomo::placed(part, printer, voxel_mm, {at[0], at[1]}), {}, at[2]};
+  if (o.base_on_axis) voxels.middle_z_mm += 0.5 * part.nz * voxel_mm;
   for (const std::string& path : o.inserts) {
     const Box<std::uint8_t> insert = tomo::read_part_npy(path);
     if (insert.nx != part.nx || insert.ny != part.ny || insert.nz != part.nz) {
@@ -43,16 +82,44 @@ Voxels voxels_of_volumes(const TomoPrintOptions& o, const Printer& printer, doub
                                    "insert in a volume of the part's size",
                                    insert.nx, insert.ny, insert.nz, part.nx, part.ny, part.nz));
     }
-    merge(tomo::placed(insert, printer, voxel_mm), voxels.insert);
+    merge(tomo::placed(insert, printer, voxel_mm, {at[0], at[1]}), voxels.insert);
   }
   return voxels;
 }
 
 Voxels voxels_of_meshes(const TomoPrintOptions& o, const Printer& printer, double voxel_mm,
                         const ExecutionContext& context) {
-  TriangleMesh mesh = read_parts(o.mesh, context).mesh;
-  const tomo::PartFrame frame = tomo::frame_of(mesh, context);
-  Voxels voxels{tomo::voxelise(std::move(mesh), printer, voxel_mm, context), {}};
+  const std::vector<std::string> files = o.mesh.files();
+  check_places(o, files.size());
+  if (files.size() > 1 && !o.inserts.empty() && !o.at_mm.empty()) {
+    throw InputError(
+        "--insert has the part's coordinates, of which there are several with --at-mm; expected one part "
+        "with an insert");
+  }
+  // All are scaled alike (--fit-mm), as long as they are known together.
+  MeshOptions one = o.mesh;
+  one.placement();
+  std::vector<tomo::PlacedPart> parts;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    one.parts = {files[i]};
+    parts.push_back({files[i], read_parts(one, context).mesh, place_of(o, i), o.base_on_axis});
+  }
+  Voxels voxels;
+  tomo::PartFrame frame = tomo::frame_of(parts.front().mesh, context);
+  if (files.size() == 1 && o.at_mm.empty()) {
+    voxels.part = tomo::voxelise(std::move(parts.front().mesh), printer, voxel_mm, context);
+    if (o.base_on_axis) voxels.middle_z_mm = 0.5 * voxels.part.nz * voxel_mm;
+  } else {
+    if (o.at_mm.empty()) {
+      frame = place_as_in_files(parts);
+    } else {
+      frame.axis_x_mm -= parts.front().at_mm[0];
+      frame.axis_y_mm -= parts.front().at_mm[1];
+    }
+    tomo::PlacedVoxels placed = tomo::voxelise(std::move(parts), printer, voxel_mm, context);
+    voxels.part = std::move(placed.part);
+    if (!o.at_mm.empty() || o.base_on_axis) voxels.middle_z_mm = placed.middle_z_mm;
+  }
   for (const std::string& path : o.inserts) {
     // Turned and scaled as the part is.
     MeshOptions insert = o.mesh;
@@ -106,6 +173,19 @@ void TomoPrintOptions::add_to(CLI::App& app) {
                "Allow parts that reach further than light from all directions does");
 }
 
+void TomoPrintOptions::add_places_to(CLI::App& app) {
+  app.add_option(
+         "--at-mm", at_mm,
+         "X,Y,Z: where the middle of a part's box lies, from the axis and upwards from the optical "
+         "axis; given once for each part, in their order [as they lie in their files, middled]")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(number_in(-1e6, 1e6));
+  app.add_flag("--base-on-axis", base_on_axis,
+               "The lowest point of the parts lies on the optical axis, or at the Z of --at-mm, "
+               "instead of their middle");
+}
+
 double TomoPrintOptions::side_of_voxel_mm(const Printer& printer) const {
   if (voxel_mm > 0) return voxel_mm;
   if (!volume.empty()) {
@@ -125,6 +205,7 @@ TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
                                    : voxels_of_volumes(o, printer, print.voxel_mm);
   print.part = std::move(voxels.part);
   print.options.insert = std::move(voxels.insert);
+  print.options.middle_z_mm = voxels.middle_z_mm;
   print.options.solve.method = tomo::method_named(o.method);
   print.options.solve.window = tomo::window_named(o.window);
   print.options.solve.steps = o.iterations;

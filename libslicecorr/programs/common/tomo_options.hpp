@@ -26,9 +26,13 @@ struct TomoPrintOptions {
   double most_time_s = 0;                 ///< 0: no limit
   double clip_sigma = 0, stop_error = 0;  ///< OSMO's; 0: neither
   bool beyond_reach = false;
+  std::vector<double> at_mm;  ///< x, y, z of each part, or none
+  bool base_on_axis = false;
 
-  /// All but parts, volume and placement.
+  /// All but parts, volume, placement and places in the vial.
   void add_to(CLI::App& app);
+  /// Where parts lie in the vial.
+  void add_places_to(CLI::App& app);
   /// Throws `InputError` for a volume whose voxels have no size.
   double side_of_voxel_mm(const Printer& printer) const;
 };
@@ -40,7 +44,8 @@ struct TomoPrint {
   tomo::PrintOptions options;  ///< with the inserts
 };
 /// Reads meshes or volumes, as voxels on the grid of the vial. Throws `InputError` for inserts that
-/// do not fit the part, and for options of another method.
+/// do not fit the part, places that are not one for each part, parts that overlap, and for options of
+/// another method.
 TomoPrint read_tomo_print(const TomoPrintOptions& options, const Printer& printer,
                           const ExecutionContext& context);
 

@@ -55,7 +55,7 @@ int voxels_across(const Printer& printer, double voxel_mm) {
 double z_of_row(const Bench& bench, int row) {
   const TomoGrid& grid = bench.grid;
   if (grid.coupled()) return bench.rays.row_mm[static_cast<std::size_t>(row)];
-  return grid.voxel_mm() * (row - 0.5 * (grid.slices - 1));
+  return grid.lowest_mm + grid.voxel_mm() * row;
 }
 
 int row_of_slice(const Bench& bench, int slice) {
@@ -148,6 +148,7 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
   const Optics& optics = *printer.optics;
   const double pitch_mm = printer.pixel_x_um * 1e-3, row_mm = printer.pixel_y_um * 1e-3;
   TomoGrid& grid = b.grid;
+  grid.lowest_mm = sampling.middle_z_mm - 0.5 * grid.slice_height_mm() * (grid.slices - 1);
   grid.pixel_mm = pitch_mm * vial.n_outside / n;
   // Columns whose light may meet a voxel, one more to each side.
   // Where the axis does not keep to its place, as many more as it goes astray.
@@ -157,7 +158,8 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
   const double tilt = optics.tilt_deg * std::numbers::pi / 180;
   const double astray_px =
       most_wobble_px(*printer.rotation) +
-      0.5 * sampling.voxel_mm * sampling.slices / pitch_mm * std::abs(std::sin(tilt)) +
+      (std::abs(sampling.middle_z_mm) + 0.5 * sampling.voxel_mm * sampling.slices) / pitch_mm *
+          std::abs(std::sin(tilt)) +
       printer.width_px * (1 - std::cos(tilt));
   int first = 0, past = printer.width_px;
   while (first < past && line_mm(first + 1 + astray_px) < -grid.radius_mm) ++first;
@@ -224,9 +226,11 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
     wrong(
         printer,
         fmt::format("its image is {:g} mm high about the optical axis at {:g} mm from its middle; "
-                    "expected the {:g} mm of the part in it",
+                    "expected the {:g} mm of the part in it, {:.3f} to {:.3f} mm from the optical "
+                    "axis",
                     printer.height_px * row_mm, optics.axis_up_px * row_mm,
-                    sampling.slices * sampling.voxel_mm));
+                    sampling.slices * sampling.voxel_mm, sampling.z_mm(0) - 0.5 * sampling.voxel_mm,
+                    sampling.z_mm(sampling.slices - 1) + 0.5 * sampling.voxel_mm));
   }
 }
 
@@ -261,7 +265,8 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   const Vial& vial = *printer.vial;
   TomoGrid& grid = b.grid;
   grid.slice_mm = sampling.voxel_mm;
-  grid.lowest_mm = -0.5 * sampling.voxel_mm * (sampling.slices - 1);
+  grid.lowest_mm = sampling.z_mm(0);
+  const double highest_mm = sampling.z_mm(sampling.slices - 1);
   // How far apart neighbouring pixels are in the resin, near the axis.
   const double at_mm = printer.pixel_x_um * 1e-3 * vial.n_outside / n,
                row_mm = printer.pixel_y_um * 1e-3 * height_on_axis(printer, n);
@@ -291,7 +296,8 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   });
   if (columns.count() < 2) wrong(printer, "none of its pixels meets the resin");
   // Columns in the middle and at both ends tell the rows that meet slices.
-  const double high_mm = -grid.lowest_mm + sampling.voxel_mm, low_mm = -high_mm;
+  const double high_mm = highest_mm + sampling.voxel_mm,
+               low_mm = grid.lowest_mm - sampling.voxel_mm;
   std::vector<bool> row_meets(static_cast<std::size_t>(all.rows), false);
   for (const int c : {columns.first, (columns.first + columns.end) / 2, columns.end - 1}) {
     some = all;
@@ -340,15 +346,16 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   for (int r = 0; r < grid.rows; ++r)
     rays.row_mm.push_back(z_on_axis(middle_of(grid.pixels / 2, r)));
   const double half_row = 0.5 * high * row_mm;
-  if (rays.row_mm.front() - half_row > grid.lowest_mm * (1 - kSame) + kSame ||
-      rays.row_mm.back() + half_row < -grid.lowest_mm * (1 - kSame) - kSame) {
+  const double near = kSame * (1 + std::max(std::abs(grid.lowest_mm), std::abs(highest_mm)));
+  if (rays.row_mm.front() - half_row > grid.lowest_mm + near ||
+      rays.row_mm.back() + half_row < highest_mm - near) {
     wrong(
         printer,
         fmt::format("its image lights {:.3f} to {:.3f} mm on the axis; expected the {:g} mm of the "
                     "part in it, {:.3f} to {:.3f} mm",
                     rays.row_mm.front() - half_row, rays.row_mm.back() + half_row,
                     sampling.slices * sampling.voxel_mm, grid.lowest_mm - 0.5 * sampling.voxel_mm,
-                    -grid.lowest_mm + 0.5 * sampling.voxel_mm));
+                    highest_mm + 0.5 * sampling.voxel_mm));
   }
   if (!sampling.grouped) b.places = FramePlaces(printer, grid, b.window, b.clockwise);
 }

@@ -19,8 +19,7 @@ FramePlaces::FramePlaces(const Printer& printer, const TomoGrid& grid, const Pix
       window_(window),
       column_mm_(printer.pixel_x_um * 1e-3),
       row_um_(printer.pixel_y_um),
-      lowest_mm_(grid.coupled() ? grid.lowest_mm
-                                : -0.5 * grid.slice_height_mm() * (grid.slices - 1)),
+      lowest_mm_(grid.lowest_mm),
       slice_mm_(grid.slice_height_mm()),
       rows_(grid.light_rows()) {
   const Optics& optics = *printer.optics;

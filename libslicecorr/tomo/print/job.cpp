@@ -34,6 +34,7 @@ constexpr std::size_t kMostSteps = 10000000;
 
 std::string frame_name(int frame) { return fmt::format("frame/{:08}.png", frame); }
 constexpr const char* kInsertKey = "insert";
+constexpr const char* kMiddleKey = "middle_z_mm";
 std::string insert_name(int slice) { return fmt::format("insert/{:08}.png", slice); }
 std::string part_name(int slice) { return fmt::format("part/{:08}.png", slice); }
 
@@ -53,6 +54,7 @@ nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   }
   j["voxel_mm"] = job.sampling.voxel_mm;
   j["voxels"] = {job.part.nz, job.part.ny, job.part.nx};
+  if (job.sampling.middle_z_mm != 0) j[kMiddleKey] = job.sampling.middle_z_mm;
   if (!job.insert.values.empty()) j[kInsertKey] = true;
   j["printer"] = slicecorr::detail::printer_json(job.printer);
   j["resin"] = slicecorr::detail::resin_json(job.resin);
@@ -251,6 +253,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   job.sampling.angles = config["angles"].integer(3, 100000);
   const auto voxels = config["voxels"].list(3, 3);
   job.sampling.slices = voxels[0].integer(1, kMostAlongAxis);
+  if (config.has(kMiddleKey)) job.sampling.middle_z_mm = config[kMiddleKey].number(-1e6, 1e6);
   read_history(config, job);
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const TomoGrid& grid = bench.grid;

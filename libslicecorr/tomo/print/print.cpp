@@ -113,8 +113,8 @@ detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std:
                            detail::hash_of(size.data(), sizeof size));
   };
   const std::string machine =
-      fmt::format("{} {} {} {} {}", version, job.sampling.voxel_mm, job.sampling.angles,
-                  slicecorr::detail::printer_json(job.printer).dump(),
+      fmt::format("{} {} {} {} {} {}", version, job.sampling.voxel_mm, job.sampling.angles,
+                  job.sampling.middle_z_mm, slicecorr::detail::printer_json(job.printer).dump(),
                   slicecorr::detail::resin_json(job.resin).dump());
   return {of_box(part), of_box(insert), detail::hash_of(machine.data(), machine.size()),
           detail::hash_of(options)};
@@ -176,6 +176,7 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   Sampling sampling{
       voxel_mm, part.nz,
       options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)};
+  sampling.middle_z_mm = options.middle_z_mm;
   place.bench = make_bench(printer, resin, sampling);
   sampling.grouped = true;
   place.groups = make_bench(printer, resin, sampling);
@@ -310,11 +311,11 @@ Asked spread_for_turns(const Asked& asked, const Bench& bench, const Resin& resi
 }
 
 Evidence evidence_of(const Solution& solution, const Target& target, const Box<std::uint8_t>& part,
-                     const PrintOptions& options, double voxel_mm) {
+                     const PrintOptions& options, const Sampling& sampling) {
   Evidence e;
   e.slice = solution.bound_slice;
-  e.z_mm = (e.slice - 0.5 * (part.nz - 1)) * voxel_mm;
-  e.voxel_mm = voxel_mm;
+  e.z_mm = sampling.z_mm(e.slice);
+  e.voxel_mm = sampling.voxel_mm;
   e.bound = solution.contrast_bound;
   e.dose = {1, part.ny, part.nx, {}};
   double least = std::numeric_limits<double>::infinity(), most = 0;
@@ -358,6 +359,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   job.printer = printer;
   job.resin = resin;
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
+  job.sampling.middle_z_mm = options.middle_z_mm;
   const Scene scene = scene_of(bench, part, options.insert);
   const Target& target = scene.target;
   // Light is looked for in groups of pixels, and with operators that are quicker; bounds are proven for
@@ -471,7 +473,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     }
     if (found->contrast_bound < 1) {
       if (options.evidence) {
-        options.evidence(evidence_of(*found, asked.target, part, options, voxel_mm));
+        options.evidence(evidence_of(*found, asked.target, part, options, job.sampling));
       }
       throw InfeasibleError(fmt::format(
           "no light prints this part{}: where it is hardest, in slice {} ({:.3f} mm above the "
@@ -480,8 +482,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
           spreads ? fmt::format(", of which the dose spreads by {:.3g} um in {} turns",
                                 1e3 * detail::spread_mm(bench, resin, passes.back()), passes.back())
                   : std::string(),
-          found->bound_slice, (found->bound_slice - 0.5 * (part.nz - 1)) * voxel_mm,
-          found->contrast_bound, bench.alpha_r));
+          found->bound_slice, job.sampling.z_mm(found->bound_slice), found->contrast_bound,
+          bench.alpha_r));
     }
     light = light_of(*found, asked);
     brightest = bench.mw_cm2.back() / *std::max_element(light.values.begin(), light.values.end());

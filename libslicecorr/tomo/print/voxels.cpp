@@ -10,6 +10,7 @@
 
 #include "slice/placing.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/plate.hpp"
 #include "slicecorr/slice.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/vial.hpp"
@@ -21,9 +22,7 @@ using detail::distance_mm;
 namespace {
 
 /// Throws for a part that reaches over the resin.
-void check_radius(const TriangleMesh& mesh, const Printer& printer,
-                  const ExecutionContext& context) {
-  const PartFrame frame = frame_of(mesh, context);
+void check_radius(const TriangleMesh& mesh, const PartFrame& frame, const Printer& printer) {
   double radius_mm = 0;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     if (!mesh.adds(i)) continue;
@@ -77,11 +76,13 @@ void detail::check_in_vial(int n, int x, int y, int z, double voxel_mm, const Pr
       (y - 0.5 * (n - 1)) * voxel_mm, z, inner_mm));
 }
 
-Box<std::uint8_t> detail::coverage_of(TriangleMesh mesh, const std::string& name, int nx, int ny,
-                                      double voxel_mm, const ExecutionContext& context) {
-  SliceOptions options;
-  options.layer_um = voxel_mm * 1e3;
-  const MeshSlices slices(std::move(mesh), voxel_plate(name, nx, ny, voxel_mm), options, context);
+namespace {
+
+/// All slices of a mesh on a display of voxels.
+Box<std::uint8_t> coverage_with(TriangleMesh mesh, const Printer& plate,
+                                const SliceOptions& options, const ExecutionContext& context) {
+  const int nx = plate.width_px, ny = plate.height_px;
+  const MeshSlices slices(std::move(mesh), plate, options, context);
   Box<std::uint8_t> part = empty_box(slices.grid().layers, ny, nx);
   const PixelBox whole{0, 0, nx, ny};
   slices.read_band(whole, [&](int z, const std::uint8_t* rows) {
@@ -95,16 +96,70 @@ Box<std::uint8_t> detail::coverage_of(TriangleMesh mesh, const std::string& name
   return part;
 }
 
+slicecorr::detail::PartBox box_of_part(const TriangleMesh& part, const ExecutionContext& context) {
+  if (part.triangles.empty()) throw InputError("there is no triangle to slice");
+  return slicecorr::detail::box_of(part, context);
+}
+
+}  // namespace
+
+Box<std::uint8_t> detail::coverage_of(TriangleMesh mesh, const std::string& name, int nx, int ny,
+                                      double voxel_mm, const ExecutionContext& context) {
+  SliceOptions options;
+  options.layer_um = voxel_mm * 1e3;
+  return coverage_with(std::move(mesh), voxel_plate(name, nx, ny, voxel_mm), options, context);
+}
+
 Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
                            const ExecutionContext& context) {
   const int n = voxels_across(printer, voxel_mm);
-  check_radius(mesh, printer, context);
+  check_radius(mesh, frame_of(mesh, context), printer);
   return detail::coverage_of(std::move(mesh), printer.name, n, n, voxel_mm, context);
 }
 
+PlacedVoxels voxelise(std::vector<PlacedPart> parts, const Printer& printer, double voxel_mm,
+                      const ExecutionContext& context) {
+  if (parts.empty()) throw InputError("there is no part to slice");
+  const int n = voxels_across(printer, voxel_mm);
+  std::vector<TriangleMesh> meshes;
+  for (PlacedPart& part : parts) {
+    const slicecorr::detail::PartBox box = box_of_part(part.mesh, context);
+    for (Point3& v : part.mesh.vertices) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double from = k == 2 && part.on_base ? box.low[k] : box.middle(k);
+        v[k] += part.at_mm[k] - from;
+      }
+    }
+    try {
+      check_radius(part.mesh, {}, printer);
+    } catch (const InputError& e) {
+      throw InputError(part.name, "", e.what());
+    }
+    meshes.push_back(std::move(part.mesh));
+  }
+  const Printer plate = voxel_plate(printer.name, n, n, voxel_mm);
+  TriangleMesh all;
+  for (const TriangleMesh& mesh : meshes) append(all, mesh);
+  const slicecorr::detail::PartBox box = box_of_part(all, context);
+  const double middle_mm = 0.5 * n * voxel_mm;
+  SliceOptions options;
+  options.layer_um = voxel_mm * 1e3;
+  options.center_mm = {{middle_mm + box.middle(0), middle_mm + box.middle(1)}};
+  if (const auto o = find_overlap(meshes, plate, options, context)) {
+    throw InputError(fmt::format(
+        "{} and {} overlap: {:.4g} mm³ belong to both, the lowest at x = {:.2f}, y = {:.2f} mm from "
+        "the axis, z = {:.3f} mm; expected parts beside or above each other",
+        parts[o->first].name, parts[o->second].name, o->volume_mm3, o->x_mm - middle_mm,
+        o->y_mm - middle_mm, box.low[2] + o->z_mm));
+  }
+  meshes.clear();
+  PlacedVoxels voxels{coverage_with(std::move(all), plate, options, context), 0};
+  voxels.middle_z_mm = box.low[2] + 0.5 * voxels.part.nz * voxel_mm;
+  return voxels;
+}
+
 PartFrame frame_of(const TriangleMesh& part, const ExecutionContext& context) {
-  if (part.triangles.empty()) throw InputError("there is no triangle to slice");
-  const slicecorr::detail::PartBox box = slicecorr::detail::box_of(part, context);
+  const slicecorr::detail::PartBox box = box_of_part(part, context);
   return {box.middle(0), box.middle(1), box.low[2]};
 }
 
@@ -166,7 +221,23 @@ Box<std::uint8_t> voxelise_insert(TriangleMesh insert, const PartFrame& frame,
 }
 
 Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm) {
+  return placed(volume, printer, voxel_mm, {});
+}
+
+Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm,
+                         const std::array<double, 2>& by_mm) {
   require_tomographic(printer);
+  std::array<int, 2> by{};
+  for (std::size_t k = 0; k < 2; ++k) {
+    const double voxels = by_mm[k] / voxel_mm;
+    if (!(std::abs(voxels - std::round(voxels)) < 1e-6) || std::abs(voxels) > kMostAlongAxis) {
+      throw InputError(fmt::format(
+          "the volume is to be moved by {:g} mm along {}, its voxels are {:g} mm wide; expected "
+          "whole voxels",
+          by_mm[k], "xy"[k], voxel_mm));
+    }
+    by[k] = static_cast<int>(std::lround(voxels));
+  }
   if (volume.nx != volume.ny) {
     throw InputError(
         fmt::format("the volume is {} x {} voxels across; expected as many along x as "
@@ -182,7 +253,7 @@ Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer
       for (int x = 0; x < volume.nx; ++x) {
         const std::uint8_t value = volume.values[volume.at(z, y, x)];
         if (value == 0) continue;
-        const int px = x + shift, py = y + shift;
+        const int px = x + shift + by[0], py = y + shift + by[1];
         if (px < 0 || px >= n || py < 0 || py >= n) {
           throw InputError(fmt::format(
               "voxel {}, {}, {} of the volume lies {:.3f} mm from the axis, the resin ends at {:g} "

@@ -406,8 +406,7 @@ std::vector<SliceContrast> contrast_of_slices(const Printed& p) {
   const Box<std::uint8_t>& part = p.job.part;
   std::vector<SliceContrast> slices;
   for (int z = 0; z < part.nz; ++z) {
-    SliceContrast s{(z - 0.5 * (part.nz - 1)) * p.job.sampling.voxel_mm, kNothing, kNothing,
-                    kNothing};
+    SliceContrast s{p.job.sampling.z_mm(z), kNothing, kNothing, kNothing};
     for (int y = 0; y < part.ny; ++y) {
       for (int x = 0; x < part.nx; ++x) {
         const std::size_t k = part.at(z, y, x);

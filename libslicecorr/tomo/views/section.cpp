@@ -361,8 +361,9 @@ std::vector<Plane> middle_planes(const Printed& print) {
   }
   const double voxel = print.job.sampling.voxel_mm;
   const auto middle = [&](std::size_t k, int n) {
-    if (e.last[k] < 0) return 0.0;
+    if (e.last[k] < 0) return k == 0 ? print.job.sampling.middle_z_mm : 0.0;
     const int index = (e.first[k] + e.last[k]) / 2;
+    if (k == 0) return print.job.sampling.z_mm(index);
     return (index - 0.5 * (n - 1)) * voxel;
   };
   return {
@@ -371,7 +372,8 @@ std::vector<Plane> middle_planes(const Printed& print) {
 
 std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uint8_t>& part,
                                       const Box<std::uint8_t>& insert, double voxel_mm,
-                                      double gel_dose, const std::vector<Plane>& planes) {
+                                      double gel_dose, const std::vector<Plane>& planes,
+                                      double middle_z_mm) {
   const int n = part.nx;
   const std::array<int, 3> sizes{part.nz, part.ny, part.nx};
   const double radius = 0.5 * (n - 1);
@@ -418,15 +420,17 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
   for (const Plane& plane : planes) {
     const std::size_t kept = 2 - static_cast<std::size_t>(plane.axis);
     const double half = 0.5 * (sizes[kept] - 1);
-    const double index = std::round(plane.at_mm / voxel_mm + half);
+    const double middle = kept == 0 ? middle_z_mm : 0;
+    const double index = std::round((plane.at_mm - middle) / voxel_mm + half);
     if (!(index >= 0 && index < sizes[kept])) {
-      throw InputError(fmt::format(
-          "{} = {:g} mm lies outside of the voxels; expected {:.3f} to {:.3f} mm",
-          letter_of(plane.axis), plane.at_mm, -(half + 0.5) * voxel_mm, (half + 0.5) * voxel_mm));
+      throw InputError(
+          fmt::format("{} = {:g} mm lies outside of the voxels; expected {:.3f} to {:.3f} mm",
+                      letter_of(plane.axis), plane.at_mm, middle - (half + 0.5) * voxel_mm,
+                      middle + (half + 0.5) * voxel_mm));
     }
     PrintSection s;
     s.axis = plane.axis;
-    s.at_mm = (index - half) * voxel_mm;
+    s.at_mm = middle + (index - half) * voxel_mm;
     s.voxel_mm = voxel_mm;
     s.gel_dose = gel_dose;
     const std::size_t across = plane.axis == Axis::x ? 1 : 2, up = plane.axis == Axis::z ? 1 : 0;
@@ -450,7 +454,7 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
 std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Plane>& planes) {
   const TomoJob& job = print.job;
   return sections_of(print.dose, job.part, job.insert, job.sampling.voxel_mm,
-                     print.figures.gel_dose_mj_cm3, planes);
+                     print.figures.gel_dose_mj_cm3, planes, job.sampling.middle_z_mm);
 }
 
 PrintSection section_of(const Evidence& e) {

@@ -22,11 +22,16 @@ namespace slicecorr::tomo {
 /// What is to be computed on.
 struct Sampling {
   double voxel_mm = 0;  ///< side of a voxel, at least the pixel's pitch
-  int slices = 0;       ///< along z, middled on the optical axis
+  int slices = 0;       ///< along z
   int angles = 0;       ///< frames of a turn
   /// Pixels that are finer than voxels show the same in groups, squares of half a voxel to a whole one.
   /// Light is found so; frames show what they like, pixel by pixel.
   bool grouped = false;
+  /// z of the middle of all slices, upwards from the optical axis.
+  double middle_z_mm = 0;
+
+  /// z of the middle of a slice.
+  double z_mm(int slice) const { return middle_z_mm + (slice - 0.5 * (slices - 1)) * voxel_mm; }
 };
 
 /// Where frames show the light of the grid, and with how much of it.

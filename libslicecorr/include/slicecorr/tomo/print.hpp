@@ -7,6 +7,7 @@
 /// Thread-safe; the same results for any number of threads.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <limits>
 #include <string>
@@ -26,6 +27,23 @@ namespace slicecorr::tomo {
 /// part's box is middled on the axis. Throws `InputError` when it reaches over the resin.
 Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
                            const ExecutionContext& context = {});
+/// A part of several in one vial, and where the middle of its box is to lie: from the axis, and
+/// upwards from the optical axis; with `on_base` its lowest point along z.
+struct PlacedPart {
+  std::string name;  ///< for errors
+  TriangleMesh mesh;
+  Point3 at_mm{};
+  bool on_base = false;
+};
+/// All of them, and z of the middle of their slices.
+struct PlacedVoxels {
+  Box<std::uint8_t> part;
+  double middle_z_mm = 0;
+};
+/// The same of parts at their places; slices reach from the lowest to the highest. Throws
+/// `InputError` naming parts that reach over the resin, and two that overlap.
+PlacedVoxels voxelise(std::vector<PlacedPart> parts, const Printer& printer, double voxel_mm,
+                      const ExecutionContext& context = {});
 /// Where the axis and the foot of the lowest slice lie in the coordinates of a part, mm.
 struct PartFrame {
   double axis_x_mm = 0, axis_y_mm = 0, low_z_mm = 0;
@@ -43,6 +61,9 @@ Box<std::uint8_t> voxelise_insert(TriangleMesh insert, const PartFrame& frame,
 /// A volume of voxels of this side on the grid of the vial: middled, with nothing around it. Throws
 /// `InputError` when it is not square, or something of it lies outside the vial.
 Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm);
+/// The same, its middle moved by so much. Throws also where that is not by whole voxels.
+Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm,
+                         const std::array<double, 2>& by_mm);
 /// Greatest distance of a covered voxel from the axis, mm.
 double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm);
 
@@ -93,6 +114,8 @@ struct PrintOptions {
   double checkpoint_s = 5;  ///< not more often than this; 0: always
   /// Goes on from that file, if it is there, to the same bytes as a solve that was not stopped.
   bool resume = false;
+  /// z of the middle of the part's slices, upwards from the optical axis.
+  double middle_z_mm = 0;
 };
 
 struct Print {

@@ -63,7 +63,8 @@ std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Pl
 /// The same of any doses on the grid of voxels: `matter` and `part` are those of all voxels.
 std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uint8_t>& part,
                                       const Box<std::uint8_t>& insert, double voxel_mm,
-                                      double gel_dose, const std::vector<Plane>& planes);
+                                      double gel_dose, const std::vector<Plane>& planes,
+                                      double middle_z_mm = 0);
 
 /// The slice where a part fails that no light prints.
 PrintSection section_of(const Evidence& evidence);

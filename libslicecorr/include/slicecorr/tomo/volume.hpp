@@ -38,7 +38,7 @@ struct TomoGrid {
   /// own light, and row z is slice z.
   int rows = 0;
   double slice_mm = 0;   ///< distance of slices; 0: that of voxels along x
-  double lowest_mm = 0;  ///< z of the middle of slice 0, where slices share light
+  double lowest_mm = 0;  ///< z of the middle of slice 0
 
   /// Throws `InputError` naming the value that is out of range.
   void check() const;

@@ -168,7 +168,10 @@ TEST_F(TomoVideoProgram, WrongUseIsToldByName) {
     EXPECT_EQ(r.exit_code, 2);
     return r.err;
   };
-  EXPECT_THAT(refused({"-o", "a.mp4"}), HasSubstr(".y4m or .mkv"));
+  EXPECT_THAT(refused({"-o", "a.avi"}), HasSubstr(".mp4"));
+  EXPECT_THAT(refused({"-o", "a_9rpm.mp4"}), HasSubstr("says 9 rpm"));
+  EXPECT_THAT(refused({"-o", "a.y4m", "--channel", "blue"}),
+              HasSubstr("--channel blue is for .mkv"));
   EXPECT_THAT(refused({"-o", "a.y4m", "--turns", "0"}), HasSubstr("--turns"));
   EXPECT_THAT(refused({"-o", "a.y4m", "--fps", "100"}), HasSubstr("60 at most"));
   EXPECT_THAT(refused({"-o", "a.y4m", "--tail-s", "nan"}), HasSubstr("--tail-s"));
@@ -197,6 +200,54 @@ TEST_F(TomoVideoProgram, MatroskaLosesNothing) {
   for (const auto& image : images_of(job_)) wanted.insert(wanted.end(), image.begin(), image.end());
   wanted.resize(wanted.size() + 2U * 48U * 40U);  // a second of 5/3 images of black
   EXPECT_EQ(test::read_file(path("a.raw")), wanted);
+}
+
+/// As grey values of `images`, and what is said of the file.
+TEST_F(TomoVideoProgram, Mp4IsWhatPlayersTakeAndOneColourIsOne) {
+  if (!fs::exists("/usr/bin/ffmpeg")) {
+    EXPECT_THAT(call({"-o", "a.mp4"}).err, HasSubstr("ffmpeg"));
+    return;
+  }
+  // 25 degrees a second are 25/6 rpm.
+  const test::RunResult r = call({"-o", "a_4.167rpm.mp4", "--turns", "1"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  test::RunOptions options;
+  options.folder = folder_.path();
+  const auto decoded = [&](const std::string& file, const std::string& pixels) {
+    const test::RunResult back =
+        test::run_program({"/usr/bin/ffmpeg", "-y", "-loglevel", "error", "-i", file, "-f",
+                           "rawvideo", "-pix_fmt", pixels, "a.raw"},
+                          options);
+    EXPECT_EQ(back.exit_code, 0) << back.err;
+    return test::read_file(path("a.raw"));
+  };
+  std::vector<std::uint8_t> wanted;
+  for (const auto& image : images_of(job_)) wanted.insert(wanted.end(), image.begin(), image.end());
+  wanted.resize(wanted.size() + 2U * 48U * 40U);
+  const auto grey = decoded("a_4.167rpm.mp4", "gray");
+  ASSERT_EQ(grey.size(), wanted.size());
+  // Random levels are the hardest to code: little is lost of them.
+  double off = 0, squares = 0;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    off = std::max(off, std::abs(1.0 * grey[i] - wanted[i]));
+    squares += (1.0 * grey[i] - wanted[i]) * (1.0 * grey[i] - wanted[i]);
+  }
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(wanted.size())), 1.5);
+  EXPECT_LE(off, 6);
+  const test::RunResult said = test::run_program(
+      {"/usr/bin/ffprobe", "-v", "error", "-show_entries", "stream=codec_name,pix_fmt,r_frame_rate",
+       "-of", "csv=p=0", "a_4.167rpm.mp4"},
+      options);
+  EXPECT_EQ(said.out, "h264,yuv420p,5/3\n");
+
+  ASSERT_EQ(call({"-o", "b.mkv", "--turns", "1", "--channel", "blue"}).exit_code, 0);
+  const auto colours = decoded("b.mkv", "rgb24");
+  ASSERT_EQ(colours.size(), 3 * wanted.size());
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    ASSERT_EQ(colours[3 * i], 0);
+    ASSERT_EQ(colours[3 * i + 1], 0);
+    ASSERT_EQ(colours[3 * i + 2], wanted[i]) << i;
+  }
 }
 
 TEST_F(TomoVideoProgram, TheStreamGoesThroughFfmpegAndFailuresLeaveNothing) {

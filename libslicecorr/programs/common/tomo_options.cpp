@@ -173,6 +173,18 @@ void TomoPrintOptions::add_to(CLI::App& app) {
                "Allow parts that reach further than light from all directions does");
 }
 
+void TomoPrintOptions::add_numbers_to(CLI::App& app) {
+  app.add_option("--k0", k0,
+                 "Window kelly: where it is 1/e, as a share of the highest frequency [0.5]")
+      ->check(number_in(1e-3, 100));
+  app.add_option("--osmo-low", osmo_low,
+                 "OSMO: void is made darker above this share of the largest dose [0.6]")
+      ->check(number_in(1e-3, 1));
+  app.add_option("--osmo-high", osmo_high,
+                 "OSMO: the part is made brighter below this share of the largest dose [0.85]")
+      ->check(number_in(1e-3, 1));
+}
+
 void TomoPrintOptions::add_places_to(CLI::App& app) {
   app.add_option(
          "--at-mm", at_mm,
@@ -199,6 +211,12 @@ TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
   if ((o.clip_sigma > 0 || o.stop_error > 0) && o.method != "osmo") {
     throw InputError("--clip-sigma and --stop-error are of OSMO; expected --method osmo with them");
   }
+  if ((o.osmo_low > 0 || o.osmo_high > 0) && o.method != "osmo") {
+    throw InputError("--osmo-low and --osmo-high are of OSMO; expected --method osmo with them");
+  }
+  if (o.k0 > 0 && o.window != "kelly") {
+    throw InputError("--k0 is of Kelly's window; expected --window kelly with it");
+  }
   TomoPrint print;
   print.voxel_mm = o.side_of_voxel_mm(printer);
   Voxels voxels = o.volume.empty() ? voxels_of_meshes(o, printer, print.voxel_mm, context)
@@ -208,6 +226,9 @@ TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
   print.options.middle_z_mm = voxels.middle_z_mm;
   print.options.solve.method = tomo::method_named(o.method);
   print.options.solve.window = tomo::window_named(o.window);
+  if (o.k0 > 0) print.options.solve.window.k0 = o.k0;
+  if (o.osmo_low > 0) print.options.solve.osmo_low = o.osmo_low;
+  if (o.osmo_high > 0) print.options.solve.osmo_high = o.osmo_high;
   print.options.solve.steps = o.iterations;
   print.options.solve.clip_sigma = o.clip_sigma;
   print.options.solve.stop_error = o.stop_error;

@@ -26,13 +26,16 @@ struct TomoPrintOptions {
   double most_time_s = 0;                 ///< 0: no limit
   double clip_sigma = 0, stop_error = 0;  ///< OSMO's; 0: neither
   bool beyond_reach = false;
-  std::vector<double> at_mm;  ///< x, y, z of each part, or none
+  double k0 = 0, osmo_low = 0, osmo_high = 0;  ///< 0: the usual ones
+  std::vector<double> at_mm;                   ///< x, y, z of each part, or none
   bool base_on_axis = false;
 
-  /// All but parts, volume, placement and places in the vial.
+  /// All but parts, volume, placement, and what follows.
   void add_to(CLI::App& app);
   /// Where parts lie in the vial.
   void add_places_to(CLI::App& app);
+  /// Numbers of OSMO and of filters.
+  void add_numbers_to(CLI::App& app);
   /// Throws `InputError` for a volume whose voxels have no size.
   double side_of_voxel_mm(const Printer& printer) const;
 };

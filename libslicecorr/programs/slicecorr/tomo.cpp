@@ -169,6 +169,7 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
   o.add_to(*sub);
   o.add_places_to(*sub);
+  o.add_numbers_to(*sub);
   sub->add_flag("--resume", o.resume,
                 "Go on from what a solve that was stopped left in OUTPUT.resume, if it is there");
   sub->add_option("--checkpoint-s", o.checkpoint_s,

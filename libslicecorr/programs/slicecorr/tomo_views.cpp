@@ -6,6 +6,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -71,22 +74,67 @@ int report(const TomoViewOptions& o, const ExecutionContext& context, Console& c
   return kDone;
 }
 
+VideoChannel channel_named(const std::string& name) {
+  if (name == "red") return VideoChannel::red;
+  if (name == "green") return VideoChannel::green;
+  if (name == "blue") return VideoChannel::blue;
+  return VideoChannel::all;
+}
+
+/// Players turn the vial as fast as a name like part_9rpm.mp4 says: it has to be right.
+void check_said_speed(const std::string& output, const tomo::VideoPlan& plan) {
+  const std::string name = std::filesystem::path(output).filename().string();
+  const std::size_t end = name.rfind("rpm");
+  if (end == std::string::npos) return;
+  std::size_t begin = end;
+  while (begin > 0 && (std::isdigit(static_cast<unsigned char>(name[begin - 1])) != 0 ||
+                       name[begin - 1] == '.')) {
+    --begin;
+  }
+  double said = 0;
+  const char *const first = name.data() + begin, *const last = name.data() + end;
+  const auto [stop, error] = std::from_chars(first, last, said);
+  if (error != std::errc{} || stop != last) return;
+  const double rpm = plan.deg_s / 6;
+  if (std::abs(said - rpm) <= 0.005 * rpm) return;
+  throw InputError(
+      output, "",
+      fmt::format("says {:g} rpm, and the vial must turn at {:.4g} for images that fall "
+                  "on their angles; expected that number, or --fps {:.6g}",
+                  said, rpm, plan.fps() * said / rpm));
+}
+
 int video(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
-  const bool y4m = ending_of(o.output, {".y4m", ".mkv"}) == ".y4m";
+  const std::string ending = ending_of(o.output, {".y4m", ".mkv", ".mp4"});
   check_output(o.output, {o.job});
+  if (o.channel != "all" && ending != ".mkv") {
+    throw InputError(fmt::format(
+        "--channel {} is for .mkv, whose pixels have colours of their own: .y4m here is grey, and "
+        ".mp4 (yuv420p) has one colour for four pixels",
+        o.channel));
+  }
   const tomo::TomoJob job = tomo::read_job(o.job, context);
   const tomo::VideoPlan plan = tomo::plan_video(job, o.video);
+  check_said_speed(o.output, plan);
+  if (ending == ".mp4" && (plan.width_px % 2 != 0 || plan.height_px % 2 != 0)) {
+    throw InputError(fmt::format(
+        "images of {} x {} pixels are not for .mp4 (yuv420p), which takes even numbers; expected a "
+        "name that ends in .mkv or .y4m",
+        plan.width_px, plan.height_px));
+  }
   const std::unique_ptr<VideoFile> file =
-      y4m ? make_y4m_file(o.output) : make_matroska_file(o.output);
+      ending == ".y4m"   ? make_y4m_file(o.output)
+      : ending == ".mp4" ? make_mp4_file(o.output)
+                         : make_matroska_file(o.output, channel_named(o.channel));
   tomo::write_y4m(
       job, plan, [&](const std::uint8_t* bytes, std::size_t count) { file->put(bytes, count); },
       context);
   file->publish();
   console.say(fmt::format(
       "{}: {} images of {} x {} pixels, {:.6g} a second, {:.1f} s: {} turns, then {} black; the "
-      "vial must turn {} at {:.6g} degrees a second",
+      "vial must turn {} at {:.6g} degrees a second, {:.4g} rpm",
       o.output, plan.images, plan.width_px, plan.height_px, plan.fps(), plan.time_s(), plan.turns,
-      plan.tail, name_of(job.printer.rotation->direction), plan.deg_s));
+      plan.tail, name_of(job.printer.rotation->direction), plan.deg_s, plan.deg_s / 6));
   return kDone;
 }
 
@@ -163,7 +211,7 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
   sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
   sub->add_option("-o,--output", o.output, "Page to write (.html)")->required();
 
-  sub = add("video", "Write a job's frames as a video without loss, turn by turn", video);
+  sub = add("video", "Write a job's frames as a video, turn by turn", video);
   sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
   sub->add_option("--turns", o.video.turns, "Turns to show [those of the job]")
       ->check(CLI::Range(1, 1000000000));
@@ -171,11 +219,16 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
                   "Images a second [as the job shows them]: the vial must turn at this over the "
                   "frames of a turn")
       ->check(number_above_zero());
+  sub->add_option("--channel", o.channel,
+                  "Light of the projector that shows them, in .mkv: all of it, or one colour")
+      ->check(CLI::IsMember({"all", "red", "green", "blue"}))
+      ->capture_default_str();
   sub->add_option("--tail-s", o.video.tail_s, "Black after the last turn")
       ->check(number_in(0, 86400))
       ->capture_default_str();
   sub->add_option("-o,--output", o.output,
-                  "Video to write: .y4m, or .mkv where the program ffmpeg is installed")
+                  "Video to write: .y4m, or .mkv and .mp4 where the program ffmpeg is installed; "
+                  ".mp4 loses a little, the others nothing")
       ->required();
 
   sub =

@@ -17,7 +17,7 @@ namespace slicecorr::cli {
 
 struct TomoViewOptions {
   LightOptions light;
-  std::string job, output, show = "dose";
+  std::string job, output, show = "dose", channel = "all";
   std::optional<double> x_mm, y_mm, z_mm;
   tomo::VideoOptions video;
   std::string printer, resin, part, direction;

@@ -59,41 +59,20 @@ class Y4mFile final : public VideoFile {
 
 /// ffmpeg, which reads from a socket: writing to one whose reader has ended is an error, and no
 /// signal.
-class MatroskaFile final : public VideoFile {
+class FfmpegFile final : public VideoFile {
  public:
-  explicit MatroskaFile(const std::string& path)
+  /// `kind`: how it is coded, and in what kind of file.
+  FfmpegFile(const std::string& path, const std::vector<std::string>& kind)
       : path_(path), temporary_{detail::make_temporary(path)} {
     int ends[2];
     if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) cant_write(path, errno);
     stream_ = ends[0];
-    // Each image is a key image of its own; grey of full range stays what it is. No times and no
-    // versions are written: the same job gives the same bytes.
-    std::vector<std::string> words{"ffmpeg",
-                                   "-hide_banner",
-                                   "-loglevel",
-                                   "error",
-                                   "-y",
-                                   "-f",
-                                   "yuv4mpegpipe",
-                                   "-i",
-                                   "pipe:0",
-                                   "-c:v",
-                                   "ffv1",
-                                   "-level",
-                                   "3",
-                                   "-g",
-                                   "1",
-                                   "-pix_fmt",
-                                   "gray",
-                                   "-color_range",
-                                   "pc",
-                                   "-fflags",
-                                   "+bitexact",
-                                   "-flags:v",
-                                   "+bitexact",
-                                   "-f",
-                                   "matroska",
-                                   "file:" + temporary_.path};
+    // No times and no versions are written: the same job gives the same bytes.
+    std::vector<std::string> words{"ffmpeg", "-hide_banner", "-loglevel", "error", "-y",
+                                   "-f",     "yuv4mpegpipe", "-i",        "pipe:0"};
+    words.insert(words.end(), kind.begin(), kind.end());
+    words.insert(words.end(),
+                 {"-fflags", "+bitexact", "-flags:v", "+bitexact", "file:" + temporary_.path});
     std::vector<char*> argv;
     argv.reserve(words.size() + 1);
     for (std::string& w : words) argv.push_back(w.data());
@@ -112,13 +91,13 @@ class MatroskaFile final : public VideoFile {
     stream_ = -1;
     if (code == ENOENT || code == EACCES) {
       throw InputError(path, "",
-                       "the program ffmpeg, which makes Matroska files, is not there; expected it "
+                       "the program ffmpeg, which makes such files, is not there; expected it "
                        "in the search path (Debian: apt-get install ffmpeg), or a name that ends "
                        "in .y4m");
     }
     throw DeviceError(fmt::format("ffmpeg can't be run: {}", std::strerror(code)));
   }
-  ~MatroskaFile() override {
+  ~FfmpegFile() override {
     if (stream_ >= 0) ::close(stream_);
     if (pid_ < 0) return;
     ::kill(pid_, SIGKILL);
@@ -165,8 +144,32 @@ std::unique_ptr<VideoFile> make_y4m_file(const std::string& path) {
   return std::make_unique<Y4mFile>(path);
 }
 
-std::unique_ptr<VideoFile> make_matroska_file(const std::string& path) {
-  return std::make_unique<MatroskaFile>(path);
+std::unique_ptr<VideoFile> make_matroska_file(const std::string& path, VideoChannel channel) {
+  // Each image is a key image of its own; grey of full range stays what it is.
+  std::vector<std::string> kind{"-c:v", "ffv1", "-level", "3", "-g", "1", "-color_range", "pc"};
+  switch (channel) {
+    case VideoChannel::all:
+      kind.insert(kind.end(), {"-pix_fmt", "gray"});
+      break;
+    case VideoChannel::red:
+      kind.insert(kind.end(), {"-vf", "format=gbrp,lutrgb=g=0:b=0", "-pix_fmt", "bgr0"});
+      break;
+    case VideoChannel::green:
+      kind.insert(kind.end(), {"-vf", "format=gbrp,lutrgb=r=0:b=0", "-pix_fmt", "bgr0"});
+      break;
+    case VideoChannel::blue:
+      kind.insert(kind.end(), {"-vf", "format=gbrp,lutrgb=r=0:g=0", "-pix_fmt", "bgr0"});
+      break;
+  }
+  kind.insert(kind.end(), {"-f", "matroska"});
+  return std::make_unique<FfmpegFile>(path, kind);
+}
+
+std::unique_ptr<VideoFile> make_mp4_file(const std::string& path) {
+  return std::make_unique<FfmpegFile>(
+      path, std::vector<std::string>{"-vf", "scale=in_range=full:out_range=tv", "-c:v", "libx264",
+                                     "-crf", "4", "-pix_fmt", "yuv420p", "-color_range", "tv",
+                                     "-movflags", "+faststart", "-f", "mp4"});
 }
 
 }  // namespace slicecorr::cli

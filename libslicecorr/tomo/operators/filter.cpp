@@ -23,14 +23,15 @@ using std::numbers::pi;
 
 /// `share` is |k| over the highest frequency, 0..1.
 double window_at(Window window, double share) {
-  switch (window) {
+  switch (window.kind) {
     case Window::hamming:
       return 0.54 + 0.46 * std::cos(pi * share);
     case Window::kelly:
-      return std::exp(-std::pow(share / 0.5, 4));
-    default:
-      return 1;
+      return std::exp(-std::pow(share / window.k0, 4));
+    case Window::ram_lak:
+      break;
   }
+  return 1;
 }
 
 void scale_to_one(Array<float>& values) {

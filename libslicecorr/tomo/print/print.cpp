@@ -22,6 +22,7 @@
 #include "stack/formats/definition_json.hpp"
 #include "tomo/operators/spread_projector.hpp"
 #include "tomo/print/changing_resin.hpp"
+#include "tomo/print/light_goal.hpp"
 #include "tomo/print/voxels.hpp"
 #include "tomo/solve/checkpoint.hpp"
 #include "tomo/solve/told_projector.hpp"
@@ -81,21 +82,6 @@ void check_insert(const Box<std::uint8_t>& insert, const Box<std::uint8_t>& part
   }
 }
 
-/// Of the calibration's light, where the projector is dimmest before the resin.
-double least_share(const Bench& bench) {
-  if (!bench.places.uneven()) return 1;
-  double least = std::numeric_limits<double>::infinity();
-  for (int m = 0; m < bench.grid.angles; ++m) {
-    for (int c = 0; c < bench.grid.pixels; ++c) {
-      for (int z = 0; z < bench.grid.light_rows(); ++z) {
-        const double share = bench.places.share(m, c, z);
-        if (share > 0) least = std::min(least, share);
-      }
-    }
-  }
-  return least;
-}
-
 /// mJ/cm³ that black light leaves in a turn, at most.
 double floor_of_turn(const Bench& bench, const Projector& projector,
                      const ExecutionContext& context) {
@@ -143,10 +129,25 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   return f;
 }
 
-/// Up to so many levels it is tried which way to round them.
+/// Says when a projector is so bright that the print is done with few of its levels, at what price.
+void tell_levels(const ExecutionContext& context, const Bench& bench, double contrast_of_light,
+                 const PrintFigures& figures, std::uint16_t top) {
+  constexpr double kLost = 0.97;
+  const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+  const double part = figures.gel_dose_mj_cm3, empty = (part + back) / contrast_of_light - back;
+  const std::size_t levels = bench.mw_cm2.size();
+  if (2U * top >= levels || figures.turns > 1 || !(empty > 0)) return;
+  if (figures.metrics.contrast >= kLost * part / empty) return;
+  context.tell(fmt::format(
+      "the projector is so bright that the print takes {} of its {} levels: contrast {:.4g}, where "
+      "the light that was found has {:.4g}; expected a lamp dimmed to {:.2g} %, with that in the "
+      "printer's calibration, or a stage that turns faster",
+      top + 1, levels, figures.metrics.contrast, part / empty,
+      100 * bench.mw_cm2[top] / bench.mw_cm2.back()));
+}
+
+/// Up to so many levels that are used it is tried which way to round them.
 constexpr std::size_t kFewLevels = 64;
-/// With a time that is fixed light stays this far below the brightest, for what rounding costs.
-constexpr double kBelowCap = 0.98;
 
 /// Whole turns in the time; 0: as many as it takes.
 int turns_allowed(const Bench& bench, double most_time_s) {
@@ -199,16 +200,14 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
 struct Turns {
   int count = 0;
   double dose_mj_cm3 = 0;
+  bool never = false;  ///< it has, with this light
 };
-/// `weakest` gets `turn_mj_cm3` in a turn.
-Turns turns_for(const Bench& bench, double turn_mj_cm3, const std::string& weakest) {
-  const double turn_s = bench.exposure.turn_s;
-  const double back = bench.resupply_mj_cm3_s * turn_s;
+/// It gets `turn_mj_cm3` in a turn. Where inhibitor takes as much, which other light might not let it:
+/// so many as were `planned`.
+Turns turns_for(const Bench& bench, double turn_mj_cm3, int planned) {
+  const double back = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
   if (!(turn_mj_cm3 > back)) {
-    throw InfeasibleError(fmt::format(
-        "inhibitor comes back as fast as light takes it: {:.4g} mJ/cm³ a second, and {} gets {:.4g} "
-        "of the brightest light; expected more light",
-        bench.resupply_mj_cm3_s, weakest, turn_mj_cm3 / turn_s));
+    return {planned, bench.exposure.critical_mj_cm3 + back * planned, true};
   }
   const double turns =
       std::ceil(bench.exposure.critical_mj_cm3 / (turn_mj_cm3 - back) * (1 - 1e-9));
@@ -386,17 +385,17 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   }
   SolveOptions how = options.solve;
   const int most_turns = place.most_turns;
+  const bool spreads = resin.dose_diffusion_m2_s > 0;
   if (most_turns > 0) {
-    double cap = kBelowCap * dose_of_turn(bench.grid, bench.exposure) * most_turns *
-                 bench.mw_cm2.back() /
-                 (bench.exposure.critical_mj_cm3 +
-                  bench.resupply_mj_cm3_s * bench.exposure.turn_s * most_turns);
-    // What the dimmest place can show bounds all light.
-    cap *= least_share(bench);
+    const double cap = detail::cap_of_turns(bench, most_turns);
     how.cap = how.cap > 0 ? std::min(how.cap, cap) : cap;
   }
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
                               fingerprint_of(part, options.insert, job, how));
+  // Nothing prints in less: where inhibitor comes back too fast that is the proof.
+  const double least = detail::least_turns(bench, *every.projector, target, spreads, quiet);
+  std::optional<detail::LightGoal> goal;
+  if (how.method == Method::ladder && how.cap == 0) goal.emplace(bench, least);
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const auto light_of = [&](const Solution& found, const Asked& asked) {
     const Light light = detail::light_of_slices({asked.target.grid, found.light}, flat.target.grid);
@@ -405,9 +404,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
   const auto turns_of = [&](const Solution& found, const Asked& asked, double brightest) {
-    return turns_for(bench, per_unit * brightest, weakest_voxel(asked.target, found.dose).name);
+    return turns_for(bench, per_unit * brightest * weakest_voxel(asked.target, found.dose).dose,
+                     goal             ? goal->turns()
+                     : most_turns > 0 ? most_turns
+                                      : detail::LightGoal(bench, least).turns());
   };
-  const bool spreads = resin.dose_diffusion_m2_s > 0;
   std::optional<SolverState> state;
   if (options.resume) {
     const TomoGrid& grid = flat.target.grid;
@@ -417,6 +418,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     context.tell(
         fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
     how.resume = &*state;
+    if (goal) goal->resume(file.attempt());
   }
   how.checkpoint = [&](const SolverPlace& at) {
     if (options.solve.checkpoint) options.solve.checkpoint(at);
@@ -453,6 +455,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     const detail::ToldProjector projector(*asked.projector, told,
                                           detail::expected_calls(how, asked.target.grid.blocks()));
     how.prover = provable.projector.get();
+    if (goal) {
+      // Where a turn is more than enough for any light, time is none.
+      how.cap = goal->needs_cap() ? detail::cap_of_turns(bench, goal->turns()) : 0;
+      file.of_attempt(goal->attempt());
+    }
     std::optional<Solution> before;
     SolveOptions closer = how;
     if (rough) {
@@ -488,9 +495,18 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     light = light_of(*found, asked);
     brightest = bench.mw_cm2.back() / *std::max_element(light.values.begin(), light.values.end());
     turns = turns_of(*found, asked, brightest);
-    if (!spreads) break;
-    const int counted = passes.back();
-    if (std::abs(turns.count - counted) <= kSameTurns * counted) break;
+    const int counted = spreads ? passes.back() : turns.count;
+    if (std::abs(turns.count - counted) <= kSameTurns * counted) {
+      if (!goal || goal->last()) break;
+      if (!turns.never && goal->enough(*found, found->metrics.contrast, turns.count)) break;
+      goal->next();
+      context.tell(fmt::format("a contrast of {:.4g} in {} turns: more is looked for in {}",
+                               found->metrics.contrast, turns.count, goal->turns()));
+      how.start = options.solve.start;
+      how.resume = nullptr;
+      if (spreads) passes.assign(1, likely_turns(flat, bench, how.window, most_turns, quiet));
+      continue;
+    }
     if (passes.size() == kMostPasses) {
       context.tell(
           fmt::format("the light needs {} turns, and was found for {}", turns.count, counted));
@@ -519,7 +535,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const double black = floor_of_turn(bench, *scene.projector, quiet);
   double scale = brightest * time.scale;
   PrintFigures figures;
-  constexpr int rounds = 8;
+  constexpr int rounds = 24, kTakenBack = 4;
+  // Where no turn more is allowed, and light is so much more than the projector has, more changes little.
+  constexpr double kFarAbove = 1.3;
   int shown = 0;
   ExecutionContext judging = quiet;
   judging.progress = [&](std::string_view, double done) {
@@ -531,30 +549,49 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     figures = judge(job, bench, target, dose_of(job, judging), black);
     ++shown;
   };
-  // With few levels it depends on the part which way to round prints better.
-  bool carry = false;
-  if (bench.mw_cm2.size() <= kFewLevels) {
-    show(true);
-    const double carried = figures.metrics.contrast;
-    show(false);
-    carry = carried > figures.metrics.contrast;
-  }
-  for (int round = 0; round < rounds; ++round) {
-    show(carry);
-    // What comes back takes its share of the light first.
-    const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
-    const double short_by = (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
-    // More than enough, where the operators see less than the sum, costs turns: taken back once.
-    if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
-    scale *= short_by + 2e-4 * (round + 1);
-    while (job.turns > 1 && scale * job.turns <= brightest * (job.turns - 1)) {
-      scale *= static_cast<double>(job.turns) / (job.turns - 1);
-      --job.turns;
+  const int turns_limit = turns.never ? turns.count : most_turns;
+  const double first_scale = scale;
+  const auto settle = [&](bool carry) {
+    scale = first_scale;
+    job.turns = turns.count;
+    for (int round = 0;; ++round) {
+      show(carry);
+      // What comes back takes its share of the light first.
+      const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+      const double short_by = (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
+      // More than enough, where the operators see less than the sum, costs turns: taken back once.
+      if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
+      const bool all_lit = job.turns == turns_limit && scale > kFarAbove * brightest;
+      if (round + 1 == rounds || all_lit) break;
+      scale *= short_by + 2e-4 * (round + 1);
+      while (round < kTakenBack && job.turns > 1 &&
+             scale * job.turns <= brightest * (job.turns - 1)) {
+        scale *= static_cast<double>(job.turns) / (job.turns - 1);
+        --job.turns;
+      }
+      if (scale <= brightest || job.turns == turns_limit) continue;
+      scale *= static_cast<double>(job.turns) / (job.turns + 1);
+      ++job.turns;
     }
-    if (scale <= brightest || job.turns == most_turns) continue;
-    scale *= static_cast<double>(job.turns) / (job.turns + 1);
-    ++job.turns;
+  };
+  settle(false);
+  // With few levels, or a projector so bright that few are used, it depends on the part which way to
+  // round prints better.
+  const std::uint16_t top = *std::max_element(job.levels.begin(), job.levels.end());
+  if (top < kFewLevels) {
+    const auto rank = [](const PrintFigures& f) {
+      return std::pair(f.feasible(), f.metrics.contrast);
+    };
+    std::vector<std::uint16_t> levels = job.levels;
+    const PrintFigures before = figures;
+    settle(true);
+    if (rank(before) >= rank(figures)) {
+      job.levels = std::move(levels);
+      job.turns = before.turns;
+      figures = before;
+    }
   }
+  tell_levels(context, bench, solution.metrics.contrast, figures, top);
   context.report("judging", 1);
 
   job.history = std::move(solution.history);

@@ -20,7 +20,7 @@ namespace slicecorr::tomo::detail {
 
 namespace {
 
-constexpr std::array<char, 24> kMagic{"slicecorr tomo solve 2\n"};
+constexpr std::array<char, 24> kMagic{"slicecorr tomo solve 3\n"};
 
 struct CloseFile {
   void operator()(std::FILE* file) const { std::fclose(file); }
@@ -132,9 +132,9 @@ std::uint64_t hash_of(const SolveOptions& o) {
   std::uint64_t hash = hash_of(nullptr, 0);
   const auto add = [&](double value) { hash = hash_of(&value, sizeof value, hash); };
   for (const double value :
-       {static_cast<double>(o.method), static_cast<double>(o.window), 1.0 * o.steps,
-        1.0 * o.most_steps, o.most_dose, o.cap, 1.0 * o.memory, 1.0 * o.proof_steps, o.osmo_high,
-        o.osmo_low, o.clip_sigma, o.stop_error}) {
+       {static_cast<double>(o.method), static_cast<double>(o.window.kind), o.window.k0,
+        1.0 * o.steps, 1.0 * o.most_steps, o.most_dose, o.cap, 1.0 * o.memory, 1.0 * o.proof_steps,
+        o.osmo_high, o.osmo_low, o.clip_sigma, o.stop_error}) {
     add(value);
   }
   for (const double rung : o.rungs) add(rung);
@@ -172,6 +172,9 @@ std::optional<SolverState> CheckpointFile::read(const Shape& shape) {
                                  "a solve that does not go on from it starts anew",
                                  other));
   }
+  int attempt = 0;
+  in.field(attempt);
+  if (attempt < 0 || attempt > 1) in.damaged();
   std::vector<int> passes;
   in.some(passes);
   SolverState state;
@@ -195,6 +198,7 @@ std::optional<SolverState> CheckpointFile::read(const Shape& shape) {
   in.field(written);
   if (written != hash || !in.at_end()) in.damaged();
   passes_ = std::move(passes);
+  attempt_ = attempt;
   return state;
 }
 
@@ -210,6 +214,7 @@ void CheckpointFile::keep(const SolverPlace& place) {
   Writer out(file.get(), path_);
   out.field(kMagic);
   out.field(fingerprint_);
+  out.field(attempt_);
   out.some(passes_);
   scalars(place, out);
   out.some(place.of_slices);

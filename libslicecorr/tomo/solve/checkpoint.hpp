@@ -40,6 +40,9 @@ class CheckpointFile {
   /// not. What was read, or given.
   const std::vector<int>& passes() const { return passes_; }
   void of_passes(std::vector<int> turns) { passes_ = std::move(turns); }
+  /// How often light had been looked for before, within less time.
+  int attempt() const { return attempt_; }
+  void of_attempt(int attempt) { attempt_ = attempt; }
   /// Writes the place under a temporary name and renames it, unless the last one is younger than
   /// `every_s`, or than 20 times what writing it took. Throws `DeviceError`.
   void keep(const SolverPlace& place);
@@ -49,6 +52,7 @@ class CheckpointFile {
   std::string path_;
   Fingerprint fingerprint_;
   std::vector<int> passes_;
+  int attempt_ = 0;
   Clock::duration every_;
   Clock::time_point not_before_;
 };

@@ -38,6 +38,7 @@ void check_options(const Projector& projector, const Target& target, const Solve
   if (!(o.osmo_low > 0 && o.osmo_low < o.osmo_high && o.osmo_high <= 1)) {
     refuse("osmo_low, osmo_high", "must be 0 < low < high <= 1");
   }
+  if (!(o.window.k0 > 0)) refuse("window", "must have k0 above 0");
   if (!(o.clip_sigma >= 0)) refuse("clip_sigma", "must be 0 or more");
   if (!(o.stop_error >= 0)) refuse("stop_error", "must be 0 or more");
   if (o.start != nullptr && o.start->size() != shape.light()) {

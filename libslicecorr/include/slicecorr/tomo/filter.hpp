@@ -16,10 +16,17 @@
 namespace slicecorr::tomo {
 
 /// What the ramp |k| is multiplied by; k_N is the highest frequency of the pixels.
-enum class Window {
-  ram_lak,  ///< 1
-  hamming,  ///< 0.54 + 0.46 cos(pi k/k_N)
-  kelly,    ///< e^(-(k/k0)^4), k0 = 0.5 k_N
+struct Window {
+  enum Kind {
+    ram_lak,  ///< 1
+    hamming,  ///< 0.54 + 0.46 cos(pi k/k_N)
+    kelly,    ///< e^(-(k/k0)^4)
+  };
+  Kind kind = hamming;
+  double k0 = 0.5;  ///< of `kelly`, over k_N; > 0
+
+  constexpr Window(Kind window) : kind(window) {}  // NOLINT: a window's name is a window
+  constexpr Window(Kind window, double at) : kind(window), k0(at) {}
 };
 
 /// As people name them: "hamming", "ram-lak", "kelly". Throws `InputError` for other names.

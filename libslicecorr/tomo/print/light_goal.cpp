@@ -1,0 +1,98 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "tomo/print/light_goal.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/tomo/shown_light.hpp"
+
+namespace slicecorr::tomo::detail {
+
+namespace {
+
+/// How many times the least turns light may take, attempt by attempt.
+constexpr std::array<double, 2> kTimesLeast{4, 64};
+/// Contrast that is enough: a fifth more time until void gels.
+constexpr double kEnough = 1.2;
+/// More contrast than this share above what was found is worth more time.
+constexpr double kWorthMore = 1.02;
+/// With a time that is fixed light stays this far below the brightest, for what rounding costs.
+constexpr double kBelowCap = 0.98;
+
+/// Of the calibration's light, where the projector is dimmest before the resin.
+double least_share(const Bench& bench) {
+  if (!bench.places.uneven()) return 1;
+  double least = std::numeric_limits<double>::infinity();
+  for (int m = 0; m < bench.grid.angles; ++m) {
+    for (int c = 0; c < bench.grid.pixels; ++c) {
+      for (int z = 0; z < bench.grid.light_rows(); ++z) {
+        const double share = bench.places.share(m, c, z);
+        if (share > 0) least = std::min(least, share);
+      }
+    }
+  }
+  return least;
+}
+
+}  // namespace
+
+LightGoal::LightGoal(const Bench& bench, double turns)
+    : critical_mj_cm3_(bench.exposure.critical_mj_cm3),
+      back_mj_cm3_(bench.resupply_mj_cm3_s * bench.exposure.turn_s),
+      least_turns_(turns) {}
+
+int LightGoal::turns() const {
+  const double turns =
+      std::ceil(kTimesLeast[static_cast<std::size_t>(attempt_)] * least_turns_ * (1 - 1e-9));
+  return static_cast<int>(std::clamp(turns, 1.0, 1e6));
+}
+
+bool LightGoal::last() const { return attempt_ + 1 == static_cast<int>(kTimesLeast.size()); }
+
+bool LightGoal::enough(const FoundLight& found, double contrast, int turns) const {
+  if (found.contrast_bound < kWorthMore * contrast) return true;
+  // Inhibitors take as much in void.
+  const double back = back_mj_cm3_ * turns;
+  return critical_mj_cm3_ >= kEnough * ((critical_mj_cm3_ + back) / contrast - back);
+}
+
+double cap_of_turns(const Bench& bench, int turns) {
+  return kBelowCap * dose_of_turn(bench.grid, bench.exposure) * turns * bench.mw_cm2.back() /
+         (bench.exposure.critical_mj_cm3 +
+          bench.resupply_mj_cm3_s * bench.exposure.turn_s * turns) *
+         // What the dimmest place can show bounds all light.
+         least_share(bench);
+}
+
+double least_turns(const Bench& bench, const Projector& projector, const Target& target,
+                   bool spreads, const ExecutionContext& context) {
+  const auto brightest = static_cast<std::uint16_t>(bench.mw_cm2.size() - 1);
+  const std::vector<std::uint16_t> levels(bench.grid.blocks() * bench.grid.light_of_block(),
+                                          brightest);
+  const Field dose = adjoint(projector, context, shown_light(bench, levels));
+  const WeakVoxel weakest = weakest_voxel(target, dose.values);
+  // Such a voxel is named by who looks for light.
+  if (!(weakest.dose > 0)) return 1;
+  const double unit = dose_of_turn(bench.grid, bench.exposure);
+  const double back = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  const double most =
+      spreads ? *std::max_element(dose.values.begin(), dose.values.end()) : weakest.dose;
+  if (!(unit * most > back)) {
+    throw InfeasibleError(fmt::format(
+        "inhibitor comes back as fast as light takes it: {:.4g} mJ/cm³ a second, and {} gets {:.4g} "
+        "where all pixels are at their brightest; expected more light",
+        bench.resupply_mj_cm3_s, spreads ? "no voxel more than another that" : weakest.name,
+        unit * most / bench.exposure.turn_s));
+  }
+  const double turn = std::max(unit * weakest.dose, 1e-6 * unit * most) - back;
+  return turn > 0 ? bench.exposure.critical_mj_cm3 / turn : 1e6;
+}
+
+}  // namespace slicecorr::tomo::detail

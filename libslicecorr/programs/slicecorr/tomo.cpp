@@ -192,6 +192,7 @@ void add_tomo(Program& program, TomoOptions& o) {
 
   add_tomo_views(program, group, o.views);
   add_tomo_targets(program, group, o.targets);
+  add_tomo_look(program, group, o.look);
 }
 
 }  // namespace slicecorr::cli

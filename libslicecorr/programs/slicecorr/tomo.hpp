@@ -9,6 +9,7 @@
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
 #include "programs/common/tomo_options.hpp"
+#include "tomo_look.hpp"
 #include "tomo_targets.hpp"
 #include "tomo_views.hpp"
 
@@ -21,6 +22,7 @@ struct TomoOptions : TomoPrintOptions {
   bool resume = false;
   TomoViewOptions views;
   TomoTargetOptions targets;
+  TomoLookOptions look;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

@@ -22,6 +22,7 @@
 #include "support/files/temporary.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/natural.hpp"
+#include "tomo/views/image_folder.hpp"
 
 namespace slicecorr::tomo {
 
@@ -50,8 +51,9 @@ int images_of_turn(double step_deg) {
   return static_cast<int>(whole);
 }
 
-/// The images in their order.
-std::vector<const Container::Entry*> images_in(const Container& archive) {
+}  // namespace
+
+std::vector<const Container::Entry*> detail::images_in(const Container& archive) {
   std::vector<const Container::Entry*> images;
   for (const Container::Entry& entry : archive.entries()) {
     if (entry.name.find('/') != std::string::npos) continue;
@@ -69,6 +71,8 @@ std::vector<const Container::Entry*> images_in(const Container& archive) {
   }
   return images;
 }
+
+namespace {
 
 GreyImage read_image(const Container& archive, const Container::Entry& entry,
                      const Printer& printer) {
@@ -141,7 +145,7 @@ TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, con
   const int angles = images_of_turn(sequence.angle_step_deg);
   const auto archive = slicecorr::detail::open_container(
       sequence.path, slicecorr::detail::path_parts(sequence.path).folder, context);
-  const std::vector<const Container::Entry*> images = images_in(*archive);
+  const std::vector<const Container::Entry*> images = detail::images_in(*archive);
   if (images.size() != static_cast<std::size_t>(angles)) {
     throw InputError(sequence.path, "",
                      fmt::format("holds {} PNG images; expected {}, a turn of steps of {:g}°",

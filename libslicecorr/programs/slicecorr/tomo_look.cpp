@@ -1,0 +1,101 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "tomo_look.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/tomo/print.hpp"
+#include "support/json/finite.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+using detail::finite_or_null;
+
+std::string in_words(const tomo::Look& look, double turns) {
+  std::string text = fmt::format(
+      "{} of {} voxels of the part have gelled, {} of void; by the plan {} voxels should, {} have "
+      "(agreement {:.3f})\n"
+      "{:.4g} of the planned dose has come ({:.4g} to {:.4g} by what is to be seen)\n",
+      look.part_gelled, look.part, look.void_gelled, look.planned, look.gelled, look.agreement,
+      look.share, look.least_share, look.most_share);
+  text += look.stop_turn <= turns
+              ? fmt::format("stop: all of the part had its dose at turn {:.2f}", look.stop_turn)
+              : fmt::format("stop at turn {:.2f}, in {:.2f} turns from now", look.stop_turn,
+                            look.stop_turn - turns);
+  if (std::isfinite(look.void_turn)) {
+    text += fmt::format("; void begins to gel at turn {:.2f}", look.void_turn);
+  }
+  return text + "\n";
+}
+
+std::string in_json(const tomo::Look& look) {
+  nlohmann::ordered_json j;
+  j["share_of_plan"] = finite_or_null(look.share);
+  j["share_of_plan_range"] = {finite_or_null(look.least_share), finite_or_null(look.most_share)};
+  j["agreement"] = look.agreement;
+  j["gelled_voxels"] = look.gelled;
+  j["planned_voxels"] = look.planned;
+  j["part"] = {{"voxels", look.part}, {"gelled", look.part_gelled}};
+  j["void_gelled"] = look.void_gelled;
+  j["stop_turn"] = finite_or_null(look.stop_turn);
+  j["void_turn"] = finite_or_null(look.void_turn);
+  return j.dump(2);
+}
+
+int look(const TomoLookOptions& o, const ExecutionContext& context, Console& console) {
+  for (const std::string& output : {o.seen, o.json}) {
+    check_output(output, {o.job, o.look.before, o.look.now});
+  }
+  const tomo::TomoJob job = tomo::read_job(o.job, context);
+  const tomo::Look seen = tomo::look_at(job, tomo::dose_of(job, context), o.look, context);
+  if (!o.seen.empty()) tomo::write_npy(o.seen, seen.seen);
+  const std::string words = in_words(seen, o.look.turns);
+  if (o.json.empty()) {
+    print_result(words);
+  } else {
+    print_or_write(o.json, in_json(seen));
+    console.say(words);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_tomo_look(Program& program, CLI::App* group, TomoLookOptions& o) {
+  CLI::App* sub = program.add_to(
+      group, "look",
+      "Say what of a print has gelled, by images of a camera, and at which turn to stop",
+      [&o](const ExecutionContext& context, Console& console) {
+        return look(o, context, console);
+      });
+  sub->add_option("JOB", o.job, "File of the job that is being printed (.frames)")->required();
+  sub->add_option("--before", o.look.before,
+                  "Folder (or zip) of PNG images of the vial before any light, one for each angle "
+                  "of a turn, in the order of their names")
+      ->required()
+      ->check(value_is(ValueKind::file));
+  sub->add_option("--now", o.look.now, "The same now, at the same angles")
+      ->required()
+      ->check(value_is(ValueKind::file));
+  sub->add_option("--turns", o.look.turns, "Turns that were shown until then")
+      ->required()
+      ->check(number_above_zero());
+  sub->add_option("--camera-deg", o.look.camera_deg,
+                  "By how much the vial turns on from where the camera sees it to where the "
+                  "projector does")
+      ->check(number_in(-360, 360))
+      ->capture_default_str();
+  sub->add_option("--steps", o.look.steps, "Steps of the reconstruction")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+  sub->add_option("--seen", o.seen, "Write what is seen, 1/mm, to FILE (.npy)");
+  sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+}
+
+}  // namespace slicecorr::cli

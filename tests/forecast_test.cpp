@@ -103,6 +103,55 @@ TEST(Predict, WeakUvIsSaidPlainly) {
               Not(Contains(HasSubstr("cures to the window"))));
 }
 
+/// Gelled heights after a time, by the dose law on steps of 0.02 um (3.22).
+struct Gelled {
+  double front = -1, back = -1;
+};
+Gelled gelled_after(double seconds, double blue, double uv, const Resin& r) {
+  const double hb = r.absorbance_height10_um / std::log(10);
+  const double huv = r.inhibition->absorbance_height10_um / std::log(10);
+  Gelled g;
+  for (double z = 0; z < 6 * hb; z += 0.02) {
+    const double rate = blue * std::exp(-z / hb) - r.inhibition->beta * uv * std::exp(-z / huv);
+    if (!(rate > 0) || std::pow(rate, r.m) * seconds < r.critical_dose_prime / r.dose_factor)
+      continue;
+    if (g.front < 0) g.front = z;
+    g.back = z;
+  }
+  return g;
+}
+
+TEST(Predict, TellsWhenFrontAndBackHaveSettled) {
+  const Resin resin = test::custom_resin_1(1);
+  struct Case {
+    double blue, uv;
+  };
+  for (const auto& [blue, uv] : {Case{100, 200}, Case{30, 55}, Case{100, 600}}) {
+    SCOPED_TRACE(uv);
+    const Forecast f = predict(resin, light(blue, uv));
+    ASSERT_TRUE(f.front_settled_s && f.back_settled_s);
+    const double zone = f.steady_dead_zone_um;
+    // A step is the error: 0.02 um, a thousandth of the time on either side.
+    EXPECT_GE(gelled_after(*f.front_settled_s * 0.99, blue, uv, resin).front, 1.1 * zone - 0.02);
+    EXPECT_LE(gelled_after(*f.front_settled_s * 1.001, blue, uv, resin).front, 1.1 * zone + 0.02);
+    const auto share = [&](double seconds) {
+      Resin free = resin;
+      free.inhibition->beta = 0;
+      return gelled_after(seconds, blue, uv, resin).back /
+             gelled_after(seconds, blue, uv, free).back;
+    };
+    EXPECT_NEAR(share(*f.back_settled_s), 0.9, 1e-3);
+    EXPECT_LT(share(*f.back_settled_s * 0.97), 0.9);
+    EXPECT_GT(share(*f.back_settled_s * 3), 0.9);
+    EXPECT_THAT(f.sentences, Contains(HasSubstr("the front is within a tenth of it after")));
+  }
+  // No dead zone lasts: the front never settles, and JSON has no number for it. Without UV light nothing
+  // is said.
+  const Forecast weak = predict(resin, light(100, 50));
+  EXPECT_TRUE(nlohmann::json::parse(weak.to_json()).at("front_settled_s").is_null());
+  EXPECT_FALSE(predict(resin, light(100, 0)).front_settled_s);
+}
+
 TEST(Predict, HeightsInTheDeadZoneHaveNoAnswer) {
   Question q = light(100, 200);
   q.height_um = 15.7;

@@ -87,4 +87,8 @@ class Designer {
   double speed_, m_ = 1, blue_ = 0, black_ = 0, limit_ = 0, ratio_ = 0;
 };
 
+/// Fills what the wish's cap and disc ask for, with sentences.
+void design_peak(const Designer& designer, const Wish& wish, Recommendation& r);
+void design_disc(const Resin& resin, const Printer& printer, const Wish& wish, Recommendation& r);
+
 }  // namespace slicecorr::resins

@@ -111,7 +111,9 @@ void describe_start(const Forecast& f, std::vector<std::string>& s) {
   s.push_back(fmt::format("First gel: {} um above the window after {} s.", figure(f.first.z_um),
                           figure(f.first.time_s)));
   if (f.steady_dead_zone_um > 0) {
-    s.push_back(fmt::format("Dead zone in the long run: {} um.", figure(f.steady_dead_zone_um)));
+    s.push_back(fmt::format(
+        "Dead zone in the long run: {} um; the front is within a tenth of it after {} s.",
+        figure(f.steady_dead_zone_um), figure(*f.front_settled_s)));
   } else {
     s.push_back(fmt::format(
         "The dead zone does not last: {}; {} mW/cm² of UV light and more would keep it free.",
@@ -126,6 +128,10 @@ void describe_start(const Forecast& f, std::vector<std::string>& s) {
 
 void describe_exposure(const Forecast& f, std::vector<std::string>& s) {
   const Question& q = f.question;
+  if (inhibited(f) && std::isfinite(*f.back_settled_s)) {
+    s.push_back(fmt::format("The back is at nine tenths of its height without UV light after {} s.",
+                            figure(*f.back_settled_s)));
+  }
   if (q.exposure_s > 0) {
     if (!f.fronts) {
       s.push_back(fmt::format("After {} s nothing has gelled yet.", figure(q.exposure_s)));
@@ -289,6 +295,10 @@ Forecast predict(const Resin& resin, const Question& q) {
                       dose_prime_at(gel, q.blue_mw_cm2, 0, q.layer_um, 1);
   }
   if (q.speed_mm_h > 0) f.passing = passing_of(k, q);
+  if (inhibited(f)) {
+    f.front_settled_s = front_settled_s(k, q.blue_mw_cm2, q.uv_mw_cm2);
+    f.back_settled_s = back_settled_s(k, q.blue_mw_cm2, q.uv_mw_cm2);
+  }
   describe_start(f, f.sentences);
   describe_exposure(f, f.sentences);
   describe_lift(f, f.sentences);
@@ -306,6 +316,32 @@ Forecast predict(const Resin& resin, const Question& q) {
     describe_places(f, f.sentences);
   }
   return f;
+}
+
+double front_settled_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
+  const double zone = steady_dead_zone_um(k, blue_mw_cm2, uv_mw_cm2);
+  if (!(zone > 0) || !std::isfinite(zone)) return kInfinity;
+  const FirstGel first = first_gel(k, blue_mw_cm2, uv_mw_cm2);
+  if (first.z_um <= 1.1 * zone) return first.time_s;
+  return k.critical_dose_prime / dose_prime_at(k, blue_mw_cm2, uv_mw_cm2, 1.1 * zone, 1);
+}
+
+double back_settled_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
+  const FirstGel first = first_gel(k, blue_mw_cm2, uv_mw_cm2);
+  if (!std::isfinite(first.time_s)) return kInfinity;
+  // Where a back without UV light is z / 0.9 high, z gels at that time just when e^(z/(9 hb)) (1 - r(z)) is
+  // 1, r the share that UV light takes of the blue light there: it rises with z.
+  const double ratio = k.beta * uv_mw_cm2 / blue_mw_cm2;
+  const double shorter = 1 / k.huv_um - 1 / k.hb_um;
+  const auto below = [&](double z) {
+    return std::exp(z / (9 * k.hb_um)) * (1 - ratio * std::exp(-z * shorter)) < 1;
+  };
+  double high = k.hb_um;
+  while (below(high)) high *= 2;
+  const double z = halved({0, high}, 100, below).high;
+  // Below the first gel it is the front that gets there; the back has been further up from the start.
+  if (z <= first.z_um) return first.time_s;
+  return k.critical_dose_prime / std::pow(blue_mw_cm2, k.m) * std::exp(k.m * z / (0.9 * k.hb_um));
 }
 
 std::string Forecast::to_json() const {
@@ -327,6 +363,10 @@ std::string Forecast::to_json() const {
   j["first_gel"] = {{"z_um", number(first.z_um)}, {"time_s", number(first.time_s)}};
   j["dead_zone_um"] = {{"steady", number(steady_dead_zone_um)}};
   j["window_time_s"] = number(window_time_s);
+  if (front_settled_s) {
+    j["front_settled_s"] = number(*front_settled_s);
+    j["back_settled_s"] = number(*back_settled_s);
+  }
   if (question.exposure_s > 0) {
     j["exposure_s"] = question.exposure_s;
     j["cured_height_um"] = fronts ? number(fronts->back_um) : ordered_json();

@@ -133,6 +133,15 @@ void check_wish(const Printer& printer, const Resin& resin, const Wish& wish) {
         fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {:g} mm/h",
                     wish.speed_mm_h, printer.name, printer.max_speed_mm_h));
   }
+  if (wish.omega_max != 0 && !(wish.omega_max > 1)) {
+    throw InputError(
+        "a wanted dose inside features is at most 1, which edges have; expected one above 1");
+  }
+  if (wish.disc_radius_mm > 0 && !(resin.viscosity_pa_s > 0)) {
+    throw InputError(
+        resin.name, "viscosity_pa_s",
+        "is missing: nothing is known of how the resin flows; expected the viscosity in Pa·s");
+  }
   if (wish.dead_zone_um > 0 && !resin.inhibition) {
     throw InputError(resin.name, "inhibition",
                      "a dead zone is asked for, but the resin has no inhibition by UV light; "
@@ -206,6 +215,8 @@ Recommendation recommend(const Resin& resin, const Printer& printer, const Wish&
   }
   describe(resin, printer, wish, r);
   describe_places(resin, printer, wish, r);
+  if (wish.omega_max > 0) design_peak(d, wish, r);
+  if (wish.disc_radius_mm > 0) design_disc(resin, printer, wish, r);
   return r;
 }
 

@@ -56,6 +56,21 @@ std::string Recommendation::to_json() const {
                    {"fastest_mm_h", places->fastest_mm_h},
                    {"slowest_mm_h", places->slowest_mm_h}};
   }
+  if (height_for_omega_um) {
+    j["feature_for_dose"] = {{"least_height_um", number(*height_for_omega_um)},
+                             {"omega", peak.omega},
+                             {"below_top_um", number(peak.below_top_um)}};
+  }
+  const auto disc_of = [](const EvenDisc& d) {
+    return ordered_json{{"height_e_um", d.height_e_um},   {"gap_um", d.gap_um},
+                        {"blue_mw_cm2", d.blue_mw_cm2},   {"uv_mw_cm2", d.uv_mw_cm2},
+                        {"share_within", d.share_within}, {"mean_square", d.mean_square},
+                        {"suction_pa", d.suction_pa},     {"force_n", d.force_n},
+                        {"fastest_mm_h", d.fastest_mm_h}, {"gap_at_limit", d.gap_at_limit}};
+  };
+  if (disc) j["disc"] = disc_of(*disc);
+  if (disc_present) j["disc_present"] = disc_of(*disc_present);
+  if (disc_most_even) j["disc_most_even"] = disc_of(*disc_most_even);
   j["text"] = reasons;
   j["warnings"] = warnings;
   if (!feasible) j["ways_out"] = ways_out;

@@ -170,6 +170,16 @@ void add_design(cli::Program& program) {
   app->add_option("--dead-zone-um", w.dead_zone_um,
                   "Dead zone to keep under full blue light [not asked for]")
       ->check(number_above_zero());
+  app->add_option(
+         "--omega-max", w.omega_max,
+         "Dose that features are to reach inside, above 1: from which height on they do [not asked "
+         "for]")
+      ->check(number_above_zero());
+  app->add_option(
+         "--disc-radius-mm", w.disc_radius_mm,
+         "A disc: its suction and, with UV light, how even the dead zone under it can be [not asked "
+         "for]")
+      ->check(number_above_zero());
   app->add_option("--json", a->json, "Write figures as JSON here (- for stdout)");
 }
 

@@ -72,12 +72,20 @@ struct Forecast {
   std::optional<Passing> passing;
   /// The same at the dimmest and the brightest place; null where all get the same light.
   std::shared_ptr<const Forecast> dimmest, brightest;
+  /// Under UV light: `front_settled_s` and `back_settled_s`; nothing without.
+  std::optional<double> front_settled_s{}, back_settled_s{};
   std::vector<std::string> sentences;  ///< all of it for people
   /// What has no answer: a height that is never reached. Empty when all has one.
   std::string unanswered;
   std::string to_json() const;
 };
 Forecast predict(const Resin& resin, const Question& question);
+/// When the front is within a tenth of the dead zone that lasts, zf = 1.1 zf(infinite) (dissertation figure
+/// 3.6 d), s; infinite where none lasts. The first gel may be nearer: then it is that time.
+double front_settled_s(const Kinetics& kinetics, double blue_mw_cm2, double uv_mw_cm2);
+/// From when on the back is at least nine tenths of the height that it would have without UV light (figure
+/// 3.6 c), s.
+double back_settled_s(const Kinetics& kinetics, double blue_mw_cm2, double uv_mw_cm2);
 
 /// A wish for continuous printing with correction.
 struct Wish {
@@ -85,6 +93,32 @@ struct Wish {
   double tolerance_um = 0;  ///< > 0: error of edges that is allowed
   double layer_um = 50;     ///< > 0
   double dead_zone_um = 0;  ///< wanted in the long run under full blue light; 0: not asked
+  double omega_max = 0;     ///< dose that features are to reach inside, over 1; 0: not asked
+  /// A disc under which resin flows; 0: not asked. Needs a viscosity; with UV lamp and inhibition its dead
+  /// zone is told, too.
+  double disc_radius_mm = 0;
+};
+
+/// Where a corrected feature, whose dose is 1 at both edges, is brightest (A.38 to A.41).
+struct Peak {
+  double omega = 0;         ///< its greatest dose
+  double below_top_um = 0;  ///< where, below its upper edge
+};
+/// Of a feature of this height. 0 <= phi_min < 1 < phi_max.
+Peak peak_of_feature(double phi_max, double phi_min, double effective_um, double height_um);
+/// Least height of a feature whose peak is `omega`, > 1; infinite from phi_max on.
+double height_for_peak_um(double phi_max, double phi_min, double effective_um, double omega);
+
+/// The most even dead zone that constant light leaves under a disc, with its resin (5.2.2).
+struct EvenDisc {
+  double height_e_um = 0;                 ///< absorbance height of the curing light
+  double gap_um = 0;                      ///< even gap whose doses are nearest to 1
+  double blue_mw_cm2 = 0, uv_mw_cm2 = 0;  ///< the lights that do so, within what the printer has
+  double share_within = 0;                ///< of the radius: dose within a tenth of 1
+  double mean_square = 0;                 ///< of dose - 1, by area
+  double suction_pa = 0, force_n = 0;     ///< in that gap
+  double fastest_mm_h = 0;                ///< at which the vat's limit, or 1 bar, is reached
+  bool gap_at_limit = false;  ///< a gap beyond those that are looked at might be more even
 };
 
 /// Edges of a long feature that is shown at one intensity, without correction.
@@ -135,6 +169,13 @@ struct Recommendation {
     double fastest_mm_h = 0, slowest_mm_h = 0;   ///< at which all places print that get light
   };
   std::optional<Places> places;
+
+  /// With `Wish::omega_max`: the least feature that reaches it; infinite height: none.
+  std::optional<double> height_for_omega_um{};
+  Peak peak{};  ///< of that feature, and of a long one where there is none
+  /// With `Wish::disc_radius_mm`: at the height to formulate for, at the present one, and the most even of
+  /// some heights over the range. Without UV light the suction alone, in the gap that is assumed.
+  std::optional<EvenDisc> disc{}, disc_present{}, disc_most_even{};
 
   std::vector<std::string> reasons;   ///< sentences
   std::vector<std::string> warnings;  ///< sentences

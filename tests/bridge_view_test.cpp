@@ -249,6 +249,48 @@ TEST_F(Record, AGoodOneAndItsPage) {
   EXPECT_EQ(html, report_page(read())) << "the same record gives the same bytes";
 }
 
+TEST_F(Record, LampsAreLoggedAsSharesOfWhatWasAsked) {
+  put("journal.jsonl", begin("/tmp/part.uvj", 1000) + event(45, kJournalEnd, "done", -1));
+  // Blue light falls to 0.8, UV light to 0.7, each with noise that the median does not show; some frames
+  // ask for half, one for nothing, and one was read while the lamp was still rising.
+  std::string rows = kHeader;
+  const auto blue = [](int n) { return 1 - 0.2 * n / 999; };
+  const auto uv = [](int n) { return 1 - 0.3 * n / 999; };
+  for (int n = 0; n < 1000; ++n) {
+    const double asked = n % 7 == 3 ? 0.5 : n == 400 ? 0 : 1;
+    const double noise = n == 777 ? 0.1 : 1 + 0.001 * (n % 5 - 2);
+    rows += fmt::format("{},0,0,0,0,0,222.2,{},200,{:.6f},{:.6f},0,0.3,25.0,,\n", n, asked,
+                        asked * blue(n) * noise, 200 * uv(n) * noise);
+  }
+  put("frames.csv", rows);
+  const LampLog log = lamp_log(read());
+  EXPECT_EQ(log.frames_a_row, 5U);
+  EXPECT_EQ(log.rows, 200U);
+  std::istringstream lines(log.csv);
+  std::string line;
+  std::getline(lines, line);
+  EXPECT_EQ(line, "slice,lamp_share,uv_lamp_share");
+  for (int n = 0; std::getline(lines, line); n += 5) {
+    int slice = 0;
+    double b = 0, u = 0;
+    ASSERT_EQ(std::sscanf(line.c_str(), "%d,%lf,%lf", &slice, &b, &u), 3) << line;
+    EXPECT_EQ(slice, n);
+    // A block's frames differ by 0.001 at most, noise by 0.002.
+    EXPECT_NEAR(b, blue(n + 2), 0.003) << n;
+    EXPECT_NEAR(u, uv(n + 2), 0.003) << n;
+  }
+  EXPECT_LE(log.greatest, 1.003);
+  // Without UV light there is no column of it; without what was measured there is no table.
+  put("frames.csv", "frame,blue_share,blue_measured\n0,1,1.05\n1,1,0.9\n");
+  const LampLog bare = lamp_log(read());
+  EXPECT_EQ(bare.csv, "slice,lamp_share\n0,1.0000\n1,0.9000\n");
+  EXPECT_DOUBLE_EQ(bare.greatest, 1.05);
+  put("frames.csv", "frame,blue_share\n0,1\n");
+  EXPECT_THROW(lamp_log(read()), InputError);
+  put("frames.csv", "");
+  EXPECT_THROW(lamp_log(read()), InputError);
+}
+
 TEST_F(Record, WithoutAnEndItWasCutOffOrRuns) {
   put("journal.jsonl", begin() + event(0.5, "phase printing", "", 1));
   put("frames.csv", kHeader + row(0) + row(1));

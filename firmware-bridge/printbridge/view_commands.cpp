@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-// `printbridge status`, `watch`, `report`, `serve` and `metrics`.
+// `printbridge status`, `watch`, `report`, `lamp-log`, `serve` and `metrics`.
 
 #include "view_commands.hpp"
 
@@ -191,6 +191,26 @@ int report(const OutputOptions& o) {
   return cli::kDone;
 }
 
+int lamp_log_command(const OutputOptions& o, cli::Console& console) {
+  const Looker looker(o.printer);
+  const LampLog log = lamp_log(read_record(looker.folder, PrintLock::held(looker.folder)));
+  if (log.greatest > 1 + 1e-3) {
+    console.say(fmt::format(
+        "a lamp gave up to {:.1f} % of what its calibration says; the table has 100 % there: measure the "
+        "printer's light anew",
+        100 * log.greatest));
+  }
+  std::string text = log.csv;
+  if (!o.output.empty() && o.output != "-") {
+    cli::write_text_file(o.output, text);
+    console.say(
+        fmt::format("{}: {} rows, each of {} frames", o.output, log.rows, log.frames_a_row));
+  } else {
+    cli::print_result(text);
+  }
+  return cli::kDone;
+}
+
 int metrics(const OutputOptions& o) {
   const Looker looker(o.printer);
   const std::string text = metrics_text(looker.seen(), count_faults(looker.folder));
@@ -250,6 +270,15 @@ void add_view_commands(const AddCommand& add) {
     auto* const r = add("report", "Write the page of the last print, or the one that runs",
                         o->printer, politely([o](cli::Console&) { return report(*o); }));
     r->add_option("-o,--output", o->output, "The page; - for stdout [report.html of the state]");
+  }
+  {
+    auto o = std::make_shared<OutputOptions>();
+    auto* const l =
+        add("lamp-log",
+            "Write what the lamps gave of what was asked of them in the last print, as the table "
+            "that slicecorr correct --lamp-log reads",
+            o->printer, politely([o](cli::Console& c) { return lamp_log_command(*o, c); }));
+    l->add_option("-o,--output", o->output, "The table (.csv); - for stdout [stdout]");
   }
   {
     auto o = std::make_shared<ServeCommand>();

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// Commands that only look: status, watch, report, serve, metrics.
+/// Commands that only look: status, watch, report, lamp-log, serve, metrics.
 #pragma once
 
 #include <functional>

@@ -5,7 +5,7 @@
 /// What a person sees of a print: the page after it, the live view, metrics. Nothing here touches
 /// the print: it reads the state folder's files and what the control socket answered. All functions
 /// are thread-safe, but those that write the same folder's report belong to one thread. Only
-/// `write_report` throws.
+/// `write_report` and `lamp_log` throw.
 #pragma once
 
 #include <functional>
@@ -83,6 +83,17 @@ struct PrintRecord {
 /// (which has no status). Never throws for what is in them: damaged lines are left out, and said in
 /// `remarks`. `running`: whether a print holds the folder's lock.
 PrintRecord read_record(const StateFolder& folder, bool running, bool previous = false);
+
+/// What lamps gave of what was asked of them.
+struct LampLog {
+  std::string csv;               ///< `slice,lamp_share` or `slice,lamp_share,uv_lamp_share`
+  std::size_t rows = 0;          ///< each of `frames_a_row` frames: the median of their shares
+  std::size_t frames_a_row = 0;  ///< so many that there are some two hundred rows at most
+  /// The greatest share; above 1 a lamp gave more than its calibration says, and the table has 1.
+  double greatest = 0;
+};
+/// Throws `InputError` where nothing was measured, and for records of vials that turn.
+LampLog lamp_log(const PrintRecord& record);
 
 /// The page of a print: HTML that needs nothing else, without scripts; below 2 MB for 100,000
 /// frames.

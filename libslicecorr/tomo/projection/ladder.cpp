@@ -33,6 +33,8 @@ constexpr double kBeyond = 0.9;
 constexpr double kWorthGoingOn = 0.3;
 /// A loss that rounding leaves: doses wrong by 1e-7 in some 10,000 voxels.
 constexpr double kRounding = 1e-9;
+/// And one that is none, whether or not it can still fall: a dose wrong by 1e-6.
+constexpr double kNothing = 1e-12;
 
 /// What is known of a slice on a rung.
 struct Climb {
@@ -40,7 +42,7 @@ struct Climb {
   double loss = kNone;
   bool stuck = false;  ///< the loss can't fall
   /// Nothing is left of the loss, or what single precision can't tell from that.
-  bool reached() const { return loss == 0 || (stuck && loss < kRounding); }
+  bool reached() const { return loss < kNothing || (stuck && loss < kRounding); }
   std::vector<SliceStep> history;
   /// Going on is worth it: the second half of the steps took this share of the loss away.
   bool falls(double share) const {

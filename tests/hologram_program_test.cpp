@@ -88,6 +88,21 @@ TEST_F(HologramProgram, LooksThroughDepth) {
   EXPECT_EQ(images, 3);
 }
 
+/// What stays on the axis stands in the middle of the focal plane, where the target is dark.
+TEST_F(HologramProgram, DepthHasItsZeroOrder) {
+  const auto middle = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words{"--steps", "5", "--stack", path("depth"), "--stack-mm=0,0,1"};
+    words.insert(words.end(), more.begin(), more.end());
+    const auto r = run("target.png", words);
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    const std::string png = bytes("depth/0000_+0.0000mm.png");
+    const GreyImage image = decode_png({png.begin(), png.end()}, 256, 256, "depth", "");
+    return image.pixels[128U * 256 + 128];
+  };
+  EXPECT_LT(middle({}), 100);
+  EXPECT_EQ(middle({"--fill", "0.8", "--stroke-turns", "1"}), 255);
+}
+
 TEST_F(HologramProgram, RefusesWhatCanNotBe) {
   const auto refused = [&](const std::string& target, const std::vector<std::string>& more,
                            int code, const std::string& words) {

@@ -58,6 +58,12 @@ void check_time(const HologramArguments& o) {
   }
 }
 
+/// 0 where the display's fill or stroke is not known.
+double zero_order_of(const HologramArguments& o, const PhaseDisplay& display) {
+  if (!display.stroke_turns || !display.fill) return 0;
+  return zero_order(*display.fill, o.reflection, *display.stroke_turns);
+}
+
 void write_stack(const HologramArguments& o, const PhaseDisplay& display,
                  const HologramOptics& optics, const std::vector<std::vector<float>>& phases,
                  const ExecutionContext& context, Console& console) {
@@ -70,13 +76,23 @@ void write_stack(const HologramArguments& o, const PhaseDisplay& display,
     throw DeviceError(o.stack + " can't be made; expected a folder for the images");
   }
   const int width = 2 * display.width_px, height = 2 * display.height_px;
-  std::vector<std::vector<float>> planes;
+  const double zero = zero_order_of(o, display);
+  const std::vector<float> flat(phases.front().size(), 0.0F);
   const auto power_of = [&](double z) {
     std::vector<float> power;
     for (const auto& phase : phases) {
       const auto one = power_at(display, optics, phase, z, 2, context);
       if (power.empty()) power.resize(one.size());
       for (std::size_t i = 0; i < one.size(); ++i) power[i] += one[i];
+    }
+    if (zero > 0) {
+      // What no phase moves is the light of a display without phases. How it interferes with the rest is
+      // as random as the phases are: powers add.
+      const auto still = power_at(display, optics, flat, z, 2, context);
+      const auto of_all = static_cast<float>(zero * static_cast<double>(phases.size()));
+      for (std::size_t i = 0; i < still.size(); ++i) {
+        power[i] = static_cast<float>(1 - zero) * power[i] + of_all * still[i];
+      }
     }
     return power;
   };
@@ -103,8 +119,12 @@ void write_stack(const HologramArguments& o, const PhaseDisplay& display,
                     std::string(png.begin(), png.end()));
     context.report("looking through depth", 0.5 + 0.5 * (i + 1) / count);
   }
-  console.say(fmt::format("{}: {} images from {:g} to {:g} mm behind the focal plane", o.stack,
-                          count, first, first + step * (count - 1)));
+  console.say(fmt::format(
+      "{}: {} images from {:g} to {:g} mm behind the focal plane, {}", o.stack, count, first,
+      first + step * (count - 1),
+      zero > 0 ? fmt::format("with the {:.2f} % of the light that stays on the axis", 100 * zero)
+               : std::string("without what stays on the axis (--fill, "
+                             "--stroke-turns)")));
 }
 
 int hologram(const HologramArguments& o, const ExecutionContext& context, Console& console) {

@@ -195,40 +195,54 @@ TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, con
   job.levels.assign(grid.blocks() * grid.light_of_block(), 0);
   const int levels = printer.levels();
   std::size_t beside = 0;
-  // The pixel of a frame that shows each light first: others must show the same.
-  const std::pair nowhere{-1, -1};
+  // Of level light, the rows of a slice: what falls on it is their mean.
+  struct Shown {
+    double mw_cm2 = 0;
+    int rows = 0, least = 0, most = 0;  ///< and the levels among them
+  };
   const auto rows = static_cast<std::size_t>(grid.light_rows());
-  std::vector<std::pair<int, int>> first(static_cast<std::size_t>(grid.pixels) * rows);
+  std::vector<Shown> shown(static_cast<std::size_t>(grid.pixels) * rows);
+  std::size_t meant = 0;
   each("reading images", [&](int frame, const GreyImage& image) {
     const int m = bench.frame_of_angle(frame);
-    std::fill(first.begin(), first.end(), nowhere);
+    std::fill(shown.begin(), shown.end(), Shown{});
     for (int column = 0; column < image.width_px; ++column) {
       for (int row = 0; row < image.height_px; ++row) {
-        const auto pixel_of = [&](int c, int r) {
-          return image.pixels[static_cast<std::size_t>(r) * width + static_cast<std::size_t>(c)];
-        };
-        const std::uint8_t pixel = pixel_of(column, row);
+        const std::uint8_t pixel =
+            image.pixels[static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column)];
         const FramePlaces::Lit lit = bench.places.lit_by(m, column, row);
         if (!lit.any()) {
           beside += pixel > 0;
           continue;
         }
-        auto& before =
-            first[static_cast<std::size_t>(lit.pixel) * rows + static_cast<std::size_t>(lit.row)];
-        if (before == nowhere) before = {column, row};
-        if (pixel != pixel_of(before.first, before.second)) {
-          throw InputError(
-              sequence.path, images[static_cast<std::size_t>(frame)]->name,
-              fmt::format(
-                  "rows {} and {} light one slice of {:g} mm and differ; expected voxels of "
-                  "the rows' height, {:g} mm",
-                  before.second, row, job.sampling.voxel_mm, printer.pixel_y_um * 1e-3));
-        }
-        job.levels[grid.pixel(m, lit.pixel, lit.row)] =
-            static_cast<std::uint16_t>(level_of_pixel(pixel, levels));
+        Shown& of =
+            shown[static_cast<std::size_t>(lit.pixel) * rows + static_cast<std::size_t>(lit.row)];
+        const int level = level_of_pixel(pixel, levels);
+        of.least = of.rows == 0 ? level : std::min(of.least, level);
+        of.most = std::max(of.most, level);
+        of.mw_cm2 += bench.mw_cm2[static_cast<std::size_t>(level)];
+        ++of.rows;
+      }
+    }
+    for (int i = 0; i < grid.pixels; ++i) {
+      for (std::size_t r = 0; r < rows; ++r) {
+        const Shown& of = shown[static_cast<std::size_t>(i) * rows + r];
+        if (of.rows == 0) continue;
+        const bool differ = of.least != of.most;
+        meant += differ ? 1 : 0;
+        job.levels[grid.pixel(m, i, static_cast<int>(r))] =
+            differ ? nearest_level(of.mw_cm2 / of.rows, bench.mw_cm2)
+                   : static_cast<std::uint16_t>(of.least);
       }
     }
   });
+  if (meant > 0) {
+    context.tell(fmt::format(
+        "{}: images have finer rows than slices of {:g} mm: {} times rows of one slice differ, and the job "
+        "shows all of them the nearest level to their mean light, which is what the slice gets; voxels of "
+        "{:g} mm keep each row as it is",
+        sequence.path, job.sampling.voxel_mm, meant, printer.pixel_y_um * 1e-3));
+  }
   if (beside > 0) {
     context.tell(fmt::format("{}: {} pixels have light that passes by the resin: it is left out",
                              sequence.path, beside));

@@ -31,8 +31,9 @@ struct ImageSequence {
 /// the light; `voxel_mm` 0: the rows' height.
 ///
 /// Throws `InputError` naming folder and image for images of another size, kind or number than a
-/// turn of the projector has, for levels that the printer does not have, and for rows that light one
-/// slice and differ; as `placed` and `make_bench`.
+/// turn of the projector has, and for levels that the printer does not have; as `placed` and
+/// `make_bench`. Rows that light one slice and differ become the level nearest to their mean light, with a
+/// notice.
 TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, const Resin& resin,
                       const Box<std::uint8_t>& part, double voxel_mm,
                       const ExecutionContext& context = {});

@@ -134,6 +134,60 @@ TEST(TomoTargets, FocusHasLinesOfEachWidthAndLightIsEven) {
   EXPECT_EQ(target_pictures(TargetKind::light, p).size(), 2U);
 }
 
+/// The pictures one after the other leave in each square the light of its row for the time of its column.
+TEST(TomoTargets, ADoseMatrixIsLightTimesTime) {
+  const Printer p = projector();
+  const std::vector<TargetPicture> all = target_pictures(TargetKind::dose, p);
+  const std::vector<int> levels = target_levels(p);
+  const std::vector<double> times = target_times();
+  ASSERT_EQ(all.size(), times.size());
+  ASSERT_EQ(levels.size(), 8U);
+  EXPECT_EQ(levels.front(), 255);
+  EXPECT_NEAR(levels.back(), 25.5, 1);  // the calibration is straight
+  EXPECT_NEAR(times.back() / times.front(), 20, 1e-9);
+  std::vector<double> dose(all[0].image.pixels.size(), 0.0);
+  double before = 0;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    for (std::size_t i = 0; i < dose.size(); ++i) {
+      dose[i] += all[k].image.pixels[i] * (times[k] - before);
+    }
+    before = times[k];
+  }
+  std::set<long> wanted, found;
+  for (const int level : levels) {
+    for (const double t : times) wanted.insert(std::lround(1e4 * level * t));
+  }
+  for (const double d : dose) {
+    if (d > 0) found.insert(std::lround(1e4 * d));
+  }
+  ASSERT_EQ(found.size(), wanted.size());
+  for (auto a = found.begin(), b = wanted.begin(); a != found.end(); ++a, ++b) {
+    EXPECT_NEAR(static_cast<double>(*a), static_cast<double>(*b), 2);
+  }
+}
+
+TEST(TomoTargets, DiscsOfAThresholdStandOnTheAxis) {
+  Printer p = projector();
+  p.optics->axis_right_px = 12;
+  const GreyImage image = target_pictures(TargetKind::threshold, p).front().image;
+  const std::vector<int> levels = target_levels(p);
+  const int step = p.height_px / static_cast<int>(levels.size());
+  for (std::size_t k = 0; k < levels.size(); ++k) {
+    double sum = 0, columns = 0;
+    for (int row = static_cast<int>(k) * step; row < static_cast<int>(k + 1) * step; ++row) {
+      for (int column = 0; column < p.width_px; ++column) {
+        const int value = image.pixels[static_cast<std::size_t>(row * p.width_px + column)];
+        if (value == 0) continue;
+        EXPECT_EQ(value, levels[k]);
+        sum += 1;
+        columns += column;
+      }
+    }
+    ASSERT_GT(sum, 0);
+    EXPECT_NEAR(columns / sum, (p.width_px - 1) / 2.0 + 12, 0.5);
+  }
+}
+
 TEST(TomoTargets, WhatCanHoldNoneIsRefused) {
   Printer p = projector();
   p.height_px = 40;
@@ -153,7 +207,8 @@ class TomoTargetProgram : public testing::Test {
 };
 
 TEST_F(TomoTargetProgram, WritesPicturesAndAPage) {
-  for (const std::string kind : {"axis", "focus", "scale", "direction", "light"}) {
+  for (const std::string kind :
+       {"axis", "focus", "scale", "direction", "light", "dose", "threshold"}) {
     const auto result =
         test::run_program({SLICECORR_BIN_DIR "/slicecorr", "tomo", "target", kind, "--printer",
                            "webber-vial", "-o", (folder_ / kind).string()});
@@ -166,6 +221,8 @@ TEST_F(TomoTargetProgram, WritesPicturesAndAPage) {
                                                   : kind == "focus"     ? TargetKind::focus
                                                   : kind == "scale"     ? TargetKind::scale
                                                   : kind == "direction" ? TargetKind::direction
+                                                  : kind == "dose"      ? TargetKind::dose
+                                                  : kind == "threshold" ? TargetKind::threshold
                                                                         : TargetKind::light,
                                                   load_printer("webber-vial"))) {
       std::ostringstream png;

@@ -17,6 +17,8 @@
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/fit.hpp"
 #include "slicecorr/resins/gel_time_fit.hpp"
+#include "slicecorr/resins/threshold_fit.hpp"
+#include "slicecorr/vial.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -35,6 +37,7 @@ struct FitArguments {
   std::uint64_t seed = 1;
   bool one_m = false;
   double conversion = 0;
+  bool threshold = false;
   std::string svg;
 };
 
@@ -221,10 +224,35 @@ int run_time_fit(const FitArguments& a, Console& console) {
   return cli::kDone;
 }
 
+/// A dose and a threshold from times to gel.
+int run_threshold_fit(const FitArguments& a, Console& console) {
+  if (!a.output.empty() || !a.svg.empty()) {
+    throw InputError(
+        "--threshold says two figures of a resin of tomographic printing; expected no -o and no --svg: "
+        "enter them in the resin's file");
+  }
+  cli::check_output(a.json, a.data);
+  const ThresholdFit fit = fit_threshold(
+      read_times_to_gel(a.data, a.conversion > 0 ? std::optional(a.conversion) : std::nullopt));
+  const double active = a.resin.empty() ? 0 : 10 * curing_absorption_per_mm(load_resin(a.resin));
+  if (!a.json.empty()) cli::print_or_write(a.json, fit.to_json(active));
+  if (a.json == "-") {
+    console.say(fit.to_text(active));
+  } else {
+    cli::print_result(fit.to_text(active) + "\n");
+  }
+  return cli::kDone;
+}
+
 int run_fit(const FitArguments& a, const ExecutionContext& context, Console& console) {
   const FitModel model = fit_model_named(a.model);
   const auto is_times = [](const std::string& path) { return is_table_of_times(path); };
-  if (model == FitModel::gel_time && std::any_of(a.data.begin(), a.data.end(), is_times)) {
+  const bool times = std::any_of(a.data.begin(), a.data.end(), is_times);
+  if (a.threshold) {
+    if (model == FitModel::gel_time && times) return run_threshold_fit(a, console);
+    throw InputError("--threshold is for --model gel-time with a table of times");
+  }
+  if (model == FitModel::gel_time && times) {
     return run_time_fit(a, console);
   }
   if (a.conversion > 0 || !a.svg.empty()) {
@@ -329,6 +357,10 @@ void add_fit(cli::Program& program) {
   sub->add_option("--conversion", a->conversion,
                   "gel-time, of a table with a column conversion: that at which the resin gels")
       ->check(cli::number_in(0, 1));
+  sub->add_flag(
+      "--threshold", a->threshold,
+      "gel-time, of times: t = E/(i - i0), a threshold below which oxygen comes back faster than "
+      "light takes it, in place of A/i + B/sqrt(i); with --resin its figures in a volume");
   sub->add_option("--svg", a->svg, "gel-time, of times: a picture of the fit");
   sub->add_flag("--one-m", a->one_m, "joint: one exponent with and without UV light");
   sub->footer(kFitFooter);

@@ -7,6 +7,7 @@
 
 #include <cmath>
 
+#include "slicecorr/cure.hpp"
 #include "slicecorr/vial.hpp"
 #include "support/page/html_page.hpp"
 #include "support/text/base64.hpp"
@@ -182,8 +183,82 @@ Words light_words(const Printer& p) {
   return w;
 }
 
+/// mW/cm² of the levels of rows and discs, for tables.
+std::vector<std::string> light_of_levels(const Printer& p) {
+  const std::vector<double> light = level_intensities(p);
+  std::vector<std::string> rows;
+  for (const int level : tomo::target_levels(p)) {
+    rows.push_back(fmt::format("{:.4g}", light[static_cast<std::size_t>(level)]));
+  }
+  return rows;
+}
+
+Words dose_words(const Printer& p) {
+  Words w;
+  w.title = "Dose matrix";
+  w.about =
+      "How long resin takes to gel, by how bright light is: rows of several levels, columns that are lit for "
+      "several times.";
+  w.vial =
+      "A cuvette of 1 mm, or resin between two glasses 0.3 mm apart, where the axis is, facing the "
+      "projector; nothing turns. Resin that is to be measured must be thin: light must hardly fade in it.";
+  w.steps = {
+      "Guess the time T in which the brightest row gels. Any guess will do: the matrix reaches from half of "
+      "it to ten times.",
+      markup(
+          "Show <b>dose-1.png</b> to <b>dose-8.png</b> one after the other, without a gap, each for "
+          "its seconds in the table, times T. A column goes dark when its time is over."),
+      "Rinse. In each row note the time at which the first column is lit (the sum up to its picture) in which "
+      "resin stayed.",
+      markup(
+          "Write these times into <code>times.csv</code> with the light of their rows. The fit says "
+          "gel dose and threshold of the resin.")};
+  Table table("blank");
+  for (const char* head : {"picture", "seconds, times T", "until then, times T"})
+    table.column(head);
+  double before = 0;
+  int k = 0;
+  for (const double until : tomo::target_times()) {
+    table.row(fmt::format("dose-{}", ++k));
+    table.cell(fmt::format("{:.3f}", until - before));
+    table.cell(fmt::format("{:.3f}", until));
+    before = until;
+  }
+  w.table = table;
+  w.enter = "# times.csv\nintensity_mw_cm2,time_s\n";
+  for (const std::string& light : light_of_levels(p)) w.enter += light + ",...\n";
+  w.enter += "\nresinctl fit times.csv --model gel-time --threshold --resin my-resin";
+  return w;
+}
+
+Words threshold_words(const Printer& p) {
+  Words w;
+  w.title = "Threshold";
+  w.about =
+      "Below which light resin never gels, because oxygen comes back as fast as light takes it: discs of "
+      "several levels on the axis (Kelly's thesis, figures 4-10 and 4-11).";
+  w.vial =
+      "The vial with resin, turning as it does when it prints; a camera that looks from the side.";
+  w.steps = {
+      markup("Show <b>threshold.png</b> while the vial turns. Film it from the side."),
+      "Note for each disc, from the top, the time at which something shows on the axis. A disc that shows "
+      "nothing in ten times the time of the first one is below the threshold: leave it out.",
+      markup(
+          "Write the times into <code>times.csv</code>. Light is that of the projector: on its way to the "
+          "axis it fades by e<sup>-alpha R</sup>, so multiply both figures of the fit by that.")};
+  w.table = blank_table({"mW/cm²", "seconds"}, light_of_levels(p));
+  w.enter = "# times.csv\nintensity_mw_cm2,time_s\n";
+  for (const std::string& light : light_of_levels(p)) w.enter += light + ",...\n";
+  w.enter += "\nresinctl fit times.csv --model gel-time --threshold --resin my-resin";
+  return w;
+}
+
 Words words_of(TargetKind kind, const Printer& p) {
   switch (kind) {
+    case TargetKind::dose:
+      return dose_words(p);
+    case TargetKind::threshold:
+      return threshold_words(p);
     case TargetKind::axis:
       return axis_words(p);
     case TargetKind::focus:

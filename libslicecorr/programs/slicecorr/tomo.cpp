@@ -193,6 +193,7 @@ void add_tomo(Program& program, TomoOptions& o) {
   add_tomo_views(program, group, o.views);
   add_tomo_targets(program, group, o.targets);
   add_tomo_look(program, group, o.look);
+  add_tomo_limits(program, group, o.limits);
 }
 
 }  // namespace slicecorr::cli

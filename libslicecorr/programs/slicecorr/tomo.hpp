@@ -9,6 +9,7 @@
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
 #include "programs/common/tomo_options.hpp"
+#include "tomo_limits.hpp"
 #include "tomo_look.hpp"
 #include "tomo_targets.hpp"
 #include "tomo_views.hpp"
@@ -23,6 +24,7 @@ struct TomoOptions : TomoPrintOptions {
   TomoViewOptions views;
   TomoTargetOptions targets;
   TomoLookOptions look;
+  TomoLimitOptions limits;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

@@ -22,6 +22,8 @@ tomo::TargetKind kind_named(const std::string& name) {
   if (name == "scale") return tomo::TargetKind::scale;
   if (name == "direction") return tomo::TargetKind::direction;
   if (name == "light") return tomo::TargetKind::light;
+  if (name == "dose") return tomo::TargetKind::dose;
+  if (name == "threshold") return tomo::TargetKind::threshold;
   return tomo::TargetKind::axis;
 }
 
@@ -59,9 +61,10 @@ void add_tomo_targets(Program& program, CLI::App* group, TomoTargetOptions& o) {
       });
   sub->add_option("KIND", o.kind,
                   "axis: offset, tilt and wobble; focus; scale: pixels and distance; direction: of "
-                  "the stage; light: levels and flat-field")
+                  "the stage; light: levels and flat-field; dose: of resin by light and time; "
+                  "threshold: light below which it never gels")
       ->required()
-      ->check(CLI::IsMember({"axis", "focus", "scale", "direction", "light"}));
+      ->check(CLI::IsMember({"axis", "focus", "scale", "direction", "light", "dose", "threshold"}));
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("-o,--output", o.output, "Folder for the pictures and the page [this one]")
       ->check(value_is(ValueKind::folder));

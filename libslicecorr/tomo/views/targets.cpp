@@ -198,7 +198,88 @@ std::vector<TargetPicture> light_pictures(const Printer& p) {
   return all;
 }
 
+constexpr int kColumnsOfTime = 8;
+
+/// Picture k lights the columns whose time is not over; all pictures one after the other make the matrix.
+std::vector<TargetPicture> dose_pictures(const Printer& p) {
+  const std::vector<int> levels = target_levels(p);
+  const auto rows = static_cast<int>(levels.size());
+  // Within the vial's width, where a cuvette would stand: squares with gaps of half of one.
+  const Window w = window_of(p);
+  const int across =
+      std::max(kLeastSide, std::min({w.past - w.first, p.width_px, p.height_px * 9 / 10}));
+  const int side = std::max(1, across * 2 / (3 * std::max(kColumnsOfTime, rows)));
+  const int step = side + std::max(1, side / 2);
+  const int left = static_cast<int>(std::lround(w.axis)) - step * kColumnsOfTime / 2;
+  const int top = std::clamp(static_cast<int>(std::lround(w.middle)) - step * rows / 2, 0,
+                             std::max(0, p.height_px - step * rows));
+  std::vector<TargetPicture> all;
+  for (int k = 0; k < kColumnsOfTime; ++k) {
+    GreyImage image{p.width_px, p.height_px, {}};
+    image.pixels.assign(
+        static_cast<std::size_t>(p.width_px) * static_cast<std::size_t>(p.height_px), 0);
+    for (int r = 0; r < rows; ++r) {
+      const auto value = static_cast<std::uint8_t>(
+          pixel_of_level(levels[static_cast<std::size_t>(r)], p.levels()));
+      for (int c = k; c < kColumnsOfTime; ++c) {
+        for (int y = top + r * step; y < std::min(top + r * step + side, p.height_px); ++y) {
+          for (int x = std::max(0, left + c * step);
+               x < std::min(left + c * step + side, p.width_px); ++x) {
+            image.pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(p.width_px) +
+                         static_cast<std::size_t>(x)] = value;
+          }
+        }
+      }
+    }
+    all.push_back({fmt::format("dose-{}", k + 1),
+                   fmt::format("columns {} to {}, rows of {} levels", k + 1, kColumnsOfTime, rows),
+                   std::move(image)});
+  }
+  return all;
+}
+
+std::vector<TargetPicture> threshold_pictures(const Printer& p) {
+  const std::vector<int> levels = target_levels(p);
+  const auto discs = static_cast<int>(levels.size());
+  const int step = p.height_px / discs;
+  const double radius = step / 4.0;
+  GreyImage image{p.width_px, p.height_px, {}};
+  for (int row = 0; row < p.height_px; ++row) {
+    const int k = std::min(row / step, discs - 1);
+    const double up = ((p.height_px - 1) / 2.0 - row - p.optics->axis_up_px) * p.pixel_y_um * 1e-3;
+    const double axis = image_place(p, {0, up}).column;
+    const auto value =
+        static_cast<std::uint8_t>(pixel_of_level(levels[static_cast<std::size_t>(k)], p.levels()));
+    for (int column = 0; column < p.width_px; ++column) {
+      const bool lit = std::hypot(column - axis, row - (k + 0.5) * step) <= radius;
+      image.pixels.push_back(lit ? value : 0);
+    }
+  }
+  return {{"threshold", fmt::format("{} discs on the axis, the brightest at the top", discs),
+           std::move(image)}};
+}
+
 }  // namespace
+
+std::vector<int> target_levels(const Printer& printer) {
+  constexpr int most = 8;
+  const std::vector<double> light = level_intensities(printer);
+  std::vector<int> levels;
+  for (int k = 0; k < most; ++k) {
+    const double wanted = light.back() * std::pow(0.1, k / (most - 1.0));
+    const auto at = std::lower_bound(light.begin(), light.end(), wanted);
+    const auto level = static_cast<int>(
+        std::min(at - light.begin(), static_cast<std::ptrdiff_t>(light.size()) - 1));
+    if (level > 0 && (levels.empty() || level < levels.back())) levels.push_back(level);
+  }
+  return levels;
+}
+
+std::vector<double> target_times() {
+  std::vector<double> times;
+  for (int k = 0; k < kColumnsOfTime; ++k) times.push_back(0.5 * std::pow(20.0, k / 7.0));
+  return times;
+}
 
 std::vector<TargetPicture> target_pictures(TargetKind kind, const Printer& printer) {
   require_tomographic(printer);
@@ -216,6 +297,10 @@ std::vector<TargetPicture> target_pictures(TargetKind kind, const Printer& print
       return scale_pictures(printer);
     case TargetKind::direction:
       return direction_pictures(printer);
+    case TargetKind::dose:
+      return dose_pictures(printer);
+    case TargetKind::threshold:
+      return threshold_pictures(printer);
     case TargetKind::light:
       break;
   }

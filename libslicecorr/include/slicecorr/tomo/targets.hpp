@@ -21,7 +21,15 @@ enum class TargetKind {
   scale,      ///< a ruled grid: pixels' pitch, and the distance of a pinhole
   direction,  ///< an F and a bar at four angles: which way the stage turns, mirrored or not
   light,      ///< even light of several levels: calibration and flat-field
+  dose,       ///< rows of several levels, columns of several times, for a cuvette of resin at rest
+  threshold,  ///< discs of several levels one above the other, for resin that turns
 };
+
+/// Levels of rows of `dose`, from the top, and of discs of `threshold`: brightest first, at equal factors of
+/// light down to a tenth of it; none twice.
+std::vector<int> target_levels(const Printer& printer);
+/// Factors of the expected time for which columns of `dose` are lit, from the left.
+std::vector<double> target_times();
 
 struct TargetPicture {
   std::string name;  ///< "axis-comb"; the file is NAME.png

@@ -38,7 +38,7 @@ double share_of(const Point3& low, const Point3& high, double x, double y, doubl
   return along(x, 0) * along(y, 1);
 }
 
-TEST(TomoPlaces, PartsLieWhereTheyAreSaidToLie) {
+TEST(TomoPartPlaces, PartsLieWhereTheyAreSaidToLie) {
   const Printer printer = bench_printer();
   const double h = 0.25;
   // Their own coordinates are far away.

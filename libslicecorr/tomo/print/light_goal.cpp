@@ -63,12 +63,13 @@ bool LightGoal::enough(const FoundLight& found, double contrast, int turns) cons
   return critical_mj_cm3_ >= kEnough * ((critical_mj_cm3_ + back) / contrast - back);
 }
 
-double cap_of_turns(const Bench& bench, int turns) {
+double likely_cap(const Bench& bench, int turns) {
   return kBelowCap * dose_of_turn(bench.grid, bench.exposure) * turns * bench.mw_cm2.back() /
-         (bench.exposure.critical_mj_cm3 +
-          bench.resupply_mj_cm3_s * bench.exposure.turn_s * turns) *
-         // What the dimmest place can show bounds all light.
-         least_share(bench);
+         (bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * bench.exposure.turn_s * turns);
+}
+
+double cap_of_turns(const Bench& bench, int turns) {
+  return likely_cap(bench, turns) * least_share(bench);
 }
 
 double least_turns(const Bench& bench, const Projector& projector, const Target& target,
@@ -93,6 +94,34 @@ double least_turns(const Bench& bench, const Projector& projector, const Target&
   }
   const double turn = std::max(unit * weakest.dose, 1e-6 * unit * most) - back;
   return turn > 0 ? bench.exposure.critical_mj_cm3 / turn : 1e6;
+}
+
+Turns turns_for(const Bench& bench, double turn_mj_cm3, int planned) {
+  const double back = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  if (!(turn_mj_cm3 > back)) {
+    return {planned, bench.exposure.critical_mj_cm3 + back * planned, true};
+  }
+  const double turns =
+      std::ceil(bench.exposure.critical_mj_cm3 / (turn_mj_cm3 - back) * (1 - 1e-9));
+  if (!(turns < 1e9)) throw InfeasibleError("the part gets too little light to gel in any time");
+  const int count = std::max(1, static_cast<int>(turns));
+  return {count, bench.exposure.critical_mj_cm3 + back * count};
+}
+
+void tell_levels(const ExecutionContext& context, const Bench& bench, double contrast_of_light,
+                 const PrintFigures& figures, std::uint16_t top) {
+  constexpr double kLost = 0.97;
+  const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
+  const double part = figures.gel_dose_mj_cm3, empty = (part + back) / contrast_of_light - back;
+  const std::size_t levels = bench.mw_cm2.size();
+  if (2U * top >= levels || figures.turns > 1 || !(empty > 0)) return;
+  if (figures.metrics.contrast >= kLost * part / empty) return;
+  context.tell(fmt::format(
+      "the projector is so bright that the print takes {} of its {} levels: contrast {:.4g}, where "
+      "the light that was found has {:.4g}; expected a lamp dimmed to {:.2g} %, with that in the "
+      "printer's calibration, or a stage that turns faster",
+      top + 1, levels, figures.metrics.contrast, part / empty,
+      100 * bench.mw_cm2[top] / bench.mw_cm2.back()));
 }
 
 }  // namespace slicecorr::tomo::detail

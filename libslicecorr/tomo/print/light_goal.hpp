@@ -4,6 +4,8 @@
 /// For how long a print may take where nobody said: contrast costs light, and light time.
 #pragma once
 
+#include <cstdint>
+
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/print.hpp"
 
@@ -36,7 +38,10 @@ class LightGoal {
   int attempt_ = 0;
 };
 
-/// Most light, as `LadderOptions::cap`, that prints in so many turns.
+/// Most light, as `LadderOptions::cap`, that prints in so many turns where the projector shines as its
+/// calibration says.
+double likely_cap(const Bench& bench, int turns);
+/// The same wherever it falls: what the dimmest place can show bounds all light.
 double cap_of_turns(const Bench& bench, int turns);
 
 /// Turns in which all pixels at their brightest give the part's weakest voxel its dose, not rounded.
@@ -44,5 +49,20 @@ double cap_of_turns(const Bench& bench, int turns);
 /// the voxel; where dose `spreads`, as fast as the brightest of all gets light.
 double least_turns(const Bench& bench, const Projector& projector, const Target& target,
                    bool spreads, const ExecutionContext& context);
+
+/// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
+struct Turns {
+  int count = 0;
+  double dose_mj_cm3 = 0;
+  bool never = false;  ///< it has, with this light
+};
+/// It gets `turn_mj_cm3` in a turn. Where inhibitor takes as much, which other light might not let it:
+/// so many as were `planned`.
+Turns turns_for(const Bench& bench, double turn_mj_cm3, int planned);
+
+/// Says when a projector is so bright that the print is done with few of its levels, the brightest of them
+/// `top`, at what price.
+void tell_levels(const ExecutionContext& context, const Bench& bench, double contrast_of_light,
+                 const PrintFigures& figures, std::uint16_t top);
 
 }  // namespace slicecorr::tomo::detail

@@ -129,23 +129,6 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   return f;
 }
 
-/// Says when a projector is so bright that the print is done with few of its levels, at what price.
-void tell_levels(const ExecutionContext& context, const Bench& bench, double contrast_of_light,
-                 const PrintFigures& figures, std::uint16_t top) {
-  constexpr double kLost = 0.97;
-  const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
-  const double part = figures.gel_dose_mj_cm3, empty = (part + back) / contrast_of_light - back;
-  const std::size_t levels = bench.mw_cm2.size();
-  if (2U * top >= levels || figures.turns > 1 || !(empty > 0)) return;
-  if (figures.metrics.contrast >= kLost * part / empty) return;
-  context.tell(fmt::format(
-      "the projector is so bright that the print takes {} of its {} levels: contrast {:.4g}, where "
-      "the light that was found has {:.4g}; expected a lamp dimmed to {:.2g} %, with that in the "
-      "printer's calibration, or a stage that turns faster",
-      top + 1, levels, figures.metrics.contrast, part / empty,
-      100 * bench.mw_cm2[top] / bench.mw_cm2.back()));
-}
-
 /// Up to so many levels that are used it is tried which way to round them.
 constexpr std::size_t kFewLevels = 64;
 
@@ -194,26 +177,6 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   check_insert(options.insert, part, printer, voxel_mm);
   place.most_turns = turns_allowed(place.bench, options.most_time_s);
   return place;
-}
-
-/// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
-struct Turns {
-  int count = 0;
-  double dose_mj_cm3 = 0;
-  bool never = false;  ///< it has, with this light
-};
-/// It gets `turn_mj_cm3` in a turn. Where inhibitor takes as much, which other light might not let it:
-/// so many as were `planned`.
-Turns turns_for(const Bench& bench, double turn_mj_cm3, int planned) {
-  const double back = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
-  if (!(turn_mj_cm3 > back)) {
-    return {planned, bench.exposure.critical_mj_cm3 + back * planned, true};
-  }
-  const double turns =
-      std::ceil(bench.exposure.critical_mj_cm3 / (turn_mj_cm3 - back) * (1 - 1e-9));
-  if (!(turns < 1e9)) throw InfeasibleError("the part gets too little light to gel in any time");
-  const int count = std::max(1, static_cast<int>(turns));
-  return {count, bench.exposure.critical_mj_cm3 + back * count};
 }
 
 /// What the solver sees: the part, and how light gives it dose.
@@ -404,10 +367,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
   const auto turns_of = [&](const Solution& found, const Asked& asked, double brightest) {
-    return turns_for(bench, per_unit * brightest * weakest_voxel(asked.target, found.dose).dose,
-                     goal             ? goal->turns()
-                     : most_turns > 0 ? most_turns
-                                      : detail::LightGoal(bench, least).turns());
+    return detail::turns_for(bench,
+                             per_unit * brightest * weakest_voxel(asked.target, found.dose).dose,
+                             goal             ? goal->turns()
+                             : most_turns > 0 ? most_turns
+                                              : detail::LightGoal(bench, least).turns());
   };
   std::optional<SolverState> state;
   if (options.resume) {
@@ -437,7 +401,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   Array<float> start;
   Light light(bench.grid);
   double brightest = 0;
-  Turns turns;
+  detail::Turns turns;
   for (;;) {
     ExecutionContext told = context;
     if (spreads) {
@@ -457,7 +421,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     how.prover = provable.projector.get();
     if (goal) {
       // Where a turn is more than enough for any light, time is none.
-      how.cap = goal->needs_cap() ? detail::cap_of_turns(bench, goal->turns()) : 0;
+      how.cap = goal->needs_cap() ? detail::likely_cap(bench, goal->turns()) : 0;
       file.of_attempt(goal->attempt());
     }
     std::optional<Solution> before;
@@ -591,7 +555,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
       figures = before;
     }
   }
-  tell_levels(context, bench, solution.metrics.contrast, figures, top);
+  detail::tell_levels(context, bench, solution.metrics.contrast, figures, top);
   context.report("judging", 1);
 
   job.history = std::move(solution.history);

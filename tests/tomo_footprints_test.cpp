@@ -14,17 +14,15 @@
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown_light.hpp"
 #include "slicecorr/vial.hpp"
-#include "snell.hpp"
 #include "tomo/operators/directions.hpp"
 #include "tomo/operators/footprint.hpp"
 #include "tomo/operators/square_projector.hpp"
 #include "tomo_jobs.hpp"
 #include "tomo_reference.hpp"
+#include "tomo_walk.hpp"
 
 namespace slicecorr::tomo {
 namespace {
-
-using std::numbers::pi;
 
 /// Share of a voxel of 0.3 mm that a column of pixels of 0.25 mm lights, seen at th.
 double share_seen(double from_mm, double to_mm, double x, double y, double th, double turn_rad) {
@@ -117,124 +115,6 @@ TEST(TomoFootprints, LevelOperatorsAreTransposes) {
       EXPECT_NEAR(right / left, 1, 1e-5) << dry << slices;
     }
   }
-}
-
-/// Doses of a job by rays: a time, a place on the image, both walls by Snell's law, places on the way. Means over voxels,
-/// with their standard errors.
-struct Walked {
-  std::vector<double> dose, error;
-  int rays = 0;  ///< that bring light
-};
-Walked walk(const TomoJob& job, const Bench& bench, int count) {
-  const TomoGrid& g = bench.grid;
-  const Printer& p = job.printer;
-  const double n = index_of(job.resin), alpha = absorption_per_mm(job.resin);
-  const double height = g.slice_height_mm(),
-               low = g.coupled() ? g.lowest_mm : bench.places.lowest_mm();
-  Box<float> box{g.slices, g.voxels, g.voxels, {}};
-  const std::size_t voxels =
-      static_cast<std::size_t>(g.slices) * static_cast<std::size_t>(g.voxels * g.voxels);
-  std::vector<double> sum(voxels), squares(voxels);
-  Walked walked;
-  std::mt19937 random(7);
-  const auto uniform = [&] { return (random() >> 5) * 0x1p-27; };
-  for (int k = 0; k < count; ++k) {
-    const int m = static_cast<int>(uniform() * g.angles);
-    const double th = 2 * pi * (m + uniform() - 0.5) / g.angles;
-    const double column = uniform() * p.width_px - 0.5, row = uniform() * p.height_px - 0.5;
-    const FramePlaces::Lit lit = bench.places.lit_by(m, static_cast<int>(std::lround(column)),
-                                                     static_cast<int>(std::lround(row)));
-    if (!lit.any()) continue;
-    const double shown = bench.mw_cm2[job.levels[g.pixel(m, lit.pixel, lit.row)]];
-    if (shown == 0) continue;
-    const LightLine line = chief_ray(p, column, row);
-    if (misses(*p.vial, n, line.q_mm(), line.kz())) continue;
-    const test::Marched ray = test::march(*p.vial, n, line);
-    const test::Vector way = test::add(ray.exit, ray.entry, -1);
-    const double chord = std::sqrt(test::dot(way, way));
-    ++walked.rays;
-    constexpr int kPlaces = 12;
-    for (int i = 0; i < kPlaces; ++i) {
-      const double along = (i + uniform()) / kPlaces;
-      const test::Vector at = test::add(ray.entry, way, along);
-      const double x = at[0] * std::cos(th) - at[1] * std::sin(th),
-                   y = at[0] * std::sin(th) + at[1] * std::cos(th);
-      const auto ix = std::lround((x + g.radius_mm) / g.voxel_mm()),
-                 iy = std::lround((y + g.radius_mm) / g.voxel_mm()),
-                 iz = std::lround((at[2] - low) / height);
-      if (std::min({ix, iy, iz}) < 0 || std::max(ix, iy) >= g.voxels || iz >= g.slices) continue;
-      const double weight = shown * ray.power * chord / kPlaces * std::exp(-alpha * along * chord);
-      const std::size_t v =
-          box.at(static_cast<int>(iz), static_cast<int>(iy), static_cast<int>(ix));
-      sum[v] += weight;
-      squares[v] += weight * weight;
-    }
-  }
-  const double unit = dose_of_turn(g, bench.exposure) * job.turns * g.angles * p.width_px *
-                      p.height_px * p.pixel_x_um * p.pixel_y_um * 1e-6 / count /
-                      (g.voxel_mm() * g.voxel_mm() * height);
-  for (std::size_t v = 0; v < voxels; ++v) {
-    walked.dose.push_back(unit * sum[v]);
-    walked.error.push_back(unit * std::sqrt(squares[v]));
-  }
-  return walked;
-}
-
-/// A printer whose image just covers a vial of 2 mm, so that rays are few.
-Printer small_printer(bool dry, double pixel_mm) {
-  Printer p = bench_printer();
-  p.vial = dry ? Vial{2.25, 2.0, 1.0, 1.48} : Vial{2.25, 2.0, 1.5, 1.5};
-  p.pixel_x_um = p.pixel_y_um = 1e3 * pixel_mm;
-  p.width_px = 2 * static_cast<int>(std::ceil(2.3 / pixel_mm));
-  p.height_px = 2 * static_cast<int>(std::ceil(1.0 / pixel_mm));
-  p.calibration = {{0, 0}, {255, 2}};
-  p.rotation->max_fps = 0;
-  return p;
-}
-
-/// What `dose_of` says of frames of this light is what rays bring. `light(m, column, row)`: a level.
-template <class LightAt>
-void expect_rays_agree(const Printer& p, double voxel_mm, int slices, int angles,
-                       const LightAt& light) {
-  TomoJob job;
-  job.printer = p;
-  job.resin = bench_resin(2);
-  job.sampling = {voxel_mm, slices, angles};
-  const Bench bench = make_bench(p, job.resin, job.sampling);
-  const TomoGrid& g = bench.grid;
-  job.part = {g.slices, g.voxels, g.voxels, {}};
-  job.part.values.assign(static_cast<std::size_t>(g.slices * g.voxels * g.voxels), 0);
-  job.levels.assign(g.blocks() * g.light_of_block(), 0);
-  for (int m = 0; m < angles; ++m) {
-    for (int i = 0; i < g.pixels; ++i) {
-      for (int r = 0; r < g.light_rows(); ++r) {
-        job.levels[g.pixel(m, i, r)] = static_cast<std::uint16_t>(light(m, i, r));
-      }
-    }
-  }
-  const Walked want = walk(job, bench, 300000);
-  const Box<float> got = dose_of(job);
-  const double most = *std::max_element(want.dose.begin(), want.dose.end());
-  double off = 0, sum = 0;
-  int within = 0, all = 0;
-  for (int z = 0; z < g.slices; ++z) {
-    for (int y = 0; y < g.voxels; ++y) {
-      for (int x = 0; x < g.voxels; ++x) {
-        // Where light comes from all sides, and voxels lie within the resin.
-        const double r = std::hypot(g.voxel_at_mm(x), g.voxel_at_mm(y)) + 0.75 * g.voxel_mm();
-        if (r > std::min(bench.reach_mm, g.radius_mm)) continue;
-        const std::size_t v = got.at(z, y, x);
-        const double apart = std::abs(got.values[v] - want.dose[v]);
-        off += got.values[v] - want.dose[v];
-        sum += want.dose[v];
-        ++all;
-        within += apart < 5 * want.error[v] + 0.015 * most;
-      }
-    }
-  }
-  // Footprints are right to 1 % and less of large weights; five standard errors for the rays.
-  EXPECT_EQ(within, all);
-  EXPECT_NEAR(off / sum, 0, 0.01 + 4 / std::sqrt(want.rays));
 }
 
 TEST(TomoFootprints, RaysAgreeOnPixelsAsLargeAsVoxels) {
@@ -349,9 +229,11 @@ std::vector<std::vector<double>> weights_on(const Bench& bench, const Target& ta
 
 /// Pixels a little smaller than voxels, as large, and much finer: what is proven holds for all light.
 TEST(TomoFootprints, BoundsHoldForAllLightOfAPoint) {
-  for (const double pixel_mm : {0.5, 0.47, 0.24}) {
+  for (const auto& [pixel_mm, sigma_um] :
+       {std::pair{0.5, 0.0}, {0.47, 0.0}, {0.24, 0.0}, {0.5, 150.0}}) {
     SCOPED_TRACE(pixel_mm);
     Printer p = small_printer(false, pixel_mm);
+    if (sigma_um > 0) p.spread.gaussians = {{sigma_um, 1}};
     p.optics->kind = OpticsKind::pinhole;
     p.optics->distance_mm = 60;
     const Sampling sampling{0.5, 3, 6};

@@ -266,8 +266,11 @@ slicecorr_status slicecorr_tomo_verify(const slicecorr_tomo_job* tomo_job,
       }
     }
     const slicecorr::ExecutionContext context = job_of(handle);
-    output.give(figures_of(
-        tomo::figures_of(j.job, tomo::dose_of(j.job, context), part ? other : j.job.part, context)
-            .to_json()));
+    const tomo::Box<std::uint8_t>& judged = part ? other : j.job.part;
+    tomo::PrintFigures told =
+        tomo::figures_of(j.job, tomo::dose_of(j.job, context), judged, context);
+    told.gel_centres_below_dose = tomo::share_below_gel(
+        j.job, tomo::dose_of(j.job, context, tomo::JudgedAt::centres), judged);
+    output.give(figures_of(told.to_json()));
   });
 }

@@ -339,6 +339,7 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
   } else {
     printer.pixel_x_um = printer.pixel_y_um = display.required_number("pixel_um", 0, 1e4);
   }
+  printer.fill_factor = display.number("fill_factor", 0, 1).value_or(1);
   printer.orientation = orientation_of(display);
   detail::flat_field_keys(display);
   const TomlTable blue = root.required_table("blue");

@@ -13,6 +13,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
+#include "slicecorr/vial.hpp"
 #include "support/text/csv.hpp"
 
 namespace slicecorr::detail {
@@ -34,9 +35,27 @@ Vial vial_of(const TomlTable& table) {
     table.fail("inner_mm", fmt::format("is {:g}; expected less than outer_mm, {:g}: both are radii",
                                        vial.inner_mm, vial.outer_mm));
   }
+  const std::string shape = table.text("shape", "round");
+  if (shape != "round") {
+    table.fail("shape",
+               fmt::format("is '{}', and light through flat walls that turn with the vial is "
+                           "not counted; expected \"round\"",
+                           shape));
+  }
   vial.n_outside = index(table, "n_outside", vial.n_outside);
   vial.n_wall = index(table, "n_wall", vial.n_wall);
   return vial;
+}
+
+Bath bath_of(const TomlTable& table) {
+  Bath bath;
+  bath.window_mm = table.required_number("window_mm", 0, 1e6);
+  const auto n = table.number("n", 1, 3, true);
+  if (!n) table.fail("n", "missing; expected the liquid's refractive index, from 1 to 3");
+  bath.n = *n;
+  bath.wall_mm = table.number("wall_mm", 0, 1e4, true).value_or(0);
+  bath.n_wall = index(table, "n_wall", bath.n_wall);
+  return bath;
 }
 
 Optics optics_of(const TomlTable& table, const Printer& printer) {
@@ -139,6 +158,12 @@ void tomography_keys(const TomlTable& root, Printer& printer) {
   if (const auto vial = root.table("vial")) printer.vial = vial_of(*vial);
   if (const auto optics = root.table("optics")) printer.optics = optics_of(*optics, printer);
   if (const auto rotation = root.table("rotation")) printer.rotation = rotation_of(*rotation);
+  if (const auto bath = root.table("bath")) {
+    printer.bath = bath_of(*bath);
+    const auto vial = root.table("vial");
+    if (printer.vial && !vial->has("n_outside")) printer.vial->n_outside = printer.bath->n;
+    if (const auto wrong = wrong_bath(printer)) bath->fail(wrong->key, wrong->words);
+  }
 }
 
 double absorbance_height10(const TomlTable& table) {

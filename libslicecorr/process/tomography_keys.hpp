@@ -11,7 +11,7 @@
 
 namespace slicecorr::detail {
 
-/// Reads [vial], [optics] and [rotation] where they are there. Throws `InputError` naming file, line
+/// Reads [vial], [optics], [rotation] and [bath] where they are there. Throws `InputError` naming file, line
 /// and key.
 void tomography_keys(const TomlTable& root, Printer& printer);
 

@@ -67,6 +67,51 @@ FaceTransmittance through(double n, double cosine, double n_after, double cosine
   return {1 - s * s, 1 - p * p};
 }
 
+/// What the window of a bath makes of light near the optical axis: pixels as large, seen from so far.
+struct SeenThrough {
+  double larger = 1, distance_mm = 0;
+};
+SeenThrough through_window(const Printer& printer) {
+  const Optics& optics = *printer.optics;
+  if (!printer.bath) return {1, optics.distance_mm};
+  const Bath& b = *printer.bath;
+  const double larger =
+      (optics.distance_mm - b.window_mm + b.wall_mm / b.n_wall + (b.window_mm - b.wall_mm) / b.n) /
+      optics.distance_mm;
+  return {larger, b.n * larger * optics.distance_mm};
+}
+
+/// The ray of a pinhole through this place of the plane of the axis, as it goes on in the bath.
+LightLine ray_of_pinhole(const Printer& printer, const PlanePlace& place) {
+  const double distance = printer.optics->distance_mm;
+  LightLine line{place.x_mm, place.z_mm, place.x_mm / distance, place.z_mm / distance};
+  if (!printer.bath) return line;
+  const Bath& b = *printer.bath;
+  const double r = std::hypot(place.x_mm, place.z_mm), sine = r / std::hypot(r, distance);
+  const auto tangent = [&](double n) { return sine / std::sqrt(n * n - sine * sine); };
+  // Over r, as sines are: 1 / hypot(r, L) on the axis.
+  const double by_r = r > 0 ? 1 / r : 0;
+  const SeenThrough middle = through_window(printer);
+  const double moved =
+      r > 0 ? by_r * ((distance - b.window_mm) * tangent(1) + b.wall_mm * tangent(b.n_wall) +
+                      (b.window_mm - b.wall_mm) * tangent(b.n))
+            : middle.larger;
+  const double slope = r > 0 ? by_r * tangent(b.n) : 1 / (distance * b.n);
+  line.slope_x = place.x_mm * slope;
+  line.slope_z = place.z_mm * slope;
+  line.x_mm *= moved;
+  line.z_mm *= moved;
+  return line;
+}
+
+/// What both faces of a bath's window let through, of light that comes in at this sine in air.
+double window_transmittance(const Bath& b, double sine) {
+  const auto cosine = [&](double n) { return std::sqrt(1 - sine * sine / (n * n)); };
+  const FaceTransmittance outer = through(1, cosine(1), b.n_wall, cosine(b.n_wall)),
+                          inner = through(b.n_wall, cosine(b.n_wall), b.n, cosine(b.n));
+  return (outer.s * inner.s + outer.p * inner.p) / 2;
+}
+
 }  // namespace
 
 double LightLine::angle_rad() const { return std::atan(slope_x); }
@@ -125,12 +170,51 @@ double most_wobble_px(const Rotation& rotation) {
 LightLine chief_ray(const Printer& printer, double column, double row) {
   const Optics& optics = optics_of(printer);
   const PlanePlace place = pixel_mm(printer, column, row);
-  LightLine line{place.x_mm, place.z_mm};
-  if (optics.kind == OpticsKind::pinhole) {
-    line.slope_x = line.x_mm / optics.distance_mm;
-    line.slope_z = line.z_mm / optics.distance_mm;
+  const bool spreads = optics.kind == OpticsKind::pinhole;
+  LightLine line = spreads ? ray_of_pinhole(printer, place) : LightLine{place.x_mm, place.z_mm};
+  if (printer.bath) {
+    const double r = spreads ? std::hypot(place.x_mm, place.z_mm) : 0;
+    line.transmittance =
+        window_transmittance(*printer.bath, spreads ? r / std::hypot(r, optics.distance_mm) : 0);
   }
   return line;
+}
+
+double aperture_slope(const Printer& printer) {
+  const double angle = optics_of(printer).half_angle_deg * kRadians;
+  if (!printer.bath) return std::tan(angle);
+  return std::tan(std::asin(std::sin(angle) / printer.bath->n));
+}
+
+std::optional<WrongBath> wrong_bath(const Printer& printer) {
+  if (!printer.bath) return std::nullopt;
+  const Bath& b = *printer.bath;
+  if (b.wall_mm >= b.window_mm) {
+    return WrongBath{"wall_mm", fmt::format("is {:g}; expected less than window_mm, {:g}: the "
+                                            "window lies before the axis",
+                                            b.wall_mm, b.window_mm)};
+  }
+  if (printer.vial && b.window_mm - b.wall_mm < printer.vial->outer_mm) {
+    return WrongBath{
+        "window_mm",
+        fmt::format("is {:g}, with {:g} mm of window in it; expected the vial, of {:g} mm, behind "
+                    "the window",
+                    b.window_mm, b.wall_mm, printer.vial->outer_mm)};
+  }
+  if (printer.vial && std::abs(printer.vial->n_outside - b.n) > 1e-9) {
+    return WrongBath{"n",
+                     fmt::format("is {:g}, and n_outside in [vial] {:g}; expected the same, or "
+                                 "one of them: the bath is around the vial",
+                                 b.n, printer.vial->n_outside)};
+  }
+  if (printer.optics && printer.optics->kind == OpticsKind::pinhole &&
+      b.window_mm >= printer.optics->distance_mm) {
+    return WrongBath{"window_mm",
+                     fmt::format("is {:g}; expected less than distance_mm, {:g}: the point that "
+                                 "light comes from is in air",
+                                 b.window_mm, printer.optics->distance_mm)};
+  }
+  return std::nullopt;
 }
 
 double index_across(double n, double n_outside, double kz) {
@@ -191,7 +275,7 @@ std::optional<ResinRay> ray_in_resin(const Vial& vial, double n_resin, const Lig
           line.slope_z * std::cos(psi) +
       wall_mm * kz2 / std::sqrt(1 - kz2 * kz2);
   ray.chord_mm = chord_mm(vial, n_resin, q, kz);
-  ray.transmittance = transmittance(vial, n_resin, q, kz);
+  ray.transmittance = transmittance(vial, n_resin, q, kz) * line.transmittance;
   return ray;
 }
 
@@ -204,9 +288,8 @@ double reach_mm(const Printer& printer, double n_resin) {
       printer.rotation ? most_wobble_px(*printer.rotation) * printer.pixel_x_um * 1e-3 : 0;
   const double side_mm =
       std::max(0.0, std::min(-pixel_x_mm(printer, 0), pixel_x_mm(printer, last)) - wobble_mm);
-  const double q_mm = optics.kind == OpticsKind::pinhole
-                          ? side_mm / std::hypot(1.0, side_mm / optics.distance_mm)
-                          : side_mm;
+  const double q_mm =
+      optics.kind == OpticsKind::pinhole ? ray_of_pinhole(printer, {side_mm, 0}).q_mm() : side_mm;
   return std::min({vial.n_outside * std::min(vial.outer_mm, q_mm), vial.n_wall * vial.inner_mm,
                    n_resin * vial.inner_mm}) /
          n_resin;
@@ -216,10 +299,12 @@ double height_on_axis(const Printer& printer, double n_resin) {
   const Vial& vial = vial_of(printer);
   const Optics& optics = optics_of(printer);
   if (optics.kind == OpticsKind::telecentric) return 1;
-  return (optics.distance_mm - vial.outer_mm +
+  const SeenThrough seen = through_window(printer);
+  return seen.larger *
+         (seen.distance_mm - vial.outer_mm +
           (vial.outer_mm - vial.inner_mm) * vial.n_outside / vial.n_wall +
           vial.inner_mm * vial.n_outside / n_resin) /
-         optics.distance_mm;
+         seen.distance_mm;
 }
 
 const char* name_of(OpticsKind kind) {

@@ -310,6 +310,10 @@ void check_tomography(CheckedFile& definition) {
       }
     }
   }
+  if (const toml::table* t = definition.table("bath"); t && !definition.table("vial")) {
+    definition.add(t->source().begin.line, "bath",
+                   "is of no use without [vial]; expected the vial that stands in it", true);
+  }
   const bool cone = definition.number("optics", "half_angle_deg").value_or(0) > 0;
   const bool rays = definition.number("optics", "rays_per_pixel").value_or(1) > 1;
   if (cone != rays) {

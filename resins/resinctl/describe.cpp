@@ -155,6 +155,13 @@ std::string tomography_text(const Printer& p, const Resin* in) {
                                          100 * std::exp(-absorption_per_mm(*in) * v.inner_mm)));
     }
   }
+  if (p.bath) {
+    const Bath& b = *p.bath;
+    out += "\nBath\n";
+    out += line("window", fmt::format("{:g} mm before the axis, {:g} mm thick, of index {:g}",
+                                      b.window_mm, b.wall_mm, b.n_wall));
+    out += line("liquid", fmt::format("of index {:g}", b.n));
+  }
   if (p.optics) {
     const Optics& o = *p.optics;
     out += "\nOptics\n";
@@ -515,6 +522,13 @@ std::string printer_json(const Printer& p, const std::string& path) {
                  {"n_outside", p.vial->n_outside},
                  {"n_wall", p.vial->n_wall}};
   }
+  if (p.bath) {
+    j["bath"] = {{"window_mm", p.bath->window_mm},
+                 {"n", p.bath->n},
+                 {"wall_mm", p.bath->wall_mm},
+                 {"n_wall", p.bath->n_wall}};
+  }
+  if (p.fill_factor < 1) j["fill_factor"] = p.fill_factor;
   if (p.optics) {
     const Optics& o = *p.optics;
     j["optics"]["kind"] = name_of(o.kind);

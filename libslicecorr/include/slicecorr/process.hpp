@@ -123,6 +123,16 @@ struct Optics {
   bool operator==(const Optics&) const = default;
 };
 
+/// A bath around the vial of a tomographic printer, with a flat window that faces the projector,
+/// square to the optical axis. The liquid's index is `Vial::n_outside`, too.
+struct Bath {
+  double window_mm = 0;  ///< from the window's outer face, in air, to the axis of rotation
+  double n = 1;          ///< refractive index of the liquid, 1..3
+  double wall_mm = 0;    ///< thickness of the window, >= 0
+  double n_wall = 1.52;  ///< refractive index of the window, 1..3; float glass in violet light
+  bool operator==(const Bath&) const = default;
+};
+
 /// How the vial turns, seen from above.
 enum class TurnDirection { clockwise, counterclockwise };
 
@@ -221,6 +231,10 @@ struct Printer {
   double grey_m = 1;
   /// How evenly the UV lamp shines (`[uv] flat_field`); nothing: even.
   std::optional<FlatField> uv_flat_field{};
+  /// Lit share of the area of a pixel: a square in its middle; the rest is dark, >0..1. The calibration
+  /// says the mean of both. It counts in tomographic printing.
+  double fill_factor = 1;
+  std::optional<Bath> bath{};  ///< of a tomographic printer
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };

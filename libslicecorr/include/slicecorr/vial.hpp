@@ -19,6 +19,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "slicecorr/process.hpp"
 
@@ -29,6 +30,7 @@ namespace slicecorr {
 struct LightLine {
   double x_mm = 0, z_mm = 0;
   double slope_x = 0, slope_z = 0;
+  double transmittance = 1;  ///< share of its light that is left: what a bath's window lets through
   double angle_rad() const;  ///< psi: of its projection along z, from +Y towards +X
   double q_mm() const;       ///< x cos psi
   double kz() const;
@@ -57,9 +59,20 @@ AxisWobble wobble_at(const Rotation& rotation, double angle_deg);
 /// Most that it is moved to a side, in pixels.
 double most_wobble_px(const Rotation& rotation);
 
-/// The middle one of a pixel's rays: parallel to the optical axis (telecentric), or from the point
-/// `distance_mm` in front of the axis (pinhole). Throws `InputError` when the printer has no optics.
+/// The middle one of a pixel's rays next to the vial: parallel to the optical axis (telecentric), or
+/// from the point `distance_mm` in front of the axis (pinhole), bent by both faces of the window where
+/// there is a bath. Throws `InputError` when the printer has no optics.
 LightLine chief_ray(const Printer& printer, double column, double row);
+
+/// Slope against the middle ray, next to the vial, of the edge of the cone that a pixel's light fills.
+double aperture_slope(const Printer& printer);
+
+/// What is wrong with a bath: a key of its table and words; nothing where it goes with vial and optics.
+struct WrongBath {
+  const char* key = "";
+  std::string words;
+};
+std::optional<WrongBath> wrong_bath(const Printer& printer);
 
 /// n': the refractive index that counts across the axis, sqrt(n² - (n_outside kz)²).
 double index_across(double n, double n_outside, double kz);
@@ -87,7 +100,7 @@ struct ResinRay {
   double kz = 0;    ///< z part of its unit direction
   double entry_z_mm = 0;     ///< where it comes into the resin, at u = -sqrt(inner_mm² - t_mm²)
   double chord_mm = 0;       ///< from there to where it leaves
-  double transmittance = 0;  ///< of both faces of the wall
+  double transmittance = 0;  ///< of both faces of the wall, and of what the line says
   double climb_mm() const { return chord_mm * kz; }  ///< how much it rises on its way
 };
 /// Nothing where the line misses the resin.
@@ -98,7 +111,7 @@ std::optional<ResinRay> ray_in_resin(const Vial& vial, double n_resin, const Lig
 /// `InputError` when the printer has no vial or optics.
 double reach_mm(const Printer& printer, double n_resin);
 
-/// z on the axis of a pixel near the optical axis, over what it is without the vial: 1 where light is
+/// z on the axis of a pixel near the optical axis, over what it is without vial and bath: 1 where light is
 /// telecentric. Throws `InputError` when the printer has no vial or optics.
 double height_on_axis(const Printer& printer, double n_resin);
 

@@ -19,7 +19,6 @@
 #include "slicecorr/tomo/beams.hpp"
 #include "slicecorr/tomo/beams_job.hpp"
 #include "slicecorr/tomo/beams_page.hpp"
-#include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/units.hpp"
 #include "support/json/finite.hpp"
 

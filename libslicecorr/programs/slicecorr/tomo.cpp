@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include "slicecorr/error.hpp"
@@ -41,6 +42,12 @@ std::string in_words(const PrintFigures& f) {
   if (!f.feasible()) {
     text += m.contrast < 1 ? "\nvoid gels before the part does"
                            : "\nsome of the part gets less than what gels";
+  }
+  if (f.gel_centres_below_dose) {
+    text += fmt::format(
+        "\nbelow the gel dose: {:.3g} % of the part's voxels by their means, {:.3g} % "
+        "in their middles",
+        100 * f.gel_below_dose, 100 * *f.gel_centres_below_dose);
   }
   return text + "\n";
 }
@@ -125,8 +132,12 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
         o.volume, "",
         fmt::format("has {} slices, the job {}; expected as many", part.nz, job.part.nz));
   }
-  const Box<float> dose = [&] {
-    if (o.shown.empty()) return tomo::dose_of(job, context);
+  std::optional<tomo::Shown> shown_frames;
+  const auto dose_at = [&](tomo::JudgedAt at) {
+    return shown_frames ? tomo::dose_of(job, shown_frames->showings, context, at)
+                        : tomo::dose_of(job, context, at);
+  };
+  if (!o.shown.empty()) {
     const tomo::Shown shown = tomo::read_shown(o.shown, job.sampling.angles);
     if (shown.without_end > 0) {
       console.say(
@@ -137,10 +148,14 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
     const double planned_s = job.turns * job.printer.rotation->turn_s(), light_s = shown.light_s();
     console.say(fmt::format("{}: {:.4g} s of light, planned {:.4g} s ({} turns)", o.shown, light_s,
                             planned_s, job.turns));
-    return tomo::dose_of(job, shown.showings, context);
-  }();
+    shown_frames = shown;
+  }
+  const Box<float> dose = dose_at(tomo::JudgedAt::means);
   if (!o.dose.empty()) tomo::write_npy(o.dose, dose);
-  return tell(tomo::figures_of(job, dose, part, context), o.json, console);
+  PrintFigures figures = tomo::figures_of(job, dose, part, context);
+  figures.gel_centres_below_dose =
+      tomo::share_below_gel(job, dose_at(tomo::JudgedAt::centres), part);
+  return tell(figures, o.json, console);
 }
 
 }  // namespace

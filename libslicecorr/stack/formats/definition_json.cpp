@@ -147,6 +147,12 @@ void read_tomography(const Node& node, Printer& p) {
         r["max_fps"].number(0, kLargest)};
     if (r.has("wobble")) p.rotation->wobble = read_wobble(r["wobble"]);
   }
+  if (node.has("bath")) {
+    const Node b = node["bath"];
+    p.bath = Bath{b["window_mm"].positive(), b["n"].number(1, 3), b["wall_mm"].number(0, kLargest),
+                  b["n_wall"].number(1, 3)};
+    if (const auto wrong = wrong_bath(p)) b[wrong->key].fail("what goes with vial and optics");
+  }
 }
 
 /// What a printer file can say of lifts.
@@ -217,6 +223,7 @@ Json printer_json(const Printer& p) {
   if (p.flat_field) json["flat_field"] = field_json(*p.flat_field, kFlatFieldEntry);
   if (p.uv_flat_field) json["uv_flat_field"] = field_json(*p.uv_flat_field, kUvFlatFieldEntry);
   if (p.grey == GreyLight::pulsed) json["grey"] = "pulsed";
+  if (p.fill_factor < 1) json["fill_factor"] = p.fill_factor;
   if (p.resin_depth_um > 0) json["resin_depth_um"] = p.resin_depth_um;
   if (p.platform_reflectance > 0) json["platform_reflectance"] = p.platform_reflectance;
   if (p.lifts == Lifts::none) json["lifts"] = "none";
@@ -241,6 +248,12 @@ Json printer_json(const Printer& p) {
                       {"axis_right_px", p.optics->axis_right_px},
                       {"axis_up_px", p.optics->axis_up_px}};
     if (p.optics->tilt_deg != 0) json["optics"]["tilt_deg"] = p.optics->tilt_deg;
+  }
+  if (p.bath) {
+    json["bath"] = {{"window_mm", p.bath->window_mm},
+                    {"n", p.bath->n},
+                    {"wall_mm", p.bath->wall_mm},
+                    {"n_wall", p.bath->n_wall}};
   }
   if (p.rotation) {
     json["rotation"] = {{"deg_s", p.rotation->deg_s},
@@ -397,6 +410,10 @@ Printer read_printer(const Node& node) {
   read_tomography(node, p);
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, kLargest);
   p.travel_mm = node["travel_mm"].number(0, kLargest);
+  if (node.has("fill_factor")) {
+    p.fill_factor = node["fill_factor"].positive();
+    if (p.fill_factor > 1) node["fill_factor"].fail("at most 1");
+  }
   if (node.has("grey")) {
     p.grey = node["grey"].choice({"steady", "pulsed"}) == 1 ? GreyLight::pulsed : GreyLight::steady;
   }

@@ -44,6 +44,23 @@ void share_out(const float* place, int n, const Boxes<float>& wide, int taps, in
   for (int z = 0; z < n; ++z) last[z] = 1 - last[z];
 }
 
+/// The same of pixels that are lit in their middles alone, so wide.
+SLICECORR_CLONES
+void share_out_lit(const float* place, int n, const Boxes<float>& wide, float lit, int taps,
+                   int* first, float* shares) {
+  const Boxes<float> boxes = wide;
+  const float reach = 0.5f * static_cast<float>(taps - 1), half = lit / 2, by_lit = 1 / lit;
+  for (int tap = 0; tap < taps; ++tap) {
+    float* const to = shares + static_cast<std::size_t>(tap) * n;
+    for (int z = 0; z < n; ++z) {
+      const float low = std::floor(place[z] - reach + 0.5f);
+      const float middle = low + static_cast<float>(tap) - place[z];
+      first[z] = static_cast<int>(low);
+      to[z] = (boxes.below(middle + half) - boxes.below(middle - half)) * by_lit;
+    }
+  }
+}
+
 /// Rows' shares take the light with them; pixels beside the image are kept next to it.
 SLICECORR_CLONES
 void finish(Footprints& out, const VoxelColumn& v, int most_across, int most_up) {
@@ -87,18 +104,25 @@ void make_footprints(const VoxelColumn& v, int most_across, int most_up, Footpri
   };
   const float along = middle(RayMapPart::along), up = middle(RayMapPart::up),
               slope = std::abs(middle(RayMapPart::slope));
-  const Boxes<float> wide(along * v.one_mm, along * v.other_mm, along * v.turn_mm);
-  const Boxes<float> high(up * v.height_mm, up * slope * v.side_mm, 0);
-  out.across = taps_for(along * (v.one_mm + v.other_mm + v.turn_mm), most_across);
-  out.up = taps_for(up * (v.height_mm + slope * v.side_mm), most_up);
+  const float third = std::hypot(along * v.turn_mm, v.soft_across);
+  const Boxes<float> wide(along * v.one_mm, along * v.other_mm, third);
+  const Boxes<float> high(up * v.height_mm, up * slope * v.side_mm, v.soft_up);
+  out.across = taps_for(along * (v.one_mm + v.other_mm) + third, most_across);
+  out.up = taps_for(up * (v.height_mm + slope * v.side_mm) + v.soft_up, most_up);
   out.first_column.resize(n);
   out.first_row.resize(n);
   out.column_shares.resize(n * static_cast<std::size_t>(out.across));
   out.row_shares.resize(n * static_cast<std::size_t>(out.up));
-  share_out(out.parts.data(), v.slices, wide, out.across, out.first_column.data(),
-            out.column_shares.data());
-  share_out(out.parts.data() + n, v.slices, high, out.up, out.first_row.data(),
-            out.row_shares.data());
+  const auto share = [&](const float* place, const Boxes<float>& boxes, float lit, int taps,
+                         std::vector<int>& first, Array<float>& shares) {
+    if (lit < 1) {
+      share_out_lit(place, v.slices, boxes, lit, taps, first.data(), shares.data());
+    } else {
+      share_out(place, v.slices, boxes, taps, first.data(), shares.data());
+    }
+  };
+  share(out.parts.data(), wide, v.lit_across, out.across, out.first_column, out.column_shares);
+  share(out.parts.data() + n, high, v.lit_up, out.up, out.first_row, out.row_shares);
   finish(out, v, most_across, most_up);
 }
 

@@ -19,7 +19,9 @@ struct VoxelColumn {
   float one_mm = 0, other_mm = 0;  ///< of the sides, across the light
   float turn_mm = 0;               ///< the way while the vial turns
   float side_mm = 0, height_mm = 0;
-  int columns = 0, rows = 0;  ///< pixels
+  int columns = 0, rows = 0;         ///< pixels
+  float lit_across = 1, lit_up = 1;  ///< `PixelProfile`s of these
+  float soft_across = 0, soft_up = 0;
 };
 
 /// Pixels that a column of voxels meets: of voxel z columns first_column[z] to + across - 1, rows

@@ -75,12 +75,14 @@ void gather_lanes(const Spread& s, const float* from, float* to) {
 
 }  // namespace
 
-NodeRow nodes_between(int pixels, const NodePlaces& places) {
+NodeRow nodes_between(int pixels, const NodePlaces& places, const PixelProfile& profile) {
   NodeRow row;
   row.pixels = pixels;
+  row.profile = profile;
   row.apart = places.voxel / 2;
   const auto taps =
-      static_cast<int>(std::ceil((1 + places.widest + 2 * kLeastBox) / row.apart)) + 1;
+      static_cast<int>(std::ceil((1 + places.widest + profile.soft + 2 * kLeastBox) / row.apart)) +
+      1;
   row.taps = (taps + 7) / 8 * 8;
   // The middle of both ends is a node, as it is of even lines.
   int half = static_cast<int>(std::ceil((places.high - places.low) / 2 / row.apart)) + 2;
@@ -101,14 +103,16 @@ NodeTable::NodeTable(const NodeRow& row, const std::vector<double>& one,
     const double wide = one[at] * one[at] + other[at] * other[at];
     // What is left of the voxel beside what lies between nodes.
     const double left = std::max(0.0, 1 - 2 * row.apart * row.apart / std::max(wide, 1e-12));
-    const Boxes<double> boxes(std::sqrt(left) * one[at], std::sqrt(left) * other[at], 0);
+    const Boxes<double> boxes(std::sqrt(left) * one[at], std::sqrt(left) * other[at],
+                              row.profile.soft);
+    const double half = row.profile.lit / 2;
     const auto first =
         static_cast<int>(std::ceil((i - 0.5 - boxes.reach() - row.first) / row.apart));
     first_[at] = std::clamp(first, 0, row.nodes - row.taps);
     for (std::size_t t = 0; t < taps; ++t) {
       const double from = i - row.at(first_[at] + static_cast<int>(t));
       shares_[at * taps + t] =
-          static_cast<float>(boxes.below(from + 0.5) - boxes.below(from - 0.5));
+          static_cast<float>((boxes.below(from + half) - boxes.below(from - half)) / (2 * half));
     }
   }
 }

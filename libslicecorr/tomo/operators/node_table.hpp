@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "slicecorr/tomo/projection.hpp"
+#include "slicecorr/tomo/rays.hpp"
 
 namespace slicecorr::tomo::detail {
 
@@ -21,6 +22,7 @@ struct NodeRow {
   int pixels = 0, nodes = 0;
   int taps = 8;                 ///< nodes that a pixel may light; a multiple of 8
   double first = 0, apart = 1;  ///< of nodes
+  PixelProfile profile;
   double at(int node) const { return first + node * apart; }
 };
 /// Nodes half a voxel apart, so many that those of places from `low` to `high` are among them.
@@ -28,7 +30,7 @@ struct NodeRow {
 struct NodePlaces {
   double low = 0, high = 0, voxel = 1, widest = 1;
 };
-NodeRow nodes_between(int pixels, const NodePlaces& places);
+NodeRow nodes_between(int pixels, const NodePlaces& places, const PixelProfile& profile);
 
 /// Shares of one direction: pixel i lights nodes first[i] to first[i] + taps - 1.
 class NodeTable {

@@ -111,10 +111,10 @@ Found source_of(const Frame& frame, const LabRays& rays, double t, double u, dou
     found.parts[RayMapPart::along] = static_cast<float>(zr / det);
     found.parts[RayMapPart::up] = static_cast<float>(tc / det);
     found.parts[RayMapPart::slope] = static_cast<float>(now.slope);
-    found.parts[RayMapPart::light] =
-        static_cast<float>(now.half > 0 ? now.power * rays.pixel_area_mm2 * stretch / det *
-                                              std::exp(-rays.alpha_per_mm * way)
-                                        : 0);
+    found.parts[RayMapPart::light] = static_cast<float>(
+        now.half > 0 ? now.power * rays.pixel_area_mm2 * stretch / det *
+                           std::exp(-rays.alpha_per_mm * way) * rays.depth.at(way)
+                     : 0);
     if (std::abs(by_column) + std::abs(by_row) < kMet) return found;
     column += by_column;
     row += by_row;
@@ -152,11 +152,14 @@ RayMap::RayMap(const TomoGrid& grid, const LabRays& rays, int ray, int up) : gri
       }
     }
   });
+  const bool all_depths = std::isinf(rays.depth.from_mm) && std::isinf(rays.depth.to_mm);
   for (int t = 0; t < kAcross; ++t) {
     for (int u = 0; u < kAlong; ++u) {
       const float* const at = node(t, u);
       for (int h = 0; h < heights_; ++h) {
-        if (!(at[RayMapPart::light * heights_ + h] > 0)) continue;
+        // Light of other depths lies between nodes, too.
+        const int known = all_depths ? RayMapPart::light : RayMapPart::along;
+        if (!(at[known * heights_ + h] > 0)) continue;
         const auto most = [&](double& of, int part) {
           of = std::max<double>(of, std::abs(at[part * heights_ + h]));
         };

@@ -27,7 +27,7 @@ constexpr int kBatch = 16;
 class RayProjector final : public Projector {
  public:
   RayProjector(const TomoGrid& grid, const LabRays& rays, const Volume* insert)
-      : grid_(grid), cells_(grid, rays, insert, {}) {
+      : grid_(grid), cells_(grid, rays, insert, {}), across_(rays.across), up_(rays.up) {
     double along = 0, up = 0, slope = 0;
     for (const RayMap& map : cells_.maps()) {
       along = std::max(along, map.most_along());
@@ -38,10 +38,11 @@ class RayProjector final : public Projector {
     most_across_ =
         static_cast<int>(std::ceil(
             along * (std::sqrt(2.0) * side + grid.radius_mm * cells_.directions().width_rad()) +
-            least)) +
+            across_.soft + least)) +
         1;
-    most_up_ =
-        static_cast<int>(std::ceil(up * (grid.slice_height_mm() + slope * side) + least)) + 1;
+    most_up_ = static_cast<int>(
+                   std::ceil(up * (grid.slice_height_mm() + slope * side) + up_.soft + least)) +
+               1;
     most_across_ = std::max(most_across_, 2);
     most_up_ = std::max(most_up_, 2);
   }
@@ -152,6 +153,10 @@ class RayProjector final : public Projector {
     voxels.height_mm = static_cast<float>(grid_.slice_height_mm());
     voxels.columns = grid_.pixels;
     voxels.rows = grid_.rows;
+    voxels.lit_across = static_cast<float>(across_.lit);
+    voxels.lit_up = static_cast<float>(up_.lit);
+    voxels.soft_across = static_cast<float>(across_.soft);
+    voxels.soft_up = static_cast<float>(up_.soft);
     detail::DarkVoxels dark(cells_.dark(k, y));
     for (int x = in.first; x < in.end; ++x) {
       const double px = grid_.voxel_at_mm(x), py = grid_.voxel_at_mm(y);
@@ -185,6 +190,7 @@ class RayProjector final : public Projector {
 
   TomoGrid grid_;
   detail::RayCells cells_;
+  PixelProfile across_, up_;
   int most_across_ = 2, most_up_ = 2;
 };
 

@@ -40,9 +40,10 @@ class RaySearchProjector final : public Projector {
                  up = middle(RayMapPart::up) * grid.slice_height_mm();
     const double tilted =
         middle(RayMapPart::up) * std::abs(middle(RayMapPart::slope)) * grid.voxel_mm();
-    columns_ = nodes_between(
-        grid.pixels, {-1.0 - widest, grid.pixels + widest, across, std::sqrt(2.0) * widest});
-    rows_ = nodes_between(grid.rows, {-1.0 - up, grid.rows + up, up, up + tilted});
+    columns_ = nodes_between(grid.pixels,
+                             {-1.0 - widest, grid.pixels + widest, across, std::sqrt(2.0) * widest},
+                             rays.across);
+    rows_ = nodes_between(grid.rows, {-1.0 - up, grid.rows + up, up, up + tilted}, rays.up);
     const auto n = static_cast<std::size_t>(grid.rows);
     of_rows_ = std::make_unique<NodeTable>(rows_, std::vector<double>(n, up),
                                            std::vector<double>(n, tilted));

@@ -40,7 +40,7 @@ RaySources::RaySources(const Printer& printer, double n_resin, double alpha_per_
     : printer_(printer), n_(n_resin), alpha_(alpha_per_mm) {
   const Optics& optics = *printer.optics;
   points_ = aperture_points(optics.half_angle_deg > 0 ? optics.rays_per_pixel : 1);
-  reach_ = std::tan(optics.half_angle_deg * std::numbers::pi / 180);
+  reach_ = aperture_slope(printer);
   const Vial& vial = *printer.vial;
   most_mm_ = std::min({vial.n_outside * vial.outer_mm, vial.n_wall * vial.inner_mm,
                        n_resin * vial.inner_mm}) /

@@ -69,10 +69,12 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
   all.pixel_area_mm2 = printer.pixel_x_um * printer.pixel_y_um * 1e-6 * window.wide * window.high;
   all.alpha_per_mm = alpha_per_mm;
   all.vial_mm = vial.inner_mm;
+  if (window.wide == 1) all.across.lit = std::sqrt(printer.fill_factor);
+  if (window.high == 1) all.up.lit = std::sqrt(printer.fill_factor);
   const bool spread = optics.half_angle_deg > 0;
   const std::vector<AperturePoint> points = aperture_points(spread ? optics.rays_per_pixel : 1);
   all.per_pixel = static_cast<int>(points.size());
-  const double reach = std::tan(optics.half_angle_deg * pi / 180);
+  const double reach = aperture_slope(printer);
   const double share = 1.0 / static_cast<double>(points.size());
   all.rays.reserve(static_cast<std::size_t>(all.columns) * static_cast<std::size_t>(all.rows) *
                    points.size());

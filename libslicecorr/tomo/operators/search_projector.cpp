@@ -45,7 +45,7 @@ class SearchProjector final : public Projector {
     const auto place = [&](double mm) { return (mm - first_mm) / grid.pixel_mm; };
     const NodePlaces places{place(-grid.radius_mm), place(grid.radius_mm),
                             2 * apart_mm / grid.pixel_mm, std::sqrt(2.0) * step};
-    const NodeRow row = nodes_between(grid.pixels, places);
+    const NodeRow row = nodes_between(grid.pixels, places, {optics.lit, 0});
     std::vector<double> angles_rad;
     for (int a = 0; a < directions_.count(); ++a) {
       angles_rad.push_back(2 * std::numbers::pi * a / directions_.count());

@@ -29,12 +29,23 @@ void weigh_row(const SquareRow& row, int* first, float* weights) {
     first[k] = base + static_cast<int>(std::floor(at - reach + 0.5f));
     last[k] = 0;
   }
-  for (int tap = 0; tap + 1 < row.taps; ++tap) {
+  // Gaps between pixels leave the last edge open: its pixel is weighed as the others.
+  const int edges = row.lit < 1 ? row.taps : row.taps - 1;
+  for (int tap = 0; tap < edges; ++tap) {
     float* const to = weights + static_cast<std::size_t>(tap) * n;
     for (int k0 = 0; k0 < n; k0 += kStretch) {
       const int k1 = std::min(k0 + kStretch, n);
       const float turn = std::abs(row.u + 0.5f * static_cast<float>(k0 + k1 - 1) * row.u_step);
       const Boxes<float> boxes(row.one, row.other, turn);
+      if (row.lit < 1) {
+        const float half = row.lit / 2, by_lit = 1 / row.lit;
+        for (int k = k0; k < k1; ++k) {
+          const float at = part + static_cast<float>(k) * row.step;
+          const float middle = std::floor(at - reach + 0.5f) + static_cast<float>(tap) - at;
+          to[k] = (boxes.below(middle + half) - boxes.below(middle - half)) * by_lit;
+        }
+        continue;
+      }
       for (int k = k0; k < k1; ++k) {
         const float at = part + static_cast<float>(k) * row.step;
         const float edge = std::floor(at - reach + 0.5f) + (static_cast<float>(tap) + 0.5f) - at;
@@ -44,7 +55,7 @@ void weigh_row(const SquareRow& row, int* first, float* weights) {
       }
     }
   }
-  for (int k = 0; k < n; ++k) last[k] = 1 - last[k];
+  for (int k = 0; k < n && !(row.lit < 1); ++k) last[k] = 1 - last[k];
   if (row.dim == nullptr) return;
   for (int tap = 0; tap < row.taps; ++tap) {
     float* const to = weights + static_cast<std::size_t>(tap) * n;

@@ -19,6 +19,7 @@ struct SquareRow {
   int taps = 0;                ///< pixels that a voxel may meet
   const float* dim = nullptr;  ///< e^(-alpha u), or null
   float dim_row = 1;
+  float lit = 1;  ///< share of a pixel's width that is lit, in its middle
 };
 
 /// Weights of the pixels `first[k]` to `first[k] + taps - 1` on voxel k: [tap][count].

@@ -32,7 +32,9 @@ constexpr int kRows = 8;
 class SquareProjector final : public Projector {
  public:
   SquareProjector(const TomoGrid& grid, const RayTables& optics, const Volume* insert)
-      : grid_(grid), first_mm_(optics.line_mm.empty() ? grid.pixel_at_mm(0) : optics.line_mm[0]) {
+      : grid_(grid),
+        lit_(static_cast<float>(optics.lit)),
+        first_mm_(optics.line_mm.empty() ? grid.pixel_at_mm(0) : optics.line_mm[0]) {
     grid.check();
     std::vector<float> entry;
     double most_mm = 0;
@@ -222,6 +224,7 @@ class SquareProjector final : public Projector {
     row.u = static_cast<float>((y_mm * c - x_mm * s) * turn);
     row.u_step = static_cast<float>(-grid_.voxel_mm() * s * turn);
     row.taps = taps_;
+    row.lit = lit_;
     if (!ex_.empty()) {
       const std::size_t first = at * static_cast<std::size_t>(grid_.voxels);
       row.dim = ex_.data() + first + in.first;
@@ -288,6 +291,7 @@ class SquareProjector final : public Projector {
   }
 
   TomoGrid grid_;
+  float lit_;
   double first_mm_;
   Directions directions_;
   int taps_ = 0;

@@ -12,6 +12,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/operators/blurred_projector.hpp"
 #include "tomo/operators/rays.hpp"
 #include "tomo/operators/search_projector.hpp"
 #include "tomo/operators/square_projector.hpp"
@@ -94,8 +95,31 @@ Light light_of_groups(const Bench& groups, const Light& light, const Bench& pixe
   return shown;
 }
 
+namespace {
+
+/// The operators of a bench's rays, by those of each term of its light.
+template <class Make>
+std::shared_ptr<const Projector> of_blurred(const Bench& bench, const Make& make) {
+  std::vector<detail::BlurredTerm> terms;
+  for (const BlurredLight& light : bench.blur) {
+    LabRays rays = *bench.lab;
+    rays.across = light.across;
+    rays.up = light.up;
+    rays.depth = light.depth;
+    terms.emplace_back(light.blur, make(rays));
+  }
+  if (terms.size() == 1 && terms.front().first.none()) return terms.front().second;
+  return detail::make_blurred_projector(bench.grid, std::move(terms));
+}
+
+}  // namespace
+
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert) {
-  if (bench.lab) return make_ray_projector(bench.grid, *bench.lab, insert);
+  if (bench.lab) {
+    return of_blurred(bench, [&](const LabRays& rays) {
+      return std::shared_ptr<const Projector>(make_ray_projector(bench.grid, rays, insert));
+    });
+  }
   return detail::make_square_projector(bench.grid, bench.rays, insert);
 }
 
@@ -109,7 +133,10 @@ double most_voxels(Search search) { return search == Search::rough ? 3 : 1; }
 std::shared_ptr<const Projector> make_search_projector(const Bench& bench, Search search,
                                                        const Volume* insert) {
   if (bench.lab) {
-    return detail::make_ray_search_projector(bench.grid, *bench.lab, insert, most_voxels(search));
+    return of_blurred(bench, [&](const LabRays& rays) {
+      return std::shared_ptr<const Projector>(
+          detail::make_ray_search_projector(bench.grid, rays, insert, most_voxels(search)));
+    });
   }
   return detail::make_search_projector(bench.grid, bench.rays, insert, most_voxels(search));
 }
@@ -179,6 +206,15 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
   grid.check();
 
   RayTables& rays = b.rays;
+  if (wide == 1) rays.lit = std::sqrt(printer.fill_factor);
+  if (printer.fill_factor < 1 && (optics.tilt_deg != 0 || !printer.rotation->wobble.empty())) {
+    wrong(printer,
+          fmt::format("fill_factor of {:g} is not counted where frames follow an axis that "
+                      "leans or wobbles; expected 1, or tilt_deg 0 and no wobble",
+                      printer.fill_factor));
+  }
+  // Level light meets a bath's window at right angles.
+  const double window = chief_ray(printer, 0, 0).transmittance;
   for (int i = 0; i < grid.pixels; ++i) {
     const double column = b.window.column_of(i);
     rays.line_mm.push_back(line_mm(column));
@@ -194,7 +230,7 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
       const double q = pixel_x_mm(printer, column + wide * ((k + 0.5) / kWithinGroup - 0.5));
       weight += detail::ray_at(vial, n, q, rays.alpha_per_mm, grid.radius_mm).weight;
     }
-    rays.weight.push_back(weight / kWithinGroup);
+    rays.weight.push_back(window * weight / kWithinGroup);
   }
 
   // Empty tables leave the operators their shorter ways.
@@ -261,8 +297,9 @@ bool meets(const LabRay& ray, double lowest_mm, double highest_mm) {
 }
 
 /// Light that rises, falls or spreads: all of its rays.
-void make_coupled(const Printer& printer, double n, const Sampling& sampling, Bench& b) {
+void make_coupled(const Printer& printer, const Resin& resin, const Sampling& sampling, Bench& b) {
   const Vial& vial = *printer.vial;
+  const double n = index_of(resin);
   TomoGrid& grid = b.grid;
   grid.slice_mm = sampling.voxel_mm;
   grid.lowest_mm = sampling.z_mm(0);
@@ -289,7 +326,7 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   some.rows = 1;
   const LabRays across = lab_rays(printer, n, b.rays.alpha_per_mm, some);
   const auto per_pixel = static_cast<std::size_t>(across.per_pixel);
-  const Stretch columns = range_of(all.columns, [&](int c) {
+  Stretch columns = range_of(all.columns, [&](int c) {
     const auto first = across.rays.begin() + static_cast<std::ptrdiff_t>(per_pixel) * c;
     return std::any_of(first, first + static_cast<std::ptrdiff_t>(per_pixel),
                        [](const LabRay& r) { return r.half_mm > 0; });
@@ -311,6 +348,13 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   // Rows of light are counted upwards.
   Stretch rows = range_of(all.rows, [&](int r) { return row_meets[static_cast<std::size_t>(r)]; });
   if (rows.count() < 1) wrong(printer, "none of its rows lights the part");
+  // Light that the projector blurs comes from pixels beside these, too.
+  const detail::SpreadReach beyond = detail::reach_of_spread(printer);
+  const auto wider = [](const Stretch& s, int by, int most) {
+    return Stretch{std::max(0, s.first - by), std::min(most, s.end + by)};
+  };
+  columns = wider(columns, (beyond.across + wide - 1) / wide, all.columns);
+  rows = wider(rows, (beyond.up + high - 1) / high, all.rows);
   // Two rows tell how far rows are apart.
   if (rows.count() < 2) rows = {std::max(0, rows.end - 2), std::max(rows.end, 2)};
   if (rows.end > all.rows) wrong(printer, "its image has one row; expected 2 or more");
@@ -325,6 +369,13 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
   grid.pixel_mm = wide * at_mm;
   grid.check();
   b.lab = std::make_shared<const LabRays>(lab_rays(printer, n, b.rays.alpha_per_mm, b.window));
+  double most_way_mm = 0;
+  for (const LabRay& ray : b.lab->rays) {
+    most_way_mm = std::max(most_way_mm, 2 * ray.half_mm * std::hypot(1, ray.slope));
+  }
+  b.blur = detail::blurred_light(
+      printer, resin,
+      {wide, high, 1 / grid.pixel_mm, 1 / (high * row_mm), grid.voxel_mm(), most_way_mm});
 
   // The nearest to level rays: the middle rays of pixels, of a row near the optical axis.
   RayTables& rays = b.rays;
@@ -362,14 +413,14 @@ void make_coupled(const Printer& printer, double n, const Sampling& sampling, Be
 
 }  // namespace
 
-bool slices_share_light(const Printer& printer) {
+bool slices_share_light(const Printer& printer, const Resin& resin) {
   require_tomographic(printer);
-  return printer.optics->kind != OpticsKind::telecentric || printer.optics->half_angle_deg > 0;
+  return printer.optics->kind != OpticsKind::telecentric || printer.optics->half_angle_deg > 0 ||
+         detail::light_goes_sideways(printer, resin);
 }
 
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling) {
   require_tomographic(printer);
-  refuse_uncounted_spread(printer, resin);
   const Vial& vial = *printer.vial;
   Bench b;
   const double n = index_of(resin);
@@ -403,8 +454,8 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   grid.angles = sampling.angles;
   b.rays.alpha_per_mm = absorption_per_mm(resin);
   b.alpha_r = b.rays.alpha_per_mm * b.radius_mm;
-  if (slices_share_light(printer)) {
-    make_coupled(printer, n, sampling, b);
+  if (slices_share_light(printer, resin)) {
+    make_coupled(printer, resin, sampling, b);
   } else {
     make_level(printer, n, sampling, b);
   }

@@ -106,22 +106,37 @@ detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std:
           detail::hash_of(options)};
 }
 
-PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
-                   const Box<float>& dose, double floor_of_turn_mj_cm3) {
-  Field field(bench.grid);
+Field field_of(const TomoGrid& grid, const Box<float>& dose) {
+  Field field(grid);
   for (int z = 0; z < dose.nz; ++z) {
     for (int y = 0; y < dose.ny; ++y) {
       for (int x = 0; x < dose.nx; ++x) {
-        field.values[bench.grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
+        field.values[grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
       }
     }
   }
+  return field;
+}
+
+/// Share of the part that has less than this.
+double below_gel(const Target& target, const Array<float>& dose, double gel_mj_cm3) {
+  std::size_t below = 0;
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    below += target.kinds[i] == Kind::gel && dose[i] < gel_mj_cm3 ? 1 : 0;
+  }
+  return static_cast<double>(below) / static_cast<double>(target.gel);
+}
+
+PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
+                   const Box<float>& dose, double floor_of_turn_mj_cm3) {
+  const Field field = field_of(bench.grid, dose);
   PrintFigures f;
   f.turns = job.turns;
   f.print_time_s = job.turns * bench.exposure.turn_s;
   f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3;
   f.metrics = measure(target, field.values);
   f.jaccard_at_dose = jaccard(target, field.values, f.gel_dose_mj_cm3);
+  f.gel_below_dose = below_gel(target, field.values, f.gel_dose_mj_cm3);
   f.efficiency = efficiency(shown_light(bench, job.levels));
   f.alpha_r = bench.alpha_r;
   f.floor_mj_cm3 =
@@ -574,6 +589,12 @@ PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<st
   return judge(job, bench, scene.target, dose, floor_of_turn(bench, *scene.projector, context));
 }
 
+double share_below_gel(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part) {
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  return below_gel(target_of(bench, part, job.insert), field_of(bench.grid, dose).values,
+                   bench.exposure.critical_mj_cm3);
+}
+
 std::string PrintFigures::to_json() const {
   const auto finite = [](double v) {
     return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
@@ -593,6 +614,10 @@ std::string PrintFigures::to_json() const {
   j["alpha_r"] = alpha_r;
   j["gel_voxels"] = metrics.gel;
   j["void_voxels"] = metrics.empty;
+  j["gel_below_dose"] = {
+      {"centres", gel_centres_below_dose ? nlohmann::ordered_json(*gel_centres_below_dose)
+                                         : nlohmann::ordered_json(nullptr)},
+      {"means", gel_below_dose}};
   j["dose_mj_cm3"] = {{"to_gel", gel_dose_mj_cm3},
                       {"min_gel", metrics.min_gel},
                       {"max_gel", metrics.max_gel},

@@ -26,6 +26,19 @@ void steady_shares(const SteadyDirection* directions, int count, const SteadyVox
     edge[k] = static_cast<double>(first[k]) + 0.5 - place;
     before[k] = 0;
   }
+  if (voxel.lit < 1) {
+    const double gap = (1 - voxel.lit) / 2, by_lit = 1 / voxel.lit;
+    for (int tap = 0; tap < taps; ++tap) {
+      double* const to = shares + tap * kSteadyAtOnce;
+      for (int k = 0; k < count; ++k) {
+        const double end = edge[k] + static_cast<double>(tap);
+        to[k] = (directions[k].boxes.below(end - gap, half_c[k], by_c[k]) -
+                 directions[k].boxes.below(end - 1 + gap, half_c[k], by_c[k])) *
+                by_lit;
+      }
+    }
+    return;
+  }
   for (int tap = 0; tap < taps; ++tap) {
     double* const to = shares + tap * kSteadyAtOnce;
     for (int k = 0; k < count; ++k) {

@@ -20,6 +20,7 @@ struct SteadyDirection {
 struct SteadyVoxel {
   double x = 0, y = 0;
   double first_mm = 0, pixel_mm = 1;
+  double lit = 1;  ///< share of a pixel's side that is lit
 };
 
 inline constexpr int kSteadyAtOnce = 32;

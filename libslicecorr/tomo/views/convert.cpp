@@ -110,7 +110,7 @@ GreyImage read_image(const Container& archive, const Container::Entry& entry,
 int slices_for(const std::vector<bool>& lit, const Printer& printer, const Resin& resin,
                double voxel_mm, int part_slices) {
   // Rays that spread light more than their own height.
-  const bool shared = slices_share_light(printer);
+  const bool shared = slices_share_light(printer, resin);
   if (shared && part_slices > 0) return part_slices;
   double reach = 0;
   for (std::size_t row = 0; row < lit.size(); ++row) {

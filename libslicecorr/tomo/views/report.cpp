@@ -238,9 +238,10 @@ std::string height_svg(const Printed& p) {
   picture.add(above);
   picture.add(below);
   picture.note(
-      std::string(slices_share_light(p.job.printer) ? "Light of a slice reaches others, too."
-                                                    : "Slices light each other not at all; one "
-                                                      "exposure serves all.") +
+      std::string(slices_share_light(p.job.printer, p.job.resin)
+                      ? "Light of a slice reaches others, too."
+                      : "Slices light each other not at all; one "
+                        "exposure serves all.") +
       " The contrast of the print is the least dose of the part anywhere over the most of void "
       "anywhere.");
   return picture.svg();

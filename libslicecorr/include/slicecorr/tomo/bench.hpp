@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "slicecorr/process.hpp"
+#include "slicecorr/tomo/light_blur.hpp"
 #include "slicecorr/tomo/metrics.hpp"
 #include "slicecorr/tomo/projector.hpp"
 #include "slicecorr/tomo/rays.hpp"
@@ -120,6 +121,8 @@ struct Bench {
   RayTables rays;  ///< of the grid's pixels; where slices share light the nearest to them
   /// All rays of a frame where slices share light; null where they do not.
   std::shared_ptr<const LabRays> lab;
+  /// Of the light of `lab`: one sharp term, or how it goes sideways. Empty where there is no `lab`.
+  std::vector<BlurredLight> blur;
   Exposure exposure;             ///< of one turn
   double resupply_mj_cm3_s = 0;  ///< of inhibitor
   std::vector<double> mw_cm2;    ///< of each grey level
@@ -138,17 +141,15 @@ struct Bench {
 /// axis. Throws `InputError` when the printer has no vial, and for voxels too large or too small.
 int voxels_across(const Printer& printer, double voxel_mm);
 
-/// Throws `InputError` naming the key where files say that light spreads, which is not counted where it
-/// comes from the sides: it would gel what the doses of sharp light do not show.
-void refuse_uncounted_spread(const Printer& printer, const Resin& resin);
+/// Whether light rises, falls or spreads on its way: a pinhole's, that of an aperture, and light that a
+/// projector blurs or a resin scatters.
+bool slices_share_light(const Printer& printer, const Resin& resin);
 
-/// Whether light rises, falls or spreads on its way: a pinhole's, and that of an aperture.
-bool slices_share_light(const Printer& printer);
-
-/// Telecentric light without an aperture stays in its slice. Other light is that of `lab_rays`. Throws
-/// `InputError` naming what is missing or does not fit: a printer whose rows are higher than a voxel,
-/// slices above or below the image, fewer than 3 angles, more frames than the projector shows in a
-/// turn.
+/// Telecentric light without an aperture that goes straight on stays in its slice. Other light is that
+/// of `lab_rays`. Throws `InputError` naming what is missing or does not fit: a printer whose rows are
+/// higher than a voxel, slices above or below the image, fewer than 3 angles, more frames than the
+/// projector shows in a turn, a spread that is a picture, a fill factor of level light whose axis leans
+/// or wobbles.
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling);
 
 /// z on the axis of a row of the grid's light, mm.

@@ -36,6 +36,9 @@ namespace slicecorr::tomo {
 /// Newest version of `config.json` that this program reads.
 inline constexpr int kJobFormat = 1;
 
+/// Where in voxels doses are told: their means, or in their middles.
+enum class JudgedAt { means, centres };
+
 struct TomoJob {
   Printer printer;
   Resin resin;

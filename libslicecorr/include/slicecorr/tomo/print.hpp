@@ -10,6 +10,7 @@
 #include <array>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -79,6 +80,10 @@ struct PrintFigures {
   double floor_mj_cm3 = 0;     ///< most that black light alone leaves anywhere
   /// No light whatever has a higher contrast in that time; infinite when nothing was proven.
   double contrast_bound = std::numeric_limits<double>::infinity();
+  /// Share of the part's voxels with less than the gel dose: by their means, and in their middles,
+  /// where that was looked for.
+  double gel_below_dose = 0;
+  std::optional<double> gel_centres_below_dose = std::nullopt;
   /// All of the part gels before any void does.
   bool feasible() const { return metrics.contrast >= 1 && metrics.min_gel >= gel_dose_mj_cm3; }
   /// The keys of the contract, as JSON.
@@ -143,14 +148,18 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 /// The doses that a job's frames leave, mJ/cm³ of the whole print, the mean of each voxel, under square
 /// pixels and while the vial turns: a direct sum over angles in double precision. It shares nothing with
 /// the operators that look for light, and with those of proofs the share of a pixel that a voxel gets,
-/// what an insert hides, and Snell's law (docs/kernels/tomography.md): [z][y][x], 0 outside of the resin
+/// what an insert hides, how images are blurred, and Snell's law (docs/kernels/tomography.md): [z][y][x], 0 outside of the resin
 /// and in inserts. Behind an insert a voxel is dark when the line from its middle against the
 /// light meets an opaque voxel's square.
 /// In resin that changes they are effective doses: where inhibitor comes back, what light has brought
 /// less what came back, never below 0, at most while the last turn lasted; and after they have spread
 /// in the resin (`Resin::dose_diffusion_m2_s`). Throws `InputError` where they spread farther than
 /// the resin is wide.
-Box<float> dose_of(const TomoJob& job, const ExecutionContext& context = {});
+/// `at`: the same in the middles of voxels, of which an insert has what holds the middle.
+Box<float> dose_of(const TomoJob& job, const ExecutionContext& context = {},
+                   JudgedAt at = JudgedAt::means);
+/// Share of the voxels of a part whose dose gels less than all of it.
+double share_below_gel(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part);
 /// Figures of these doses, against the job's part or another on its grid.
 PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,
                         const ExecutionContext& context = {});

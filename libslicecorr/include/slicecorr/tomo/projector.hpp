@@ -43,6 +43,8 @@ struct RayTables {
   /// Per row, mm, rising: z of its light on the axis. Where slices share light only, of which these
   /// tables say what is nearest to level rays: `filtered_start` begins there.
   std::vector<double> row_mm = {};
+  /// Lit share of a pixel's width, in its middle, with all of its light; > 0, at most 1.
+  double lit = 1;
 };
 
 /// Where an insert ends the light: per angle and pixel the u, mm, at which it is hit; +infinity

@@ -20,6 +20,9 @@
 /// Plain values; functions are thread-safe.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -51,6 +54,24 @@ struct LabRay {
   double power = 0;       ///< share of the pixel's power that comes into the resin along this ray
 };
 
+/// What of its place a pixel lights, along an axis, in pixels: a box `lit` wide with all of its light,
+/// blurred by a box `soft` wide (`LightBlur`).
+struct PixelProfile {
+  double lit = 1, soft = 0;
+};
+
+/// A share of light by the way that it has gone in the resin: 1 at `peak_mm`, 0 up to `from_mm` and from
+/// `to_mm` on, linear between. Those of peaks one after another add up to 1.
+struct DepthShare {
+  double from_mm = -std::numeric_limits<double>::infinity(), peak_mm = 0,
+         to_mm = std::numeric_limits<double>::infinity();
+  double at(double way_mm) const {
+    const double end_mm = way_mm < peak_mm ? from_mm : to_mm;
+    if (std::isinf(end_mm)) return 1;
+    return std::max(0.0, (end_mm - way_mm) / (end_mm - peak_mm));
+  }
+};
+
 /// All rays of one frame.
 struct LabRays {
   int columns = 0, rows = 0;  ///< rows upwards, the lowest first
@@ -58,6 +79,8 @@ struct LabRays {
   double pixel_area_mm2 = 0;  ///< of a group of pixels, on the plane of the axis without the vial
   double alpha_per_mm = 0;    ///< along the way
   double vial_mm = 0;         ///< inner radius
+  PixelProfile across, up;    ///< of a pixel (a group of them), along columns and rows
+  DepthShare depth;           ///< of the light that is to be counted
   std::vector<LabRay> rays;   ///< [column][row][ray of the pixel]
 };
 

@@ -51,6 +51,6 @@ Shown read_shown(const std::string& path, int angles);
 /// that changes it counts as so many turns of the job's as frames were lit for, with the mean of their
 /// light each.
 Box<float> dose_of(const TomoJob& job, std::span<const Showing> shown,
-                   const ExecutionContext& context = {});
+                   const ExecutionContext& context = {}, JudgedAt at = JudgedAt::means);
 
 }  // namespace slicecorr::tomo

@@ -1,0 +1,229 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "tomo/operators/blurred_projector.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/kernels.hpp"
+#include "parallel/silent.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::tomo::detail {
+
+namespace {
+
+/// Variance of a box one pixel wide.
+constexpr double kBox = 1.0 / 12;
+/// Narrowest resolved variance of scatter, in voxels squared: below it Gaussians are mixed with sharp
+/// light.
+constexpr double kLeastScatter = 0.36;
+
+double below(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
+
+/// Numbers of this variance at whole pixels.
+std::vector<float> numbers_of(double variance) {
+  if (variance < 1e-9) return {1};
+  if (variance < 0.3) {
+    return {static_cast<float>(1 - variance), static_cast<float>(variance / 2)};
+  }
+  // Sums over pixels are wider by a pixel's own box.
+  const double sigma = std::sqrt(variance - kBox);
+  const int reach = static_cast<int>(std::ceil(kSpreadReachSigmas * sigma + 0.5));
+  std::vector<double> all;
+  double sum = 0;
+  for (int k = 0; k <= reach; ++k) {
+    all.push_back(below((k + 0.5) / sigma) - below((k - 0.5) / sigma));
+    sum += k == 0 ? all.back() : 2 * all.back();
+  }
+  std::vector<float> numbers;
+  for (const double v : all) numbers.push_back(static_cast<float>(v / sum));
+  return numbers;
+}
+
+/// What of a variance boxes hold.
+double in_boxes(double variance) {
+  return variance < kBox ? variance : variance < 2 * kBox ? kBox : 2 * kBox;
+}
+
+/// to[i] += sum over k of numbers[|k|] from[i + k], of `count` numbers `pitch` apart; light beyond
+/// them is dark.
+SLICECORR_CLONES
+void add_row(const std::vector<float>& numbers, int rows, const float* from, float* to) {
+  const int reach = static_cast<int>(numbers.size()) - 1;
+  for (int k = -reach; k <= reach; ++k) {
+    const float number = numbers[static_cast<std::size_t>(std::abs(k))];
+    const int first = std::max(0, -k), end = std::min(rows, rows - k);
+    for (int r = first; r < end; ++r) to[r] += number * from[r + k];
+  }
+}
+SLICECORR_CLONES
+void add_times(float number, int rows, const float* from, float* to) {
+  for (int r = 0; r < rows; ++r) to[r] += number * from[r];
+}
+
+/// Variances that scatter has at the depths of hats: none, then twice as much from one to the next.
+std::vector<double> variances_mm2(const Resin& resin, const BlurPlaces& places) {
+  std::vector<double> all{0};
+  const double per_mm = resin.scatter_um2_per_um * 1e-3, most = per_mm * places.most_way_mm;
+  if (!(most > 0)) return all;
+  // The first hat is at least an eighth of the way wide, as maps of rays tell no finer ones.
+  double next = std::max(kLeastScatter * places.voxel_mm * places.voxel_mm, most / 8);
+  for (; all.back() < most; next *= 2) all.push_back(std::min(next, most));
+  return all;
+}
+
+class BlurredProjector final : public Projector {
+ public:
+  BlurredProjector(const TomoGrid& grid, std::vector<BlurredTerm> terms)
+      : grid_(grid), terms_(std::move(terms)) {}
+
+  Shape shape() const override { return grid_.shape(); }
+
+  void adjoint(std::size_t block, const float* light, float* field,
+               const ExecutionContext& context) const override {
+    const std::size_t cells = grid_.voxels_of_block();
+    std::fill_n(field, cells, 0.0F);
+    Array<float> blurred(grid_.light_of_block()), of_term(cells);
+    for (const auto& [blur, projector] : terms_) {
+      const float* from = light;
+      if (!blur.none()) {
+        std::fill(blurred.begin(), blurred.end(), 0.0F);
+        add_frames(blur, light, blurred.data(), context);
+        from = blurred.data();
+      }
+      projector->adjoint(block, from, of_term.data(), context);
+      for (std::size_t i = 0; i < cells; ++i) field[i] += of_term[i];
+    }
+  }
+
+  void forward(std::size_t block, const float* field, float* light,
+               const ExecutionContext& context) const override {
+    const std::size_t pixels = grid_.light_of_block();
+    std::fill_n(light, pixels, 0.0F);
+    Array<float> of_term(pixels);
+    for (const auto& [blur, projector] : terms_) {
+      projector->forward(block, field, of_term.data(), context);
+      if (blur.none()) {
+        for (std::size_t i = 0; i < pixels; ++i) light[i] += of_term[i];
+      } else {
+        add_frames(blur, of_term.data(), light, context);
+      }
+    }
+  }
+
+ private:
+  void add_frames(const ImageBlur& blur, const float* from, float* to,
+                  const ExecutionContext& context) const {
+    const auto lanes = static_cast<std::size_t>(grid_.light_lanes());
+    const FrameShape frame{grid_.pixels, grid_.rows, lanes};
+    const std::size_t size = static_cast<std::size_t>(grid_.pixels) * lanes;
+    parallel_for(slicecorr::detail::silent(context), "", static_cast<std::size_t>(grid_.angles),
+                 [&](std::size_t m) { add_blurred(blur, frame, from + m * size, to + m * size); });
+  }
+
+  TomoGrid grid_;
+  std::vector<BlurredTerm> terms_;
+};
+
+}  // namespace
+
+bool light_goes_sideways(const Printer& printer, const Resin& resin) {
+  return !printer.spread.none() || resin.scatter_um2_per_um > 0;
+}
+
+std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& resin,
+                                        const BlurPlaces& places) {
+  const PixelProfile across{places.wide == 1 ? std::sqrt(printer.fill_factor) : 1, 0},
+      up{places.high == 1 ? std::sqrt(printer.fill_factor) : 1, 0};
+  if (printer.spread.picture) {
+    throw InputError(fmt::format(
+        "printer '{}': spread in [blue] is a picture, which is not counted where light comes from "
+        "the sides; expected Gaussians, [[sigma_um, weight], ...]",
+        printer.name));
+  }
+  std::vector<SpreadGaussian> gaussians = printer.spread.gaussians;
+  if (gaussians.empty()) gaussians.push_back({0, 1});
+  double weights = 0;
+  for (const SpreadGaussian& g : gaussians) weights += g.weight;
+  const std::vector<double> scattered = variances_mm2(resin, places);
+  const double per_mm = resin.scatter_um2_per_um * 1e-3;
+  std::vector<BlurredLight> terms;
+  for (std::size_t i = 0; i < scattered.size(); ++i) {
+    DepthShare depth;
+    if (i > 0) depth.from_mm = scattered[i - 1] / per_mm;
+    if (i + 1 < scattered.size()) depth.to_mm = scattered[i + 1] / per_mm;
+    if (i > 0) depth.peak_mm = scattered[i] / per_mm;
+    for (const SpreadGaussian& g : gaussians) {
+      const auto square = [](double v) { return v * v; };
+      const double columns = square(g.sigma_um / (printer.pixel_x_um * places.wide)) +
+                             scattered[i] * square(places.columns_per_mm),
+                   rows = square(g.sigma_um / (printer.pixel_y_um * places.high)) +
+                          scattered[i] * square(places.rows_per_mm);
+      BlurredLight one{across, up, depth, {}};
+      one.across.soft = std::sqrt(in_boxes(columns) / kBox);
+      one.up.soft = std::sqrt(in_boxes(rows) / kBox);
+      // Gaussians that are as soft are one sum.
+      const auto same = std::find_if(terms.begin(), terms.end(), [&](const BlurredLight& t) {
+        return t.depth.peak_mm == depth.peak_mm && t.across.soft == one.across.soft &&
+               t.up.soft == one.up.soft;
+      });
+      BlurredLight& term = same == terms.end() ? terms.emplace_back(std::move(one)) : *same;
+      term.blur.sum.push_back({g.weight / weights, numbers_of(columns - in_boxes(columns)),
+                               numbers_of(rows - in_boxes(rows))});
+    }
+  }
+  for (BlurredLight& term : terms) {
+    const ImageBlur::Gaussian& first = term.blur.sum.front();
+    if (term.blur.sum.size() == 1 && first.weight == 1 && first.columns.size() == 1 &&
+        first.rows.size() == 1) {
+      term.blur.sum.clear();
+    }
+  }
+  return terms;
+}
+
+SpreadReach reach_of_spread(const Printer& printer) {
+  double most_um = 0;
+  for (const SpreadGaussian& g : printer.spread.gaussians) {
+    if (g.weight > 0) most_um = std::max(most_um, kSpreadReachSigmas * g.sigma_um);
+  }
+  if (!(most_um > 0)) return {};
+  return {static_cast<int>(std::ceil(most_um / printer.pixel_x_um)) + 1,
+          static_cast<int>(std::ceil(most_um / printer.pixel_y_um)) + 1};
+}
+
+void add_blurred(const ImageBlur& blur, const FrameShape& frame, const float* from, float* to) {
+  static thread_local Array<float> rows;
+  rows.resize(static_cast<std::size_t>(frame.columns) * static_cast<std::size_t>(frame.rows));
+  const auto of = [&](int c) { return static_cast<std::size_t>(c) * frame.pitch; };
+  const auto row = [&](int c) {
+    return rows.data() + static_cast<std::size_t>(c) * static_cast<std::size_t>(frame.rows);
+  };
+  for (const ImageBlur::Gaussian& g : blur.sum) {
+    std::fill(rows.begin(), rows.end(), 0.0F);
+    for (int c = 0; c < frame.columns; ++c) {
+      add_row(g.rows, frame.rows, from + of(c), row(c));
+    }
+    const int reach = static_cast<int>(g.columns.size()) - 1;
+    for (int c = 0; c < frame.columns; ++c) {
+      const int first = std::max(-reach, -c), last = std::min(reach, frame.columns - 1 - c);
+      for (int k = first; k <= last; ++k) {
+        const float number =
+            static_cast<float>(g.weight) * g.columns[static_cast<std::size_t>(std::abs(k))];
+        add_times(number, frame.rows, row(c + k), to + of(c));
+      }
+    }
+  }
+}
+
+std::unique_ptr<Projector> make_blurred_projector(const TomoGrid& grid,
+                                                  std::vector<BlurredTerm> terms) {
+  return std::make_unique<BlurredProjector>(grid, std::move(terms));
+}
+
+}  // namespace slicecorr::tomo::detail

@@ -105,6 +105,32 @@ TEST(OpticsFit, WithoutALensPinsAreSeenWhereTheClosedFormSays) {
   EXPECT_NEAR(there.row, 383.5 - 19 / .054, 1e-4);
 }
 
+/// A vial in a tank, whose window is 20 mm before the axis.
+TEST(OpticsFit, AWindowIsCountedOrItsAbsenceIsTold) {
+  Printer tank = webber();
+  tank.vial = Vial{12.5, 11.8, 1.5, 1.5};
+  tank.bath = Bath{20, 1.5, 3, 1.52};
+  tank.optics->distance_mm = 101.2;
+  tank.optics->axis_right_px = 3.7;
+  const OpticsPoints points = measured(tank, 1.5, 0.3, 3);
+  Printer before = webber();
+  before.vial = tank.vial;
+  const OpticsFit without = fit_optics(points, before, 1.5);
+  EXPECT_FALSE(without.fits);
+  EXPECT_GT(without.apart_px, 1);
+  ASSERT_FALSE(without.notes.empty());
+  EXPECT_THAT(without.notes.back(), HasSubstr("do not fit"));
+  EXPECT_THAT(without.notes.back(), HasSubstr("[bath]"));
+  before.bath = tank.bath;
+  const OpticsFit with = fit_optics(points, before, 1.5);
+  EXPECT_TRUE(with.fits);
+  // Points are read to 0.3 pixels; of 144, and 7 parameters, the scatter is known to 6 %.
+  EXPECT_NEAR(with.apart_px, 0.3, 0.06);
+  const OpticsParameter& distance = with.parameter("distance_mm");
+  EXPECT_NEAR(distance.value, 101.2, 4 * distance.standard_error);
+  EXPECT_LT(distance.standard_error, 2);
+}
+
 TEST(OpticsFit, PointsWithoutScatterGiveTheMachine) {
   const OpticsFit fit = fit_optics(measured(true_machine(), kN, 0, 1), webber(), 1.45);
   EXPECT_NEAR(fit.parameter("distance_mm").value, 101.2, 1e-4);

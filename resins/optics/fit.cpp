@@ -9,6 +9,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <optional>
 
@@ -80,7 +81,7 @@ bool holds(const State& s) {
   const Vial& v = *s.printer.vial;
   const Optics& o = *s.printer.optics;
   return v.inner_mm > 0 && v.outer_mm > v.inner_mm && v.n_wall >= 1 && v.n_wall <= 3 && s.n >= 1 &&
-         s.n <= 3 && std::abs(o.tilt_deg) <= 45 &&
+         s.n <= 3 && std::abs(o.tilt_deg) <= 45 && !wrong_bath(s.printer) &&
          (o.kind == OpticsKind::telecentric || (o.distance_mm > v.outer_mm && o.distance_mm < 1e6));
 }
 
@@ -334,6 +335,55 @@ void check_direction(const Model& model, double cost, const std::string& source,
   }
 }
 
+/// Pixels by which points are off, beyond which nobody misread them: columns are told to half of one.
+constexpr double kMisfitPx = 1;
+
+/// Whether vial and lens explain the points. An axis that goes astray moves all points of an angle
+/// alike, and that is left to the file of its wobble; what is off from point to point of an angle is not.
+void judge_fit(OpticsFit& fit) {
+  struct Sum {
+    double sum = 0, squares = 0;
+    int count = 0;
+  };
+  std::map<std::pair<double, bool>, Sum> by_angle;
+  for (const OpticsResidual& r : fit.residuals) {
+    const auto take = [&](bool row, double off, bool out) {
+      if (!std::isfinite(off) || out) return;
+      Sum& s = by_angle[{r.angle_deg, row}];
+      s.sum += off;
+      s.squares += off * off;
+      ++s.count;
+    };
+    take(false, r.column_px, r.column_left_out);
+    take(true, r.row_px, r.row_left_out);
+  }
+  double squares = 0;
+  int freedom = 0;
+  for (const auto& [angle, s] : by_angle) {
+    squares += s.squares - s.sum * s.sum / s.count;
+    freedom += s.count - 1;
+  }
+  const char* const next =
+      fit.printer.bath
+          ? "look at window_mm, n and wall_mm in [bath], and at radius_mm and pin_deg of the pins"
+          : "look at radius_mm and pin_deg of the pins; a bath behind a flat window needs [bath]";
+  if (freedom > 0) {
+    fit.apart_px = std::sqrt(std::max(0.0, squares) / freedom);
+    fit.fits = fit.apart_px <= kMisfitPx;
+    if (fit.fits) return;
+    fit.notes.push_back(
+        fmt::format("This vial and lens do not fit: points of one angle are {:.2g} pixels off from "
+                    "each other; expected {:g} or less. What was found is not to be used; {}.",
+                    fit.apart_px, kMisfitPx, next));
+  } else if (fit.rms_px > kMisfitPx) {
+    fit.notes.push_back(fmt::format(
+        "Points are {:.2g} pixels off, and one at each angle can't tell an axis that goes "
+        "astray from a vial and lens that do not fit; measure two pins or marks at each "
+        "angle, and {}.",
+        fit.rms_px, next));
+  }
+}
+
 }  // namespace
 
 SeenAt seen_at(const Printer& printer, double n, const OpticsPoint& point, double pins_deg,
@@ -481,6 +531,7 @@ OpticsFit fit_optics(const OpticsPoints& points, const Printer& printer, double 
                                       known("distance_mm")->advice));
     }
   }
+  judge_fit(fit);
   return fit;
 }
 

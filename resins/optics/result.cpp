@@ -65,6 +65,8 @@ std::string OpticsFit::to_json() const {
   j["measurements"] = measurements;
   j["freedom"] = freedom;
   j["rms_px"] = rms_px;
+  j["apart_px"] = apart_px;
+  j["fits"] = fits;
   j["n"] = n;
   for (const OpticsParameter& p : parameters) {
     nlohmann::ordered_json& out = j["parameters"][p.name];

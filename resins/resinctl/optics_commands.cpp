@@ -60,6 +60,9 @@ int fit_optics_command(const OpticsArguments& a, cli::Console& console) {
   const OpticsFit fit = fit_optics(read_optics_points(a.points), printer, n, options);
   if (!a.plot.empty()) cli::write_text_file(a.plot, optics_fit_svg(fit));
   if (!a.wobble.empty()) cli::write_text_file(a.wobble, fit.wobble_csv());
+  if (!a.write.empty() && !fit.fits) {
+    throw InputError(a.write, "", "nothing is written: " + fit.notes.back());
+  }
   if (!a.write.empty()) write_printer(a, fit, console);
   tell_fit(fit, a.json, console);
   return cli::kDone;

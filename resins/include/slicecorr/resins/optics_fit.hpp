@@ -80,6 +80,10 @@ struct OpticsFit {
   int measurements = 0;            ///< columns and rows that count
   int freedom = 0;
   double rms_px = 0;
+  /// Pixels (rms) by which points of the same angle are off from each other, where angles have several;
+  /// and whether that is as little as reading explains (1 pixel), so that vial and lens are the machine's.
+  double apart_px = 0;
+  bool fits = true;
 
   const OpticsParameter& parameter(const std::string& name) const;
   std::string to_text() const;

@@ -82,6 +82,14 @@ Words focus_words(const Printer& p) {
       "No vial: a white card or ground glass where the axis is, facing the projector. (The vial "
       "bends light, so the image of a filled vial is sharp elsewhere: printing counts on focus in "
       "air.)";
+  if (p.bath) {
+    const Bath& b = *p.bath;
+    w.vial = fmt::format(
+        "No vial, but the tank filled with its liquid, and in it a white card or ground glass where "
+        "the axis is, facing the projector. (The window moves the focus by {:.3g} mm, away from the "
+        "projector. The vial moves it, too: printing counts on focus without it.)",
+        b.n * (b.window_mm - b.wall_mm / b.n_wall) - (b.window_mm - b.wall_mm));
+  }
   w.steps = {
       markup("Show <b>focus.png</b>. Set the lens so that the finest line pairs are apart, upright "
              "and level ones alike, and the grey disc in the middle of the star is smallest."),
@@ -103,7 +111,10 @@ Words scale_words(const Printer& p) {
   Words w;
   w.title = "Scale and distance";
   w.about = "How large a pixel is on the plane of the axis, and from how far its light comes.";
-  w.vial = "No vial: a white card where the axis is, facing the projector.";
+  w.vial = p.bath
+               ? "No vial and no tank, as both keys are those in air: a white card where the axis "
+                 "is, facing the projector."
+               : "No vial: a white card where the axis is, facing the projector.";
   const int columns = (p.width_px - 1) / 100 * 100, rows = (p.height_px - 1) / 100 * 100;
   w.steps = {
       markup("Show <b>scale.png</b>. Measure with a calliper from column 0 to column {}, from left "

@@ -169,6 +169,14 @@ TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
     EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
     EXPECT_NEAR(own.mean, s["dose"]["mean"].get<double>(), ring / 2 * 0.5);
   }
+  // Before the flow is steady it sticks at its outline: fresh resin has not come yet. Cells are 8 mm / 30.
+  const json& first = j["first_slices"];
+  EXPECT_EQ(first["slices"], 24);
+  EXPECT_EQ(first["prints"], false);
+  EXPECT_LE(first["sticks"]["slice"], 3);
+  const double from_middle = std::hypot(first["sticks"]["x_mm"].get<double>() - 6.5,
+                                        first["sticks"]["y_mm"].get<double>() - 6.5);
+  EXPECT_NEAR(from_middle, 4, 2 * 8.0 / 30);
   // The part itself is no worse for it: solid, nothing lost.
   EXPECT_EQ(j["undercure_voxels"], 0);
   EXPECT_EQ(j["lost_features"], 0);

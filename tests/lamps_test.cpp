@@ -401,5 +401,125 @@ TEST_F(UnevenUv, IsRefusedWhereItIsNotCounted) {
   }
 }
 
+using FadingUv = UnevenUv;
+
+TEST_F(FadingUv, AsMuchLightAsComesIsWhatIsAskedOfAWholeLamp) {
+  std::ofstream(folder_ / "even.csv") << "slice,uv_lamp_share\n0,0.8\n";
+  ASSERT_EQ(correct("even.toml", "faded.uvj", {"--uv-mw-cm2", "200", "--uv-lamp-log", "even.csv"})
+                .exit_code,
+            0);
+  ASSERT_EQ(correct("even.toml", "weak.uvj", {"--uv-mw-cm2", "160"}).exit_code, 0);
+  const MemorySlices faded = slices("faded.uvj"), weak = slices("weak.uvj");
+  ASSERT_EQ(faded.grid().layers, weak.grid().layers);
+  for (int n = 0; n < faded.grid().layers; ++n) {
+    for (int x = 8; x < 52; ++x) ASSERT_EQ(faded.at(n, x, 30), weak.at(n, x, 30)) << n << " " << x;
+  }
+  // The lamp is asked for what was said, and the stack knows what comes.
+  const StackInfo info = StackReader::read_info(folder_ / "faded.uvj");
+  EXPECT_EQ(info.process->uv.kind, UvKind::constant);
+  EXPECT_EQ(info.process->uv.uv_mw_cm2, 200);
+  EXPECT_EQ(info.process->uv_lamp_share, std::vector{0.8});
+}
+
+/// Dose of a column's voxel middles by the law itself, in steps of a hundredth of a slice (physics 5).
+std::vector<double> own_doses(const MemorySlices& shown, int x, int y,
+                              const std::vector<double>& uv) {
+  const double hb = 408, huv = 37.8, m = 0.99, hs = 50, s_um = 300 / 3.6;
+  constexpr int kSteps = 100;
+  std::vector<double> doses;
+  for (int k = 0; k < shown.grid().layers; ++k) {
+    const double z = (k + 0.5) * hs;
+    double dose = 0;
+    for (int n = k; n < shown.grid().layers; ++n) {
+      const double blue = 100 * shown.at(n, x, y) / 255.0;
+      const double u = uv[std::min(static_cast<std::size_t>(n), uv.size() - 1)];
+      for (int i = 0; i < kSteps; ++i) {
+        const double d = (n + (i + 0.5) / kSteps) * hs - z;
+        if (d < 0) continue;
+        const double rate = blue * std::exp(-d / hb) - 0.73 * u * std::exp(-d / huv);
+        if (rate > 0) dose += std::pow(rate, m) * hs / kSteps / s_um;
+      }
+    }
+    doses.push_back(dose / 64);
+  }
+  return doses;
+}
+
+TEST_F(FadingUv, IsCountedSliceBySlice) {
+  // One log of both lamps, in seconds: UV light falls from all to half of it, blue light stays.
+  std::ofstream(folder_ / "both.csv") << "seconds,lamp_share,uv_lamp_share\n0,1,1\n21.6,1,0.5\n";
+  const RunResult r =
+      correct("even.toml", "f.uvj", {"--uv-mw-cm2", "200", "--lamp-log", "both.csv"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const StackInfo info = StackReader::read_info(folder_ / "f.uvj");
+  EXPECT_TRUE(info.process->lamp_share.empty() || info.process->lamp_share == std::vector{1.0});
+  std::vector<double> uv;
+  for (int n = 0; n < 60; ++n)
+    uv.push_back(200 * (1 - 0.5 * std::min(1.0, (n + 0.5) * 0.6 / 21.6)));
+  ASSERT_GE(info.process->uv_lamp_share.size(), 30U);
+  EXPECT_NEAR(200 * info.process->uv_lamp_share[20], uv[20], 1e-9);
+  // Doses by the law itself: what the part needs is gelled, gaps are not.
+  const MemorySlices shown = slices("f.uvj");
+  const std::vector<double> doses = own_doses(shown, 30, 30, uv);
+  for (int k = 0; k < 36; ++k) {
+    const bool part = k < 10 || k >= 22;
+    // Edges within slices: the outermost voxels of features may be short of a part of them.
+    if (k == 9 || k == 10 || k == 21 || k == 22 || k == 35) continue;
+    if (part) {
+      EXPECT_GT(doses[static_cast<std::size_t>(k)], 1 - 0.005) << k;
+    } else {
+      EXPECT_LT(doses[static_cast<std::size_t>(k)], 1 + 0.005) << k;
+    }
+  }
+  // It is another print than that of a lamp that lasts.
+  ASSERT_EQ(correct("even.toml", "e.uvj", {"--uv-mw-cm2", "200"}).exit_code, 0);
+  const MemorySlices lasting = slices("e.uvj");
+  int differ = 0;
+  for (int n = 0; n < 36; ++n) differ += shown.at(n, 30, 30) != lasting.at(n, 30, 30) ? 1 : 0;
+  EXPECT_GT(differ, 5);
+}
+
+TEST_F(FadingUv, ADeadZoneAsksMoreOfALampThatGivesLess) {
+  std::ofstream(folder_ / "log.csv") << "slice,uv_lamp_share\n0,1\n10,0.9\n";
+  const Command zone{"--dead-zone-um", "8", "--uv-schedule", "per-slice"};
+  ASSERT_EQ(correct("even.toml", "whole.uvj", zone).exit_code, 0);
+  ASSERT_EQ(correct("even.toml", "faded.uvj", zone + Command{"--uv-lamp-log", "log.csv"}).exit_code,
+            0);
+  const auto whole = StackReader::read_info(folder_ / "whole.uvj").process->uv.slice_mw_cm2;
+  const auto faded = StackReader::read_info(folder_ / "faded.uvj").process->uv.slice_mw_cm2;
+  ASSERT_EQ(whole.size(), faded.size());
+  for (std::size_t n = 0; n < whole.size(); ++n) {
+    EXPECT_NEAR(faded[n] * (n < 10 ? 1 : 0.9), whole[n], 1e-9 * whole[n]) << n;
+  }
+  // A lamp that can't is told with its slice.
+  std::ofstream(folder_ / "weak.csv") << "slice,uv_lamp_share\n0,1\n10,0.4\n";
+  const RunResult weak = correct("even.toml", "w.uvj", zone + Command{"--uv-lamp-log", "weak.csv"});
+  EXPECT_EQ(weak.exit_code, 3);
+  EXPECT_THAT(weak.err, HasSubstr("the UV lamp still gives 40 %"));
+}
+
+TEST_F(FadingUv, IsRefusedWhereItIsNotCounted) {
+  std::ofstream(folder_ / "log.csv") << "slice,uv_lamp_share\n0,1\n10,0.9\n";
+  printer("patterned.toml", "", "patterned");
+  const RunResult patterned =
+      correct("patterned.toml", "x.uvj", {"--dead-zone-um", "8", "--uv-lamp-log", "log.csv"});
+  EXPECT_EQ(patterned.exit_code, 2);
+  EXPECT_THAT(patterned.err, HasSubstr("uv_lamp_log"));
+  const RunResult sure =
+      correct("even.toml", "x.uvj",
+              {"--uv-mw-cm2", "200", "--uv-lamp-log", "log.csv", "--uncertain", "ha=5%"});
+  EXPECT_EQ(sure.exit_code, 2);
+  EXPECT_THAT(sure.err, HasSubstr("uv_lamp_log"));
+  for (const char* bad :
+       {"slice,uv_lamp_share\n0,1.2\n", "slice,uv_lamp_share\n0,0\n", "slice,lamp_share\n0,1\n",
+        "slice,lamp_share,uv_lamp_share\n0,1\n", "seconds,uv_share\n0,1\n"}) {
+    std::ofstream(folder_ / "bad.csv") << bad;
+    EXPECT_EQ(
+        correct("even.toml", "x.uvj", {"--uv-mw-cm2", "200", "--uv-lamp-log", "bad.csv"}).exit_code,
+        2)
+        << bad;
+  }
+}
+
 }  // namespace
 }  // namespace slicecorr::test

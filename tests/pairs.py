@@ -290,6 +290,15 @@ def uneven_uv(p):
     p.printer["uv"]["flat_field"] = "uv-flat.png"
 
 
+def fading_uv(p):
+    if "uv" not in p.printer:
+        uv_constant(p)
+        if p.options.get("lifts") == "each":
+            p.options["exposure-s"] = "6"  # as `lifts` does under UV light
+    p.files["uv-log.csv"] = "slice,uv_lamp_share\n0,1\n5,0.9\n11,0.8\n".encode()
+    p.options["uv-lamp-log"] = "uv-log.csv"
+
+
 # In the order of the table, with the words of `slicecorr features` that begin their names.
 FEATURES = {
     "layer by layer": layerwise,
@@ -318,6 +327,7 @@ FEATURES = {
     "how sure figures are": derivatives,
     "grey by pulses": pulsed_grey,
     "uneven UV light": uneven_uv,
+    "a UV lamp that fades": fading_uv,
 }
 UV = {"constant UV light", "UV light per slice", "patterned UV light", "an even dead zone"}
 # Figures only: no image changes.
@@ -331,6 +341,7 @@ ELSEWHERE = [({mode, "more light for slower slices"}, "is for continuous exposur
     # Resin files have one or the other.
     ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})] + [
     ({"a time to gel", "uneven UV light"}, "has no [inhibition]"),
+    ({"a time to gel", "a UV lamp that fades"}, "has no [inhibition]"),
     ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
 
 
@@ -365,6 +376,10 @@ class Table:
                 features.add("more light for slower slices")
         if "uneven UV light" in features and not UV & features:
             features.add("constant UV light")
+        # What comes of one intensity differs from slice to slice.
+        if "a UV lamp that fades" in features and not (UV - {"constant UV light"}) & features:
+            features.discard("constant UV light")
+            features.add("UV light per slice")
         # It sets m to 1, for which pulses are like any light.
         if "a resin that bleaches" in features and not UV & features:
             features.discard("grey by pulses")

@@ -363,7 +363,7 @@ std::vector<Feature> features_of(const CureModel& model) {
 
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light) {
-  if (!process.lamp_share.empty()) {
+  if (!process.lamp_share.empty() || !process.uv_lamp_share.empty()) {
     return make_cure_model(printer, resin, as_lamp_shines(process), layer_um, light);
   }
   check_supported(printer, resin, process);

@@ -503,7 +503,9 @@ std::optional<double> typed_uv(double holds, bool up, const UvLamp& lamp,
 std::optional<double> detail::working_uv(const Kinetics& k, double layer_um,
                                          const std::vector<double>& blue, const UvLamp& lamp,
                                          const Process& process, double needed) {
-  if (process.uv.kind != UvKind::constant || !(process.uv.uv_mw_cm2 > 0)) return std::nullopt;
+  if (!process.uv_lamp_share.empty() || process.uv.kind != UvKind::constant ||
+      !(process.uv.uv_mw_cm2 > 0))
+    return std::nullopt;
   const auto works = [&](double uv) {
     double lit = blue.back();
     for (std::size_t l = blue.size(); !process.allow_window_cure && l-- > 0;) {

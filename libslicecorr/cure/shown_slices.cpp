@@ -176,6 +176,8 @@ void ShownSlices::make_settings(const std::vector<double>& asked) {
     printer_.uv->calibration = {{0, 0}, {1, std::max(1.0, settings.back())}};
   }
   process_.uv.slice_mw_cm2 = std::move(settings);
+  // What was recorded is what came.
+  process_.uv_lamp_share.clear();
 }
 
 std::span<const ShownSlices::Showing> ShownSlices::of(int slice) const {

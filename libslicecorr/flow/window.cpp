@@ -102,38 +102,6 @@ void rest_on_rubber(const FlowWindow& w, const PulledSection& s, const SiDisc& d
 
 double PulledSection::radius_mm() const { return std::sqrt(area_mm2 / std::numbers::pi); }
 
-void check_window(const FlowWindow& w) {
-  for (const auto& [what, value] :
-       {std::pair{"the springs of the window are", w.springs_um_per_kpa},
-        {"the tension of the film is", w.film_n_m},
-        {"the radius of the film is", w.film_radius_mm},
-        {"the stretch of the film is", w.film_stretch_n_m},
-        {"the stiffness of the arm is", w.arm_n_mm},
-        {"the thickness of the rubber is", w.rubber_mm},
-        {"the modulus of the rubber is", w.rubber_mpa}}) {
-    if (!std::isfinite(value) || value < 0) {
-      throw InputError(fmt::format("{} {:g}; expected a number above 0", what, value));
-    }
-  }
-  const int kinds =
-      (w.springs_um_per_kpa > 0 ? 1 : 0) + (w.film_n_m > 0 ? 1 : 0) + (w.rubber_mm > 0 ? 1 : 0);
-  if (kinds > 1) {
-    throw InputError(
-        "the window is told to be two of springs, a film and rubber; expected one of them, and an arm with "
-        "any");
-  }
-  if ((w.rubber_mm > 0) != (w.rubber_mpa > 0)) {
-    throw InputError("rubber needs both its thickness and its modulus; expected both, or neither");
-  }
-  if ((w.film_n_m > 0) != (w.film_radius_mm > 0)) {
-    throw InputError(
-        "a film needs both its tension and the radius over which it is free; expected both, or neither");
-  }
-  if (w.film_stretch_n_m > 0 && !(w.film_n_m > 0)) {
-    throw InputError("what stretches is a film; expected its tension at rest and its radius, too");
-  }
-}
-
 WindowRest window_rest(const FlowWindow& w, const PulledSection& s) {
   const SiDisc d = disc_of(w, s);
   WindowRest rest;

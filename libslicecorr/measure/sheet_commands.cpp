@@ -50,6 +50,7 @@ std::string readers_of(const std::string& part) {
       {"flat-field", "resinctl import --format flat-field"},
       {"levels", "resinctl import --format calibration"},
       {"films", "resinctl calibrate"},
+      {"grid", "[display] distortion of a printer file"},
       {"spread", "resinctl fit-spread"}};
   const auto found = readers.find(part);
   return found == readers.end() ? "another version of slicecorr" : found->second;

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <mutex>
@@ -8,7 +10,9 @@
 #include "bands/bands.hpp"
 #include "bands/correct_group.hpp"
 #include "slicecorr/dead_zone.hpp"
+#include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr {
@@ -53,9 +57,21 @@ Process schedule_uv(const SliceSource& target, const Setup& setup,
   });
   const InhibitedKernel& kernel = *models.brightest().inhibited();
   const double greatest = kernel.setting_uv_mw_cm2(0, plans.levels() - 1);
-  for (const double blue : total.greatest_mw_cm2()) {
+  const std::vector<double>& lamp = process.uv_lamp_share;
+  const double most = setup.printer.uv->max_mw_cm2();
+  for (std::size_t n = 0; const double blue : total.greatest_mw_cm2()) {
     const double needed = uv_for_dead_zone(kernel.kinetics(), blue, process.uv.dead_zone_um);
-    process.uv.slice_mw_cm2.push_back(on_ladder(needed, greatest, setup.printer.uv->min_mw_cm2()));
+    // Of a lamp that fades so much more is asked that this comes.
+    const double comes = lamp.empty() ? 1 : lamp[std::min(n, lamp.size() - 1)];
+    const double light = on_ladder(needed, greatest, setup.printer.uv->min_mw_cm2());
+    if (light / comes > most * (1 + 1e-9)) {
+      throw InfeasibleError(fmt::format(
+          "a dead zone of {:g} um takes {:.4g} mW/cm² of UV light in slice {}, where the UV lamp still gives "
+          "{:.3g} % of what is asked of it: that is {:.4g} of the {} mW/cm² that it had",
+          process.uv.dead_zone_um, light, n, 100 * comes, light / comes, at_most(most)));
+    }
+    process.uv.slice_mw_cm2.push_back(std::min(light / comes, most));
+    ++n;
   }
   return process;
 }

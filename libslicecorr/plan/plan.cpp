@@ -62,6 +62,8 @@ void check(const SliceSource& target, const Setup& setup, const PlanAsk& ask) {
          "layers of different heights can't be planned for; expected layers of one height");
   expect(!setup.printer.uv_flat_field || p.uv.kind == UvKind::off,
          "uneven UV light ([uv] flat_field) can't be planned for; expected a printer without it");
+  expect(p.uv_lamp_share.empty(),
+         "a UV lamp that fades (uv_lamp_log) can't be planned for; expected all of its light");
   expect(
       p.lamp_share.empty(),
       "a lamp that fades (lamp_log) can't be planned for; expected the light of the calibration");

@@ -13,6 +13,7 @@
 #include "process/spread_keys.hpp"
 #include "process/tomography_keys.hpp"
 #include "process/unit_key.hpp"
+#include "process/vat_window_keys.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/light_unit.hpp"
@@ -342,6 +343,9 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
   printer.fill_factor = display.number("fill_factor", 0, 1).value_or(1);
   printer.orientation = orientation_of(display);
   detail::flat_field_keys(display);
+  if (const toml::node* node = display.node("distortion"); node && !node->is_string()) {
+    display.fail("distortion", "expected the name of a CSV file with x_px,y_px,x_mm,y_mm");
+  }
   const TomlTable blue = root.required_table("blue");
   printer.wavelength_nm = blue.number("wavelength_nm", 0, 1e5).value_or(0);
   if (!is_to_be_measured(blue)) {
@@ -401,10 +405,16 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
     printer.suction_limit_pa = vat->number("suction_limit_pa", 0, kMostSuctionPa).value_or(0);
     printer.adhesion_kpa = vat->number("adhesion_kpa", 0, kMostAdhesionKpa).value_or(0);
   }
+  if (const auto window = root.table("window")) printer.window = detail::window_keys(*window);
   if (const auto limit = root.number("suction_limit_pa", 0, kMostSuctionPa)) {
     printer.suction_limit_pa = *limit;
   }
   detail::tomography_keys(root, printer);
+  if (display.has("distortion") && (printer.vial || printer.optics || printer.rotation)) {
+    display.fail(
+        "distortion",
+        "is not counted in tomographic printing, whose rays [optics] says; expected one of both");
+  }
   return printer;
 }
 

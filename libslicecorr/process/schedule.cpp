@@ -69,19 +69,40 @@ double usual_light_share(const Process& process) {
 
 Process as_lamp_shines(Process process) {
   const std::vector<double> lamp = std::exchange(process.lamp_share, {});
-  if (lamp.empty()) return process;
-  std::vector<double> both;
-  const std::size_t slices = std::max(lamp.size(), process.light_share.size());
-  for (std::size_t n = 0; n < slices; ++n) {
-    both.push_back(light_share(process, static_cast<int>(n)) * lamp[std::min(n, lamp.size() - 1)]);
+  const std::vector<double> uv_lamp = std::exchange(process.uv_lamp_share, {});
+  if (!lamp.empty()) {
+    std::vector<double> both;
+    const std::size_t slices = std::max(lamp.size(), process.light_share.size());
+    for (std::size_t n = 0; n < slices; ++n) {
+      both.push_back(light_share(process, static_cast<int>(n)) *
+                     lamp[std::min(n, lamp.size() - 1)]);
+    }
+    process.light_share = std::move(both);
   }
-  process.light_share = std::move(both);
+  UvSchedule& uv = process.uv;
+  if (uv_lamp.empty() || uv.kind == UvKind::off) return process;
+  // What is asked of it, slice by slice, and what comes.
+  std::vector<double> asked = uv.slice_mw_cm2;
+  if (uv.kind == UvKind::constant) asked = {uv.uv_mw_cm2};
+  if (asked.empty()) return process;  // not known yet (schedule_uv)
+  uv.slice_mw_cm2.clear();
+  for (std::size_t n = 0; n < std::max(asked.size(), uv_lamp.size()); ++n) {
+    uv.slice_mw_cm2.push_back(asked[std::min(n, asked.size() - 1)] *
+                              uv_lamp[std::min(n, uv_lamp.size() - 1)]);
+  }
+  if (uv.kind == UvKind::constant) uv.kind = UvKind::per_slice;
   return process;
 }
 
 bool light_differs(const Process& process) {
   return std::any_of(process.light_share.begin(), process.light_share.end(),
                      [&](double share) { return share != process.light_share.back(); });
+}
+
+std::string shares_in_words(const std::vector<double>& shares) {
+  const auto [least, most] = std::minmax_element(shares.begin(), shares.end());
+  return *least == *most ? fmt::format("{:.4g} %", 100 * *most)
+                         : fmt::format("{:.4g} to {:.4g} %", 100 * *least, 100 * *most);
 }
 
 std::string light_share_in_words(const Process& process) {

@@ -130,6 +130,17 @@ const std::vector<Setting>& table() {
        .process = &Process::lamp_share,
        .block = BlockPart::exposure,
        .changed_only = true},
+      {.name = "uv_lamp_log",
+       .group = kHowItPrints,
+       .chosen = &C::uv_lamp_log,
+       .text =
+           "The same of the UV lamp: share of the light asked of it that it still gives at each slice, above "
+           "0 and at most 1 [all of it]",
+       .range = up_to(1),
+       .column = "uv_lamp_share",
+       .process = &Process::uv_lamp_share,
+       .block = BlockPart::exposure,
+       .changed_only = true},
       {.name = "layer_heights_um",
        .group = kHowItPrints,
        .chosen = &C::layer_heights_um,

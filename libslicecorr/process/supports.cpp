@@ -45,6 +45,7 @@ constexpr std::array<const char*, kFeatures> kNames = {
     "how sure figures are (uncertain)",
     "grey by pulses ([blue] grey)",
     "uneven UV light ([uv] flat_field)",
+    "a UV lamp that fades (uv_lamp_log)",
 };
 
 // A pair for each of the kinds of UV light.
@@ -108,6 +109,13 @@ constexpr Unsupported kTable[] = {
     {uneven_uv, derivatives, refused,
      "{printer}: uv.flat_field: how sure figures are can't be said where UV light is uneven; expected "
      "figures without it, or a printer without uv.flat_field"},
+    {fading_uv, uv_patterned, refused,
+     "a UV lamp that fades (uv_lamp_log) is not counted where UV light has a pattern; expected one intensity "
+     "(uv_mw_cm2), or one per slice"},
+    {fading_uv, even_dead_zone, refused,
+     "a UV lamp that fades (uv_lamp_log) is not counted beside an even dead zone; expected even_dead_zone off"},
+    {fading_uv, derivatives, refused,
+     "how sure a print is can't be said where the UV lamp fades (uv_lamp_log); expected figures without it"},
     UNDER_UV(pulsed_grey, refused, kPulsesUv),
     {pulsed_grey, gel_time, refused,
      "{printer}: blue.grey: grey by pulses is not counted with a resin of model \"gel-time\"; expected a "
@@ -282,8 +290,8 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
   add(process.mode == ExposureMode::layerwise, layerwise);
   const bool even = process.even_light || process.even_dead_zone != EvenDeadZone::off;
   add(even, even_dead_zone);
-  add(!even && process.uv.kind == UvKind::constant, uv_constant);
-  add(!even && process.uv.kind == UvKind::per_slice, uv_per_slice);
+  add(!even && lit.uv.kind == UvKind::constant, uv_constant);
+  add(!even && lit.uv.kind == UvKind::per_slice, uv_per_slice);
   add(!even && process.uv.kind == UvKind::patterned, uv_patterned);
   add(resin.has_gel_time(), gel_time);
   add(resin.bleaches(), bleaching);
@@ -308,6 +316,7 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
           (resin.m != 1 || resin.has_gel_time() || process.uv.kind != UvKind::off || even),
       pulsed_grey);
   add(printer.uv_flat_field && (process.uv.kind != UvKind::off || even), uneven_uv);
+  add(!process.uv_lamp_share.empty() && (process.uv.kind != UvKind::off || even), fading_uv);
   return features;
 }
 

@@ -253,6 +253,11 @@ Markup summary(const ReportContent& c) {
     lamp.light_share = c.setup.process.lamp_share;
     say("The lamp still gives", light_share_in_words(lamp));
   }
+  if (!c.setup.process.uv_lamp_share.empty()) {
+    say("The UV lamp still gives",
+        shares_in_words(c.setup.process.uv_lamp_share) + " of what is asked");
+  }
+  say("Places of pixels", distortion_in_words(c.setup.printer));
   say("Light over the display", light_in_words(c.setup.printer));
   say("Light spreads", spread_in_words(c.setup.printer.spread));
   if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {

@@ -13,15 +13,16 @@
 
 namespace slicecorr::detail {
 
-void take_lamp_log(const std::vector<double>& shares, const std::string& name, Process& process) {
-  if (!shares.empty()) process.lamp_share = trimmed(shares);
-  for (const double share : process.lamp_share) {
+void take_lamp_log(const std::vector<double>& shares, const std::string& name,
+                   std::vector<double>& kept) {
+  if (!shares.empty()) kept = trimmed(shares);
+  for (const double share : kept) {
     if (share > 0 && share <= 1) continue;
     throw InputError(fmt::format(
         "{}: a share of {:g}; expected shares above 0 and at most 1, the light of the calibration",
         name, share));
   }
-  if (process.lamp_share.size() == 1 && process.lamp_share.front() == 1) process.lamp_share.clear();
+  if (kept.size() == 1 && kept.front() == 1) kept.clear();
 }
 
 double uv_for_weakest_place(const Setup& setup, double dead_zone_um) {

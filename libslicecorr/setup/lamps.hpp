@@ -11,9 +11,10 @@
 
 namespace slicecorr::detail {
 
-/// The lamp's shares of slices; `name`: of the choice. Throws `InputError` unless all are above 0 and at
-/// most 1.
-void take_lamp_log(const std::vector<double>& shares, const std::string& name, Process& process);
+/// Shares that a lamp still gives at slices, into `kept` where some are chosen; `name`: of the choice. Throws
+/// `InputError` unless all are above 0 and at most 1.
+void take_lamp_log(const std::vector<double>& shares, const std::string& name,
+                   std::vector<double>& kept);
 
 /// The UV light, where its calibration holds, with which the place of an uneven lamp that gets least of it
 /// keeps a dead zone under full light, all others a thicker one. Throws `InfeasibleError` where the

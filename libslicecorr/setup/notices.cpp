@@ -95,6 +95,12 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
     notices.push_back("the lamp still gives " + light_share_in_words(lamp) +
                       ": doses are those of that light");
   }
+  if (const auto& uv_lamp = setup.process.uv_lamp_share; !uv_lamp.empty()) {
+    notices.push_back(setup.process.uv.kind == UvKind::off
+                          ? "the log of the UV lamp is not used: there is no UV light"
+                          : "the UV lamp still gives " + shares_in_words(uv_lamp) +
+                                " of what is asked of it");
+  }
   if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
     notices.push_back(std::move(text));
   }

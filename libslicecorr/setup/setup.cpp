@@ -164,7 +164,8 @@ void Resolver::resolve_layers(Process& process, const StackInfo* times, bool rec
   if (process.light_share.size() == 1 && process.light_share.front() == 1) {
     process.light_share.clear();
   }
-  detail::take_lamp_log(c_.lamp_log, o("lamp_log"), process);
+  detail::take_lamp_log(c_.lamp_log, o("lamp_log"), process.lamp_share);
+  detail::take_lamp_log(c_.uv_lamp_log, o("uv_lamp_log"), process.uv_lamp_share);
   if (!c_.layer_heights_um.empty()) {
     process.layer_heights_um = trimmed(c_.layer_heights_um);
   } else if (archive) {

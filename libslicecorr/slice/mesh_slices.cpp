@@ -13,6 +13,7 @@
 #include "mesh/half_edges.hpp"
 #include "parallel/silent.hpp"
 #include "slice/mesh_slices_parts.hpp"
+#include "slice/refine.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/slice.hpp"
 #include "support/numbers/release.hpp"
@@ -136,6 +137,11 @@ MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOpt
   }
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
   impl_->antialias = options.antialias;
+  if (printer.distortion) {
+    mesh = detail::refined(std::move(mesh), straight_mm(*printer.distortion, printer));
+    edge_defects = nullptr;  // of another mesh
+    context.tell("outlines lie where pixels land: " + distortion_in_words(printer));
+  }
   const EdgeDefects defects = edge_defects ? *edge_defects : detail::edge_defects_of(mesh, context);
   const std::vector<TriangleMesh::Share> shares = mesh.shares;
   impl_->place(std::move(mesh), printer, options, context);

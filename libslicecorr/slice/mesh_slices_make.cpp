@@ -3,6 +3,9 @@
 
 // A mesh comes onto the printer: placed, its volumes divided, its contours closed, its triangles sorted into
 // bins of rows.
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -52,6 +55,16 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
   bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, plate.width_px));
   bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, plate.height_px));
   corners = std::move(mesh.vertices);
+  if (printer.distortion) {
+    triangles = std::move(mesh.triangles);
+    const double bottom_mm = platform_z;
+    in_chunks(corners.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        corners[i][kZ] = (corners[i][kZ] - bottom_mm) / layer_mm - 0.5;
+    });
+    place_distorted({cx - mid_x, cy - mid_y}, printer, context);
+    return;
+  }
   // What is not added may reach beyond the part; it is cut there later.
   std::vector<std::uint8_t> reaches(mesh.shares.empty() ? 0 : corners.size(), 0);
   for (std::size_t t = 0; t < mesh.triangles.size() && !reaches.empty(); ++t) {
@@ -74,6 +87,47 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
     }
   });
   triangles = std::move(mesh.triangles);
+}
+
+void MeshSlices::Impl::place_distorted(const std::array<double, 2>& shift_mm,
+                                       const Printer& printer, const ExecutionContext& context) {
+  const double width = grid.width_px, height = grid.height_px;
+  std::vector<PixelBox> boxes(chunks_of(corners.size()));
+  std::vector<std::uint8_t> used(corners.size(), 0);
+  for (const auto& t : triangles) {
+    for (const std::uint32_t v : t) used[v] = 1;
+  }
+  in_chunks(corners.size(), context, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    double low[2] = {width, height}, high[2] = {0, 0};
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!used[i]) continue;
+      const double x_mm = corners[i][kX] + shift_mm[0], y_mm = corners[i][kY] + shift_mm[1];
+      const auto place = image_place(*printer.distortion, printer, x_mm, y_mm);
+      // Of rounding alone a part may reach over the edge.
+      constexpr double kNothing = 1e-6;
+      if (!place || !((*place)[0] >= -kNothing && (*place)[0] <= width + kNothing &&
+                      (*place)[1] >= -kNothing && (*place)[1] <= height + kNothing)) {
+        throw InputError(fmt::format(
+            "no pixel of printer '{}' lands at {:.2f}, {:.2f} mm, where its display is distorted; expected a "
+            "part that is smaller, or nearer to the middle",
+            printer.name, x_mm, y_mm));
+      }
+      corners[i][kX] = std::clamp((*place)[0], 0.0, width);
+      corners[i][kY] = std::clamp((*place)[1], 0.0, height);
+      for (std::size_t k = 0; k < 2; ++k) {
+        low[k] = std::min(low[k], corners[i][k]);
+        high[k] = std::max(high[k], corners[i][k]);
+      }
+    }
+    const auto down = [](double v, double most) {
+      return static_cast<int>(std::min(std::floor(v), most - 1));
+    };
+    boxes[chunk] = {down(low[0], width), down(low[1], height),
+                    std::max(down(low[0], width) + 1, static_cast<int>(std::ceil(high[0]))),
+                    std::max(down(low[1], height) + 1, static_cast<int>(std::ceil(high[1])))};
+  });
+  bounds = {};
+  for (const PixelBox& box : boxes) bounds = bounds.united(box);
 }
 
 /// Gives triangles their tags, and cuts volumes that are taken away, or kept within, at the part's

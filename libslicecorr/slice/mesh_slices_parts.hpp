@@ -99,6 +99,9 @@ struct MeshSlices::Impl {
 
   void place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
              const ExecutionContext& context);
+  /// The same where pixels do not lie on an even grid.
+  void place_distorted(const std::array<double, 2>& shift_mm, const Printer& printer,
+                       const ExecutionContext& context);
   void divide_solids(const std::vector<TriangleMesh::Share>& shares);
   void close_contours(const ExecutionContext& context);
   void measure_bridges();

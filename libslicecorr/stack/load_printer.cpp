@@ -17,6 +17,7 @@
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/png/png.hpp"
+#include "support/text/csv.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr {
@@ -217,6 +218,53 @@ void take_lamp_field(const TomlTable& uv, Printer& printer) {
   }
 }
 
+constexpr const char* kDistortionHead[] = {"x_px", "y_px", "x_mm", "y_mm"};
+
+/// A table of marks: image places in the first two columns, measured ones in the last two.
+std::vector<DistortionPoint> read_marks(const std::string& path) {
+  CsvReader reader = CsvReader::of_file(path, {.longest_line_bytes = 1000});
+  const auto wrong = [&](const std::string& what) { throw InputError(path, reader.place(), what); };
+  constexpr double kMost = 1e6;
+  std::vector<DistortionPoint> points;
+  bool head = true;
+  for (CsvRow row; reader.next(row); head = false) {
+    if (row.fault != CsvRow::Fault::none || row.cells.size() != std::size(kDistortionHead)) {
+      wrong("expected four columns, x_px,y_px,x_mm,y_mm");
+    }
+    if (head) {
+      if (!std::equal(row.cells.begin(), row.cells.end(), std::begin(kDistortionHead))) {
+        wrong("expected the head x_px,y_px,x_mm,y_mm");
+      }
+      continue;
+    }
+    // A mark that nobody could measure.
+    if (row.cells[2].empty() && row.cells[3].empty()) continue;
+    double numbers[4] = {};
+    for (std::size_t i = 0; i < row.cells.size(); ++i) {
+      const auto number = number_in_text(row.cells[i]);
+      if (!number || !(std::abs(*number) <= kMost)) {
+        wrong(fmt::format("expected a number as {}", kDistortionHead[i]));
+      }
+      numbers[i] = *number;
+    }
+    points.push_back({numbers[0], numbers[1], numbers[2], numbers[3]});
+  }
+  return points;
+}
+
+void take_distortion(const TomlTable& display, Printer& printer) {
+  const std::string name = display.text("distortion", "");
+  if (name.empty()) return;
+  const std::string file = file_beside(display, "distortion", name);
+  try {
+    printer.distortion = fit_distortion(read_marks(file), printer);
+  } catch (const InputError& e) {
+    display.fail("distortion", e.what());
+  }
+  // A flat-field was measured where the light lands, and has it in it already.
+  if (!display.has("flat_field")) printer.flat_field = light_by_pitch(*printer.distortion, printer);
+}
+
 /// `printer` with the pictures that its file names.
 Printer with_pictures(Printer printer, std::string_view text, const std::string& source) {
   const toml::table root_table = parse_toml(text, source);
@@ -225,6 +273,7 @@ Printer with_pictures(Printer printer, std::string_view text, const std::string&
   if (const auto uv = root.table("uv")) printer.uv->spread.picture = spread_picture(*uv, printer);
   if (const auto uv = root.table("uv")) take_lamp_field(*uv, printer);
   const TomlTable display = root.required_table("display");
+  take_distortion(display, printer);
   const auto keys = detail::flat_field_keys(display);
   if (!keys) return printer;
   const std::string file = file_beside(display, "flat_field", keys->file);

@@ -98,6 +98,7 @@ Imported with_its_files(const std::string& path, const std::string& kind) {
     for (const std::string& file : csv_names(*node)) attach("provenance", "measurements", file);
   }
   for (const auto& [table, key] : {std::pair{"display", "flat_field"},
+                                   {"display", "distortion"},
                                    {"blue", "calibration"},
                                    {"blue", "spread"},
                                    {"uv", "calibration"},

@@ -17,11 +17,13 @@
 #include <string_view>
 #include <vector>
 
+#include "slicecorr/distortion.hpp"
 #include "slicecorr/even_light.hpp"
 #include "slicecorr/grid.hpp"
 #include "slicecorr/lift_times.hpp"
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/resin_chemistry.hpp"
+#include "slicecorr/vat_window.hpp"
 
 namespace slicecorr {
 
@@ -235,6 +237,10 @@ struct Printer {
   /// says the mean of both. It counts in tomographic printing.
   double fill_factor = 1;
   std::optional<Bath> bath{};  ///< of a tomographic printer
+  /// Where its pixels land (`[display] distortion`); nothing: on an even grid. It counts where outlines are
+  /// made of meshes, and, where there is no `flat_field`, in light.
+  std::optional<Distortion> distortion{};
+  FlowWindow window{};  ///< how the vat's window gives way (`[window]`)
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -503,6 +509,8 @@ struct Process {
   /// at most 1; the last holds for later slices; empty: all of it. Nothing tells a printer to do so, as
   /// `light_share` does: `as_lamp_shines` makes one of both for what counts light.
   std::vector<double> lamp_share{};
+  /// The same of the UV lamp.
+  std::vector<double> uv_lamp_share{};
   bool operator==(const Process&) const = default;
 };
 
@@ -529,6 +537,8 @@ Process as_lamp_shines(Process process);
 bool light_differs(const Process& process);
 /// Shares in words: "50.2 % of full light, 100 % for the first 2 layers"; empty where all is full.
 std::string light_share_in_words(const Process& process);
+/// Shares that a lamp still gives: "100 %", "70 to 100 %".
+std::string shares_in_words(const std::vector<double>& shares);
 /// All of them in words (layerwise): "8 s each; the first layer 20 s, then 3 in steps between".
 std::string exposures_in_words(const Process& process);
 

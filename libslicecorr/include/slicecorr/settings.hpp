@@ -65,7 +65,8 @@ struct SetupChoices {
   std::string other_wavelength;      ///< refuse or take (same_light.hpp)
   double layer_um = 0;  ///< height of layers where no archive says one, which `assume` needs
   std::string assume;   ///< whose light, in place of what nobody measured (assumed_light.hpp)
-  std::vector<double> lamp_log;  ///< what the lamp still gives; the last holds for later slices
+  std::vector<double> lamp_log;     ///< what the lamp still gives; the last holds for later slices
+  std::vector<double> uv_lamp_log;  ///< the same of the UV lamp
 };
 
 /// The numbers that a setting takes.

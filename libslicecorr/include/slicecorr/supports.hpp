@@ -43,8 +43,9 @@ enum class Feature {
   derivatives,  ///< how sure figures are
   pulsed_grey,  ///< grey by pulses, where that is not the same as less light
   uneven_uv,    ///< a UV lamp that does not shine evenly
+  fading_uv,    ///< a UV lamp that gives less and less of what is asked of it
 };
-inline constexpr int kFeatures = static_cast<int>(Feature::uneven_uv) + 1;
+inline constexpr int kFeatures = static_cast<int>(Feature::fading_uv) + 1;
 
 /// What people call it, with the field or key that brings it: "UV light per slice (dead_zone_um)".
 std::string name_of(Feature feature);

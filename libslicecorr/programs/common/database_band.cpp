@@ -5,31 +5,72 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <numbers>
 
+#include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 
 namespace slicecorr::cli {
 
 namespace fs = std::filesystem;
 
-std::string database_band(const std::string& resin) {
-  // Ratios: NIST interlaboratory study of 24 laboratories, 2024 (docs/measured.md).
-  if (resin.empty() || resin.ends_with(".toml")) return {};
+namespace {
+
+/// Whether a name leads to the installed database, not to a file of the user's own.
+bool is_installed(const std::string& resin) {
+  if (resin.empty() || resin.ends_with(".toml")) return false;
   const fs::path found = fs::path(find_definition(resin, "resin")).lexically_normal();
   const char* const database = std::getenv("SLICECORR_DB");
   for (const std::string& own : {std::string(database ? database : ""), user_definition_folder()}) {
     if (own.empty()) continue;
     for (const fs::path& folder : {fs::path(own), fs::path(own) / "resins"}) {
-      if ((folder / found.filename()).lexically_normal() == found) return {};
+      if ((folder / found.filename()).lexically_normal() == found) return false;
     }
   }
+  return true;
+}
+
+/// By how much cured heights may be off, 95 %: a dose that is f times as large cures (h/m) ln f less, base e.
+std::string in_words(const Resin& resin) {
+  constexpr double kSds = 1.96;
+  const double dose_um =
+      resin.absorbance_height10_um / std::numbers::ln10 / resin.m * kSds * kDatabaseDoseSd;
   return fmt::format(
       "resin '{}' is from the database, not measured on this printer: laboratories that measured one resin "
-      "were up to 7 times apart in absorbance height and 70 times in dose, so heights hold to an order of "
-      "magnitude until you measure here (slicecorr testpart staircase, slicecorr tune)",
-      resin);
+      "were up to 7 times apart in absorbance height and 70 times in dose, so that it has these to a factor of "
+      "{:.2g} and {:.2g} (95 %), and what light cures may be {:.0f} um higher or lower than told; one comb, "
+      "staircase or roof measured here shrinks that (slicecorr testpart staircase, slicecorr tune)",
+      resin.name, std::exp(kSds * kDatabaseHeightSd), std::exp(kSds * kDatabaseDoseSd), dose_um);
+}
+
+}  // namespace
+
+std::string database_band(const std::string& resin) {
+  return is_installed(resin) ? in_words(load_resin(resin)) : std::string();
+}
+
+std::string database_band(const Resin& resin) {
+  try {
+    const Resin known = load_resin(resin.name);
+    // With lifts the gel dose is aimed at, whatever the file's factor.
+    const auto alike = [](double a, double b) { return std::abs(a - b) <= 1e-9 * std::abs(b); };
+    const bool same = alike(known.absorbance_height10_um, resin.absorbance_height10_um) &&
+                      known.m == resin.m &&
+                      alike(known.critical_dose_mj_cm3 / known.dose_factor,
+                            resin.critical_dose_mj_cm3 / resin.dose_factor) &&
+                      alike(known.critical_dose_prime / known.dose_factor,
+                            resin.critical_dose_prime / resin.dose_factor);
+    return same && is_installed(resin.name) ? in_words(resin) : std::string();
+  } catch (const InputError&) {
+    return {};  // no such name: it was measured, or came from a file
+  }
+}
+
+void tell_database_band(const Resin& resin, const ExecutionContext& context) {
+  if (const std::string text = database_band(resin); !text.empty()) context.tell(text);
 }
 
 void tell_database_band(const std::string& resin, const ExecutionContext& context) {

@@ -7,13 +7,23 @@
 #include <string>
 
 #include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
 
 namespace slicecorr::cli {
+
+/// Of a resin that nobody measured on the printer at hand: standard deviations of the logarithms of absorbance
+/// height and dose. The ranges of 24 laboratories are a factor of 7 and of 70; of so many normal values
+/// the greatest is 3.9 standard deviations above the least, in the mean (docs/measured.md).
+inline constexpr double kDatabaseHeightSd = 0.5, kDatabaseDoseSd = 1.1;
 
 /// A sentence where a name leads to a resin of the installed database; empty where it leads to a file of the
 /// user's own, or is a path.
 std::string database_band(const std::string& resin);
+/// The same of what a stack was made with: where its resin has name and numbers of one of the installed
+/// database.
+std::string database_band(const Resin& resin);
 /// Tells it, where there is something to tell.
 void tell_database_band(const std::string& resin, const ExecutionContext& context);
+void tell_database_band(const Resin& resin, const ExecutionContext& context);
 
 }  // namespace slicecorr::cli

@@ -104,15 +104,20 @@ bool SetupOptions::by_slice() const {
 
 SetupChoices SetupOptions::choices(double slice_s) const {
   SetupChoices choices = *this;
-  for (const auto& [name, path] : tables_) {
-    if (path.empty()) continue;
-    const Setting& s = *find_setting(name);
-    if (name == "lamp_log" && is_lamp_curve(path)) {
-      choices.lamp_log = read_lamp_curve(path, slice_s);
-      continue;
-    }
+  const auto take = [&](const Setting& s, const std::string& path) {
+    const bool lamp = s.name == "lamp_log" || s.name == "uv_lamp_log";
     choices.*std::get<std::vector<double> SetupChoices::*>(s.chosen) =
-        read_by_slice(path, std::string(s.column));
+        lamp && is_lamp_curve(path) ? read_lamp_curve(path, slice_s, std::string(s.column))
+                                    : read_by_slice(path, std::string(s.column));
+  };
+  for (const auto& [name, path] : tables_) {
+    if (!path.empty()) take(*find_setting(name), path);
+  }
+  // One log of both lamps, unless the UV lamp's is another.
+  const auto log = tables_.find("lamp_log"), uv_log = tables_.find("uv_lamp_log");
+  const bool own = uv_log != tables_.end() && !uv_log->second.empty();
+  if (!own && log != tables_.end() && !log->second.empty() && has_both_lamps(log->second)) {
+    take(*find_setting("uv_lamp_log"), log->second);
   }
   return choices;
 }
@@ -133,31 +138,55 @@ Setup SetupOptions::resolve(const StackInfo* info, const StackInfo* times) const
   return resolve_setup(choices(slice_s(info, times)), info, times, ChoiceNames::options);
 }
 
-bool is_lamp_curve(const std::string& path) {
+namespace {
+
+constexpr const char* kLamps[] = {"lamp_share", "uv_lamp_share"};
+
+/// The head of a log of lamps; without cells where it is none.
+CsvRow head_of(const std::string& path) {
   CsvReader reader = CsvReader::of_file(path, {.longest_line_bytes = 1000});
   CsvRow row;
-  return reader.next(row) && row.fault == CsvRow::Fault::none && row.cells.size() == 2 &&
-         row.cells[0] == "seconds";
+  if (!reader.next(row) || row.fault != CsvRow::Fault::none) row.cells.clear();
+  return row;
 }
 
-std::vector<double> read_lamp_curve(const std::string& path, double slice_s) {
+/// Where `column` stands in the head of a table of it alone, or of both lamps; 0: in neither.
+std::size_t place_of(const std::string& column, const CsvRow& head) {
+  if (head.cells.size() == 2 && head.cells[1] == column) return 1;
+  if (head.cells.size() != 3 || head.cells[1] != kLamps[0] || head.cells[2] != kLamps[1]) return 0;
+  return column == kLamps[0] ? 1 : column == kLamps[1] ? 2 : 0;
+}
+
+}  // namespace
+
+bool is_lamp_curve(const std::string& path) {
+  const CsvRow head = head_of(path);
+  return head.cells.size() >= 2 && head.cells[0] == "seconds";
+}
+
+bool has_both_lamps(const std::string& path) { return place_of(kLamps[1], head_of(path)) == 2; }
+
+std::vector<double> read_lamp_curve(const std::string& path, double slice_s,
+                                    const std::string& column) {
   constexpr double most_slices = 1000000;
   CsvReader reader = CsvReader::of_file(path, {.longest_line_bytes = 1000});
   const auto wrong = [&](const std::string& what) { throw InputError(path, reader.place(), what); };
   CsvRow row;
   std::vector<double> seconds, shares;
   reader.next(row);
-  if (row.cells[1] != "lamp_share") wrong("expected the head seconds,lamp_share");
+  const std::size_t place = place_of(column, row), width = row.cells.size();
+  if (place == 0) wrong("expected the head seconds," + column);
   if (!(slice_s > 0)) {
     wrong(
         "has seconds, which are known of continuous exposure at one speed only; expected a table "
-        "slice,lamp_share");
+        "slice," +
+        column);
   }
   while (reader.next(row)) {
-    if (row.fault != CsvRow::Fault::none || row.cells.size() != 2) {
-      wrong("expected two columns, seconds,lamp_share");
+    if (row.fault != CsvRow::Fault::none || row.cells.size() != width) {
+      wrong(fmt::format("expected {} columns, as in the head", width));
     }
-    const auto at = number_of(row.cells[0]), share = number_of(row.cells[1]);
+    const auto at = number_of(row.cells[0]), share = number_of(row.cells[place]);
     if (!at || !share || !(*share > 0)) {
       wrong("expected seconds since the first slice, and a share above 0");
     }
@@ -168,7 +197,7 @@ std::vector<double> read_lamp_curve(const std::string& path, double slice_s) {
     shares.push_back(*share);
     if (*at / slice_s > most_slices) wrong(fmt::format("is beyond {:g} slices", most_slices));
   }
-  if (seconds.empty()) throw InputError(path, "", "has no rows; expected seconds,lamp_share");
+  if (seconds.empty()) throw InputError(path, "", "has no rows; expected seconds," + column);
   // In the middle of each slice, straight lines between rows, flat before and after them.
   std::vector<double> of_slices;
   std::size_t next = 0;
@@ -200,18 +229,20 @@ std::vector<double> read_by_slice(const std::string& path, const std::string& co
   };
   CsvRow row;
   std::vector<double> values;
-  bool head = true;
+  std::size_t place = 0, width = 2;
   while (reader.next(row)) {
-    if (row.fault != CsvRow::Fault::none || row.cells.size() != 2) {
-      wrong("expected two columns, slice," + column);
+    const bool head = place == 0;
+    if (head && row.cells.size() == std::size(kLamps) + 1) width = row.cells.size();
+    if (row.fault != CsvRow::Fault::none || row.cells.size() != width) {
+      wrong(width == 2 ? "expected two columns, slice," + column
+                       : "expected three columns, as in the head");
     }
-    if (std::exchange(head, false)) {
-      if (row.cells[0] != "slice" || row.cells[1] != column) {
-        wrong("expected the head slice," + column);
-      }
+    if (head) {
+      place = row.cells[0] == "slice" ? place_of(column, row) : 0;
+      if (place == 0) wrong("expected the head slice," + column);
       continue;
     }
-    const double slice = number(row.cells[0]), value = number(row.cells[1]);
+    const double slice = number(row.cells[0]), value = number(row.cells[place]);
     const auto last = static_cast<double>(values.size()) - 1;
     const bool rises = values.empty() ? slice == 0 : slice > last;
     if (!rises || slice != std::floor(slice) || slice >= most_slices) {
@@ -221,7 +252,7 @@ std::vector<double> read_by_slice(const std::string& path, const std::string& co
                          : fmt::format("a whole number above {:g}, below {}", last, most_slices)));
     }
     if (!(value > 0)) {
-      wrong(fmt::format("{} {}; expected one above 0", column, row.cells[1]));
+      wrong(fmt::format("{} {}; expected one above 0", column, row.cells[place]));
     }
     if (!values.empty()) values.resize(static_cast<std::size_t>(slice), values.back());
     values.push_back(value);

@@ -51,15 +51,18 @@ class LightOptions : SetupOptions {
                                    bool uv = false) const;
 };
 
-/// Values of slices from a table with the columns `slice,COLUMN`: from that slice on that value. The
-/// first row is of slice 0, slices rise. Throws `InputError` naming file and line.
+/// Values of slices from a table with the columns `slice,COLUMN`: from that slice on that value. A log of
+/// both lamps has `slice,lamp_share,uv_lamp_share`. The first row is of slice 0, slices rise. Throws `InputError` naming file and line.
 std::vector<double> read_by_slice(const std::string& path, const std::string& column);
 
-/// Whether a table of `lamp_log` has the columns `seconds,lamp_share`, in place of `slice,lamp_share`.
+/// Whether a log of a lamp counts `seconds`, in place of `slice`.
 bool is_lamp_curve(const std::string& path);
+/// Whether it is one of both lamps, with the columns `lamp_share,uv_lamp_share`.
+bool has_both_lamps(const std::string& path);
 /// The share of each slice in its middle: seconds since the first slice rise, straight lines between
 /// rows, flat before and after them. Throws `InputError` naming file and line, also where `slice_s` is 0.
-std::vector<double> read_lamp_curve(const std::string& path, double slice_s);
+std::vector<double> read_lamp_curve(const std::string& path, double slice_s,
+                                    const std::string& column = "lamp_share");
 
 /// A corrected stack shows light, not the design: measured against it, nothing means anything.
 /// Throws `InputError` when `path` is one, gives it back else.

@@ -194,7 +194,7 @@ int flow(const FlowOptions& o, const ExecutionContext& context, Console& console
   f.platform = platform_flow(part, f.pull, given ? o.platform_mm[0] : g.image_width_um * 1e-3,
                              given ? o.platform_mm[1] : g.image_height_um * 1e-3, context);
   if (f.pull.light) compare_lives(part, f, context);
-  f.window = find_window(o.window, f.slices, f.pull, context);
+  f.window = find_window(window_of(o.window, in.printer), f.slices, f.pull, context);
   f.warnings = flow_warnings(f);
   for (const std::string& warning : f.warnings) context.tell(warning);
   if (!o.json.empty()) print_or_write(o.json, flow_json(f));

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "flow_input.hpp"
+#include "flow_window_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_light.hpp"
 #include "slicecorr/flow_in_time.hpp"
@@ -31,6 +32,8 @@ struct Followed {
   double pitch_um = 0;
   std::vector<std::string> notes;
   PrintInTime print;
+  FlowWindow window;
+  std::vector<WindowRest> rest;  ///< of slices; empty where the window is rigid
 };
 
 [[noreturn]] void not_in_time(const char* option, const char* why) {
@@ -44,9 +47,9 @@ void check(const FlowOptions& o) {
     throw InputError(
         "expected one of PART, --disc-radius-mm and --strip-half-width-mm with --in-time");
   }
-  if (o.window.gives_way()) {
-    not_in_time("a window that gives way",
-                "the fronts are those over a window that stays where it is");
+  if (o.window.gives_way() && o.strip_half_width_mm > 0) {
+    not_in_time("a window that gives way under a strip",
+                "how far it does is known of discs and parts");
   }
   if (o.gap_um > 0) not_in_time("--gap-um", "the gap is what comes of the print");
   if (o.every != 1) not_in_time("--every", "slices are printed one after the other");
@@ -85,13 +88,14 @@ void take_even_light(const FlowOptions& o, const FlowInput& in, Followed& f) {
 /// The light that a stack was corrected for, at the middles of cells.
 class StackLight {
  public:
-  StackLight(const FlowInput& in, const FlowGrid& grid)
-      : process_(*in.process),
+  StackLight(const Process& process, const Printer& printer, const Grid& images,
+             const FlowGrid& grid)
+      : process_(process),
         grid_(grid),
-        images_(in.slices->grid()),
+        images_(images),
         pixels_(*process_.even_light, images_),
-        blue_mw_cm2_(in.printer.calibration.back().intensity_mw_cm2),
-        uv_mw_cm2_(in.printer.uv ? in.printer.uv->max_mw_cm2() : 0),
+        blue_mw_cm2_(printer.calibration.back().intensity_mw_cm2),
+        uv_mw_cm2_(printer.uv ? printer.uv->max_mw_cm2() : 0),
         blue_(grid.cells()) {}
 
   FlowLight at(int slice, std::size_t cell) {
@@ -173,10 +177,52 @@ void follow_input(const FlowOptions& o, const FlowInput& in, Followed& f,
     f.print = follow_part(part, f.pull, f.how, {}, context);
     return;
   }
-  StackLight light(in, part.grid());
+  StackLight light(*in.process, in.printer, in.slices->grid(), part.grid());
   f.print = follow_part(
       part, f.pull, f.how, [&light](int slice, std::size_t cell) { return light.at(slice, cell); },
       context);
+}
+
+/// Light sets the gap from the window's own surface: the front follows it, and what was followed holds over it.
+void look_at_window(const FlowOptions& o, const FlowInput& in, Followed& f) {
+  f.window = window_of(o.window, in.printer);
+  if (!f.window.gives_way() || o.strip_half_width_mm > 0) return;
+  check_window(f.window);
+  for (const SliceInTime& s : f.print.slices) {
+    if (!(s.suction_pa > 0 && s.force_n > 0)) {
+      f.rest.emplace_back();
+      continue;
+    }
+    f.rest.push_back(window_rest(f.window, {s.area_mm2, s.suction_pa, s.force_n, s.mean_um,
+                                            f.pull.speed_mm_h, f.pull.viscosity_pa_s}));
+  }
+  const auto steep = std::max_element(
+      f.rest.begin(), f.rest.end(), [](const auto& a, const auto& b) { return a.slope < b.slope; });
+  if (steep->slope > 0.5) {
+    f.notes.push_back(fmt::format(
+        "the window leans by {:.2g} in slice {}: what is told of it holds for flat windows, up to 0.5",
+        steep->slope, f.print.slices[static_cast<std::size_t>(steep - f.rest.begin())].slice));
+  }
+}
+
+double dome_um(const WindowRest& rest) { return rest.middle_um - rest.rim_um; }
+
+std::string window_in_time(const Followed& f) {
+  if (f.rest.empty()) return {};
+  const WindowRest& last = f.rest.back();
+  const auto most =
+      std::max_element(f.rest.begin(), f.rest.end(),
+                       [](const auto& a, const auto& b) { return dome_um(a) < dome_um(b); });
+  const auto slice = static_cast<std::size_t>(most - f.rest.begin());
+  return fmt::format(
+      "window: {}; fronts are those over its own surface. What is flat is domed by {:.3g} um in the last slice, "
+      "{:.3g} um at the most (slice {}){}\n",
+      window_in_words(f.window), dome_um(last), dome_um(*most), f.print.slices[slice].slice,
+      last.time_s
+          ? fmt::format("; changes faster than {:.2g} s are not followed: meanwhile the part grows "
+                        "faster or slower than the stage moves",
+                        *last.time_s)
+          : std::string("; how fast rubber follows is not known"));
 }
 
 std::string end_in_words(const Followed& f) {
@@ -220,7 +266,7 @@ std::string table_of(const Followed& f) {
                           : std::string("-"),
         s.window_dose, s.inflow_mm3_s, s.suction_pa);
   }
-  return text + end_in_words(f) + "\n";
+  return text + window_in_time(f) + end_in_words(f) + "\n";
 }
 
 std::string json_of(const Followed& f) {
@@ -237,7 +283,7 @@ std::string json_of(const Followed& f) {
   j["level_um"] = f.how.level_um;
   j["top_um"] = f.how.top_um;
   j["slices"] = ordered_json::array();
-  for (const SliceInTime& s : f.print.slices) {
+  for (std::size_t k = 0; const SliceInTime& s : f.print.slices) {
     ordered_json one;
     one["slice"] = s.slice;
     one["seconds"] = s.seconds;
@@ -255,6 +301,14 @@ std::string json_of(const Followed& f) {
     one["force_n"] = s.force_n;
     one["along"] = {
         {"place_mm", s.place_mm}, {"gap_um", s.gap_um}, {"window_dose", s.window_along}};
+    if (!f.rest.empty()) {
+      const WindowRest& r = f.rest[k];
+      one["window"] = {{"middle_um", r.middle_um},
+                       {"rim_um", r.rim_um},
+                       {"slope", r.slope},
+                       {"change_s", r.time_s ? ordered_json(*r.time_s) : ordered_json()}};
+    }
+    ++k;
     j["slices"].push_back(std::move(one));
   }
   const PrintInTime& p = f.print;
@@ -346,6 +400,7 @@ int flow_in_time(const FlowOptions& o, const ExecutionContext& context, Console&
   } else {
     follow_shape(o, f);
   }
+  look_at_window(o, in, f);
   take_notes(f, in.slices != nullptr);
   for (const std::string& note : f.notes) context.tell(note);
   if (!o.json.empty()) print_or_write(o.json, json_of(f));
@@ -357,6 +412,54 @@ int flow_in_time(const FlowOptions& o, const ExecutionContext& context, Console&
     console.say(fmt::format("{}: written", o.output));
   }
   return kDone;
+}
+
+std::optional<FirstSlices> follow_first_slices(const StackReader& stack,
+                                               const ExecutionContext& context) {
+  const StackInfo& info = stack.info();
+  if (!info.process || !info.process->even_light || !info.printer || !info.resin)
+    return std::nullopt;
+  constexpr int kAcross = 30, kSlices = 24;
+  FlowPull pull;
+  pull.resin = flow_resin(*info.resin);
+  pull.viscosity_pa_s = info.resin->viscosity_pa_s;
+  pull.speed_mm_h = info.process->speed_mm_h;
+  ExecutionContext untold = context;
+  untold.notice = nullptr;
+  const PixelBox box = stack.bounds();
+  const Grid& grid = stack.grid();
+  const double pixel_um = std::max(grid.pixel_x_um, grid.pixel_y_um);
+  const double side_um = std::max(box.width() * grid.pixel_x_um, box.height() * grid.pixel_y_um);
+  const double pitch_um = std::max(pixel_um, side_um / kAcross);
+  const FlowPart part(stack, {.pitch_um = pitch_um, .pixels = FlowPixels::light}, untold);
+  if (part.masks() == 0) return std::nullopt;
+  InTime how;
+  how.layer_um = part.layer_um();
+  how.slices = std::min(part.slices(), kSlices);
+  StackLight light(*info.process, *info.printer, grid, part.grid());
+  FirstSlices first;
+  try {
+    first.sticks =
+        follow_part(
+            part, pull, how,
+            [&light](int slice, std::size_t cell) { return light.at(slice, cell); }, untold)
+            .sticks;
+    first.slices = how.slices;
+  } catch (const InputError& e) {
+    first.words = fmt::format("whether the first slices print was not found: {}", e.what());
+    return first;
+  }
+  first.words =
+      first.sticks
+          ? fmt::format(
+                "before the flow is steady the print sticks to the window in slice {}, after {:.2g} s, at x "
+                "{:.2f}, y {:.2f} mm (on cells of {:.0f} um; slicecorr flow --in-time follows it in full)",
+                first.sticks->slice, first.sticks->seconds, first.sticks->x_mm, first.sticks->y_mm,
+                pitch_um)
+          : fmt::format(
+                "the first {} slices print before the flow is steady (on cells of {:.0f} um)",
+                first.slices, pitch_um);
+  return first;
 }
 
 void refuse_in_time_options(const FlowOptions& o) {

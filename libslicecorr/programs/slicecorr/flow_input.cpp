@@ -62,6 +62,9 @@ void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in,
                                             : o.light.checked(in.printer, in.resin, uv);
   for (const std::string& text : told) context.tell(text);
   tell_database_band(o.resin, context);
+  if (uv && in.process && !in.process->uv_lamp_share.empty()) {
+    context.tell("the UV lamp of this stack fades; flow takes the UV light that is asked of it");
+  }
   if (uv && in.printer.uv_flat_field) {
     context.tell(fmt::format(
         "the UV lamp of printer '{}' shines unevenly; flow takes the UV light that it is told as even",

@@ -25,7 +25,9 @@ std::size_t greatest(const All& all, const Figure& figure) {
       all.begin());
 }
 
-std::string in_words(const FlowWindow& w) {
+}  // namespace
+
+std::string window_in_words(const FlowWindow& w) {
   std::string text;
   if (w.springs_um_per_kpa > 0) text = fmt::format("springs of {:g} um/kPa", w.springs_um_per_kpa);
   if (w.film_n_m > 0) {
@@ -43,7 +45,9 @@ std::string in_words(const FlowWindow& w) {
   return text;
 }
 
-}  // namespace
+const FlowWindow& window_of(const FlowWindow& options, const Printer& printer) {
+  return options.gives_way() ? options : printer.window;
+}
 
 void add_window_options(CLI::App& app, FlowWindow& w) {
   app.add_option("--window-um-per-kpa", w.springs_um_per_kpa,
@@ -131,7 +135,7 @@ std::string window_table(const WindowFindings& f, const std::vector<SliceFlow>& 
       "  printed without a pause: slice {} is domed by {:.3g} um (the window rises {:.3g} um in the middle); {}\n"
       "  pulled off at {:g} mm/h from {:.4g} um: slice {} takes {:.3g} N, {:.3g} of what a rigid window "
       "would, after {:.3g} um of travel; it grows as speed^{:.2f}\n",
-      in_words(f.window), slices[domed].slice, r.middle_um - r.rim_um, r.middle_um, change,
+      window_in_words(f.window), slices[domed].slice, r.middle_um - r.rim_um, r.middle_um, change,
       pull.speed_mm_h, pull.gap_um, slices[pulled].slice, p.force_n, p.share, p.travel_um,
       p.exponent);
   if (f.snap_mm_h) {

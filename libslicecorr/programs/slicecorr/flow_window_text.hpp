@@ -25,6 +25,10 @@ struct WindowFindings {
 
 /// Adds the options that say what the window is.
 void add_window_options(CLI::App& app, FlowWindow& window);
+/// What options say of it, else what the printer's file does.
+const FlowWindow& window_of(const FlowWindow& options, const Printer& printer);
+/// In words.
+std::string window_in_words(const FlowWindow& window);
 /// Nothing where the window is rigid.
 std::optional<WindowFindings> find_window(const FlowWindow& window,
                                           const std::vector<SliceFlow>& slices,

@@ -146,6 +146,9 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
   if (info.printer && info.printer->flat_field) {
     text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
   }
+  if (info.printer && info.printer->distortion) {
+    text += fmt::format("distortion   {}\n", distortion_in_words(*info.printer));
+  }
   if (info.printer && !info.printer->spread.none()) {
     text += fmt::format("spread       {}\n", spread_in_words(info.printer->spread));
   }
@@ -207,6 +210,10 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
     Process lamp;
     lamp.light_share = info.process->lamp_share;
     text += "lamp         " + light_share_in_words(lamp) + "\n";
+  }
+  if (info.process && !info.process->uv_lamp_share.empty()) {
+    text += "UV lamp      gives " + shares_in_words(info.process->uv_lamp_share) +
+            " of what is asked of it\n";
   }
   if (!info.exposures.empty()) {
     const auto spots = std::count_if(info.exposures.begin(), info.exposures.end(),
@@ -277,6 +284,9 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
   if (info.process && !info.process->lamp_share.empty()) {
     j["lamp_share"] = info.process->lamp_share;
   }
+  if (info.process && !info.process->uv_lamp_share.empty()) {
+    j["uv_lamp_share"] = info.process->uv_lamp_share;
+  }
   if (!info.exposures.empty()) {
     auto& list = j["exposures"];
     for (const LayerExposure& e : info.exposures) {
@@ -315,6 +325,16 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
     j["flat_field"] = {{"least", 1.0 * f.least() / f.reference},
                        {"greatest", 1.0 * f.greatest() / f.reference},
                        {"frame", f.of_plate ? "plate" : "image"}};
+  }
+  if (info.printer && info.printer->distortion) {
+    const Distortion& d = *info.printer->distortion;
+    const PitchRange pitch = pitch_range(d, *info.printer);
+    j["distortion"] = {{"most_off_um", d.most_off_um},
+                       {"rms_off_um", d.rms_off_um},
+                       {"points", d.points},
+                       {"rms_um", d.rms_um},
+                       {"pitch_x_um", {pitch.least_x_um, pitch.greatest_x_um}},
+                       {"pitch_y_um", {pitch.least_y_um, pitch.greatest_y_um}}};
   }
   if (info.printer && info.printer->resin_depth_um > 0) {
     j["resin_depth_um"] = info.printer->resin_depth_um;

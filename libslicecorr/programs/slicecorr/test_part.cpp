@@ -15,6 +15,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/file_greys.hpp"
 #include "slicecorr/films_part.hpp"
+#include "slicecorr/grid_part.hpp"
 #include "slicecorr/letter_part.hpp"
 #include "slicecorr/level_images.hpp"
 #include "slicecorr/load_display.hpp"
@@ -48,10 +49,10 @@ const std::vector<OfSomeKinds>& options_of_some() {
       {"--other-wavelength", {"staircase", "wedge", "flat-field"}},
       {"--form",
        {"staircase", "comb", "lift-comb", "wedge", "dead-zone", "spread", "flat-field", "levels",
-        "films"}},
+        "films", "grid"}},
       {"--height-um", {"spread"}},
       {"--uv-mw-cm2", {"dead-zone"}},
-      {"--exposure-s", {"dead-zone", "levels", "films", "f"}},
+      {"--exposure-s", {"dead-zone", "levels", "films", "f", "grid"}},
       {"--picture", {"spread", "f"}},
   };
   return options;
@@ -173,6 +174,24 @@ int films_part(const TestPartOptions& o, const ExecutionContext& context, Consol
   return kDone;
 }
 
+int grid_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
+  const StackFile file = file_of(o, context);
+  const Beside beside(o);
+  Printer printer = load_display(o.printer);
+  const bool known = printer.distortion.has_value();
+  const GridPart part(printer, o.layer_um, shown_s(o));
+  const StackInfo info = write_measured(part, file, printer, o, context);
+  if (known) {
+    context.tell(fmt::format(
+        "printer '{}' has a distortion already; the crosses are those of its even images",
+        printer.name));
+  }
+  console.say(fmt::format("{}: {} crosses, shown {} times, {:g} s each; fill in {}, print {}",
+                          o.output, part.crosses().size(), info.grid.layers, shown_s(o),
+                          beside.form, beside.sheet));
+  return kDone;
+}
+
 /// Nothing is measured: there is a sheet, and no table.
 int letter_part(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
   const StackFile file = file_of(o, context);
@@ -261,6 +280,7 @@ int test_part(const TestPartOptions& asked, const ExecutionContext& context, Con
   }
   if (o.kind == "levels") return level_images(o, context, console);
   if (o.kind == "films") return films_part(o, context, console);
+  if (o.kind == "grid") return grid_part(o, context, console);
   if (o.kind == "f") return letter_part(o, context, console);
   const StackFile file = file_of(o, context);
   const Beside beside(o);
@@ -299,10 +319,10 @@ void add_test_part(Program& program, TestPartOptions& o) {
          "KIND", o.kind,
          "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
          "printed), lift-comb (the same, printed layer by layer), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
-         "(lines and gaps), flat-field (plugs all over the plate), levels (even images of grey "
+         "(lines and gaps), flat-field (plugs all over the plate), grid (crosses, which show where pixels land), levels (even images of grey "
          "levels, for a power meter), films (squares of times and grey levels, for calipers), f (an F, which shows how the screen turns and mirrors)")
       ->check(CLI::IsMember({"spread", "comb", "lift-comb", "staircase", "wedge", "dead-zone",
-                             "flat-field", "levels", "films", "f"}))
+                             "flat-field", "grid", "levels", "films", "f"}))
       ->capture_default_str();
   sub->add_option("--resin", o.resin,
                   "Resin of a staircase, wedge or flat-field: a .toml file or a name");
@@ -318,9 +338,10 @@ void add_test_part(Program& program, TestPartOptions& o) {
       ->capture_default_str();
   sub->add_option("--uv-mw-cm2", o.uv_mw_cm2, "dead-zone: UV light at the window")
       ->check(number_in(0, 1e6, true));
-  sub->add_option("--exposure-s", o.exposure_s,
-                  "dead-zone, levels, films, f: how long plugs are lit, or an image is shown [30; "
-                  "films: 2]")
+  sub->add_option(
+         "--exposure-s", o.exposure_s,
+         "dead-zone, levels, films, f, grid: how long plugs are lit, or an image is shown [30; "
+         "films: 2]")
       ->check(number_in(0, 1e6, true));
   sub->add_option(
          "--template", o.kept,

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "flow_in_time.hpp"
 #include "programs/common/database_band.hpp"
 #include "programs/common/make_part.hpp"
 #include "slicecorr/bodies.hpp"
@@ -37,6 +38,7 @@ struct StackAndDesign {
          light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off)) {
       context.tell(text);
     }
+    tell_database_band(setup.resin, context);
     const bool all = a.leave_alone.empty() && a.inside.empty();
     check_target(stack, stack.info(), *target, a.target,
                  all ? std::optional(read.pixel_sum()) : std::nullopt, context);
@@ -143,6 +145,7 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.target), context);
   const Prediction p = verified(given, *wanted, context);
+  const std::optional<FirstSlices> first = follow_first_slices(given.stack, context);
   if (!a.output.empty()) {
     const double scale_um = 0.5 * given.stack.grid().layer_um;
     const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
@@ -153,8 +156,21 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
   } else {
-    print_or_write(a.json, figures_json(p));
+    auto figures = slicecorr::detail::own_json<nlohmann::ordered_json>(figures_json(p));
+    if (first) {
+      figures["first_slices"]["slices"] = first->slices;
+      figures["first_slices"]["prints"] =
+          first->slices > 0 ? nlohmann::ordered_json(!first->sticks) : nlohmann::ordered_json();
+      if (first->sticks) {
+        figures["first_slices"]["sticks"] = {{"slice", first->sticks->slice},
+                                             {"seconds", first->sticks->seconds},
+                                             {"x_mm", first->sticks->x_mm},
+                                             {"y_mm", first->sticks->y_mm}};
+      }
+    }
+    print_or_write(a.json, first ? figures.dump(2) : figures_json(p));
   }
+  if (first) context.tell(first->words);
   tell_bodies(p, context);
   bool missed = false;
   const auto limit = [&](const char* name, const Histogram& errors, double most_um) {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "process/vat_window_keys.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/light_unit.hpp"
@@ -198,6 +199,30 @@ FlatField read_field(const Node& f) {
   return field;
 }
 
+/// Its numbers as they are: a stack was made by this map, whatever the table says later.
+Json distortion_json(const Distortion& d) {
+  return {{"x_mm", d.x_mm},
+          {"y_mm", d.y_mm},
+          {"points", d.points},
+          {"rms_um", d.rms_um},
+          {"most_off_um", d.most_off_um},
+          {"rms_off_um", d.rms_off_um}};
+}
+
+Distortion read_distortion(const Node& node) {
+  Distortion d;
+  for (const auto& [key, factors] : {std::pair{"x_mm", &d.x_mm}, {"y_mm", &d.y_mm}}) {
+    const auto numbers = node[key].list(Distortion::kTerms, Distortion::kTerms);
+    for (std::size_t i = 0; i < numbers.size(); ++i)
+      (*factors)[i] = numbers[i].number(-kLargest, kLargest);
+  }
+  d.points = node["points"].integer(0, 1000000);
+  d.rms_um = node["rms_um"].number(0, kLargest);
+  d.most_off_um = node["most_off_um"].number(0, kLargest);
+  d.rms_off_um = node["rms_off_um"].number(0, kLargest);
+  return d;
+}
+
 }  // namespace
 
 Json printer_json(const Printer& p) {
@@ -224,6 +249,10 @@ Json printer_json(const Printer& p) {
   if (p.uv_flat_field) json["uv_flat_field"] = field_json(*p.uv_flat_field, kUvFlatFieldEntry);
   if (p.grey == GreyLight::pulsed) json["grey"] = "pulsed";
   if (p.fill_factor < 1) json["fill_factor"] = p.fill_factor;
+  if (p.distortion) json["distortion"] = distortion_json(*p.distortion);
+  for (const auto& [key, member] : kWindowKeys) {
+    if (p.window.*member > 0) json["window"][key] = p.window.*member;
+  }
   if (p.resin_depth_um > 0) json["resin_depth_um"] = p.resin_depth_um;
   if (p.platform_reflectance > 0) json["platform_reflectance"] = p.platform_reflectance;
   if (p.lifts == Lifts::none) json["lifts"] = "none";
@@ -407,6 +436,12 @@ Printer read_printer(const Node& node) {
   if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
   if (node.has("flat_field")) p.flat_field = read_field(node["flat_field"]);
   if (node.has("uv_flat_field")) p.uv_flat_field = read_field(node["uv_flat_field"]);
+  if (node.has("distortion")) p.distortion = read_distortion(node["distortion"]);
+  if (node.has("window")) {
+    for (const auto& [key, member] : kWindowKeys) {
+      if (node["window"].has(key)) p.window.*member = node["window"][key].positive();
+    }
+  }
   read_tomography(node, p);
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, kLargest);
   p.travel_mm = node["travel_mm"].number(0, kLargest);

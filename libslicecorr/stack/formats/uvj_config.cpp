@@ -72,6 +72,8 @@ int block_format(const StackInfo& info) {
                        light_spreads(*info.printer, *info.resin, *info.process);
   const bool relative =
       (info.printer && is_relative(*info.printer)) || (info.resin && is_relative(*info.resin));
+  // Older programs would take such a lamp to do what is asked of it.
+  if (info.process && !info.process->uv_lamp_share.empty()) return 14;
   // Older programs would take such light for steady, and for even.
   if (info.printer && (info.printer->grey == GreyLight::pulsed || info.printer->uv_flat_field)) {
     return 13;

@@ -213,6 +213,34 @@ TEST(Tune, DerivativesAreThoseOfTheEdges) {
   }
 }
 
+// A resin of another laboratory, 1.8 times as transparent and 3 times as slow as its file says: one staircase
+// finds both where what laboratories differ by is known before, and not where 10 % are believed.
+TEST(Tune, OneStaircaseSaysMoreThanOtherLaboratories) {
+  const double he = 1.8 * 2000 / std::log(10), slower = 3;
+  MeasuredPart part = plugs({4, 6, 9, 14, 20, 30});
+  const double areal = units::areal_from_volumetric(576, units::height_e_from_10(2000));
+  const double read_off[] = {8, -12, 5, -3, 9, -7};
+  for (std::size_t i = 0; i < part.edges.size(); ++i) {
+    // Jacobs: he ln(I t/Dc).
+    const double dose = 100 * part.edges[i].exposure_s;
+    part.edges[i].measured_um = he * std::log(dose / (slower * areal)) + read_off[i];
+  }
+  const TuneResult wide = tune({part}, kPrinter, kResin, foreign_prior(0.5, 1.1), 10);
+  // Figures are sure to about a hundredth: 10 um of 800 to 3600.
+  EXPECT_NEAR(std::exp(wide.x[0]), 1.8, 0.03);
+  EXPECT_NEAR(std::exp(wide.x[1]), 1 / slower, 0.02);
+  EXPECT_LT(std::sqrt(wide.covariance[0][0]), 0.02);
+  EXPECT_LT(std::sqrt(wide.covariance[1][1]), 0.03);
+  EXPECT_THAT(foreign_prior(0.5, 1.1).text,
+              testing::HasSubstr("a factor of 2.7, light over dose to one of 8.6"));
+  // One plug alone leaves most open, and less than before.
+  MeasuredPart one = part;
+  one.edges.resize(1);
+  const TuneResult little = tune({one}, kPrinter, kResin, foreign_prior(0.5, 1.1), 10);
+  EXPECT_LT(std::sqrt(little.covariance[1][1]), 1.0);
+  EXPECT_GT(std::sqrt(little.covariance[1][1]), 0.1);
+}
+
 /// Measures a part of a printer whose truth is `truth` of the files.
 void measure(MeasuredPart& part, const TuneVector& truth, std::mt19937& random, double noise_um) {
   std::normal_distribution<double> noise(0, noise_um);

@@ -12,6 +12,7 @@
 #include "commands.hpp"
 #include "fitted.hpp"
 #include "new_resin.hpp"
+#include "programs/common/database_band.hpp"
 #include "programs/common/tune_options.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -152,7 +153,10 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   Resin measured = resin;
   measured.tuned_with.clear();
   for (const std::string& told : a.light.checked(printer, measured)) console.say(told);
-  const TunePrior prior = prior_of(text, resin_path, printer);
+  // Laboratories that measured one resin lie far apart: one part measured here says more than all of them.
+  const TunePrior prior = cli::database_band(a.resin).empty()
+                              ? prior_of(text, resin_path, printer)
+                              : foreign_prior(cli::kDatabaseHeightSd, cli::kDatabaseDoseSd);
   std::vector<MeasuredPart> parts;
   std::optional<Process> process;
   double layer_um = 50;

@@ -57,6 +57,17 @@ TunePrior default_prior() {
           "ha 10 %, light over dose 10 %, stray light 0.3 mW/cm² (nothing better is known)"};
 }
 
+TunePrior foreign_prior(double height_sd, double light_sd) {
+  TunePrior prior = default_prior();
+  prior.covariance[0][0] = height_sd * height_sd;
+  prior.covariance[1][1] = light_sd * light_sd;
+  prior.text = fmt::format(
+      "ha to a factor of {:.2g}, light over dose to one of {:.2g} (95 %): the resin was measured elsewhere; "
+      "stray light 0.3 mW/cm²",
+      std::exp(1.96 * height_sd), std::exp(1.96 * light_sd));
+  return prior;
+}
+
 TunePrior prior_of(const std::string& resin_text, const std::string& resin_source,
                    const Printer& printer) {
   const toml::table root = parse_toml(resin_text, resin_source);

@@ -71,6 +71,9 @@ struct TunePrior {
 };
 /// ha 10 %, kappa 10 %, stray light 0.3 mW/cm², exchange 0.3.
 TunePrior default_prior();
+/// Of a resin that others measured: `height_sd` and `light_sd` of the logarithms of ha and kappa, the rest as
+/// above.
+TunePrior foreign_prior(double height_sd, double light_sd);
 /// What an earlier tuning wrote into the resin's file, where it was with this printer's light; else
 /// the covariance of a fit there and 3 % of the light; else the default. Throws where what is
 /// written there is no covariance.

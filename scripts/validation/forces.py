@@ -125,31 +125,44 @@ def cylinders(programs, data):
     resin = programs.resin("custom-resin-1", viscosity_pa_s=0.3, dose_diffusion_m2_s=1e-10)
     printer = programs.printer("cylinder-printer", 200.0, (800, 800))
     part = write_stl(programs.work / "disc.stl", prism(regular(256, math.pi * 100), 0.4))
-    table = Table(["UV, blue, mW/cm²", "measured", "greatest dose at the window", "told", "greatest dose that gels"], [])
-    figures, right, asked = [], 0, 0
+    table = Table(["UV, blue, mW/cm²", "measured", "greatest dose at the window", "told", "in time: greatest dose at the window", "told",
+                   "void"], [])
+    figures, right, right_in_time, asked = [], 0, 0, 0
     for r in rows:
         blue, uv = r.above_zero("blue_mw_cm2"), r.above_zero("uv_mw_cm2")
         lights = f"{uv:g}, {blue:g}{'' if r['blue_pattern'] == 'uniform' else ' at most, ' + r['blue_pattern']}"
         if r["blue_pattern"] != "uniform":
-            table.rows.append([lights, r["outcome"], "-", "not told: the pattern is not published", "-"])
+            table.rows.append([lights, r["outcome"], "-", "not told: the pattern is not published", "-", "-", "-"])
             continue
         told = programs.json("slicecorr", "flow", part, "--layer-um", 100, "--printer", printer, "--resin", resin, "--speed-mm-h",
                              r.above_zero("speed_mm_h"), "--uv-mw-cm2", uv, "--blue-mw-cm2", blue, "--pitch-um", 250, "--every", 3)
         last = told["slices"][-1]
         sticks, stuck = last["window_dose"] >= 1, "stuck" in r["outcome"]
-        asked, right = asked + 1, right + (sticks == stuck)
-        figures.append({"blue_mw_cm2": blue, "window_dose": last["window_dose"], "sticks": sticks, "stuck": stuck})
-        table.rows.append([lights, r["outcome"], figure(last["window_dose"]), "sticks" if sticks else "comes off", figure(last["dose"]["max"])])
+        # From the first instant, 36 s long, on rings of 250 um.
+        print_ = programs.json("slicecorr", "flow", "--in-time", "--disc-radius-mm", 10, "--pitch-um", 250, "--slices", 60, "--printer",
+                               printer, "--resin", resin, "--speed-mm-h", r.above_zero("speed_mm_h"), "--uv-mw-cm2", uv, "--blue-mw-cm2", blue)
+        end, prints = print_["slices"][-1], print_["prints"]
+        most = max(s["window_dose"] for s in print_["slices"])
+        asked, right, right_in_time = asked + 1, right + (sticks == stuck), right_in_time + (prints != stuck)
+        figures.append({"blue_mw_cm2": blue, "window_dose": last["window_dose"], "sticks": sticks, "stuck": stuck, "prints_in_time": prints,
+                        "window_dose_in_time": most, "void_share": end["void_share"],
+                        "sticks_after_s": print_["sticks"]["seconds"] if print_["sticks"] else None})
+        in_time = "prints" if prints else f"sticks after {print_['sticks']['seconds']:.1f} s"
+        table.rows.append([lights, r["outcome"], figure(last["window_dose"]), "sticks" if sticks else "comes off", figure(most), in_time,
+                           f"{100 * end['void_share']:.0f} %"])
     return Section(
         "cylinders", "The dissertation's six cylinders",
         source="Z. D. Pritchard, dissertation, Michigan 2020, figure 4.5 and text (facts)",
         known="light, diameter, resin (shipped as custom-resin-1); speed is that of the chapter's model, 300 mm/h",
         fitted="nothing. Dose diffuses as the dissertation took it, 1e-10 m²/s",
-        predicted="whether resin at the window gels, in a gap that no longer changes",
-        proves=f"{right} of {asked} even prints; the dose at the window rises with blue light, as prints stuck",
-        proves_not="the print at 130 came off with a large void in its middle, while its window is told to gel by a little; the gap that `flow` takes "
-                   "for these lights is its greatest, 300 um, since resin at rest never has its gel dose in the mean",
-        tables=[table], figures={"prints": figures, "right": right, "asked": asked})
+        predicted="whether resin at the window gels, in a gap that no longer changes, and followed from the first instant (`flow --in-time`) with "
+                  "the share of the section under which nothing has gelled",
+        proves=f"{right} of {asked} even prints at rest and {right_in_time} in time; the dose at the window rises with blue light, as prints "
+               "stuck; in time the print at 130 comes off with a large void, as it did",
+        proves_not="the print at 146 stuck early and is told to print in time; at rest the print at 130 is told to stick by a little. Which of "
+                   "the two is right for 164 depends on the rings: on rings of 100 um its window comes to 0.97. Heat and what a part that "
+                   "bends does are not in the model",
+        tables=[table], figures={"prints": figures, "right": right, "right_in_time": right_in_time, "asked": asked})
 
 
 def lab(_programs, path, _options):

@@ -207,6 +207,29 @@ TEST(Notify, ManyFailuresAreOneMessage) {
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(found.list[i].id, again.list[i].id);
 }
 
+TEST(Notify, ABatchTellsWhatItsPrintsComeTo) {
+  Farm farm;
+  farm.submit({farm.job("plain"), farm.job("loose"), farm.job("narrow")});
+  const std::pair<const char*, const char*> verdicts[] = {
+      {"as-designed", "Prints as designed."}, {"fails", "Will not hold."}, {"look", "Look at it."}};
+  for (const auto& [outcome, words] : verdicts) {
+    ResultFigures figures;
+    figures.layers = 10;
+    figures.verdict = ResultVerdict{outcome, words};
+    farm.finish(farm.claim(), 1, figures);
+  }
+  auto model = farm.model();
+  const Notices found = notices_since(model, "f", 0);
+  ASSERT_EQ(found.list.at(0).kind, "batch_done");
+  const json told = json::parse(found.list[0].json);
+  EXPECT_EQ(told["look"], 1);
+  EXPECT_EQ(told["fails"], 1);
+  // The gravest in its own words.
+  EXPECT_THAT(told["text"].get<std::string>(), HasSubstr("1 to look at before printing, 1 that"));
+  EXPECT_THAT(told["text"].get<std::string>(), HasSubstr("Will not hold."));
+  EXPECT_EQ(told["text"].get<std::string>().find("Look at it."), std::string::npos);
+}
+
 TEST(Notify, CommandsGetJsonAndVariables) {
   Farm farm;
   farm.set("max-attempts", "1");

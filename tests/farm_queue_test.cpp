@@ -584,13 +584,14 @@ TEST_F(FarmQueue, ARecordOfVersion1IsBroughtUp) {
     Queue q = open();
     submit(q, job_with_key("k"));
   }
-  for (const char* sql : {"DROP TABLE tomo_works", "DROP TABLE tomo_results",
-                          "DROP TABLE stack_times", "PRAGMA user_version = 1"}) {
+  for (const char* sql :
+       {"DROP TABLE tomo_works", "DROP TABLE tomo_results", "DROP TABLE stack_times",
+        "DROP TABLE stack_verdicts", "PRAGMA user_version = 1"}) {
     ASSERT_EQ(raw(sql), "");
   }
   // By whoever comes first, if only to read.
   EXPECT_EQ(ReadModel(path(), clock).jobs({}).at(0).name, "part");
-  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("3"));
+  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("4"));
   Queue q = open();
   NewJob tomo = job_with_key("t");
   tomo.work.voxel_angle_steps = 4'000'000;
@@ -643,6 +644,31 @@ TEST_F(FarmQueue, TimesOfPrintsAreKept) {
   EXPECT_THAT(in_words(f), HasSubstr("prints in 15 min"));
   f.time = StackTime{120, {}};
   EXPECT_THAT(in_words(f), HasSubstr("of light, lifts not known"));
+  f.verdict = ResultVerdict{"look", "Prints. One gap is narrow."};
+  EXPECT_THAT(in_words(f), testing::StartsWith("Prints. One gap is narrow. (largest height error"));
+}
+
+TEST_F(FarmQueue, WhatPrintsComeToIsKept) {
+  // Of a result that was made before it was told there is none.
+  const std::vector<std::optional<ResultVerdict>> verdicts{ResultVerdict{"fails", "Breaks."}, {}};
+  for (std::size_t i = 0; i < verdicts.size(); ++i) {
+    Queue q = open();
+    const std::string key = "k" + std::to_string(i);
+    submit(q, job_with_key(key));
+    const auto c = q.claim(any_job(q.start_service("local", 1, 1000)));
+    ASSERT_TRUE(q.begin_commit(c->token));
+    ResultRecord result = some_result();
+    result.figures.verdict = verdicts[i];
+    ASSERT_TRUE(q.finish(c->token, result, ended(Reason::none), false));
+    const Job job = *ReadModel(path(), clock).job(c->job.id);
+    for (const ResultFigures& f : {*job.figures, q.cached(key)->figures}) {
+      ASSERT_EQ(f.verdict.has_value(), verdicts[i].has_value());
+      if (!f.verdict) continue;
+      EXPECT_EQ(f.verdict->outcome, "fails");
+      EXPECT_EQ(f.verdict->words, "Breaks.");
+    }
+    EXPECT_EQ(job_json(job).find("Breaks.") != std::string::npos, verdicts[i].has_value());
+  }
 }
 
 TEST_F(FarmQueue, ManyMakeTheSameDatabaseAtOnce) {

@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
+#include "slicecorr/verdict.hpp"
 #include "support/files/text_file.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -168,6 +169,41 @@ std::vector<NotifyTarget> read_notify_file(const std::string& path) {
   return targets;
 }
 
+namespace {
+
+/// What the prints of a batch come to, in words for its message, and in numbers; the gravest one's own
+/// words with it. Empty where all are as designed.
+std::string judged(ReadModel& model, std::int64_t batch, Json& more) {
+  JobFilter filter;
+  filter.batch = batch;
+  filter.states = {JobState::done};
+  filter.limit = kEventsAtOnce;
+  std::int64_t look = 0, fails = 0;
+  std::optional<Job> gravest;
+  for (std::vector<Job> jobs = model.jobs(filter); !jobs.empty(); jobs = model.jobs(filter)) {
+    for (Job& job : jobs) {
+      const auto outcome = [](const Job& j) {
+        return j.figures && j.figures->verdict ? j.figures->verdict->outcome : std::string();
+      };
+      const bool fail = outcome(job) == name_of(Outcome::fails);
+      if (!fail && outcome(job) != name_of(Outcome::look)) continue;
+      ++(fail ? fails : look);
+      if (!gravest || (fail && outcome(*gravest) != name_of(Outcome::fails))) {
+        gravest = std::move(job);
+      }
+    }
+    filter.offset += filter.limit;
+  }
+  more["look"] = look;
+  more["fails"] = fails;
+  if (!gravest) return {};
+  return fmt::format(
+      "; {} to look at before printing, {} that will not hold or is another part; job {} {}: {}",
+      look, fails, gravest->id, gravest->name, gravest->figures->verdict->words);
+}
+
+}  // namespace
+
 Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t after) {
   // One state for events and jobs: the last job of a batch must not end between two looks at it.
   const ReadModel::Snapshot snapshot(model);
@@ -230,6 +266,7 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
       more[name_of(state)] = n;
       text += fmt::format("{} {} {}", state == JobState::done ? "" : ",", n, name_of(state));
     }
+    text += judged(model, batch, more);
     found.list.push_back(make(farm, "batch_done", e, text, more));
   }
   if (last_end) {

@@ -152,6 +152,7 @@ void Database::migrate() {
   if (version < 1) execute(kSchema);
   if (version < 2) execute(kSchemaOfTomography);
   if (version < 3) execute(kSchemaOfTimes);
+  if (version < 4) execute(kSchemaOfVerdicts);
   execute(fmt::format("PRAGMA application_id = {}", kApplicationId).c_str());
   execute(fmt::format("PRAGMA user_version = {}", kSchemaVersion).c_str());
   transaction.commit();

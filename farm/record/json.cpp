@@ -89,6 +89,9 @@ std::string job_json(const Job& j) {
         json["figures"]["light_s"] = f.time->light_s;
         json["figures"]["print_time_s"] = f.time->print_s ? Json(*f.time->print_s) : Json();
       }
+      if (f.verdict) {
+        json["figures"]["verdict"] = {{"outcome", f.verdict->outcome}, {"words", f.verdict->words}};
+      }
     }
   }
   json["files"] = files(j.files);

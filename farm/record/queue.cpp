@@ -172,8 +172,9 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
       "SELECT r.files, r.program, r.wall_s, r.layers, r.height_mean_um, r.height_p95_um, "
       "r.height_max_um, r.lost_features, r.merged_features, r.cure_through_voxels, "
       "r.undercure_voxels, r.target_voxels, t.contrast, t.contrast_bound, t.ver, t.turns, "
-      "t.print_time_s, t.feasible, s.light_s, s.print_s FROM results r "
+      "t.print_time_s, t.feasible, s.light_s, s.print_s, v.outcome, v.words FROM results r "
       "LEFT JOIN tomo_results t ON t.key = r.key LEFT JOIN stack_times s ON s.key = r.key "
+      "LEFT JOIN stack_verdicts v ON v.key = r.key "
       "WHERE r.key = ?1 AND r.stored",
       key);
   if (!r.next()) return std::nullopt;
@@ -193,6 +194,7 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
   f.target_voxels = r.integer(11);
   f.tomo = detail::read_tomo_figures(r, 12);
   f.time = detail::read_stack_time(r, 12 + detail::kTomoColumns);
+  f.verdict = detail::read_verdict(r, 12 + detail::kTomoColumns + detail::kTimeColumns);
   return result;
 }
 

@@ -318,6 +318,10 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
       db_->run("INSERT OR REPLACE INTO stack_times VALUES(?1, ?2, ?3)", key, f.time->light_s,
                f.time->print_s);
     }
+    if (f.verdict) {
+      db_->run("INSERT OR REPLACE INTO stack_verdicts VALUES(?1, ?2, ?3)", key, f.verdict->outcome,
+               f.verdict->words);
+    }
     const double all_s = end.cpu_s > 0 ? end.cpu_s : end.wall_s * std::max(1, threads);
     const double core_s = std::max(all_s - kFixedJobS, 0.05 * all_s);
     db_->run(

@@ -22,9 +22,10 @@ const std::string kSelectJobs =
     "j.ended_ms, j.files, r.layers, r.height_mean_um, r.height_p95_um, r.height_max_um, "
     "r.lost_features, r.merged_features, r.cure_through_voxels, r.undercure_voxels, "
     "r.target_voxels, t.contrast, t.contrast_bound, t.ver, t.turns, t.print_time_s, t.feasible, "
-    "s.light_s, s.print_s FROM jobs j JOIN works w ON w.key = j.key "
+    "s.light_s, s.print_s, v.outcome, v.words FROM jobs j JOIN works w ON w.key = j.key "
     "LEFT JOIN results r ON r.key = j.key AND j.state = 'done' "
-    "LEFT JOIN tomo_results t ON t.key = r.key LEFT JOIN stack_times s ON s.key = r.key ";
+    "LEFT JOIN tomo_results t ON t.key = r.key LEFT JOIN stack_times s ON s.key = r.key "
+    "LEFT JOIN stack_verdicts v ON v.key = r.key ";
 
 std::optional<TomoFigures> read_tomo_figures(const Rows& r, int first) {
   if (r.null(first)) return std::nullopt;
@@ -38,6 +39,11 @@ std::optional<StackTime> read_stack_time(const Rows& r, int first) {
   StackTime time{r.number(first)};
   if (!r.null(first + 1)) time.print_s = r.number(first + 1);
   return time;
+}
+
+std::optional<ResultVerdict> read_verdict(const Rows& r, int first) {
+  if (r.null(first)) return std::nullopt;
+  return ResultVerdict{r.text(first), r.text(first + 1)};
 }
 
 Job read_job(const Rows& r) {
@@ -87,6 +93,7 @@ Job read_job(const Rows& r) {
     f.target_voxels = r.integer(++c);
     f.tomo = read_tomo_figures(r, ++c);
     f.time = read_stack_time(r, c + kTomoColumns);
+    f.verdict = read_verdict(r, c + kTomoColumns + kTimeColumns);
     j.figures = f;
   }
   return j;

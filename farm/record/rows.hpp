@@ -23,6 +23,9 @@ std::optional<TomoFigures> read_tomo_figures(const Rows& row, int first);
 inline constexpr int kTomoColumns = 6;
 /// The same of light_s and print_s.
 std::optional<StackTime> read_stack_time(const Rows& r, int first);
+inline constexpr int kTimeColumns = 2;
+/// Outcome and words of what a print comes to.
+std::optional<ResultVerdict> read_verdict(const Rows& r, int first);
 
 extern const std::string kSelectAttempts;
 Attempt read_attempt(const Rows& row);

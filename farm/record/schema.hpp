@@ -8,7 +8,7 @@
 namespace slicecorr::farm::detail {
 
 /// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
-inline constexpr int kSchemaVersion = 3;
+inline constexpr int kSchemaVersion = 4;
 
 /// PRAGMA kApplicationId, "SCFM": not every SQLite file is a farm.
 inline constexpr int kApplicationId = 0x5343464d;
@@ -183,6 +183,14 @@ inline constexpr const char* kSchemaOfTimes = R"sql(
 -- How long stacks print, beside their row in results; print_s is null where lifts are not known.
 CREATE TABLE stack_times(
   key TEXT PRIMARY KEY REFERENCES works(key), light_s REAL NOT NULL, print_s REAL) WITHOUT ROWID;
+)sql";
+
+/// What version 4 has besides, in the same way.
+inline constexpr const char* kSchemaOfVerdicts = R"sql(
+-- What prints come to, in words, beside their row in results.
+CREATE TABLE stack_verdicts(
+  key TEXT PRIMARY KEY REFERENCES works(key), outcome TEXT NOT NULL, words TEXT NOT NULL)
+  WITHOUT ROWID;
 )sql";
 
 }  // namespace slicecorr::farm::detail

@@ -82,7 +82,7 @@ std::string in_words(const ResultFigures& f) {
                   ? fmt::format(", prints in {}", text::duration(*f.time->print_s))
                   : fmt::format(", {} of light, lifts not known", text::duration(f.time->light_s));
     }
-    return text;
+    return f.verdict ? fmt::format("{} ({})", f.verdict->words, text) : text;
   }
   const TomoFigures& t = *f.tomo;
   std::string text =

@@ -224,7 +224,15 @@ std::vector<JobColumn> job_columns(const MorningReport& r, const LinkTo& links) 
          if (j.state != JobState::done) {
            return markup(R"(<b class="bad">{}</b> {})", name_of(j.state), printable(j.message));
          }
-         if (j.message.empty()) return Markup("done");
+         const std::string comes_to =
+             j.figures && j.figures->verdict ? printable(j.figures->verdict->words) : "";
+         if (j.message.empty()) {
+           return comes_to.empty() ? Markup("done") : markup("done: {}", comes_to);
+         }
+         if (!comes_to.empty()) {
+           return markup(R"(<b class="warn">done</b>: {} But {})", comes_to,
+                         printable(text::without_folders(j.message)));
+         }
          return markup(R"(<b class="warn">done</b>, but {})",
                        printable(text::without_folders(j.message)));
        },

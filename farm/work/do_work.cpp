@@ -29,6 +29,7 @@
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/supports.hpp"
+#include "slicecorr/verdict.hpp"
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
 #include "support/process/memory_limit.hpp"
@@ -100,6 +101,8 @@ void fill_figures(ResultFigures& f, const Prediction& p) {
   f.cure_through_voxels = static_cast<std::int64_t>(p.cure_through_voxels);
   f.undercure_voxels = static_cast<std::int64_t>(p.undercure_voxels);
   f.target_voxels = static_cast<std::int64_t>(p.target_voxels);
+  const PrintVerdict verdict = verdict_of(p);
+  f.verdict = {name_of(verdict.outcome), verdict.words};
 }
 
 /// The farm's copies of the inputs, checked.

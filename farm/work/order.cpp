@@ -263,6 +263,9 @@ void detail::write_outcome(const std::string& folder, const WorkOutcome& o) {
     json["figures"]["time"] = {{"light_s", f.time->light_s},
                                {"print_s", f.time->print_s ? Json(*f.time->print_s) : Json()}};
   }
+  if (f.verdict) {
+    json["figures"]["verdict"] = {{"outcome", f.verdict->outcome}, {"words", f.verdict->words}};
+  }
   json["files"] = Json::array();
   for (const ResultFile& r : o.files) {
     json["files"].push_back({{"ending", r.ending}, {"bytes", r.bytes}, {"sha256", r.sha256}});
@@ -302,6 +305,10 @@ std::optional<WorkOutcome> read_outcome(const std::string& folder) {
       const Json& time = f.at("time");
       o.figures.time.emplace().light_s = time.at("light_s");
       if (!time.at("print_s").is_null()) o.figures.time->print_s = time.at("print_s").get<double>();
+    }
+    if (f.contains("verdict")) {
+      const Json& verdict = f.at("verdict");
+      o.figures.verdict = {verdict.at("outcome"), verdict.at("words")};
     }
     for (const Json& r : json.at("files")) {
       o.files.push_back({r.at("ending"), r.at("bytes"), r.at("sha256")});

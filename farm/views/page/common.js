@@ -161,8 +161,8 @@ async function study(request, box) {
 
 // --- parts of pages -----------------------------------------------------------------------------------------------------
 
-// Parts that came by the browser go by their names, not by where the farm keeps them.
-const plain = (text) => String(text || '').replace(/\S*\/uploads\/[0-9a-f]{32}\//g, '');
+// Files go by their names, not by where the farm keeps them: folders before a name are left out.
+const plain = (text) => String(text || '').replace(/(^|[\s'"(,:=])(?:\/[^\s/'",:()]+)+\/(?=[^\s/'",:()])/g, '$1');
 
 function facts(list, pairs) {
   list.replaceChildren();

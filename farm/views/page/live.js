@@ -62,10 +62,10 @@ function overview(o) {
 
 function jobRows(state, list) {
   const height = state === 'done' || state === 'worst';
-  const heads = height ? ['Part', 'largest', '95 % within', 'mean', 'lost', 'merged', 'ended', 'report', 'job']
+  const heads = height ? ['Part', 'what it comes to', 'largest', '95 % within', 'mean', 'lost', 'merged', 'ended', 'report', 'job']
     : state === 'queued' ? ['Part', 'user', 'labels', 'priority', 'ready by', 'submitted', 'why it waits', 'job']
     : ['Part', 'user', 'reason', 'what happened', 'attempts', 'ended', 'job'];
-  const words = new Set(['user', 'labels', 'why it waits', 'reason', 'what happened']);
+  const words = new Set(['what it comes to', 'user', 'labels', 'why it waits', 'reason', 'what happened']);
   const line = el('tr');
   for (const h of heads) {
     const th = el('th', h, words.has(h) ? 'words' : '');
@@ -80,7 +80,8 @@ function jobRows(state, list) {
     row.append(first);
     const cell = (text, kind) => row.append(el('td', text, kind));
     if (height) {
-      const h = f && f.height_error_um;
+      const h = f && f.height_error_um, v = f && f.verdict;
+      cell(v ? v.words : '', 'words' + (v && v.outcome === 'fails' ? ' bad' : v && v.outcome === 'look' ? ' warn' : ''));
       if (f && !h) {
         // A tomographic print has no heights.
         const td = el('td', tomoWords(f), f.feasible ? '' : 'bad');
@@ -155,9 +156,9 @@ async function showJob(id, go) {
     report.append(reportLink(j));
   }
   facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', plain(j.message)],
-    ['Parts', plain(j.parts.join(', '))], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
-    ['Print', j.figures ? (j.figures.height_error_um ? timeWords(j.figures) : tomoWords(j.figures)) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
-    ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', /\/results\/\d+$/.test(j.output_folder) ? '' : j.output_folder], ['Report', report]]);
+    ['Parts', j.parts.map((p) => p.split('/').pop()).join(', ')], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
+    ['Comes to', j.figures && j.figures.verdict ? j.figures.verdict.words : ''], ['Print', j.figures ? (j.figures.height_error_um ? timeWords(j.figures) : tomoWords(j.figures)) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
+    ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Report', report]]);
   jobActions(j);
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
     + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + plain(a.message) : '') : a.phase))));
@@ -198,6 +199,8 @@ async function look() {
   if (Date.now() - drawn > 15000) {
     drawn = Date.now();
     await timeline();
+    await bridges();
+  } else if (bridgeList.some((b) => b.state && b.state.running)) {
     await bridges();
   }
 }

@@ -72,6 +72,12 @@ struct StackTime {
   std::optional<double> print_s{};  ///< with lifts; nothing: these are not known
 };
 
+/// What a print comes to, for people (`PrintVerdict` in verdict.hpp).
+struct ResultVerdict {
+  std::string outcome;  ///< "as-designed", "look" or "fails"
+  std::string words;    ///< a sentence or some, with a full stop
+};
+
 /// Figures of a result, from the contract's `verify --json`.
 struct ResultFigures {
   int layers = 0;                                                   ///< slices of the stack
@@ -81,10 +87,12 @@ struct ResultFigures {
   std::optional<TomoFigures> tomo = {};  ///< of a tomographic print, which has none of the others
   std::optional<StackTime> time =
       {};  ///< of a stack; nothing of those that were made before it was told
+  std::optional<ResultVerdict> verdict =
+      {};  ///< of a stack; nothing of those that were made before it was told
 };
 
-/// What people ask of a result first: its largest height error and lost features, or the contrast of a
-/// tomographic print, its wrong voxels and its time.
+/// What people ask of a result first: what the print comes to, its largest height error and lost
+/// features, or the contrast of a tomographic print, its wrong voxels and its time.
 std::string in_words(const ResultFigures& figures);
 
 /// A file of a result: its name ending is "uvj" (or the format's, or "frames"), "html" or "json".

@@ -78,6 +78,13 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
   };
   if (rounds > 0) tell(coupled_.columns_alone());
   while (coupled_.improve(context)) tell(coupled_.last());
+  if (const auto necks = coupled_.hold_necks(context); necks.before > 0) {
+    context.tell(
+        fmt::format("{} of one voxel {} lost where light spreads; asked for before all else, {}",
+                    necks.before == 1 ? "a neck" : fmt::format("{} necks", necks.before),
+                    necks.before == 1 ? "was" : "were",
+                    necks.after == 0 ? "all hold" : fmt::format("{} still are", necks.after)));
+  }
   if (const Uncertainty* const u = plans.robust()) {
     const CureModel& model = plans.plan().model;
     const CoupledCorrection::Held held =

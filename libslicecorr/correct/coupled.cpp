@@ -6,24 +6,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <map>
 #include <set>
 #include <utility>
 
 #include "base/coded_band.hpp"
+#include "correct/coupled_tile.hpp"
 #include "parallel/silent.hpp"
 
 namespace slicecorr::detail {
 
 namespace {
 
-/// How much more is asked for than would do if every slice gave it: many can't, being dark or bright
-/// already. Patches that gain ask for more each time, up to a limit; others for less, until they are
-/// given up.
-constexpr double kUrgency = 4, kMoreUrgent = 1.4, kLessUrgent = 0.4, kMostUrgent = 32,
-                 kLeastUrgent = 0.3;
-/// By this factor the loss of a patch may rise where fewer voxels are wrong.
-constexpr double kMostLossRise = 2;
+/// Patches that gain ask for more each time, up to a limit; others for less, until they are given up.
+constexpr double kMoreUrgent = 1.4, kLessUrgent = 0.4, kMostUrgent = 32, kLeastUrgent = 0.3;
 
 /// Misses that are kept with their places, of a patch.
 constexpr std::size_t kMostMisses = 50000;
@@ -57,37 +52,6 @@ void copy_common(const std::uint8_t* from, const PixelBox& from_box, std::uint8_
 }
 
 }  // namespace
-
-/// What of a tile is wrong; see `PatchFigures`.
-struct CoupledCorrection::Figures {
-  std::uint64_t through = 0, under = 0, parted = 0, unmet = 0;
-  double loss = 0;
-  Kept misses;  ///< null: none
-  bool all_misses = true;
-  std::uint64_t wrong() const {
-    return through + under + parted + CoupledRound::kUnmetCounts * unmet;
-  }
-  /// Fewer wrong voxels or a smaller loss: some voxels that are wrong by little may be the way to
-  /// none.
-  bool gains_on(const Figures& before, bool lifted) const {
-    if (lifted && parted != before.parted) return parted < before.parted;
-    return loss < before.loss || (wrong() < before.wrong() && loss <= kMostLossRise * before.loss);
-  }
-};
-
-struct CoupledCorrection::Tile {
-  PixelBox box;
-  KeptTile coverage, columns, now, best;
-  KeptTile left_alone;  ///< black where nothing is
-  // Where columns want their light only.
-  KeptTile heights;               ///< of edges, at nodes
-  KeptTile wanted;                ///< the light that is to reach columns, as levels
-  Figures figures, best_figures;  ///< of `now` and of `best`
-  double urgency = kUrgency;
-  std::map<std::pair<std::int32_t, std::size_t>, std::uint8_t>
-      wanted_doses;  ///< by slice and pixel
-  KeptTile aims;     ///< the same; black: none
-};
 
 CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur,
                                      const SliceScatter& scatter, const PixelBox& bounds,
@@ -387,7 +351,7 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
   std::vector<std::size_t> back;
   for (const std::size_t k : changed) {
     Tile& tile = tiles_[k];
-    if (!tile.figures.gains_on(figures[k], now_.lifted)) {
+    if (!tile.figures.gains_on(figures[k], now_)) {
       tile.now = std::move(before[k]);
       if (!wanted_before.empty()) tile.wanted = wanted_before[k];
       differs[k] = 0;
@@ -419,117 +383,6 @@ bool CoupledCorrection::improve(const ExecutionContext& context) {
     ++without_gain_;
   }
   return true;
-}
-
-void CoupledCorrection::go_back_to_best() {
-  for (Tile& tile : tiles_) {
-    tile.now = tile.best;
-    tile.figures = tile.best_figures;
-  }
-  const int round = now_.round;
-  now_ = best_;
-  now_.round = round;
-}
-
-std::vector<CaseTrouble> CoupledCorrection::fails_in(const CasePlans& plans,
-                                                     const ExecutionContext& context) const {
-  std::vector<std::vector<CaseTrouble>> of_tiles(tiles_.size());
-  parallel_for(context, "judge", tiles_.size(), [&](std::size_t i) {
-    of_tiles[i] = judge_cases(plans, tiles_[i].box, sources_of(tiles_[i].box));
-  });
-  std::vector<CaseTrouble> all;
-  for (const auto& of : of_tiles) all.insert(all.end(), of.begin(), of.end());
-  return all;
-}
-
-/// Each of these is to have, with inputs as said, what it lacks or has too much in its case.
-void CoupledCorrection::want(const std::vector<CaseTrouble>& troubles) {
-  constexpr double beyond = 0.004, least_edge = 0.85;
-  for (const CaseTrouble& t : troubles) {
-    // A gap of one slice between features has no layer to spare, a feature no node.
-    if (t.slice < 0 || !(t.dose > 0)) continue;
-    Tile& tile = tiles_[tiles_in({t.x, t.y, t.x + 1, t.y + 1}).front()];
-    const double wanted = t.as_said / t.dose * (t.gap ? 1 - beyond : 1 + beyond);
-    const std::size_t at = index_in(tile.box, t.x, t.y);
-    tile.wanted_doses[{t.slice, at}] = aim_byte(wanted, t.gap);
-    if (!t.gap) continue;
-    // The edges beside it give way, by no more than it is to have less, and not where one is asked for more.
-    const std::uint8_t edge = edge_byte(std::max(wanted, least_edge));
-    if (t.top > 0) tile.wanted_doses.try_emplace({t.top, at}, edge);
-    tile.wanted_doses.try_emplace({t.bottom, at}, edge);
-  }
-  for (Tile& tile : tiles_) {
-    if (tile.wanted_doses.empty()) continue;
-    std::vector<std::uint8_t> rows(pixels_of(tile.box), 0);
-    TileWriter writer(*store_, rows.size(), plan_.slices, TileWriter::From::last);
-    auto next = tile.wanted_doses.rbegin();
-    for (int n = plan_.slices; n-- > 0;) {
-      std::fill(rows.begin(), rows.end(), std::uint8_t{0});
-      for (; next != tile.wanted_doses.rend() && next->first.first == n; ++next) {
-        rows[next->first.second] = next->second;
-      }
-      writer.put(rows.data());
-    }
-    tile.aims = writer.finish();
-  }
-}
-
-CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const CureModel& strong,
-                                                   const ExecutionContext& context) {
-  constexpr int passes = 12, patience = 4, rounds = 6;
-  Held held;
-  if (tiles_.empty()) return held;
-  const CorrectionPlan& said = plan_.columns;
-  const CorrectionPlan of_weak(weak, said.process, said.layers, said.all_layers),
-      of_strong(strong, said.process, said.layers, said.all_layers);
-  const CoupledPlan weak_plan(of_weak, plan_.blur, plan_.scatter, plan_.display, plan_.margin, {}),
-      strong_plan(of_strong, plan_.blur, plan_.scatter, plan_.display, plan_.margin, {});
-  const CasePlans plans{plan_, weak_plan, strong_plan};
-  const ExecutionContext quiet = silent(context);
-  const auto count = [](const std::vector<CaseTrouble>& troubles) {
-    CaseFigures figures;
-    for (const CaseTrouble& t : troubles) {
-      ++(t.gap ? figures.filled : figures.lost);
-      figures.as_said += t.fails_as_said;
-    }
-    return figures;
-  };
-  std::vector<std::size_t> all;
-  for (std::size_t k = 0; k < tiles_.size(); ++k) all.push_back(k);
-  go_back_to_best();
-  std::vector<CaseTrouble> troubles = fails_in(plans, quiet);
-  held.before = held.after = count(troubles);
-  std::vector<KeptTile> best;
-  for (const Tile& tile : tiles_) best.push_back(tile.best);
-  int without_gain = 0;
-  for (int pass = 0; pass < passes && without_gain < patience && !troubles.empty(); ++pass) {
-    context.check_cancelled();
-    want(troubles);
-    judge(all, quiet);
-    best_ = now_;
-    keep_best();
-    for (Tile& tile : tiles_) tile.urgency = kUrgency;
-    without_gain_ = 0;
-    options_.rounds = now_.round + rounds;
-    while (improve(quiet)) {
-    }
-    go_back_to_best();
-    troubles = fails_in(plans, quiet);
-    const CaseFigures figures = count(troubles);
-    // What prints as said is not given up for a case.
-    if (figures.sum() >= held.after.sum() || figures.as_said > held.before.as_said) {
-      ++without_gain;
-      continue;
-    }
-    without_gain = 0;
-    held.after = figures;
-    for (std::size_t k = 0; k < best.size(); ++k) best[k] = tiles_[k].best;
-  }
-  for (std::size_t k = 0; k < best.size(); ++k) {
-    held.aims += tiles_[k].wanted_doses.size();
-    tiles_[k].now = tiles_[k].best = best[k];
-  }
-  return held;
 }
 
 void CoupledCorrection::keep_best() {

@@ -68,11 +68,14 @@ struct CoupledRound {
   double loss = 0;            ///< half the sum of squares of what doses miss
   std::uint64_t patches = 0;  ///< that were solved
   bool lifted = false;        ///< with lifts: what does not hold counts before all else
+  bool unmet_first =
+      false;  ///< doses that are wanted are those of necks, which count before the rest
   /// What is wrong in a case counts for some voxels that are wrong as said.
   static constexpr std::uint64_t kUnmetCounts = 4;
   std::uint64_t wrong() const { return through + under + parted + kUnmetCounts * unmet; }
   bool better_than(const CoupledRound& o) const {
     if (lifted && parted != o.parted) return parted < o.parted;
+    if (unmet_first && unmet != o.unmet) return unmet < o.unmet;
     return wrong() != o.wrong() ? wrong() < o.wrong() : loss < o.loss;
   }
 };
@@ -106,6 +109,15 @@ class CoupledCorrection {
   const CoupledRound& columns_alone() const { return first_; }
   const CoupledRound& last() const { return now_; }
   const CoupledRound& best() const { return best_; }
+
+  /// Necks of one voxel (coupled_necks.hpp) that are lost.
+  struct NeckFigures {
+    std::uint64_t before = 0, after = 0;
+  };
+  /// After the rounds, where doses are sums of light: goes on with rounds in which necks that are lost count
+  /// before all else that is wrong, and keeps the levels with which the fewest are. Does nothing where none
+  /// is, or there were to be no rounds.
+  NeckFigures hold_necks(const ExecutionContext& context);
 
   /// Features that are lost in the weak case and gaps that fill in the strong one.
   struct CaseFigures {
@@ -162,6 +174,10 @@ class CoupledCorrection {
   void go_back_to_best();
   std::vector<CaseTrouble> fails_in(const CasePlans& plans, const ExecutionContext& context) const;
   void want(const std::vector<CaseTrouble>& troubles);
+  std::vector<Miss> necks_lost(const ExecutionContext& context) const;
+  void want(const std::vector<Miss>& necks);
+  /// Has the doses that are wanted asked for, in so many rounds at most, and goes back to the best of these.
+  void ask(int rounds, const ExecutionContext& context);
 
   CoupledPlan plan_;
   CoupledOptions options_;

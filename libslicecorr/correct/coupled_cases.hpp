@@ -11,6 +11,7 @@
 /// These aims are bounds of doses like those of the design, and rounds go on with them.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -27,13 +28,17 @@ struct CaseTrouble {
   bool fails_as_said = false;        ///< with inputs as said, too
 };
 
-/// Doses that are wanted, as bytes: 0: what the design asks for. Odd ones are those of edges that give way,
-/// which nothing fails to have.
+/// Doses that are wanted, as bytes: 0: what the design asks for. Odd ones below 1 are those of edges that give
+/// way, which nothing fails to have; odd ones of at least 1 those of necks, which count more than all else.
 std::uint8_t aim_byte(double dose, bool gap);
 inline std::uint8_t edge_byte(double dose) {
-  return static_cast<std::uint8_t>(aim_byte(dose, true) | 1);
+  return static_cast<std::uint8_t>(std::min<int>(aim_byte(dose, true), 126) | 1);
 }
-inline bool gives_way(std::uint8_t byte) { return (byte & 1) != 0; }
+inline bool gives_way(std::uint8_t byte) { return (byte & 1) != 0 && byte < 128; }
+inline std::uint8_t neck_byte(double dose) {
+  return static_cast<std::uint8_t>(std::max<int>(aim_byte(dose, false), 128) | 1);
+}
+inline bool is_neck(std::uint8_t byte) { return (byte & 1) != 0 && byte > 128; }
 inline double aim_of_byte(std::uint8_t byte) { return 1 + ((byte & ~1) - 128) / 400.0; }
 
 /// What fails in `box`. The plans are those of inputs as said and of both cases.

@@ -233,6 +233,12 @@ void PatchSolver::aim(int k) {
       lo_weight_[at] = kHoldWeight;
     }
   }
+  for (std::size_t y = 0; y < kSquare && aims_any_; ++y) {
+    const std::size_t from = first + y * stride;
+    for (std::size_t at = from; at < from + kSquare; ++at) {
+      if (is_neck(aims_[at])) lo_weight_[at] = kHoldWeight;
+    }
+  }
   for (std::size_t y = 0; y < kSquare; ++y) {
     const std::size_t from = first + y * stride;
     std::fill_n(looked_at_.begin() + static_cast<std::ptrdiff_t>(from), kSquare, kFree);
@@ -266,7 +272,7 @@ void PatchSolver::apply_requests() {
     } else if (r->less < 0 && wanted > lo_[at]) {
       lo_[at] = raw_lo_[at] = std::min({wanted, raw_hi_[at], shine_of(255, at)});
       hi_[at] = std::max(hi_[at], lo_[at]);
-      lo_weight_[at] = kRequestWeight;
+      if (!is_neck(aims_[at])) lo_weight_[at] = kRequestWeight;
     }
   }
 }

@@ -10,7 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include "farm_fixture.hpp"
+#include "ladder.hpp"
 #include "slicecorr/farm/morning.hpp"
+#include "slicecorr/farm/notify.hpp"
 
 namespace slicecorr::farm {
 namespace {
@@ -64,8 +66,7 @@ TEST_F(FarmNightInputs, OpenEdgesAreInTheReportOfTheMorning) {
   const RunResult report = farm("report", {"-o", dir / "m.html", "--json", dir / "m.json"});
   ASSERT_EQ(report.exit_code, 0) << report.err;
   const std::string html = text_of_file(dir / "m.html");
-  EXPECT_THAT(html,
-              HasSubstr("<b>2</b><span>done, but with something wrong in their inputs</span>"));
+  EXPECT_THAT(html, HasSubstr("<b>2</b><span>done, but with a warning</span>"));
   EXPECT_THAT(html, HasSubstr("</b>, but open.stl: 3 open edges"));
   EXPECT_THAT(farm("status", {}).out, HasSubstr("; open.stl: 3 open edges"));
   EXPECT_THAT(html, HasSubstr("All 3 jobs that ended"));
@@ -73,6 +74,38 @@ TEST_F(FarmNightInputs, OpenEdgesAreInTheReportOfTheMorning) {
   const json figures = json::parse(text_of_file(dir / "m.json"));
   EXPECT_EQ(figures["with_defects"], 2);
   ASSERT_EQ(figures["jobs"].size(), 3U);
+}
+
+TEST_F(FarmNightInputs, ABodyThatHangsOnNothingIsAWarningEverywhere) {
+  const std::string floating = dir / "floating.stl";
+  TriangleMesh mesh;
+  add_box(mesh, {0, 0, 0}, {3, 3, 1});
+  add_box(mesh, {1, 1, 3}, {2, 2, 4});
+  write_stl(floating, mesh);
+  submit_parts({floating}, {"--out", dir / "out"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  const std::string told = "1 body hangs on nothing when it begins: from 3000 um on";
+  EXPECT_EQ(job(1).state, JobState::done);
+  EXPECT_THAT(job(1).message, HasSubstr(told));
+  EXPECT_THAT(farm("status", {}).out, HasSubstr("; " + told));
+  // Pages show the list's message.
+  const json all = json::parse(farm("status", {"--json", "-"}).out);
+  EXPECT_THAT(all["list"][0]["message"].get<std::string>(), HasSubstr(told));
+  ASSERT_EQ(farm("report", {"-o", dir / "m.html"}).exit_code, 0);
+  const std::string html = text_of_file(dir / "m.html");
+  EXPECT_THAT(html, HasSubstr("<b>1</b><span>done, but with a warning</span>"));
+  EXPECT_THAT(html, HasSubstr("</b>, but " + told));
+  ReadModel model(database());
+  std::vector<json> batches;
+  for (const Notice& n : notices_since(model, "farm", 0).list) {
+    if (n.kind == "batch_done") batches.push_back(json::parse(n.json));
+  }
+  ASSERT_EQ(batches.size(), 1U);
+  EXPECT_THAT(batches[0]["text"].get<std::string>(),
+              HasSubstr("1 done, 0 failed, 0 cancelled; 1 done with a warning: job 1 floating: "));
+  EXPECT_EQ(batches[0]["with_warnings"], 1);
+  EXPECT_EQ(batches[0]["warnings"][0]["job"], 1);
+  EXPECT_THAT(batches[0]["warnings"][0]["message"].get<std::string>(), HasSubstr(told));
 }
 
 TEST_F(FarmNightInputs, CancelledJobsAreInTheTableAndACancellationThatIsTooLateSaysSo) {

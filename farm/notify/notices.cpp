@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
@@ -22,7 +23,7 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 constexpr std::int64_t kEventsAtOnce = 10'000;
-constexpr std::size_t kMostSingleFailures = 20;
+constexpr std::size_t kMostSingleFailures = 20, kMostWarnings = 5;
 
 [[noreturn]] void wrong(const std::string& path, const toml::source_region& where,
                         const std::string& message) {
@@ -141,6 +142,25 @@ NotifyTarget read_target(const std::string& path, const std::string& group,
   }
   t.name = t.url.empty() ? "command " + t.command[0] : "webhook " + told_url(t.url);
   return t;
+}
+
+/// What jobs of a batch that are done warn of: open edges, bodies that hang on nothing and the like.
+void add_warnings(ReadModel& model, std::int64_t batch, std::string& text, Json& more) {
+  JobFilter warned;
+  warned.batch = batch;
+  warned.states = {JobState::done};
+  warned.with_message = true;
+  warned.limit = static_cast<std::int64_t>(kMostWarnings);
+  const std::int64_t all = model.count(warned);
+  if (all == 0) return;
+  more["with_warnings"] = all;
+  text += fmt::format("; {} done with a warning", all);
+  const char* between = ": ";
+  for (const Job& job : model.jobs(warned)) {
+    more["warnings"].push_back({{"job", job.id}, {"name", job.name}, {"message", job.message}});
+    text +=
+        fmt::format("{}job {} {}: {}", std::exchange(between, "; "), job.id, job.name, job.message);
+  }
 }
 
 }  // namespace
@@ -267,6 +287,7 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
       text += fmt::format("{} {} {}", state == JobState::done ? "" : ",", n, name_of(state));
     }
     text += judged(model, batch, more);
+    add_warnings(model, batch, text, more);
     found.list.push_back(make(farm, "batch_done", e, text, more));
   }
   if (last_end) {

@@ -56,6 +56,7 @@ Condition condition_of(const JobFilter& f) {
   if (f.ended_since_ms > 0) {
     add("j.ended_ms >= CAST(@ AS INTEGER)", std::to_string(f.ended_since_ms));
   }
+  if (f.with_message) c.sql += c.sql.empty() ? "WHERE j.message <> '' " : "AND j.message <> '' ";
   return c;
 }
 

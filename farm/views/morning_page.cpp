@@ -88,7 +88,7 @@ Markup figures(const MorningReport& r) {
             r.done > 0 ? "good" : "");
   tiles.add(text::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
   if (r.with_defects > 0) {
-    tiles.add(text::count(r.with_defects), "done, but with something wrong in their inputs", "bad");
+    tiles.add(text::count(r.with_defects), "done, but with a warning", "bad");
   }
   if (r.cancelled > 0) tiles.add(text::count(r.cancelled), "cancelled");
   tiles.add(

@@ -41,6 +41,7 @@ struct JobFilter {
     worst_height  ///< largest height error first (done)
   } order = Order::id;
   std::int64_t limit = 100, offset = 0;  ///< jobs to give, and to pass over first
+  bool with_message = false;             ///< only those that end with one: done, that is a warning
 };
 
 /// Counts and sums of the whole farm.

@@ -144,6 +144,34 @@ TEST_F(BodiesProgram, WhatHangsIsNoWordWorth) {
   EXPECT_EQ(f["designed"]["loose_bodies"], 0);
 }
 
+TEST_F(BodiesProgram, ANeckIsInTheVerdict) {
+  TriangleMesh neck;
+  add_box(neck, {0, 0, 0}, {4, 4, 1});
+  add_box(neck, {1.75, 1.75, 1}, {2.25, 2.25, 1.5});
+  add_box(neck, {1, 1, 1.5}, {3, 3, 3});
+  write_stl(folder_ / "neck.stl", neck);
+  const auto run = [&](const char* least_mm2) {
+    return good(Command{"run", "neck.stl", "-o", "n.uvj", "--layer-um", "50", "--least-neck-mm2",
+                        least_mm2} +
+                kSmall)
+        .err;
+  };
+  EXPECT_THAT(run("1"), HasSubstr("to look at: 1 body hangs by less than 1 mm²."));
+  EXPECT_THAT(run("0.2"), Not(HasSubstr("hangs by less")));
+}
+
+TEST_F(BodiesProgram, InfoCountsWhatIsInsideOutAsItPrints) {
+  TriangleMesh mesh;
+  add_box(mesh, {0, 0, 0}, {6, 6, 6});
+  add_box(mesh, {3, 3, 2}, {9, 9, 8});
+  for (std::size_t t = 12; t < 24; ++t) std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
+  write_stl(folder_ / "inside-out.stl", mesh);
+  // Two cubes of 6 mm that share 3 x 3 x 4 mm, by slices of which one may be cut at an edge.
+  const json said = info("inside-out.stl");
+  EXPECT_EQ(said["defects"]["inside_out_bodies"], 1);
+  EXPECT_NEAR(said["volume_ml"].get<double>(), 2 * 0.216 - 0.036, 0.001);
+}
+
 TEST_F(BodiesProgram, BlankSlicesCutLoose) {
   write_blocks("behind.sl1", 10, -1);
   json said = info("behind.sl1");

@@ -120,6 +120,9 @@ std::vector<std::string> to_look_at(const Prediction& p) {
                         ? fmt::format(" ({}{:.2g} mm³)",
                                       b.islands_in_all == 1 ? "" : "the largest ", largest_mm3)
                         : ""));
+    add(b.necks_in_all,
+        fmt::format("{} by less than {:.3g} mm²",
+                    with_noun(b.necks_in_all, "body hangs", "bodies hang"), b.least_neck_mm2));
     add(b.sealed_in_all,
         fmt::format("{} resin", with_noun(b.sealed_in_all, "cavity traps", "cavities trap")));
   }

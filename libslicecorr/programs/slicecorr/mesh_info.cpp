@@ -16,10 +16,11 @@
 namespace slicecorr::cli::commands {
 namespace {
 
-/// The volume inside, what overlaps counted once and what is taken away not at all: by slices, some
+/// The volume inside, what overlaps counted once and what is taken away not at all, what is inside out
+/// turned, as slicing does: by slices, some
 /// 500 of 1000 pixels across, each of them exact.
 double sliced_volume_mm3(const TriangleMesh& mesh, const MeshReport& report,
-                         const ExecutionContext& context) {
+                         const EdgeDefects& edge_defects, const ExecutionContext& context) {
   const auto size = [&](std::size_t k) { return report.upper[k] - report.lower[k]; };
   Printer plate;
   plate.name = "info";
@@ -34,7 +35,7 @@ double sliced_volume_mm3(const TriangleMesh& mesh, const MeshReport& report,
   ExecutionContext quiet = context;
   quiet.notice = nullptr;
   quiet.progress = nullptr;
-  const MeshSlices slices(mesh, plate, options, quiet);
+  const MeshSlices slices(mesh, plate, options, quiet, &edge_defects);
   constexpr int rows = 32;
   std::atomic<std::uint64_t> sum = 0;
   parallel_for(quiet, "", static_cast<std::size_t>((plate.height_px + rows - 1) / rows),
@@ -61,8 +62,9 @@ int mesh_info(const Arguments& a, const ExecutionContext& context) {
   ExecutionContext quiet = context;
   quiet.notice = nullptr;  // told below
   const TriangleMesh mesh = read_mesh(a.input, {}, quiet, &notes);
-  const MeshReport r = inspect(mesh, context);
-  const double volume_ml = sliced_volume_mm3(mesh, r, context) * 1e-3;
+  EdgeDefects edge_defects;
+  const MeshReport r = inspect(mesh, context, &edge_defects);
+  const double volume_ml = sliced_volume_mm3(mesh, r, edge_defects, context) * 1e-3;
   const auto size = [&](std::size_t k) { return r.upper[k] - r.lower[k]; };
   if (a.json.empty()) {
     std::string text = fmt::format("{:<12} {} {}, {} corners, {} {}\n", "mesh", r.triangles,

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "c_api/handles.hpp"
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "support/json/read_json.hpp"
 
@@ -74,9 +75,10 @@ Names places_of(const std::string& json) {
 }  // namespace
 
 Names figure_names() {
-  // With those of layer by layer exposure.
+  // With those of layer by layer exposure, and of bodies.
   Prediction any;
   any.joints.emplace();
+  any.bodies = std::make_shared<const JudgedBodies>();
   return places_of(any.to_json());
 }
 Names tomo_figure_names() { return places_of(tomo::PrintFigures{}.to_json()); }

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
 #include <filesystem>
 #include <limits>
 #include <utility>
 
+#include "base/byte_bits.hpp"
 #include "support/numbers/release.hpp"
 
 namespace slicecorr::detail {
@@ -18,11 +18,19 @@ namespace {
 
 constexpr std::size_t kMemory = std::size_t{32} << 20;
 /// Codes are kept in pieces of about this size, which end where a slice does.
-constexpr std::size_t kPiece = std::size_t{32} << 10;
+constexpr std::size_t kPiece = std::size_t{4} << 10;
 
+/// Bytes of a number at most.
+constexpr std::size_t kNumberBytes = 10;
+
+std::uint8_t* put_number(std::uint8_t* to, std::uint64_t value) {
+  for (; value >= 128; value >>= 7) *to++ = static_cast<std::uint8_t>(value | 128);
+  *to++ = static_cast<std::uint8_t>(value);
+  return to;
+}
 void put_number(std::vector<std::uint8_t>& code, std::uint64_t value) {
-  for (; value >= 128; value >>= 7) code.push_back(static_cast<std::uint8_t>(value | 128));
-  code.push_back(static_cast<std::uint8_t>(value));
+  std::uint8_t bytes[kNumberBytes];
+  code.insert(code.end(), bytes, put_number(bytes, value));
 }
 
 std::uint64_t take_number(const std::uint8_t*& at) {
@@ -30,18 +38,6 @@ std::uint64_t take_number(const std::uint8_t*& at) {
   int shift = 0;
   for (; *at & 128; shift += 7) value |= static_cast<std::uint64_t>(*at++ & 127) << shift;
   return value | static_cast<std::uint64_t>(*at++) << shift;
-}
-
-/// The highest bits of 64 bytes.
-std::uint64_t high_bits(const std::uint8_t* bytes) {
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < 8; ++i) {
-    std::uint64_t eight = 0;
-    std::memcpy(&eight, bytes + 8 * i, 8);
-    eight = (eight >> 7) & 0x0101010101010101U;
-    bits |= (eight * 0x0102040810204080U >> 56) << (8 * i);
-  }
-  return bits;
 }
 
 /// Puts places in the order of a key, equal ones in the order that they had.
@@ -79,14 +75,17 @@ void add_to(std::vector<Group>& groups, std::uint32_t column, std::uint32_t valu
 }
 
 void put_groups(std::vector<std::uint8_t>& code, const std::vector<Group>& groups, bool valued) {
-  put_number(code, groups.size());
+  const std::size_t begin = code.size();
+  code.resize(begin + (1 + 3 * groups.size()) * kNumberBytes);
+  std::uint8_t* to = put_number(code.data() + begin, groups.size());
   std::uint32_t column = 0;
   for (const Group& g : groups) {
-    put_number(code, std::uint64_t{2} * (g.first - column) + (g.length > 1 ? 1 : 0));
-    if (g.length > 1) put_number(code, g.length - 2);
-    if (valued) put_number(code, g.value);
+    to = put_number(to, std::uint64_t{2} * (g.first - column) + (g.length > 1 ? 1 : 0));
+    if (g.length > 1) to = put_number(to, g.length - 2);
+    if (valued) to = put_number(to, g.value);
     column = g.first + g.length;
   }
+  code.resize(static_cast<std::size_t>(to - code.data()));
 }
 
 std::string folder_of_kept() {

@@ -117,7 +117,7 @@ class SolidRows::RowChange {
       if (made || last_made_) {
         rows_.join(last.label, run.label, std::max(gels(last), gels(run)));
       }
-      if (last.alike(run)) {
+      if (last.alike(run) || (last.gels == run.gels && hangs(last) && hangs(run))) {
         last.end = run.end;
         last.from = std::min(last.from, run.from);
         last_made_ = made;
@@ -128,6 +128,8 @@ class SolidRows::RowChange {
     last_made_ = made;
   }
   int gels(const Labelled& run) const { return run.gels.of(rows_.slice_); }
+  /// Of what is anchored no sums are asked for, so it does not matter since when it is there.
+  bool hangs(const Labelled& run) { return rows_.bodies_.anchored(rows_.bodies_.root(run.label)); }
   /// `below`: what was there in the slice before, or null.
   void make(int begin, int end, GelTime its, const Labelled* below) {
     const int n = rows_.slice_, gelled = its.of(n);

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <utility>
 
+#include "base/byte_bits.hpp"
 #include "slicecorr/dose.hpp"
 
 namespace slicecorr::detail {
@@ -143,11 +143,8 @@ void GelMoments::add_slice(int slice, std::size_t first, std::size_t columns,
     if (last_[block] < 0) {
       last_[block] = slice;
       changed = ~std::uint64_t{0} >> (kLanes - n);
-    } else if (const std::uint8_t* const before = row(block, slice + 1);
-               std::memcmp(now, before, n) != 0) {
-      for (std::size_t i = 0; i < n; ++i) {
-        changed |= static_cast<std::uint64_t>(now[i] != before[i]) << i;
-      }
+    } else {
+      changed = differing(now, row(block, slice + 1));
     }
     std::uint64_t& active = active_[block];
     active |= all ? ~std::uint64_t{0} >> (kLanes - n) : changed;

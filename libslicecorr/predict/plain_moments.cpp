@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
 
+#include "base/byte_bits.hpp"
 #include "predict/gel_step.hpp"
 #include "slicecorr/dose.hpp"
 
@@ -35,13 +35,7 @@ LaneMask PlainMoments::take(std::size_t block, int slice, const std::uint8_t* pi
     b.node = slice + 1;
     return ~LaneMask{0} >> (kLanes - lanes);
   }
-  const std::uint8_t* const before = row(block, slice + 1);
-  LaneMask changed = 0;
-  if (std::memcmp(now, before, lanes) == 0) return changed;
-  for (std::size_t i = 0; i < lanes; ++i) {
-    changed |= static_cast<LaneMask>(now[i] != before[i]) << i;
-  }
-  return changed;
+  return differing(now, row(block, slice + 1));
 }
 
 int PlainMoments::look(std::size_t block, std::size_t lane, int slice, double beyond) {

@@ -5,7 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
+#include <filesystem>
 #include <string>
 
 #include "slicecorr/error.hpp"
@@ -95,6 +97,45 @@ TEST(TomoGoal, LightIsAGoal) {
   EXPECT_TRUE(print.figures.feasible());
   EXPECT_GE(print.figures.metrics.contrast, 1.2);
   EXPECT_LE(print.figures.turns, std::ceil(4 * least) + 1);
+}
+
+/// A part that has too little contrast within four times the least time is looked for again; a solve that
+/// is stopped there goes on there, to the same levels. Progress never falls.
+TEST(TomoGoal, WhatIsHardIsLookedForAgainAndGoesOn) {
+  const test::TemporaryFolder folder;
+  const Printer printer = bench_printer();
+  const Resin resin = bench_resin(4);
+  PrintOptions options = at_60_angles();
+  options.solve.steps = 20;
+  options.solve.most_steps = 20;
+  options.solve.proof_steps = 10;
+  options.checkpoint = folder / "a.resume";
+  options.checkpoint_s = 0;
+  std::atomic<bool> cancel{false};
+  bool again = false, stop = false;
+  double before = 0;
+  ExecutionContext context;
+  context.cancel = &cancel;
+  context.notice = [&](const std::string& text) {
+    again = again || text.find("more is looked for") != std::string::npos;
+    // The second rung of the second attempt.
+    if (stop && again && text.find("next: void below 0.9 ") != std::string::npos) cancel = true;
+  };
+  context.progress = [&](std::string_view stage, double done) {
+    if (stage != "solving") return;
+    EXPECT_GE(done, before);
+    before = done;
+  };
+  const Print whole = solve_print(ring_part(), 0.25, printer, resin, options, context);
+  ASSERT_TRUE(again);
+  std::filesystem::remove(options.checkpoint);
+  again = false;
+  stop = true;
+  before = 0;
+  EXPECT_THROW(solve_print(ring_part(), 0.25, printer, resin, options, context), Cancelled);
+  ASSERT_TRUE(std::filesystem::exists(options.checkpoint));
+  options.resume = true;
+  EXPECT_EQ(solve_print(ring_part(), 0.25, printer, resin, options).job.levels, whole.job.levels);
 }
 
 }  // namespace

@@ -26,19 +26,31 @@ constexpr double kWorthMore = 1.02;
 /// With a time that is fixed light stays this far below the brightest, for what rounding costs.
 constexpr double kBelowCap = 0.98;
 
-/// Of the calibration's light, where the projector is dimmest before the resin.
-double least_share(const Bench& bench) {
-  if (!bench.places.uneven()) return 1;
-  double least = std::numeric_limits<double>::infinity();
+/// Of the calibration's light: where the projector is dimmest before the resin, and in the mean.
+struct Shares {
+  double least = 1, mean = 1;
+};
+Shares shares_of(const Bench& bench) {
+  if (!bench.places.uneven()) return {};
+  double least = std::numeric_limits<double>::infinity(), sum = 0, count = 0;
   for (int m = 0; m < bench.grid.angles; ++m) {
     for (int c = 0; c < bench.grid.pixels; ++c) {
       for (int z = 0; z < bench.grid.light_rows(); ++z) {
         const double share = bench.places.share(m, c, z);
-        if (share > 0) least = std::min(least, share);
+        if (!(share > 0)) continue;
+        least = std::min(least, share);
+        sum += share;
+        ++count;
       }
     }
   }
-  return least;
+  return {least, sum / count};
+}
+
+/// Most light that prints in so many turns where the projector shines as its calibration says.
+double cap_of_calibration(const Bench& bench, int turns) {
+  return kBelowCap * dose_of_turn(bench.grid, bench.exposure) * turns * bench.mw_cm2.back() /
+         (bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * bench.exposure.turn_s * turns);
 }
 
 }  // namespace
@@ -64,12 +76,11 @@ bool LightGoal::enough(const FoundLight& found, double contrast, int turns) cons
 }
 
 double likely_cap(const Bench& bench, int turns) {
-  return kBelowCap * dose_of_turn(bench.grid, bench.exposure) * turns * bench.mw_cm2.back() /
-         (bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * bench.exposure.turn_s * turns);
+  return cap_of_calibration(bench, turns) * shares_of(bench).mean;
 }
 
 double cap_of_turns(const Bench& bench, int turns) {
-  return likely_cap(bench, turns) * least_share(bench);
+  return cap_of_calibration(bench, turns) * shares_of(bench).least;
 }
 
 double least_turns(const Bench& bench, const Projector& projector, const Target& target,
@@ -96,6 +107,17 @@ double least_turns(const Bench& bench, const Projector& projector, const Target&
   return turn > 0 ? bench.exposure.critical_mj_cm3 / turn : 1e6;
 }
 
+void check_turns(const Bench& bench, double least_turns, int most_turns) {
+  // What is printed is judged by sums of its own, which may differ by so much.
+  constexpr double kSure = 1.02;
+  if (least_turns <= kSure * most_turns) return;
+  const double turns = std::ceil(least_turns / kSure);
+  throw InfeasibleError(fmt::format(
+      "printing takes {:.0f} turns or more, {:g} s, with all pixels at their brightest, longer than allowed; "
+      "more light would shorten it",
+      turns, turns * bench.exposure.turn_s));
+}
+
 Turns turns_for(const Bench& bench, double turn_mj_cm3, int planned) {
   const double back = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
   if (!(turn_mj_cm3 > back)) {
@@ -114,7 +136,7 @@ void tell_levels(const ExecutionContext& context, const Bench& bench, double con
   const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
   const double part = figures.gel_dose_mj_cm3, empty = (part + back) / contrast_of_light - back;
   const std::size_t levels = bench.mw_cm2.size();
-  if (2U * top >= levels || figures.turns > 1 || !(empty > 0)) return;
+  if (2 * std::size_t{top} >= levels || figures.turns > 1 || !(empty > 0)) return;
   if (figures.metrics.contrast >= kLost * part / empty) return;
   context.tell(fmt::format(
       "the projector is so bright that the print takes {} of its {} levels: contrast {:.4g}, where "

@@ -38,8 +38,7 @@ class LightGoal {
   int attempt_ = 0;
 };
 
-/// Most light, as `LadderOptions::cap`, that prints in so many turns where the projector shines as its
-/// calibration says.
+/// Most light, as `LadderOptions::cap`, that prints in so many turns where it falls as bright as in the mean.
 double likely_cap(const Bench& bench, int turns);
 /// The same wherever it falls: what the dimmest place can show bounds all light.
 double cap_of_turns(const Bench& bench, int turns);
@@ -49,6 +48,9 @@ double cap_of_turns(const Bench& bench, int turns);
 /// the voxel; where dose `spreads`, as fast as the brightest of all gets light.
 double least_turns(const Bench& bench, const Projector& projector, const Target& target,
                    bool spreads, const ExecutionContext& context);
+
+/// Throws `InfeasibleError` where no light prints the part in the turns that are allowed.
+void check_turns(const Bench& bench, double least_turns, int most_turns);
 
 /// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
 struct Turns {

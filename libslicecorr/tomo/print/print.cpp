@@ -372,6 +372,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
                               fingerprint_of(part, options.insert, job, how));
   // Nothing prints in less: where inhibitor comes back too fast that is the proof.
   const double least = detail::least_turns(bench, *every.projector, target, spreads, quiet);
+  if (most_turns > 0 && !spreads) detail::check_turns(bench, least, most_turns);
   std::optional<detail::LightGoal> goal;
   if (how.method == Method::ladder && how.cap == 0) goal.emplace(bench, least);
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
@@ -419,17 +420,20 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   detail::Turns turns;
   for (;;) {
     ExecutionContext told = context;
+    const double of_pass = spreads ? 1.0 / kMostPasses : 1, of_attempt = goal ? 0.5 : 1;
+    const double done_before = of_attempt * (goal ? goal->attempt() : 0) +
+                               (spreads ? of_attempt * of_pass * (passes.size() - 1.0) : 0);
+    told.progress = [&context, done_before, share = of_pass * of_attempt](std::string_view stage,
+                                                                          double done) {
+      context.report(stage, std::min(done_before + share * done, 0.99));
+    };
     if (spreads) {
-      const double done_before = static_cast<double>(passes.size() - 1);
       asked = spread_for_turns(flat, bench, resin, options.insert, passes.back());
       provable = spread_for_turns(every, bench, resin, options.insert, passes.back());
       file.of_passes(passes);
       context.tell(fmt::format("light for dose that spreads by {:.3g} um in {} turns",
                                1e3 * detail::spread_mm(bench, resin, passes.back()),
                                passes.back()));
-      told.progress = [&context, done_before](std::string_view stage, double done) {
-        context.report(stage, (done_before + done) / kMostPasses);
-      };
     }
     const detail::ToldProjector projector(*asked.projector, told,
                                           detail::expected_calls(how, asked.target.grid.blocks()));
@@ -452,10 +456,10 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
       found = std::move(before);
     } else {
       found = solve(quiet, projector, asked.target, asked.rays, closer);
-    }
-    if (before && before->contrast_bound < found->contrast_bound) {
-      found->contrast_bound = before->contrast_bound;
-      found->bound_slice = before->bound_slice;
+      if (before && before->contrast_bound < found->contrast_bound) {
+        found->contrast_bound = before->contrast_bound;
+        found->bound_slice = before->bound_slice;
+      }
     }
     if (found->contrast_bound < 1) {
       if (options.evidence) {

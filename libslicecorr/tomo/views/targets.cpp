@@ -277,6 +277,7 @@ std::vector<int> target_levels(const Printer& printer) {
 
 std::vector<double> target_times() {
   std::vector<double> times;
+  times.reserve(kColumnsOfTime);
   for (int k = 0; k < kColumnsOfTime; ++k) times.push_back(0.5 * std::pow(20.0, k / 7.0));
   return times;
 }

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -15,6 +16,7 @@
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
+#include "slicecorr/tomo/surface.hpp"
 
 namespace slicecorr::cli {
 
@@ -52,12 +54,23 @@ std::string in_words(const PrintFigures& f) {
   return text + "\n";
 }
 
-int tell(const PrintFigures& figures, const std::string& json, Console& console) {
+int tell(const PrintFigures& figures, const std::string& json, Console& console,
+         const tomo::SurfaceFigures& surface = {}) {
+  std::string words = in_words(figures);
+  if (surface.voxels > 0) {
+    words += fmt::format("surface: {} voxels, {:+.3g} um in the mean, {:.3g} um rms\n",
+                         surface.voxels, surface.mean_um, surface.rms_um);
+  }
   if (json.empty()) {
-    print_result(in_words(figures));
+    print_result(words);
   } else {
-    print_or_write(json, figures.to_json());
-    console.say(in_words(figures));
+    auto j = nlohmann::ordered_json::parse(figures.to_json());
+    if (surface.voxels > 0) {
+      j["surface"] = {
+          {"voxels", surface.voxels}, {"mean_um", surface.mean_um}, {"rms_um", surface.rms_um}};
+    }
+    print_or_write(json, j.dump(2));
+    console.say(words);
   }
   return figures.feasible() ? kDone : kMissed;
 }
@@ -155,7 +168,9 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
   PrintFigures figures = tomo::figures_of(job, dose, part, context);
   figures.gel_centres_below_dose =
       tomo::share_below_gel(job, dose_at(tomo::JudgedAt::centres), part);
-  return tell(figures, o.json, console);
+  return tell(
+      figures, o.json, console,
+      tomo::surface_of(dose, part, job.insert, job.sampling.voxel_mm, figures.gel_dose_mj_cm3));
 }
 
 }  // namespace

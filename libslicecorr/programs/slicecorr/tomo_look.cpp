@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/widths.hpp"
 #include "support/json/finite.hpp"
 
 namespace slicecorr::cli {
@@ -65,6 +66,28 @@ int look(const TomoLookOptions& o, const ExecutionContext& context, Console& con
   return kDone;
 }
 
+int diffusion(const TomoLookOptions& o, const ExecutionContext& context, Console& console) {
+  check_output(o.json, {o.job, o.widths});
+  const auto widths = tomo::read_widths(o.widths);
+  const tomo::DiffusionFit fit =
+      tomo::fit_diffusion(tomo::read_job(o.job, context), widths, context);
+  std::string words = fmt::format(
+      "dose_diffusion_m2_s = {:.4g}\nwith it dose spreads by {:.4g} mm over the print; {} widths are off by "
+      "{:.4g} mm (rms), without it by {:.4g} mm\n",
+      fit.diffusion_m2_s, fit.spread_mm, widths.size(), fit.rms_mm, fit.without_rms_mm);
+  if (fit.at_bound) {
+    words +=
+        "that is as much as was looked for: these widths are of something else than diffusion\n";
+  }
+  if (o.json.empty()) {
+    print_result(words);
+  } else {
+    print_or_write(o.json, fit.to_json(widths));
+    console.say(words);
+  }
+  return kDone;
+}
+
 }  // namespace
 
 void add_tomo_look(Program& program, CLI::App* group, TomoLookOptions& o) {
@@ -95,6 +118,19 @@ void add_tomo_look(Program& program, CLI::App* group, TomoLookOptions& o) {
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
   sub->add_option("--seen", o.seen, "Write what is seen, 1/mm, to FILE (.npy)");
+  sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+
+  sub = program.add_to(group, "diffusion",
+                       "Say how far dose spreads in a resin, by widths measured on one print",
+                       [&o](const ExecutionContext& context, Console& console) {
+                         return diffusion(o, context, console);
+                       });
+  sub->add_option("JOB", o.job, "File of the job that was printed (.frames)")->required();
+  sub->add_option(
+         "WIDTHS", o.widths,
+         "Table (.csv) with the columns x_mm, y_mm, z_mm, along (x, y or z), width_mm: of what is "
+         "solid there")
+      ->required();
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 }
 

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// The subcommand `tomo look`: what has gelled, by the images of a camera.
+/// The subcommands `tomo look`: what has gelled, by the images of a camera; and `tomo diffusion`: how far dose
+/// spreads, by widths of a print.
 #pragma once
 
 #include <string>
@@ -12,11 +13,11 @@
 namespace slicecorr::cli {
 
 struct TomoLookOptions {
-  std::string job, seen, json;
+  std::string job, seen, json, widths;
   tomo::LookOptions look;
 };
 
-/// Adds it to the group `tomo`; it keeps what it is told in `options`.
+/// Adds both to the group `tomo`; they keep what they are told in `options`.
 void add_tomo_look(Program& program, CLI::App* group, TomoLookOptions& options);
 
 }  // namespace slicecorr::cli

@@ -111,7 +111,7 @@ TEST_F(BleachingProgram, WhatIsNotCountedIsRefusedByName) {
   EXPECT_EQ(deep.exit_code, 2);
   EXPECT_THAT(deep.err, HasSubstr("bleaching.absorbance_height_um"));
   const RunResult sure =
-      call(Command{"correct", "target.uvj", "-o", "x.uvj", "--uncertain", "ha=4%"} + kWith);
+      call(Command{"correct", "target.uvj", "-o", "x.uvj", "--uncertain", "noise=4%"} + kWith);
   EXPECT_EQ(sure.exit_code, 2);
   EXPECT_THAT(sure.err, HasSubstr("bleaches"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "x.uvj"));

@@ -110,10 +110,14 @@ class Print:
         self.heights_um = np.array([heights[min(n, len(heights) - 1)] for n in range(self.layers)])
         self.nodes_um = np.concatenate([[0.0], np.cumsum(self.heights_um)])
         blue = intensity(images, printer["calibration"])
+        # Roots of light over the root of the mean: of pulses less, since they are full light and black in turn.
+        self.rooted = np.ones(blue.shape)
         if printer.get("grey") == "pulsed":
             # Full light for a share of the time, black light for the rest.
             m, black, full = resin["m"], *(printer["calibration"][i]["intensity_mw_cm2"] for i in (0, -1))
             share = (blue - black) / (full - black)
+            mean = (1 - share) * black + share * full
+            self.rooted = ((1 - share) * math.sqrt(black) + share * math.sqrt(full)) / np.sqrt(mean)
             blue = (share * full**m + (1 - share) * black**m) ** (1 / m)
         if flat is not None:
             blue = blue * flat
@@ -197,13 +201,14 @@ class Print:
         """Relative dose of all pixels at a height; without `uv` as if no UV light came."""
         back = 1 + self.rho * math.exp(-2 * z_um / self.he_um)
         total = greatest = np.zeros(self.blue.shape[1:])
-        lights, times = [], []
+        lights, roots, times = [], [], []
         for n, d_um, dt in self.looks(z_um):
             light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
             if uv and self.uv is not None:
                 light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
             if self.gel_time:
                 lights.append(light)
+                roots.append(np.sqrt(light) * self.rooted[n][..., None])
                 times += [dt] * len(d_um)
             else:
                 often = self.flow_factor(n) if d_um[-1] < self.gap_um else 1
@@ -213,7 +218,7 @@ class Print:
             return greatest / self.dose
         if not lights:
             return total
-        return self.gelled(np.concatenate(lights, -1), np.array(times))
+        return self.gelled(np.concatenate(lights, -1), np.concatenate(roots, -1), np.array(times))
 
     def own_doses(self):
         """Layer by layer: what each exposure by itself leaves at its window, and at its layer's far edge."""
@@ -239,11 +244,11 @@ class Print:
         self.films = (doses >= 1 - 1e-9).mean(-1) >= 0.5
         return doses.max(-1), doses[..., -1]
 
-    def gelled(self, light, dt):
-        """max over c of min(X, Y): X the dose before the cut c over A, Y what comes after it over B."""
+    def gelled(self, light, root, dt):
+        """max over c of min(X, Y): X the dose before the cut c over A, Y that of roots after it over B."""
         zero = np.zeros(light.shape[:-1] + (1,))
         x = np.concatenate([zero, np.cumsum(light * dt, -1)], -1) / self.a
-        y = np.cumsum(np.sqrt(light) * dt, -1) / self.b
+        y = np.cumsum(root * dt, -1) / self.b
         y = np.concatenate([zero, y], -1)
         y = y[..., -1:] - y
         after = np.argmax(x >= y, -1)[..., None]  # the first cut at which they have met

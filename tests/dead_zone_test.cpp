@@ -133,6 +133,27 @@ TEST(WindowWatch, CuresAfterTheTimeOfTheFront) {
   EXPECT_EQ(cured(broken), 0U);
 }
 
+// The window gets as much more as an exposure takes longer.
+TEST(WindowWatch, LongExposuresCountAsLongAsTheyAre) {
+  auto s = setup_of(UvKind::constant, 20, 0);
+  s.process.mode = ExposureMode::layerwise;
+  s.process.allow_window_cure = true;
+  s.process.exposure_s = 0.1;
+  const double dose = model_of(s).inhibited()->window_dose(0, 255);
+  ASSERT_GT(dose, 0);
+  ASSERT_LT(dose, 0.9);
+  const std::uint8_t full = 255;
+  for (const double times : {0.99 / dose, 1.01 / dose}) {
+    s.process.layer_exposure_s = {s.process.exposure_s * times, s.process.exposure_s};
+    const CureModel model = model_of(s);
+    WindowWatch watch(model, 1, 1);
+    watch.add_slice(0, &full);
+    WindowTotal total(model, 1);
+    total.merge(watch);
+    EXPECT_EQ(total.result().cured_pixels, times * dose > 1 ? 1U : 0U);
+  }
+}
+
 TEST(ScheduleUv, ConstantStaysAsItIs) {
   const auto s = setup_of(UvKind::constant, 200, 0);
   EXPECT_EQ(schedule_uv(Block(), s), s.process);

@@ -157,7 +157,10 @@ TEST_F(GelTimeProgram, Refusals) {
       {"correct", "target.uvj", "-o", "x.uvj", "--printer", "shallow.toml", "--resin", "clear.toml",
        "--speed-mm-h", "800"},
       {"the resin is not deep enough", "50 um"});
-  bad(2, correct + Command{"--speed-mm-h", "800", "--uncertain", "ha=5%"}, {"gel-time"});
+  bad(2, correct + Command{"--speed-mm-h", "800", "--uncertain", "noise=1%"},
+      {"noise", "gel-time"});
+  const RunResult sure = good(correct + Command{"--speed-mm-h", "800", "--uncertain", "ha=5%"});
+  EXPECT_THAT(sure.err, HasSubstr("how sure, with ha=5%"));
 }
 
 TEST_F(GelTimeProgram, DeriveGivesLawsAndFiles) {

@@ -237,7 +237,6 @@ TEST_F(GradedDoseProgram, RefusesWhatDoesNotGo) {
   refused({"--printer", "small.toml", "--mode", "layerwise", "--exposure-s", "40",
            "--lift-exchange", "0.5"},
           "lifts exchange resin");
-  refused({"--printer", "spread.toml", "--speed-mm-h", "1000"}, "spreads");
   // More than full light ever gives.
   const RunResult r = correct("out.uvj", {"--region", "left.stl=7", "--design", "ladder.stl"}, 3);
   EXPECT_THAT(r.err, HasSubstr("6.25"));

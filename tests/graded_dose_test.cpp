@@ -361,6 +361,87 @@ TEST(GradedDose, StacksAreMeasuredAsTheyAreVerified) {
   }
 }
 
+/// Doses in the middle of voxels by sums over all slices and pixels, of light that spreads by a Gaussian of
+/// 35 um: in figure 2.2's process 16 mW/cm² hold a dose of 1.
+std::vector<double> doses_by_sums(const test::MemorySlices& shown, int layers) {
+  const int all = shown.grid().layers;
+  const auto share = [](int x) {
+    const double scale = 35 / 50.0 * std::sqrt(2.0);
+    return (std::erf((x + 0.5) / scale) - std::erf((x - 0.5) / scale)) / 2;
+  };
+  std::vector<double> doses(static_cast<std::size_t>(layers) * 256, 0.0), light(256);
+  for (int k = 0; k < all; ++k) {
+    for (int p = 0; p < 256; ++p) {
+      double& sum = light[static_cast<std::size_t>(p)] = 0;
+      for (int q = 0; q < 256; ++q) {
+        sum += share(p % 16 - q % 16) * share(p / 16 - q / 16) *
+               (1 + 99.0 * shown.at(k, q % 16, q / 16) / 255) / 16;
+      }
+    }
+    for (int n = 0; n <= std::min(k, layers - 1); ++n) {
+      const double fall = 50 / kHeightUm, from = std::max(0.0, k - n - 0.5), to = k - n + 0.5;
+      const double part = std::pow(10, -from * fall) - std::pow(10, -to * fall);
+      for (std::size_t p = 0; p < 256; ++p) {
+        doses[static_cast<std::size_t>(n) * 256 + p] += part * light[p];
+      }
+    }
+  }
+  return doses;
+}
+
+// Where light spreads, columns alone are too dim beside gaps and beside others that want less.
+TEST(GradedDose, WhereLightSpreadsColumnsTogetherHaveTheirDoses) {
+  Plate plate(false);
+  plate.setup.printer.spread.gaussians = {{35, 1}};
+  for (int n = 0; n < 120; ++n) {
+    for (int y = 0; y < 16; ++y) {
+      for (int x = 0; x < 16; ++x) plate.bytes.at(n, x, y) = x < 8 ? 0 : 153;
+    }
+  }
+  const GradedTarget graded(plate.target, plate.doses);
+  double off[2] = {};
+  std::uint64_t wrong[2] = {};
+  for (const int together : {0, 1}) {
+    plate.setup.process.spread_rounds = together ? Process::kDefaultSpreadRounds : 0;
+    const test::MemorySlices shown(CorrectedSlices(graded, plate.setup));
+    const Prediction told = verify_stack(shown, graded, plate.setup);
+    const std::vector<double> doses = doses_by_sums(shown, 120);
+    double sum = 0, inside = 0;
+    std::size_t count = 0, counted = 0;
+    int near = 0;
+    for (int n = 0; n < 120; ++n) {
+      for (int p = 0; p < 256; ++p) {
+        const int x = p % 16, y = p / 16;
+        const bool feature = plate.target.at(n, x, y) == 255;
+        const double dose = doses[static_cast<std::size_t>(n) * 256 + static_cast<std::size_t>(p)];
+        wrong[together] += (dose >= 1) != feature;
+        near += std::abs(dose - 1) < 1e-5;
+        if (!feature) continue;
+        ++count;
+        sum += dose;
+        // Far from gaps in all directions.
+        if (x < 3 || x > 12 || y < 3 || y > 12 || n < 10 || n > 109 || (n > 45 && n < 90)) continue;
+        ++counted;
+        inside += std::abs(dose - (x < 8 ? 1.0 : 1.6));
+      }
+    }
+    off[together] = inside / static_cast<double>(counted);
+    std::uint64_t voxels = 0;
+    double mean = 0;
+    for (const RegionDose& r : told.regions) {
+      voxels += r.voxels;
+      mean += static_cast<double>(r.voxels) * r.mean();
+    }
+    EXPECT_EQ(voxels, count);
+    // Sums in single and double precision, of weights to 1e-6.
+    EXPECT_NEAR(mean, sum, 1e-5 * sum);
+    const std::uint64_t said = told.undercure_voxels + told.cure_through_voxels;
+    EXPECT_NEAR(static_cast<double>(said), static_cast<double>(wrong[together]), near);
+  }
+  EXPECT_LT(off[1], 0.5 * off[0]);
+  EXPECT_LE(wrong[1], wrong[0]);
+}
+
 TEST(GradedDose, TargetsThatDoNotFitAreRefused) {
   const Plate plate(false);
   for (const Grid& other : {Grid{15, 16, 120, 50, 50, 50}, Grid{16, 17, 120, 50, 50, 50},

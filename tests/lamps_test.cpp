@@ -15,6 +15,7 @@
 #include "programs/common/setup_options.hpp"
 #include "run_program.hpp"
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/supports.hpp"
@@ -102,7 +103,61 @@ TEST(PulsedGrey, IsRefusedWhereItIsNotCounted) {
   Resin gel_time = resin_of(1);
   gel_time.model = CureModelKind::gel_time;
   gel_time.gel_a_mj_cm2 = gel_time.gel_b_sqrt_mw_cm2_s = 1;
-  EXPECT_THAT(refusal(pulsed, gel_time, plain), HasSubstr("gel-time"));
+  EXPECT_EQ(refusal(pulsed, gel_time, plain), "");
+}
+
+TEST(PulsedGrey, OfATimeToGelRootsCountInTheirShares) {
+  // One exposure of 5 s: A takes light times time, B roots of light times time, 1 / Omega = 1 / X + 1 / Y.
+  Resin r = resin_of(1);
+  r.model = CureModelKind::gel_time;
+  r.gel_a_mj_cm2 = 60;
+  r.gel_b_sqrt_mw_cm2_s = 6;
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = 5;
+  for (const GreyLight grey : {GreyLight::steady, GreyLight::pulsed}) {
+    Printer printer = lamp(grey, 0);
+    printer.calibration.front().intensity_mw_cm2 = 1;
+    const double full = printer.calibration.back().intensity_mw_cm2;
+    const CureModel model = make_cure_model(printer, r, p, 50);
+    const int top = printer.levels() - 1;
+    for (const int level : {0, top / 4, top / 2, top}) {
+      const double share = static_cast<double>(level) / top, mean = 1 + share * (full - 1);
+      const double root =
+          grey == GreyLight::steady ? std::sqrt(mean) : 1 - share + share * std::sqrt(full);
+      const double x = mean * 5 / 60, y = root * 5 / 6, dose = x * y / (x + y);
+      EXPECT_NEAR(model.level_phi[static_cast<std::size_t>(level)], dose, 1e-9 * dose);
+      const ColumnDose column =
+          column_dose(model, {static_cast<std::uint8_t>(pixel_of_level(level, printer.levels()))});
+      EXPECT_NEAR(column.lower[0], dose, 1e-9 * dose);
+    }
+  }
+}
+
+TEST(LampThatFades, OfATimeToGelRootsAreThoseOfTheLightThatIsLeft) {
+  Resin r = resin_of(1);
+  r.model = CureModelKind::gel_time;
+  r.gel_a_mj_cm2 = 60;
+  r.gel_b_sqrt_mw_cm2_s = 6;
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = 5;
+  p.lamp_share = {1, 0.8, 0.5};
+  const CureModel model = make_cure_model(lamp(GreyLight::steady, 1), r, p, 50);
+  const ColumnDose column = column_dose(model, {0, 0, 255});
+  // The last slice is alone at its window, and counts with half of the light.
+  const double x = 50 * 5 / 60.0, y = std::sqrt(50.0) * 5 / 6, dose = x * y / (x + y);
+  EXPECT_NEAR(column.lower[2], dose, 1e-9 * dose);
+  // Continuous it is a dimmer lamp from there on.
+  p.mode = ExposureMode::continuous;
+  p.speed_mm_h = 400;
+  p.lamp_share = {1, 0.5};
+  const CureModel fades = make_cure_model(lamp(GreyLight::steady, 1), r, p, 50);
+  p.lamp_share.clear();
+  const CureModel dim = make_cure_model(dimmed(lamp(GreyLight::steady, 1), 0.5), r, p, 50);
+  const std::vector<std::uint8_t> pixels(40, 200);
+  EXPECT_NEAR(column_dose(fades, pixels).middle[1], column_dose(dim, pixels).middle[1], 1e-9);
+  EXPECT_GT(column_dose(fades, pixels).middle[0], column_dose(dim, pixels).middle[0] * 1.01);
 }
 
 TEST(LampThatFades, IsOneWithTheShareOfLayers) {

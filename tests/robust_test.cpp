@@ -121,6 +121,11 @@ detail::CodedDesign design_of(const std::vector<std::vector<std::uint8_t>>& colu
           nullptr, Surface::mesh, nullptr};
 }
 
+detail::RobustLevels robustly(const CorrectionPlan& plan, const detail::CodedDesign& design) {
+  const Uncertainty u = robustly_off_by("ha=5%,dc=5%");
+  return detail::robust_levels(plan, {u, detail::RobustCases(plan.model, u)}, design, {});
+}
+
 struct Failures {
   int runs = 0, gaps = 0, lost = 0, filled = 0;
 };
@@ -168,7 +173,8 @@ TEST(Robust, FeaturesAndGapsOfRandomColumnsHold) {
                         plan.all_layers + detail::robust_slices(plan.model));
   const Uncertainty u = robustly_off_by("ha=5%,dc=5%");
   const detail::CodedDesign design = design_of(columns);
-  const detail::RobustLevels made = detail::robust_levels(plan, u, design, {});
+  const detail::RobustLevels made =
+      detail::robust_levels(plan, {u, detail::RobustCases(plan.model, u)}, design, {});
   const Failures plain = failures(made.plain, columns, plan, 0.05);
   const Failures robust = failures(made.levels, columns, plan, 0.05);
   // Of the plain correction some 12 % of features and 8 % of gaps fail.
@@ -197,8 +203,7 @@ TEST(Robust, WhatCannotHoldIsFew) {
   plan = CorrectionPlan(plan.model, plan.process, 60,
                         plan.all_layers + detail::robust_slices(plan.model));
   const detail::CodedDesign design = design_of(columns);
-  const detail::RobustLevels made =
-      detail::robust_levels(plan, robustly_off_by("ha=5%,dc=5%"), design, {});
+  const detail::RobustLevels made = robustly(plan, design);
   const Failures plain = failures(made.plain, columns, plan, 0.05);
   const Failures robust = failures(made.levels, columns, plan, 0.05);
   EXPECT_EQ(made.figures.lost, static_cast<std::uint64_t>(robust.lost));
@@ -236,8 +241,7 @@ TEST(Robust, WhatIsGivenUpPrintsAsSaid) {
   CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 60);
   plan = CorrectionPlan(plan.model, plan.process, 60,
                         plan.all_layers + detail::robust_slices(plan.model));
-  const detail::RobustLevels made =
-      detail::robust_levels(plan, robustly_off_by("ha=5%,dc=5%"), design_of(columns), {});
+  const detail::RobustLevels made = robustly(plan, design_of(columns));
   const Failures as_said = failures(made.levels, columns, plan, 0.0);
   const Failures plain = failures(made.plain, columns, plan, 0.0);
   EXPECT_LE(as_said.lost, plain.lost);
@@ -253,7 +257,8 @@ TEST(Robust, CovarianceOfAFitGivesMargins) {
   Uncertainty u = robustly_off_by("ha=2%,dc=2%");
   u.from_fit = true;  // 2.45 standard deviations in any direction
   const detail::CodedDesign design = design_of(columns);
-  const detail::RobustLevels made = detail::robust_levels(plan, u, design, {});
+  const detail::RobustLevels made =
+      detail::robust_levels(plan, {u, detail::RobustCases(plan.model, u)}, design, {});
   EXPECT_GT(made.figures.features + made.figures.gaps, 0U);
   EXPECT_LE(made.figures.lost + made.figures.filled,
             (made.figures.features + made.figures.gaps) / 10);
@@ -266,8 +271,7 @@ TEST(Robust, ColumnsThatHoldStayAsTheyAre) {
   const std::vector<std::vector<std::uint8_t>> columns(3, column(50, {{11, 20}, {31, 40}}));
   CorrectionPlan plan = plan_for(figure_2_2(), process(1000), 50);
   const detail::CodedDesign design = design_of(columns);
-  const detail::RobustLevels made =
-      detail::robust_levels(plan, robustly_off_by("ha=5%,dc=5%"), design, {});
+  const detail::RobustLevels made = robustly(plan, design);
   EXPECT_EQ(made.levels, made.plain);
   std::vector<std::uint8_t> row(3);
   const auto expected = solve_column(plan, columns[0]);
@@ -372,14 +376,6 @@ TEST(Robust, WhatCannotBeIsRefused) {
   const MemorySlices target = stack_of(random_columns(4, 47));
   slicecorr::Setup setup = setup_of(robustly_off_by("ha=5%,m=0.02"));
   EXPECT_THAT(refusal(setup, target), HasSubstr("errors from a fit"));
-  setup = setup_of(robustly_off_by("ha=5%"));
-  setup.process.mode = ExposureMode::layerwise;
-  setup.process.exposure_s = 1;
-  setup.resin.absorbance_height10_um = 110;
-  EXPECT_THAT(refusal(setup, target), HasSubstr("layer by layer"));
-  setup = setup_of(robustly_off_by("ha=5%"));
-  setup.printer.platform_reflectance = 0.3;
-  EXPECT_THAT(refusal(setup, target), HasSubstr("platform"));
   // Light that just gels, and does not in the weak case.
   setup = setup_of(robustly_off_by("ha=5%,dc=5%"));
   setup.process.speed_mm_h = 5800;

@@ -133,9 +133,6 @@ TEST(UncertainUnderUv, WhatIsNotKnownIsRefused) {
   slicecorr::Setup s = uv_setup(part);
   s.uncertainty = off_by("noise=1%");
   EXPECT_THAT(refusal([&] { verify_stack(part, part, s); }), HasSubstr("noise under UV light"));
-  s.uncertainty = off_by("ha=1%");
-  s.uncertainty->robust = true;
-  EXPECT_THAT(refusal([&] { printed(part, s); }), HasSubstr("UV light"));
   s.uncertainty = off_by("m=0.01");
   s.resin = resin(320, 900);
   s.resin.inhibition = Inhibition{0.73, 90, 1, 0};

@@ -131,7 +131,7 @@ TEST_F(UncertainProgram, WhatCannotBeIsRefusedByName) {
       {"run", "part.stl", "-o", "out.uvj", "--layer-um", "50", "--printer", "p.toml", "--resin",
        "by-hand.toml", "--speed-mm-h", "1000", "--uncertain", "fit"},
       {"by-hand.toml", "by hand: ha=8%"});
-  bad(2, run({"--uncertain", "ha=5%", "--platform-reflectance", "0.2"}), {"platform"});
+  bad(2, run({"--uncertain", "noise=5%", "--platform-reflectance", "0.2"}), {"noise", "platform"});
   bad(3, run({"--uncertain", "ha=5%,dc=5%", "--robust"}, "5900"), {"weak"});
   fine(run({}));
   fine({"slice", "part.stl", "-o", "target.uvj", "--layer-um", "50", "--printer", "p.toml"});

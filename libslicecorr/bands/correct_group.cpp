@@ -64,15 +64,14 @@ CodedBand upright(const CodedBand& upwards) {
 
 /// Corrects a group so that features and gaps hold although inputs are off. What prints is measured
 /// against the design itself, not against what was aimed at.
-void correct_robustly(const CorrectionPlan& plan, const Uncertainty& uncertainty,
-                      const DesignGroup& group, const GroupListeners& to,
-                      const ExecutionContext& context) {
+void correct_robustly(const CorrectionPlan& plan, const RobustAsk& ask, const DesignGroup& group,
+                      const GroupListeners& to, const ExecutionContext& context) {
   CodedDesign design(group.columns, group.heights != nullptr, group.left_alone);
   group.read(Surface::mesh, [&](int n, const std::uint8_t* rows, const std::uint8_t* heights) {
     design.append(rows, heights);
     if (to.design) to.design(n, rows, heights);
   });
-  const RobustLevels made = robust_levels(plan, uncertainty, design, context);
+  const RobustLevels made = robust_levels(plan, ask, design, context);
   const int slices = plan.all_layers;
   const PixelsOfLevels pixels_of(plan.levels.size());
   std::vector<std::uint8_t> levels(group.columns), room;
@@ -87,12 +86,14 @@ void correct_robustly(const CorrectionPlan& plan, const Uncertainty& uncertainty
   const int predicted = design.heights ? std::max(slices, plan.layers + 1) : slices;
   const auto predict = [&](BandPredictor* predictor, const CodedBand& upwards) {
     if (!predictor) return;
-    predict_shown(*predictor, true, upright(upwards), slices, design, predicted, nullptr, context);
+    predict_shown(*predictor, plan.model.is_plain(), upright(upwards), slices, design, predicted,
+                  nullptr, context);
   };
   CodedBand shown(group.columns), plain(group.columns);
   pixels(made.levels, [&](int n, const std::uint8_t* rows) {
     shown.append(rows);
     to.put(n, rows);
+    if (to.watch) to.watch->add_slice(n, rows);
   });
   predict(to.after, shown);
   if (to.plain) {
@@ -152,7 +153,9 @@ void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const G
 void correct_group(const PlacePlans& plans, const DesignGroup& group, const GroupListeners& to,
                    const ExecutionContext& context) {
   const CorrectionPlan& plan = plans.plan(group.value);
-  if (plans.robust()) return correct_robustly(plan, *plans.robust(), group, to, context);
+  if (plans.robust()) {
+    return correct_robustly(plan, {*plans.robust(), plans.cases(group.value)}, group, to, context);
+  }
   correct_group(plan, group, to, context, plans.even_levels(group.value, group.place));
 }
 

@@ -18,9 +18,10 @@ namespace slicecorr::detail {
 
 namespace {
 
-CoupledOptions options_of(int rounds, const PlaceModels& models,
+CoupledOptions options_of(int rounds, const PlaceModels& models, bool graded,
                           const std::string& scratch_folder) {
   CoupledOptions options;
+  options.graded = graded;
   options.rounds = rounds;
   options.scratch_folder = scratch_folder;
   if (models.even()) return options;
@@ -42,9 +43,9 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
     : plans_(plans),
       light_(plans.models(), target.grid(), target.frame()),
       coupled_(plans.plan(), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
-               options_of(rounds, plans.models(), scratch_folder)) {
+               options_of(rounds, plans.models(), target.doses() != nullptr, scratch_folder)) {
   CoupledCorrection::ColumnLevels alone;
-  if (!plans.even()) {
+  if (!plans.even() || target.doses()) {
     alone = [&](const PixelBox& box) {
       CodedBand upwards(columns_of(box));
       std::vector<std::uint8_t> levels(columns_of(box));
@@ -85,10 +86,9 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
                     necks.before == 1 ? "was" : "were",
                     necks.after == 0 ? "all hold" : fmt::format("{} still are", necks.after)));
   }
-  if (const Uncertainty* const u = plans.robust()) {
-    const CureModel& model = plans.plan().model;
-    const CoupledCorrection::Held held =
-        coupled_.hold_in(case_model(model, *u, true), case_model(model, *u, false), context);
+  if (plans.robust()) {
+    const RobustCases& cases = plans.cases(plans.models().map().reference());
+    const CoupledCorrection::Held held = coupled_.hold_in(cases.weak, cases.strong, context);
     RobustFigures figures;
     figures.features = held.before.lost;
     figures.gaps = held.before.filled;

@@ -7,10 +7,12 @@
 
 #include <algorithm>
 #include <mutex>
+#include <optional>
 
 #include "bands/bands.hpp"
 #include "bands/design_groups.hpp"
 #include "bands/place_plans.hpp"
+#include "cure/spread_band.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/supports.hpp"
@@ -94,6 +96,15 @@ DoseMeter::DoseMeter(const WantedBand& wanted, const CureModel& model, const Cod
 
 void DoseMeter::add_slice(int slice, const std::uint8_t* pixels) {
   dose_.add_slice(slice, pixels ? pixels : black_.data());
+  measure(slice);
+}
+
+void DoseMeter::add_slice(int slice, std::span<const ImageShowing> showings) {
+  dose_.add_slice(slice, showings);
+  measure(slice);
+}
+
+void DoseMeter::measure(int slice) {
   if (slice >= coverage_.slices() || coverage_.black(slice)) return;
   coverage_.read(slice, cover_.data());
   wanted_.bytes->read(slice, bytes_.data());
@@ -106,20 +117,32 @@ void DoseMeter::add_slice(int slice, const std::uint8_t* pixels) {
 }
 
 std::vector<RegionDose> measure_doses(const SliceSource& stack, const SliceSource& target,
-                                      const PlaceModels& models, const ExecutionContext& context) {
+                                      const PlaceModels& models, const ShownSlices& slices,
+                                      const ExecutionContext& context) {
   const DoseTarget& doses = *target.doses();
   std::vector<RegionDose> all = regions_of(doses);
   const auto bands = bands_of(target.grid(), target.bounds());
+  const SpreadLight spread(models, stack.grid(), stack.frame());
+  // Where light spreads, all columns of a band have one model.
+  static const LightMap together;
   std::mutex merging;
   parallel_for(context, "measure doses", bands.size(), [&](std::size_t i) {
     // A model per value of light: columns of one value after the other.
-    const DesignBand band(target, models.map(), bands[i], {.beside = &stack});
+    const DesignBand band(target, spread.none() ? models.map() : together, bands[i],
+                          {.beside = &stack});
     for (const DesignGroup& g : band.groups()) {
       const CodedDesign design = g.coded(Surface::slices);
-      DoseMeter meter(*g.doses, models.model(g.value), design.coverage);
+      DoseMeter meter(*g.doses, spread.none() ? models.model(g.value) : spread.model(),
+                      design.coverage);
+      std::optional<SpreadBand> light;
+      if (!spread.none()) light.emplace(spread, stack, slices, bands[i]);
       std::vector<std::uint8_t> pixels(g.columns);
       for (int n = g.beside->slices(); n-- > 0;) {
         if ((n & 63) == 0) context.check_cancelled();
+        if (light) {
+          meter.add_slice(n, light->of(n));
+          continue;
+        }
         g.beside->read(n, pixels.data());
         meter.add_slice(n, pixels.data());
       }

@@ -6,9 +6,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "base/coded_band.hpp"
+#include "cure/shown_slices.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/dose_target.hpp"
@@ -39,9 +41,12 @@ class DoseMeter {
   DoseMeter(const WantedBand& wanted, const CureModel& model, const CodedBand& coverage);
   /// Null: black.
   void add_slice(int slice, const std::uint8_t* pixels);
+  /// The same of light that spreads.
+  void add_slice(int slice, std::span<const ImageShowing> showings);
   const std::vector<RegionDose>& regions() const { return regions_; }
 
  private:
+  void measure(int slice);
   const WantedBand& wanted_;
   const CodedBand& coverage_;
   BandDose dose_;
@@ -53,8 +58,9 @@ class DoseMeter {
 std::vector<RegionDose> regions_of(const DoseTarget& doses);
 void merge_regions(std::vector<RegionDose>& into, const std::vector<RegionDose>& from);
 
-/// The same of a whole stack. `target` must have doses.
+/// The same of a whole stack. `target` must have doses; `slices`: what the stack shows.
 std::vector<RegionDose> measure_doses(const SliceSource& stack, const SliceSource& target,
-                                      const PlaceModels& models, const ExecutionContext& context);
+                                      const PlaceModels& models, const ShownSlices& slices,
+                                      const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

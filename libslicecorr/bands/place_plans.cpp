@@ -445,7 +445,14 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
     most_exchange_ = std::min(1.0, setup.process.lift_exchange + sds * exchange_sd);
   }
   all_layers_ = PlaceCheck(target, models_, setup, context).all_layers();
-  if (robust_) check_cases(models_.brightest(), *robust_);
+  if (robust_) check_cases(models_.brightest(), cases(models_.map().greatest()), *robust_);
+}
+
+const RobustCases& PlacePlans::cases(std::uint8_t value) const {
+  const std::lock_guard lock(making_[value]);
+  auto& made = cases_[value];
+  if (!made) made = std::make_unique<const RobustCases>(models_, value, *robust_);
+  return *made;
 }
 
 const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "bands/design_groups.hpp"
+#include "bands/robust_design.hpp"
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "slicecorr/correct.hpp"
@@ -40,6 +41,8 @@ class PlacePlans {
   std::optional<double> most_exchange() const { return most_exchange_; }
   /// What the correction is to allow for; null: nothing.
   const Uncertainty* robust() const { return robust_ ? &*robust_ : nullptr; }
+  /// The prints of both cases of a robust correction where places have this value of light.
+  const RobustCases& cases(std::uint8_t value) const;
   /// What a robust correction of columns together came to, without height errors; nothing before it is
   /// noted, once, before others read it.
   const std::optional<RobustFigures>& held() const { return held_; }
@@ -61,6 +64,7 @@ class PlacePlans {
   int layers_, all_layers_ = 0, levels_;
   mutable std::array<std::mutex, 256> making_;
   mutable std::array<std::unique_ptr<const CorrectionPlan>, 256> plans_;
+  mutable std::array<std::unique_ptr<const RobustCases>, 256> cases_;
 };
 
 /// What all bands print together with the columns that are in none of their groups.

@@ -41,18 +41,18 @@ double chi_of(std::size_t inputs) {
 /// Doses of a band in both cases, at the nodes of each layer.
 class CaseDoses {
  public:
-  CaseDoses(const CureModel& model, const Uncertainty& u, std::size_t columns)
-      : variance_(u, model.m), chi_(chi_of(u.inputs.size())) {
-    if (u.from_fit) {
-      derivatives_ = std::make_unique<BandDerivatives>(model, columns, variance_.wanted());
+  CaseDoses(const CureModel& model, const RobustAsk& ask, std::size_t columns)
+      : variance_(ask.uncertainty, model.m, light_acts(model, ask.cases.nearby.get())),
+        chi_(chi_of(ask.uncertainty.inputs.size())) {
+    if (ask.uncertainty.from_fit) {
+      derivatives_ = std::make_unique<BandDerivatives>(model, columns, variance_.wanted(),
+                                                       ask.cases.nearby.get());
       for (auto* dose : {&weak_[0], &weak_[1], &strong_[0], &strong_[1]})
         dose->assign(columns, 0.0);
       return;
     }
-    weak_model_ = case_model(model, u, true);
-    strong_model_ = case_model(model, u, false);
-    weak_dose_ = std::make_unique<BandDose>(weak_model_, columns);
-    strong_dose_ = std::make_unique<BandDose>(strong_model_, columns);
+    weak_dose_ = std::make_unique<BandDose>(ask.cases.weak, columns);
+    strong_dose_ = std::make_unique<BandDose>(ask.cases.strong, columns);
   }
   CaseDoses(const CaseDoses&) = delete;
   CaseDoses& operator=(const CaseDoses&) = delete;
@@ -64,12 +64,15 @@ class CaseDoses {
       return;
     }
     derivatives_->add_slice(slice, pixels);
+    const bool jumps = derivatives_->model().mode == ExposureMode::layerwise;
     for (auto* dose : {&weak_, &strong_}) std::swap((*dose)[0], (*dose)[1]);
-    for (std::size_t i = 0; i < weak_[1].size(); ++i) {
-      const DoseGradient g = derivatives_->at(i, 1);
-      const double share = g.dose > 0 ? std::exp(chi_ * variance_.sd_ln(g)) : 1.0;
-      weak_[1][i] = g.dose / share;
-      strong_[1][i] = g.dose * share;
+    for (std::size_t at = jumps ? 0 : 1; at < 2; ++at) {
+      for (std::size_t i = 0; i < weak_[at].size(); ++i) {
+        const DoseGradient g = derivatives_->at(i, static_cast<double>(at));
+        const double share = g.dose > 0 ? std::exp(chi_ * variance_.sd_ln(g)) : 1.0;
+        weak_[at][i] = g.dose / share;
+        strong_[at][i] = g.dose * share;
+      }
     }
   }
   const double* weak_lower() const { return weak_dose_ ? weak_dose_->lower() : weak_[0].data(); }
@@ -84,7 +87,6 @@ class CaseDoses {
  private:
   const DoseVariance variance_;
   const double chi_;
-  CureModel weak_model_, strong_model_;
   std::unique_ptr<BandDose> weak_dose_, strong_dose_;
   std::unique_ptr<BandDerivatives> derivatives_;
   std::array<std::vector<double>, 2> weak_, strong_;
@@ -93,9 +95,9 @@ class CaseDoses {
 /// Finds what fails in the cases, and with inputs as said, slices from the last to the first.
 class Watch {
  public:
-  Watch(const CorrectionPlan& plan, const Uncertainty& u, std::size_t columns)
+  Watch(const CorrectionPlan& plan, const RobustAsk& ask, std::size_t columns)
       : merged_(plan.merge_one_slice_gaps),
-        doses_(plan.model, u, columns),
+        doses_(plan.model, ask, columns),
         as_said_(plan.model, columns),
         columns_(columns) {
     for (Column& c : columns_) c.bottom = plan.all_layers;
@@ -192,12 +194,9 @@ class MovedColumns {
 template <typename Rows, typename Sink>
 void solve(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone, Rows rows, Sink sink,
            const ExecutionContext& context) {
-  // All slices that are shown are layers: edges may lie beyond the design's last one.
-  CorrectionPlan all = plan;
-  all.layers = all.all_layers;
-  BandCorrector corrector(all, columns, leaves_alone);
+  BandCorrector corrector(plan, columns, leaves_alone);
   std::vector<std::uint8_t> coverage(columns), heights(columns), left(columns);
-  for (int n = 0; n < all.layers; ++n) {
+  for (int n = 0; n < plan.layers; ++n) {
     if ((n & 63) == 0) context.check_cancelled();
     rows(n, coverage.data(), heights.data(), left.data());
     corrector.add_layer(coverage.data(), heights.data(), leaves_alone ? left.data() : nullptr);
@@ -207,25 +206,38 @@ void solve(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone, R
   });
 }
 
+/// All slices that are shown are layers: edges may lie beyond the design's last one.
+CorrectionPlan of_all_slices(const CorrectionPlan& plan) {
+  CorrectionPlan all = plan;
+  all.layers = all.all_layers;
+  if (plan.model.is_continuous() || plan.layers == plan.all_layers) return all;
+  all = CorrectionPlan(plan.model, plan.process, plan.all_layers, plan.all_layers);
+  all.most_exchange = plan.most_exchange;
+  return all;
+}
+
 /// The columns of a band that are in trouble, and how their edges are moved.
 class RobustBand {
  public:
-  RobustBand(const CorrectionPlan& plan, const Uncertainty& u, const CodedDesign& design,
+  RobustBand(const CorrectionPlan& plan, const RobustAsk& ask, const CodedDesign& design,
              const ExecutionContext& context)
-      : plan_(plan),
-        uncertainty_(u),
+      : plan_(of_all_slices(plan)),
+        ask_(ask),
         design_(design),
         context_(context),
         pixels_(plan.levels.size()),
-        mover_(plan.model),
+        mover_(plan_.model),
         left_rows_(design.left_alone) {
     // Errors of a fit go together in all directions; a cap leaves the peaks of features to the levels.
-    if (u.from_fit || plan.process.omega_max < kNoCap || plan.merge_one_slice_gaps) return;
+    if (ask.uncertainty.from_fit || plan.process.omega_max < kNoCap || plan.merge_one_slice_gaps ||
+        !plan.model.is_plain()) {
+      return;
+    }
     const auto light = [](const CureModel& m) {
       return EdgeCases::Light{m.phi_min(), m.phi_max(), m.eta * units::kLn10};
     };
-    plan_cases_ = EdgeCases{light(plan.model), light(case_model(plan.model, u, true)),
-                            light(case_model(plan.model, u, false)), plan.all_layers};
+    plan_cases_ = EdgeCases{light(plan.model), light(ask.cases.weak), light(ask.cases.strong),
+                            plan.all_layers};
   }
 
   RobustLevels run();
@@ -260,8 +272,8 @@ class RobustBand {
   void repair(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns,
               RobustFigures& counts);
 
-  const CorrectionPlan& plan_;
-  const Uncertainty& uncertainty_;
+  const CorrectionPlan plan_;
+  const RobustAsk ask_;
   const CodedDesign& design_;
   const ExecutionContext& context_;
   const PixelsOfLevels pixels_;
@@ -273,7 +285,7 @@ class RobustBand {
 template <typename Rows, typename Cover, typename Keep>
 std::vector<RobustTrouble> RobustBand::try_columns(std::size_t columns, Rows rows, Cover cover,
                                                    Keep keep) const {
-  Watch watch(plan_, uncertainty_, columns);
+  Watch watch(plan_, ask_, columns);
   std::vector<std::uint8_t> shown(columns), coverage(columns);
   solve(
       plan_, columns, design_.left_alone != nullptr, rows,
@@ -440,14 +452,66 @@ CureModel case_model(const CureModel& model, const Uncertainty& u, bool weak) {
   return off;
 }
 
-void check_cases(const CureModel& model, const Uncertainty& u) {
-  if (u.from_fit) return;
-  const CureModel weak = case_model(model, u, true), strong = case_model(model, u, false);
-  if (weak.phi_max() <= 1) {
+namespace {
+
+/// The same of any model, by what it is made of.
+CureModel case_of_place(const PlaceModels& models, std::uint8_t value, const Uncertainty& u,
+                        bool weak) {
+  const CureModel& said = models.model(value);
+  if (said.is_plain() && !pulses_differ(models, u)) return case_model(said, u, weak);
+  const double sign = weak ? -1.0 : 1.0;
+  const auto more = [&](UncertainInput input) { return std::exp(sign * u.sd(input)); };
+  Resin resin = with_height_times(models.resin(), more(UncertainInput::ha));
+  const double dose = 1 / (more(UncertainInput::dc) * more(UncertainInput::aim));
+  for (double* const d : {&resin.critical_dose_mj_cm3, &resin.critical_dose_prime,
+                          &resin.gel_a_mj_cm2, &resin.gel_b_sqrt_mw_cm2_s}) {
+    *d *= dose;
+  }
+  if (resin.inhibition) resin.inhibition->critical_dose_prime *= dose;
+  const double brighter = more(UncertainInput::light) * std::exp(sign * u.flat);
+  Process process =
+      with_pattern_held(with_known_uv(models, value), models.resin(), resin, brighter);
+  const double slower = 1 / more(UncertainInput::speed);
+  process.speed_mm_h *= slower;
+  for (double& mm_h : process.slice_speed_mm_h) mm_h *= slower;
+  const double longer = more(UncertainInput::time);
+  process.exposure_s *= longer;
+  process.bottom_exposure_s *= longer;
+  for (double& s : process.layer_exposure_s) s *= longer;
+  if (process.lift_exchange >= 0) {
+    process.lift_exchange =
+        std::clamp(process.lift_exchange - sign * u.sd(UncertainInput::exchange), 0.0, 1.0);
+  }
+  Printer printer = dimmed(models.printer_at(value), brighter);
+  for (CalibrationPoint& point : printer.calibration) {
+    point.intensity_mw_cm2 =
+        std::max(0.0, point.intensity_mw_cm2 + sign * u.sd(UncertainInput::stray));
+  }
+  return make_cure_model(printer, resin, process, said.layer_um);
+}
+
+}  // namespace
+
+RobustCases::RobustCases(const PlaceModels& models, std::uint8_t value, const Uncertainty& u) {
+  if (u.from_fit) {
+    nearby = nearby_of_place(models, value, u);
+    return;
+  }
+  weak = case_of_place(models, value, u, true);
+  strong = case_of_place(models, value, u, false);
+}
+
+RobustCases::RobustCases(const CureModel& plain, const Uncertainty& u)
+    : weak(case_model(plain, u, true)), strong(case_model(plain, u, false)) {}
+
+void check_cases(const CureModel& model, const RobustCases& cases, const Uncertainty& u) {
+  if (u.from_fit || model.mode == ExposureMode::layerwise) return;
+  const CureModel &weak = cases.weak, &strong = cases.strong;
+  if (weak.steady(weak.phi_max()) <= 1) {
     throw InfeasibleError(fmt::format(
         "with {} off to the weak side full light comes to {:.4g} of the dose to aim at and never gels "
         "the resin; a speed below {:.4g} of this one would do, or inputs that are surer",
-        u.text, weak.phi_max(), weak.phi_max()));
+        u.text, weak.steady(weak.phi_max()), weak.steady(weak.phi_max())));
   }
   if (strong.phi_min() >= 1) {
     throw InfeasibleError(fmt::format(
@@ -458,15 +522,17 @@ void check_cases(const CureModel& model, const Uncertainty& u) {
 }
 
 int robust_slices(const CureModel& model) {
+  // Layer by layer each layer has its own light.
+  if (model.mode == ExposureMode::layerwise) return 0;
   const double most = EdgeMover::most_aim(model), p1 = model.phi_max();
   // The edge lies further down, and the burst after it begins there.
   const double slices = std::log((p1 - 1) / (p1 - most)) / (model.eta * units::kLn10);
   return static_cast<int>(std::ceil(slices)) + 1;
 }
 
-RobustLevels robust_levels(const CorrectionPlan& plan, const Uncertainty& uncertainty,
+RobustLevels robust_levels(const CorrectionPlan& plan, const RobustAsk& ask,
                            const CodedDesign& design, const ExecutionContext& context) {
-  return RobustBand(plan, uncertainty, design, context).run();
+  return RobustBand(plan, ask, design, context).run();
 }
 
 }  // namespace slicecorr::detail

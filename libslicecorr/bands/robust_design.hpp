@@ -22,8 +22,13 @@
 /// where the nominal dose is 1.
 #pragma once
 
+#include <cstdint>
+#include <memory>
+
 #include "bands/design_band.hpp"
 #include "slicecorr/correct.hpp"
+#include "slicecorr/dose_derivatives.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/uncertain_print.hpp"
 
 namespace slicecorr {
@@ -35,8 +40,20 @@ namespace slicecorr::detail {
 /// The model of a print with all inputs off at once, by their standard deviation each, towards less
 /// dose (`weak`) or more. `model`: plain.
 CureModel case_model(const CureModel& model, const Uncertainty& uncertainty, bool weak);
-/// Throws `InfeasibleError` where light never gels in the weak case, or black gels in the strong one.
-void check_cases(const CureModel& model, const Uncertainty& uncertainty);
+
+/// The prints of both cases.
+struct RobustCases {
+  /// Of places with this value of light.
+  RobustCases(const PlaceModels& models, std::uint8_t value, const Uncertainty& uncertainty);
+  /// Of a plain model.
+  RobustCases(const CureModel& plain, const Uncertainty& uncertainty);
+  CureModel weak, strong;
+  /// Where errors of a fit go with differences between prints.
+  std::unique_ptr<const NearbyModels> nearby;
+};
+/// Throws `InfeasibleError` where light never gels in the weak case, or black gels in the strong one, as far
+/// as that is known without a part.
+void check_cases(const CureModel& model, const RobustCases& cases, const Uncertainty& uncertainty);
 
 /// Slices more that must be shown so that lower edges of the last layer can aim higher.
 int robust_slices(const CureModel& model);
@@ -47,8 +64,12 @@ struct RobustLevels {
   CodedBand plain;  ///< those of the plain correction
   RobustFigures figures;
 };
-/// `plan`: of a plain model.
-RobustLevels robust_levels(const CorrectionPlan& plan, const Uncertainty& uncertainty,
+/// What a robust correction allows for.
+struct RobustAsk {
+  const Uncertainty& uncertainty;
+  const RobustCases& cases;
+};
+RobustLevels robust_levels(const CorrectionPlan& plan, const RobustAsk& ask,
                            const CodedDesign& design, const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

@@ -3,14 +3,11 @@
 
 #include "bands/uncertain_walk.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <memory>
 #include <vector>
 
-#include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/supports.hpp"
 
 namespace slicecorr::detail {
 
@@ -35,28 +32,49 @@ std::vector<std::size_t> starts_of_parts(const CodedBand& coverage, std::size_t 
 
 }  // namespace
 
-UncertainTotal::UncertainTotal(const Setup& setup, double layer_um, const PixelBox& box)
-    : uncertainty_(*setup.uncertainty), maps_(box) {
+UncertainTotal::UncertainTotal(const Setup& setup, const PlaceModels& models, const PixelBox& box)
+    : uncertainty_(*setup.uncertainty), models_(models), maps_(box) {
   check_uncertainty(uncertainty_);
   check_uncertain(setup);
   total_.inputs = uncertainty_;
-  Process process = setup.process;
-  if (process.uv.kind == UvKind::off) return;
-  if (process.uv.kind == UvKind::constant && !(process.uv.uv_mw_cm2 > 0)) {
-    // The lamp gives what was found for the dead zone, whatever the resin then turns out to be.
-    process.uv.uv_mw_cm2 = uv_for_dead_zone(make_kinetics(setup.resin, true, true),
-                                            setup.printer.calibration.back().intensity_mw_cm2,
-                                            process.uv.dead_zone_um);
-    process.uv.dead_zone_um = 0;
-  }
-  const bool exponent = uncertainty_.sd(UncertainInput::m) > 0;
-  nearby_ = nearby_models(setup.printer, setup.resin, process, layer_um,
-                          exponent ? uncertainty_.reference_mw_cm2 : 0);
+  nearby(models.map().greatest());  // what can't be said is refused before the work
 }
 
-UncertainBand UncertainTotal::band(const CureModel& model, int all_layers, std::size_t columns,
+Process with_known_uv(const PlaceModels& models, std::uint8_t value) {
+  Process process = models.process_at(value);
+  if (process.uv.kind != UvKind::constant) return process;
+  process.uv.uv_mw_cm2 = models.model(value).inhibited()->setting_uv_mw_cm2(0, 0);
+  process.uv.dead_zone_um = 0;
+  return process;
+}
+
+bool pulses_differ(const PlaceModels& models, const Uncertainty& u) {
+  return models.printer().grey == GreyLight::pulsed && models.resin().m != 1 &&
+         (u.sd(UncertainInput::m) > 0 || u.sd(UncertainInput::stray) > 0);
+}
+
+std::unique_ptr<const NearbyModels> nearby_of_place(const PlaceModels& models, std::uint8_t value,
+                                                    const Uncertainty& u) {
+  const CureModel& model = models.model(value);
+  if (derives_by_recursion(model) && !pulses_differ(models, u)) return nullptr;
+  const bool exponent = u.sd(UncertainInput::m) > 0;
+  return std::make_unique<const NearbyModels>(
+      nearby_models(models.printer_at(value), models.resin(), with_known_uv(models, value),
+                    model.layer_um, exponent ? u.reference_mw_cm2 : 0));
+}
+
+const NearbyModels* UncertainTotal::nearby(std::uint8_t value) const {
+  const std::lock_guard lock(making_);
+  if (!made_[value]) {
+    made_[value] = true;
+    nearby_[value] = nearby_of_place(models_, value, uncertainty_);
+  }
+  return nearby_[value].get();
+}
+
+UncertainBand UncertainTotal::band(std::uint8_t value, int all_layers, std::size_t columns,
                                    bool at_heights) const {
-  UncertainBand band(model, uncertainty_, all_layers, columns, nearby_ ? &*nearby_ : nullptr);
+  UncertainBand band(models_.model(value), uncertainty_, all_layers, columns, nearby(value));
   if (at_heights) band.aim_at_heights();
   return band;
 }
@@ -69,7 +87,7 @@ void UncertainTotal::add(UncertainBand& band, const BandPredictor::PixelOfColumn
   total_.merge(figures);
 }
 
-void UncertainTotal::add(const CureModel& model, std::size_t columns, const ShownSlice& shown,
+void UncertainTotal::add(std::uint8_t value, std::size_t columns, const ShownSlice& shown,
                          const CodedDesign& design, int all_layers, bool at_heights,
                          const BandPredictor::PixelOfColumn& place,
                          const ExecutionContext& context) {
@@ -81,7 +99,7 @@ void UncertainTotal::add(const CureModel& model, std::size_t columns, const Show
   UncertainPrint figures;
   std::vector<UncertainBand> bands;
   for (const std::size_t from : starts) {
-    bands.push_back(band(model, all_layers, std::min(width, columns - from), at_heights));
+    bands.push_back(band(value, all_layers, std::min(width, columns - from), at_heights));
     bands.back().add_to(figures);
   }
   LeftAloneRows left_alone(design.left_alone);

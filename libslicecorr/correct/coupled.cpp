@@ -63,6 +63,7 @@ CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightB
           PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y),
           display)) {
   plan_.hands_on = plan_.hands_on && options.hand_on;
+  plan_.graded = options.graded;
   now_.lifted = plan_.joint > 0;
   if (bounds_.empty()) return;
   const int side = options_.patch_px;
@@ -305,7 +306,9 @@ std::vector<KeptTile> CoupledCorrection::want_again_of_columns(
 }
 
 bool CoupledCorrection::improve(const ExecutionContext& context) {
-  if (now_.wrong() == 0 || now_.round >= options_.rounds || without_gain_ >= kMostWithoutGain) {
+  const bool graded = plan_.graded && now_.round == 0 && now_.loss > 0;
+  if ((now_.wrong() == 0 && !graded) || now_.round >= options_.rounds ||
+      without_gain_ >= kMostWithoutGain) {
     return false;
   }
   std::vector<std::size_t> solved;

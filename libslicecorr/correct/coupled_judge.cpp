@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <tuple>
 #include <utility>
 
@@ -35,7 +36,7 @@ class PatchJudge : public PatchField<double> {
     for (int y = box.y0; y < box.y1; ++y) {
       for (int x = box.x0; x < box.x1; ++x) kind_[place().at(x, y)] = -1;
     }
-    if (plan.joint > 0) {
+    if (plan.joint > 0 || plan.graded) {
       guide_.assign(place().size(), 0);
       own_.resize(place().size());
       for (std::size_t at = 0; at < own_.size(); ++at) own_[at] = light_of(0, at);
@@ -68,7 +69,7 @@ class PatchJudge : public PatchField<double> {
       kind_[at] = left_[at] != 0 ? 0 : cover == 255 ? (holds ? 2 : 1) : cover == 0 ? -1 : 0;
       wake(square_of(at));
     };
-    if (plan_.joint > 0) {
+    if (!guide_.empty()) {
       columns_.go_to(n, [&](std::size_t at, std::uint8_t, std::uint8_t is) {
         wake(square_of(at));
         own_[at] = light_of(is, at);
@@ -88,20 +89,23 @@ class PatchJudge : public PatchField<double> {
       const std::size_t first = first_of(k), stride = place().stride;
       const double* const seen = seen_light(k);
       step_square(next_.data() + first, seen + first, below() + first, stride, gain, kept);
-      if (plan_.joint > 0) {
+      if (!guide_.empty()) {
         step_square(guide_.data() + first, own_.data() + first, guide_.data() + first, stride, gain,
                     kept);
+      }
+      if (plan_.joint > 0) {
         judge_lifted(n, first, seen);
       } else if (judge_square(next_.data() + first, dose_.data() + first, kind_.data() + first,
                               stride, middle_, near_, sums_)) {
         collect(n, first);
       }
       if (aims_any_) judge_aims(n, first);
+      if (plan_.graded) judge_graded(first);
       for (std::size_t y = 0; y < kSquare; ++y) {
         std::copy_n(next_.data() + first + y * stride, kSquare, dose_.data() + first + y * stride);
       }
       const int calm = square(k).touched_at - n;
-      if (may_sleep() && !aims_any_ && calm >= kCalm && calm % 4 == 3 && !lacks_ &&
+      if (may_sleep() && !aims_any_ && !plan_.graded && calm >= kCalm && calm % 4 == 3 && !lacks_ &&
           stays_right(seen + first, dose_.data() + first, kind_.data() + first, stride,
                       near_at_nodes_)) {
         sleep(k);
@@ -145,6 +149,22 @@ class PatchJudge : public PatchField<double> {
         ++sums_.parted;
         lacks_ = true;
         miss(k, held, true, true);
+      }
+    }
+  }
+  /// Doses inside features are to be those of the columns alone; pixels beside gaps have their outline.
+  void judge_graded(std::size_t first) {
+    for (std::size_t y = 0; y < kSquare; ++y) {
+      const std::size_t from = first + y * place().stride;
+      for (std::size_t k = from; k < from + kSquare; ++k) {
+        const std::size_t beside[] = {k - 1, k + 1, k - place().stride, k + place().stride};
+        if (kind_[k] <= 0 || std::any_of(std::begin(beside), std::end(beside),
+                                         [&](std::size_t at) { return kind_[at] < 0; })) {
+          continue;
+        }
+        // A margin more, as the solver aims, and as far off is well.
+        const double off = std::abs(next_[k] - std::max(1.0, guide_[k]) - plan_.margin);
+        if (off > plan_.margin) sums_.loss += (off - plan_.margin) * (off - plan_.margin) / 2;
       }
     }
   }

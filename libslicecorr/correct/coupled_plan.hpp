@@ -77,6 +77,9 @@ struct CoupledPlan {
   int top;                           ///< the highest grey level
   double shine_step;                 ///< greatest between two neighbouring levels
   bool hands_on;  ///< what pixels have too much is handed on in the plane: see `levels_of_plane`
+  /// Doses are wanted: inside features the dose is to be that of the columns alone, which know them. By sums
+  /// of light.
+  bool graded = false;
 
   int reach_x, reach_y;
   /// What a pixel gives to those around it: rows of `taps_width`, the first 2 reach_x + 1 of which

@@ -26,8 +26,8 @@ constexpr int kPasses = 4;
 constexpr float kSharing = 0.1F;
 /// Changes of light that are worth it, in steps of levels.
 constexpr float kLeastChange = 0.15F;
-/// Weights of edges, greys and requests beside those of voxels.
-constexpr float kEdgeWeight = 0.1F, kGreyWeight = 0.2F, kRequestWeight = 0.5F;
+/// Weights of edges, greys, requests and wanted doses beside those of voxels.
+constexpr float kEdgeWeight = 0.1F, kGreyWeight = 0.2F, kRequestWeight = 0.5F, kWantedWeight = 0.3F;
 /// Of layers that are to hold at their lift: a part that does not is lost.
 constexpr float kHoldWeight = 16;
 /// Greatest dose wanted of a feature's pixel beside a gap: the outline runs where the dose between
@@ -135,6 +135,12 @@ void PatchSolver::classify(std::size_t at) {
     // What holds at each lift adds up to this.
     if (rim && plan_.joint > 0) {
       soft_[at] = std::max(soft_[at], static_cast<float>(kRimOfHeld * plan_.joint / plan_.b));
+    }
+    if (plan_.graded) {
+      // As the column alone has it, as far as outlines and gaps allow.
+      under_guide_[at] = 0;
+      over_guide_[at] = margin;
+      low_weight_[at] = high_weight_[at] = kWantedWeight;
     }
   } else if (cover == 0) {
     most_[at] = (1 - margin) * static_cast<float>(norm_);

@@ -101,12 +101,17 @@ class PatchSolver : public PatchField<float> {
   }
   /// Guides of a square as bounds take them: those of voxels whose dose is wanted hold nothing back.
   const float* guides_of(std::size_t first) {
-    if (!aims_any_) return guide_.data() + first;
+    if (!aims_any_ && !plan_.graded) return guide_.data() + first;
     bound_guide_.resize(guide_.size());
+    const auto margin = static_cast<float>(plan_.margin);
     for (std::size_t y = 0; y < kSquare; ++y) {
       const std::size_t from = first + y * place().stride;
       for (std::size_t at = from; at < from + kSquare; ++at) {
-        bound_guide_[at] = aims_[at] == 0 ? guide_[at] : here_[at] == 0 ? 0.0F : 1.0F;
+        // Of wanted doses just 1 is not to be missed by rounding.
+        const float own = plan_.graded && here_[at] == 255 && above_[at] == 255
+                              ? std::max(guide_[at], 1.0F) + margin
+                              : guide_[at];
+        bound_guide_[at] = aims_[at] == 0 ? own : here_[at] == 0 ? 0.0F : 1.0F;
       }
     }
     return bound_guide_.data() + first;

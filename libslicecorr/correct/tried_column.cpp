@@ -54,8 +54,7 @@ class GelTimeDoses {
   void set(int n, int level) {
     const auto at = static_cast<std::size_t>(n);
     const CutLight& l = kernel_->light(level);
-    const double ratio = model_.ratio(n);
-    light_[at] = ratio == 1.0 ? l : CutLight{ratio * l.x, ratio * l.y};
+    light_[at] = kernel_->in_slice(n, l, model_.ratio(n));
     state_[at] = cut_.step(light_[at], state_[at + 1]);
   }
   double dose(int layer, double up) const { return at(layer, kernel_->fade(up), up); }

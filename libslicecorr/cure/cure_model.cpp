@@ -48,8 +48,8 @@ int CureModel::slices_to_gel(int first) const {
     return slices;
   }
   if (gel_time()) {
-    const double slices =
-        gel_time()->slices_to_gel(gel_time()->level_mw_cm2(gel_time()->levels() - 1));
+    const double slices = gel_time()->slices_to_gel(
+        gel_time()->level_mw_cm2(gel_time()->levels() - 1) * gel_time()->least_share(first));
     return static_cast<int>(std::min(1e9, std::ceil(slices)));
   }
   if (!heights.alike()) {
@@ -250,13 +250,17 @@ void mirror(const Printer& printer, CureModel& model) {
 }
 
 /// Makes the model of a resin with a time to gel of one that has its printer, height and mode.
-void take_gel_time(const Resin& resin, const Process& process,
+void take_gel_time(const Resin& resin, const Process& process, GreyLight grey,
                    const std::vector<double>& intensities, CureModel& model) {
-  model.law = WithGelTime{std::make_shared<const GelTimeKernel>(
-      GelTime{resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s},
-      units::height_e_from_10(resin.absorbance_height10_um), process, model.layer_um, intensities)};
-  model.critical_intensity_mw_cm2 = model.gel_time()->intensity_mw_cm2(1.0);
-  for (const double i : intensities) model.level_phi.push_back(model.phi(i));
+  model.law = WithGelTime{
+      std::make_shared<const GelTimeKernel>(GelTime{resin.gel_a_mj_cm2, resin.gel_b_sqrt_mw_cm2_s},
+                                            units::height_e_from_10(resin.absorbance_height10_um),
+                                            process, model.layer_um, intensities, grey)};
+  const GelTimeKernel& kernel = *model.gel_time();
+  model.critical_intensity_mw_cm2 = kernel.intensity_mw_cm2(1.0);
+  for (int level = 0; level < kernel.levels(); ++level) {
+    model.level_phi.push_back(kernel.phi_of(kernel.light(level)));
+  }
 }
 
 /// Makes the model of a resin that bleaches of one of its fresh absorption.
@@ -385,8 +389,19 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     }
     model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s, resin.m);
   }
+  if (slices_differ(process)) {
+    const bool stay = process.slice_lamps == SliceLamps::stay;
+    const std::size_t own = std::max(stay ? process.slice_speed_mm_h.size() : 0,
+                                     light_differs(process) ? process.light_share.size() : 0);
+    for (std::size_t n = 0; n < own; ++n) {
+      const auto slice = static_cast<int>(n);
+      model.exposure_ratio.push_back(
+          (stay ? process.speed_mm_h / slice_speed_mm_h(process, slice) : 1.0) *
+          light_ratio(process, slice, resin.m));
+    }
+  }
   if (resin.has_gel_time()) {
-    take_gel_time(resin, process, intensities, model);
+    take_gel_time(resin, process, printer.grey, intensities, model);
     end_bath(printer, model);
     mirror(printer, model);
     return model;
@@ -407,25 +422,15 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   }
   if (resin.bleaches()) take_bleaching(resin, model);
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
-  if (slices_differ(process)) {
-    const bool stay = process.slice_lamps == SliceLamps::stay;
-    const std::size_t own = std::max(stay ? process.slice_speed_mm_h.size() : 0,
-                                     light_differs(process) ? process.light_share.size() : 0);
-    for (std::size_t n = 0; n < own; ++n) {
-      const auto slice = static_cast<int>(n);
-      model.exposure_ratio.push_back(
-          (stay ? process.speed_mm_h / slice_speed_mm_h(process, slice) : 1.0) *
-          light_ratio(process, slice, resin.m));
-    }
-  }
   take_heights(process, model);
   take_lifts(printer, resin, process, model);
   if (process.uv.kind == UvKind::off) {
     end_bath(printer, model);
     mirror(printer, model);
   } else {
-    model.law = UnderUv{detail::make_inhibited_kernel(printer, resin, process, layer_um,
-                                                      intensities, light.brightest)};
+    model.law =
+        UnderUv{detail::make_inhibited_kernel(printer, resin, process, layer_um, intensities,
+                                              light.brightest * usual_light_share(process))};
     // Under UV light phi is the dose after a long run of slices, and the exponent may be another.
     const InhibitedKernel& kernel = *model.inhibited();
     model.m = kernel.kinetics().m;

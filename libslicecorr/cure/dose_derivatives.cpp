@@ -3,16 +3,21 @@
 
 #include "slicecorr/dose_derivatives.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <utility>
+#include <variant>
 
 #include "base/kernels.hpp"
 #include "cure/exchanged_gradient.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
@@ -27,15 +32,26 @@ bool exchanges_resin(const CureModel& model) {
 
 }  // namespace
 
+bool derives_by_recursion(const CureModel& model) {
+  return std::holds_alternative<SumOfLight>(model.law) && model.bath_slices == 0 &&
+         model.mirrored_slices == 0 && model.heights.alike();
+}
+
 void check_derivatives(const CureModel& model) {
   std::vector<Feature> features = features_of(model);
   features.push_back(Feature::derivatives);
   check_supported(features);
-  if (model.inhibited()) {
-    throw InputError(
-        "how the dose changes with its inputs is not known under UV light; expected exposure "
-        "without it");
-  }
+  if (derives_by_recursion(model)) return;
+  const char* const where = model.inhibited()           ? "under UV light"
+                            : model.gel_time()          ? "with a time to gel"
+                            : model.bleaching()         ? "of a resin that bleaches"
+                            : model.bath_slices > 0     ? "in resin that ends"
+                            : model.mirrored_slices > 0 ? "below a platform that sends light back"
+                                                        : "in layers of different heights";
+  throw InputError(fmt::format(
+      "how the dose changes with its inputs is known {} by differences between prints alone; expected "
+      "sums of light in layers of one height, in resin without end, below a platform that takes light up",
+      where));
 }
 
 LightGradient light_gradient(const CureModel& model, double phi, double reference_mw_cm2) {
@@ -151,8 +167,11 @@ double ColumnGradient::edge_um(double z, double change, bool from_above) const {
 struct BandDerivatives::Differences {
   struct One {
     std::vector<double> Fields::*field;
+    const CureModel* model;
     double per_step;
+    double brighter, stray_mw_cm2;  ///< its light over that of the model, and what is added to it
     BandDose dose;
+    std::vector<double> phi;  ///< of light that spreads
   };
   BandDose dose;
   std::vector<One> each;
@@ -181,15 +200,20 @@ BandDerivatives::BandDerivatives(BandDerivatives&&) noexcept = default;
 BandDerivatives::BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted,
                                  const NearbyModels* nearby)
     : model_(model), wanted_(wanted) {
-  if (model.inhibited() && nearby && !wanted.noise) {
+  if (nearby && !wanted.noise) {
     differences_ = std::make_unique<Differences>(Differences{BandDose(model, columns), {}, {}});
-    const auto add = [&](std::vector<double> Fields::*field, const CureModel& near, double step) {
-      differences_->each.push_back({field, 1 / step, BandDose(near, columns)});
+    const auto add = [&](std::vector<double> Fields::*field, const CureModel& near, double step,
+                         double brighter = 1, double stray_mw_cm2 = 0) {
+      differences_->each.push_back(
+          {field, &near, 1 / step, brighter, stray_mw_cm2, BandDose(near, columns), {}});
     };
-    add(&Fields::ln_ha, nearby->ha, NearbyModels::kStep);
-    if (wanted.light) add(&Fields::light, nearby->light, NearbyModels::kStep);
-    if (wanted.stray) add(&Fields::stray, nearby->stray, nearby->stray_mw_cm2);
-    if (wanted.m) add(&Fields::m, nearby->m, NearbyModels::kStep);
+    const double step = NearbyModels::kStep;
+    add(&Fields::ln_ha, nearby->ha, step);
+    if (wanted.light) add(&Fields::light, nearby->light, step, std::exp(step));
+    if (wanted.stray) {
+      add(&Fields::stray, nearby->stray, nearby->stray_mw_cm2, 1, nearby->stray_mw_cm2);
+    }
+    if (wanted.m) add(&Fields::m, nearby->m, step);
     for (Fields* fields : {&lower_, &upper_, &differences_->middle}) {
       fields->dose.assign(columns, 0.0);
       for (const Differences::One& one : differences_->each) {
@@ -358,15 +382,32 @@ void BandDerivatives::step() {
   model_.mode == ExposureMode::layerwise ? step_layerwise() : step_continuous();
 }
 
-void BandDerivatives::take_differences(int slice, const std::uint8_t* pixels) {
+void BandDerivatives::take_differences(int slice, std::span<const ImageShowing> showings) {
   Differences& d = *differences_;
-  d.dose.add_slice(slice, pixels);
   const std::size_t n = light_.phi.size();
+  const bool spread = !showings.empty() && showings.front().phi;
+  if (!showings.empty() && (showings.size() > 1 || showings.front().fronts)) {
+    throw Error(
+        "differences of doses are known of one image a slice, without UV light that spreads");
+  }
+  d.dose.add_slice(slice, showings);
   const std::array<std::pair<Fields*, const double*>, 3> places{
       {{&lower_, d.dose.lower()}, {&d.middle, d.dose.middle()}, {&upper_, d.dose.upper()}}};
   for (const auto& [fields, dose] : places) std::copy_n(dose, n, fields->dose.begin());
   for (Differences::One& one : d.each) {
-    one.dose.add_slice(slice, pixels);
+    if (spread) {
+      // The same light as its model counts it.
+      ImageShowing its = showings.front();
+      one.phi.resize(n);
+      for (std::size_t i = 0; i < n; ++i) {
+        const double shone = model_.intensity_mw_cm2(its.phi[i]) * one.brighter + one.stray_mw_cm2;
+        one.phi[i] = one.model->phi(std::max(0.0, shone));
+      }
+      its.phi = one.phi.data();
+      one.dose.add_slice(slice, {&its, 1});
+    } else {
+      one.dose.add_slice(slice, showings);
+    }
     const std::array<const double*, 3> near{one.dose.lower(), one.dose.middle(), one.dose.upper()};
     for (std::size_t p = 0; p < places.size(); ++p) {
       std::vector<double>& out = places[p].first->*one.field;
@@ -377,13 +418,19 @@ void BandDerivatives::take_differences(int slice, const std::uint8_t* pixels) {
 }
 
 void BandDerivatives::add_slice(int slice, const std::uint8_t* pixels) {
-  if (differences_) return take_differences(slice, pixels);
+  if (differences_) {
+    if (!pixels) return take_differences(slice, {});
+    ImageShowing whole;
+    whole.pixels = pixels;
+    if (model_.inhibited()) whole.setting = model_.inhibited()->setting_of_slice(slice);
+    return take_differences(slice, {&whole, 1});
+  }
   take_light(slice, pixels);
   step();
 }
 
 void BandDerivatives::add_slice(int slice, std::span<const ImageShowing> showings) {
-  if (differences_) throw Error("light that spreads under UV light has no derivatives");
+  if (differences_) return take_differences(slice, showings);
   std::fill(light_.phi.begin(), light_.phi.end(), 0.0);
   const double ratio = model_.ratio(slice);
   for (const ImageShowing& showing : showings) {
@@ -427,7 +474,9 @@ DoseGradient BandDerivatives::at(std::size_t column, double t) const {
                    between(&Fields::m),
                    0,
                    between(&Fields::light)};
-    if (least > 0) {
+    // Light falls as a power of the distance; what a moving window leaves is nearer to a parabola itself.
+    const bool falls = model_.mode == ExposureMode::layerwise || model_.inhibited();
+    if (least > 0 && falls) {
       g.dose = std::exp(parabola(std::log(lower_.dose[i]), std::log(middle.dose[i]),
                                  std::log(upper_.dose[i]), t));
     }
@@ -442,28 +491,49 @@ DoseGradient BandDerivatives::at(std::size_t column, double t) const {
   return step_gradient(model_, {light_.phi[i], value(light_.stray), value(light_.m)}, below, t);
 }
 
+Resin with_height_times(Resin resin, double factor) {
+  const double before_um = dose_height_e_um(resin);
+  resin.absorbance_height10_um *= factor;
+  if (resin.critical_dose_prime > 0) return resin;
+  const double held = before_um / dose_height_e_um(resin);
+  resin.critical_dose_mj_cm3 *= held;
+  resin.gel_dose_mj_cm3 *= held;
+  return resin;
+}
+
+Process with_pattern_held(Process process, const Resin& of, const Resin& off, double brighter) {
+  if (process.uv.kind != UvKind::patterned || !of.inhibition) return process;
+  // Iuv = Ib / beta e^(zf (1/huv - 1/hb))
+  const auto slope = [](const Resin& r) {
+    return 1 / units::height_e_from_10(r.inhibition->absorbance_height10_um) -
+           1 / units::height_e_from_10(r.absorbance_height10_um);
+  };
+  double& zone_um = process.uv.dead_zone_um;
+  zone_um = (zone_um * slope(of) - std::log(brighter)) / slope(off);
+  return process;
+}
+
 NearbyModels nearby_models(const Printer& printer, const Resin& resin, const Process& process,
                            double layer_um, double reference_mw_cm2) {
   const double step = NearbyModels::kStep;
   NearbyModels near;
-  const auto model = [&](const Printer& p, const Resin& r) {
-    return make_cure_model(p, r, process, layer_um);
+  const auto model = [&](const Printer& p, const Resin& r, double brighter = 1) {
+    return make_cure_model(p, r, with_pattern_held(process, resin, r, brighter), layer_um);
   };
-  // The areal dose held: a volumetric one falls as the height grows.
-  Resin high = resin;
-  high.absorbance_height10_um *= std::exp(step);
-  if (!(resin.critical_dose_prime > 0)) {
-    high.critical_dose_mj_cm3 *= std::exp(-step);
-    high.gel_dose_mj_cm3 *= std::exp(-step);
-  }
-  near.ha = model(printer, high);
-  near.light = model(dimmed(printer, std::exp(step)), resin);
+  near.ha = model(printer, with_height_times(resin, std::exp(step)));
+  near.light = model(dimmed(printer, std::exp(step)), resin, std::exp(step));
   Printer stray = printer;
   near.stray_mw_cm2 = step * printer.calibration.back().intensity_mw_cm2;
   for (CalibrationPoint& point : stray.calibration) point.intensity_mw_cm2 += near.stray_mw_cm2;
   near.stray = model(stray, resin);
   if (!(reference_mw_cm2 > 0)) return near;
-  if (!(resin.critical_dose_prime > 0)) {
+  if (resin.has_gel_time() || resin.bleaches()) {
+    throw InputError(
+        resin.has_gel_time()
+            ? "a resin of model \"gel-time\" has no exponent that could be off; expected no error of m"
+            : "a resin that bleaches is counted with an exponent of 1; expected no error of m");
+  }
+  if (process.uv.kind != UvKind::off && !(resin.critical_dose_prime > 0)) {
     throw InputError(
         "how the dose changes with the exponent under UV light is known of resins with "
         "critical_dose_prime only; expected no error of m");
@@ -472,6 +542,9 @@ NearbyModels nearby_models(const Printer& printer, const Resin& resin, const Pro
   Resin steep = resin;
   const double held = std::pow(reference_mw_cm2, step);
   steep.m += step;
+  if (!(resin.critical_dose_prime > 0)) {
+    steep.critical_dose_prime = make_kinetics(resin, false, true).critical_dose_prime;
+  }
   steep.critical_dose_prime *= held;
   if (steep.inhibition) {
     steep.inhibition->m += step;

@@ -91,9 +91,10 @@ NearestLaw nearest_jacobs(const GelTime& g, double from, double to, int points) 
 }
 
 GelTimeKernel::GelTimeKernel(const GelTime& g, double height_e_um, const Process& process,
-                             double layer_um, std::vector<double> level_mw_cm2)
+                             double layer_um, std::vector<double> level_mw_cm2, GreyLight grey)
     : gel_time_(g),
       layerwise_(process.mode == ExposureMode::layerwise),
+      pulsed_(grey == GreyLight::pulsed),
       slope_(layer_um / height_e_um),
       level_mw_cm2_(std::move(level_mw_cm2)) {
   fade_ = fade(1.0);
@@ -107,14 +108,42 @@ GelTimeKernel::GelTimeKernel(const GelTime& g, double height_e_um, const Process
     for (const double s : process.layer_exposure_s) {
       longest_ = std::max(longest_, s / process.exposure_s);
     }
+  } else if (process.slice_lamps == SliceLamps::stay) {
+    for (const double mm_h : process.slice_speed_mm_h) {
+      longest_ = std::max(longest_, process.speed_mm_h / mm_h);
+    }
+  }
+  if (light_differs(process)) {
+    const double usual = usual_light_share(process);
+    double most = 1;
+    for (std::size_t n = 0; n < process.light_share.size(); ++n) {
+      const double share = light_share(process, static_cast<int>(n)) / usual;
+      root_share_.push_back(std::sqrt(share));
+      most = std::max(most, share);
+    }
+    longest_ *= most;
   }
   take_light();
 }
 
+double GelTimeKernel::least_share(int first) const {
+  if (root_share_.empty()) return 1;
+  const auto from = std::min(static_cast<std::size_t>(std::max(0, first)), root_share_.size() - 1);
+  const double root =
+      *std::min_element(root_share_.begin() + static_cast<std::ptrdiff_t>(from), root_share_.end());
+  return root * root;
+}
+
 void GelTimeKernel::take_light() {
   light_.clear();
-  for (const double i : level_mw_cm2_) light_.push_back(light_of(i));
-  const double in_all = layerwise_ ? -longest_ / std::expm1(-slope_) : 1.0;
+  const double black = level_mw_cm2_.front(), full = level_mw_cm2_.back();
+  for (const double i : level_mw_cm2_) {
+    light_.push_back(light_of(i));
+    if (!pulsed_ || !(i > black && i < full)) continue;
+    const double share = (i - black) / (full - black);
+    light_.back().y = (1 - share) * light_of(black).y + share * light_of(full).y;
+  }
+  const double in_all = layerwise_ ? -longest_ / std::expm1(-slope_) : longest_;
   const double most = std::max(1.0, light_.back().x * in_all);
   reach_ = 1 + static_cast<int>(std::min(1e6, std::ceil(std::log(most / kLeftOut) / slope_)));
 }
@@ -135,8 +164,15 @@ CutLight GelTimeKernel::fade(double slices) const {
   return {y * y, y};
 }
 
-double GelTimeKernel::phi(double mw_cm2) const {
-  const CutLight l = light_of(mw_cm2);
+CutLight GelTimeKernel::light_of_phi(double phi) const {
+  if (!pulsed_) return light_of(intensity_mw_cm2(phi));
+  const auto nearer = [&](const CutLight& a, const CutLight& b) {
+    return std::abs(phi_of(a) - phi) < std::abs(phi_of(b) - phi);
+  };
+  return *std::min_element(light_.begin(), light_.end(), nearer);
+}
+
+double GelTimeKernel::phi_of(const CutLight& l) const {
   if (!(l.x > 0)) return 0;
   return layerwise_ ? l.x * l.y / (l.x + l.y) : whole_dose(l);
 }
@@ -167,9 +203,9 @@ double GelTimeKernel::slices_to_gel(double mw_cm2) const {
   return end > 0 ? -2.0 * std::log(end) / slope_ : std::numeric_limits<double>::infinity();
 }
 
-double GelTimeKernel::dose_through_layer(double mw_cm2, double ratio) const {
-  const CutLight l = light_of(mw_cm2);
-  const double x = ratio * l.x * fade_.x, y = ratio * l.y * fade_.y;
+double GelTimeKernel::dose_through_layer(double mw_cm2, double ratio, int layer) const {
+  const CutLight l = in_slice(layer, light_of(mw_cm2), ratio);
+  const double x = l.x * fade_.x, y = l.y * fade_.y;
   return x > 0 ? x * y / (x + y) : 0.0;
 }
 

@@ -42,7 +42,7 @@ class GelTimeWalker final : public DoseWalker {
     const CutLight at_lower = cut_.returned(slice + 1.0), at_middle = cut_.returned(slice + 0.5),
                    at_upper = cut_.returned(slice);
     const bool always = cut_.ends() || cut_.mirrors(slice);
-    take_light(showings, model_.ratio(slice));
+    take_light(showings, kernel_.in_slice(slice, {1, 1}, model_.ratio(slice)));
     if (!layerwise()) lower.swap(upper);
     for (std::size_t i = 0; i < columns_; ++i) {
       // Neighbours with the same light all along have the same doses.
@@ -88,7 +88,7 @@ class GelTimeWalker final : public DoseWalker {
   struct Slot {
     std::vector<std::uint8_t> pixels;
     std::vector<CutLight> light;
-    double weight = 0;
+    CutLight weight{};
   };
 
   /// The nodes below a layer, the first of which is `node`.
@@ -135,11 +135,11 @@ class GelTimeWalker final : public DoseWalker {
     if (!slot.light.empty()) return slot.light[column];
     if (slot.pixels.empty()) return {};
     const CutLight& l = curve_[slot.pixels[column]];
-    return {slot.weight * l.x, slot.weight * l.y};
+    return {slot.weight.x * l.x, slot.weight.y * l.y};
   }
 
   /// Fills `own_` and the slot of the slice above `node_`.
-  void take_light(std::span<const ImageShowing> showings, double ratio) {
+  void take_light(std::span<const ImageShowing> showings, const CutLight& ratio) {
     Slot& slot = slots_[slot_at(node_ - 1)];
     slot.pixels.clear();
     slot.light.clear();
@@ -147,21 +147,20 @@ class GelTimeWalker final : public DoseWalker {
     if (showings.empty()) return;
     if (showings.size() == 1 && !showings.front().phi) {
       const ImageShowing& whole = showings.front();
-      slot.weight = whole.light * ratio;
+      slot.weight = {whole.light * ratio.x, whole.light * ratio.y};
       slot.pixels.assign(whole.pixels, whole.pixels + columns_);
       for (std::size_t i = 0; i < columns_; ++i) {
         const CutLight& l = curve_[slot.pixels[i]];
-        own_[i] = {slot.weight * l.x, slot.weight * l.y};
+        own_[i] = {slot.weight.x * l.x, slot.weight.y * l.y};
       }
       return;
     }
     for (const ImageShowing& showing : showings) {
-      const double times = showing.light * ratio;
       for (std::size_t i = 0; i < columns_; ++i) {
         const CutLight l = showing.phi ? kernel_.light_of(kernel_.intensity_mw_cm2(showing.phi[i]))
                                        : curve_[showing.pixels[i]];
-        own_[i].x += times * l.x;
-        own_[i].y += times * l.y;
+        own_[i].x += showing.light * ratio.x * l.x;
+        own_[i].y += showing.light * ratio.y * l.y;
       }
     }
     slot.light = own_;

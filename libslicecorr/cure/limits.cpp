@@ -63,12 +63,16 @@ Doses doses_of(const CureModel& model) {
     const InhibitedKernel& kernel = *model.inhibited();
     // A lamp that changes from slice to slice is weaker where a slice needs less.
     const int s = kernel.strongest_setting();
-    return {kernel.steady_dose(s, kernel.highest_usable_level(s)), kernel.steady_dose(0, 0)};
+    const bool moving = model.mode == ExposureMode::continuous;
+    return {kernel.steady_dose(s, kernel.highest_usable_level(s)) *
+                (moving ? model.least_ratio() : 1.0),
+            kernel.steady_dose(0, 0) * (moving ? model.greatest_ratio() : 1.0)};
   }
   if (model.gel_time() && model.mode == ExposureMode::layerwise) {
     const GelTimeKernel& kernel = *model.gel_time();
+    const int weakest = weakest_layer(model);
     return {kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1),
-                                      model.ratio(weakest_layer(model))),
+                                      model.ratio(weakest), weakest),
             most_black(model, model.exposure_ratio).dose};
   }
   if (model.mode == ExposureMode::layerwise) {
@@ -80,8 +84,16 @@ Doses doses_of(const CureModel& model) {
         most_black(model, model.exposure_ratio).dose};
   }
   if (const GelTimeKernel* const kernel = model.gel_time()) {
-    return {detail::long_run_dose(model, kernel->level_mw_cm2(kernel->levels() - 1)),
-            detail::long_run_dose(model, kernel->level_mw_cm2(0) * model.returned(0))};
+    // Slices count for no less than the least time and the least light of any, and for no more than the most.
+    Doses doses{std::numeric_limits<double>::infinity(), 0};
+    for (int n = 0; n <= static_cast<int>(model.exposure_ratio.size()); ++n) {
+      const double share = std::pow(kernel->root_share(n), 2), time = model.ratio(n) / share;
+      const double full = kernel->level_mw_cm2(kernel->levels() - 1) * share,
+                   black = kernel->level_mw_cm2(0) * share * model.returned(0);
+      doses.lit = std::min(doses.lit, time * detail::long_run_dose(model, full));
+      doses.black = std::max(doses.black, time * detail::long_run_dose(model, black));
+    }
+    return doses;
   }
   // Where slices count for more than others, whatever their order.
   return {model.steady(model.phi_max()) * model.least_ratio(),

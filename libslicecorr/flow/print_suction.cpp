@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow_suction.hpp"
 #include "slicecorr/layer_heights.hpp"
@@ -72,7 +73,7 @@ PrintGap print_gap(const Printer& printer, const Resin& resin, const Process& pr
   if (uv.dead_zone_um > 0) return {uv.dead_zone_um, "the dead zone that the UV light is to hold"};
   if (uv.kind == UvKind::constant && resin.inhibition) {
     const Kinetics kinetics = make_kinetics(resin, true, true);
-    const double blue = printer.calibration.back().intensity_mw_cm2;
+    const double blue = level_intensities(as_lit(printer, process)).back();
     if (keeps_dead_zone(kinetics, blue, uv.uv_mw_cm2)) {
       return {even_gap_um(kinetics, blue, uv.uv_mw_cm2, process.speed_mm_h),
               "where resin has its dose in the mean under full light"};

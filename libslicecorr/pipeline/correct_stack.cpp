@@ -247,7 +247,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   areas_.heights = LayerHeights(setup_.process.layer_heights_um);
   if (together_) return;
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
-  if (setup_.uncertainty) uncertain_.emplace(setup_, target.grid().layer_um, target.bounds());
+  if (setup_.uncertainty) uncertain_.emplace(setup_, plans_.models(), target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
   bodies_.emplace(bands_, plans_.all_layers(), model(), context);
   if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), model(), context);
@@ -345,7 +345,7 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
       shown_upwards.read(slices - 1 - n, pixels.data());
       return pixels.data();
     };
-    whole_.uncertain_->add(plan.model, count, shown_at, looked_at, predicted, of.heights != nullptr,
+    whole_.uncertain_->add(of.value, count, shown_at, looked_at, predicted, of.heights != nullptr,
                            of.place, whole_.context_);
   }
   after_ = after.finish(of.place);

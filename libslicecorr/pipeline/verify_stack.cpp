@@ -123,7 +123,7 @@ class Verification {
     }
     Setup scheduled = setup;
     scheduled.process = slices.process();
-    uncertain_.emplace(scheduled, stack.grid().layer_um, stack.bounds().united(target.bounds()));
+    uncertain_.emplace(scheduled, models_, stack.bounds().united(target.bounds()));
   }
 
   void predict_bands() {
@@ -225,7 +225,7 @@ void Verification::predict(const detail::DesignGroup& group, Prediction& figures
       shown.read(n, pixels.data());
       return pixels.data();
     };
-    uncertain_->add(model, columns, shown_at, design, all_layers_,
+    uncertain_->add(group.value, columns, shown_at, design, all_layers_,
                     surface_ == Surface::mesh && target_.edge_heights(), group.place, context_);
   }
   if (!watch) return;
@@ -276,7 +276,7 @@ void Verification::predict_spread(std::size_t index) {
   if (window_) watch.emplace(model, layers_, columns);
   std::optional<UncertainBand> uncertain;
   if (uncertain_) {
-    uncertain.emplace(uncertain_->band(model, all_layers_, columns,
+    uncertain.emplace(uncertain_->band(models_.map().greatest(), all_layers_, columns,
                                        surface_ == Surface::mesh && target_.edge_heights()));
   }
   detail::LeftAloneRows left_rows(design.left_alone);
@@ -397,7 +397,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
     const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),
                              stack.frame());
     detail::check_doses(*target.doses(), target, models, setup);
-    p.regions = detail::measure_doses(stack, target, models, context);
+    p.regions = detail::measure_doses(stack, target, models, slices, context);
   }
   // A recording shows several images a slice: what flowed then is nobody's guess.
   if (setup.process.even_light && !slices.recorded()) {

@@ -42,7 +42,8 @@ void check_window(const DeadZones& zones, const Process& process) {
 }
 
 WindowWatch::WindowWatch(const CureModel& model, int slices, std::size_t columns)
-    : kernel_(*model.inhibited()),
+    : model_(model),
+      kernel_(*model.inhibited()),
       columns_(columns),
       low_(static_cast<std::size_t>(slices), 255),
       high_(static_cast<std::size_t>(slices), 0) {
@@ -120,6 +121,8 @@ void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
     double dose = 0;
     bool no_dead_zone = false;
   };
+  // Long exposures, and slices that are passed slowly, give as much more.
+  const double ratio = model_.ratio(slice);
   std::vector<std::array<Level, 256>> at_window(showings.size());
   for (std::size_t k = 0; k < showings.size(); ++k) {
     if (showings[k].fronts) continue;
@@ -148,7 +151,7 @@ void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
       no_dead_zone = no_dead_zone || at.no_dead_zone;
     }
     // Once a dead zone is back, fresh resin flows in, and its dose begins at 0.
-    dose_[i] = no_dead_zone ? static_cast<float>(dose_[i] + added) : 0.0F;
+    dose_[i] = no_dead_zone ? static_cast<float>(dose_[i] + ratio * added) : 0.0F;
     if (dose_[i] < 1.0F) continue;
     if (!cured_[i]) ++count_;
     cured_[i] = true;

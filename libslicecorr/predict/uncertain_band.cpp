@@ -128,11 +128,17 @@ void find_needs(const std::uint8_t* __restrict coverage, const std::uint8_t* __r
 
 }  // namespace
 
+LightActs light_acts(const CureModel& model, const NearbyModels* nearby) {
+  return !nearby             ? LightActs::by_exponent
+         : model.bleaching() ? LightActs::as_time
+                             : LightActs::by_itself;
+}
+
 struct UncertainBand::State {
   State(const CureModel& model, const Uncertainty& uncertainty, int all_layers, std::size_t columns,
         const NearbyModels* nearby)
       : model_(model),
-        variance_(uncertainty, model.m, model.inhibited() != nullptr),
+        variance_(uncertainty, model.m, light_acts(model, nearby)),
         derivatives_(model, columns, variance_.wanted(), nearby),
         layerwise_(model.mode == ExposureMode::layerwise),
         variances_{std::vector<double>(columns), std::vector<double>(columns)},
@@ -152,7 +158,7 @@ struct UncertainBand::State {
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     sides_.below_um.assign(columns, none);
     sides_.above_um.assign(columns, none);
-    if (variance_.wanted().stray && !model.inhibited() &&
+    if (variance_.wanted().stray && !nearby &&
         std::isinf(light_gradient(model, model.phi_min()).stray)) {
       throw InputError(
           "stray light is off, and by how much the dose then is can't be said of an exponent below 1 "
@@ -317,6 +323,13 @@ void UncertainBand::State::complete(std::size_t i, Edge& edge, bool upper) {
   if (at_heights_ && edge.height != 0 && (upper || !layerwise_)) {
     const double below = edge_height_slices(edge.height);
     for (double* e : {&band.weak, &band.nominal, &band.strong}) *e += upper ? below : -below;
+  }
+  // Where layers differ in height, an edge goes through those that it meets.
+  if (!model_.heights.alike()) {
+    const double node = model_.depth(edge.node);
+    for (double* e : {&band.weak, &band.nominal, &band.strong}) {
+      *e = upper ? node - model_.depth(edge.node - *e) : model_.depth(edge.node + *e) - node;
+    }
   }
   if (edge_sink_) edge_sink_(band);
   const double um = model_.layer_um;

@@ -37,18 +37,21 @@ ErrorSource source_of(UncertainInput input) {
 
 /// Derivative of the dose by an input, in dose, ln_ha, stray, m, light and exchange.
 std::array<double, DoseVariance::kTerms> derivative_by(UncertainInput input, double exponent,
-                                                       bool light_apart) {
+                                                       LightActs light) {
   switch (input) {
     case UncertainInput::ha:
       return {0, 1, 0, 0, 0, 0};
     case UncertainInput::dc:
     case UncertainInput::aim:
+      return {-1, 0, 0, 0, 0, 0};
     case UncertainInput::speed:
+      if (light == LightActs::as_time) return {0, 0, 0, 0, -1, 0};
       return {-1, 0, 0, 0, 0, 0};
     case UncertainInput::time:
+      if (light == LightActs::as_time) return {0, 0, 0, 0, 1, 0};
       return {1, 0, 0, 0, 0, 0};
     case UncertainInput::light:
-      if (light_apart) return {0, 0, 0, 0, 1, 0};
+      if (light != LightActs::by_exponent) return {0, 0, 0, 0, 1, 0};
       return {exponent, 0, 0, 0, 0, 0};
     case UncertainInput::stray:
       return {0, 0, 1, 0, 0, 0};
@@ -84,13 +87,14 @@ const char* word_of(ErrorSource source) {
   return words[static_cast<std::size_t>(source)];
 }
 
-DoseVariance::DoseVariance(const Uncertainty& u, double exponent, bool light_apart)
+DoseVariance::DoseVariance(const Uncertainty& u, double exponent, LightActs light)
     : noise_(exponent * u.noise * exponent * u.noise) {
+  const bool light_apart = light != LightActs::by_exponent;
   const std::size_t n = u.inputs.size();
   for (std::size_t i = 0; i < n; ++i) {
-    const auto x = derivative_by(u.inputs[i], exponent, light_apart);
+    const auto x = derivative_by(u.inputs[i], exponent, light);
     for (std::size_t j = 0; j < n; ++j) {
-      const auto y = derivative_by(u.inputs[j], exponent, light_apart);
+      const auto y = derivative_by(u.inputs[j], exponent, light);
       const bool same = source_of(u.inputs[i]) == source_of(u.inputs[j]);
       Form& own = by_source_[static_cast<std::size_t>(source_of(u.inputs[i]))];
       for (std::size_t a = 0; a < kTerms; ++a) {
@@ -106,7 +110,9 @@ DoseVariance::DoseVariance(const Uncertainty& u, double exponent, bool light_apa
   const std::size_t of_light = light_apart ? 4 : 0;
   by_source_[static_cast<std::size_t>(ErrorSource::flat)][of_light][of_light] = flat * flat;
   all_[of_light][of_light] += flat * flat;
-  wanted_.light = light_apart && (u.flat > 0 || u.sd(UncertainInput::light) > 0);
+  const bool as_time = light == LightActs::as_time &&
+                       (u.sd(UncertainInput::speed) > 0 || u.sd(UncertainInput::time) > 0);
+  wanted_.light = as_time || (light_apart && (u.flat > 0 || u.sd(UncertainInput::light) > 0));
   wanted_.stray = u.sd(UncertainInput::stray) > 0;
   wanted_.m = u.sd(UncertainInput::m) > 0;
   wanted_.noise = u.noise > 0;

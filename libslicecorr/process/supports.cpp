@@ -69,25 +69,29 @@ constexpr const char* kMirrorUv =
     "{printer}: vat.platform_reflectance: is not counted under UV light; expected a printer without "
     "it, or no UV light";
 constexpr const char* kStayUv =
-    "slices that get more light where they go slower are not computed under UV light; expected lamps "
-    "that follow the speed";
+    "slices that get more light where they go slower are not computed beside an even dead zone, whose "
+    "light is made for one speed; expected lamps that follow the speed, or even_dead_zone off";
 constexpr const char* kDimLightUv =
-    "light below full (light_share) is not counted under UV light; expected all of the light, or no UV "
-    "light";
+    "light below full (light_share) is not counted beside an even dead zone, for which all light is made; "
+    "expected all of the light, or even_dead_zone off";
+constexpr const char* kOwnLightUv =
+    "layers that get different shares of the light (light_share) are not counted under UV light, of which "
+    "they get all; expected one share for all, or no UV light";
 constexpr const char* kHeightsUv =
     "layers of different heights are not counted under UV light; expected layers of one height, or no "
     "UV light";
 constexpr const char* kEdgesInHeights =
     "edges lie at slices: the mesh's own heights are not counted in layers of different heights";
 constexpr const char* kSureUv =
-    "how sure a print is can't be said where UV light has a pattern; expected one intensity, or one "
-    "per slice";
+    "how sure a print is can't be said beside an even dead zone, whose dose depends on how resin flows; "
+    "expected even_dead_zone off";
 constexpr const char* kCapUv =
     "the dose inside features is not capped: under UV light they get the least that gels them";
 constexpr const char* kExchangeUv =
     "resin that lifts exchange is not counted under UV light; expected no lift_exchange";
 constexpr const char* kRobustUv =
-    "a correction can't be robust under UV light; expected no UV light";
+    "a correction can't be robust beside an even dead zone, for which all light is made; expected "
+    "even_dead_zone off";
 
 constexpr const char* kPulsesUv =
     "{printer}: blue.grey: grey by pulses is not counted under UV light, which goes on between pulses; "
@@ -106,9 +110,6 @@ constexpr Unsupported kTable[] = {
     {uneven_uv, spread, refused,
      "{printer}: uv.flat_field: is not counted where light spreads; expected no spread, or a printer "
      "without uv.flat_field"},
-    {uneven_uv, derivatives, refused,
-     "{printer}: uv.flat_field: how sure figures are can't be said where UV light is uneven; expected "
-     "figures without it, or a printer without uv.flat_field"},
     {fading_uv, uv_patterned, refused,
      "a UV lamp that fades (uv_lamp_log) is not counted where UV light has a pattern; expected one intensity "
      "(uv_mw_cm2), or one per slice"},
@@ -117,15 +118,9 @@ constexpr Unsupported kTable[] = {
     {fading_uv, derivatives, refused,
      "how sure a print is can't be said where the UV lamp fades (uv_lamp_log); expected figures without it"},
     UNDER_UV(pulsed_grey, refused, kPulsesUv),
-    {pulsed_grey, gel_time, refused,
-     "{printer}: blue.grey: grey by pulses is not counted with a resin of model \"gel-time\"; expected a "
-     "resin of another model (resinctl derive), or grey = \"steady\""},
     {pulsed_grey, spread, refused,
      "{printer}: blue.grey: grey by pulses is not counted where light spreads, since pulses of pixels "
      "beside each other overlap or not; expected no spread, a resin with m = 1, or grey = \"steady\""},
-    {pulsed_grey, derivatives, refused,
-     "{printer}: blue.grey: how sure figures are can't be said with grey by pulses; expected figures "
-     "without it, or grey = \"steady\""},
     UNDER_UV(gel_time, refused, kGelTimeUv),
     UNDER_UV(bleaching, refused, kBleachingUv),
     {bleaching, gel_time, refused,
@@ -140,17 +135,14 @@ constexpr Unsupported kTable[] = {
      "{printer}: vat.depth_um: is not counted beside an even dead zone; expected a printer without it, "
      "or even_dead_zone off"},
     UNDER_UV(reflectance, refused, kMirrorUv),
-    UNDER_UV(lamps_stay, refused, kStayUv),
+    {lamps_stay, even_dead_zone, refused, kStayUv},
     {lamps_stay, layerwise, refused,
      "more light for slower slices is for continuous exposure: layer by layer the stage stands still; "
      "expected continuous exposure"},
-    {lamps_stay, gel_time, refused,
-     "slices that get more light where they go slower are not computed with a resin of model "
-     "\"gel-time\"; expected lamps that follow the speed"},
-    UNDER_UV(dim_light, refused, kDimLightUv),
-    {own_light, gel_time, refused,
-     "layers that get different shares of the light (light_share) are not counted with a resin of model "
-     "\"gel-time\"; expected one share for all, or a resin of another model (resinctl derive)"},
+    {dim_light, even_dead_zone, refused, kDimLightUv},
+    {own_light, uv_constant, refused, kOwnLightUv},
+    {own_light, uv_per_slice, refused, kOwnLightUv},
+    {own_light, uv_patterned, refused, kOwnLightUv},
     UNDER_UV(own_heights, refused, kHeightsUv),
     UNDER_UV(moved_heights, refused, kHeightsUv),
     IN_HEIGHTS(
@@ -187,9 +179,6 @@ constexpr Unsupported kTable[] = {
     // What is wanted of a correction.
     {wanted_doses, exchange, refused,
      "doses can't be graded where lifts exchange resin; expected no lift_exchange, or 0"},
-    {wanted_doses, spread, refused,
-     "doses can't be graded where light spreads from pixel to pixel; expected a printer and a resin "
-     "without"},
     {wanted_doses, even_dead_zone, refused,
      "doses can't be graded beside an even dead zone, for which all light is made; expected "
      "even_dead_zone off"},
@@ -198,34 +187,11 @@ constexpr Unsupported kTable[] = {
      "(resinctl derive)"},
     {wanted_doses, bleaching, refused,
      "doses can't be graded with a resin that bleaches; expected one without [bleaching]"},
-    IN_HEIGHTS(
-        derivatives, refused,
-        "how sure a print is can't be said of layers of different heights; expected layers of one "
-        "height"),
-    {derivatives, uv_patterned, refused, kSureUv},
     {derivatives, even_dead_zone, refused, kSureUv},
-    {derivatives, gel_time, refused,
-     "how sure a print is can't be said with a resin of model \"gel-time\"; expected one of another "
-     "model (resinctl derive)"},
-    {derivatives, bleaching, refused,
-     "how sure a print is can't be said with a resin that bleaches; expected one without [bleaching]"},
-    {derivatives, vat_depth, refused,
-     "how sure a print is can't be said where the resin ends above the window; expected a printer "
-     "without vat.depth_um"},
-    {derivatives, reflectance, refused,
-     "how sure a print is can't be said below a platform that sends light back; expected a printer "
-     "without vat.platform_reflectance"},
     {left_alone, even_dead_zone, refused,
      "nothing can be left alone beside an even dead zone, for which all light is made; expected "
      "even_dead_zone off, or the part by itself"},
-    UNDER_UV(robust, refused, kRobustUv),
-    {robust, layerwise, refused,
-     "a correction can't be robust layer by layer; expected continuous exposure"},
-    {robust, moved_heights, refused,
-     "a correction can't be robust in layers of different heights; expected layers of one height"},
-    {robust, lamps_stay, refused,
-     "a correction can't be robust where slices get more light than others; expected lamps that "
-     "follow the speed"},
+    {robust, even_dead_zone, refused, kRobustUv},
     {robust, wanted_doses, refused,
      "a correction can't be robust where doses are wanted; expected a part without them"},
     {even_dead_zone, layerwise, refused,

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/error.hpp"
@@ -20,6 +21,11 @@ namespace {
 void check_exchange(const Setup& setup) {
   const double sd = setup.uncertainty ? setup.uncertainty->sd(UncertainInput::exchange) : 0.0;
   if (!(sd > 0)) return;
+  if (setup.printer.platform_reflectance > 0) {
+    throw InputError(
+        "the exchange is off below a platform that sends light back, where derivatives are differences of "
+        "ha, light, stray and m alone; expected no error of exchange, or a platform that takes light up");
+  }
   Process process = setup.process;
   leave_out_lifts(setup.printer, setup.resin, process);
   if (process.mode != ExposureMode::layerwise || process.lifts == Lifts::none) {
@@ -55,6 +61,27 @@ void check_overhangs(const Process& process, std::span<const Feature> features) 
   }
 }
 
+/// Where derivatives are differences between prints: noise is off in each slice by itself.
+constexpr std::pair<Feature, const char*> kNoNoise[] = {
+    {Feature::uv_constant, "under UV light"},
+    {Feature::uv_per_slice, "under UV light"},
+    {Feature::uv_patterned, "under UV light"},
+    {Feature::gel_time, "with a resin of model \"gel-time\""},
+    {Feature::bleaching, "with a resin that bleaches"},
+    {Feature::vat_depth, "where the resin ends above the window"},
+    {Feature::reflectance, "below a platform that sends light back"},
+    {Feature::own_heights, "of layers of different heights"},
+    {Feature::moved_heights, "of layers of different heights"},
+    {Feature::pulsed_grey, "with grey by pulses"},
+};
+
+/// Where light spreads, columns are held together in both cases in continuous exposure, by sums of light of
+/// one height and exposure.
+constexpr Feature kRobustAlone[] = {
+    Feature::layerwise,    Feature::uv_constant, Feature::uv_per_slice,
+    Feature::uv_patterned, Feature::gel_time,    Feature::bleaching,
+    Feature::vat_depth,    Feature::reflectance, Feature::lamps_stay};
+
 }  // namespace
 
 void check_uncertain(const Setup& setup) {
@@ -70,12 +97,20 @@ void check_uncertain(const Setup& setup) {
     refuse(
         "where light spreads under UV light; expected a printer without blue.spread, or no UV light");
   }
-  if (uv != UvKind::off && setup.printer.flat_field) {
-    refuse(
-        "where the display's light is uneven under UV light; expected no flat_field, or no UV light");
+  if (setup.uncertainty && setup.uncertainty->noise > 0) {
+    for (const auto& [feature, where] : kNoNoise) {
+      if (std::find(features.begin(), features.end(), feature) == features.end()) continue;
+      refuse(fmt::format("of noise {}; expected no error of noise", where).c_str());
+    }
   }
-  if (uv != UvKind::off && setup.uncertainty && setup.uncertainty->noise > 0) {
-    refuse("of noise under UV light; expected no error of noise");
+  if (uv == UvKind::patterned && setup.printer.flat_field) {
+    refuse(
+        "where UV light has a pattern and the display's light is uneven; expected no flat_field, or UV light "
+        "without a pattern");
+  }
+  if (uv == UvKind::patterned && setup.uncertainty &&
+      setup.uncertainty->sd(UncertainInput::stray) > 0) {
+    refuse("of stray light where UV light has a pattern; expected no error of stray");
   }
   check_exchange(setup);
   if (setup.resin.scatter_um2_per_um > 0) {
@@ -105,6 +140,19 @@ void check_correction(const Setup& setup, const DesignHas& design) {
     throw InputError(
         "a correction can't be robust where light spreads from pixel to pixel and the display's light is "
         "uneven; expected a printer without display.flat_field");
+  }
+  for (const Feature uv : {Feature::uv_constant, Feature::uv_per_slice, Feature::uv_patterned}) {
+    if (!design.doses || !has(Feature::spread) || !has(uv)) continue;
+    throw InputError(
+        "doses can't be graded where light spreads under UV light; expected no UV light, or a printer and a "
+        "resin without spread");
+  }
+  for (const Feature other : kRobustAlone) {
+    if (!robust || !has(Feature::spread) || !has(other)) continue;
+    throw InputError(fmt::format(
+        "a correction can't be robust where light spreads from pixel to pixel with {}; expected "
+        "a printer and a resin without spread",
+        name_of(other)));
   }
   if (robust && has(Feature::spread) && setup.process.spread_rounds == 0) {
     throw InputError(

@@ -193,10 +193,9 @@ inline std::unique_ptr<DosesInTime> make_doses_in_time(const CureModel& model,
   if (!model.gel_time()) return nullptr;
   std::vector<CutLight> lights;
   for (std::size_t n = 0; n < phi.size(); ++n) {
-    // Both parts of light are multiples of the exposure.
     const double ratio = model.ratio(static_cast<int>(n));
-    const CutLight l = model.gel_time()->light_of(model.intensity_mw_cm2(phi[n] / ratio));
-    lights.push_back({ratio * l.x, ratio * l.y});
+    const CutLight l = model.gel_time()->light_of_phi(phi[n] / ratio);
+    lights.push_back(model.gel_time()->in_slice(static_cast<int>(n), l, ratio));
   }
   return std::make_unique<CutColumn>(model, std::move(lights));
 }

@@ -40,7 +40,7 @@ void check_window(const DeadZones& zones, const Process& process);
 /// Watches the window under one band.
 class WindowWatch {
  public:
-  /// `model.inhibited()` must be there and outlive this.
+  /// `model.inhibited()` must be there; the model must outlive this.
   WindowWatch(const CureModel& model, int slices, std::size_t columns);
   /// Pixels (0..255) of a slice, in any order of slices that is steadily up or down; null: black.
   void add_slice(int slice, const std::uint8_t* pixels);
@@ -51,6 +51,7 @@ class WindowWatch {
   void cure(int slice, std::span<const ImageShowing> showings);
 
   friend class WindowTotal;
+  const CureModel& model_;
   const InhibitedKernel& kernel_;
   std::size_t columns_;
   std::vector<std::uint8_t> low_, high_;  ///< per slice: least and greatest pixel above black

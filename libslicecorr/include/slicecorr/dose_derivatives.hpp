@@ -53,7 +53,7 @@ struct DoseGradient {
   double stray = 0;     ///< by stray light, per mW/cm²
   double m = 0;         ///< by the exponent, per 1
   double variance = 0;  ///< V: of Omega, for slices off by 1 each, relatively
-  double light = 0;     ///< under UV light: by ln of the curing light alone
+  double light = 0;     ///< by differences: by ln of the curing light alone
   double exchange = 0;  ///< by the share of resin that a lift exchanges, per 1; <= 0
   double ln_ha_volumetric() const { return ln_ha - dose; }
   double ln_dc() const { return -dose; }
@@ -63,8 +63,11 @@ struct DoseGradient {
   double depth() const { return ln_ha / dose; }
 };
 
-/// Throws `InputError`, naming what, where the dose's derivatives have no recursion: under UV light, in
-/// resin that ends above the window, and below a platform that sends light back.
+/// Whether the dose's derivatives have a recursion: doses are sums of light, in resin without end, below a
+/// platform that takes up all light, in layers of one height. Elsewhere they are differences between
+/// models (`NearbyModels`).
+bool derives_by_recursion(const CureModel& model);
+/// Throws `InputError`, naming what, where they have none.
 void check_derivatives(const CureModel& model);
 
 /// The intensity of a slice, and its derivatives.
@@ -114,17 +117,26 @@ class ColumnGradient {
   std::vector<DoseGradient> windows_;  ///< of each layer; empty unless lifts exchange resin
 };
 
-/// Models of a process with one input off by a little: under UV light, where the dose's derivatives have
-/// no recursion, they are differences of the doses of these.
+/// The resin with so many times its absorbance height, the areal dose held: a volumetric one falls as the
+/// height grows.
+Resin with_height_times(Resin resin, double factor);
+
+/// The process whose pattern of UV light is the same over each level although the resin turns out to be
+/// `off` and the curing light `brighter`: the dead zone is what changes.
+Process with_pattern_held(Process process, const Resin& of, const Resin& off, double brighter);
+
+/// Models of a process with one input off by a little: where the dose's derivatives have no recursion, they
+/// are differences of the doses of these.
 struct NearbyModels {
   static constexpr double kStep =
       1e-3;  ///< of ln ha, ln light and m; of stray light 1e-3 of full light
   double stray_mw_cm2 = 0;
   CureModel ha, light, stray, m;
 };
-/// Under UV light of one intensity, or of one per slice, each known. `layer_um`: slice height;
-/// `reference_mw_cm2`: Iref of the exponent; 0: it is not off. Throws as `make_cure_model`, and where the
-/// exponent is off and the resin's dose is in mJ/cm³.
+/// UV light, if any, is of known intensities, or a pattern, of which stray light is not known. `layer_um`: slice height;
+/// `reference_mw_cm2`: Iref of the exponent; 0: it is not off. An error of the height is that of fresh resin
+/// where it bleaches. Throws as `make_cure_model`, and where the exponent is off and the resin has none
+/// that could be: with a time to gel, where it bleaches, and under UV light where its dose is in mJ/cm³.
 NearbyModels nearby_models(const Printer& printer, const Resin& resin, const Process& process,
                            double layer_um, double reference_mw_cm2);
 
@@ -135,14 +147,14 @@ class BandDerivatives {
   struct Wanted {
     bool stray = false, m = false, noise = false;
     double reference_mw_cm2 = 1;  ///< Iref
-    bool light = false;           ///< the curing light apart from Omega: under UV light
+    bool light = false;           ///< the curing light apart from Omega: by differences
     bool exchange = false;        ///< the share of resin that a lift exchanges
     /// Above 0: not the derivative by it but the slope between shares so far to either side, within 0..1.
     /// Where one exposure decides alone, doses do not change with the share, but may a little further on.
     double exchange_step = 0;
   };
-  /// `model` must outlive this, and `nearby`, which models with UV light need and no others look at.
-  /// Throws as `check_derivatives`; noise is not known under UV light.
+  /// `model` must outlive this, and `nearby`: with it derivatives are differences, whatever the model.
+  /// Throws as `check_derivatives` without; noise is not known by differences.
   BandDerivatives(const CureModel& model, std::size_t columns, const Wanted& wanted,
                   const NearbyModels* nearby = nullptr);
   ~BandDerivatives();
@@ -150,10 +162,11 @@ class BandDerivatives {
 
   /// Slice `slice` shows `pixels` (0..255, one per column); null: light off.
   void add_slice(int slice, const std::uint8_t* pixels);
-  /// The same of light that spreads (`ImageShowing::phi`); none: light off. Without UV light.
+  /// The same of light that spreads (`ImageShowing::phi`); none: light off. Without UV light; of several
+  /// images at most with recursions.
   void add_slice(int slice, std::span<const ImageShowing> showings);
   /// Whether derivatives are differences: then the dose inside layers is the parabola through their
-  /// ends and middle, of logarithms.
+  /// ends and middle, layer by layer and under UV light of logarithms.
   bool by_differences() const { return differences_ != nullptr; }
   /// Of the slice added last, at the distance `t` above its layer's lower node, 0..1 slices.
   DoseGradient at(std::size_t column, double t) const;
@@ -177,7 +190,7 @@ class BandDerivatives {
   struct Exchanged;
   void take_light(int slice, const std::uint8_t* pixels);
   void step();
-  void take_differences(int slice, const std::uint8_t* pixels);
+  void take_differences(int slice, std::span<const ImageShowing> showings);
   void step_continuous();
   void step_layerwise();
   void step_exchanged();

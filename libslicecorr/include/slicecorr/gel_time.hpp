@@ -73,9 +73,11 @@ struct CutLight {
 /// The two recursions of a printer, a resin and an exposure.
 class GelTimeKernel {
  public:
-  /// `g`: at the dose that is aimed at; both of A and B above 0. `level_mw_cm2`: of each grey level.
+  /// `g`: at the dose that is aimed at; both of A and B above 0. `level_mw_cm2`: of each grey level, in
+  /// the mean. `grey`: pulses are full light for a part of the time and black for the rest, the roots of
+  /// which count in these shares.
   GelTimeKernel(const GelTime& g, double height_e_um, const Process& process, double layer_um,
-                std::vector<double> level_mw_cm2);
+                std::vector<double> level_mw_cm2, GreyLight grey = GreyLight::steady);
 
   /// The same with every level's light multiplied.
   GelTimeKernel with_light(double factor) const;
@@ -85,7 +87,22 @@ class GelTimeKernel {
   int levels() const { return static_cast<int>(light_.size()); }
   const CutLight& light(int level) const { return light_[static_cast<std::size_t>(level)]; }
   double level_mw_cm2(int level) const { return level_mw_cm2_[static_cast<std::size_t>(level)]; }
-  CutLight light_of(double mw_cm2) const;  ///< mw_cm2 >= 0
+  /// What light comes to in a slice that counts for `ratio` of a normal one (`CureModel::ratio`): of slices
+  /// that get a share of the light, roots are shared by its root.
+  CutLight in_slice(int slice, const CutLight& light, double ratio) const {
+    return {ratio * light.x, ratio * light.y / root_share(slice)};
+  }
+  /// The root of a slice's share of what light slices get as a rule.
+  double root_share(int slice) const {
+    if (root_share_.empty()) return 1;
+    const auto n = static_cast<std::size_t>(slice);
+    return n < root_share_.size() ? root_share_[n] : root_share_.back();
+  }
+  /// The least share of a slice from `first` on, and of all.
+  double least_share(int first) const;
+  CutLight light_of(double mw_cm2) const;  ///< steady light, mw_cm2 >= 0
+  /// The light that has this phi, >= 0: of pulses that of the nearest level.
+  CutLight light_of_phi(double phi) const;
 
   /// What is left of the intensity, and of its root, so many slices further away.
   double a() const { return fade_.x; }
@@ -99,21 +116,22 @@ class GelTimeKernel {
 
   /// The dose after a long run of slices of an intensity >= 0 (continuous), or that of one exposure at
   /// the window (layer by layer): the phi of this model.
-  double phi(double mw_cm2) const;
+  double phi(double mw_cm2) const { return phi_of(light_of(mw_cm2)); }
+  double phi_of(const CutLight& light) const;
   /// The intensity that has this phi, >= 0.
   double intensity_mw_cm2(double phi) const;
   /// Continuous: the dose that `slices` of an intensity give the last node of a part.
   double dose_at_end(double mw_cm2, double slices) const;
   /// Continuous: how many slices lift it to 1; infinite when none are enough.
   double slices_to_gel(double mw_cm2) const;
-  /// Layer by layer: the dose of one exposure of `ratio` normal ones through a layer.
-  double dose_through_layer(double mw_cm2, double ratio) const;
+  /// Layer by layer: the dose of the exposure of a layer, for `ratio` of a normal one, through it.
+  double dose_through_layer(double mw_cm2, double ratio, int layer = 0) const;
 
  private:
   void take_light();
 
   GelTime gel_time_;
-  bool layerwise_;
+  bool layerwise_, pulsed_;
   double longest_ = 1;  ///< of a process's exposures, over the normal one
   double slope_;        ///< of ln i in a slice, > 0
   CutLight fade_;
@@ -121,6 +139,7 @@ class GelTimeKernel {
   int reach_ = 1;
   std::vector<double> level_mw_cm2_;
   std::vector<CutLight> light_;
+  std::vector<double> root_share_;  ///< by slice, the last holds for later ones; empty: all 1
 };
 
 }  // namespace slicecorr

@@ -50,12 +50,19 @@ enum class ErrorSource {
 inline constexpr std::size_t kErrorSources = 6;
 const char* word_of(ErrorSource source);
 
+/// How an error of the curing light acts: as one of the dose, by the exponent; by itself
+/// (`DoseGradient::light`); by itself, and one of speed or times as it does: what bleaches a resin is light
+/// times time.
+enum class LightActs { by_exponent, by_itself, as_time };
+/// Of a model whose derivatives are those of `nearby`; null: by recursion.
+LightActs light_acts(const CureModel& model, const NearbyModels* nearby);
+
 /// The variance of doses under an uncertainty: a quadratic form in a dose and its derivatives.
 class DoseVariance {
  public:
-  /// `exponent`: of the model (`CureModel::m`). `light_apart`: under UV light, where doses do not go
-  /// with a power of the curing light alone (`DoseGradient::light`).
-  DoseVariance(const Uncertainty& uncertainty, double exponent, bool light_apart = false);
+  /// `exponent`: of the model (`CureModel::m`).
+  DoseVariance(const Uncertainty& uncertainty, double exponent,
+               LightActs light = LightActs::by_exponent);
   /// Of Omega.
   double of(const DoseGradient& g) const;
   double of(const DoseGradient& g, ErrorSource source) const;

@@ -60,8 +60,8 @@ constexpr std::array<const char*, kFeatures> kNames = {
   {own_heights, feature, verdict, words}, { moved_heights, feature, verdict, words }
 
 constexpr const char* kGelTimeUv =
-    "{resin}: cure.model: UV light is not counted for a resin of model \"gel-time\"; expected no UV "
-    "light, or a resin of another model (resinctl derive)";
+    "{resin}: cure.model: a time to gel is two numbers of light alone, which do not say how much of the rate "
+    "UV light takes away; expected no UV light, or a resin of another model (resinctl derive)";
 constexpr const char* kBleachingUv =
     "{resin}: bleaching: is not counted under UV light; expected no UV light, or a resin without "
     "[bleaching]";

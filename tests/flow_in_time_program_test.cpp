@@ -10,9 +10,11 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "ladder.hpp"
 #include "lattice.hpp"
 #include "meshes.hpp"
 #include "run_program.hpp"
+#include "stack_fixture.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -101,6 +103,60 @@ TEST_F(FlowInTimeProgram, WhatSticksIsToldWithPlaceAndTime) {
   const RunResult r = call(bright);
   EXPECT_EQ(r.exit_code, 0) << r.err;
   EXPECT_THAT(r.out, HasSubstr("sticks to the window in slice"));
+}
+
+TEST_F(FlowInTimeProgram, AWindowOfThePrintersFileIsTold) {
+  {
+    std::ofstream file(folder_ / "printer.toml", std::ios::app);
+    file << "[window]\nfilm_n_m = 300\nfilm_radius_mm = 50\n";
+  }
+  const Command few = kDisc + Command{"--slices", "12"};
+  const RunResult r = call(few + Command{"--json", "w.json"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(r.out, HasSubstr("a film of 300 N/m, free over a radius of 50 mm"));
+  const json w = json::parse(std::ifstream(folder_ / "w.json"));
+  for (const json& s : w["slices"]) {
+    // Beside the disc the film hangs by its force, F ln(Rs/R)/(2 pi T), however suction is spread; within it
+    // it is domed by less than the greatest suction everywhere would, s R²/(4 T).
+    const double rim_um = s["force_n"].get<double>() / (2 * M_PI * 300) * std::log(50.0) * 1e6;
+    EXPECT_NEAR(s["window"]["rim_um"].get<double>(), rim_um, 1e-3 * rim_um);
+    const double dome_um =
+        s["window"]["middle_um"].get<double>() - s["window"]["rim_um"].get<double>();
+    EXPECT_GT(dome_um, 0);
+    EXPECT_LT(dome_um, s["suction_pa"].get<double>() * 1e-6 / (4 * 300) * 1e6);
+    EXPECT_GT(s["window"]["change_s"].get<double>(), 0);
+  }
+  // Fronts follow the window: they are those over a rigid one, which options can't say, but another film.
+  const RunResult other =
+      call(few + Command{"--film-n-m", "600", "--film-radius-mm", "50", "--json", "o.json"});
+  ASSERT_EQ(other.exit_code, 0) << other.err;
+  const json o = json::parse(std::ifstream(folder_ / "o.json"));
+  for (std::size_t n = 0; n < 12; ++n) {
+    EXPECT_EQ(o["slices"][n]["dead_zone_um"], w["slices"][n]["dead_zone_um"]);
+    EXPECT_NEAR(o["slices"][n]["window"]["middle_um"].get<double>(),
+                0.5 * w["slices"][n]["window"]["middle_um"].get<double>(), 1e-6);
+  }
+  // The same key counts without time.
+  const RunResult steady = call(Command{"disc.stl", "--layer-um", "50", "--every", "24"} + kHow);
+  ASSERT_EQ(steady.exit_code, 0) << steady.err;
+  EXPECT_THAT(steady.out, HasSubstr("window: a film of 300 N/m"));
+  const RunResult strip = call(Command{"--in-time", "--strip-half-width-mm", "1", "--film-n-m",
+                                       "300", "--film-radius-mm", "50"} +
+                               kHow);
+  EXPECT_EQ(strip.exit_code, 2);
+  for (const char* bad : {"film_n_m = 300", "film_n_m = 300\nfilm_radius_mm = 50\num_per_kpa = 1",
+                          "rubber_mm = 2", "film_n_m = -1\nfilm_radius_mm = 50", "arms = 2\n"}) {
+    std::ofstream(folder_ / "bad.toml")
+        << "name = \"vat\"\n[display]\nwidth_px = 60\nheight_px = 60\npixel_um = 50\n"
+           "[blue]\ncalibration = [[0, 0.0], [255, 200.0]]\n[window]\n"
+        << bad << "\n";
+    const RunResult refused =
+        run_program({SLICECORR_BIN_DIR "/slicecorr", "flow", "disc.stl", "--layer-um", "50",
+                     "--printer", "bad.toml", "--resin", "resin.toml", "--speed-mm-h", "300"},
+                    options_);
+    EXPECT_EQ(refused.exit_code, 2) << bad;
+    EXPECT_THAT(refused.err, HasSubstr("window")) << bad;
+  }
 }
 
 TEST_F(FlowInTimeProgram, RefusesWhatDoesNotGoWithIt) {

@@ -108,19 +108,19 @@ std::string GridPart::sheet(const std::string& form_file, const std::string& pri
       "Crosses all over the plate. Lenses and mirrors bend the grid that an image is; where the crosses really "
       "lie tells by how much, and slices are then made for it.";
   s.tools = {
-      "A flat-bed scanner of 600 dpi or more, a measuring microscope, or a camera above the film with a "
+      "A flat-bed scanner of 600 dpi or more, a measuring microscope, or a camera above them with a "
       "glass scale in the picture",
       "Gloves, and glasses against the printer's light"};
   s.steps = {
       markup(
-          "Print the file as films: {} images of <b>{:g} s</b> each, without a platform, or on a platform "
-          "with one layer.",
+          "Print the file so that the crosses stay where they cure: <b>{} images</b> of <b>{:g} s</b> each, on the "
+          "platform as one layer, or on a sheet of glass that lies on the window with resin on it. Or lay paper "
+          "on the window and photograph the light itself.",
           kImages, image_s_),
-      "Lift the film off in one piece, or leave it on the platform: stretched films tell stretched places. A "
-      "photograph of the light itself on paper that lies on the window is as good.",
-      "Scan or photograph it as the plate lies, seen from the side of the part: what is on the right of the "
+      "Do not peel the crosses off: what is moved tells nothing.",
+      "Scan or photograph them as the plate lies, seen from the side of the part: what is on the right of the "
       "picture below is on the right. Straighten the picture of a camera by the scale, not by the crosses.",
-      "Measure where the middle of each cross lies, in mm, y upwards. Any corner may be 0, and the film may lie "
+      "Measure where the middle of each cross lies, in mm, y upwards. Any corner may be 0, and all of it may lie "
       "turned: shift and turn are taken out. Scale is not."};
   std::vector<detail::SheetBox> boxes;
   for (const Cross& cross : crosses_) {

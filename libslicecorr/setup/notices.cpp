@@ -101,6 +101,11 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
                           : "the UV lamp still gives " + shares_in_words(uv_lamp) +
                                 " of what is asked of it");
   }
+  if (setup.printer.distortion && times && times->kind == StackKind::foreign) {
+    notices.push_back(
+        "the slices of the archive were made for an even grid and stay where they are; pixels land " +
+        distortion_in_words(setup.printer));
+  }
   if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
     notices.push_back(std::move(text));
   }

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// @file grid_part.hpp
-/// Crosses all over the plate, whose measured places tell where pixels really land (distortion.hpp): thin
-/// films on the floor of a vat or on a platform, or the light itself on paper.
+/// Crosses all over the plate, whose measured places tell where pixels really land (distortion.hpp): one layer on
+/// the platform or on glass, or the light itself on paper.
 ///
 /// Immutable and thread-safe.
 #pragma once

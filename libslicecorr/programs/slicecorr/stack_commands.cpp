@@ -113,10 +113,6 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
   tell_notices(setup, &times, context);
   tell_database_band(a.setup.resin, context);
-  if (setup.printer.distortion && times.kind == StackKind::foreign) {
-    context.tell(a.input + ": its slices were made for an even grid and stay where they are; pixels land " +
-                 distortion_in_words(setup.printer));
-  }
   // What a slicer wrote besides the slices stays, also where the file was made from a template.
   if (times.format == file.format && keeps_settings(a.input, times)) {
     file.keep_from = a.input;

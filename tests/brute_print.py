@@ -163,7 +163,7 @@ class Print:
                          for i in intensity(uv_images, printer["uv"]["calibration"])]
             if uv_flat is not None:
                 given = [g * uv_flat for g in given]
-            lamp = process.get("uv_lamp_share") or [1]
+            lamp = process.get("uv_lamp_log") or [1]
             self.uv = [given[min(n, len(given) - 1)] * lamp[min(n, len(lamp) - 1)] for n in range(self.layers)]
 
     def flows(self, light, full):

@@ -299,6 +299,8 @@ def fading_uv(p):
         uv_constant(p)
         if p.options.get("lifts") == "each":
             p.options["exposure-s"] = "6"  # as `lifts` does under UV light
+        if p.left_alone:
+            p.options["uv-mw-cm2"] = "190"  # more than `left_alone` takes, for where less comes
     p.files["uv-log.csv"] = "slice,uv_lamp_share\n0,1\n5,0.9\n11,0.8\n".encode()
     p.options["uv-lamp-log"] = "uv-log.csv"
 
@@ -512,8 +514,10 @@ class Case:
                 continue
             if f == "a robust correction" and self.lit.options.get("lifts") == "each":
                 continue  # what holds at each lift has a fifth of its dose to spare
-            if f == "constant UV light" and "uneven UV light" in self.features:
+            if f == "constant UV light" and {"uneven UV light", "a UV lamp that fades"} & self.features:
                 continue  # the other needs it
+            if f == "a UV lamp that fades" and "UV light per slice" in self.features:
+                continue  # so much more is asked of it that the same comes
             if f == "grey by pulses" and "a resin that bleaches" in self.features:
                 continue  # it sets m to 1, for which pulses are like any light
             lit = self.make(self.features - {f}, self.seed)

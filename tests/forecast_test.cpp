@@ -126,7 +126,8 @@ TEST(Predict, TellsWhenFrontAndBackHaveSettled) {
   struct Case {
     double blue, uv;
   };
-  for (const auto& [blue, uv] : {Case{100, 200}, Case{30, 55}, Case{100, 600}}) {
+  for (const Case& lights : {Case{100, 200}, Case{30, 55}, Case{100, 600}}) {
+    const double blue = lights.blue, uv = lights.uv;
     SCOPED_TRACE(uv);
     const Forecast f = predict(resin, light(blue, uv));
     ASSERT_TRUE(f.front_settled_s && f.back_settled_s);

@@ -415,6 +415,9 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
                             display.number("flat_field_mean", 0, 1, true).value_or(0)));
     if (p.flat_field) out += line("", "curing light " + light_in_words(p));
   }
+  if (p.distortion) {
+    out += line("distortion", display.text("distortion", "") + ": " + distortion_in_words(p));
+  }
   out += "\nCuring light\n";
   if (p.wavelength_nm > 0) out += line("wavelength", fmt::format("{:g} nm", p.wavelength_nm));
   if (light_is_measured(p)) {

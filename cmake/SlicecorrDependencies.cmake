@@ -6,7 +6,7 @@
 # package, and those of the others refuse to load unless command-line tools are installed too.
 set(SLICECORR_LINKED_PACKAGES Threads TBB LibZip ISAL LibDeflate hwy ZLIB fmt pugixml)
 # Headers only, used while building and not seen by consumers.
-set(SLICECORR_BUILD_PACKAGES nlohmann_json TomlPlusPlus CLI11 Boost Eigen3 KissFFT)
+set(SLICECORR_BUILD_PACKAGES nlohmann_json TomlPlusPlus CLI11 Boost Eigen3 KissFFT nanoflann)
 # Used by programs and by the modules (images, meshes, tars, windows) only.
 set(SLICECORR_PROGRAM_PACKAGES OpenImageIO OpenMesh EXPAT LibArchive Ceres SQLite3 OpenSSL Httplib Modbus SDL2 LibDRM X11)
 # What tests need beside these, each with the targets that they link. Without one of them there are no tests.

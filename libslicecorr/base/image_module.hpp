@@ -10,8 +10,15 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace slicecorr::detail {
+
+/// One channel of an image, row by row.
+struct GreyImageValues {
+  int width_px = 0, height_px = 0;
+  std::vector<float> values;
+};
 
 struct ImageFunctions {
   /// Rows [y0, y1) of 8-bit pixels, `channels` 1..4 to each.
@@ -20,6 +27,9 @@ struct ImageFunctions {
   /// wrong with it, empty: nothing. What the sink throws passes through.
   std::string (*decode_png)(std::span<const std::uint8_t> png, int width_px, int height_px,
                             int rows, const RowSink& sink);
+  /// Reads the first image and channel of a TIFF file, of `most_px` pixels at most along a side, in its own
+  /// numbers. Gives what is wrong with it, empty: nothing.
+  std::string (*read_tiff)(const std::string& path, int most_px, GreyImageValues& out);
 };
 
 /// Loads the module at the first call. Thread-safe. Throws `DeviceError` when it is not there.

@@ -46,7 +46,32 @@ std::string decode_png(std::span<const std::uint8_t> png, int width, int height,
   return "";
 }
 
-constexpr ImageFunctions kFunctions{decode_png};
+std::string read_tiff(const std::string& path, int most_px, GreyImageValues& out) {
+  const auto input = OIIO::ImageInput::create("tiff");
+  if (!input) return or_unknown(OIIO::geterror());
+  OIIO::ImageSpec spec;
+  if (!input->open(path, spec)) return or_unknown(input->geterror());
+  if (spec.width < 1 || spec.height < 1 || spec.width > most_px || spec.height > most_px ||
+      spec.depth > 1) {
+    return "is of " + std::to_string(spec.width) + " x " + std::to_string(spec.height) +
+           " pixels; expected up to " + std::to_string(most_px) + " along a side";
+  }
+  out.width_px = spec.width;
+  out.height_px = spec.height;
+  out.values.resize(static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height));
+  // OpenImageIO scales whole numbers to 0..1: these are its own again. Tiled files are read like others.
+  const double scale = spec.format.is_floating_point() ? 1.0
+                       : spec.format.basesize() == 1   ? 255.0
+                       : spec.format.basesize() == 2   ? 65535.0
+                                                       : 4294967295.0;
+  if (!input->read_image(0, 0, 0, 1, OIIO::TypeDesc::FLOAT, out.values.data())) {
+    return or_unknown(input->geterror());
+  }
+  for (float& v : out.values) v = static_cast<float>(static_cast<double>(v) * scale);
+  return "";
+}
+
+constexpr ImageFunctions kFunctions{decode_png, read_tiff};
 
 }  // namespace
 }  // namespace slicecorr::detail

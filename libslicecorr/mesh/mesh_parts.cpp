@@ -71,11 +71,12 @@ void PolygonMesh::begin_face(std::size_t line) {
   if (line > 0) lines_.push_back(line);
 }
 
-TriangleMesh PolygonMesh::finish() {
-  if (first_corner_.empty()) throw_no_triangles(path_);
+TriangleMesh PolygonMesh::finish(bool or_points) {
+  if (first_corner_.empty() && !(or_points && !vertices_.empty())) throw_no_triangles(path_);
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
     require_finite(vertices_[i], path_, "vertex " + std::to_string(i + 1));
   }
+  if (first_corner_.empty()) return {std::move(vertices_), {}};
   TriangleMesh mesh;
   mesh.triangles.reserve(first_corner_.size());
   VertexPool pool(vertices_.size());

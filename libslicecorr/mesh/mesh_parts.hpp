@@ -80,7 +80,8 @@ class PolygonMesh {
   void add_corner(std::int64_t index) { corners_.push_back(index); }
   std::size_t vertex_count() const { return vertices_.size(); }
   std::size_t face_count() const { return first_corner_.size(); }
-  TriangleMesh finish();
+  /// `or_points`: where there is no face at all, all points, without a triangle.
+  TriangleMesh finish(bool or_points = false);
 
  private:
   std::string path_;
@@ -134,11 +135,11 @@ class WordReader {
 
 TriangleMesh read_stl(std::string_view bytes, const std::string& path,
                       const ExecutionContext& context);
-/// `notes`: as for `read_3mf`.
+/// `notes`: as for `read_3mf`. `or_points`: as for `PolygonMesh::finish`.
 TriangleMesh read_obj(std::string_view bytes, const std::string& path,
-                      std::vector<std::string>& notes);
+                      std::vector<std::string>& notes, bool or_points);
 TriangleMesh read_off(std::string_view bytes, const std::string& path);
-TriangleMesh read_ply(std::string_view bytes, const std::string& path);
+TriangleMesh read_ply(std::string_view bytes, const std::string& path, bool or_points);
 
 /// Also gives the length of the file's unit in mm. `placement`: how the mesh is scaled later, which
 /// says how finely round beams are cut into triangles. `notes`: gets a line for each kind of thing in

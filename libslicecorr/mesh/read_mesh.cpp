@@ -19,6 +19,7 @@
 #include "mesh/mesh_parts.hpp"
 #include "mesh/unpacked.hpp"
 #include "parallel/silent.hpp"
+#include "slicecorr/mesh_or_points.hpp"
 #include "support/files/unpacked_limit.hpp"
 #include "support/text/ascii.hpp"
 
@@ -228,7 +229,9 @@ bool is_mesh_name(const std::string& path) {
          extension == ".3mf";
 }
 
-TriangleMesh read_mesh(const std::string& path, const Placement& placement,
+namespace {
+
+TriangleMesh read_file(const std::string& path, const Placement& placement, bool or_points,
                        const ExecutionContext& context, std::vector<std::string>* notes) {
   check(placement);
   const std::string extension = detail::format_of(path).extension;
@@ -240,9 +243,9 @@ TriangleMesh read_mesh(const std::string& path, const Placement& placement,
   if (extension == ".stl") {
     mesh = detail::read_stl(bytes.view(), path, context);
   } else if (extension == ".obj") {
-    mesh = detail::read_obj(bytes.view(), path, own_notes);
+    mesh = detail::read_obj(bytes.view(), path, own_notes, or_points);
   } else if (extension == ".ply") {
-    mesh = detail::read_ply(bytes.view(), path);
+    mesh = detail::read_ply(bytes.view(), path, or_points);
   } else if (extension == ".off") {
     mesh = detail::read_off(bytes.view(), path);
   } else if (extension == ".3mf") {
@@ -257,6 +260,18 @@ TriangleMesh read_mesh(const std::string& path, const Placement& placement,
   if (notes) notes->insert(notes->end(), own_notes.begin(), own_notes.end());
   place(mesh, placement, file_unit_mm, path, context);
   return mesh;
+}
+
+}  // namespace
+
+TriangleMesh read_mesh(const std::string& path, const Placement& placement,
+                       const ExecutionContext& context, std::vector<std::string>* notes) {
+  return read_file(path, placement, false, context, notes);
+}
+
+TriangleMesh read_mesh_or_points(const std::string& path, const ExecutionContext& context,
+                                 std::vector<std::string>* notes) {
+  return read_file(path, {}, true, context, notes);
 }
 
 Units units_named(std::string_view name) {

@@ -170,7 +170,7 @@ std::size_t find_corners(const Element& element, const std::string& path) {
                        std::to_string(lists));
 }
 
-Places find_places(const Header& header, const std::string& path) {
+Places find_places(const Header& header, const std::string& path, bool or_points) {
   Places places;
   places.vertices = find_element(header, "vertex", path);
   if (!places.vertices) throw InputError(path, "header", "has no element 'vertex'");
@@ -191,7 +191,7 @@ Places find_places(const Header& header, const std::string& path) {
   }
   places.faces = find_element(header, "face", path);
   places.strips = find_element(header, "tristrips", path);
-  if (!places.faces && !places.strips) {
+  if (!places.faces && !places.strips && !or_points) {
     throw InputError(path, "header", "has neither an element 'face' nor 'tristrips'");
   }
   if (places.faces) places.corners = find_corners(*places.faces, path);
@@ -370,7 +370,7 @@ void add_strips(std::span<const std::int64_t> corners, std::size_t line, Polygon
 
 template <class Body>
 TriangleMesh read_body(Body& body, const Header& header, const Places& places,
-                       const std::string& path) {
+                       const std::string& path, bool or_points) {
   PolygonMesh mesh(path);
   std::vector<std::int64_t> corners;
   for (const Element& element : header.elements) {
@@ -404,22 +404,22 @@ TriangleMesh read_body(Body& body, const Header& header, const Places& places,
       if (vertices) mesh.add_vertex(point);
     }
   }
-  return mesh.finish();
+  return mesh.finish(or_points);
 }
 
 }  // namespace
 
-TriangleMesh read_ply(std::string_view marked_bytes, const std::string& path) {
+TriangleMesh read_ply(std::string_view marked_bytes, const std::string& path, bool or_points) {
   const std::string_view bytes = without_mark(marked_bytes, path);
   const Header header = parse_header(bytes, path);
-  const Places places = find_places(header, path);
+  const Places places = find_places(header, path, or_points);
   check_counts(header, bytes.size() - header.body, path);
   if (header.binary()) {
     BinaryBody body(bytes, header.body, header.format == "binary_big_endian", path);
-    return read_body(body, header, places, path);
+    return read_body(body, header, places, path, or_points);
   }
   TextBody body(bytes, header, path);
-  return read_body(body, header, places, path);
+  return read_body(body, header, places, path, or_points);
 }
 
 }  // namespace slicecorr::detail

@@ -44,7 +44,7 @@ bool is_free_form(std::string_view keyword) {
 // degenerate triangles), rounds to float, takes indices out of range as they are and opens the
 // material files that a mesh names.
 TriangleMesh read_obj(std::string_view bytes, const std::string& path,
-                      std::vector<std::string>& notes) {
+                      std::vector<std::string>& notes, bool or_points) {
   std::size_t without_area = 0;
   PolygonMesh mesh(path);
   WordReader words(without_mark(bytes, path), path);
@@ -88,7 +88,7 @@ TriangleMesh read_obj(std::string_view bytes, const std::string& path,
                     (without_area == 1 ? " line or point" : " lines and points") +
                     " left out: no solid");
   }
-  return mesh.finish();
+  return mesh.finish(or_points);
 }
 
 namespace {

@@ -39,6 +39,35 @@ double square_to_triangle(const Point3& p, const Point3& a, const Point3& b, con
   return std::min({square_to_edge(p, a, b), square_to_edge(p, b, c), square_to_edge(p, c, a)});
 }
 
+Point3 cross(const Point3& a, const Point3& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+/// The point of an edge that is nearest to p.
+Point3 on_edge(const Point3& p, const Point3& a, const Point3& b) {
+  const Point3 d = minus(b, a);
+  const double length = square(d);
+  return along(a, d, length > 0 ? std::clamp(dot(minus(p, a), d) / length, 0.0, 1.0) : 0.0);
+}
+
+/// The point of a triangle that is nearest to p.
+Point3 on_triangle(const Point3& p, const Point3& a, const Point3& b, const Point3& c) {
+  const Point3 n = cross(minus(b, a), minus(c, a));
+  const double nn = square(n);
+  if (nn > 0) {
+    const Point3 foot = along(p, n, -dot(minus(p, a), n) / nn);
+    const auto left_of = [&](const Point3& from, const Point3& to) {
+      return dot(cross(minus(to, from), minus(foot, from)), n) >= 0;
+    };
+    if (left_of(a, b) && left_of(b, c) && left_of(c, a)) return foot;
+  }
+  Point3 best = on_edge(p, a, b);
+  for (const Point3& other : {on_edge(p, b, c), on_edge(p, c, a)}) {
+    if (square(minus(p, other)) < square(minus(p, best))) best = other;
+  }
+  return best;
+}
+
 }  // namespace
 
 /// A uniform grid of boxes with the triangles whose bounding box meets them.
@@ -85,6 +114,10 @@ struct MeshDistance::Impl {
       }
     }
   }
+  /// Calls `visit` with triangles and the square of their distance, nearer boxes first, until none can be
+  /// nearer than what was found, or than `most` (a square).
+  template <class Visit>
+  void search(const Point3& point, double most, const Visit& visit) const;
 };
 
 MeshDistance::MeshDistance(const TriangleMesh& mesh) : impl_(std::make_unique<Impl>()) {
@@ -130,31 +163,33 @@ MeshDistance::MeshDistance(const TriangleMesh& mesh) : impl_(std::make_unique<Im
 MeshDistance::~MeshDistance() = default;
 MeshDistance::MeshDistance(MeshDistance&&) noexcept = default;
 
-double MeshDistance::to(const Point3& point) const {
-  const Impl& s = *impl_;
+template <class Visit>
+void MeshDistance::Impl::search(const Point3& point, double most, const Visit& visit) const {
   // Boxes in shells around the one nearest to the point. The boxes of shell r are at least (r - 1)
   // sides away from any point of the middle box, and no nearer to the point itself.
   int middle[3];
   Point3 inside = point;
   for (std::size_t k = 0; k < 3; ++k) {
-    inside[k] = std::clamp(point[k], s.lower[k], s.upper[k]);
-    middle[k] = s.cell(point[k], k);
+    inside[k] = std::clamp(point[k], lower[k], upper[k]);
+    middle[k] = cell(point[k], k);
   }
   const double outside = square(minus(point, inside));
-  double best = std::numeric_limits<double>::infinity();
-  const int most = std::max({s.size[0], s.size[1], s.size[2]});
-  for (int r = 0; r <= most; ++r) {
-    const double reach = std::max(0, r - 1) * s.side;
+  double best = most;
+  const int shells = std::max({size[0], size[1], size[2]});
+  for (int r = 0; r <= shells; ++r) {
+    const double reach = std::max(0, r - 1) * side;
     if (best <= outside + reach * reach) break;
     const auto row = [&](int y, int z, int x, int step) {
-      if (y < 0 || y >= s.size[1] || z < 0 || z >= s.size[2]) return;
+      if (y < 0 || y >= size[1] || z < 0 || z >= size[2]) return;
       for (; x <= middle[0] + r; x += step) {
-        if (x < 0 || x >= s.size[0]) continue;
-        const std::size_t box = s.index(x, y, z);
-        if (s.begin[box] == s.begin[box + 1] || s.square_to_box(point, {x, y, z}) >= best) continue;
-        for (std::uint32_t i = s.begin[box]; i < s.begin[box + 1]; ++i) {
-          const auto& t = s.triangles[s.list[i]];
-          best = std::min(best, square_to_triangle(point, t.a, t.b, t.c));
+        if (x < 0 || x >= size[0]) continue;
+        const std::size_t box = index(x, y, z);
+        if (begin[box] == begin[box + 1] || square_to_box(point, {x, y, z}) >= best) continue;
+        for (std::uint32_t i = begin[box]; i < begin[box + 1]; ++i) {
+          const Corners& t = triangles[list[i]];
+          const double distance = square_to_triangle(point, t.a, t.b, t.c);
+          best = std::min(best, distance);
+          visit(list[i], distance);
         }
       }
     };
@@ -165,7 +200,43 @@ double MeshDistance::to(const Point3& point) const {
       }
     }
   }
+}
+
+double MeshDistance::to(const Point3& point) const {
+  double best = std::numeric_limits<double>::infinity();
+  impl_->search(point, best,
+                [&](std::uint32_t, double distance) { best = std::min(best, distance); });
   return std::sqrt(best);
+}
+
+std::optional<NearestPlace> MeshDistance::nearest(const Point3& point, double most_mm) const {
+  const Impl& s = *impl_;
+  NearestPlace found;
+  double best = most_mm * most_mm, face_on = -1;
+  bool any = false;
+  s.search(point, best, [&](std::uint32_t triangle, double distance) {
+    // Triangles that meet at the nearest point are equally far to some digits.
+    if (distance > best * (1 + 1e-9) + 1e-24) return;
+    const Impl::Corners& t = s.triangles[triangle];
+    const Point3 n = cross(minus(t.b, t.a), minus(t.c, t.a));
+    const double length = std::sqrt(square(n));
+    if (!(length > 0)) return;
+    const Point3 at = on_triangle(point, t.a, t.b, t.c);
+    const Point3 normal = along({}, n, 1 / length), off = minus(point, at);
+    // Of those the one that is seen most from the front or from behind says which side it is.
+    const double seen = std::abs(dot(off, normal)) / std::max(std::sqrt(distance), 1e-12);
+    const bool nearer = !any || distance < best * (1 - 1e-9) - 1e-24;
+    if (!nearer &&
+        (seen < face_on - 1e-12 || (seen < face_on + 1e-12 && triangle >= found.triangle))) {
+      return;
+    }
+    best = std::min(best, distance);
+    any = true;
+    face_on = seen;
+    found = {at, normal, std::copysign(std::sqrt(distance), dot(off, normal)), triangle};
+  });
+  if (!any) return {};
+  return found;
 }
 
 TriangleMesh on_plate(const TriangleMesh& mesh, const Printer& printer,

@@ -32,6 +32,14 @@
 
 namespace slicecorr {
 
+/// The place of a surface that is nearest to a point.
+struct NearestPlace {
+  Point3 point{};        ///< on the surface, mm
+  Point3 normal{};       ///< of the triangle there, outwards, of length 1
+  double signed_mm = 0;  ///< distance of the point, above 0 outside
+  std::uint32_t triangle = 0;
+};
+
 /// The distance of points to a mesh. Immutable and thread-safe once made.
 class MeshDistance {
  public:
@@ -41,6 +49,9 @@ class MeshDistance {
   MeshDistance(MeshDistance&&) noexcept;
   /// From `point` to the nearest point of any triangle, in the mesh's units.
   double to(const Point3& point) const;
+  /// The nearest place, which is within `most_mm` > 0; nothing where there is none. Where triangles meet, the one
+  /// says the side that is seen most face on. Triangles without area are passed over.
+  std::optional<NearestPlace> nearest(const Point3& point, double most_mm) const;
 
  private:
   struct Impl;

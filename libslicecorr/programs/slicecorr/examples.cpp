@@ -37,6 +37,8 @@ void add_examples(Program& program) {
       {"relief",
        "slicecorr relief --back heights.png --back-most-um 800 --printer dual-wavelength-dlp --resin "
        "custom-resin-1 -o light.png"},
+      {"scan compare",
+       "slicecorr scan compare scan.ply --stack part.uvj --design part.stl --html scan.html"},
   });
 }
 

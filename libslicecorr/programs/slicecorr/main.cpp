@@ -16,6 +16,7 @@
 #include "plan.hpp"
 #include "programs/common/part_slices.hpp"
 #include "relief.hpp"
+#include "scan.hpp"
 #include "test_part.hpp"
 #include "whole_parts.hpp"
 
@@ -215,6 +216,7 @@ int run_program(int argc, char** argv) {
   PlanOptions plan;
   HologramArguments hologram;
   ReliefOptions relief;
+  ScanOptions scan;
   TestPartOptions test_part;
   add_test_part(program, test_part);
   add_flow(program, flow);
@@ -223,6 +225,7 @@ int run_program(int argc, char** argv) {
   add_whole_parts(program);
   add_hologram(program, hologram);
   add_relief(program, relief);
+  add_scan(program, scan);
   add_tables(program);
   add_tune(program, argv);
   add_examples(program);

@@ -14,6 +14,7 @@
 #include "new_resin.hpp"
 #include "programs/common/database_band.hpp"
 #include "programs/common/tune_options.hpp"
+#include "scan_tune_command.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
@@ -70,6 +71,8 @@ void take_light(TuningTable& table, const std::string& path, const Printer& prin
   }
 }
 
+}  // namespace
+
 std::string next_text(const std::vector<NextPart>& parts, double sigma_um) {
   std::string out = fmt::format("\nto measure next, to {:g} um (nat):\n", sigma_um);
   bool tuned = true;
@@ -87,6 +90,25 @@ std::string printer_output_of(const cli::TuneOptions& a) {
   const fs::path resin(a.output);
   return (resin.parent_path() / (resin.stem().string() + "-printer.toml")).string();
 }
+
+void write_tuned(const ResinToTune& resin, const PrinterToTune& printer, const TuneResult& found,
+                 cli::Console& console) {
+  if (!resin.output.empty()) {
+    cli::write_text_file(
+        resin.output,
+        resin_with_tuning(resin.text, resin.path, name_in_file(resin.output, resin.before.name),
+                          printer.renamed, found));
+  }
+  if (printer.output.empty()) return;
+  copy_its_files(printer.path, printer.output);
+  cli::write_text_file(printer.output, printer_with_tuning(read_text_file(printer.path),
+                                                           printer.path, printer.renamed, found));
+  console.say(
+      fmt::format("{}: height and dose; {}: stray light, in the calibration. They belong together.",
+                  resin.output, printer.output));
+}
+
+namespace {
 
 /// Times to gel in place of parts: one scale on all doses.
 int tune_by_times(const cli::TuneOptions& a, cli::Console& console) {
@@ -137,6 +159,12 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
       return false;  // the reader of parts says what is wrong with it
     }
   };
+  if (!a.scans.empty()) return tune_by_scans_command(a, context, console);
+  for (const std::string* of_scans : {&a.stack, &a.next, &a.target}) {
+    if (!of_scans->empty()) {
+      throw InputError(*of_scans, "", "belongs to scans; expected --scan, too, or only tables");
+    }
+  }
   if (std::any_of(a.tables.begin(), a.tables.end(), of_times)) return tune_by_times(a, console);
   const std::string resin_path = find_definition(a.resin, "resin");
   const std::string printer_path = find_definition(a.printer, "printer");
@@ -186,20 +214,8 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   const TuneResult found = tune(parts, printer, resin, prior, a.sigma_um);
   Printer renamed = printer;
   if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);
-  if (!a.output.empty()) {
-    cli::write_text_file(
-        a.output,
-        resin_with_tuning(text, resin_path, name_in_file(a.output, resin.name), renamed, found));
-  }
-  if (!printer_output.empty()) {
-    copy_its_files(printer_path, printer_output);
-    cli::write_text_file(printer_output, printer_with_tuning(read_text_file(printer_path),
-                                                             printer_path, renamed, found));
-    console.say(
-        fmt::format("{}: height and dose; {}: stray light, in the calibration. They belong "
-                    "together.",
-                    a.output, printer_output));
-  }
+  write_tuned({resin_path, text, resin, a.output}, {printer_path, renamed, printer_output}, found,
+              console);
   cli::print_result(
       found.to_text(printer, resin, prior) +
       next_text(next_parts(printer, resin, found, process, layer_um, a.sigma_um), a.sigma_um));

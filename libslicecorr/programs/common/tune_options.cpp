@@ -15,15 +15,32 @@ void TuneOptions::add_to(CLI::App& app, bool required) {
   app.add_option("--printer", printer, "Printer: a .toml file or a name")->required(required);
   app.add_option("--resin", resin, "Resin as it was known: a .toml file or a name")
       ->required(required);
-  light.add_to(app);
+  other_wavelength = light.add_to(app);
   app.add_option("--printed", printed, "Combs: the corrected stack that was printed");
   app.add_option("--sigma-um", sigma_um, "Standard deviation of what was measured")
       ->check(number_in(0.01, 1000))
       ->capture_default_str();
   app.add_option("-o,--output", output, "Resin file to write (.toml)");
-  app.add_option("--printer-output", printer_output,
+  app.add_option("--printer-output,--printer-out", printer_output,
                  "Printer file to write, with stray light in its calibration [beside the resin, "
                  "NAME-printer.toml]");
+  app.add_option(
+         "--scan", scans,
+         "Scans of a print in place of tables: meshes or points (.stl, .ply, .obj, .off, .3mf)")
+      ->take_all()
+      ->expected(1, 1000);
+  app.add_option("--stack", stack, "Scans: the corrected stack that was printed");
+  app.add_option("--scan-unit", scan_unit,
+                 "Unit of the scans' numbers: auto, um, mm, cm, inch or m")
+      ->check(CLI::IsMember({"auto", "um", "mm", "cm", "inch", "m"}))
+      ->capture_default_str();
+  app.add_option("--voxel-um", voxel_um,
+                 "Scans that are volumes (.npy, a folder of TIFF slices): side of a voxel")
+      ->check(number_above_zero());
+  app.add_option(
+      "--next", next,
+      "Scans: stack to write, --target corrected with what was found (.uvj, or another format)");
+  app.add_option("--target", target, "Stack of the design, for --next");
 }
 
 }  // namespace slicecorr::cli

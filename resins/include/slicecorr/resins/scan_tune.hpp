@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// @file scan_tune.hpp
+/// What scans of printed parts say of resin and light (docs/scan.md).
+///
+/// A scan's point lies r away from the surface that the stack was predicted to print. Where an input of the print changes
+/// by dx, that surface moves by u dx along its normal n; u comes from surfaces that are predicted with the input a little
+/// higher and a little lower. So, with the pose (a small turn w and a shift t), for each point
+///
+///     r - sum of u dx + n (w x arm + t) = noise,
+///
+/// which is solved for all unknowns at once with what was known before as the prior, by least squares with the weights of
+/// Cauchy, until nothing changes. What is off near to each other is off together: covariances are summed over the cubes of
+/// a twentieth of the diagonal (a sandwich), not over points.
+///
+/// Plain values; functions are thread-safe, results do not depend on threads. Errors are `InputError`.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/resins/tune.hpp"
+#include "slicecorr/scan.hpp"
+#include "slicecorr/setup.hpp"
+#include "slicecorr/target.hpp"
+
+namespace slicecorr::resins {
+
+/// A print, as it was shown, and its scan. Both must stay.
+struct PrintScan {
+  const Scan* scan = nullptr;
+  const SliceSource* shown = nullptr;
+};
+
+/// What scans are asked for, in this order: the four of `TuneVector`, then what the part alone has.
+enum class ScanInput {
+  ha,
+  light,
+  stray,
+  exchange,
+  shrinkage_plane,
+  shrinkage_z,
+  walls,
+  first_layers
+};
+inline constexpr std::size_t kScanInputs = 8;
+
+/// One of them: a change, where the first four are those of `TuneVector`; shrinkage as a share of lengths, above 0
+/// shorter; offsets in mm, above 0 outwards, that of the first layers falling to 0 half a millimetre from the platform.
+struct ScanFinding {
+  double value = 0, sd = 0;  ///< found
+  double sd_before = 0;      ///< known before, about 0
+  /// The sd fell to half or less: the scan tells it.
+  bool told() const { return sd <= 0.5 * sd_before; }
+};
+
+/// How far a surface is off as a whole at a place, after all that was found.
+struct Unexplained {
+  Point3 place{};  ///< mm
+  double mean_um = 0;
+  std::size_t points = 0;
+};
+
+struct ScanTuneResult {
+  TuneResult tuned;                   ///< for the files of resin and printer
+  std::vector<ScanFinding> findings;  ///< `kScanInputs`
+  /// Combinations that the scans tell less of than was known before, in words: "ha 0.7, light -0.7".
+  std::vector<std::string> not_apart;
+  std::vector<Registration> registrations;  ///< with the poses after the fit
+  double noise_um = 0;                      ///< of single points, from the median of what is left
+  /// Root of the mean square of means over cubes, before and after: without the noise of single points.
+  double before_um = 0, after_um = 0;
+  std::vector<Unexplained>
+      unexplained;  ///< the largest, at most five, beyond 4 standard deviations of noise
+  std::size_t points = 0,
+              left_out = 0;  ///< left out: beside the part, or where the surface comes and goes
+  std::string to_text(const Printer& printer, const Resin& resin, const TunePrior& prior) const;
+};
+
+struct ScanTuneOptions {
+  std::size_t points = 12'000;  ///< of each scan, at most
+  int rounds = 6;               ///< at most
+};
+
+/// The most probable inputs. `setup`: as the prints were made, by what is believed. Throws as `register_scan`, and where
+/// nothing was scanned.
+ScanTuneResult tune_by_scans(const std::vector<PrintScan>& prints, const Setup& setup,
+                             const TunePrior& prior, const ScanTuneOptions& options = {},
+                             const ExecutionContext& context = {});
+
+/// A setup as findings say it is.
+Setup tuned_setup(const Setup& setup, const TuneVector& x);
+
+}  // namespace slicecorr::resins

@@ -1,0 +1,37 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+/// What `tune` does with tables and with scans alike, and what it does with scans.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "programs/common/program.hpp"
+#include "programs/common/tune_options.hpp"
+#include "slicecorr/resins/tune.hpp"
+
+namespace slicecorr::resinctl {
+
+/// What each kind of part would tell next, in lines.
+std::string next_text(const std::vector<resins::NextPart>& parts, double sigma_um);
+/// Where the printer's file goes: beside the resin's unless said.
+std::string printer_output_of(const cli::TuneOptions& a);
+
+struct ResinToTune {
+  std::string path, text;
+  Resin before;
+  std::string output;  ///< empty: is not written
+};
+struct PrinterToTune {
+  std::string path;
+  Printer renamed;     ///< before, by the name that it will have
+  std::string output;  ///< empty: is not written
+};
+void write_tuned(const ResinToTune& resin, const PrinterToTune& printer,
+                 const resins::TuneResult& found, cli::Console& console);
+
+int tune_by_scans_command(const cli::TuneOptions& a, const ExecutionContext& context,
+                          cli::Console& console);
+
+}  // namespace slicecorr::resinctl

@@ -274,12 +274,12 @@ TEST_F(FirstDay, ASectionSaysWhatItShows) {
     }
     return colours;
   };
-  const auto legend = rows(image.height - 70, image.height);
+  const auto legend = rows(image.height - 140, image.height);
   for (const std::array<int, 3>& colour :
        {std::array{128, 134, 140}, {214, 48, 49}, {38, 103, 214}, {176, 182, 188}}) {
     EXPECT_TRUE(legend.contains(colour)) << colour[0];
   }
-  EXPECT_TRUE(rows(0, 40).contains({27, 31, 36}));
+  EXPECT_TRUE(rows(0, 80).contains({27, 31, 36}));
 }
 
 TEST_F(FirstDay, ASectionHasRealLettersAsSvg) {

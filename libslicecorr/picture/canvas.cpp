@@ -7,7 +7,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
+#include "picture/dejavu_letters.hpp"
 #include "picture/letters.hpp"
 #include "support/text/base64.hpp"
 #include "support/text/escape.hpp"
@@ -28,8 +30,38 @@ std::string number(double v) {
 
 std::string as_file(const std::vector<std::uint8_t>& bytes) { return {bytes.begin(), bytes.end()}; }
 
-/// Dots of letters are squares of this many pixels; a letter takes six of them.
-constexpr int kDot = 2, kAdvance = 6 * kDot;
+/// Pixels of a file along each unit of a canvas: pictures are sharp on dense screens.
+constexpr int kDense = 2;
+
+const InkLetter& ink_of(std::uint32_t code) {
+  const auto* const found =
+      std::lower_bound(std::begin(kDejaVuLetters), std::end(kDejaVuLetters), code,
+                       [](const InkLetter& letter, std::uint32_t c) { return letter.code < c; });
+  if (found != std::end(kDejaVuLetters) && found->code == code) return *found;
+  return ink_of('?');
+}
+
+/// The letters of a text in UTF-8; what there is none for is "?".
+std::vector<const InkLetter*> inked(std::string_view words) {
+  std::vector<const InkLetter*> letters;
+  std::uint32_t code = 0;
+  int more = 0;
+  for (const char c : words) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((byte & 0xC0U) == 0x80U) {
+      if (more == 0) continue;
+      code = code << 6U | (byte & 0x3FU);
+      if (--more == 0) letters.push_back(&ink_of(code));
+      continue;
+    }
+    more = byte >= 0xF0 ? 3 : byte >= 0xE0 ? 2 : byte >= 0xC0 ? 1 : 0;
+    code = more == 3 ? byte & 0x07U : more == 2 ? byte & 0x0FU : more == 1 ? byte & 0x1FU : byte;
+    if (more == 0) letters.push_back(&ink_of(code));
+  }
+  return letters;
+}
+
+int share_of(char digit) { return digit <= '9' ? digit - '0' : digit - 'a' + 10; }
 
 }  // namespace
 
@@ -96,29 +128,44 @@ void PixelCanvas::set(int x, int y, Colour colour) {
   std::copy(colour.begin(), colour.end(), rows_[row].begin() + static_cast<std::ptrdiff_t>(at));
 }
 
+void PixelCanvas::blend(int x, int y, Colour colour, int share) {
+  const auto row = static_cast<std::size_t>(y), at = 3 * static_cast<std::size_t>(x);
+  const bool there = x >= 0 && y >= 0 && row < rows_.size() && at + 3 <= rows_[row].size();
+  Colour mixed = colour;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const int ground = there ? rows_[row][at + k] : 255;
+    mixed[k] = static_cast<std::uint8_t>((ground * (15 - share) + colour[k] * share + 7) / 15);
+  }
+  set(x, y, mixed);
+}
+
 void PixelCanvas::rect(double x, double y, double width, double height, Colour colour) {
-  for (auto py = std::lround(y); py < std::lround(y + height); ++py) {
-    for (auto px = std::lround(x); px < std::lround(x + width); ++px) {
+  for (auto py = std::lround(y * kDense); py < std::lround((y + height) * kDense); ++py) {
+    for (auto px = std::lround(x * kDense); px < std::lround((x + width) * kDense); ++px) {
       set(static_cast<int>(px), static_cast<int>(py), colour);
     }
   }
 }
 
 void PixelCanvas::image(double x, double y, const ColourImage& image) {
-  const int left = static_cast<int>(std::lround(x)), top = static_cast<int>(std::lround(y));
-  for (int py = 0; py < image.height_px; ++py) {
-    for (int px = 0; px < image.width_px; ++px) {
+  const int left = static_cast<int>(std::lround(x)) * kDense,
+            top = static_cast<int>(std::lround(y)) * kDense;
+  for (int py = 0; py < kDense * image.height_px; ++py) {
+    for (int px = 0; px < kDense * image.width_px; ++px) {
       const std::uint8_t* const from =
-          &image.rgb[3 * (static_cast<std::size_t>(py) * static_cast<std::size_t>(image.width_px) +
-                          static_cast<std::size_t>(px))];
+          &image.rgb[3 * (static_cast<std::size_t>(py / kDense) *
+                              static_cast<std::size_t>(image.width_px) +
+                          static_cast<std::size_t>(px / kDense))];
       set(left + px, top + py, {from[0], from[1], from[2]});
     }
   }
 }
 
-void PixelCanvas::lines(const std::vector<Segment>& segments, Colour colour, double width) {
+void PixelCanvas::lines(const std::vector<Segment>& segments, Colour colour, double wide) {
+  const double width = wide * kDense;
   const int reach = static_cast<int>(std::ceil(width / 2));
-  for (const Segment& s : segments) {
+  for (const Segment& one : segments) {
+    const Segment s{one.x0 * kDense, one.y0 * kDense, one.x1 * kDense, one.y1 * kDense};
     const double length = std::max(std::abs(s.x1 - s.x0), std::abs(s.y1 - s.y0));
     const int steps = std::max(1, static_cast<int>(std::ceil(2 * length)));
     for (int i = 0; i <= steps; ++i) {
@@ -137,26 +184,29 @@ void PixelCanvas::lines(const std::vector<Segment>& segments, Colour colour, dou
 }
 
 void PixelCanvas::text(double x, double y, std::string_view words) {
-  double left = std::round(x);
-  const double top = std::round(y) - 7 * kDot;
-  for (const Letter& letter : letters_of(words)) {
-    for (int column = 0; column < 5; ++column) {
-      for (int row = 0; row < 8; ++row) {
-        if ((letter[static_cast<std::size_t>(column)] >> row & 1U) == 0) continue;
-        rect(left + column * kDot, top + row * kDot, kDot, kDot, kInk);
+  int left = static_cast<int>(std::lround(x * kDense));
+  const int foot = static_cast<int>(std::lround(y * kDense));
+  for (const InkLetter* const letter : inked(words)) {
+    const char* ink = letter->ink;
+    for (int row = 0; row < letter->height; ++row) {
+      for (int column = 0; column < letter->width; ++column) {
+        const int share = share_of(*ink++);
+        if (share > 0) blend(left + letter->left + column, foot - letter->top + row, kInk, share);
       }
     }
-    left += kAdvance;
+    left += letter->advance;
   }
 }
 
 double PixelCanvas::width_of(std::string_view words) const {
-  return kAdvance * static_cast<double>(letters_of(words).size());
+  int wide = 0;
+  for (const InkLetter* const letter : inked(words)) wide += letter->advance;
+  return static_cast<double>(wide) / kDense;
 }
 
 std::string PixelCanvas::file(double width, double height) const {
-  ColourImage image{std::max(1, static_cast<int>(std::ceil(width))),
-                    std::max(1, static_cast<int>(std::ceil(height))),
+  ColourImage image{std::max(1, kDense * static_cast<int>(std::ceil(width))),
+                    std::max(1, kDense * static_cast<int>(std::ceil(height))),
                     {}};
   const std::size_t bytes = 3 * static_cast<std::size_t>(image.width_px);
   image.rgb.assign(bytes * static_cast<std::size_t>(image.height_px), 255);

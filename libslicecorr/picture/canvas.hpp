@@ -3,7 +3,8 @@
 
 /// What pictures with words are drawn on: an SVG, whose words stay text, or pixels.
 ///
-/// Units are pixels, y downwards; the ground is white. The same calls give the same bytes. Not
+/// Units are pixels of an ordinary screen, y downwards; files of pixels have two along each, for dense ones. The
+/// ground is white. The same calls give the same bytes. Not
 /// thread-safe.
 #pragma once
 
@@ -68,14 +69,16 @@ class PixelCanvas final : public Canvas {
  public:
   void rect(double x, double y, double width, double height, Colour colour) override;
   void image(double x, double y, const ColourImage& image) override;
-  void lines(const std::vector<Segment>& segments, Colour colour, double width) override;
-  /// In letters of 5 x 7 dots; what there is no letter for is "?".
+  void lines(const std::vector<Segment>& segments, Colour colour, double wide) override;
+  /// In letters of DejaVu Sans; what there is no letter for is "?".
   void text(double x, double y, std::string_view words) override;
   double width_of(std::string_view words) const override;
   std::string file(double width, double height) const override;
 
  private:
   void set(int x, int y, Colour colour);
+  /// `share`: 0..15 of the colour over what is there.
+  void blend(int x, int y, Colour colour, int share);
   std::vector<std::vector<std::uint8_t>> rows_;
 };
 

@@ -247,6 +247,13 @@ TEST_F(Record, AGoodOneAndItsPage) {
     EXPECT_THAT(html, HasSubstr(text));
   }
   EXPECT_EQ(html, report_page(read())) << "the same record gives the same bytes";
+  // Where nothing happened there is a line, and the charts are folded behind it.
+  EXPECT_THAT(html, HasSubstr("<summary>No frame was late; no frame came more than 0.3 um off its "
+                              "place, 5 um are borne; the stage was at most 1.25 um off, 20 um are "
+                              "borne"));
+  // A frame that was nearly late is seen.
+  put("frames.csv", kHeader + row(0) + row(1, 4.9) + row(2));
+  EXPECT_THAT(page(), testing::Not(HasSubstr("No frame was late")));
 }
 
 TEST_F(Record, LampsAreLoggedAsSharesOfWhatWasAsked) {
@@ -333,6 +340,7 @@ TEST_F(Record, TheOrderOfAFaultIsSeen) {
   ASSERT_EQ(r.remarks.size(), 1U);
   EXPECT_THAT(r.remarks[0], HasSubstr("status.json"));
   const std::string html = report_page(r);
+  EXPECT_THAT(html, testing::Not(HasSubstr("o frame was late")));
   check_page(html);
   EXPECT_THAT(html, HasSubstr("80 um off, at frame 1, z = 0.010 mm"));
   EXPECT_THAT(html, HasSubstr(std::string(what_to_do(Fault::stage_error))));

@@ -344,6 +344,77 @@ std::vector<std::string> bound_names(const double* bounds, std::size_t count) {
   return names;
 }
 
+namespace {
+
+/// The greatest of what `of` says of frames, either way; NaN where none says anything.
+double most_of(const PrintRecord& r, const Of& of) {
+  double most = NAN;
+  for (const FrameRow& f : r.frames) {
+    if (const double v = of(f); std::isfinite(v)) most = std::fmax(most, std::abs(v));
+  }
+  return most;
+}
+
+/// What a chart would show in words, where a print came to its end and nothing in it is worth a look; else
+/// empty. `title`: of the chart.
+std::string quiet_words(const PrintRecord& r, const std::string& title) {
+  if (r.end != PrintRecord::End::done || r.fault != Fault::none) return {};
+  const Way way(r.facts);
+  const auto length = [&](double um) {
+    return fmt::format("{} {}", text::figure(um * way.short_per_um), way.unit);
+  };
+  const bool late =
+      std::any_of(r.frames.begin(), r.frames.end(), [](const FrameRow& f) { return f.late; });
+  if (title == "Lateness" || title == "How late frames were") {
+    if (late || r.facts.layerwise || !(r.facts.max_late_um > 0)) return {};
+    const double worst = most_of(r, [](const FrameRow& f) { return f.late_um; });
+    if (!(worst <= r.facts.max_late_um / 2)) return {};
+    return title == "Lateness"
+               ? fmt::format("no frame came more than {} off its place, {} are borne",
+                             length(worst), length(r.facts.max_late_um))
+               : "no frame was late";
+  }
+  if (title == "Stage") {
+    const double worst = std::fmax(most_of(r, [](const FrameRow& f) { return f.stage_error_um; }),
+                                   r.last ? r.last->worst_stage_error_um : 0);
+    if (!(worst <= r.facts.tolerance_um / 2)) return {};
+    return fmt::format("the stage was at most {} off, {} are borne", length(worst),
+                       length(r.facts.tolerance_um));
+  }
+  if (title == "Lamps") {
+    // Of full light.
+    const double blue =
+        most_of(r, [](const FrameRow& f) { return f.blue_measured - f.blue_share; });
+    const double uv = most_of(r, [](const FrameRow&f) { return f.uv_measured - f.uv_mw_cm2; }),
+                 uv_most = most_of(r, [](const FrameRow&f) { return f.uv_mw_cm2; });
+    if (!(blue <= 0.02) || uv > 0.02 * uv_most) return {};
+    return fmt::format("the lamps gave what was asked to {} % of full light",
+                       text::figure(100 * blue));
+  }
+  if (title == "Speed") {
+    const double off =
+        most_of(r, [v = r.facts.speed_um_s](const FrameRow& f) { return f.speed_um_s / v - 1; });
+    if (!(r.facts.speed_um_s > 0 && off <= 0.02)) return {};
+    return fmt::format("the speed was as planned to {} %", text::figure(100 * off));
+  }
+  if (title == "Display") {
+    const double missed = most_of(r, [](const FrameRow& f) { return f.missed_vblanks; });
+    return missed > 0 || !std::isfinite(missed) ? "" : "the display missed no refresh";
+  }
+  if (title == "Temperature") {
+    double least = NAN, most = NAN;
+    for (const FrameRow& f : r.frames) {
+      least = std::fmin(least, f.temperature_c);
+      most = std::fmax(most, f.temperature_c);
+    }
+    if (!(most - least <= 3)) return {};
+    return fmt::format("the temperature stayed between {:.1f} and {:.1f} °C", least, most);
+  }
+  return {};
+}
+
+}  // namespace
+
 std::vector<Chart> charts_of(const PrintRecord& record) {
   std::vector<Chart> charts;
   add_histograms(record, charts);
@@ -353,6 +424,7 @@ std::vector<Chart> charts_of(const PrintRecord& record) {
   add_speed(record, charts);
   add_display(record, charts);
   add_temperature(record, charts);
+  for (Chart& c : charts) c.quiet = quiet_words(record, c.title);
   return charts;
 }
 

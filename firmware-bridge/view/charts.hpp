@@ -13,6 +13,7 @@ namespace slicecorr::bridge::detail {
 
 struct Chart {
   std::string title, svg;
+  std::string quiet{};  ///< where nothing happened that one would look for: what was, in words
 };
 /// Only those for which there is something to draw.
 std::vector<Chart> charts_of(const PrintRecord& record);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -358,9 +359,17 @@ std::string report_body(const PrintRecord& r) {
   Markup html = alarm(r) + tiles(r) + what_happened(r) + facts_table(r);
   const auto charts = detail::charts_of(r);
   if (!charts.empty()) {
-    Markup figures;
+    // Charts where something happened; of the others a line, and they are folded.
+    Markup figures, folded;
+    std::string quiet;
     for (const detail::Chart& c : charts) {
-      figures += scrolled(markup("<figure>{}</figure>", Markup::raw(c.svg)));
+      (c.quiet.empty() ? figures : folded) +=
+          scrolled(markup("<figure>{}</figure>", Markup::raw(c.svg)));
+      if (!c.quiet.empty()) quiet += (quiet.empty() ? "" : "; ") + c.quiet;
+    }
+    if (!quiet.empty()) {
+      quiet.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(quiet.front())));
+      figures += markup(R"(<details><summary>{}.</summary>{}</details>)", quiet, folded);
     }
     Table table;
     if (r.facts.turns()) add_counts(table, "°", Lateness::kBoundsDeg, r.lateness.deg);

@@ -33,7 +33,18 @@ namespace {
 std::string counted(std::uint64_t n) { return text::count(static_cast<std::int64_t>(n)); }
 
 std::string number_or_dash(bool known, double value, const char* unit = "") {
-  return known ? fmt::format("{:.4g}{}", value, unit) : "-";
+  return known ? text::figure(value) + unit : "-";
+}
+
+/// Where all edges have heights both say the same, of the stack and of what it is compared with.
+bool surface_says_more(const ReportContent& c) {
+  const auto differs = [](const Prediction& p) {
+    const Histogram &a = p.height_error_um, &b = p.surface_error_um;
+    return a.count() != b.count() || a.mean() != b.mean() || a.greatest() != b.greatest() ||
+           a.quantile(0.95) != b.quantile(0.95);
+  };
+  return c.after.surface_error_um.count() > 0 &&
+         (differs(c.after) || (c.before && differs(*c.before)));
 }
 
 /// The model at the brightest place, where a level step is greatest.
@@ -102,7 +113,7 @@ Markup figures_table(const ReportContent& c) {
     row(largest, [&](const Prediction& p) { return um(p, (p.*of).greatest()); });
   };
   errors("Mean height error", "Largest height error", &Prediction::height_error_um);
-  if (c.after.surface_error_um.count() > 0) {
+  if (surface_says_more(c)) {
     errors("Mean distance of edges to the mesh", "Largest distance to the mesh",
            &Prediction::surface_error_um);
   }

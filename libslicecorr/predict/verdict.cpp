@@ -34,9 +34,14 @@ std::string percent(double of_one) {
 
 /// Where to look first; empty where nothing is off by a micrometre.
 std::string place(const Prediction& p) {
-  if (p.worst_x < 0 || p.design_error_um().greatest() < 1) return {};
-  return fmt::format(" The worst edge is {:.3g} um off, in pixel {}, {}.",
-                     p.design_error_um().greatest(), p.worst_x, p.worst_y);
+  // The place is that of the greatest height error, which is the distance to the mesh where edges were
+  // aimed at it.
+  const bool placed = p.at_heights || p.surface_error_um.count() == 0;
+  const double um = placed ? p.height_error_um.greatest() : p.surface_error_um.greatest();
+  if (p.worst_x < 0 || um < 1) return {};
+  std::string words = fmt::format(" The worst edge is {:.3g} um off", um);
+  if (placed) words += fmt::format(", in pixel {}, {}", p.worst_x, p.worst_y);
+  return words + ".";
 }
 
 std::string edges(const Prediction& p) {

@@ -11,6 +11,7 @@
 #include "devtools.hpp"
 #include "farm_served.hpp"
 #include "ladder.hpp"
+#include "slicecorr/stack.hpp"
 
 namespace slicecorr::farm {
 namespace {
@@ -21,6 +22,11 @@ using namespace test;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
+
+/// Whether what is said at a field or button lies on the screen.
+constexpr const char* kSaidInSight =
+    "(() => { const r = document.getElementById('said-here').getBoundingClientRect(); return r.top >= 0 "
+    "&& r.bottom <= innerHeight; })()";
 
 const std::string kSubmit(40, 's'), kOperate(40, 'p');
 
@@ -81,7 +87,8 @@ class Browser : public ::testing::Test {
     page_->look_like(1300, 900, false);
   }
   void see(const std::string& id) {
-    page_->wait_for("!document.getElementById('" + id + "').hidden || !trouble.hidden || " +
+    page_->wait_for("!document.getElementById('" + id +
+                    "').hidden || !trouble.hidden || document.getElementById('said-here') || " +
                     "document.querySelector('.controls .holds')");
     ASSERT_EQ(page_->eval("document.getElementById('" + id + "').hidden"), false)
         << page_->text("all");
@@ -190,7 +197,7 @@ TEST_F(Browser, PartsAreMovedOnThePlate) {
   page_->set("speed", "400");
   page_->click("#queue");
   page_->wait_for(
-      "document.getElementById('queue-said').textContent.includes('queued') || !trouble.hidden");
+      "document.getElementById('queue-said').textContent.includes('queued') || document.getElementById('said-here')");
   EXPECT_THAT(page_->text("queue-said"), HasSubstr("One job is queued"));
 }
 
@@ -369,8 +376,8 @@ TEST_F(Browser, AResinAndAPrinter) {
   page_->wait_for("tables.there.length === 1");
   page_->set("resin-name", "Bad Name");
   page_->click("#fit");
-  page_->wait_for("!document.getElementById('trouble').hidden");
-  EXPECT_THAT(page_->text("trouble"), HasSubstr("small letters"));
+  page_->wait_for("document.getElementById('said-here')");
+  EXPECT_THAT(page_->text("said-here"), HasSubstr("small letters"));
   page_->set("resin-name", "lab-clear");
   page_->set("model", "kinetic");
   page_->click("#fit");
@@ -435,8 +442,14 @@ TEST_F(Browser, ByKeyboardAlone) {
   }
   // Without a speed the queue says what is missing, where a screen reader hears it.
   page_->key("Enter");
-  page_->wait_for("!document.getElementById('trouble').hidden");
-  EXPECT_THAT(page_->text("trouble"), HasSubstr("Say the speed"));
+  page_->wait_for("document.getElementById('said-here')");
+  EXPECT_THAT(page_->text("said-here"), HasSubstr("Say the speed"));
+  // It stands at the field, in sight, and the field is where one types.
+  EXPECT_EQ(page_->eval("document.activeElement.id"), "speed");
+  EXPECT_EQ(page_->eval("document.getElementById('speed').getAttribute('aria-errormessage')"),
+            "said-here");
+  EXPECT_EQ(page_->eval("document.getElementById('said-here').getAttribute('role')"), "alert");
+  EXPECT_TRUE(page_->eval(kSaidInSight).get<bool>());
   page_->set("speed", "800");
   page_->eval("document.getElementById('queue').focus()");
   page_->key("Enter");
@@ -459,12 +472,110 @@ TEST_F(Browser, WhoMayOnlyLookIsTold) {
   page_->wait_for("!document.getElementById('detail').hidden");
   EXPECT_THAT(page_->text("detail"), Not(HasSubstr("Cancel this job")));
   EXPECT_EQ(page_->text("farm-actions"), "");
-  // A wrong token is told of, and takes nothing away.
+  EXPECT_THAT(page_->complaints(), IsEmpty());
+  // A wrong token is refused as such, and takes nothing away.
   page_->click("#who button");
   page_->set("token", std::string(40, 'x'));
   page_->click("#ask button");
-  page_->wait_for("me.role === 'look'");
+  page_->wait_for("document.getElementById('said-here')");
+  EXPECT_THAT(page_->text("said-here"), HasSubstr("This token is none of this farm"));
+  EXPECT_EQ(page_->eval("document.activeElement.id"), "token");
+  EXPECT_EQ(page_->eval("me.role"), "look");
+  EXPECT_EQ(page_->eval("sessionStorage.getItem('token')"), nullptr);
+  page_->set("token", kSubmit);
+  page_->click("#ask button");
+  page_->wait_for("me.role === 'submit'");
+}
+
+TEST_F(Browser, WhatWorksIsChosenFirstAndFound) {
+  serve();
+  open("/print");
+  sign_in(kSubmit);
+  // A printer whose light is known, and a resin that was measured in such light.
+  EXPECT_EQ(page_->eval("measured(printerNow()) && goes(resin.value)"), true);
+  EXPECT_THAT(page_->eval("[...printer.children].map((g) => g.label).join()").get<std::string>(),
+              HasSubstr("Light to be measured"));
+  // Both lists are looked through; what is chosen stays.
+  const std::string was = page_->eval("printer.value").get<std::string>();
+  page_->eval(
+      "(() => { const e = document.getElementById('find-printer'); e.value = 'saturn'; "
+      "e.dispatchEvent(new Event('input', {bubbles: true})); })()");
+  EXPECT_EQ(page_->eval("printer.value"), was);
+  EXPECT_GT(page_->eval("printer.options.length"), 1);
+  EXPECT_LT(page_->eval("printer.options.length"), 8);
+  EXPECT_THAT(page_->text("light-said"), HasSubstr("in the list"));
+  // One whose light is to be measured shows the part all the same.
+  page_->set("printer", "elegoo-saturn");
+  EXPECT_THAT(page_->text("light-said"), HasSubstr("Show works"));
+  slicecorr::test::write_stl(farm_.root + "/ladder.stl", slicecorr::test::ladder());
+  page_->choose_files("#files", {farm_.root + "/ladder.stl"});
+  page_->wait_for("parts.there.length === 1");
+  page_->click("#look");
+  see("plate");
+  // Layer by layer it gets a file that it reads.
+  page_->set("mode", "layerwise");
+  EXPECT_EQ(page_->eval("formatOf(parts.there)"),
+            page_->eval("printerNow().reads.map((e) => e.slice(1)).find((e) => formats.some((f) => "
+                        "f.made_new && f.endings.includes('.' + e)))"));
+  // What programs read can be dropped, by the table of formats.
+  for (const FormatInfo& f : archive_formats()) {
+    for (const std::string& ending : f.endings) {
+      EXPECT_EQ(page_->eval("partName.test('Part" + ending + "')"), true) << ending;
+    }
+  }
+  EXPECT_EQ(page_->eval("partName.test('part.txt')"), false);
   EXPECT_THAT(page_->complaints(), IsEmpty());
+}
+
+TEST_F(Browser, SeveralPartsHaveSizesAndNumbersOfTheirOwn) {
+  serve();
+  const std::string ladder = farm_.root + "/ladder.stl", block = farm_.root + "/block.stl";
+  slicecorr::test::write_stl(ladder, slicecorr::test::ladder());
+  TriangleMesh box;
+  slicecorr::test::add_box(box, {-1.5, -0.5, 0}, {1.5, 0.5, 1});
+  slicecorr::test::write_stl(block, box);
+  open("/print");
+  sign_in(kSubmit);
+  page_->choose_files("#files", {ladder, block});
+  page_->wait_for("parts.there.length === 2");
+  page_->set("printer", "dual-wavelength-dlp");
+  page_->set("resin", "benchy-resin");
+  page_->set("fit_mm", "3");
+  page_->set("speed", "400");
+  const auto own = [&](int part, const std::string& key, const std::string& value) {
+    page_->eval(
+        fmt::format("(() => {{ const e = parts.items[{}].own.{}; e.value = '{}'; "
+                    "e.dispatchEvent(new Event('change')); }})()",
+                    part, key, value));
+  };
+  own(1, "fit_mm", "2");
+  own(1, "rotate_deg", "0,0,90");
+  own(1, "copies", "3");
+  page_->click("#queue");
+  page_->wait_for(
+      "document.getElementById('queue-said').textContent.includes('queued') || "
+      "document.getElementById('said-here')");
+  EXPECT_EQ(page_->text("queue-said"), "4 jobs are queued.");
+  int blocks = 0;
+  for (const Job& j : farm_.model().jobs({})) blocks += j.name.starts_with("block") ? 1 : 0;
+  EXPECT_EQ(blocks, 3);
+  // On one plate: as many as are asked for, side by side.
+  page_->click("input[name=how][value=plate]");
+  EXPECT_EQ(page_->eval("parts.items[1].own.fit_mm.parentElement.hidden"), true);
+  EXPECT_EQ(page_->eval("chosen().length"), 4);
+  page_->click("#look");
+  see("plate");
+  EXPECT_EQ(page_->eval("round.pieces.length"), 4);
+}
+
+TEST_F(Browser, OneSignInIsThatOfAllTabs) {
+  serve();
+  open("/print");
+  sign_in(kSubmit);
+  EXPECT_EQ(page_->eval(
+                "new Promise((done) => { const other = new BroadcastChannel('slicecorr-farm'); "
+                "other.onmessage = (e) => done(e.data.token); other.postMessage({want: true}); })"),
+            kSubmit);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/settings.hpp"
 #include "submit/fields.hpp"
 #include "support/json/read_json.hpp"
@@ -49,6 +50,16 @@ const std::string& api_description() {
         }
       }
     }
+    // What the browser takes, and what it can ask for, by the table of formats.
+    Json formats = Json::array();
+    for (const FormatInfo& f : archive_formats()) {
+      if (f.endings.empty()) continue;
+      formats.push_back({{"name", f.name},
+                         {"what", f.what},
+                         {"endings", f.endings},
+                         {"made_new", limits_of_format(f.name).made_new}});
+    }
+    json["x-formats"] = std::move(formats);
     return json.dump(1) + "\n";
   }();
   return text;

@@ -14,6 +14,7 @@
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 #include "slicecorr/vial.hpp"
@@ -500,6 +501,8 @@ std::string printer_json(const Printer& p, const std::string& path) {
   } else {
     j["calibration"] = kToBeMeasured;
   }
+  // Which files it takes, by their endings.
+  if (const auto reads = endings_read_by(path); !reads.empty()) j["reads"] = reads;
   const auto spread_in = [](nlohmann::ordered_json& at, const LightSpread& spread) {
     for (const SpreadGaussian& g : spread.gaussians) at["spread"].push_back({g.sigma_um, g.weight});
     if (!spread.picture) return;

@@ -10,7 +10,7 @@ const el = (name, text, kind) => {
 function button(words, action, kind) {
   const b = el('button', words, kind);
   b.type = 'button';
-  b.addEventListener('click', () => { const done = action(); if (done instanceof Promise) done.catch(tell); });
+  b.addEventListener('click', () => { clear(); const done = action(); if (done instanceof Promise) done.catch((e) => tell(e, b)); });
   return b;
 }
 
@@ -61,7 +61,10 @@ async function ask(path, body, method) {
   if (answer.status === 401) {
     $('ask').hidden = false;
     if (body === undefined) $('all').hidden = true;
-    throw new Error(token() ? 'The token is not one of this farm.'
+    const was = token();
+    // A token that holds no more, as when the farm's accounts changed.
+    if (was) sessionStorage.removeItem('token');
+    throw new Error(was ? 'Your token is none of this farm’s any more. Sign in again.'
       : body === undefined ? 'This farm is shown to those who have its token.' : 'Sign in with your token to do that.');
   }
   let words = 'The farm answers ' + answer.status + '.';
@@ -99,12 +102,59 @@ function link(path, words, label, download) {
 
 // --- the page's own words ---------------------------------------------------------------------------------------------
 
-function tell(error) {
+// What is wrong with a field of the page: its message stands there.
+class FieldError extends Error {
+  constructor(field, words) { super(words); this.field = field; }
+}
+// Says what went wrong where the person looks: at the field that `error` names, else after `near`, a button or a box; else
+// above. Readers of screens say it at once, and it is scrolled into sight.
+function tell(error, near) {
   const words = error instanceof TypeError ? 'The farm’s server does not answer.' : error.message || String(error);
-  $('trouble').textContent = words;
-  $('trouble').hidden = false;
+  const field = error.field || null;
+  clear();
+  if (!field && !(near instanceof Node && near.isConnected)) {
+    $('trouble').textContent = words;
+    $('trouble').hidden = false;
+    $('trouble').scrollIntoView({block: 'nearest'});
+    return;
+  }
+  const said = el('p', words, 'holds');
+  said.id = 'said-here';
+  said.setAttribute('role', 'alert');
+  if (field) {
+    for (let box = field.closest('details'); box; box = box.parentElement.closest('details')) box.open = true;
+    field.setAttribute('aria-invalid', 'true');
+    field.setAttribute('aria-errormessage', said.id);
+    (field.closest('label') || field).after(said);
+    field.focus({preventScroll: true});
+  } else if (near.matches('button')) (near.closest('.controls') || near).after(said);
+  else near.append(said);
+  said.scrollIntoView({block: 'center'});
 }
 function calm() { $('trouble').hidden = true; }
+// What was said at a field or a button stays until the person does something else.
+function clear() {
+  calm();
+  const said = $('said-here');
+  if (said) said.remove();
+  for (const e of document.querySelectorAll('[aria-invalid]')) { e.removeAttribute('aria-invalid'); e.removeAttribute('aria-errormessage'); }
+}
+
+// One sign-in for all tabs of this browser, for as long as one of them is open: tabs ask each other, nothing is kept.
+const tabs = typeof BroadcastChannel === 'function' ? new BroadcastChannel('slicecorr-farm') : null;
+let signedIn = () => {};
+if (tabs) {
+  tabs.onmessage = ({data}) => {
+    if (data.want && token()) tabs.postMessage({token: token()});
+    else if (data.token && !token()) { sessionStorage.setItem('token', data.token); signedIn(); }
+    else if (data.out && token()) { sessionStorage.removeItem('token'); location.reload(); }
+  };
+}
+// Waits for what other tabs say, a moment.
+function tokenOfOtherTabs() {
+  if (!tabs || token()) return Promise.resolve();
+  return new Promise((done) => { signedIn = done; tabs.postMessage({want: true}); setTimeout(done, 150); });
+}
 
 let me = {name: '', role: 'look'};
 const may = (role) => ['look', 'submit', 'operate'].indexOf(me.role) >= ['look', 'submit', 'operate'].indexOf(role);
@@ -120,7 +170,7 @@ async function begin(start) {
       $('all').hidden = false;
       $('who').replaceChildren(token() ? (me.name || 'token') + ' may ' + me.role + ' ' : 'anybody may look ',
         button(token() ? 'Sign out' : 'Sign in', () => {
-          if (token()) { sessionStorage.removeItem('token'); location.reload(); return; }
+          if (token()) { sessionStorage.removeItem('token'); if (tabs) tabs.postMessage({out: true}); location.reload(); return; }
           $('ask').hidden = false;
           $('token').focus();
         }));
@@ -130,12 +180,22 @@ async function begin(start) {
       document.body.dataset.ready = 'yes';
     } catch (e) { tell(e); }
   };
-  $('ask').addEventListener('submit', (event) => {
+  $('ask').addEventListener('submit', async (event) => {
     event.preventDefault();
-    sessionStorage.setItem('token', $('token').value);
+    const typed = $('token').value.trim();
+    clear();
+    try {
+      if (!typed) throw new FieldError($('token'), 'Enter your token.');
+      const answer = await fetch('api/v1/me', {headers: {Authorization: 'Bearer ' + typed}});
+      if (answer.status === 401) throw new FieldError($('token'), 'This token is none of this farm’s. Look whether a letter is missing, or ask who runs the farm.');
+    } catch (e) { tell(e, $('ask')); return; }
+    sessionStorage.setItem('token', typed);
     $('token').value = '';
+    if (tabs) tabs.postMessage({token: typed});
     go();
   });
+  await tokenOfOtherTabs();
+  signedIn = go;
   await go();
 }
 
@@ -153,7 +213,7 @@ async function study(request, box) {
   box.replaceChildren();
   if (s.state === 'cancelled') { box.append(el('span', 'Cancelled.', 'dim')); return null; }
   if (s.state === 'failed') {
-    box.append(el('p', (s.exit_code === 3 ? 'This can’t be printed: ' : '') + s.message, 'holds'));
+    tell(new Error((s.exit_code === 3 ? 'This can’t be printed: ' : '') + s.message), box);
     return null;
   }
   return {...s, path: 'api/v1/studies/' + s.study};

@@ -6,7 +6,7 @@ const tables = new Parts($('drop'), $('files'), $('tables'), /\.csv$/i, () => { 
 const parameterNames = {h_um: 'Absorbance height (to 1/e)', dc_mj_cm2: 'Dose that gels', m: 'Exponent of intensity', critical_dose_prime: 'D′c, dose that gels', gel_a_mj_cm2: 'A of the time to gel', gel_b_sqrt_mw_cm2_s: 'B of the time to gel'};
 
 $('fit').addEventListener('click', async () => {
-  calm();
+  clear();
   $('fit').disabled = true;
   $('add-said').textContent = '';
   try {
@@ -25,16 +25,16 @@ $('fit').addEventListener('click', async () => {
     $('fit-warnings').replaceChildren(...(f.warnings || []).map((w) => el('li', typeof w === 'string' ? w : w.message || w.text || JSON.stringify(w))));
     $('fitted').hidden = false;
     $('fit-picture').src = await blobUrl(fit.path + '/files/fit.svg');
-  } catch (e) { tell(e); } finally { $('fit').disabled = !tables.there.length; }
+  } catch (e) { tell(e, $('fit')); } finally { $('fit').disabled = !tables.there.length; }
 });
 
 $('add-resin').addEventListener('click', async () => {
-  calm();
+  clear();
   try {
     await change('api/v1/resins', {study: fit.study, replace: $('replace').checked});
     $('add-said').textContent = 'The resin ' + fit.name + ' is there.';
     await list();
-  } catch (e) { tell(e); }
+  } catch (e) { tell(e, $('add-resin')); }
 });
 
 // Ways in which an upright F can be seen: rows and columns changed, then left and right, then top and bottom; in the
@@ -74,7 +74,7 @@ $('letter-file').addEventListener('click', (event) => {
   const canvas = el('canvas');
   if (!(wide >= 7 && high >= 9 && wide * high <= 2e8)) {
     event.preventDefault();
-    tell(new Error('Say how many pixels the display has, across and down; the picture is as large.'));
+    tell(new FieldError(form.width_px, 'Say how many pixels the display has, across and down; the picture is as large.'));
     return;
   }
   if (event.currentTarget.href.startsWith('blob:')) return;
@@ -88,7 +88,7 @@ $('letter-file').addEventListener('click', (event) => {
   pen.fillStyle = '#fff';
   for (const [x, y] of letterDots()) pen.fillRect(Math.floor((wide - 5 * dot) / 2) + x * dot, Math.floor((high - 7 * dot) / 2) + y * dot, dot, dot);
   canvas.toBlob((blob) => {
-    if (!blob) { tell(new Error('This browser makes no picture as large as that.')); return; }
+    if (!blob) { tell(new Error('This browser makes no picture as large as that.'), at.parentElement); return; }
     at.href = URL.createObjectURL(blob);
     at.click();
     const made = at.href;
@@ -99,17 +99,17 @@ $('letter-file').addEventListener('click', (event) => {
 
 $('new-printer').addEventListener('submit', async (event) => {
   event.preventDefault();
-  calm();
+  clear();
   $('printer-said').textContent = '';
   const form = new FormData(event.target), printer = {name: form.get('name').trim(), replace: form.get('replace') !== null};
   for (const key of ['width_px', 'height_px', 'pixel_um', 'bit_depth', 'wavelength_nm', 'max_speed_mm_h', 'travel_mm', 'f_picture']) if (form.get(key)) printer[key] = Number(form.get(key));
   printer.readings = form.get('readings').split('\n').filter((l) => l.trim()).map((l) => l.trim().split(/[\s,;]+/).map(Number));
   try {
-    if (printer.readings.some((r) => r.length !== 2 || r.some((v) => !Number.isFinite(v)))) throw new Error('Light at the window: expected a grey level and mW/cm² on each line.');
+    if (printer.readings.some((r) => r.length !== 2 || r.some((v) => !Number.isFinite(v)))) throw new FieldError(event.target.elements.readings, 'Light at the window: expected a grey level and mW/cm² on each line.');
     await change('api/v1/printers', printer);
     $('printer-said').textContent = 'The printer ' + printer.name + ' is there.';
     await list();
-  } catch (e) { tell(e); }
+  } catch (e) { tell(e, event.target.querySelector('button[type=submit]') || event.target); }
 });
 
 function showResins() {

@@ -24,9 +24,10 @@ function upload(file, progress, hold) {
 }
 
 // A place to drop files at, and the list of them. `changed` is called when a file is there, or gone.
+// `endings`: a test of names; `own`, where given, makes fields for a part of several.
 class Parts {
-  constructor(drop, input, list, endings, changed) {
-    Object.assign(this, {list, endings, changed, items: [], busy: false});
+  constructor(drop, input, list, endings, changed, own) {
+    Object.assign(this, {list, endings, changed, own, items: [], busy: false});
     input.addEventListener('change', () => { this.add(input.files); input.value = ''; });
     for (const name of ['dragenter', 'dragover']) drop.addEventListener(name, (e) => { e.preventDefault(); drop.classList.add('over'); });
     for (const name of ['dragleave', 'drop']) drop.addEventListener(name, (e) => { e.preventDefault(); drop.classList.remove('over'); });
@@ -41,12 +42,17 @@ class Parts {
       item.bar = bar(0, 'waiting');
       row.append(el('span', file.name + ', ' + bytes(file.size), 'name'), item.bar, button('Remove', () => this.remove(item)));
       row.lastChild.setAttribute('aria-label', 'Remove ' + file.name);
+      item.own = this.ownFields(item);
+      if (item.own) row.append(item.own.box);
       this.list.append(row);
       this.items.push(item);
       if (!this.endings.test(file.name)) this.say(item, 0, 'not sent: no part that is known by its name', true);
     }
     this.send();
   }
+
+  // What one part of several has of its own; null where the page asks for nothing.
+  ownFields(item) { return this.own ? this.own(item) : null; }
 
   say(item, fraction, words, ended) {
     const next = bar(fraction, words);

@@ -1,16 +1,51 @@
 'use strict';
 // From parts to jobs: plate, speed, before and after, queue. Each step asks the server for a study.
 const meshName = /\.(stl|obj|ply|off|3mf)(\.gz)?$/i;
-const partName = /\.(stl|obj|ply|off|3mf|sl1s?|m1|uvj|zip|cws|nanodlp|vdt|vda|ctb|cbddlp|photon|phz|fdg|goo|prz|pws|pw0|pwx|pwc|pwsz|pwm[osxab]|pmsq|pmx2|px6s|pm3[mrn]?|pm4[nu]|pm5s?|m5sp|pm7m?|pp1m?|dlp|dl2p|cxdlp|cxdlpv4|lgs(30|120|4k)?|tar\.gz|tgz)(\.gz)?$/i;
+// Names of parts: meshes, and the archives that the farm reads by its table of formats.
+let endings = ['.uvj', '.sl1', '.zip'];
+const partName = {test: (name) => meshName.test(name) || endings.some((e) => name.toLowerCase().endsWith(e) || name.toLowerCase().endsWith(e + '.gz'))};
 const round = new PlateView($('round'), showPieces, partMoved), layers = new LayerView($('layer-canvas'), $('layer'), $('layer-said'));
 const value = (id) => ($(id).value === '' ? undefined : Number($(id).value));
-let printers = [], plan = null;
+let printers = [], resins = [], formats = [], plan = null;
 // How parts share the plate: null as in their files, else keys of jobs.
 let placing = null, moving = 0;
 
 let settings = {}, schemas = {};  // by the description of the API
 
-const parts = new Parts($('drop'), $('files'), $('parts'), partName, partsChanged);
+const parts = new Parts($('drop'), $('files'), $('parts'), partName, partsChanged, ownOf);
+
+// Of several parts each has its own size, turn and number; on one plate its number alone.
+function ownOf(item) {
+  const box = el('div', undefined, 'own'), fields = {box};
+  const add = (key, words, type, more) => {
+    const label = el('label', words + ' '), input = el('input');
+    Object.assign(input, {type, ...more});
+    input.setAttribute('aria-label', words + ' of ' + item.name);
+    input.addEventListener('change', () => { if (key === 'copies') placing = null; stale(); });
+    label.append(input);
+    box.append(label);
+    fields[key] = input;
+  };
+  add('fit_mm', 'Longest side, mm', 'number', {min: 0.001, step: 'any', placeholder: 'as below'});
+  add('rotate_deg', 'Turned about x, y, z, degrees', 'text', {placeholder: 'as below'});
+  add('copies', 'Copies', 'number', {min: 1, max: 1000, placeholder: 'as below'});
+  box.hidden = true;
+  return fields;
+}
+function showOwn() {
+  const several = parts.there.length > 1, each = several && !together() && !inside().length;
+  for (const {own, name} of parts.items) {
+    if (!own) continue;
+    own.box.hidden = !(each || (together() && several));
+    for (const key of ['fit_mm', 'rotate_deg']) own[key].parentElement.hidden = !each || !meshName.test(name);
+  }
+}
+const ownCopies = (p) => (p.own && p.own.copies.value ? Number(p.own.copies.value) : 0);
+// What was found holds for what was said before.
+function stale() {
+  for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true;
+  plan = null;
+}
 
 function partsChanged() {
   const there = parts.there, several = there.length > 1;
@@ -20,6 +55,7 @@ function partsChanged() {
   $('how-inside').hidden = archives !== 1;
   if (archives !== 1 && how() === 'inside') document.querySelector('input[name=how]').checked = true;
   showPlacing();
+  showOwn();
   $('which').replaceChildren(...there.map((p) => new Option(p.name, p.part)));
   for (const id of ['look', 'plan', 'check', 'queue']) $(id).disabled = !there.length || !may('submit');
   // What was found holds for other parts.
@@ -30,8 +66,8 @@ const together = () => !$('how').hidden && how() === 'plate';
 // Meshes that an archive holds beside its supports.
 const inside = () => (!$('how').hidden && how() === 'inside' ? parts.there.filter((p) => meshName.test(p.name)) : []);
 // The parts that are looked at: all of the plate, the archive, or one print of several.
-const chosen = () => (together() ? parts.there : inside().length ? parts.there.filter((p) => !meshName.test(p.name)) : parts.there.filter((p) => $('how').hidden || p.part === $('which').value));
-function showPlacing() { $('placing').hidden = !together(); }
+const chosen = () => (together() ? parts.there.flatMap((p) => Array(Math.max(1, ownCopies(p))).fill(p)) : inside().length ? parts.there.filter((p) => !meshName.test(p.name)) : parts.there.filter((p) => $('how').hidden || p.part === $('which').value));
+function showPlacing() { $('placing').hidden = !together(); showOwn(); }
 
 // --- parts on one plate, moved by mouse and keys -------------------------------------------------------------------
 
@@ -79,10 +115,10 @@ $('arrange').addEventListener('click', () => {
 });
 $('as-files').addEventListener('click', () => { placing = null; $('look').click(); });
 
-function numbers(text, key, n) {
+function numbers(text, key, n, field) {
   if (!text.trim()) return undefined;
   const list = text.split(/[\s,;]+/).filter(Boolean).map(Number);
-  if ((n && list.length !== n) || list.some((v) => !Number.isFinite(v))) throw new Error(key + ': expected ' + (n ? n + ' ' : '') + 'numbers.');
+  if ((n && list.length !== n) || list.some((v) => !Number.isFinite(v))) throw new FieldError(field, key + ': expected ' + (n ? n + ' ' : '') + 'numbers.');
   return list;
 }
 
@@ -93,11 +129,16 @@ function setup(list) {
   if (list.every((p) => meshName.test(p.name))) {
     if ($('units').value !== 'auto') s.units = $('units').value;
     if (value('fit_mm') !== undefined) s.fit_mm = value('fit_mm');
-    const rotate = numbers($('rotate').value, 'Turned about x, y, z', 3);
+    const rotate = numbers($('rotate').value, 'Turned about x, y, z', 3, $('rotate'));
     if (rotate) s.rotate_deg = rotate;
+    const own = list.length === 1 && parts.there.length > 1 && !together() ? list[0].own : null;
+    if (own && own.fit_mm.value) s.fit_mm = Number(own.fit_mm.value);
+    const turned = own && numbers(own.rotate_deg.value, 'Turned about x, y, z', 3, own.rotate_deg);
+    if (turned) s.rotate_deg = turned;
   }
   if (together()) {
-    Object.assign(s, placing || {});
+    // Copies of a part would lie in each other.
+    Object.assign(s, placing || (list.length > parts.there.length ? {arrange: true} : {}));
     if ($('join').checked) s.overlap = 'join';
   }
   if (inside().length && list.every((p) => !meshName.test(p.name))) s.part_inside = inside().map((p) => p.part);
@@ -105,7 +146,7 @@ function setup(list) {
 }
 function speed() {
   if (value('speed') === undefined && settings.layer_exposure_s && settings.layer_exposure_s.input.value.trim()) return {};
-  if (value('speed') === undefined) throw new Error('Say the speed, or let it be found.');
+  if (value('speed') === undefined) throw new FieldError($('speed'), 'Say the ' + ($('mode').value === 'layerwise' ? 'exposure' : 'speed') + ', or let it be found.');
   return $('mode').value === 'layerwise' ? {exposure_s: value('speed')} : {speed_mm_h: value('speed')};
 }
 // A plan may hold with settings of its own only.
@@ -159,12 +200,12 @@ function moreSettings(kind) {
     const text = input.value.trim();
     if (!text) continue;
     if (!(key in schemas[kinds[kind]].properties)) {
-      if (ownHeights.includes(key)) throw new Error(key + ': for jobs alone; what is looked at and planned has layers of one height.');
+      if (ownHeights.includes(key)) throw new FieldError(input, key + ': for jobs alone; what is looked at and planned has layers of one height.');
       continue;
     }
     const number = Number(text);
-    if (input.validity && !input.validity.valid) throw new Error(key + ': ' + input.validationMessage);
-    if (isList(schema)) said[key] = numbers(text, key);
+    if (input.validity && !input.validity.valid) throw new FieldError(input, wordsOf(key) + ': ' + input.validationMessage);
+    if (isList(schema)) said[key] = numbers(text, wordsOf(key), 0, input);
     else if (schema.type === 'boolean') said[key] = text === 'yes';
     else said[key] = schema.type === 'string' || !Number.isFinite(number) ? text : number;
   }
@@ -177,10 +218,21 @@ $('more').addEventListener('input', () => {
 
 const plannedSpeed = () => plan.speed_mm_h ?? plan.exposure_s;
 
+// Fields of the page whose values are no numbers in their range are said at the field.
+function checkFields() {
+  for (const e of document.querySelectorAll('#setup input, #h-speed ~ .form input, .own input, #copies')) {
+    if (e.validity && !e.validity.valid && !e.closest('[hidden]')) throw new FieldError(e, e.validationMessage);
+  }
+}
+// A refusal that begins with the name of a setting is said at its field.
+function fieldOf(words) {
+  const key = (/^([A-Za-z_]+)[: ]/.exec(words) || [])[1], at = {speed_mm_h: 'speed', exposure_s: 'speed', rotate_deg: 'rotate'}[key?.toLowerCase()] || key?.toLowerCase();
+  return at && ($('set-' + at) || (/_/.test(at) || at === 'speed' || at === 'rotate' ? $(at) : null));
+}
 async function during(id, work) {
-  calm();
+  clear();
   $(id).disabled = true;
-  try { await work(); } catch (e) { tell(e); } finally { $(id).disabled = !parts.there.length; }
+  try { checkFields(); await work(); } catch (e) { if (!e.field) e.field = fieldOf(e.message || ''); tell(e, $(id)); } finally { $(id).disabled = !parts.there.length; }
 }
 const asks = (kind, list, more) => ({kind, parts: list.map((p) => p.part), ...setup(list), ...more});
 
@@ -199,7 +251,7 @@ $('look').addEventListener('click', () => during('look', async () => {
     ['Volume', f.volume_ml > 0 ? figure(f.volume_ml) + ' ml' : ''], ['Triangles', f.triangles ? count(f.triangles) + (f.shown_triangles < f.triangles ? ', ' + count(f.shown_triangles) + ' shown' : '') : ''],
     ['Remarks on the mesh', f.defects.join('; ')]]);
   $('plate-facts').replaceChildren(facts_);
-  const pieces = together() ? f.parts.map((p, k) => ({...p, name: parts.there[k].name})) : [];
+  const pieces = together() ? f.parts.map((p, k) => ({...p, name: list[k].name})) : [];
   round.show(readTriangles(await (await ask(s.path + '/files/plate.bin')).arrayBuffer()), f.plate_mm, pieces);
   // Parts that were arranged stay where they were put.
   if (placing) placing = {places_mm: pieces.flatMap((p) => [p.x_mm, p.y_mm]), quarter_turns: pieces.map((p) => p.quarter_turns)};
@@ -216,7 +268,8 @@ $('plan').addEventListener('click', () => during('plan', async () => {
   plan = await read(s.path + '/files/plan.json');
   const what = plan.speed_mm_h !== undefined && plan.speed_mm_h !== null ? figure(plan.speed_mm_h) + ' mm/h' : figure(plan.exposure_s) + ' s for each layer';
   $('plan-words').textContent = what + ' is the fastest with edges within ' + figure(plan.tolerance_um) + ' um and a contrast of ' + plan.gap_contrast + ' in gaps; the print takes ' + (plan.print_time_s === null ? duration(plan.light_s) + ' of light (lifts not known)' : duration(plan.print_time_s) + (plan.light_s < plan.print_time_s ? ', of it ' + duration(plan.light_s) + ' of light' : ''))
-    + '. What limits it: ' + (plan.limit || plan.limited_by) + '.' + (plan.with ? ' It holds with ' + plan.with + '.' : '');
+    + '. What limits it: ' + (plan.limit || plan.limited_by) + '.' + (plan.with ? ' It holds with ' + plan.with + '.' : '')
+    + (plan.ramp_mm ? ' The lamps follow the stage over the first and last ' + figure(plan.ramp_mm) + ' mm.' : '');
   $('use').textContent = 'Use ' + what;
   $('plan-picture').src = await blobUrl(s.path + '/files/plan.svg');
   $('planned').hidden = false;
@@ -242,13 +295,19 @@ $('check').addEventListener('click', () => during('check', async () => {
 }));
 
 $('queue').addEventListener('click', () => during('queue', async () => {
-  const all = parts.there, prints = together() ? [all] : inside().length ? [chosen()] : all.map((p) => [p]);
+  const all = parts.there, prints = together() ? [chosen()] : inside().length ? [chosen()] : all.map((p) => [p]);
   const more = {...moreSettings('job'), ...speed(), ...withPlan()};
   if ($('ready').value) more.ready_by = $('ready').value;
   if (value('copies') > 1) more.copies = value('copies');
   const labels = $('labels').value.split(',').map((l) => l.trim()).filter(Boolean);
   if (labels.length) more.labels = labels;
-  const jobs = prints.map((list) => ({parts: list.map((p) => p.part), ...setup(list), ...more}));
+  const jobs = prints.map((list) => {
+    const job = {parts: list.map((p) => p.part), ...setup(list), ...more}, own = list.length === 1 && all.length > 1 ? ownCopies(list[0]) : 0;
+    if (own) job.copies = own;
+    const format = formatOf(list);
+    if (format && !job.format && !job.for) job.format = format;
+    return job;
+  });
   if (ownHeights.some((key) => key in more)) for (const job of jobs) delete job.layer_um;
   $('queue-said').textContent = 'reading and checking ' + (jobs.length === 1 ? 'the part' : count(jobs.length) + ' parts');
   let r;
@@ -266,14 +325,69 @@ for (const [id, view] of [['round', round], ['layer', layers]]) {
   $(id + '-in').addEventListener('click', () => view.scale(1.3));
   $(id + '-out').addEventListener('click', () => view.scale(1 / 1.3));
 }
-$('more').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
-$('setup').addEventListener('change', () => { for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
+$('more').addEventListener('change', () => { stale(); });
+$('setup').addEventListener('change', () => { stale(); });
 $('how').addEventListener('change', (e) => {
   showPlacing();
   if (['spacing_mm', 'turn_about_z'].includes(e.target.id)) return;
   if (e.target.name === 'how') placing = null;
-  for (const id of ['plate', 'planned', 'checked']) $(id).hidden = true; plan = null; });
+  stale(); });
 $('mode').addEventListener('change', () => { $('speed-words').textContent = $('mode').value === 'layerwise' ? 'Exposure, s' : 'Speed, mm/h'; $('speed').value = ''; });
+
+// --- printers and resins: those that work first, and a search ----------------------------------------------------
+
+const measured = (p) => typeof p.calibration !== 'string';
+// As `resinctl list --for` has it: the same wavelength within 10 nm, and the same unit of light.
+const goWith = (p, r) => !(p.wavelength_nm && r.wavelength_nm && Math.abs(p.wavelength_nm - r.wavelength_nm) > 10) && !(measured(p) && p.unit && r.unit && p.unit !== r.unit);
+const firstThatWorks = () => (printers.find((p) => measured(p) && resins.some((r) => goWith(p, r))) || printers[0] || {name: ''}).name;
+const printerNow = () => printers.find((p) => p.name === $('printer').value);
+// Options in groups; what is chosen stays in the list, whatever is looked for.
+function listOf(id, groups) {
+  const was = $(id).value, words = $('find-' + id).value.toLowerCase().split(/\s+/).filter(Boolean);
+  const found = (x) => x.name === was || words.every((w) => [x.name, x.maker, x.product, x.colour, x.chemistry, x.wavelength_nm, ...(x.aliases || [])].join(' ').toLowerCase().includes(w));
+  $(id).replaceChildren(...groups.map(([label, list]) => {
+    const group = el('optgroup');
+    group.label = label;
+    group.append(...list.filter(found).map((x) => new Option(x.name)));
+    return group;
+  }).filter((g) => g.children.length));
+  if ([...$(id).options].some((o) => o.value === was)) $(id).value = was;
+}
+function listPrinters() { listOf('printer', [['Their light is known', printers.filter(measured)], ['Light to be measured: only Show works', printers.filter((p) => !measured(p))]]); }
+function listResins() {
+  const p = printerNow();
+  const goes = resins.filter((r) => !p || goWith(p, r));
+  listOf('resin', [['Go with this printer', goes], ['Measured in other light', resins.filter((r) => !goes.includes(r))]]);
+}
+function showLight() {
+  const p = printerNow(), r = resins.find((x) => x.name === $('resin').value);
+  $('light-said').textContent = !p ? '' : !measured(p) ? 'The light of this printer is to be measured: Show works, the rest needs it (Resins and printers).'
+    : r && !goWith(p, r) ? 'This resin was measured in light of ' + (r.wavelength_nm || '?') + ' nm, the printer has ' + (p.wavelength_nm || '?') + ' nm.' : '';
+}
+for (const id of ['printer', 'resin']) {
+  $('find-' + id).addEventListener('input', (e) => {
+    e.stopPropagation();
+    id === 'printer' ? listPrinters() : listResins();
+    const count_ = $(id).options.length;
+    $('light-said').textContent = count_ + (count_ === 1 ? ' is' : ' are') + ' in the list.';
+  });
+  $('find-' + id).addEventListener('change', (e) => e.stopPropagation());
+  $(id).addEventListener('change', () => { if (id === 'printer') { const was = $('resin').value; listResins(); if (!goes(was)) $('resin').selectedIndex = 0; } showLight(); });
+}
+function goes(name) { const p = printerNow(), r = resins.find((x) => x.name === name); return p && r && goWith(p, r); }
+// Layer by layer a printer gets a file that it reads, where the parts are meshes.
+function formatOf(list) {
+  const p = printerNow();
+  if (!p || !p.reads || $('mode').value !== 'layerwise' || !list.every((x) => meshName.test(x.name))) return undefined;
+  const ending = p.reads.find((e) => formats.some((f) => f.made_new && f.endings.includes(e)));
+  return ending && ending.replace(/^\./, '');
+}
+$('find-setting').addEventListener('input', (e) => {
+  e.stopPropagation();
+  const words = $('find-setting').value.toLowerCase().split(/\s+/).filter(Boolean);
+  for (const label of document.querySelectorAll('#settings label')) label.hidden = !words.every((w) => label.textContent.toLowerCase().includes(w));
+  for (const form of document.querySelectorAll('#settings .form')) form.previousElementSibling.hidden = form.hidden = ![...form.children].some((l) => !l.hidden);
+});
 
 // Signing in begins again: what was said since stays said; else what was chosen last is chosen again.
 for (const id of ['printer', 'resin', 'layer_um']) $(id).addEventListener('change', () => localStorage.setItem('print-' + id, $(id).value));
@@ -284,15 +398,19 @@ begin(async () => {
   const said = [...document.querySelectorAll('#setup select, #setup input, #settings select, #settings input')].filter((e) => e.id && e.value).map((e) => [e.id, e.value]);
   const again = printers.length > 0;
   schemas = description.components.schemas;
+  formats = description['x-formats'] || [];
+  endings = formats.flatMap((f) => f.endings);
   showSettings();
-  printers = p;
   // Tomographic printers print in another way.
-  const plain = printers.filter((x) => x.width_px && x.calibration && !x.vial);
-  $('printer').replaceChildren(...plain.map((x) => new Option(x.name)));
-  $('resin').replaceChildren(...r.map((x) => new Option(x.name)));
-  for (const id of ['printer', 'resin', 'layer_um']) {
-    const last = localStorage.getItem('print-' + id);
-    if (last && (id === 'layer_um' || [...$(id).options].some((o) => o.value === last))) $(id).value = last;
-  }
+  printers = p.filter((x) => x.width_px && x.calibration && !x.vial);
+  resins = r;
+  const last = (id) => localStorage.getItem('print-' + id);
+  listPrinters();
+  if (last('printer') && printers.some((x) => x.name === last('printer'))) $('printer').value = last('printer');
+  else $('printer').value = firstThatWorks();
+  listResins();
+  if (last('resin') && resins.some((x) => x.name === last('resin'))) $('resin').value = last('resin');
+  if (last('layer_um')) $('layer_um').value = last('layer_um');
+  showLight();
   if (again) for (const [id, last] of said) if ($(id)) $(id).value = last;
 });

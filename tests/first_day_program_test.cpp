@@ -103,7 +103,7 @@ TEST_F(FirstDay, WhatWasMeantIsSaid) {
   const Command slice = Command{"slice", "ladder.stl", "-o", "t.uvj"} + kPrinter;
   bad(2, slice + Command{"--layer-um", "0.05"}, {"--layer-um", "0.05 mm is 50"});
   bad(2, Command{"correct", "ladder.stl", "-o", "part.uvj"} + kPrinter + kLight,
-      {"ladder.stl: is a mesh; expected a slice archive, which slicing a mesh makes"});
+      {"ladder.stl: is a mesh; expected a slice archive: ", "`slicecorr run` slices and corrects"});
   // The ladder has 4 x 2 x 2.5 mm, the display 8 x 6 mm.
   bad(2, slice + kLayers + Command{"--scale", "3"},
       {"at 0.666 times this size, a longest side of 7.9 mm, it fits"});
@@ -310,6 +310,63 @@ TEST_F(FirstDay, ARefusalLayerByLayerNamesTheDoseFactor) {
   good(correct + Command{"--dose-factor", "1"});
   // With lifts it is the gel dose that a layer must have, and more of it at its joint.
   bad(2, correct + Command{"--lifts", "sometimes"}, {"--lifts"});
+}
+
+TEST_F(FirstDay, WhatRunLeavesIsLookedAtWithoutNamingItsTarget) {
+  const RunResult run =
+      good(Command{"run", "ladder.stl", "-o", "o.uvj"} + kPrinter + kLayers + kLight);
+  EXPECT_NE(run.err.find("o-target.uvj: the design as sliced ("), std::string::npos) << run.err;
+  // The same as with the target that slice makes.
+  good(Command{"slice", "ladder.stl", "-o", "t.uvj"} + kPrinter + kLayers);
+  EXPECT_EQ(read_file(folder_ / "t.uvj"), read_file(folder_ / "o-target.uvj"));
+  for (const Command& look : std::vector<Command>{{"verify", "o.uvj", "--json", "-"},
+                                                  {"section", "o.uvj", "-o", "s.svg"},
+                                                  {"report", "o.uvj", "-o", "o.html"},
+                                                  {"probe", "o.uvj", "--x", "80", "--y", "60"}}) {
+    const RunResult by_itself = good(look);
+    EXPECT_EQ(by_itself.out, good(look + Command{"--target", "t.uvj"}).out) << look.front();
+  }
+  bad(2, {"verify", "o.uvj", "--target", "target.uvj"},
+      {"there is no such file", "o-target.uvj lies beside the stack: leave --target out"});
+  // Gone, and another part's in its place.
+  std::filesystem::remove(folder_ / "o-target.uvj");
+  bad(2, {"section", "o.uvj", "-o", "s.svg"},
+      {"is measured against the design", "slicecorr slice PART.stl -o o-target.uvj"});
+  EXPECT_EQ(good({"probe", "o.uvj", "--x", "80", "--y", "60"}).out.find("target"),
+            std::string::npos);
+  good(Command{"slice", "ladder.stl", "-o", "o-target.uvj", "--rotate-deg", "0,0,90"} + kPrinter +
+       kLayers);
+  bad(2, {"verify", "o.uvj"}, {"o-target.uvj"});
+}
+
+TEST_F(FirstDay, AThinnedOutSurfaceIsMeasuredWhole) {
+  std::string fine(kSmallPrinter);
+  for (const auto& [from, to] :
+       {std::pair<std::string, std::string>{"width_px = 160", "width_px = 1200"},
+        {"height_px = 120", "height_px = 800"},
+        {"pixel_um = 50", "pixel_um = 4"}}) {
+    ASSERT_NE(fine.find(from), std::string::npos) << from;
+    fine.replace(fine.find(from), from.size(), to);
+  }
+  write("fine.toml", fine);
+  good(Command{"run", "ladder.stl", "-o", "fine.uvj", "--printer", "fine.toml"} + kLayers + kLight);
+  const auto figures = [&](const Command& more) {
+    const RunResult r =
+        good(Command{"solid", "fine.uvj", "-o", "f.stl", "--json", "-", "--design", "ladder.stl"} +
+             more);
+    return std::pair(nlohmann::json::parse(r.out), r.err);
+  };
+  const auto [by_itself, said] = figures({});
+  EXPECT_GT(by_itself["reduce"], 1);
+  EXPECT_LT(by_itself["triangles"], 1200000);
+  EXPECT_NE(said.find("measured on the whole surface"), std::string::npos) << said;
+  EXPECT_EQ(std::filesystem::file_size(folder_ / "f.stl"),
+            84 + 50 * by_itself["triangles"].get<std::uintmax_t>());
+  const auto whole = figures({"--reduce", "1"}).first;
+  EXPECT_GT(whole["triangles"], 1200000);
+  for (const char* key : {"volume_mm3", "lower_mm", "upper_mm", "distance_um"}) {
+    EXPECT_EQ(by_itself[key], whole[key]) << key;
+  }
 }
 
 }  // namespace

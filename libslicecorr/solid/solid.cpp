@@ -564,6 +564,11 @@ SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
   return std::move(surface.report);
 }
 
+SolidReport measure_solid(const SliceSource& stack, const PlaceModels& models,
+                          const SolidOptions& options, const ExecutionContext& context) {
+  return surface_of(stack, models, options, ".", "measuring", false, context).report;
+}
+
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
                         const SolidOptions& options, const ExecutionContext& context) {
   const PrintedSurface surface = surface_of(stack, models, options, ".", "surface", true, context);

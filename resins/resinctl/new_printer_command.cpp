@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -69,6 +70,7 @@ class Questions {
     if (!person_ && std::cin.peek() == std::char_traits<char>::eof()) return {};
     return text(question);
   }
+  bool person() const { return person_; }
   void refuse(const std::string& why) {
     if (!person_) throw InputError("stdin", "", why);
     console_.say(why);
@@ -79,13 +81,24 @@ class Questions {
   bool person_;
 };
 
-std::string name_asked(Questions& ask) {
+/// Who sits at a terminal learns that a name is taken before the other questions.
+std::string name_asked(Questions& ask, const std::string& folder, bool replace) {
+  const auto taken = [&](const std::string& name) {
+    const std::filesystem::path in(folder);
+    return std::filesystem::exists(in / (name + ".toml")) ||
+           std::filesystem::exists(in / "printers" / (name + ".toml"));
+  };
   for (;;) {
     std::string name = ask.text("Name of the printer, by which you will call it (my-printer)");
     const bool plain = !name.empty() && std::all_of(name.begin(), name.end(), [](unsigned char c) {
       return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
     });
-    if (plain) return name;
+    if (plain && !(ask.person() && !replace && taken(name))) return name;
+    if (plain) {
+      ask.refuse(
+          fmt::format("printer '{}' is there already; expected another name, or --replace", name));
+      continue;
+    }
     ask.refuse(fmt::format("'{}' is no name; expected small letters, digits, - and _", name));
   }
 }
@@ -190,7 +203,8 @@ int new_printer(const Arguments& a, Console& console) {
   console.say("A printer file by questions. An empty answer takes what stands in brackets.");
   Imported made;
   made.kind = "printer";
-  made.name = name_asked(ask);
+  const std::string folder = a.folder.empty() ? writable_folder() : a.folder;
+  made.name = name_asked(ask, folder, a.replace);
   const auto whole = [&](const char* question, int least, int most,
                          std::optional<double> otherwise) {
     for (;;) {
@@ -202,7 +216,7 @@ int new_printer(const Arguments& a, Console& console) {
   const int width = whole("Pixels of the display, across", 1, 65536, {});
   const int height = whole("Pixels of the display, down", 1, 65536, {});
   const double pixel_um = ask.number("Size of a pixel at the window, um", 0.1, 10000);
-  const int bits = whole("Bits of a grey level", 1, 16, 8);
+  const int bits = whole("Bits of a grey level", 1, 8, 8);
   const double nm = ask.number("Wavelength, nm; 0 when you do not know", 0, 2000, 405);
   const std::string calibration = calibration_asked(ask, console, (1 << bits) - 1);
   std::string light = "\n[blue]\n";
@@ -233,7 +247,6 @@ int new_printer(const Arguments& a, Console& console) {
       made.name, width, height, pixel_um, bits, orientation, light, stage);
   parse_printer(made.text, made.name + ".toml");
   const Replace replace = a.replace ? Replace::keep_history : Replace::refuse;
-  const std::string folder = a.folder.empty() ? writable_folder() : a.folder;
   must_be_free(folder, made, replace);
   const Saved saved = save_imported(made, folder, replace, "by new-printer");
   cli::print_result(saved.path + "\n");

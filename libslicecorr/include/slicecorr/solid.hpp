@@ -106,6 +106,10 @@ SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
                         const std::string& path, const SolidOptions& options = {},
                         const ExecutionContext& context = {});
 
+/// The same figures without a file: the surface is drawn and measured only.
+SolidReport measure_solid(const SliceSource& stack, const PlaceModels& models,
+                          const SolidOptions& options = {}, const ExecutionContext& context = {});
+
 /// The same surface in memory.
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
                         const SolidOptions& options = {}, const ExecutionContext& context = {});

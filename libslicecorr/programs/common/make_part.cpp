@@ -5,6 +5,7 @@
 
 #include <unistd.h>
 
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -23,6 +24,11 @@ FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
   const bool ours = format == "uvj" || format == "folder";
   return FittedSlices::for_display(slices, ours ? unturned : printer, folder_of(file.path),
                                    context);
+}
+
+std::string target_beside(const std::string& stack) {
+  const std::filesystem::path path(stack);
+  return (path.parent_path() / (path.stem().string() + "-target.uvj")).string();
 }
 
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,

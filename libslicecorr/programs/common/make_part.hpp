@@ -17,6 +17,9 @@ namespace slicecorr::cli {
 FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
                             const Printer& printer, const ExecutionContext& context);
 
+/// Where `run` leaves the target of a stack: BASE-target.uvj beside BASE.uvj.
+std::string target_beside(const std::string& stack);
+
 /// Corrects `target` into `file`, and writes the figures (BASE.json: the prediction, with that of
 /// the uncorrected part under "uncorrected", and the time of the print) and the report (BASE.html), which gets this title.
 /// `corrected` is called, when given, when all is computed but the report. Of the three files each

@@ -15,6 +15,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/machine_motion.hpp"
+#include "slicecorr/mesh.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/csv.hpp"
@@ -262,7 +263,15 @@ std::vector<double> read_by_slice(const std::string& path, const std::string& co
 }
 
 const std::string& design(const std::string& path) {
-  check_design(StackReader::read_info(path), path);
+  try {
+    check_design(StackReader::read_info(path), path);
+  } catch (const InputError& e) {
+    if (!is_mesh_name(path) || std::string(e.what()).find("is a mesh") == std::string::npos) throw;
+    throw InputError(
+        path, "",
+        "is a mesh; expected a slice archive: `slicecorr slice` makes it of the mesh, and "
+        "`slicecorr run` slices and corrects in one go");
+  }
   return path;
 }
 

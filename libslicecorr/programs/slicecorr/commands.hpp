@@ -82,10 +82,10 @@ int info(const Arguments& a, const ExecutionContext& context, Console& console);
 int mesh_info(const Arguments& a, const ExecutionContext& context);
 
 // view_commands.cpp: what stacks print, as figures, pages, pictures and meshes.
-int verify(const Arguments& a, const ExecutionContext& context, Console& console);
-int probe(const Arguments& a, const ExecutionContext& context, Console& console);
-int report(const Arguments& a, const ExecutionContext& context, Console& console);
-int section(const Arguments& a, const ExecutionContext& context, Console& console);
+int verify(const Arguments& asked, const ExecutionContext& context, Console& console);
+int probe(const Arguments& asked, const ExecutionContext& context, Console& console);
+int report(const Arguments& asked, const ExecutionContext& context, Console& console);
+int section(const Arguments& asked, const ExecutionContext& context, Console& console);
 int solid(const Arguments& a, const ExecutionContext& context, Console& console);
 int compare(const Arguments& a, const ExecutionContext& context, Console& console);
 

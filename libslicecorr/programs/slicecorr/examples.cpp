@@ -12,11 +12,11 @@ void add_examples(Program& program) {
       {"correct",
        "slicecorr correct target.uvj -o part.uvj --printer dual-wavelength-dlp --resin egg-resin "
        "--speed-mm-h 800"},
-      {"verify", "slicecorr verify part.uvj --target target.uvj --json -"},
-      {"probe", "slicecorr probe part.uvj --target target.uvj --x 640 --y 400"},
-      {"simulate", "slicecorr simulate part.uvj --target target.uvj --x 640 --y 400 -o cures.svg"},
-      {"report", "slicecorr report part.uvj --target target.uvj -o part.html"},
-      {"section", "slicecorr section part.uvj --target target.uvj -o section.png"},
+      {"verify", "slicecorr verify part.uvj --json -"},
+      {"probe", "slicecorr probe part.uvj --x 640 --y 400"},
+      {"simulate", "slicecorr simulate part.uvj --x 640 --y 400 -o cures.svg"},
+      {"report", "slicecorr report part.uvj -o part.html"},
+      {"section", "slicecorr section part.uvj -o section.png"},
       {"solid", "slicecorr solid part.uvj --design part.stl -o printed.stl"},
       {"compare",
        "slicecorr compare part.stl --layer-um 50 --printer dual-wavelength-dlp --resin egg-resin "

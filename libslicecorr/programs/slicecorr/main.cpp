@@ -102,7 +102,7 @@ int run_program(int argc, char** argv) {
   sub = add("verify", "Predict what a stack prints, and measure it against its target",
             commands::verify);
   stack_input(sub, "STACK", "Stack to verify");
-  sub->add_option("--target", a.target, "Stack of the design")->required();
+  sub->add_option("--target", a.target, "Stack of the design [the one that run left beside STACK]");
   add_leave_alone_to(*sub, a.leave_alone);
   add_part_inside_to(*sub, a.inside);
   a.setup.add_to(*sub, false, true);
@@ -130,7 +130,7 @@ int run_program(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to look into");
   sub->add_option("--x", a.x, "Column of the image")->required();
   sub->add_option("--y", a.y, "Row of the image")->required();
-  sub->add_option("--target", a.target, "Stack of the design");
+  sub->add_option("--target", a.target, "Stack of the design [the one that run left beside STACK]");
   a.setup.add_to(*sub, false, true);
 
   sub = add("simulate",
@@ -142,7 +142,7 @@ int run_program(int argc, char** argv) {
 
   sub = add("report", "Write a page that shows what a stack prints", commands::report);
   stack_input(sub, "STACK", "Stack to report on");
-  sub->add_option("--target", a.target, "Stack of the design")->required();
+  sub->add_option("--target", a.target, "Stack of the design [the one that run left beside STACK]");
   add_leave_alone_to(*sub, a.leave_alone);
   add_part_inside_to(*sub, a.inside);
   a.setup.add_to(*sub, false, true);
@@ -153,7 +153,7 @@ int run_program(int argc, char** argv) {
   sub = add("section", "Draw what prints along an image row, before and after, as PNG or SVG",
             commands::section);
   stack_input(sub, "STACK", "Stack to look into");
-  sub->add_option("--target", a.target, "Stack of the design")->required();
+  sub->add_option("--target", a.target, "Stack of the design [the one that run left beside STACK]");
   sub->add_option("--y", a.y, "Row of the image [the middle of the part]")
       ->check(CLI::NonNegativeNumber);
   a.setup.add_to(*sub, false, true);
@@ -170,13 +170,17 @@ int run_program(int argc, char** argv) {
       ->expected(1, std::numeric_limits<int>::max());
   a.mesh.add_placement_to(*sub);
   a.setup.add_to(*sub, false, true);
-  sub->add_option("--reduce", a.reduce,
-                  "Take every Nth pixel in x and y [as many as make at most 4 million triangles]")
+  sub->add_option(
+         "--reduce", a.reduce,
+         "Take every Nth pixel in x and y [as many as make at most 1 million triangles; figures are those of all pixels]")
       ->check(CLI::Range(1, 64));
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("-o,--output", a.output, "Mesh to write (.stl, .ply or .3mf)")->required();
 
-  sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", commands::run);
+  sub = add(
+      "run",
+      "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json, and the design, OUT-target.uvj",
+      commands::run);
   a.mesh.add_to(*sub);
   plates(sub);
   heights(sub);

@@ -13,6 +13,7 @@
 #include <iterator>
 #include <limits>
 
+#include "programs/common/make_part.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/report.hpp"
@@ -76,11 +77,14 @@ struct Input {
           "has layers that are exposed more than once, which are not followed in time; "
           "verify says what they print");
     }
-    if (!o.target.empty()) {
-      given.emplace(design(o.target), folder_of(o.output), context);
+    const std::string left = target_beside(o.stack);
+    const bool beside = o.target.empty() && stack.info().kind == StackKind::corrected &&
+                        std::filesystem::exists(left);
+    if (const std::string path = beside ? left : o.target; !path.empty()) {
+      given.emplace(design(path), folder_of(o.output), context);
       fitted.emplace(FittedSlices::like(stack, *given, folder_of(o.output), context));
       target = &**fitted;
-      check_target(stack, stack.info(), *target, o.target, given->pixel_sum(), context);
+      check_target(stack, stack.info(), *target, path, given->pixel_sum(), context);
     } else if (stack.info().kind == StackKind::target) {
       target = &stack;  // a target shown as it is
     }
@@ -282,7 +286,7 @@ void SimulateOptions::add_to(CLI::App& app) {
       ->check(CLI::NonNegativeNumber);
   app.add_option(
       "--target", target,
-      "Stack of the design, to show what should gel [STACK, when it is a design itself]");
+      "Stack of the design, to show what should gel [the one that run left beside STACK; STACK, when it is a design itself]");
   app.add_option("--times-s", times_s,
                  "T1,T2,...: times to show, since the light went on. With --x: up to 8 dose curves "
                  "[after eight runs of slices]; with --row: pictures [six]")

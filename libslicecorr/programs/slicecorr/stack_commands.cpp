@@ -162,6 +162,19 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
 
 namespace {
 
+/// Leaves the design of a stack beside it, by which verify, section, report and probe measure.
+void leave_target(const SliceSource& slices, const Arguments& a, const std::string& path,
+                  const ExecutionContext& context, Console& console) {
+  const LayerHeights heights = wanted_heights(a);
+  const StackFile file(path);
+  heights.alike() ? write_target(slices, file, context)
+                  : write_target(slices, heights, file, context);
+  console.say(fmt::format(
+      "{}: the design as sliced ({}), by which verify, section, report and probe "
+      "measure {}",
+      path, text::bytes(static_cast<double>(std::filesystem::file_size(path))), a.output));
+}
+
 int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& context,
               Console& console) {
   const std::string base =
@@ -171,6 +184,9 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
     check_output(path, a.with_left_alone(a.mesh.files()));
     check_output(path, a.doses.inputs());
   }
+  const std::string design_path = target_beside(a.output);
+  check_output(design_path, a.with_left_alone(a.mesh.files()));
+  check_output(design_path, a.doses.inputs());
   const PartSlices slices(
       a.mesh, setup.printer,
       {LayerHeights(setup.process.layer_heights_um), setup.process.surface, a.leave_alone},
@@ -189,6 +205,8 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
   const Correction result = with_dose_words(setup, [&] {
     return make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
   });
+  // The verdict comes last.
+  leave_target(*slices, a, design_path, context, console);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices, print time {4}\n{2}", base,
                           result.info.grid.layers, summary(result.after, result.before), a.output,
                           print_time_in_words(print_time(result.info))));

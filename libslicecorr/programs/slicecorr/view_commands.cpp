@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
@@ -17,10 +18,36 @@
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
 #include "support/json/read_json.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::cli::commands {
 
 namespace {
+
+/// `a` with the target that `run` left beside the stack, where none is named. Throws `InputError`, saying
+/// how to come by one.
+Arguments with_target(Arguments a) {
+  namespace fs = std::filesystem;
+  const std::string left = target_beside(a.input);
+  if (!a.target.empty()) {
+    if (fs::exists(a.target) || !fs::exists(left)) return a;
+    throw InputError(
+        a.target, "",
+        fmt::format("there is no such file; {} lies beside the stack: leave --target out", left));
+  }
+  // What is no stack says so itself.
+  if (!fs::exists(a.input)) return a;
+  a.target = left;
+  if (fs::exists(left)) return a;
+  throw InputError(
+      a.input, "",
+      fmt::format(
+          "is measured against the design, and {} is not there; expected --target STACK, the "
+          "stack of `slicecorr slice` that it was corrected from. `slicecorr run` leaves it "
+          "beside what it makes; of the mesh, with the placement that it had: `slicecorr slice "
+          "PART.stl -o {} --printer P --layer-um H`",
+          left, left));
+}
 
 /// A stack and the target that it was made for, in the stack's grid: checked against each other.
 /// Unpacks in the folders that it is given.
@@ -72,20 +99,21 @@ Prediction verified(const StackAndDesign& given, const SliceSource& target,
 /// The reduction that makes a mesh which other programs open with ease. Says how large it will be.
 int handy_reduction(const Arguments& a, const SliceSource& stack, const PlaceModels& models,
                     const ExecutionContext& context) {
-  constexpr double kHandy = 4e6;
+  constexpr double kHandy = 1e6;
   const SolidSize size = size_of_solid(stack, models, context);
   const int reduce = size.reduction(kHandy);
   const auto in_words = [&](double triangles) {
     std::string text = fmt::format("{:.2g} million triangles", triangles * 1e-6);
     // Bytes of a triangle: an STL's record; of a PLY's faces and half as many vertices.
     const double bytes = a.output.ends_with(".stl") ? 50 : a.output.ends_with(".ply") ? 19 : 0;
-    if (bytes > 0) text += fmt::format(", {:.2g} GB", bytes * triangles * 1e-9);
+    if (bytes > 0) text += ", " + text::bytes(bytes * triangles);
     return text;
   };
   if (reduce > 1) {
     context.tell(fmt::format(
-        "the surface takes one pixel in {} along x and y: some {} (--reduce 1 would make some {})",
-        reduce, in_words(size.triangles(reduce)), in_words(size.triangles(1))));
+        "{} takes one pixel in {} along x and y: some {} (--reduce 1 would make some {}); volume and "
+        "distances are measured on the whole surface all the same",
+        a.output, reduce, in_words(size.triangles(reduce)), in_words(size.triangles(1))));
   }
   return reduce;
 }
@@ -136,7 +164,8 @@ std::optional<Bodies> printed_bodies(const StackReader& stack, const Setup& setu
 
 }  // namespace
 
-int verify(const Arguments& a, const ExecutionContext& context, Console& console) {
+int verify(const Arguments& asked, const ExecutionContext& context, Console& console) {
+  const Arguments a = with_target(asked);
   check_output(a.json, {a.input, a.target});
   check_output(a.output, {a.input, a.target});
   check_output(a.uncertain.map, {a.input, a.target});
@@ -151,6 +180,10 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
     const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
                                              surface_picture(*p.maps, false, scale_um)));
     write_text_file(a.output, {png.begin(), png.end()});
+    context.tell(fmt::format(
+        "{}: left from below, right from above; red: {:.3g} um and more too far, blue: so much is "
+        "missing, white: right, beside the part, or on the platform",
+        a.output, scale_um));
   }
   a.uncertain.write_map(p, console);
   if (a.json.empty()) {
@@ -190,7 +223,12 @@ int verify(const Arguments& a, const ExecutionContext& context, Console& console
   return missed ? kMissed : kDone;
 }
 
-int probe(const Arguments& a, const ExecutionContext& context, Console&) {
+int probe(const Arguments& asked, const ExecutionContext& context, Console&) {
+  Arguments a = asked;
+  if (const std::string left = target_beside(a.input);
+      !a.target.empty() || std::filesystem::exists(left)) {
+    a = with_target(asked);
+  }
   const StackReader stack = a.open(a.input, folder_of(a.input), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   std::optional<StackReader> read;
@@ -215,7 +253,8 @@ int probe(const Arguments& a, const ExecutionContext& context, Console&) {
   return kDone;
 }
 
-int report(const Arguments& a, const ExecutionContext& context, Console& console) {
+int report(const Arguments& asked, const ExecutionContext& context, Console& console) {
+  const Arguments a = with_target(asked);
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
   const StackReader& stack = given.stack;
@@ -235,7 +274,8 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
   return kDone;
 }
 
-int section(const Arguments& a, const ExecutionContext& context, Console& console) {
+int section(const Arguments& asked, const ExecutionContext& context, Console& console) {
+  const Arguments a = with_target(asked);
   check_output(a.output, {a.input, a.target});
   const bool svg = ending_of(a.output, {".png", ".svg"}) == ".svg";
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
@@ -250,10 +290,10 @@ int section(const Arguments& a, const ExecutionContext& context, Console& consol
       section_sheet(section_of(target, target, given.setup, row),
                     section_of(given.shown(), target, given.setup, row), g.pixel_x_um, g.layer_um,
                     fmt::format("{}: {}; platform up", title_of(a.input), where), svg));
-  console.say(
-      fmt::format("{}: section at {}, platform up; left uncorrected, right this stack; grey right, "
-                  "red cured through, blue undercured",
-                  a.output, where));
+  console.say(fmt::format(
+      "{}: section at {}, platform up; left as sliced, right this stack; grey is right, "
+      "red cured through, blue undercured",
+      a.output, where));
   return kDone;
 }
 
@@ -283,11 +323,19 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
                                           : static_cast<double>(target.pixel_sum()) / 255.0 *
                                                 g.pixel_x_um * g.pixel_y_um * g.layer_um * 1e-9;
   }
-  const SolidOptions options{a.reduce > 0 ? a.reduce : handy_reduction(a, stack, models, context),
-                             design_mesh ? &*design_mesh : nullptr};
+  const MeshDistance* const measured_to = design_mesh ? &*design_mesh : nullptr;
+  const int chosen = a.reduce > 0 ? 0 : handy_reduction(a, stack, models, context);
+  // A reduction that nobody asked for thins the mesh out, and nothing that is measured.
+  const bool whole = chosen > 1;
+  const SolidOptions options{whole ? chosen : std::max(1, a.reduce), whole ? nullptr : measured_to};
   const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
   const SliceSource& shown = exposures ? *exposures : stack;
-  const SolidReport r = write_solid(shown, models, a.output, options, context);
+  SolidReport r = write_solid(shown, models, a.output, options, context);
+  if (whole) {
+    const std::uint64_t triangles = r.triangles;
+    r = measure_solid(shown, models, {1, measured_to}, context);
+    r.triangles = triangles;
+  }
   console.say(
       fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, {:.3f}, "
                   "{:.3f} mm",

@@ -91,7 +91,9 @@ Asker Accounts::asker(const httplib::Request& request, Role role, bool changes) 
     if (http::has_bearer(request, a.token)) found = &a;
   }
   // Who shows a token means to be somebody: one that is wrong is said, also where anybody may look.
-  const bool wrong = !found && !accounts_.empty() && request.has_header("Authorization");
+  // What a proxy asks for itself (Basic) is none of the farm's.
+  const bool wrong = !found && !accounts_.empty() &&
+                     request.get_header_value("Authorization").starts_with("Bearer ");
   if (wrong) throw http::ApiError(401, "token", "this token is none of this farm's");
   if (!found && loopback_ && !changes) return {};
   if (!found && accounts_.empty()) {

@@ -133,6 +133,12 @@ TEST_F(TomoPlacesProgram, TwoPartsAndAnAxisAtTheImagesEdge) {
   const TomoJob job = read_job(folder_ / "o.frames");
   EXPECT_EQ(job.part.nz, 14);
   EXPECT_NEAR(job.sampling.middle_z_mm, 1.75, 1e-12);
+  // b is 3 of 4 voxels wide in part: its surface is judged as what it is.
+  const test::RunResult verified = call({"verify", "o.frames", "--json", "-"});
+  EXPECT_EQ(verified.exit_code, 0) << verified.err;
+  const auto surface = nlohmann::json::parse(verified.out)["surface"];
+  EXPECT_GT(surface["voxels"], 0);
+  EXPECT_LT(std::abs(surface["mean_um"].get<double>()), 250);
   // Rows above the image's lowest, none below it, show light; of the part at the bottom 4 rows.
   const test::RunResult cut = call({"section", "o.frames", "--z-mm", "3.1", "-o", "cut.png"});
   EXPECT_EQ(cut.exit_code, 0) << cut.err;

@@ -125,8 +125,7 @@ TEST_F(TomoProgram, FramesOfACrookedMachineAreSummedTheSameInPython) {
          leaning ? "" : "flat_field = \"flat.png\"\nflat_field_reference = 200\n");
     // Any light will do.
     auto words = solve("a.frames");
-    words.insert(words.end(),
-                 {"--method", "osmo", "--iterations", "10", "--at-mm", "0.75,-0.5,1"});
+    words.insert(words.end(), {"--method", "osmo", "--iterations", "10", "--at-mm", "0.75,-0.5,1"});
     const test::RunResult solved = call(words);
     ASSERT_LE(solved.exit_code, 5) << solved.err;
     ASSERT_NE(solved.exit_code, 2) << solved.err;

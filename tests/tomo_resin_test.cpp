@@ -223,11 +223,10 @@ TEST(TomoInhibition, WhatComesBackAsFastIsRefusedNamingTheVoxel) {
     solve_print(square_part(), 0.25, bench_printer(), resin, options);
     FAIL();
   } catch (const InfeasibleError& e) {
-    EXPECT_THAT(e.what(),
-                testing::MatchesRegex(
-                    "inhibitor comes back as fast as light takes it: 10 mJ/cm³ a second, "
-                    "and the part's voxel [12][0-9], [12][0-9] in slice 0 gets [0-9.]+ "
-                    "where all pixels are at their brightest; expected more light"));
+    EXPECT_THAT(e.what(), testing::MatchesRegex(
+                              "inhibitor comes back as fast as light takes it: 10 mJ/cm³ a second, "
+                              "and the part's voxel [12][0-9], [12][0-9] in slice 0 gets [0-9.]+ "
+                              "where all pixels are at their brightest; expected more light"));
   }
 }
 

@@ -54,6 +54,15 @@ std::string in_words(const PrintFigures& f) {
   return text + "\n";
 }
 
+/// The figures, an object, with those of the surface behind them.
+std::string with_surface(std::string json, const tomo::SurfaceFigures& surface) {
+  if (surface.voxels == 0) return json;
+  const nlohmann::ordered_json j = {
+      {"voxels", surface.voxels}, {"mean_um", surface.mean_um}, {"rms_um", surface.rms_um}};
+  json.erase(json.find_last_not_of(" \n", json.rfind('}') - 1) + 1);
+  return json + ",\n  \"surface\": " + j.dump() + "\n}";
+}
+
 int tell(const PrintFigures& figures, const std::string& json, Console& console,
          const tomo::SurfaceFigures& surface = {}) {
   std::string words = in_words(figures);
@@ -64,12 +73,7 @@ int tell(const PrintFigures& figures, const std::string& json, Console& console,
   if (json.empty()) {
     print_result(words);
   } else {
-    auto j = nlohmann::ordered_json::parse(figures.to_json());
-    if (surface.voxels > 0) {
-      j["surface"] = {
-          {"voxels", surface.voxels}, {"mean_um", surface.mean_um}, {"rms_um", surface.rms_um}};
-    }
-    print_or_write(json, j.dump(2));
+    print_or_write(json, with_surface(figures.to_json(), surface));
     console.say(words);
   }
   return figures.feasible() ? kDone : kMissed;

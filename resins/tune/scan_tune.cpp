@@ -37,6 +37,8 @@ constexpr double kDifferenceStep = 0.2;
 constexpr double kLeastNoise_mm = 5e-4;
 /// To which surfaces are known where they move by less, mm: vertices are rounded to a thousandth of a layer.
 constexpr double kRounding_mm = 3e-4;
+/// Of a predicted surface: what is more is taken at every second pixel (third, ...), where walls are rougher.
+constexpr double kMostTriangles = 5e6;
 constexpr std::size_t kMostUnexplained = 5;
 /// A cube of fewer points says nothing of itself.
 constexpr std::size_t kLeastInCube = 8;
@@ -117,7 +119,14 @@ class ScanFit {
  private:
   void add(const PrintScan& p, std::size_t most) {
     ScannedPrint print{p.shown, {}, {}, {}, {}, 0, 0, 1};
-    print.reduce = size_of_solid(*p.shown, models_of(*p.shown, setup_), quiet_).reduction(1e6);
+    print.reduce =
+        size_of_solid(*p.shown, models_of(*p.shown, setup_), quiet_).reduction(kMostTriangles);
+    if (print.reduce > 1) {
+      context_.tell(fmt::format(
+          "what is predicted to print is taken at one pixel in {} along x and y: walls are known "
+          "to as much",
+          print.reduce));
+    }
     const PredictedSurface now = predicted(print, TuneVector{});
     print.registration = register_scan(*p.scan, now.mesh, *now.distance, quiet_);
     print.reach = 1e-3 * print.registration.reach_um;

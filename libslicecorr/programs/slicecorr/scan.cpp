@@ -24,14 +24,14 @@ struct Surface3d {
   MeshDistance distance;
 };
 
-/// The mesh of what a stack prints, with two million triangles at most.
+/// The mesh of what a stack prints, with five million triangles at most.
 TriangleMesh predicted_mesh(const StackReader& stack, const Setup& setup,
                             const ExecutionContext& context) {
   const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(), stack.frame());
   const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
   const SliceSource& shown = exposures ? *exposures : stack;
   SolidOptions options;
-  options.reduce = size_of_solid(shown, models, context).reduction(2e6);
+  options.reduce = size_of_solid(shown, models, context).reduction(5e6);
   if (options.reduce > 1) {
     context.tell(fmt::format(
         "what was predicted to print is taken at one pixel in {} along x and y", options.reduce));

@@ -45,8 +45,6 @@ INSTANTIATE_TEST_SUITE_P(Kinds, MachinePeers, testing::ValuesIn(peer_kinds()), [
   return name;
 });
 
-MachineState state_of(MachineRoom& room) { return room.look().status.state; }
-
 TEST_P(MachinePeers, APrintFromItsFileToItsEnd) {
   MachineRoomOfTest made(GetParam(), {"layer-s=0.05", "split", "floats", "ignore-ping"});
   MachineRoom room = made.room();

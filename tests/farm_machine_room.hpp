@@ -92,4 +92,6 @@ class MachineRoomOfTest {
 
 inline constexpr farm::StartWords kBothWords{true, true};
 
+inline farm::MachineState state_of(farm::MachineRoom& room) { return room.look().status.state; }
+
 }  // namespace slicecorr::test

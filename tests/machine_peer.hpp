@@ -53,6 +53,7 @@ class MachinePeer {
     const nlohmann::json ports = answer();
     port = ports.value("port", 0);
     udp = ports.value("udp", 0);
+    mdns = ports.value("mdns", 0);
   }
   ~MachinePeer() {
     ::close(to_);
@@ -79,7 +80,7 @@ class MachinePeer {
   }
   int begun() { return log().value("begun", -1); }
 
-  int port = 0, udp = 0;
+  int port = 0, udp = 0, mdns = 0;
 
  private:
   nlohmann::json answer() {

@@ -6,8 +6,9 @@ what it tests, and is strict where machines are. Usage: machine_peer.py KIND [--
 
 KIND is sdcp3, sdcp1, prusalink, prusalink-v1, octoprint, nanodlp or odyssey. Listens on 127.0.0.1 and prints one line of JSON
 with its ports. Each line on stdin is a command: `log` prints all that happened as JSON; `trap NAME[=VALUE]` and
-`untrap NAME` change what goes wrong; `finish` ends the print; `power` forgets the print and closes all connections. It
-ends with its stdin."""
+`untrap NAME` change what goes wrong; `finish` ends the print; `print NAME` begins one, as somebody at the machine; `power`
+forgets the print and closes all connections. With the trap `announce` it answers mDNS, at the port `mdns`. It ends with its
+stdin."""
 
 import asyncio
 import base64
@@ -429,6 +430,25 @@ async def main():
         transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
             lambda: Datagrams(machine), local_addr=("127.0.0.1", 0))
         ports["udp"] = transport.get_extra_info("sockname")[1]
+    if machine.trap("announce"):
+        import machine_peer_mdns as mdns
+        machine.name = f"Größe. {os.getpid()}"
+        texts = ["path=/", "Model=SL1S", "vendor=Prusa Research", "version=1.8"] if kind.startswith("prusalink") else ["path=/"]
+        alone, all_ = mdns.sockets()
+
+        def asked(one):
+            data, sender = one.recvfrom(9000)
+            machine.note("mdns", hex=data.hex(), everybody=one is all_)
+            try:
+                told = mdns.answer(data, machine, ports["port"], texts)
+            except (IndexError, struct.error):
+                return
+            if told:
+                alone.sendto(told, sender)
+
+        for each in (alone, all_):
+            asyncio.get_running_loop().add_reader(each, asked, each)
+        ports["mdns"] = alone.getsockname()[1]
     print(json.dumps(ports), flush=True)
     stdin = asyncio.StreamReader()
     await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(stdin), sys.stdin)
@@ -445,6 +465,8 @@ async def main():
             machine.traps.pop(rest[0], None)
         elif word == "finish" and machine.print:
             machine.end("finished")
+        elif word == "print":
+            machine.begin(rest[0])
         elif word == "power":
             machine.power()
         print(json.dumps({"done": word}), flush=True)

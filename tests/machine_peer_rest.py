@@ -8,13 +8,22 @@ import hashlib
 import json
 import re
 import secrets
+import struct
 import time
 import urllib.parse
+import zlib
 
 import machine_peer_http as peer_http
 
 KEY = "abcdefgh"
 USES = 30
+
+
+def picture():
+    """A PNG of 2 x 2 grey pixels."""
+    chunk = lambda kind, data: struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 2, 2, 8, 0, 0, 0, 0)) +
+            chunk(b"IDAT", zlib.compress(b"\0\x10\x80\0\x80\xf0")) + chunk(b"IEND", b""))
 
 
 def quoted(header, name):
@@ -165,7 +174,10 @@ def make(kind, machine_class, traps):
             if path == "/api/v1/job":
                 if not p:
                     return peer_http.answer(writer, 204, b"")
-                return self.json(writer, {"id": 1, "file": {"name": p["name"], "display_name": "Größe"}})
+                return self.json(writer, {"id": 1, "file": {"name": p["name"], "display_name": "Größe",
+                                                            "refs": {"thumbnail": "/api/thumbnails/" + p["name"]}}})
+            if path.startswith("/api/thumbnails/"):
+                return peer_http.answer(writer, 200, picture(), "image/png")
             found = re.fullmatch(r"/api/v1/job/(\d+)(?:/(pause|resume))?", path)
             if found:
                 if not p or int(found.group(1)) != int(p["task"].split("-")[1]):
@@ -177,7 +189,8 @@ def make(kind, machine_class, traps):
                          "busy": False, "finished": bool(not p and self.last and self.last[1] == "finished")}
                 return self.json(writer, {"state": {"text": "Ä", "flags": flags}, "telemetry": {"tempUvLed": 30}})
             if path == "/api/job" and method == "GET":
-                job = {"file": {"name": p["name"], "path": p["name"], "layers": p["layers"]}} if p else {"file": None}
+                refs = {"thumbnailBig": "http://sl1.local/api/thumbnails/" + p["name"]} if p else {}
+                job = {"file": {"name": p["name"], "path": p["name"], "layers": p["layers"], "refs": refs}} if p else {"file": None}
                 return self.json(writer, {"job": job, "state": "x", "progress": {"completion": 0.5, "printTime": run, "printTimeLeft": left}})
             if path == "/api/job":
                 body = json.loads(await request.body(reader, writer, self))
@@ -300,6 +313,9 @@ def make(kind, machine_class, traps):
                 if not self.trap("junk"):
                     self.files[name] = data
                 return None if self.lost("upload", writer) else peer_http.answer(writer, 200, b"")
+            if path == "/file/thumbnail":
+                good = query.get("location") == "Local" and query.get("size") == "Large"
+                return peer_http.answer(writer, 200 if good else 404, picture() if good else b"", "image/png")
             if path == "/files":
                 listed = [{"file_data": {"path": n, "name": n, "file_size": len(d), "location_category": "Local"}, "layer_count": 5}
                           for n, d in self.files.items() if n.endswith(".sl1")]

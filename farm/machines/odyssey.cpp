@@ -95,6 +95,12 @@ class Odyssey final : public MachineAdapter {
     act("/print/start?file_path=" + path_segment(name) + "&location=Local", "the start");
     return true;
   }
+  std::string picture(const MachineStatus& status) override {
+    if (status.file.empty()) return {};
+    const HttpAnswer answer = http_.get("/file/thumbnail?file_path=" + path_segment(status.file) +
+                                        "&location=Local&size=Large");
+    return answer.ok() ? answer.body : "";
+  }
   void pause() override { act("/print/pause", "the pause"); }
   void resume() override { act("/print/resume", "going on"); }
   void stop() override { act("/print/cancel", "the stop"); }

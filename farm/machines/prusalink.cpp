@@ -85,6 +85,21 @@ class PrusaLink final : public MachineAdapter {
     check(answer, "the start");
     return true;
   }
+  std::string picture(const MachineStatus& status) override {
+    if (status.file.empty()) return {};
+    const HttpAnswer job = http_.get(v1() ? "/api/v1/job" : "/api/job");
+    if (job.status != 200) return {};
+    const Json json = json_of(job, http_.where());
+    const Json& file = member_of(v1() ? json : member_of(json, "job"), "file");
+    const Json& refs = member_of(file, "refs");
+    for (const char* name : {"thumbnail", "thumbnailBig", "thumbnailSmall"}) {
+      const std::string path = path_of(text_in(refs, name));
+      if (path.empty()) continue;
+      const HttpAnswer answer = http_.get(path);
+      return answer.ok() ? answer.body : "";
+    }
+    return {};
+  }
   void pause() override { control("pause"); }
   void resume() override { control("resume"); }
   void stop() override { control("cancel"); }
@@ -119,6 +134,21 @@ class PrusaLink final : public MachineAdapter {
       at = slash + 1;
     }
     return path;
+  }
+
+  /// The path of an address, whose host is what the machine believes to be called: it is asked where it
+  /// answers. Empty where it is none.
+  static std::string path_of(const std::string& address) {
+    const std::size_t scheme = address.find("://");
+    const std::size_t slash =
+        scheme == address.npos ? 0 : std::min(address.find('/', scheme + 3), address.size());
+    std::string path;
+    for (const char c : address.substr(slash)) {
+      // Names with spaces stand in some answers as they are; nothing else leaves the line.
+      const bool plain = c > ' ' && c < 0x7F;
+      path += plain ? std::string(1, c) : path_segment(std::string(1, c));
+    }
+    return path.starts_with('/') && path.size() < 1000 ? path : "";
   }
 
   static void read_times(const Json& from, const char* run, const char* left, MachineStatus& s) {
@@ -157,9 +187,8 @@ class PrusaLink final : public MachineAdapter {
     read_times(job, "time_printing", "time_remaining", s);
     const HttpAnswer more = http_.get("/api/v1/job");
     if (more.status == 200) {
-      const Json& file = member_of(json_of(more, http_.where()), "file");
-      const std::string name = shown_text(file, "name");
-      s.file = name;
+      const Json now = json_of(more, http_.where());
+      s.file = shown_text(member_of(now, "file"), "name");
     }
     return s;
   }

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "machines/record.hpp"
@@ -16,6 +17,8 @@
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/machines.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/stack_preview.hpp"
+#include "support/files/temporary.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/display_text.hpp"
@@ -51,6 +54,7 @@ struct MachineRoom::Parts {
     if (error) throw DeviceError(folder + ": can't be made: " + error.message());
     path = folder + "/" + machine.name + ".json";
     lock_path = folder + "/" + machine.name + ".lock";
+    picture_path = folder + "/" + machine.name + ".png";
   }
 
   MachineAdapter& ask() {
@@ -122,6 +126,8 @@ struct MachineRoom::Parts {
     return status;
   }
 
+  /// Keeps the picture in the file that was sent; none where it has none.
+  void keep_picture(const std::string& sent) const;
   void wait_until_listed(MachineRecord& record, const std::string& name, std::int64_t bytes);
   void ask_for_print(MachineRecord& record);
 
@@ -140,7 +146,7 @@ struct MachineRoom::Parts {
   MachineSpec machine;
   MachineTimes times;
   std::unique_ptr<MachineAdapter> adapter;
-  std::string path, lock_path;
+  std::string path, lock_path, picture_path;
 };
 
 MachineRoom::MachineRoom(const FarmFolder& folder, MachineSpec machine, MachineTimes times,
@@ -252,6 +258,46 @@ void MachineRoom::Parts::wait_until_listed(MachineRecord& record, const std::str
   }
 }
 
+void MachineRoom::Parts::keep_picture(const std::string& sent) const {
+  // Pictures are for people: what goes wrong with one spoils nothing.
+  try {
+    const std::vector<std::uint8_t> png = preview_png(sent);
+    slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(picture_path)};
+    std::ofstream file(part.path, std::ios::binary);
+    file.write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
+    file.close();
+    if (!file) throw DeviceError(picture_path + ": can't be written");
+    fs::rename(part.path, picture_path);
+    part.keep = true;
+  } catch (const std::exception&) {
+    std::error_code error;
+    fs::remove(picture_path, error);
+  }
+}
+
+std::string MachineRoom::picture(const MachineView& seen) {
+  Parts& p = *parts_;
+  const MachineRecord& record = seen.record;
+  const std::string& prints = seen.status.file;
+  const bool others = is_print(seen.status.state) && !prints.empty() &&
+                      !detail::same_file(prints, record.file) &&
+                      !detail::same_file(prints, record.print_file);
+  std::string text;
+  if (others) {
+    try {
+      text = p.ask().picture(seen.status);
+    } catch (const Error&) {
+      return {};
+    }
+  } else if (!record.file.empty()) {
+    std::ifstream file(p.picture_path, std::ios::binary);
+    text.resize(kMostPreviewBytes + 1);
+    file.read(text.data(), static_cast<std::streamsize>(text.size()));
+    text.resize(static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0)));
+  }
+  return is_preview_png({text.begin(), text.end()}) ? text : "";
+}
+
 std::string MachineRoom::send(const std::string& path, long long job,
                               const UploadProgress& progress) {
   Parts& p = *parts_;
@@ -279,6 +325,7 @@ std::string MachineRoom::send(const std::string& path, long long job,
   record.bytes = file.bytes;
   record.job = job;
   record.file_state = "uploading";
+  p.keep_picture(path);
   detail::write_record(p.path, record);
   try {
     record.file = p.ask().upload(file, progress);

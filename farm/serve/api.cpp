@@ -271,6 +271,12 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     query.end();
     return resin_curve(parts[3], response);
   }
+  if (what == "machines" && parts.size() > 3) {
+    query.end();
+    const std::string picture = machines_.picture(parts[3]);
+    if (picture.empty()) throw ApiError(404, "not_found", "the machine has no picture");
+    return send(response, 200, picture, "image/png");
+  }
   read_farm(what, asker, query, response);
 }
 

@@ -138,7 +138,18 @@ void MachineWatch::look_at_all() {
         return;  // the server stops
       }
       const bool silent = now.status.state == MachineState::unknown;
+      // What is on it is asked for its picture once.
+      const std::string what = now.record.file + '/' + now.record.sha256 + '/' +
+                               now.record.file_state + '/' +
+                               (is_print(now.status.state) ? now.status.file : std::string());
+      const bool other = !silent && what != w->picture_of;  // this thread alone writes it
+      const std::string picture = other ? w->room->picture(now) : std::string();
       const std::scoped_lock lock(mutex_);
+      if (other) {
+        w->picture = picture;
+        w->picture_of = what;
+        ++w->picture_number;
+      }
       w->silent = silent ? w->silent + 1 : 0;
       const bool troubled =
           w->silent >= kSilentLooks || (!silent && now.status.state == MachineState::failed);
@@ -236,6 +247,7 @@ Json MachineWatch::json_of(const std::string& name) {
   const Watched& w = machines_.at(name);
   Json json = slicecorr::detail::own_json<Json>(view_json(w.view));
   json["looked"] = w.looked;
+  json["picture"] = w.picture.empty() ? 0 : w.picture_number;
   const auto sending = sending_.find(name);
   if (sending != sending_.end()) {
     const Sending& s = sending->second;
@@ -243,6 +255,12 @@ Json MachineWatch::json_of(const std::string& name) {
                        {"all", s.all}, {"running", s.running}, {"message", s.message}};
   }
   return json;
+}
+
+std::string MachineWatch::picture(const std::string& name) {
+  const std::scoped_lock lock(mutex_);
+  const auto watched = machines_.find(name);
+  return watched == machines_.end() ? std::string() : watched->second.picture;
 }
 
 Json MachineWatch::list() {

@@ -40,6 +40,8 @@ class MachineWatch {
                              const nlohmann::ordered_json& body);
   /// Begins to send a job's stack.
   void send(const std::string& name, const Job& job);
+  /// A small picture, as PNG, of what is on the machine; empty without one.
+  std::string picture(const std::string& name);
   /// Metrics in Prometheus' text format; empty without machines.
   std::string metrics();
 
@@ -50,6 +52,9 @@ class MachineWatch {
     MachineView view;
     bool looked = false, troubled = false;
     int silent = 0;  ///< looks without an answer, in a row
+    /// Of what is on it, and of which file; the number says to pages when it is another one.
+    std::string picture, picture_of;
+    int picture_number = 0;
   };
   struct Sending {
     JobId job = 0;

@@ -57,6 +57,7 @@ constexpr Route kRoutes[] = {
     {"POST", "/api/v1/printers", Role::operate},
     {"GET", "/api/v1/bridges", Role::look},
     {"GET", "/api/v1/machines", Role::look},
+    {"GET", "/api/v1/machines/{name}/picture.png", Role::look},
     {"POST", "/api/v1/machines/{name}/{act}", Role::operate},
 };
 

@@ -129,7 +129,7 @@ int watch(const MachineCommand& o) {
 }
 
 int discover(const MachineCommand& o, cli::Console& console) {
-  const std::vector<FoundMachine> found = discover_machines(o.names, o.wait_s);
+  const std::vector<FoundMachine> found = discover_machines(o.names, o.wait_s, o.what);
   if (!o.json.empty()) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
     for (const FoundMachine& f : found) {
@@ -151,7 +151,9 @@ int discover(const MachineCommand& o, cli::Console& console) {
     rows.push_back({f.host, name_of(f.kind), f.name, f.model, f.id, f.firmware});
   }
   cli::print_result(text::table({"address", "kind", "name", "model", "id", "firmware"}, rows, 0));
-  console.say("only SDCP machines answer a call; others are added by their address");
+  console.say(
+      "SDCP machines answer a call, PrusaLink and OctoPrint announce themselves; others are added by "
+      "their address");
   return cli::kDone;
 }
 
@@ -289,9 +291,12 @@ void add_machine_commands(cli::Program& program) {
   using X = ExecutionContext;
   {
     const auto [o, app] =
-        command("discover", "Call for SDCP machines on this network",
+        command("discover", "Look for printers on this network: SDCP, PrusaLink, OctoPrint",
                 [](const C& c, const X&, cli::Console& s) { return discover(c, s); });
     app->add_option("HOST", o->names, "Ask these alone, as HOST or HOST:PORT [everybody]")
+        ->check(cli::value_is(cli::ValueKind::text));
+    app->add_option("--own-address", o->what,
+                    "Only in the network where this computer has this address [all]")
         ->check(cli::value_is(cli::ValueKind::text));
     app->add_option("--wait-s", o->wait_s, "How long to listen [3]")
         ->check(cli::number_in(0.1, 60));

@@ -9,6 +9,7 @@
 #include "fuzz.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/stack_preview.hpp"
 
 using namespace slicecorr;
 
@@ -28,6 +29,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         other =
             info.format != SLICECORR_FUZZ_FORMAT || 1.0 * g.width_px * g.height_px * g.layers > 4e6;
         if (other) return;
+        // Its picture is one, or there is none.
+        if (const auto png = preview_png(path); !png.empty() && !is_preview_png(png)) {
+          fuzz::fail("the picture is none");
+        }
         const StackReader stack(path, folder.path(), fuzz::one_thread(), {50, 50, 50});
         StackFile file(out);
         file.format = info.format;

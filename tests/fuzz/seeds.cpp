@@ -205,5 +205,17 @@ int main(int argc, char** argv) {
        "PUT /api/v1/parts/a.stl HTTP/1.1\r\nContent-Length: 5\r\n\r\nsolid"}) {
     write(folder / "server" / std::to_string(number++), to_bytes(request));
   }
+  // A name of the service, and of a printer of it: a PTR with an SRV and a TXT behind it.
+  const std::string service("\x0a_octoprint\x04_tcp\x05local\0", 23);
+  const auto record = [](const std::string& name, char kind, const std::string& data) {
+    return name + std::string("\0", 1) + kind + std::string("\x80\1\0\0\0\x0a\0", 7) +
+           static_cast<char>(data.size()) + data;
+  };
+  const std::string ptr = record(service, 0x0c, std::string("\3abc\xc0\x0c", 6));
+  write(folder / "mdns/0", to_bytes(std::string("\0\0\x84\0\0\0\0\1\0\0\0\0", 12) + ptr));
+  write(folder / "mdns/1",
+        to_bytes(std::string("\0\0\x84\0\0\0\0\1\0\0\0\2", 12) + ptr +
+                 record("\xc0\x2d", 0x21, std::string("\0\0\0\0\x13\x88\1h\0", 9)) +
+                 record("\xc0\x2d", 0x10, "\x09model=SL1\x0cvendor=Prusa")));
   return 0;
 }

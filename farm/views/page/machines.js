@@ -3,6 +3,17 @@
 const printing = new Set(['starting', 'printing', 'pausing', 'paused', 'resuming', 'stopping']);
 const atRest = new Set(['idle', 'stopped', 'finished']);
 let done = [];
+// Of each machine its picture and the picture's number; a picture is asked for once.
+const pictures = new Map();
+async function showPicture(m, image) {
+  let known = pictures.get(m.name);
+  if (!known || known.number !== m.picture) {
+    if (known) URL.revokeObjectURL(known.url);
+    known = {number: m.picture, url: await blobUrl('api/v1/machines/' + encodeURIComponent(m.name) + '/picture.png')};
+    pictures.set(m.name, known);
+  }
+  image.src = known.url;
+}
 
 async function act(name, what, body) {
   calm();
@@ -19,9 +30,18 @@ function boxed(words) {
 
 function words(m) {
   const list = [m.state + (m.phase ? ' (' + m.phase + ')' : '')];
-  if (printing.has(m.state) && m.layers) list.push('layer ' + count(m.layer || 0) + ' of ' + count(m.layers));
+  if (printing.has(m.state) && m.layers) {
+    // Some printers never say at which layer they are.
+    list.push(m.layer === null ? count(m.layers) + ' layers' : 'layer ' + count(m.layer) + ' of ' + count(m.layers));
+  }
   if (printing.has(m.state) && m.left_s !== null) list.push(duration(m.left_s) + ' left');
   return list.join(' · ');
+}
+
+// From 0 to 1, by layers or else by time; null where the printer says neither.
+function partDone(m) {
+  if (m.layers && m.layer !== null) return Math.min(1, m.layer / m.layers);
+  return m.left_s !== null && m.run_s !== null && m.run_s + m.left_s > 0 ? m.run_s / (m.run_s + m.left_s) : null;
 }
 
 function controls(m, box) {
@@ -52,7 +72,14 @@ function card(m) {
   box.dataset.machine = m.name;
   box.setAttribute('aria-label', m.name);
   box.append(title);
-  if (printing.has(m.state) && m.layers) box.append(bar(Math.min(1, (m.layer || 0) / m.layers), words(m)));
+  if (m.picture) {
+    const image = el('img', undefined, 'on-machine');
+    image.alt = 'Picture of ' + (printing.has(m.state) && m.file ? m.file : r.real_name || r.file);
+    showPicture(m, image).catch(() => image.remove());
+    box.append(image);
+  }
+  const part = partDone(m);
+  if (printing.has(m.state) && part !== null) box.append(bar(part, words(m)));
   else box.append(el('p', m.looked ? words(m) : 'not asked yet'));
   if (m.trouble) box.append(el('p', m.trouble, 'holds'));
   const s = m.sending, sending = !s ? '' : s.running ? 'job ' + s.job + ' ' + s.name + ', ' + bytes(s.done) + ' of ' + bytes(s.all)
@@ -86,7 +113,7 @@ async function look() {
   // What somebody ticks or chooses stays while machines are looked at again.
   for (const m of answer.machines) {
     const old = [...list.children].find((c) => c.dataset.machine === m.name);
-    const state = m.state + m.record.plate_full + m.record.file + m.record.file_state;
+    const state = m.state + m.record.plate_full + m.record.file + m.record.file_state + m.picture;
     const touched = old && (old.contains(document.activeElement) || old.querySelector('input:checked'));
     if (touched && old.dataset.state === state) continue;
     const fresh = card(m);

@@ -134,6 +134,9 @@ class ArchiveFormat {
   /// formats add the pieces of the whole file, with its layers, and give no names.
   virtual std::vector<std::string> write(const ArchiveRequest& request,
                                          ContainerOutput& output) const = 0;
+  /// The picture of the part for people to choose by, as PNG, whoever wrote it; empty without one. Of
+  /// archives with entries the first entry of a name that programs use for it. Throws `InputError`.
+  virtual std::vector<std::uint8_t> preview(const Container& archive) const;
 };
 
 /// All formats, in the order in which they are tried.

@@ -271,6 +271,15 @@ std::vector<std::uint8_t> rgb565_bytes(const GreyImage& preview, int width_px, i
   return bytes;
 }
 
+std::uint8_t grey_of_rgb565(std::uint32_t word) {
+  // Weights of BT.601 in thousandths; the most that each colour can be is 31, 63 and 31.
+  constexpr std::uint32_t red = 299, green = 587, blue = 114, five = 31, six = 63;
+  const std::uint32_t sum = red * 255 * (word >> 11 & five) / five +
+                            green * 255 * (word >> 5 & six) / six +
+                            blue * 255 * (word & five) / five;
+  return static_cast<std::uint8_t>((sum + 500) / 1000);
+}
+
 std::vector<double> layer_times(const StackInfo& info) {
   std::vector<double> times_s;
   times_s.reserve(static_cast<std::size_t>(info.grid.layers));

@@ -130,6 +130,8 @@ void check_spans(const BinaryFile& file, std::vector<NamedSpan> spans);
 std::vector<std::uint16_t> rgb565_preview(const GreyImage& preview, int width_px, int height_px);
 /// The same as bytes, highest first, row by row.
 std::vector<std::uint8_t> rgb565_bytes(const GreyImage& preview, int width_px, int height_px);
+/// The brightness of a pixel of RGB565, by the weights of red, green and blue that eyes have.
+std::uint8_t grey_of_rgb565(std::uint32_t word);
 
 /// Times of the layers of the stack that is written, s.
 std::vector<double> layer_times(const StackInfo& info);

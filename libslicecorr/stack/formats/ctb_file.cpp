@@ -290,10 +290,33 @@ CtbFile read_ctb(const BinaryFile& file, CtbFamily family) {
   return ctb;
 }
 
+namespace {
+/// Of a preview's words: more of the same follow, as many as the next word says beside its mark.
+constexpr std::uint16_t kPreviewRepeated = 0x20;
+constexpr std::size_t kPreviewMostMore = 0xfff;
+}  // namespace
+
+GreyImage decode_ctb_preview(const BinaryFile& file, const CtbPreview& preview) {
+  const BinaryBlock code(file, preview.data_offset, preview.data_bytes, "preview's pixels");
+  GreyImage image{static_cast<int>(preview.head.u32(0)), static_cast<int>(preview.head.u32(4)), {}};
+  const std::size_t all =
+      static_cast<std::size_t>(image.width_px) * static_cast<std::size_t>(image.height_px);
+  for (std::size_t at = 0; at + 2 <= code.size() && image.pixels.size() < all; at += 2) {
+    const std::uint16_t word = code.u16(at);
+    std::size_t n = 1;
+    if ((word & kPreviewRepeated) != 0 && at + 4 <= code.size()) {
+      at += 2;
+      n += code.u16(at) & kPreviewMostMore;
+    }
+    const std::uint8_t grey = grey_of_rgb565(word & ~std::uint32_t{kPreviewRepeated});
+    image.pixels.resize(std::min(all, image.pixels.size() + n), grey);
+  }
+  image.pixels.resize(all, 0);
+  return image;
+}
+
 std::vector<std::uint8_t> encode_ctb_preview(const GreyImage& preview, int width_px,
                                              int height_px) {
-  constexpr std::uint16_t repeated = 0x20;
-  constexpr std::size_t most_more = 0xfff;
   std::vector<std::uint8_t> out;
   const auto put = [&](unsigned word) {
     out.push_back(static_cast<std::uint8_t>(word));
@@ -302,12 +325,12 @@ std::vector<std::uint8_t> encode_ctb_preview(const GreyImage& preview, int width
   const std::vector<std::uint16_t> words = rgb565_preview(preview, width_px, height_px);
   for (std::size_t i = 0; i < words.size();) {
     std::size_t n = 1;
-    while (i + n < words.size() && words[i + n] == words[i] && n <= most_more) ++n;
-    const unsigned word = words[i] & ~unsigned{repeated};
+    while (i + n < words.size() && words[i + n] == words[i] && n <= kPreviewMostMore) ++n;
+    const unsigned word = words[i] & ~unsigned{kPreviewRepeated};
     if (n == 1) {
       put(word);
     } else {
-      put(word | repeated);
+      put(word | kPreviewRepeated);
       put(0x3000 | static_cast<unsigned>(n - 1));
     }
     i += n;

@@ -75,6 +75,8 @@ CtbFile read_ctb(const BinaryFile& file, CtbFamily family);
 /// Previews of CTB's kind: words of RGB565, of which the lowest bit of green says that a count of more
 /// of the same follows.
 std::vector<std::uint8_t> encode_ctb_preview(const GreyImage& preview, int width_px, int height_px);
+/// The picture of such code; what the code does not reach stays black.
+GreyImage decode_ctb_preview(const BinaryFile& file, const CtbPreview& preview);
 
 /// Another version of a file with what a request says: `change_ctb` in place, `write_new_ctb` anew.
 void change_ctb(const ArchiveRequest& request, CtbFamily family, BinaryOutput& output);

@@ -286,6 +286,11 @@ class Ctb final : public ArchiveFormat {
     const auto& magics = words_of(family_).magics;
     return std::find(magics.begin(), magics.end(), magic) != magics.end();
   }
+  std::vector<std::uint8_t> preview(const Container& archive) const override {
+    const CtbFile ctb = read_ctb(binary_file(archive), family_);
+    if (ctb.previews.empty()) return {};
+    return encode_png(decode_ctb_preview(binary_file(archive), ctb.previews.front()));
+  }
   ArchiveContents read(const Container& archive) const override {
     return read_family(binary_file(archive), family_);
   }

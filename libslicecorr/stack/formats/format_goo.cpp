@@ -401,6 +401,17 @@ class Goo final : public ArchiveFormat {
     return std::string_view(reinterpret_cast<const char*>(start.data()), start.size()) == kStart;
   }
 
+  std::vector<std::uint8_t> preview(const Container& archive) const override {
+    const auto side = static_cast<std::size_t>(kLargePx);
+    const BinaryBlock large(binary_file(archive), kLarge, 2 * side * side, "large preview",
+                            ByteOrder::big);
+    GreyImage image{kLargePx, kLargePx, std::vector<std::uint8_t>(side * side)};
+    for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+      image.pixels[i] = grey_of_rgb565(large.u16(2 * i));
+    }
+    return encode_png(image);
+  }
+
   ArchiveContents read(const Container& archive) const override {
     const BinaryFile& file = binary_file(archive);
     const GooFile goo = read_goo(file);

@@ -177,6 +177,11 @@ class MachineAdapter {
   virtual void pause() = 0;
   virtual void resume() = 0;
   virtual void stop() = 0;
+  /// A small picture of the file that it prints, as PNG, where it has one; else empty. Unchecked.
+  virtual std::string picture(const MachineStatus& status) {
+    static_cast<void>(status);
+    return {};
+  }
   /// How a print of this machine's own ended, `finished`, `stopped` or `failed`, where it can be asked.
   virtual std::optional<MachineState> ended(const std::string& task) {
     static_cast<void>(task);
@@ -256,6 +261,10 @@ class MachineRoom {
   void stop();
   /// Somebody looked: the plate is empty. Refused while a print is on.
   void cleared();
+  /// A small picture, as PNG, of what is on the machine: of the file that this farm sent last, from the
+  /// file itself, unless the machine prints another, then the machine's own. Empty where there is
+  /// none. `seen`: as it was looked at last.
+  std::string picture(const MachineView& seen);
 
  private:
   struct Parts;
@@ -267,8 +276,11 @@ struct FoundMachine {
   MachineKind kind = MachineKind::sdcp3;
   std::string host, name, model, id, version, firmware;
 };
-/// Asks for SDCP machines by UDP: `hosts` ("HOST" or "HOST:PORT"), or all that a broadcast reaches
-/// where there are none. Listens for `wait_s`. Throws `DeviceError` where there is no network.
-std::vector<FoundMachine> discover_machines(const std::vector<std::string>& hosts, double wait_s);
+/// Asks for SDCP machines, and for PrusaLink and OctoPrint, which announce themselves (mDNS), by UDP:
+/// `hosts` ("HOST" or "HOST:PORT"; groups, too), or all that a broadcast and mDNS's group reach where
+/// there are none; only in the network where this computer has `own_address`, unless that is empty.
+/// Listens for `wait_s`. Throws `DeviceError` where there is no network.
+std::vector<FoundMachine> discover_machines(const std::vector<std::string>& hosts, double wait_s,
+                                            const std::string& own_address = {});
 
 }  // namespace slicecorr::farm

@@ -17,6 +17,8 @@ constexpr double kWithoutEnd = std::numeric_limits<double>::infinity();
 constexpr double kMargin = 1e-4;
 /// Rounds in which `high` is raised where rays miss something, and by how much of that.
 constexpr int kRounds = 12;
+/// The same with the weights of a prover, which takes longer.
+constexpr int kProverRounds = 4;
 constexpr float kRaise = 10;
 
 /// What a bound is made of, fields of a block.
@@ -142,11 +144,11 @@ class BlockBounds {
 
 /// Raises `high` round by round.
 BlockBounds found_in(const Projector& projector, std::size_t block, Witness witness,
-                     const ExecutionContext& context) {
+                     const ExecutionContext& context, int rounds = kRounds) {
   BlockBounds bounds(projector, block, std::move(witness), context);
   for (int round = 0;; ++round) {
     bounds.look();
-    if (round == kRounds) return bounds;
+    if (round == rounds) return bounds;
     bounds.raise();
   }
 }
@@ -191,9 +193,7 @@ std::vector<double> proven_bounds(const ExecutionContext& context, const Project
   if (shape.coupled) {
     Witness witness = witness_of(cells.kinds, dose, rung);
     witness.high = found_in(projector, 0, witness, context).best();
-    BlockBounds bounds(prover, 0, std::move(witness), context);
-    bounds.look();
-    return bounds.bounds();
+    return found_in(prover, 0, std::move(witness), context, kProverRounds).bounds();
   }
   Array<float> high(shape.field());
   each_block(
@@ -214,10 +214,10 @@ std::vector<double> proven_bounds(const ExecutionContext& context, const Project
              [&](const PackedSlices& packed, std::size_t b, const ExecutionContext& inside) {
                Witness witness = witness_of(packed.take(b, kinds), packed.take(b, doses), rung);
                witness.high = packed.take(b, high);
-               BlockBounds bounds(packed.projector(), b, std::move(witness), inside);
-               bounds.look();
                const std::vector<int> lanes = packed.of_block(b);
-               const std::vector<double> found = bounds.bounds();
+               const std::vector<double> found =
+                   found_in(packed.projector(), b, std::move(witness), inside, kProverRounds)
+                       .bounds();
                for (std::size_t l = 0; l < lanes.size(); ++l) all[lanes[l]] = found[l];
              });
   return all;

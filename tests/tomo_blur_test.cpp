@@ -303,6 +303,24 @@ TEST(TomoBath, FilesSayIt) {
   refused(vial + "[bath]\nwindow_mm = 20\n", "refractive index");
   refused(vial + "n_outside = 1.3\n[bath]\nwindow_mm = 20\nn = 1.4\n", "n_outside");
   refused(vial + "shape = \"square\"\n", "not counted");
+  const auto printer_with = [&](const std::string& after, const std::string& line) {
+    std::string text = head + vial;
+    text.replace(text.find(after) + after.size(), 0, "\n" + line);
+    EXPECT_THAT(refusal([&] { parse_printer(text, "tank.toml"); }),
+                testing::AllOf(testing::HasSubstr("not counted"),
+                               testing::HasSubstr(line.substr(0, line.find(' ')))));
+  };
+  printer_with("distance_mm = 60", "focus_mm = 2");
+  printer_with("distance_mm = 60", "window_mm = 20");
+  printer_with("deg_s = 10", "lit_share = 0.5");
+  const std::string resin =
+      "name = \"gel\"\n[cure]\nmodel = \"jacobs\"\nm = 1.0\nabsorption_per_cm = 1\nn = 1.4\n"
+      "gel_dose_mj_cm3 = 20\n";
+  EXPECT_EQ(parse_resin(resin, "gel.toml").n, 1.4);
+  for (const char* key : {"extinction_per_cm", "albedo", "anisotropy"}) {
+    EXPECT_THAT(refusal([&] { parse_resin(resin + key + " = 0.9\n", "gel.toml"); }),
+                testing::AllOf(testing::HasSubstr("not counted"), testing::HasSubstr(key)));
+  }
 }
 
 TEST(TomoBlur, WhatIsNotCountedIsRefused) {

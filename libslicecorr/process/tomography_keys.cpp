@@ -23,6 +23,32 @@ namespace {
 /// Of heights and absorptions that mean the same: figures of three digits are off by so much.
 constexpr double kRounding = 0.005;
 
+/// A key that would change doses and is not counted, with what to do.
+struct Uncounted {
+  const char* key;
+  const char* words;
+};
+template <std::size_t N>
+void refuse(const TomlTable& table, const Uncounted (&keys)[N]) {
+  for (const Uncounted& u : keys) {
+    if (table.has(u.key)) table.fail(u.key, fmt::format("is not counted: {}", u.words));
+  }
+}
+constexpr Uncounted kOfOptics[] = {
+    {"focus_mm", "images are taken to be sharp on the plane of the axis; expected none"},
+    {"window_mm", "a window's place stands in [bath]; expected window_mm there"},
+    {"window_thick_mm", "a window's thickness stands in [bath]; expected wall_mm there"},
+    {"n_window", "a window's index stands in [bath]; expected n_wall there"}};
+constexpr Uncounted kOfRotation[] = {
+    {"lit_share", "frames are taken to be lit for the whole of their step; expected none"}};
+constexpr Uncounted kOfTurbidResin[] = {
+    {"extinction_per_cm",
+     "light that a resin sends far to the side or back is in no dose; expected what absorbs alone "
+     "(absorption_per_cm), and scatter_um2_per_um for what goes on forward"},
+    {"albedo", "light that a resin sends far to the side or back is in no dose; expected none"},
+    {"anisotropy",
+     "light that a resin sends far to the side or back is in no dose; expected none"}};
+
 double index(const TomlTable& table, const char* key, double fallback) {
   return table.number(key, 1, 3, true).value_or(fallback);
 }
@@ -59,6 +85,7 @@ Bath bath_of(const TomlTable& table) {
 }
 
 Optics optics_of(const TomlTable& table, const Printer& printer) {
+  refuse(table, kOfOptics);
   Optics optics;
   const std::string kind = table.text("kind", "");
   if (kind != "telecentric" && kind != "pinhole") {
@@ -133,6 +160,7 @@ std::vector<AxisWobble> wobble_of(const TomlTable& table, const std::string& fil
 }
 
 Rotation rotation_of(const TomlTable& table) {
+  refuse(table, kOfRotation);
   Rotation rotation;
   rotation.deg_s = table.required_number("deg_s", 0, 1e5);
   const std::string direction = table.text("direction", "");
@@ -183,6 +211,8 @@ LightKeys light_keys(const TomlTable& root, const TomlTable& cure) {
     }
     return root.has(key) ? root : cure;
   };
+  refuse(root, kOfTurbidResin);
+  refuse(cure, kOfTurbidResin);
   LightKeys keys;
   const TomlTable& absorption_at = home("absorption_per_cm");
   const auto absorption = absorption_at.number("absorption_per_cm", 0, 1e6);

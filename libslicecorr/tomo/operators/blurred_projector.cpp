@@ -35,13 +35,15 @@ std::vector<float> numbers_of(double variance) {
   const double sigma = std::sqrt(variance - kBox);
   const int reach = static_cast<int>(std::ceil(kSpreadReachSigmas * sigma + 0.5));
   std::vector<double> all;
+  all.reserve(static_cast<std::size_t>(reach) + 1);
   double sum = 0;
   for (int k = 0; k <= reach; ++k) {
     all.push_back(below((k + 0.5) / sigma) - below((k - 0.5) / sigma));
     sum += k == 0 ? all.back() : 2 * all.back();
   }
-  std::vector<float> numbers;
-  for (const double v : all) numbers.push_back(static_cast<float>(v / sum));
+  std::vector<float> numbers(all.size());
+  std::transform(all.begin(), all.end(), numbers.begin(),
+                 [&](double v) { return static_cast<float>(v / sum); });
   return numbers;
 }
 

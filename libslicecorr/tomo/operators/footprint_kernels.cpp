@@ -84,7 +84,8 @@ SLICECORR_CLONES
 void places_of(const VoxelColumn& v, float* parts) {
   float* to = parts;
   for (const int p : {RayMapPart::column, RayMapPart::row, RayMapPart::light}) {
-    const float* const from = v.parts + p * v.heights;
+    const float* const from =
+        v.parts + static_cast<std::ptrdiff_t>(p) * static_cast<std::ptrdiff_t>(v.heights);
     for (int z = 0; z < v.slices; ++z) {
       const float low = from[v.height[z]], high = from[v.height[z] + 1];
       to[z] = low + v.above[z] * (high - low);
@@ -99,7 +100,8 @@ void make_footprints(const VoxelColumn& v, int most_across, int most_up, Footpri
   places_of(v, out.parts.data());
   // How wide voxels are in pixels hardly changes along z: as in the middle.
   const auto middle = [&](int part) {
-    const float* const of = v.parts + part * v.heights;
+    const float* const of =
+        v.parts + static_cast<std::ptrdiff_t>(part) * static_cast<std::ptrdiff_t>(v.heights);
     return 0.5F * (of[(v.heights - 1) / 2] + of[v.heights / 2]);
   };
   const float along = middle(RayMapPart::along), up = middle(RayMapPart::up),

@@ -48,6 +48,7 @@ class RaySearchProjector final : public Projector {
     of_rows_ = std::make_unique<NodeTable>(rows_, std::vector<double>(n, up),
                                            std::vector<double>(n, tilted));
     std::vector<double> angles_rad;
+    angles_rad.reserve(static_cast<std::size_t>(cells_.count()));
     for (int k = 0; k < cells_.count(); ++k) angles_rad.push_back(cells_.angle_rad(k));
     of_columns_ = std::make_unique<DirectionTables>(columns_, side, angles_rad);
   }

@@ -47,6 +47,7 @@ class SearchProjector final : public Projector {
                             2 * apart_mm / grid.pixel_mm, std::sqrt(2.0) * step};
     const NodeRow row = nodes_between(grid.pixels, places, {optics.lit, 0});
     std::vector<double> angles_rad;
+    angles_rad.reserve(static_cast<std::size_t>(directions_.count()));
     for (int a = 0; a < directions_.count(); ++a) {
       angles_rad.push_back(2 * std::numbers::pi * a / directions_.count());
     }

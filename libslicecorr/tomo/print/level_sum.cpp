@@ -136,6 +136,8 @@ class LevelSum final : public DirectSum {
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
     std::vector<std::uint64_t> hidden(level_.words());
     const int count = schedule_.cells() * directions_;
+    // Elsewhere it does not matter where the stage stands.
+    const bool by_stage = by_frame || bench_.places.moved() || bench_.places.uneven();
     const double first_mm =
         pixel_x_mm(printer_, bench_.window.first_column) * printer_.vial->n_outside / n_;
     const double cell_rad = 2 * std::numbers::pi / schedule_.cells();
@@ -149,13 +151,17 @@ class LevelSum final : public DirectSum {
       const double place = (t - first_mm) / g.pixel_mm, reach = boxes.reach();
       const bool shaded = level_.hides(column, row_of_voxels, s, -c, hidden);
       // Piece by piece of the voxel, as columns cut it.
-      double edge = place - reach, before = 0;
+      double edge = place - reach, before = 0, turned = across_.at(edge).turn_rad;
       while (edge < place + reach - 1e-9) {
         double next = std::min(place + reach, next_edge(edge));
         // Pieces whose light is turned by more than a direction's width are cut again.
-        const double turns = std::abs(across_.at(next).turn_rad - across_.at(edge).turn_rad);
-        const double cuts = std::ceil(turns / cell_rad * directions_ - 1e-6);
-        if (cuts > 1) next = std::min(next, edge + (next - edge) / std::min(cuts, 16.0));
+        double turned_next = across_.at(next).turn_rad;
+        const double cuts =
+            std::ceil(std::abs(turned_next - turned) / cell_rad * directions_ - 1e-6);
+        if (cuts > 1) {
+          next = std::min(next, edge + (next - edge) / std::min(cuts, 16.0));
+          turned_next = across_.at(next).turn_rad;
+        }
         const double up_to = next >= place + reach ? 1 : boxes.below(next - place);
         const double middle = (edge + next) / 2;
         const LevelLight::At from = across_.at(middle);
@@ -175,7 +181,7 @@ class LevelSum final : public DirectSum {
           each_cell(in_cells - from.turn_rad / cell_rad, 1.0 / directions_, 0,
                     [&](long cell, double of_cell) {
                       for (const Schedule::Part& part : schedule_.at(cell)) {
-                        const int stage = judged_.angle_near(cell);
+                        const int stage = by_stage ? judged_.angle_near(cell) : 0;
                         add(part.angle, stage, middle, share * of_cell * part.exposed_s,
                             shaded ? &hidden : nullptr,
                             sum.data() + (by_frame ? judged_.frame_at(stage) *
@@ -186,6 +192,7 @@ class LevelSum final : public DirectSum {
         }
         before = std::max(before, up_to);
         edge = next;
+        turned = turned_next;
       }
     }
   }

@@ -29,7 +29,7 @@ void steady_shares(const SteadyDirection* directions, int count, const SteadyVox
   if (voxel.lit < 1) {
     const double gap = (1 - voxel.lit) / 2, by_lit = 1 / voxel.lit;
     for (int tap = 0; tap < taps; ++tap) {
-      double* const to = shares + tap * kSteadyAtOnce;
+      double* const to = shares + static_cast<std::ptrdiff_t>(tap) * kSteadyAtOnce;
       for (int k = 0; k < count; ++k) {
         const double end = edge[k] + static_cast<double>(tap);
         to[k] = (directions[k].boxes.below(end - gap, half_c[k], by_c[k]) -
@@ -40,7 +40,7 @@ void steady_shares(const SteadyDirection* directions, int count, const SteadyVox
     return;
   }
   for (int tap = 0; tap < taps; ++tap) {
-    double* const to = shares + tap * kSteadyAtOnce;
+    double* const to = shares + static_cast<std::ptrdiff_t>(tap) * kSteadyAtOnce;
     for (int k = 0; k < count; ++k) {
       const double up_to =
           directions[k].boxes.below(edge[k] + static_cast<double>(tap), half_c[k], by_c[k]);

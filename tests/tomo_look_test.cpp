@@ -144,7 +144,7 @@ TEST_F(TomoLook, ReconstructsWhatTakesLight) {
   photograph("before", 0, turns, 0);
   photograph("now", 1, turns, 0);
   LookOptions options = at(turns);
-  options.steps = 200;
+  options.steps = 100;
   const Look look = look_at(*job_, *dose_, options);
   double sum = 0;
   for (int y = 12; y < 21; ++y) sum += look.seen.values[look.seen.at(1, y, 10)] / 9;

@@ -55,9 +55,10 @@ class Bridge final : public MachineAdapter {
     const std::string fault = text_in(json, "fault");
     if (!fault.empty() && fault != "none") s.trouble = fault + ": " + shown_text(json, "detail");
     if (!running) {
-      s.state = phase == "done"      ? MachineState::finished
-                : !s.trouble.empty() ? MachineState::failed
-                                     : MachineState::idle;
+      s.state = phase == "done"              ? MachineState::finished
+                : fault == "stopped_by_user" ? MachineState::stopped
+                : !s.trouble.empty()         ? MachineState::failed
+                                             : MachineState::idle;
       return s;
     }
     s.state = phase == "pausing"    ? MachineState::pausing

@@ -238,7 +238,7 @@ void MachineWatch::tell(const Watched& before, const MachineView& now, bool trou
 MachineSpec MachineWatch::spec_of(const std::string& name) const {
   const std::vector<MachineSpec> specs = answered(folder_, [&] { return read_machines(folder_); });
   for (const MachineSpec& m : specs) {
-    if (m.name == name && m.kind != MachineKind::bridge) return m;
+    if (m.name == name) return m;
   }
   throw ApiError(404, "machine", "there is no machine of this name");
 }
@@ -279,6 +279,11 @@ Json MachineWatch::act(const std::string& name, const std::string& what, const J
     throw ApiError(404, "not_found", "expected send, start, pause, resume, stop or cleared");
   }
   const MachineSpec machine = spec_of(name);
+  // What printbridge drives is started by its jobs (bridges.hpp), and steered as all others are.
+  const bool starts = what == "start" || what == "cleared";
+  if (machine.kind == MachineKind::bridge && starts) {
+    throw ApiError(404, "machine", "its prints are started by POST /api/v1/jobs/{id}/print");
+  }
   return answered(folder_, [&]() -> Json {
     MachineTimes times;
     times.cancel = &stopping_;
@@ -301,6 +306,9 @@ Json MachineWatch::act(const std::string& name, const std::string& what, const J
 
 void MachineWatch::send(const std::string& name, const Job& job) {
   const MachineSpec machine = spec_of(name);
+  if (machine.kind == MachineKind::bridge) {
+    throw ApiError(404, "machine", "its prints are started by POST /api/v1/jobs/{id}/print");
+  }
   const std::string path = answered(folder_, [&] { return stack_for(machine, job); });
   const std::scoped_lock lock(mutex_);
   Sending& s = sending_[name];

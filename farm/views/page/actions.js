@@ -53,6 +53,7 @@ function jobActions(j) {
       try {
         const r = await act(at + '/print', {bridge: which.value, dry_run: dry.checked, machine_is_clear: clear.checked});
         said.textContent = r.running ? 'It prints.' : 'Done.';
+        if (r.running) said.dataset.bridge = which.value;
       } catch (e) { said.textContent = ''; throw e; } finally { await bridges(); }
     }), said);
 }
@@ -64,13 +65,35 @@ function farmActions(o) {
     : button('Start no more jobs', () => act('api/v1/pause')));
 }
 
+// What a machine does: in words, and from 0 to 1 where it says so. A print that somebody started ends here, too.
+function bridgeWords(b) {
+  const s = b.state || {}, part = s.running && s.frames > 0 && s.frame >= 0 ? Math.min(1, s.frame / s.frames) : null;
+  const words = [String(s.phase || s.state || b.trouble || 'no print yet').replaceAll('_', ' ')];
+  if (part !== null) words.push(Math.floor(100 * part) + ' %', 'slice ' + count(s.frame) + ' of ' + count(s.frames));
+  if (s.running && s.left_s >= 0) words.push(duration(s.left_s) + ' left');
+  return {part, words: words.join(' · ')};
+}
+
 async function bridges() {
   bridgeList = (await read('api/v1/bridges')).bridges;
+  for (const said of document.querySelectorAll('[data-bridge]')) {
+    const b = bridgeList.find((x) => x.name === said.dataset.bridge), sent = b && b.sent;
+    if (!sent || sent.running) { if (b) said.textContent = 'It prints: ' + bridgeWords(b).words + '.'; continue; }
+    said.textContent = sent.exit_code === 0 ? 'The print ended well.' : 'The print ended: ' + sent.message;
+    delete said.dataset.bridge;
+  }
   $('machines').hidden = !bridgeList.length;
   $('bridges').replaceChildren(...bridgeList.map((b) => {
-    const box = el('p');
-    const state = b.state && (b.state.phase || b.state.state);
-    box.append(el('b', b.name), ' (' + b.printer + '): ' + (state ? String(state).replaceAll('_', ' ') : b.trouble || 'no print yet'));
+    const box = el('div'), now = bridgeWords(b);
+    box.dataset.machine = b.name;
+    box.append(el('b', b.name), ' (' + b.printer + '): ' + now.words);
+    if (now.part !== null) box.append(bar(now.part, now.words));
+    if (may('operate') && b.state && b.state.running) {
+      const at = 'api/v1/machines/' + encodeURIComponent(b.name) + '/', row = el('span', undefined, 'controls');
+      row.append(button('Stop', () => act(at + 'stop'), 'stop'));
+      row.append(b.state.phase === 'paused' ? button('Go on', () => act(at + 'resume')) : button('Pause', () => act(at + 'pause')));
+      box.append(row);
+    }
     if (b.sent) {
       box.append('; job ' + b.sent.job + ' ' + b.sent.name + (b.sent.by ? ', sent by ' + b.sent.by : '')
         + (b.sent.running ? ', prints' : b.sent.exit_code === 0 ? ', ended well' : ', ended: ' + b.sent.message));

@@ -369,10 +369,8 @@ std::string quiet_words(const PrintRecord& r, const std::string& title) {
     if (late || r.facts.layerwise || !(r.facts.max_late_um > 0)) return {};
     const double worst = most_of(r, [](const FrameRow& f) { return f.late_um; });
     if (!(worst <= r.facts.max_late_um / 2)) return {};
-    return title == "Lateness"
-               ? fmt::format("no frame came more than {} off its place, {} are borne",
-                             length(worst), length(r.facts.max_late_um))
-               : "no frame was late";
+    return fmt::format("no frame was late: at most {} off its place, {} are borne", length(worst),
+                       length(r.facts.max_late_um));
   }
   if (title == "Stage") {
     const double worst = std::fmax(most_of(r, [](const FrameRow& f) { return f.stage_error_um; }),

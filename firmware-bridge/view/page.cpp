@@ -365,7 +365,10 @@ std::string report_body(const PrintRecord& r) {
     for (const detail::Chart& c : charts) {
       (c.quiet.empty() ? figures : folded) +=
           scrolled(markup("<figure>{}</figure>", Markup::raw(c.svg)));
-      if (!c.quiet.empty()) quiet += (quiet.empty() ? "" : "; ") + c.quiet;
+      // Two charts of the same say it once.
+      if (!c.quiet.empty() && quiet.find(c.quiet) == std::string::npos) {
+        quiet += (quiet.empty() ? "" : "; ") + c.quiet;
+      }
     }
     if (!quiet.empty()) {
       quiet.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(quiet.front())));

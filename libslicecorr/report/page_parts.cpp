@@ -132,7 +132,7 @@ Markup feature_table(const std::string& words, const FeatureExamples& examples, 
   std::size_t listed = 0;
   for (const ExampleGroup& p : list) listed += static_cast<std::size_t>(p.last_x - p.first.x + 1);
   Table table({}, words, true);
-  table.columns("image columns", "row", "slices", "x, mm", "y, mm", "z, mm", "");
+  table.columns("image columns", "row", "slices", "x, mm", "y, mm", "z, mm", "look");
   for (const ExampleGroup& p : list) {
     const FeatureExample& e = p.first;
     const double x0 = e.x * grid.pixel_x_um * 1e-3, x1 = (p.last_x + 1) * grid.pixel_x_um * 1e-3;

@@ -405,6 +405,7 @@ TEST_F(TomoProgram, APinholeGoesAllTheWay) {
   // Blurred, with gaps between pixels, in a tank.
   text.replace(text.find("[blue]\n"), 7, "[blue]\nspread = [[80, 0.8], [300, 0.2]]\n");
   text.replace(text.find("bit_depth"), 0, "fill_factor = 0.8\n");
+  text.replace(text.find("n_outside = 1.0\n"), 16, "");
   text += "[bath]\nwindow_mm = 20\nn = 1.5\nwall_mm = 2\n";
   test::write_file(path("bench.toml"), test::to_bytes(text));
   auto words = solve("a.frames");

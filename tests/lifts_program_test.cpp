@@ -249,7 +249,10 @@ TEST_F(LiftsProgram, WhatIsNotCountedIsToldOrRefused) {
   refused({"--uncertain", "exchange=0.1", "--lifts", "none"}, {"layer by layer", "with lifts"});
   refused({"--uncertain", "exchange=0.2", "--lift-exchange", "0.1"}, {"0.1 at most"});
   refused({"--uncertain", "exchange=10%", "--lift-exchange", "0.5"}, {"exchange", "without %"});
-  refused({"--uncertain", "exchange=0.1", "--lift-exchange", "0.5", "--robust"}, {"robust"});
+  // Robust it goes with what holds at each lift, which has a fifth of its dose to spare.
+  good(Command{"correct", "target.uvj", "-o", "robust.uvj", "--uncertain", "exchange=0.1",
+               "--lift-exchange", "0.5", "--robust"} +
+       kWith);
   bad(2,
       {"correct", "target.uvj", "-o", "x.uvj", "--printer", "small.toml", "--resin", "plain.toml",
        "--speed-mm-h", "100", "--uncertain", "exchange=0.1"},

@@ -114,6 +114,10 @@ void check_printer(const StackInfo& info, const std::string& path, const Machine
     differs("its light is", made.flat_field ? "uneven in another way" : "even",
             here.flat_field ? "uneven" : "even");
   }
+  if (made.distortion != here.distortion) {
+    differs("its pixels land on", made.distortion ? "a grid bent in another way" : "an even grid",
+            here.distortion ? "a bent one" : "an even one");
+  }
   if (made.grey != here.grey) {
     const auto words = [](const Printer& p) {
       return p.grey == GreyLight::pulsed ? "full light for a share of the time" : "steady";

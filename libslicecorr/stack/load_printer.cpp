@@ -255,6 +255,11 @@ std::vector<DistortionPoint> read_marks(const std::string& path) {
 void take_distortion(const TomlTable& display, Printer& printer) {
   const std::string name = display.text("distortion", "");
   if (name.empty()) return;
+  if (printer.optics || printer.rotation) {
+    display.fail("distortion",
+                 "is not counted where a vial turns: calibrate the axis in its images ([rotation], "
+                 "[optics]; resinctl fit-optics); expected none");
+  }
   const std::string file = file_beside(display, "distortion", name);
   try {
     printer.distortion = fit_distortion(read_marks(file), printer);

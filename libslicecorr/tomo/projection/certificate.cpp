@@ -210,16 +210,16 @@ std::vector<double> proven_bounds(const ExecutionContext& context, const Project
   const Array<float> doses = in_lanes(shape, prover.shape(), dose);
   high = in_lanes(shape, prover.shape(), high);
   std::vector<double> all(static_cast<std::size_t>(shape.slices), kWithoutEnd);
-  each_block(context, prover, slices,
-             [&](const PackedSlices& packed, std::size_t b, const ExecutionContext& inside) {
-               Witness witness = witness_of(packed.take(b, kinds), packed.take(b, doses), rung);
-               witness.high = packed.take(b, high);
-               const std::vector<int> lanes = packed.of_block(b);
-               const std::vector<double> found =
-                   found_in(packed.projector(), b, std::move(witness), inside, kProverRounds)
-                       .bounds();
-               for (std::size_t l = 0; l < lanes.size(); ++l) all[lanes[l]] = found[l];
-             });
+  each_block(
+      context, prover, slices,
+      [&](const PackedSlices& packed, std::size_t b, const ExecutionContext& inside) {
+        Witness witness = witness_of(packed.take(b, kinds), packed.take(b, doses), rung);
+        witness.high = packed.take(b, high);
+        const std::vector<int> lanes = packed.of_block(b);
+        const std::vector<double> found =
+            found_in(packed.projector(), b, std::move(witness), inside, kProverRounds).bounds();
+        for (std::size_t l = 0; l < lanes.size(); ++l) all[lanes[l]] = found[l];
+      });
   return all;
 }
 

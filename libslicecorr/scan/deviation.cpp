@@ -23,11 +23,11 @@ namespace {
 /// Faces that are steeper than this are walls: 60 degrees from the plane of the plate.
 constexpr double kWall = 0.5;
 /// A face so near to the platform lies on it, mm.
-constexpr double kOnPlatform_mm = 0.02;
+constexpr double kOnPlatformMm = 0.02;
 constexpr int kSlabs = 10;
 constexpr std::size_t kWorst = 10, kUnseenPlaces = 10, kCoverSamples = 20'000;
-constexpr double kGapEdges_mm[] = {0.2, 0.5, 1, 2, 5};
-constexpr std::size_t kGapClasses = std::size(kGapEdges_mm) + 1;
+constexpr double kGapEdgesMm[] = {0.2, 0.5, 1, 2, 5};
+constexpr std::size_t kGapClasses = std::size(kGapEdgesMm) + 1;
 
 /// Numbers of one class.
 class Group {
@@ -61,7 +61,7 @@ constexpr std::string_view kFacingNames[] = {"sideways", "facing the platform", 
 Facing facing_of(const NearestPlace& place) {
   if (place.normal[2] >= kWall) return to_window;
   if (place.normal[2] > -kWall) return sideways;
-  return place.point[2] < kOnPlatform_mm ? on_platform : to_platform;
+  return place.point[2] < kOnPlatformMm ? on_platform : to_platform;
 }
 
 /// What is measured of a point.
@@ -187,9 +187,8 @@ Deviation deviation_from(const Scan& scan, const Pose& pose, const TriangleMesh&
     facing[m.facing].add(um);
     slabs[std::clamp(static_cast<int>(kSlabs * m.place.point[2] / high), 0, kSlabs - 1)].add(um);
     if (m.gap_mm >= 0) {
-      const auto* edge =
-          std::upper_bound(std::begin(kGapEdges_mm), std::end(kGapEdges_mm), m.gap_mm);
-      gaps[edge - std::begin(kGapEdges_mm)].add(um);
+      const auto* edge = std::upper_bound(std::begin(kGapEdgesMm), std::end(kGapEdgesMm), m.gap_mm);
+      gaps[edge - std::begin(kGapEdgesMm)].add(um);
     }
     d.places.push_back(m.place.point);
     d.off_um.push_back(static_cast<float>(um));
@@ -208,10 +207,9 @@ Deviation deviation_from(const Scan& scan, const Pose& pose, const TriangleMesh&
   }
   for (std::size_t i = 0; i < kGapClasses; ++i) {
     const std::string name =
-        i == 0 ? fmt::format("up to {:g} mm", kGapEdges_mm[0])
-        : i + 1 == kGapClasses
-            ? fmt::format("above {:g} mm", kGapEdges_mm[i - 1])
-            : fmt::format("{:g} to {:g} mm", kGapEdges_mm[i - 1], kGapEdges_mm[i]);
+        i == 0                 ? fmt::format("up to {:g} mm", kGapEdgesMm[0])
+        : i + 1 == kGapClasses ? fmt::format("above {:g} mm", kGapEdgesMm[i - 1])
+                               : fmt::format("{:g} to {:g} mm", kGapEdgesMm[i - 1], kGapEdgesMm[i]);
     d.gaps.push_back(gaps[i].figures(name));
   }
   d.worst = worst_of(measured, 0.05 * box.diagonal());

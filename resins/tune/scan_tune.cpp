@@ -28,15 +28,15 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kShrinkPlane = 4, kShrinkZ = 5, kWalls = 6, kFirstLayers = 7;
 /// What is known of shrinkage and offsets before any scan: a share, and mm.
-constexpr double kShrinkageSd = 0.01, kWallsSd_mm = 0.03, kFirstSd_mm = 0.1;
+constexpr double kShrinkageSd = 0.01, kWallsSdMm = 0.03, kFirstSdMm = 0.1;
 /// Up to where the first layers grow, mm.
-constexpr double kFirst_mm = 0.5;
+constexpr double kFirstMm = 0.5;
 /// Differences are taken over this share of the standard deviation before.
 constexpr double kDifferenceStep = 0.2;
 /// The least noise that points are believed to have, mm: edges of predicted surfaces are as sharp.
-constexpr double kLeastNoise_mm = 5e-4;
+constexpr double kLeastNoiseMm = 5e-4;
 /// To which surfaces are known where they move by less, mm: vertices are rounded to a thousandth of a layer.
-constexpr double kRounding_mm = 3e-4;
+constexpr double kRoundingMm = 3e-4;
 /// Of a predicted surface: what is more is taken at every second pixel (third, ...), where walls are rougher.
 constexpr double kMostTriangles = 5e6;
 constexpr std::size_t kMostUnexplained = 5;
@@ -85,8 +85,8 @@ class ScanFit {
     before_.topLeftCorner(kUnknowns, kUnknowns) = matrix_of(prior.covariance);
     const auto square = [](double sd) { return sd * sd; };
     before_(kShrinkPlane, kShrinkPlane) = before_(kShrinkZ, kShrinkZ) = square(kShrinkageSd);
-    before_(kWalls, kWalls) = square(kWallsSd_mm);
-    before_(kFirstLayers, kFirstLayers) = square(kFirstSd_mm);
+    before_(kWalls, kWalls) = square(kWallsSdMm);
+    before_(kFirstLayers, kFirstLayers) = square(kFirstSdMm);
     theta_ = VectorXd::Zero(kScanInputs);
     for (const PrintScan& p : prints) add(p, options.points);
   }
@@ -226,7 +226,7 @@ class ScanFit {
         // straight to a third, but for the rounding of vertices.
         const double minus = off[i][0], plus = off[i][1],
                      most = std::max(std::abs(minus), std::abs(plus));
-        if (most > print.reach || std::abs(plus + minus) > 0.3 * most + kRounding_mm) {
+        if (most > print.reach || std::abs(plus + minus) > 0.3 * most + kRoundingMm) {
           rows[i].counts = false;
           continue;
         }
@@ -272,7 +272,7 @@ class ScanFit {
     // From the surface: noise of the point in what it is multiplied with would make the part larger.
     const Eigen::Vector3d arm = vector_of(near->point) - vector_of(print.middle);
     const double level = std::hypot(near->normal[0], near->normal[1]);
-    const double first = level * std::max(0.0, 1 - near->point[2] / kFirst_mm);
+    const double first = level * std::max(0.0, 1 - near->point[2] / kFirstMm);
     row.place = near->point;
     row.by[kShrinkPlane] = way[0] * arm[0] + way[1] * arm[1];
     row.by[kShrinkZ] = way[2] * arm[2];
@@ -325,7 +325,7 @@ class ScanFit {
     }
     std::nth_element(off.begin(), off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2),
                      off.end());
-    return std::max(kLeastNoise_mm, 1.4826 * off[off.size() / 2]);
+    return std::max(kLeastNoiseMm, 1.4826 * off[off.size() / 2]);
   }
 
   /// The weight of a row: Cauchy's in the first rounds, then Tukey's, which forgets what lies beyond 4.685 standard

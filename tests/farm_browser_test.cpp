@@ -565,7 +565,7 @@ TEST_F(Browser, SeveralPartsHaveSizesAndNumbersOfTheirOwn) {
   EXPECT_EQ(page_->eval("chosen().length"), 4);
   page_->click("#look");
   see("plate");
-  EXPECT_EQ(page_->eval("round.pieces.length"), 4);
+  page_->wait_for("round.pieces.length === 4");
 }
 
 TEST_F(Browser, OneSignInIsThatOfAllTabs) {

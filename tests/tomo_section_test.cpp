@@ -144,8 +144,19 @@ TEST(TomoSection, AWrongVoxelIsSeenHoweverSmallThePicture) {
     };
     const GreyImage image = decode_png(png, be(16), be(20), "picture", "");
     EXPECT_LT(image.width_px, 2400);
-    return std::count_if(image.pixels.begin(), image.pixels.end(),
-                         [](std::uint8_t v) { return v > 55 && v < 110; });
+    // Files have two pixels along each side of one; rims of letters have such greys, too, but not four
+    // alike.
+    const auto wide = static_cast<std::size_t>(image.width_px);
+    std::ptrdiff_t seen = 0;
+    for (std::size_t row = 0; row + 1 < image.pixels.size() / wide; row += 2) {
+      for (std::size_t at = row * wide; at + 1 < (row + 1) * wide; at += 2) {
+        const std::uint8_t v = image.pixels[at];
+        const bool alike = image.pixels[at + 1] == v && image.pixels[at + wide] == v &&
+                           image.pixels[at + wide + 1] == v;
+        seen += alike && v > 55 && v < 110 ? 1 : 0;
+      }
+    }
+    return seen;
   };
   const auto none = hatched();
   for (const std::vector<int>& wrong : {std::vector{700, 1000}, {703}}) {
@@ -153,8 +164,7 @@ TEST(TomoSection, AWrongVoxelIsSeenHoweverSmallThePicture) {
       part.values[part.at(0, 1234, x)] = 0;
       dose.values[dose.at(0, 1234, x)] = 10;
     }
-    // Files have two pixels along each side of one.
-    EXPECT_EQ(hatched(), none + 4 * static_cast<std::ptrdiff_t>(wrong.size())) << wrong.front();
+    EXPECT_EQ(hatched(), none + static_cast<std::ptrdiff_t>(wrong.size())) << wrong.front();
     for (const int x : wrong) {
       part.values[part.at(0, 1234, x)] = 100;
       dose.values[dose.at(0, 1234, x)] = 0;

@@ -267,7 +267,7 @@ Markup bodies_section(const Prediction& p) {
   Markup html = markup("<h2>What hangs on nothing, and what is trapped</h2>");
   for (const std::string& sentence : words) html += markup("<p>{}.</p>", sentence);
   Table table("bodies");
-  for (const std::string name : {"what", "from, um", "to, um", "size", "x, mm", "y, mm", ""}) {
+  for (const std::string name : {"what", "from, um", "to, um", "size", "x, mm", "y, mm", "look"}) {
     table.column(name);
   }
   // A screen full; the figures beside the page have more of them.

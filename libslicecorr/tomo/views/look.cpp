@@ -66,7 +66,7 @@ void check_job(const TomoJob& job) {
   const auto refuse = [](const char* what) {
     throw InputError(fmt::format("{}; expected another job to look at", what));
   };
-  if (slices_share_light(job.printer)) {
+  if (slices_share_light(job.printer, job.resin)) {
     refuse("a camera is taken to see parallel lines, and this printer's light rises or spreads");
   }
   if (!job.insert.values.empty()) refuse("an insert hides from the camera what lies behind it");
@@ -80,6 +80,7 @@ Bench camera_bench(const TomoJob& job, int angles) {
   Printer printer = job.printer;
   printer.flat_field.reset();
   printer.rotation->max_fps = 0;
+  printer.fill_factor = 1;  // it sees what lies between pixels, too
   Resin resin = job.resin;
   resin.absorbance_height10_um = 1e12;
   resin.active_absorption_per_cm = 0;

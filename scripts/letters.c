@@ -31,8 +31,10 @@ int main(int argc, char** argv) {
   FT_Library library;
   FT_Face face;
   if (argc != 2 || FT_Init_FreeType(&library) || FT_New_Face(library, argv[1], 0, &face) || FT_Set_Pixel_Sizes(face, 0, 28)) return 2;
+  // REUSE-IgnoreStart
   printf("// SPDX-FileCopyrightText: 2003 Bitstream, Inc.\n"
          "// SPDX-License-Identifier: Bitstream-Vera\n\n"
+  // REUSE-IgnoreEnd
          "/// Letters of DejaVu Sans 2.37, 28 pixels high, as scripts/letters.c draws them by FreeType: code, what lies\n"
          "/// left of the picture and its top above the line, width, height, way to the next letter; then how much of\n"
          "/// each pixel is ink, a hexadecimal digit each. In the order of codes.\n"

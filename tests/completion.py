@@ -416,7 +416,7 @@ def ask_of_places(q, shell):
     q.ask("slicecorr --threads 2 sli", exactly(["slice"]))
     q.ask("slicecorr --quiet tomo --threads 2 sol", exactly(["solve"]))
     q.ask("slicecorr tomo solve --win", exactly(["--window"]))
-    q.ask("slicecorr tune --printer-", exactly(["--printer-output"]))
+    q.ask("slicecorr tune --printer-", exactly(["--printer-out", "--printer-output"]))
     q.ask("slicecorr tune --printer min", exactly(["mine"]))
     q.ask("slicecorr slice --uncertain-", nothing)
     q.ask("slicecorr correct --uncertain ", nothing)

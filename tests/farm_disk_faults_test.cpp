@@ -146,7 +146,7 @@ TEST_F(FarmFaults, ADatabaseThatIsLockedAgainAndAgainIsWaitedFor) {
 
 /// The farm's own disk (record, store, outputs) is filled by somebody while jobs run.
 TEST_F(FarmFaults, ADiskThatIsFullAgainAndAgainLosesNothing) {
-  if (::mount("tmpfs", farm_dir().c_str(), "tmpfs", 0, "size=24m") != 0) {
+  if (::mount("tmpfs", farm_dir().c_str(), "tmpfs", 0, "size=24m,mode=755") != 0) {
     GTEST_SKIP() << "needs to mount a small disk: root only";
   }
   struct Unmount {

@@ -152,7 +152,8 @@ TEST_F(MachinesServed, APersonStartsAndStopsAPrintInABrowser) {
       "[...document.querySelectorAll('#machine-list button')]"
       ".find((b) => b.textContent.startsWith('Print ')).click()";
   page.eval(print);
-  page.wait_for("document.getElementById('trouble').textContent.includes('word')");
+  // At the button that was pressed.
+  page.wait_for("document.getElementById('said-here')?.textContent.includes('word')");
   EXPECT_EQ(made->peer.begun(), 0);
   page.eval("document.querySelectorAll('#machine-list input').forEach((i) => i.click());" + print);
   page.wait_for("document.querySelector('#machine-list button.stop') !== null");

@@ -12,7 +12,6 @@
 #include <map>
 #include <set>
 
-#include "definition_texts.hpp"
 #include "ladder.hpp"
 #include "post_fixture.hpp"
 #include "run_program.hpp"
@@ -68,7 +67,8 @@ class PowerCut : public PostFolder {
   /// What a power cut may spoil: of an attempt that it ends nothing is believed, entries of the cache are compared with
   /// their hashes before they are used, and logs are for people.
   static bool is_given_up(const std::string& name) {
-    return name.find("/farm/store/attempts/") != name.npos ||
+    // What has a temporary name is nothing yet; who changes a file begins with a second name of it.
+    return name.ends_with(".part") || name.find("/farm/store/attempts/") != name.npos ||
            name.find("/farm/store/cache/") != name.npos || name.find("/farm/logs/") != name.npos;
   }
   static Command program(const char* name) { return {std::string(SLICECORR_BIN_DIR) + "/" + name}; }

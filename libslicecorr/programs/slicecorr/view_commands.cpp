@@ -224,11 +224,8 @@ int verify(const Arguments& asked, const ExecutionContext& context, Console& con
 }
 
 int probe(const Arguments& asked, const ExecutionContext& context, Console&) {
-  Arguments a = asked;
-  if (const std::string left = target_beside(a.input);
-      !a.target.empty() || std::filesystem::exists(left)) {
-    a = with_target(asked);
-  }
+  // What `run` left adds no column that nobody asked for.
+  const Arguments a = asked.target.empty() ? asked : with_target(asked);
   const StackReader stack = a.open(a.input, folder_of(a.input), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   std::optional<StackReader> read;

@@ -418,6 +418,15 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   Light light(bench.grid);
   double brightest = 0;
   detail::Turns turns;
+  // What was found within a few turns, while more is looked for in many: that need not be better.
+  struct FoundSooner {
+    Solution found;
+    Light light;
+    Asked asked;
+    double brightest;
+    detail::Turns turns;
+  };
+  std::optional<FoundSooner> quick;
   for (;;) {
     ExecutionContext told = context;
     const double of_pass = spreads ? 1.0 / kMostPasses : 1, of_attempt = goal ? 0.5 : 1;
@@ -439,8 +448,10 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
                                           detail::expected_calls(how, asked.target.grid.blocks()));
     how.prover = provable.projector.get();
     if (goal) {
-      // Where a turn is more than enough for any light, time is none.
-      how.cap = goal->needs_cap() ? detail::likely_cap(bench, goal->turns()) : 0;
+      // Where a turn is more than enough for any light, time is none; and the last time it is a goal only where
+      // inhibitors come back, since what has too little contrast within a few turns needs its freedom.
+      const bool free = goal->last() && !(bench.resupply_mj_cm3_s > 0);
+      how.cap = goal->needs_cap() && !free ? detail::likely_cap(bench, goal->turns()) : 0;
       file.of_attempt(goal->attempt());
     }
     std::optional<Solution> before;
@@ -483,6 +494,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
       if (!goal || goal->last()) break;
       if (!turns.never && goal->enough(*found, found->metrics.contrast, turns.count)) break;
       goal->next();
+      if (!turns.never) quick.emplace(FoundSooner{*found, light, asked, brightest, turns});
       context.tell(fmt::format("a contrast of {:.4g} in {} turns: more is looked for in {}",
                                found->metrics.contrast, turns.count, goal->turns()));
       how.start = options.solve.start;
@@ -501,6 +513,14 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     how.resume = nullptr;
   }
   context.report("solving", 1);
+  if (quick && (turns.never || quick->found.metrics.contrast >= found->metrics.contrast)) {
+    quick->found.contrast_bound = std::max(quick->found.contrast_bound, found->contrast_bound);
+    found = std::move(quick->found);
+    light = std::move(quick->light);
+    asked = std::move(quick->asked);
+    brightest = quick->brightest;
+    turns = quick->turns;
+  }
   Solution& solution = *found;
   job.turns = turns.count;
   Exposure exposure = bench.exposure;

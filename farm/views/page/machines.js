@@ -110,11 +110,11 @@ async function look() {
   $('none').hidden = answer.machines.length > 0;
   $('file-trouble').hidden = !answer.trouble;
   $('file-trouble').textContent = answer.trouble || '';
-  // What somebody ticks or chooses stays while machines are looked at again.
+  // What somebody ticks or chooses, and what was said to it, stays while machines are looked at again.
   for (const m of answer.machines) {
     const old = [...list.children].find((c) => c.dataset.machine === m.name);
     const state = m.state + m.record.plate_full + m.record.file + m.record.file_state + m.picture;
-    const touched = old && (old.contains(document.activeElement) || old.querySelector('input:checked'));
+    const touched = old && (old.contains(document.activeElement) || old.querySelector('input:checked, #said-here'));
     if (touched && old.dataset.state === state) continue;
     const fresh = card(m);
     fresh.dataset.state = state;

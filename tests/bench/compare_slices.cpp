@@ -51,7 +51,9 @@ class Archive {
     if (!zip_) throw std::runtime_error(path + ": cannot be opened as a zip");
     for (zip_int64_t i = 0; i < zip_get_num_entries(zip_, 0); ++i) {
       const std::string name = zip_get_name(zip_, static_cast<zip_uint64_t>(i), 0);
-      const bool picture = name.starts_with("preview") || name.starts_with("thumbnail");
+      // Heights of edges are no slices.
+      const bool picture = name.starts_with("preview") || name.starts_with("thumbnail") ||
+                           name.starts_with("slicecorr/");
       if (name.ends_with(".png") && !picture) names_.push_back(name);
     }
     // Numbers have leading zeros, in UVJ as in SL1.

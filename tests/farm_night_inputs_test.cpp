@@ -101,10 +101,11 @@ TEST_F(FarmNightInputs, ABodyThatHangsOnNothingIsAWarningEverywhere) {
     if (n.kind == "batch_done") batches.push_back(json::parse(n.json));
   }
   ASSERT_EQ(batches.size(), 1U);
-  EXPECT_THAT(batches[0]["text"].get<std::string>(),
-              AllOf(HasSubstr("1 done, 0 failed, 0 cancelled; 0 to look at before printing, 1 that will "
-                              "not hold"),
-                    HasSubstr("; 1 done with a warning: job 1 floating: ")));
+  EXPECT_THAT(
+      batches[0]["text"].get<std::string>(),
+      AllOf(HasSubstr("1 done, 0 failed, 0 cancelled; 0 to look at before printing, 1 that will "
+                      "not hold"),
+            HasSubstr("; 1 done with a warning: job 1 floating: ")));
   EXPECT_EQ(batches[0]["with_warnings"], 1);
   EXPECT_EQ(batches[0]["warnings"][0]["job"], 1);
   EXPECT_THAT(batches[0]["warnings"][0]["message"].get<std::string>(), HasSubstr(told));

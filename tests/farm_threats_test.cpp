@@ -31,7 +31,6 @@ using slicecorr::test::RunOptions;
 using test::Farm;
 using test::fill;
 using test::kToken;
-using test::status_of;
 using ::testing::HasSubstr;
 using ::testing::Not;
 

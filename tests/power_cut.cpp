@@ -84,19 +84,23 @@ ssize_t pwrite64(int fd, const void* buf, size_t n, off64_t offset) {
   tell_of("W", fd);
   return real<ssize_t(int, const void*, size_t, off64_t)>("pwrite64")(fd, buf, n, offset);
 }
-int rename(const char* old, const char* new_name) noexcept {
-  tell_name(old, new_name);
-  return real<int(const char*, const char*)>("rename")(old, new_name);
-}
 int link(const char* from, const char* to) noexcept {
   tell_name(from, to);
   return real<int(const char*, const char*)>("link")(from, to);
 }
-int renameat2(int olddirfd, const char* old, int newdirfd, const char* new_name,
-              unsigned flags) noexcept {
-  if (olddirfd == AT_FDCWD && newdirfd == AT_FDCWD) tell_name(old, new_name);
-  return real<int(int, const char*, int, const char*, unsigned)>("renameat2")(
-      olddirfd, old, newdirfd, new_name, flags);
+// Under names of their own: one of their parameters has a name in the C library's headers that C++ keeps.
+int told_rename(const char* from, const char* to) noexcept __asm__("rename");
+int told_rename(const char* from, const char* to) noexcept {
+  tell_name(from, to);
+  return real<int(const char*, const char*)>("rename")(from, to);
+}
+int told_renameat2(int from_folder, const char* from, int to_folder, const char* to,
+                   unsigned flags) noexcept __asm__("renameat2");
+int told_renameat2(int from_folder, const char* from, int to_folder, const char* to,
+                   unsigned flags) noexcept {
+  if (from_folder == AT_FDCWD && to_folder == AT_FDCWD) tell_name(from, to);
+  return real<int(int, const char*, int, const char*, unsigned)>("renameat2")(from_folder, from,
+                                                                              to_folder, to, flags);
 }
 
 }  // extern "C"

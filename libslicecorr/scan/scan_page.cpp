@@ -145,6 +145,7 @@ Markup histogram_of(const Deviation& d) {
     line.push_back({-reach + (i + 1) * step, share});
   }
   std::vector<double> shares;
+  shares.reserve(line.size());
   for (const chart::Point& p : line) shares.push_back(p.y);
   chart::Picture picture("Against " + words_of(d),
                          "Histogram of the distances between scan and " + words_of(d));
